@@ -1,0 +1,79 @@
+"""jointplay: mechanisms whose joints have play.
+
+    import jointplay as jp
+
+    bearing = jp.ClearanceJoint(radial_clearance=0.2e-3, axial_clearance=0.2e-3)
+    robot = jp.Mechanism(jp.shipped("scara.urdf"), {"joint_b": bearing}, gravity=(0, 0, 0))
+    motion = jp.Motion.from_csv(jp.shipped("scara_motion.csv"))
+    result = jp.simulate(robot, motion)
+
+Modules are loaded when a name is first used, so that `import jointplay` costs nothing.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+_HOMES = {
+    "Ambrosio": "contact",
+    "Audit": "audit",
+    "ClearanceJoint": "joint",
+    "ComputedTorque": "drive",
+    "CustomFriction": "contact",
+    "CustomNormalForce": "contact",
+    "Form": "geometry",
+    "Hertz": "contact",
+    "HuntCrossley": "contact",
+    "JointFriction": "drive",
+    "JointplayError": "errors",
+    "KelvinVoigt": "contact",
+    "LankaraniNikravesh": "contact",
+    "LinearSpring": "contact",
+    "Material": "joint",
+    "Mechanism": "mechanism",
+    "Mode": "geometry",
+    "Motion": "motion",
+    "Result": "result",
+    "Simulation": "simulation",
+    "simulate": "simulation",
+    "shipped": "urdf",
+}
+
+__all__ = sorted(_HOMES)
+
+if TYPE_CHECKING:
+    from jointplay.audit import Audit as Audit
+    from jointplay.contact import Ambrosio as Ambrosio
+    from jointplay.contact import CustomFriction as CustomFriction
+    from jointplay.contact import CustomNormalForce as CustomNormalForce
+    from jointplay.contact import Hertz as Hertz
+    from jointplay.contact import HuntCrossley as HuntCrossley
+    from jointplay.contact import KelvinVoigt as KelvinVoigt
+    from jointplay.contact import LankaraniNikravesh as LankaraniNikravesh
+    from jointplay.contact import LinearSpring as LinearSpring
+    from jointplay.drive import ComputedTorque as ComputedTorque
+    from jointplay.drive import JointFriction as JointFriction
+    from jointplay.errors import JointplayError as JointplayError
+    from jointplay.geometry import Form as Form
+    from jointplay.geometry import Mode as Mode
+    from jointplay.joint import ClearanceJoint as ClearanceJoint
+    from jointplay.joint import Material as Material
+    from jointplay.mechanism import Mechanism as Mechanism
+    from jointplay.motion import Motion as Motion
+    from jointplay.result import Result as Result
+    from jointplay.simulation import Simulation as Simulation
+    from jointplay.simulation import simulate as simulate
+    from jointplay.urdf import shipped as shipped
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module 'jointplay' has no attribute {name!r}")
+    value = getattr(importlib.import_module(f"jointplay.{_HOMES[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted(set(globals()) | set(_HOMES))

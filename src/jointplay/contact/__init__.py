@@ -1,0 +1,80 @@
+"""Contact and friction laws (eqs 10-21), one module each; `law` says what a law is."""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
+from jointplay.contact.ambrosio import Ambrosio
+from jointplay.contact.hertz import Hertz
+from jointplay.contact.hunt_crossley import HuntCrossley
+from jointplay.contact.kelvin_voigt import KelvinVoigt
+from jointplay.contact.lankarani_nikravesh import LankaraniNikravesh
+from jointplay.contact.law import (
+    ContactProperties,
+    CustomFriction,
+    CustomNormalForce,
+    FrictionLaw,
+    NormalForceLaw,
+)
+from jointplay.contact.linear_spring import LinearSpring
+from jointplay.errors import JointplayError, MissingName
+
+NORMAL_LAWS: dict[str, type[NormalForceLaw]] = {
+    law.name: law for law in (Hertz, LinearSpring, KelvinVoigt, HuntCrossley, LankaraniNikravesh)
+}
+FRICTION_LAWS: dict[str, type[FrictionLaw]] = {Ambrosio.name: Ambrosio}
+
+
+def normal_law(description: dict[str, Any]) -> NormalForceLaw:
+    """Build the normal-force law that `NormalForceLaw.describe` described.
+
+    Raises:
+        MissingName: no law of that name.
+        JointplayError: a user's own law whose module cannot be imported here.
+    """
+    fields = dict(description)
+    name = fields.pop("law")
+    if name == CustomNormalForce.name:
+        return CustomNormalForce(_imported(fields["function"]), tuple(fields["parameters"]))
+    if name not in NORMAL_LAWS:
+        raise MissingName("normal-force law", name, NORMAL_LAWS)
+    return NORMAL_LAWS[name](**fields)
+
+
+def friction_law(description: dict[str, Any]) -> FrictionLaw:
+    """Build the friction law that `FrictionLaw.describe` described; see `normal_law`."""
+    fields = dict(description)
+    name = fields.pop("law")
+    if name == CustomFriction.name:
+        return CustomFriction(_imported(fields["function"]), tuple(fields["parameters"]))
+    if name not in FRICTION_LAWS:
+        raise MissingName("friction law", name, FRICTION_LAWS)
+    return FRICTION_LAWS[name](**fields)
+
+
+def _imported(path: str) -> Any:
+    module, _, name = path.partition(":")
+    try:
+        return getattr(importlib.import_module(module), name)
+    except (ImportError, AttributeError) as error:
+        raise JointplayError(f"the law {path!r} cannot be imported here: {error}") from error
+
+
+__all__ = [
+    "FRICTION_LAWS",
+    "NORMAL_LAWS",
+    "Ambrosio",
+    "ContactProperties",
+    "CustomFriction",
+    "CustomNormalForce",
+    "FrictionLaw",
+    "Hertz",
+    "HuntCrossley",
+    "KelvinVoigt",
+    "LankaraniNikravesh",
+    "LinearSpring",
+    "NormalForceLaw",
+    "friction_law",
+    "normal_law",
+]

@@ -1,0 +1,242 @@
+"""What a contact law is: a short function of penetration and rate, and its parameters.
+
+A normal-force law is a Python function
+
+    def force(delta, ddelta, ddelta0, p): ...    # -> F_n [N]
+
+of the penetration delta > 0 [m], its rate ddelta [m/s] (positive while approaching), the approach
+speed ddelta0 > 0 [m/s] memorised for this contact, and the law's own parameters p[0], p[1], ...
+A friction law is a function
+
+    def coefficient(speed, p): ...               # -> mu
+
+of the sliding speed |v_t| >= 0 [m/s]. Both are compiled to C callbacks and called by address, so
+a user's law costs exactly what a built-in one costs and the time loop is compiled once for all.
+"""
+
+from __future__ import annotations
+
+import inspect
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from functools import cache
+from typing import Any, ClassVar, NamedTuple
+
+import numba
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic
+
+from jointplay.errors import JointplayError
+
+MAX_PARAMETERS = 8
+"""Numbers a law can take: the room that the time loop keeps for each contact."""
+
+_PARAMETERS = types.CPointer(types.float64)
+_NORMAL = types.float64(types.float64, types.float64, types.float64, _PARAMETERS)
+_FRICTION = types.float64(types.float64, _PARAMETERS)
+_DOUBLE = ir.DoubleType()
+
+
+class ContactProperties(NamedTuple):
+    """What the joint tells a law about the contact it is used in."""
+
+    stiffness: float
+    """Hertz stiffness k of eq. 11 [N/m^1.5]."""
+    restitution: float
+    """Nominal coefficient of restitution c_e."""
+
+
+class Law(ABC):
+    """A function of the contact state and the parameters it is called with."""
+
+    name: ClassVar[str]
+    """The one word that selects the law."""
+
+    function: Callable[..., float]
+    """The law itself, a static function compiled by numba; the module's text has its arguments."""
+
+    @abstractmethod
+    def describe(self) -> dict[str, Any]:
+        """Everything needed to build this law again, as plain data."""
+
+
+class NormalForceLaw(Law):
+    """Base of all normal-force laws F_n(delta, ddelta, ddelta0, p)."""
+
+    @abstractmethod
+    def parameters(self, contact: ContactProperties) -> tuple[float, ...]:
+        """Parameters p of `function` for one contact, at most `MAX_PARAMETERS` of them."""
+
+    def describe(self) -> dict[str, Any]:
+        """Name and fields of the law."""
+        return {"law": self.name, **vars(self)}
+
+
+class FrictionLaw(Law):
+    """Base of all friction laws mu(speed, p); the force is -mu F_n v_t / |v_t| (eq. 20)."""
+
+    @abstractmethod
+    def parameters(self) -> tuple[float, ...]:
+        """Parameters p of `function`, at most `MAX_PARAMETERS` of them."""
+
+    def describe(self) -> dict[str, Any]:
+        """Name and fields of the law."""
+        return {"law": self.name, **vars(self)}
+
+
+def _check_signature(function: Callable[..., float], expected: tuple[str, ...]) -> None:
+    if not callable(function):
+        raise JointplayError(f"a law must be a function, got {function!r}")
+    try:
+        names = tuple(inspect.signature(function).parameters)
+    except (TypeError, ValueError):
+        names = ()
+    if len(names) != len(expected):
+        raise JointplayError(
+            f"law {getattr(function, '__name__', function)!r} takes ({', '.join(names)}); "
+            f"it must take ({', '.join(expected)})"
+        )
+
+
+class CustomNormalForce(NormalForceLaw):
+    """A user's own normal-force law.
+
+    Args:
+        function: ``f(delta, ddelta, ddelta0, p)`` returning F_n [N], at module level of an
+            importable file (a result file then names it as ``module:function``).
+        parameters: numbers the function finds in p, at most `MAX_PARAMETERS`.
+
+    Raises:
+        JointplayError: the function takes other arguments, or does not compile.
+    """
+
+    name = "custom"
+
+    def __init__(self, function: Callable[..., float], parameters: tuple[float, ...] = ()) -> None:
+        """Check the function's signature and keep its parameters."""
+        _check_signature(function, ("delta", "ddelta", "ddelta0", "p"))
+        self.function = function
+        self.values = tuple(float(value) for value in parameters)
+        check_parameters(self.values, function.__name__)
+
+    def parameters(self, contact: ContactProperties) -> tuple[float, ...]:
+        """Return the user's own numbers; stiffness and restitution of the joint do not enter."""
+        return self.values
+
+    def describe(self) -> dict[str, Any]:
+        """Import path of the function, and its parameters."""
+        return _describe_custom(self.function, self.values)
+
+
+class CustomFriction(FrictionLaw):
+    """A user's own friction law ``f(speed, p)`` returning the friction coefficient.
+
+    See `CustomNormalForce`.
+    """
+
+    name = "custom"
+
+    def __init__(self, function: Callable[..., float], parameters: tuple[float, ...] = ()) -> None:
+        """Check the function's signature and keep its parameters."""
+        _check_signature(function, ("speed", "p"))
+        self.function = function
+        self.values = tuple(float(value) for value in parameters)
+        check_parameters(self.values, function.__name__)
+
+    def parameters(self) -> tuple[float, ...]:
+        """Return the user's own numbers."""
+        return self.values
+
+    def describe(self) -> dict[str, Any]:
+        """Import path of the function, and its parameters."""
+        return _describe_custom(self.function, self.values)
+
+
+def _describe_custom(function: Callable[..., float], values: tuple[float, ...]) -> dict[str, Any]:
+    path = f"{function.__module__}:{function.__qualname__}"
+    return {"law": "custom", "function": path, "parameters": list(values)}
+
+
+def check_parameters(values: tuple[float, ...], law: str) -> tuple[float, ...]:
+    """Return `values` if a contact can hold them, else raise naming the `law`."""
+    if len(values) > MAX_PARAMETERS:
+        raise JointplayError(
+            f"law {law!r} has {len(values)} parameters; at most {MAX_PARAMETERS} are possible"
+        )
+    for value in values:
+        if not math.isfinite(value):
+            raise JointplayError(f"law {law!r} has the non-finite parameter {value}")
+    return values
+
+
+def address(law: NormalForceLaw | FrictionLaw) -> int:
+    """Machine address of the law's compiled function.
+
+    Raises:
+        JointplayError: numba cannot compile it; the message carries numba's first line.
+    """
+    return int(_compiled(law.function, isinstance(law, NormalForceLaw)).address)
+
+
+@cache
+def _compiled(function: Callable[..., float], normal: bool) -> Any:
+    signature = _NORMAL if normal else _FRICTION
+    try:
+        try:
+            return numba.cfunc(signature, cache=True)(function)
+        except RuntimeError:  # typed at a prompt: numba finds no file to keep its cache beside
+            return numba.cfunc(signature)(function)
+    except numba.core.errors.NumbaError as error:
+        reason = str(error).strip().splitlines()[-1]
+        name = getattr(function, "__name__", str(function))
+        raise JointplayError(f"law {name!r} does not compile: {reason}") from error
+
+
+@intrinsic
+def pointer(typingctx: Any, at: Any) -> Any:
+    """Reinterpret an integer address as a pointer to doubles (compiled code only)."""
+
+    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        return builder.inttoptr(args[0], ir.PointerType(_DOUBLE))
+
+    return _PARAMETERS(types.int64), codegen
+
+
+@intrinsic
+def call_normal(typingctx: Any, at: Any, delta: Any, ddelta: Any, ddelta0: Any, p: Any) -> Any:
+    """Call the normal-force law at address `at` (compiled code only)."""
+
+    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        kind = ir.FunctionType(_DOUBLE, [_DOUBLE, _DOUBLE, _DOUBLE, ir.PointerType(_DOUBLE)])
+        function = builder.inttoptr(args[0], kind.as_pointer())
+        return builder.call(function, args[1:])
+
+    arguments = (types.int64, types.float64, types.float64, types.float64, _PARAMETERS)
+    return types.float64(*arguments), codegen
+
+
+@intrinsic
+def call_friction(typingctx: Any, at: Any, speed: Any, p: Any) -> Any:
+    """Call the friction law at address `at` (compiled code only)."""
+
+    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        kind = ir.FunctionType(_DOUBLE, [_DOUBLE, ir.PointerType(_DOUBLE)])
+        function = builder.inttoptr(args[0], kind.as_pointer())
+        return builder.call(function, args[1:])
+
+    return types.float64(types.int64, types.float64, _PARAMETERS), codegen
+
+
+__all__ = [
+    "ContactProperties",
+    "CustomFriction",
+    "CustomNormalForce",
+    "FrictionLaw",
+    "NormalForceLaw",
+    "address",
+    "call_friction",
+    "call_normal",
+    "pointer",
+]

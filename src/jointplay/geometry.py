@@ -1,0 +1,279 @@
+"""Gaps of a journal in its bearing, for skew axes (eqs 4-9, Table 1, Figure 2).
+
+The bearing frame has its origin at the bearing's centre and z along the bore; the journal frame
+likewise. A pose is the journal's centre and the journal's axis `a` (a unit vector), both in the
+bearing frame. The four possible contacts are, in this order everywhere in the package:
+
+    0  radial at end A   rim of the journal's +z end against the bore
+    1  radial at end B   rim of the journal's -z end against the bore
+    2  axial at end A    rim of the +z end against the +z end wall
+    3  axial at end B    rim of the -z end against the -z end wall
+
+A gap is positive in free flight and negative in penetration. Each gap's gradient is the contact
+normal, and its rate is the normal velocity of the contact point, so contact forces do exactly the
+work that the change of the gap implies.
+"""
+
+from __future__ import annotations
+
+import math
+from enum import IntEnum
+
+import numpy as np
+from numba import njit
+
+CONTACTS = ("radial_A", "radial_B", "axial_A", "axial_B")
+
+CONTACT_TOLERANCE_M = 1e-7
+"""A gap within this of zero counts as continuous contact: the paper's integration tolerance."""
+
+EDGE_ROUNDING_M = 1e-7
+"""Height over which a flat end face passes to edge contact; see `axial_gap`."""
+
+
+class Mode(IntEnum):
+    """Mode of the joint (Table 1)."""
+
+    FREE_FLIGHT = 0
+    CONTINUOUS_CONTACT = 1
+    PSEUDO_PENETRATION = 2
+
+
+class Form(IntEnum):
+    """Contact form (Figure 2 a-l); NONE is free flight."""
+
+    NONE = 0
+    RADIAL_BOTH_ENDS_OPPOSITE = 1
+    RADIAL_AXIAL_SAME_END = 2
+    RADIAL_AXIAL_OTHER_END = 3
+    AXIAL_BOTH_ENDS = 4
+    ONE_RADIAL = 5
+    ONE_AXIAL = 6
+    TWO_RADIAL_ONE_AXIAL = 7
+    ONE_RADIAL_TWO_AXIAL = 8
+    FOUR_POINTS = 9
+    SURFACE = 10
+    LINE = 11
+    SURFACE_AND_LINE = 12
+
+    @property
+    def letter(self) -> str:
+        """Letter of the form in Figure 2 of the paper, '-' for none."""
+        return "-abcdefghijkl"[self.value]
+
+
+@njit(cache=True)
+def deepest_rim_direction(pt: float, pn: float, sin_tilt: float, cos_tilt: float, radius: float):
+    """Direction on the rim of the point farthest from the bearing's axis.
+
+    Seen along the bore, a tilted rim is an ellipse: semi-axis R cos(tilt) along the tilt direction
+    t, R along n. Its centre is (pt, pn). The farthest point (cos phi, sin phi) satisfies
+
+        g(phi) = pn cos(phi) - pt cos(tilt) sin(phi) + R sin(tilt)^2 sin(phi) cos(phi) = 0
+
+    and lies in the quadrant of (pt, pn), where the root is unique: Newton's method, kept inside
+    the quadrant by bisection, therefore finds the global maximum.
+
+    Returns (cos phi, sin phi).
+    """
+    bulge = radius * sin_tilt * sin_tilt
+    x = abs(pt) * abs(cos_tilt)
+    y = abs(pn)
+    norm = math.sqrt(x * x + y * y)
+    # Also the limit of a centred, tilted rim, whose long half-axis wins (a centred, untilted one
+    # has no deepest point, and none is needed: its gap is the whole clearance).
+    if norm <= 1e-300:
+        return 0.0, 1.0
+    c = x / norm
+    s = y / norm
+    if bulge > 0.0:
+        if bulge < 0.1 * norm:
+            for _ in range(4):
+                g = y * c - x * s + bulge * s * c
+                slope = -y * s - x * c + bulge * (c * c - s * s)
+                step = -g / slope
+                c, s = c - step * s, s + step * c
+                scale = 1.0 / math.sqrt(c * c + s * s)
+                c *= scale
+                s *= scale
+                if abs(step) < 1e-9:  # quadratic convergence: the next error is below 1e-17
+                    break
+        else:
+            low = 0.0
+            high = 0.5 * math.pi
+            for _ in range(60):
+                phi = 0.5 * (low + high)
+                c = math.cos(phi)
+                s = math.sin(phi)
+                if y * c - x * s + bulge * s * c > 0.0:
+                    low = phi
+                else:
+                    high = phi
+    return math.copysign(c, pt), math.copysign(s, pn)
+
+
+@njit(cache=True)
+def radial_gap(px, py, pz, ax, ay, az, bore_radius, journal_radius):
+    """Gap between one rim of the journal and the bore.
+
+    (px, py, pz) is the end centre, (ax, ay, az) the journal's axis, both in the bearing frame [m].
+    Exact for any tilt; eq. 4 is the case of axes that meet, eq. 7 that of parallel axes.
+
+    Returns the gap [m], the rim point's offset from the end centre (3) [m], and the outward radial
+    direction (2) at which it touches.
+    """
+    sin_tilt = math.sqrt(ax * ax + ay * ay)
+    if sin_tilt > 1e-15:
+        tx = ax / sin_tilt
+        ty = ay / sin_tilt
+    else:
+        tx = 1.0
+        ty = 0.0
+    c, s = deepest_rim_direction(px * tx + py * ty, py * tx - px * ty, sin_tilt, az, journal_radius)
+    along = journal_radius * c * az
+    across = journal_radius * s
+    ox = along * tx - across * ty
+    oy = along * ty + across * tx
+    oz = -journal_radius * c * sin_tilt
+    rx = px + ox
+    ry = py + oy
+    distance = math.sqrt(rx * rx + ry * ry)
+    inverse = 1.0 / distance if distance > 0.0 else 0.0
+    return bore_radius - distance, ox, oy, oz, rx * inverse, ry * inverse
+
+
+@njit(cache=True)
+def axial_gap(pz, ax, ay, az, side, half_bore_length, journal_radius):
+    """Gap between one rim of the journal and the end wall on the same `side` (+1 or -1).
+
+    pz is the end centre's height [m]. The deepest point of the rim stands R_j sin(tilt) above the
+    end centre (eq. 5; eq. 6 for parallel axes). At zero tilt the whole face touches and the
+    deepest point would jump from one side of the rim to the other, and the force's moment with it.
+    The face is therefore given an edge rounded over EPS = 1e-7 m:
+
+        height = sqrt((R_j sin(tilt))^2 + EPS^2) - EPS
+
+    which moves the gap by at most EPS, is exact for parallel axes, and lets the contact point
+    travel continuously from the rim through the centre of the face as its true gradient.
+
+    Returns the gap [m] and the contact point's offset from the end centre (3) [m].
+    """
+    hx = journal_radius * ax
+    hy = journal_radius * ay
+    height = math.sqrt(hx * hx + hy * hy + EDGE_ROUNDING_M * EDGE_ROUNDING_M)
+    scale = -side * journal_radius / height
+    ox = scale * hx * az
+    oy = scale * hy * az
+    oz = -scale * (hx * ax + hy * ay)
+    return half_bore_length - side * pz - (height - EDGE_ROUNDING_M), ox, oy, oz
+
+
+@njit(cache=True)
+def gaps(centre, axis, bore_radius, bore_length, journal_radius, journal_length):
+    """All four gaps and where they are measured.
+
+    Args:
+        centre: journal centre in the bearing frame, shape (3,) [m].
+        axis: journal axis in the bearing frame, unit vector, shape (3,).
+        bore_radius, bore_length, journal_radius, journal_length: R_i, L_i, R_j, L_j [m].
+
+    Returns:
+        gap (4,) [m], contact point in the bearing frame (4, 3) [m], and the unit normal pointing
+        from the bearing into the journal (4, 3), in the order of `CONTACTS`.
+    """
+    gap = np.empty(4)
+    point = np.empty((4, 3))
+    normal = np.zeros((4, 3))
+    ax, ay, az = axis[0], axis[1], axis[2]
+    for end in range(2):
+        side = 1.0 - 2.0 * end
+        reach = side * 0.5 * journal_length
+        px = centre[0] + reach * ax
+        py = centre[1] + reach * ay
+        pz = centre[2] + reach * az
+        g, ox, oy, oz, nx, ny = radial_gap(px, py, pz, ax, ay, az, bore_radius, journal_radius)
+        gap[end] = g
+        point[end, 0], point[end, 1], point[end, 2] = px + ox, py + oy, pz + oz
+        normal[end, 0], normal[end, 1] = -nx, -ny
+        g, ox, oy, oz = axial_gap(pz, ax, ay, az, side, 0.5 * bore_length, journal_radius)
+        gap[2 + end] = g
+        point[2 + end, 0], point[2 + end, 1], point[2 + end, 2] = px + ox, py + oy, pz + oz
+        normal[2 + end, 2] = -side
+    return gap, point, normal
+
+
+@njit(cache=True)
+def classify_mode(gap) -> int:
+    """Mode of the joint from its four gaps [m] (Table 1), as the value of a `Mode`."""
+    smallest = min(min(gap[0], gap[1]), min(gap[2], gap[3]))
+    if smallest < -CONTACT_TOLERANCE_M:
+        return 2
+    if smallest <= CONTACT_TOLERANCE_M:
+        return 1
+    return 0
+
+
+@njit(cache=True)
+def classify_form(gap, normal, face_drop) -> int:
+    """Contact form (Figure 2), as the value of a `Form`.
+
+    Args:
+        gap: the four gaps, shape (4,) [m].
+        normal: their contact normals, shape (4, 3).
+        face_drop: 2 R_j sin(tilt), the height of a tilted end face between its two rims [m].
+
+    Two radial contacts on the same side of the bore are one line contact. An axial contact is a
+    surface contact when the far side of the face lies within the wall too.
+    """
+    rim_a = gap[0] <= CONTACT_TOLERANCE_M
+    rim_b = gap[1] <= CONTACT_TOLERANCE_M
+    wall_a = gap[2] <= CONTACT_TOLERANCE_M
+    wall_b = gap[3] <= CONTACT_TOLERANCE_M
+    radial = int(rim_a) + int(rim_b)
+    axial = int(wall_a) + int(wall_b)
+    line = radial == 2 and (normal[0, 0] * normal[1, 0] + normal[0, 1] * normal[1, 1]) > 0.0
+    surface = axial == 1 and min(gap[2], gap[3]) + face_drop <= CONTACT_TOLERANCE_M
+    if radial == 0:
+        if axial == 0:
+            return 0
+        if axial == 2:
+            return 4
+        return 10 if surface else 6
+    if radial == 1:
+        if axial == 0:
+            return 5
+        if axial == 2:
+            return 8
+        return 2 if rim_a == wall_a else 3
+    if axial == 0:
+        return 11 if line else 1
+    if axial == 2:
+        return 9
+    return 12 if line and surface else 7
+
+
+@njit(cache=True)
+def classify_many(poses, bore_radius, bore_length, journal_radius, journal_length):
+    """Gaps, mode and form for many poses.
+
+    Args:
+        poses: (n, 6), journal centre x, y, z [m] and axis a_x, a_y, a_z in the bearing frame.
+        bore_radius, bore_length, journal_radius, journal_length: R_i, L_i, R_j, L_j [m].
+
+    Returns:
+        gaps (n, 4) [m], modes (n,) and forms (n,) as int8.
+    """
+    n = poses.shape[0]
+    all_gaps = np.empty((n, 4))
+    modes = np.empty(n, np.int8)
+    forms = np.empty(n, np.int8)
+    for i in range(n):
+        axis = poses[i, 3:6]
+        gap, _, normal = gaps(
+            poses[i, 0:3], axis, bore_radius, bore_length, journal_radius, journal_length
+        )
+        all_gaps[i] = gap
+        modes[i] = classify_mode(gap)
+        drop = 2.0 * journal_radius * math.sqrt(axis[0] * axis[0] + axis[1] * axis[1])
+        forms[i] = classify_form(gap, normal, drop)
+    return all_gaps, modes, forms

@@ -1,0 +1,167 @@
+"""Reference motions in joint space."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.interpolate import BPoly, PPoly, make_interp_spline
+
+from jointplay.errors import JointplayError, MissingName
+
+INTERPOLATIONS = ("rest-to-rest", "spline")
+
+
+class Motion:
+    """Joint positions through waypoints.
+
+    Args:
+        joints: names of the joints, one for each column of `positions`.
+        times: times of the waypoints, increasing, shape (n,), n >= 2 [s].
+        positions: joint positions, shape (n, joints) [rad, or m for prismatic joints].
+        interpolation: ``rest-to-rest`` stops at each waypoint, moving by quintics with zero
+            velocity and acceleration at both ends; ``spline`` passes through them without
+            stopping (quintic spline, at rest at both ends; for densely recorded motions).
+
+    Raises:
+        JointplayError: wrong shapes, non-finite numbers, times that do not increase.
+    """
+
+    def __init__(
+        self,
+        joints: Sequence[str],
+        times: Sequence[float] | np.ndarray,
+        positions: Sequence[Sequence[float]] | np.ndarray,
+        interpolation: str = "rest-to-rest",
+    ) -> None:
+        """Check the waypoints and fit the curve."""
+        self.joints = tuple(joints)
+        try:
+            self.times = np.array(times, float)
+            self.positions = np.array(positions, float)
+        except (TypeError, ValueError) as error:
+            raise JointplayError(f"waypoints must be numbers: {error}") from None
+        self.interpolation = interpolation
+        if len(set(self.joints)) != len(self.joints):
+            raise JointplayError(f"a joint is named twice in the motion: {', '.join(self.joints)}")
+        if self.times.ndim != 1 or self.positions.shape != (len(self.times), len(self.joints)):
+            raise JointplayError(
+                f"positions must have the shape (times, joints) = "
+                f"({self.times.size}, {len(self.joints)}), got {self.positions.shape}"
+            )
+        if len(self.times) < 2:
+            raise JointplayError(f"a motion needs at least 2 waypoints, got {len(self.times)}")
+        for name, values in (("time", self.times), ("position", self.positions)):
+            bad = np.flatnonzero(~np.isfinite(values).reshape(len(self.times), -1).all(axis=1))
+            if bad.size:
+                raise JointplayError(f"waypoint {bad[0] + 1} has a non-finite {name}")
+        late = np.flatnonzero(np.diff(self.times) <= 0.0)
+        if late.size:
+            i = int(late[0])
+            raise JointplayError(
+                f"waypoint times must increase: {self.times[i]:g} s is followed by "
+                f"{self.times[i + 1]:g} s (waypoint {i + 2})"
+            )
+        if interpolation not in INTERPOLATIONS:
+            raise MissingName("interpolation", interpolation, INTERPOLATIONS)
+        self._curve = self._fit()
+        self._speed = self._curve.derivative(1)
+        self._acceleration = self._curve.derivative(2)
+
+    def _fit(self) -> Any:
+        if self.interpolation == "rest-to-rest":
+            still = np.zeros_like(self.positions)
+            nodes = np.stack([self.positions, still, still], axis=1)
+            return PPoly.from_bernstein_basis(BPoly.from_derivatives(self.times, nodes))
+        still = np.zeros(len(self.joints))
+        rest = [(1, still), (2, still)]
+        return make_interp_spline(self.times, self.positions, k=5, bc_type=(rest, rest))
+
+    @property
+    def duration(self) -> float:
+        """Time of the last waypoint [s]."""
+        return float(self.times[-1])
+
+    def __call__(self, time: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Position, velocity and acceleration at the times `time` (n,) [s].
+
+        Before the first waypoint and after the last the joints stand still.
+
+        Returns:
+            Three arrays of shape (n, joints) [rad or m, and their derivatives by seconds].
+        """
+        time = np.asarray(time, float)
+        inside = (time >= self.times[0]) & (time <= self.times[-1])
+        held = np.clip(time, self.times[0], self.times[-1])
+        moving = inside[:, None]
+        return (
+            self._curve(held),
+            np.where(moving, self._speed(held), 0.0),
+            np.where(moving, self._acceleration(held), 0.0),
+        )
+
+    @classmethod
+    def from_csv(cls, path: str | Path, interpolation: str = "rest-to-rest") -> Motion:
+        """Read waypoints from a CSV file whose header is ``time_s,<joint>,<joint>,...``.
+
+        Lines beginning with # are comments. Positions in rad, or m for prismatic joints.
+
+        Raises:
+            JointplayError: no such file, a wrong header, a cell that is not a number (with its
+                line and column), or waypoints that make no motion.
+        """
+        path = Path(path)
+        try:
+            text = path.read_text(encoding="utf-8-sig")
+        except (OSError, UnicodeDecodeError) as error:
+            raise JointplayError(f"cannot read the motion {str(path)!r}: {error}") from None
+        numbered = [
+            (number, line)
+            for number, line in enumerate(text.splitlines(), 1)
+            if line.strip() and not line.lstrip().startswith("#")
+        ]
+        if not numbered:
+            raise JointplayError(f"the motion {str(path)!r} is empty")
+        rows = list(csv.reader(line for _, line in numbered))
+        header = [cell.strip() for cell in rows[0]]
+        if header[0] != "time_s" or len(header) < 2:
+            raise JointplayError(
+                f"{path}, line {numbered[0][0]}: the header must be time_s,<joint>,..., "
+                f"got {','.join(header)!r}"
+            )
+        values = []
+        for (number, _), row in zip(numbered[1:], rows[1:], strict=True):
+            if len(row) != len(header):
+                raise JointplayError(
+                    f"{path}, line {number}: {len(header)} cells expected, got {len(row)}"
+                )
+            cells = []
+            for name, cell in zip(header, row, strict=True):
+                try:
+                    cells.append(float(cell))
+                except ValueError:
+                    raise JointplayError(
+                        f"{path}, line {number}: {name} must be a number, got {cell.strip()!r}"
+                    ) from None
+            values.append(cells)
+        if not values:
+            raise JointplayError(f"the motion {str(path)!r} has no waypoints")
+        table = np.array(values)
+        return cls(header[1:], table[:, 0], table[:, 1:], interpolation)
+
+    def describe(self) -> dict[str, Any]:
+        """Waypoints and interpolation as plain data."""
+        return {
+            "joints": list(self.joints),
+            "times": self.times.tolist(),
+            "positions": self.positions.tolist(),
+            "interpolation": self.interpolation,
+        }
+
+    @classmethod
+    def from_description(cls, description: Mapping[str, Any]) -> Motion:
+        """Build the motion that `describe` described."""
+        return cls(**description)

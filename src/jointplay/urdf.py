@@ -1,0 +1,150 @@
+"""Reading a URDF: what ships with the package, and whether a file describes a possible robot."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Collection
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from jointplay.errors import JointplayError, MissingName
+
+_INSTALLED = Path(__file__).parent / "urdf"
+_CHECKOUT = Path(__file__).parents[2] / "urdf"
+
+INERTIA_TOLERANCE = 1e-6
+"""Violation of the triangle inequality that passes for rounding, relative to the largest moment."""
+
+
+def shipped(name: str) -> Path:
+    """Path of a file that ships with the package, such as ``scara.urdf`` or ``scara_motion.csv``.
+
+    Raises:
+        MissingName: no such file; the message lists those that exist.
+    """
+    folder = _INSTALLED if _INSTALLED.is_dir() else _CHECKOUT
+    path = folder / name
+    if not path.is_file():
+        found = sorted(file.name for file in folder.glob("*") if file.is_file())
+        raise MissingName("shipped file", name, found)
+    return path
+
+
+@dataclass(frozen=True)
+class JointEntry:
+    """A joint as the URDF declares it."""
+
+    name: str
+    kind: str
+    """URDF type: revolute, continuous, prismatic, fixed, ..."""
+    friction: float
+    """Dry friction torque [N m or N]."""
+    damping: float
+    """Viscous friction [N m s/rad or N s/m]."""
+
+
+@dataclass(frozen=True)
+class Description:
+    """A URDF's text, with its joints by name in the order of the file."""
+
+    path: Path
+    text: str
+    joints: dict[str, JointEntry]
+
+    @property
+    def revolute(self) -> list[str]:
+        """Names of the joints that can get clearance."""
+        return [j.name for j in self.joints.values() if j.kind in ("revolute", "continuous")]
+
+
+def read(path: str | Path, allow_unphysical: Collection[str] = ()) -> Description:
+    """Read a URDF and check every inertia.
+
+    Args:
+        path: the file.
+        allow_unphysical: names of links whose inertia is used although no rigid body has it.
+
+    Raises:
+        JointplayError: the file is missing or malformed, or a link's inertia is impossible (the
+            message names the link and its principal moments).
+    """
+    path = Path(path)
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise JointplayError(f"cannot read the URDF {str(path)!r}: {reason}") from None
+    return parse(text, path, allow_unphysical)
+
+
+def parse(text: str, path: Path, allow_unphysical: Collection[str] = ()) -> Description:
+    """Check the URDF `text`, naming `path` in errors; see `read`."""
+    try:
+        root = ElementTree.fromstring(text)
+    except ElementTree.ParseError as error:
+        raise JointplayError(f"the URDF {str(path)!r} is not well-formed XML: {error}") from None
+    if root.tag != "robot":
+        raise JointplayError(f"the URDF {str(path)!r} has the root <{root.tag}>, expected <robot>")
+    links = {link.get("name", ""): link for link in root.findall("link")}
+    if not links:
+        raise JointplayError(f"the URDF {str(path)!r} has no links")
+    for name in allow_unphysical:
+        if name not in links:
+            raise MissingName("link", name, links)
+    for name, link in links.items():
+        inertial = link.find("inertial")
+        if inertial is not None and name not in allow_unphysical:
+            _check_inertia(name, inertial)
+    joints = {}
+    for joint in root.findall("joint"):
+        name = joint.get("name", "")
+        dynamics = joint.find("dynamics")
+        joints[name] = JointEntry(
+            name,
+            joint.get("type", ""),
+            _number(dynamics, "friction", f"joint {name!r}", 0.0),
+            _number(dynamics, "damping", f"joint {name!r}", 0.0),
+        )
+    return Description(path, text, joints)
+
+
+def _number(
+    element: ElementTree.Element | None, key: str, owner: str, default: float | None = None
+) -> float:
+    text = None if element is None else element.get(key)
+    if text is None:
+        if default is None:
+            raise JointplayError(f"{owner} has no {key} in its URDF")
+        return default
+    try:
+        value = float(text)
+    except ValueError:
+        value = np.nan
+    if not np.isfinite(value):
+        raise JointplayError(f"{owner}: {key} must be a finite number, got {text!r}")
+    return value
+
+
+def _check_inertia(name: str, inertial: ElementTree.Element) -> None:
+    owner = f"link {name!r}"
+    mass = _number(inertial.find("mass"), "value", owner)
+    element = inertial.find("inertia")
+    xx, yy, zz, xy, xz, yz = (
+        _number(element, f"i{axes}", owner) for axes in ("xx", "yy", "zz", "xy", "xz", "yz")
+    )
+    tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    if mass == 0.0 and not tensor.any():
+        return  # a frame without mass
+    if mass <= 0.0:
+        raise JointplayError(f"{owner} has the mass {mass:g} kg; it must be positive")
+    low, middle, high = np.linalg.eigvalsh(tensor)
+    moments = f"principal moments {low:.4g}, {middle:.4g}, {high:.4g} kg m2"
+    hint = f"; correct it, or allow it by name (allow_unphysical: {name})"
+    if low <= 0.0:
+        raise JointplayError(f"{owner} has {moments}: not positive definite{hint}")
+    if high > (low + middle) * (1.0 + INERTIA_TOLERANCE):
+        raise JointplayError(
+            f"{owner} has {moments}: no rigid body has {high:.4g} > {low:.4g} + {middle:.4g}{hint}"
+        )
