@@ -33,6 +33,8 @@ class Audit:
     """Contacts that lasted fewer than 10 steps."""
     under_resolved_impulse: float
     """Their share of the normal impulse, 0 to 1."""
+    normal_impulse: float
+    """Of all contacts together [N s]."""
     largest_penetration: float
     """[m]."""
     penetration_over_clearance: float
@@ -70,6 +72,7 @@ class Audit:
             under_resolved_impulse=float(statistics["under_resolved_impulse"].sum()) / impulse
             if impulse
             else 0.0,
+            normal_impulse=impulse,
             largest_penetration=float(depth),
             penetration_over_clearance=float(relative),
         )
@@ -110,9 +113,10 @@ class Audit:
 
     def __str__(self) -> str:
         """Figures, then warnings, one a line."""
+        percent = 100 * self.relative_energy_residual
         lines = [
             f"  energy residual: {self.energy_residual:.3g} J, "
-            f"{100 * self.relative_energy_residual:.2g} % of {self.energy_exchanged:.3g} J exchanged"
+            f"{percent:.2g} % of {self.energy_exchanged:.3g} J exchanged"
         ]
         if self.impacts:
             lines += [

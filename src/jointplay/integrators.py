@@ -7,10 +7,8 @@ default.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-
-import numpy as np
+from typing import Any
 
 from jointplay import kernel
 from jointplay.errors import MissingName
@@ -25,7 +23,7 @@ class Integrator:
     """Order of convergence in smooth motion."""
     stages: int
     """Evaluations of the acceleration in a step."""
-    advance: Callable[[np.ndarray], int]
+    advance: Any
     """Kernel called before each evaluation, with the table of a `kernel.Workspace`."""
 
 

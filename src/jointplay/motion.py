@@ -117,7 +117,8 @@ class Motion:
         try:
             text = path.read_text(encoding="utf-8-sig")
         except (OSError, UnicodeDecodeError) as error:
-            raise JointplayError(f"cannot read the motion {str(path)!r}: {error}") from None
+            reason = getattr(error, "strerror", None) or error
+            raise JointplayError(f"cannot read the motion {str(path)!r}: {reason}") from None
         numbered = [
             (number, line)
             for number, line in enumerate(text.splitlines(), 1)

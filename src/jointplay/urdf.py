@@ -141,7 +141,7 @@ def _check_inertia(name: str, inertial: ElementTree.Element) -> None:
         raise JointplayError(f"{owner} has the mass {mass:g} kg; it must be positive")
     low, middle, high = np.linalg.eigvalsh(tensor)
     moments = f"principal moments {low:.4g}, {middle:.4g}, {high:.4g} kg m2"
-    hint = f"; correct it, or allow it by name (allow_unphysical: {name})"
+    hint = f"; correct it, or allow this link by name (--allow-unphysical {name})"
     if low <= 0.0:
         raise JointplayError(f"{owner} has {moments}: not positive definite{hint}")
     if high > (low + middle) * (1.0 + INERTIA_TOLERANCE):

@@ -1,0 +1,365 @@
+"""The command line: `jointplay scara` and `jointplay run`."""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+import time
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, NoReturn
+
+from jointplay.errors import JointplayError
+
+if TYPE_CHECKING:
+    from jointplay.contact import NormalForceLaw
+    from jointplay.drive import JointFriction
+    from jointplay.simulation import Simulation
+
+BAD_INPUT = 2
+STOPPED = 1
+INTERRUPTED = 130
+
+LAWS = ("lankarani-nikravesh", "hunt-crossley", "hertz", "linear-spring", "kelvin-voigt")
+LINEAR_LAWS = ("linear-spring", "kelvin-voigt")
+
+
+class _Parser(argparse.ArgumentParser):
+    """Says what is wrong in one line, and takes -1e-4 and -1,0,0 for values, not for options."""
+
+    def __init__(self, *args: Any, **options: Any) -> None:
+        super().__init__(*args, **options)
+        self._negative_number_matcher = re.compile(r"-\.?\d")
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(BAD_INPUT, f"{self.prog}: error: {message} (see {self.prog} --help)\n")
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = _Parser(
+        prog="jointplay",
+        description="Simulate robots whose joints have play: the journal flies, hits, slides and "
+        "tilts in its bearing, and the tool pays for it.",
+        epilog="All quantities are in SI units: m, s, kg, N, rad. Documentation: docs/.",
+    )
+    parser.add_argument("--version", action="store_true", help="print the version and exit")
+    commands = parser.add_subparsers(dest="command", metavar="COMMAND", title="commands")
+    _add_scara(commands)
+    _add_run(commands)
+    return parser
+
+
+def _add_scara(commands: argparse._SubParsersAction[_Parser]) -> None:
+    scara = commands.add_parser(
+        "scara",
+        help="run the study of the SCARA arm: three cases, figures, claims",
+        description="Simulate the SCARA assembly robot of Wang et al. (2023) ideal, with 0.2 mm "
+        "and with 0.5 mm of radial and axial clearance in joint B; draw Figures 9-15; test the "
+        "paper's six claims on perturbed runs, with and without gravity, for both inertia "
+        "variants.",
+        epilog="DIR receives ideal.nc, case1_0.2mm.nc, case2_0.5mm.nc; fig09 ... fig15 as .png and "
+        ".pdf; claims.md and claims.csv; ensemble.csv with the numbers of each perturbed run.",
+    )
+    scara.add_argument("--out", metavar="DIR", required=True, help="folder for the results")
+    scara.add_argument(
+        "--runs",
+        type=int,
+        default=8,
+        metavar="N",
+        help="perturbed runs for each clearance and condition (default 8; 0: no claims)",
+    )
+    scara.add_argument(
+        "--jobs", type=int, metavar="N", help="processes (default: one for each core)"
+    )
+    scara.add_argument("--quiet", action="store_true", help="show no progress")
+
+
+def _add_run(commands: argparse._SubParsersAction[_Parser]) -> None:
+    run = commands.add_parser(
+        "run",
+        usage="jointplay run [options] --out DIR",
+        help="simulate one case of any robot",
+        description="Simulate one robot with clearance in one revolute joint, and draw its motion "
+        "and forces. Without options: the SCARA arm under gravity, 0.2 mm in joint B, 3 s.",
+        epilog="DIR receives result.nc (read it with jointplay.Result.load or any NetCDF reader) "
+        "and the figures as .png and .pdf.",
+    )
+    group = run.add_argument_group("robot")
+    group.add_argument("--urdf", metavar="FILE", help="robot (default: the SCARA arm)")
+    group.add_argument("--joint", metavar="NAME", help="revolute joint that has clearance")
+    group.add_argument("--ideal", action="store_true", help="no clearance anywhere")
+    group.add_argument("--tool", metavar="FRAME", help="frame to report (default: the last one)")
+    group.add_argument(
+        "--gravity",
+        default="loaded",
+        metavar="G",
+        help="loaded (9.81 m/s^2 downwards, default), balanced (none), or gx,gy,gz [m/s^2]",
+    )
+    group.add_argument(
+        "--allow-unphysical",
+        action="append",
+        default=[],
+        metavar="LINK",
+        help="accept this link's inertia although no rigid body has it (repeatable)",
+    )
+    group = run.add_argument_group("clearance joint")
+    _number(group, "--radial", "radial clearance C_r [m] (default 2e-4)")
+    _number(group, "--axial", "axial clearance C_a [m] (default 2e-4)")
+    _number(group, "--bearing-radius", "R_i [m] (default 0.01)", 10e-3)
+    _number(group, "--bearing-length", "L_i [m] (default 0.04)", 40e-3)
+    _number(group, "--journal-radius", "R_j [m], instead of --radial")
+    _number(group, "--journal-length", "L_j [m], instead of --axial")
+    _number(group, "--young", "E of both [Pa] (default 207e9)", 207e9)
+    _number(group, "--poisson", "nu of both (default 0.3)", 0.3)
+    _number(group, "--stiffness", "k [N/m^1.5; N/m for linear laws] (default: from eq. 11)")
+    _number(group, "--axial-stiffness", "k of the axial contacts (default: the radial one)")
+    group = run.add_argument_group("laws")
+    group.add_argument("--law", choices=LAWS, default=LAWS[0], help="normal force (default: first)")
+    _number(group, "--restitution", "c_e, in (0, 1] (default 0.9)", 0.9)
+    _number(group, "--damping", "b of kelvin-voigt [N s/m]")
+    group.add_argument(
+        "--exponents",
+        nargs=3,
+        type=float,
+        metavar=("N", "P", "Q"),
+        help="n, p, q of hunt-crossley (default 1.5 1.5 1)",
+    )
+    _number(group, "--friction", "mu_d (default 0.1)", 0.1)
+    group.add_argument(
+        "--friction-speeds",
+        nargs=2,
+        type=float,
+        default=(1e-4, 1e-3),
+        metavar=("V0", "V1"),
+        help="ramp of eq. 21 [m/s] (default 1e-4 1e-3)",
+    )
+    group = run.add_argument_group("motion and drive")
+    group.add_argument(
+        "--motion",
+        metavar="CSV",
+        help="waypoints, header time_s,<joint>,... (default: the paper's cycle)",
+    )
+    group.add_argument(
+        "--interpolation",
+        choices=("rest-to-rest", "spline"),
+        default="rest-to-rest",
+        help="stop at each waypoint (default), or pass through smoothly",
+    )
+    _number(group, "--bandwidth", "drives [rad/s] (default 100)", 100.0)
+    _number(group, "--damping-ratio", "drives (default 1)", 1.0)
+    group.add_argument(
+        "--joint-friction",
+        action="append",
+        default=[],
+        metavar="JOINT=C,V",
+        help="Coulomb [N m or N] and viscous [N m s or N s/m] friction (repeatable; default: "
+        "the URDF's)",
+    )
+    group.add_argument(
+        "--seed", type=int, metavar="N", help="displace the journal at the start at random"
+    )
+    group = run.add_argument_group("integration and output")
+    _number(group, "--step", "time step [s] (default 1e-5)", 1e-5)
+    _number(group, "--duration", "simulated time [s] (default: the motion's)")
+    group.add_argument(
+        "--integrator",
+        choices=("semi-implicit-euler", "rk4"),
+        default="semi-implicit-euler",
+        help="(default semi-implicit-euler)",
+    )
+    group.add_argument(
+        "--record-every",
+        type=int,
+        default=10,
+        metavar="N",
+        help="steps between records; peaks in between are kept (default 10)",
+    )
+    group.add_argument("--out", metavar="DIR", required=True, help="folder for the results")
+    group.add_argument("--no-figures", action="store_true", help="write result.nc only")
+    group.add_argument("--quiet", action="store_true", help="show no progress")
+
+
+def _number(
+    group: argparse._ArgumentGroup, flag: str, text: str, default: float | None = None
+) -> None:
+    group.add_argument(flag, type=float, metavar="X", default=default, help=text)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line; returns the exit status.
+
+    0: done. 1: the simulation stopped early (kept as far as it came). 2: wrong input.
+    130: Ctrl-C (likewise kept).
+    """
+    parser = _parser()
+    options = parser.parse_args(arguments)
+    if options.version:
+        from importlib.metadata import version
+
+        print(f"jointplay {version('jointplay')}")
+        return 0
+    if options.command is None:
+        parser.print_help()
+        return 0
+    try:
+        return _scara(options) if options.command == "scara" else _run(options)
+    except JointplayError as error:
+        print(f"jointplay {options.command}: error: {error}", file=sys.stderr)
+        return BAD_INPUT
+    except KeyboardInterrupt:
+        print(f"\ninterrupted; what was computed is in {options.out}", file=sys.stderr)
+        return INTERRUPTED
+
+
+def _scara(options: argparse.Namespace) -> int:
+    from jointplay import study
+
+    started = time.perf_counter()
+    cases, verdicts = study.run_study(options.out, options.runs, options.jobs, not options.quiet)
+    for label, result in cases.items():
+        print(f"\n{label}: {result.message}\n{result.audit}")
+    if verdicts:
+        print(f"\nThe paper's claims on {options.runs} runs each; numbers in claims.md:\n")
+        print(study.summary(verdicts))
+    print(f"\nresults in {options.out}, {time.perf_counter() - started:.0f} s")
+    return 0
+
+
+def _run(options: argparse.Namespace) -> int:
+    import warnings
+
+    from jointplay.kernel import Status
+    from jointplay.study import claim_folder
+
+    simulation = _simulation(options)
+    names = ["result.nc"]
+    if not options.no_figures:
+        from jointplay.plots import FIGURES
+
+        names += [f"{name}.{kind}" for name in FIGURES for kind in ("png", "pdf")]
+    out = claim_folder(options.out, names)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # said below
+        result = simulation.run(progress=not options.quiet)
+    result.save(out / "result.nc")
+    if not options.no_figures and len(result.time) > 1:
+        from jointplay import plots
+
+        label = "ideal" if options.ideal else next(iter(simulation.mechanism.clearance))
+        plots.save({label: result}, out)
+    print(f"{result.message}\n{result.audit}")
+    print(f"results in {options.out}")
+    if result.status == Status.INTERRUPTED:
+        return INTERRUPTED
+    return 0 if result.status == Status.COMPLETED else STOPPED
+
+
+def _simulation(options: argparse.Namespace) -> Simulation:
+    from jointplay import study
+    from jointplay.contact import Ambrosio
+    from jointplay.drive import ComputedTorque
+    from jointplay.joint import ClearanceJoint, Material
+    from jointplay.mechanism import Mechanism
+    from jointplay.motion import Motion
+    from jointplay.simulation import Simulation
+    from jointplay.urdf import shipped
+
+    path = options.urdf or shipped("scara.urdf")
+    ideal = Mechanism(
+        path,
+        gravity=_gravity(options.gravity),
+        tool=options.tool,
+        allow_unphysical=options.allow_unphysical,
+    )
+    if options.ideal:
+        mechanism = ideal
+    else:
+        joint = options.joint or (study.JOINT if options.urdf is None else None)
+        if joint is None:
+            choices = ", ".join(ideal.description.revolute) or "none"
+            raise JointplayError(f"--joint is missing; revolute joints of {path}: {choices}")
+        material = Material(options.young, options.poisson)
+        given = options.radial is not None or options.journal_radius is not None
+        given_axial = options.axial is not None or options.journal_length is not None
+        clearance = ClearanceJoint(
+            bearing_radius=options.bearing_radius,
+            bearing_length=options.bearing_length,
+            radial_clearance=options.radial if given else 2e-4,
+            axial_clearance=options.axial if given_axial else 2e-4,
+            journal_radius=options.journal_radius,
+            journal_length=options.journal_length,
+            bearing_material=material,
+            journal_material=material,
+            restitution=options.restitution,
+            normal=_law(options),
+            friction=Ambrosio(options.friction, *options.friction_speeds),
+            stiffness=None if options.law in LINEAR_LAWS else options.stiffness,
+            axial_stiffness=options.axial_stiffness,
+        )
+        mechanism = ideal.with_clearance({joint: clearance})
+    if options.motion is None and options.urdf is not None:
+        header = ",".join(["time_s", *ideal.joints])
+        raise JointplayError(f"--motion is missing; for {path} a CSV file with the header {header}")
+    motion = Motion.from_csv(options.motion or shipped("scara_motion.csv"), options.interpolation)
+    return Simulation(
+        mechanism,
+        motion,
+        drive=ComputedTorque(options.bandwidth, options.damping_ratio),
+        duration=options.duration,
+        step=options.step,
+        integrator=options.integrator,
+        record_every=options.record_every,
+        joint_friction=_joint_friction(options.joint_friction),
+        seed=options.seed,
+    )
+
+
+def _gravity(text: str) -> tuple[float, float, float]:
+    from jointplay.study import GRAVITY
+
+    if text in GRAVITY:
+        x, y, z = GRAVITY[text]
+        return x, y, z
+    try:
+        x, y, z = (float(part) for part in text.split(","))
+    except ValueError:
+        raise JointplayError(
+            f"--gravity must be {', '.join(GRAVITY)} or three numbers gx,gy,gz, got {text!r}"
+        ) from None
+    return x, y, z
+
+
+def _law(options: argparse.Namespace) -> NormalForceLaw:
+    from jointplay.contact import NORMAL_LAWS, HuntCrossley, KelvinVoigt, LinearSpring
+
+    if options.damping is not None and options.law != "kelvin-voigt":
+        raise JointplayError(f"--damping belongs to --law kelvin-voigt, not to {options.law}")
+    if options.exponents is not None and options.law != "hunt-crossley":
+        raise JointplayError(f"--exponents belongs to --law hunt-crossley, not to {options.law}")
+    if options.law == "kelvin-voigt":
+        if options.damping is None:
+            raise JointplayError("--law kelvin-voigt needs --damping [N s/m]")
+        return KelvinVoigt(options.damping, options.stiffness)
+    if options.law == "linear-spring":
+        return LinearSpring(options.stiffness)
+    if options.law == "hunt-crossley":
+        return HuntCrossley(*(options.exponents or ()))
+    return NORMAL_LAWS[options.law]()
+
+
+def _joint_friction(entries: Sequence[str]) -> dict[str, JointFriction] | None:
+    from jointplay.drive import JointFriction
+
+    if not entries:
+        return None
+    found = {}
+    for entry in entries:
+        name, _, values = entry.partition("=")
+        try:
+            coulomb, viscous = (float(value) for value in values.split(","))
+        except ValueError:
+            raise JointplayError(
+                f"--joint-friction must read JOINT=COULOMB,VISCOUS, got {entry!r}"
+            ) from None
+        found[name] = JointFriction(coulomb, viscous)
+    return found

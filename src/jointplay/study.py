@@ -1,0 +1,338 @@
+"""The paper's study: three cases, Figures 9-15, and its claims tested on ensembles."""
+
+from __future__ import annotations
+
+import csv
+import os
+import signal
+import sys
+import tempfile
+from collections.abc import Iterable, Iterator, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cache, partial
+from pathlib import Path
+
+from tqdm import tqdm
+
+from jointplay.claims import START_UP, Measures, Verdict, judge, measure
+from jointplay.errors import JointplayError
+from jointplay.joint import ClearanceJoint
+from jointplay.kernel import Status
+from jointplay.mechanism import STANDARD_GRAVITY, Mechanism
+from jointplay.motion import Motion
+from jointplay.result import Result, versions
+from jointplay.simulation import PERTURBATION, Simulation
+from jointplay.urdf import shipped
+
+JOINT = "joint_b"
+CASES = {"ideal": None, "0.2 mm": 0.2e-3, "0.5 mm": 0.5e-3}
+"""Clearance C_r = C_a of each case [m] (Table 4)."""
+FILES = {"ideal": "ideal.nc", "0.2 mm": "case1_0.2mm.nc", "0.5 mm": "case2_0.5mm.nc"}
+
+GRAVITY = {"balanced": (0.0, 0.0, 0.0), "loaded": STANDARD_GRAVITY}
+"""The weight balanced, as the paper's Figure 12 needs, or acting [m/s^2]."""
+VARIANTS = {"consistent": ("scara.urdf", ()), "as printed": ("scara_as_printed.urdf", ("arm1",))}
+"""URDF and the links whose inertia no rigid body has, used because they were printed."""
+
+ENSEMBLE_RECORD_EVERY = 50
+
+
+@dataclass(frozen=True)
+class Condition:
+    """Gravity and inertia variant under which the claims are judged."""
+
+    gravity: str
+    variant: str
+
+    def __str__(self) -> str:
+        """Name in tables."""
+        return f"{self.gravity}, {self.variant}"
+
+
+CONDITIONS = tuple(Condition(gravity, variant) for gravity in GRAVITY for variant in VARIANTS)
+
+
+def scara(
+    clearance: float | None,
+    condition: Condition = CONDITIONS[0],
+    record_every: int = 10,
+    seed: int | None = None,
+) -> Simulation:
+    """Set up one run of the paper's SCARA.
+
+    Args:
+        clearance: C_r = C_a [m], None for the ideal robot.
+        condition: gravity and inertia variant.
+        record_every: steps between records.
+        seed: perturbs the journal's initial position; see `Simulation`.
+    """
+    urdf, unphysical = VARIANTS[condition.variant]
+    joints = (
+        {}
+        if clearance is None
+        else {JOINT: ClearanceJoint(radial_clearance=clearance, axial_clearance=clearance)}
+    )
+    mechanism = Mechanism(
+        shipped(urdf),
+        joints,
+        gravity=GRAVITY[condition.gravity],
+        tool="suction_cup",
+        allow_unphysical=unphysical,
+    )
+    motion = Motion.from_csv(shipped("scara_motion.csv"))
+    return Simulation(mechanism, motion, record_every=record_every, seed=seed)
+
+
+@cache
+def _ideal(condition: Condition) -> Result:
+    return scara(None, condition, ENSEMBLE_RECORD_EVERY).run()
+
+
+def perturbed(condition: Condition, label: str, seed: int) -> Measures:
+    """Measures of one perturbed run of the case `label`."""
+    run = scara(CASES[label], condition, ENSEMBLE_RECORD_EVERY, seed).run()
+    if run.status != Status.COMPLETED:
+        raise JointplayError(f"{condition}, {label}, seed {seed}: {run.message}")
+    return measure(run, _ideal(condition))
+
+
+def claim_folder(out: str | Path, names: Iterable[str]) -> Path:
+    """Make the folder `out`, sure that `names` can be written there and nothing is overwritten.
+
+    Raises:
+        JointplayError: the folder holds one of the files already, or cannot be written.
+    """
+    out = Path(out)
+    if out.exists() and not out.is_dir():
+        raise JointplayError(f"{str(out)!r} is a file; name a folder for the results")
+    present = [name for name in names if (out / name).exists()]
+    if present:
+        raise JointplayError(
+            f"{str(out)!r} already holds results ({present[0]}); name another folder"
+        )
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=out):
+            pass
+    except OSError as error:
+        raise JointplayError(f"cannot write to {str(out)!r}: {error.strerror or error}") from None
+    return out
+
+
+def run_cases(out: Path, progress: bool) -> dict[str, Result]:
+    """Simulate the three cases one after the other, saving each as soon as it is done.
+
+    After Ctrl-C the case at hand is saved as far as it came and the others are left out.
+    """
+    results = {}
+    for label, clearance in CASES.items():
+        if progress:
+            tqdm.write(f"case {label}:", file=sys.stderr)
+        result = scara(clearance).run(progress)
+        results[label] = result
+        result.save(out / FILES[label])
+        if result.status == Status.INTERRUPTED:
+            break
+    return results
+
+
+class Ensembles:
+    """The perturbed runs behind the claims, on all cores.
+
+    Args:
+        runs: perturbed runs for each clearance and condition.
+        table: CSV file to which every run is written as soon as it is done.
+        jobs: processes; None takes one for each core.
+
+    Attributes:
+        measures: results so far, by condition, case and seed.
+    """
+
+    def __init__(self, runs: int, table: Path, jobs: int | None = None) -> None:
+        """Plan the runs."""
+        self.runs = runs
+        self.table = table
+        self.jobs = jobs or _cores()
+        self.measures: dict[tuple[Condition, str, int], Measures] = {}
+        labels = [label for label, clearance in CASES.items() if clearance is not None]
+        self.plan = [
+            (condition, label, seed)
+            for condition in CONDITIONS
+            for label in labels
+            for seed in range(runs)
+        ]
+
+    @contextmanager
+    def started(self) -> Iterator[list[Future[Measures]]]:
+        """Run in the background while the block runs; Ctrl-C in the block ends the processes.
+
+        Whatever the block is doing, each run is kept and written to the table when it is done.
+        """
+        pool = ProcessPoolExecutor(self.jobs, initializer=_leave_ctrl_c_to_the_parent)
+        futures = []
+        try:
+            for key in self.plan:
+                future = pool.submit(perturbed, *key)
+                future.add_done_callback(partial(self._keep, key))
+                futures.append(future)
+            yield futures
+        except BaseException:
+            processes = list((pool._processes or {}).values())
+            pool.shutdown(wait=False, cancel_futures=True)
+            for process in processes:
+                process.terminate()
+            raise
+        else:
+            pool.shutdown()
+
+    def _keep(self, key: tuple[Condition, str, int], future: Future[Measures]) -> None:
+        if future.cancelled() or future.exception() is not None:
+            return
+        condition, label, seed = key
+        found = future.result()
+        row: dict[str, object] = {"gravity": condition.gravity, "inertia": condition.variant}
+        row |= {"clearance": label, "seed": seed, **found}
+        with self.table.open("a", newline="", encoding="utf-8") as file:
+            writer = csv.DictWriter(file, list(row))
+            if not self.measures:
+                writer.writeheader()
+            writer.writerow(row)
+        self.measures[key] = found
+
+    def wait(self, futures: list[Future[Measures]], progress: bool) -> None:
+        """Wait for the runs.
+
+        Raises:
+            JointplayError: a run did not complete.
+        """
+        bar = tqdm(total=len(futures), desc="perturbed runs", unit="run", disable=not progress)
+        with bar:
+            for future in as_completed(futures):
+                future.result()
+                bar.update()
+
+    def verdicts(self) -> list[Verdict]:
+        """Claims under each condition for which at least two runs of each case are there."""
+        verdicts = []
+        for condition in CONDITIONS:
+            small, large = (
+                [found for (c, name, _), found in sorted(self.measures.items(), key=_seed)
+                 if c == condition and name == label]
+                for label in ("0.2 mm", "0.5 mm")
+            )  # fmt: skip
+            if min(len(small), len(large)) >= 2:
+                verdicts += judge(small, large, str(condition))
+        return sorted(verdicts, key=lambda verdict: verdict.claim)
+
+
+def _seed(item: tuple[tuple[Condition, str, int], Measures]) -> int:
+    return item[0][2]
+
+
+def _leave_ctrl_c_to_the_parent() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def _cores() -> int:
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+HEADER = ("claim", "statement", "condition", "holds", "0.2 mm → 0.5 mm")
+
+
+def write_claims(verdicts: Sequence[Verdict], ensembles: Ensembles, out: Path) -> None:
+    """Write ``claims.csv`` and ``claims.md``."""
+    with (out / "claims.csv").open("w", newline="", encoding="utf-8") as file:
+        csv.writer(file).writerows([HEADER, *(verdict.row() for verdict in verdicts)])
+    found, planned = len(ensembles.measures), len(ensembles.plan)
+    made_with = ", ".join(f"{name} {version}" for name, version in versions().items())
+    lines = [
+        "# The paper's claims",
+        "",
+        "Wang et al., Appl. Sci. 2023, 13(4), 2211, Section 5: joint B with "
+        "C_r = C_a = 0.2 mm and 0.5 mm.",
+        "",
+        f"Each row compares {ensembles.runs} runs at either clearance, the journal starting up to "
+        f"{100 * PERTURBATION:.0f} % of its clearance off centre; mean ± standard deviation. A "
+        "claim holds (yes) if the 95 % confidence interval of the difference (Welch) lies on its "
+        "side of zero, fails (no) if it lies on the other, and is undecided otherwise. The first "
+        f"{START_UP:g} s, in which the journal falls into its bearing, are not judged. *Balanced* "
+        "is without gravity, *loaded* with it; *consistent* and *as printed* are the two inertia "
+        "variants (docs/assumptions.md).",
+        "",
+        *([f"**Incomplete: {found} of {planned} runs.**", ""] if found < planned else []),
+        "| " + " | ".join(HEADER) + " |",
+        "|" + " --- |" * len(HEADER),
+        *("| " + " | ".join(cell.replace("|", "\\|") for cell in v.row()) + " |" for v in verdicts),
+        "",
+        f"Made with {made_with}.",
+        "",
+    ]
+    (out / "claims.md").write_text("\n".join(lines), encoding="utf-8")
+
+
+def summary(verdicts: Sequence[Verdict]) -> str:
+    """Claims against conditions, for the terminal."""
+    lines = [
+        " " * 16 + "".join(f"{gravity:<24}" for gravity in GRAVITY),
+        " " * 16 + "".join(f"{variant:<12}" for _ in GRAVITY for variant in VARIANTS),
+    ]
+    for number, subject in sorted({(v.claim, v.subject) for v in verdicts}):
+        found = {v.condition: v.holds for v in verdicts if v.claim == number}
+        cells = "".join(f"{found.get(str(condition), '-'):<12}" for condition in CONDITIONS)
+        lines.append(f"{number} {subject:<14}{cells}")
+    return "\n".join(line.rstrip() for line in lines)
+
+
+def output_names() -> list[str]:
+    """Every file that the study writes."""
+    from jointplay.plots import FIGURES
+
+    figures = [f"{name}.{kind}" for name in FIGURES for kind in ("png", "pdf")]
+    return [*FILES.values(), *figures, "ensemble.csv", "claims.csv", "claims.md"]
+
+
+def run_study(
+    out: str | Path, runs: int = 8, jobs: int | None = None, progress: bool = True
+) -> tuple[dict[str, Result], list[Verdict]]:
+    """Run the whole study into the folder `out`.
+
+    Args:
+        out: folder for ``*.nc``, ``fig09`` ... ``fig15`` (PNG and PDF), ``claims.md``,
+            ``claims.csv`` and ``ensemble.csv`` (the numbers of every perturbed run).
+        runs: perturbed runs for each clearance and condition; 0 leaves the claims out.
+        jobs: processes; None takes one for each core.
+        progress: show progress bars.
+
+    Returns:
+        The cases by label, and the verdicts on the claims.
+
+    Raises:
+        JointplayError: fewer than 2 runs (but not 0), or a folder that cannot be used.
+        KeyboardInterrupt: after Ctrl-C, when all that was computed has been written.
+    """
+    from jointplay import plots
+
+    if runs < 0 or runs == 1:
+        raise JointplayError(f"the claims need at least 2 runs (0 leaves them out), got {runs}")
+    if jobs is not None and jobs < 1:
+        raise JointplayError(f"at least one process is needed, got {jobs}")
+    out = claim_folder(out, output_names())
+    cases = run_cases(out, progress)
+    interrupted = any(case.status == Status.INTERRUPTED for case in cases.values())
+    if runs == 0 or interrupted:
+        plots.save(cases, out)
+        if interrupted:
+            raise KeyboardInterrupt
+        return cases, []
+    ensembles = Ensembles(runs, out / "ensemble.csv", jobs)
+    try:
+        with ensembles.started() as futures:
+            plots.save(cases, out)
+            ensembles.wait(futures, progress)
+    finally:
+        verdicts = ensembles.verdicts()
+        write_claims(verdicts, ensembles, out)
+    return cases, verdicts
