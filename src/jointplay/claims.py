@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
+from scipy.special import stdtrit
 from scipy.spatial import cKDTree
 
 from jointplay.geometry import Mode
@@ -124,7 +124,7 @@ def _greater(small: Ensemble, large: Ensemble, key: str, unit: str) -> tuple[str
     margin = 0.0
     if total > 0.0:  # Welch-Satterthwaite degrees of freedom
         freedom = total**2 / (squares**2 / (np.array([a.size, b.size]) - 1)).sum()
-        margin = float(stats.t.ppf(0.5 + 0.5 * CONFIDENCE, freedom) * np.sqrt(total))
+        margin = float(stdtrit(freedom, 0.5 + 0.5 * CONFIDENCE) * np.sqrt(total))
     difference = float(b.mean() - a.mean())
     if difference > margin:
         return "yes", text

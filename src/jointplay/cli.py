@@ -232,6 +232,7 @@ def _run(options: argparse.Namespace) -> int:
     from jointplay.study import claim_folder
 
     simulation = _simulation(options)
+    prepared = simulation.prepare()
     names = ["result.nc"]
     if not options.no_figures:
         from jointplay.plots import FIGURES
@@ -240,7 +241,7 @@ def _run(options: argparse.Namespace) -> int:
     out = claim_folder(options.out, names)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # said below
-        result = simulation.run(progress=not options.quiet)
+        result = prepared.execute(progress=not options.quiet)
     result.save(out / "result.nc")
     if not options.no_figures and len(result.time) > 1:
         from jointplay import plots

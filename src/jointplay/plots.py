@@ -1,4 +1,4 @@
-"""The paper's Figures 9-15 for one or several cases, as PNG and PDF."""
+"""The paper's Figures 9-15 and an overview, for one or several cases, as PNG and PDF."""
 
 from __future__ import annotations
 
@@ -9,8 +9,10 @@ from typing import Any
 
 import matplotlib as mpl
 import numpy as np
+import pinocchio as pin
 from matplotlib.figure import Figure
 
+from jointplay.mechanism import Mechanism
 from jointplay.result import AXES, Result
 
 COLOURS = ("red", "blue", "magenta", "darkgreen", "darkorange", "teal")
@@ -182,6 +184,61 @@ def joint_force(cases: Cases, axis: str) -> Figure:
     return figure
 
 
+def _skeleton(mechanism: Mechanism, q: np.ndarray) -> np.ndarray:
+    """Origins of the joints down the chain to the tool, in world axes (n, 3) [m]."""
+    model, data = mechanism.model, mechanism.data
+    pin.framesForwardKinematics(model, data, q)
+    joint = model.frames[mechanism.tool_frame].parentJoint
+    points = [data.oMf[mechanism.tool_frame].translation.copy()]
+    while joint > 0:
+        points.append(data.oMi[joint].translation.copy())
+        joint = model.parents[joint]
+    return np.array(points[::-1])
+
+
+def overview(cases: Cases) -> Figure:
+    """The robot from above, its tool's error, the journal's orbit and the joint's force."""
+    figure = Figure(figsize=(9.0, 6.2))
+    (plan, error), (orbit, force) = figure.subplots(2, 2, width_ratios=(1.0, 1.5))
+    ideal = reference(cases)
+    shown = [item for item in _coloured(cases) if item[1].joints]
+    first = ideal or next(iter(cases.values()))
+    mechanism = first.simulation.mechanism
+    for moment in (0, int(np.abs(first["v"].values).sum(axis=1).argmax()), len(first.time) // 2):
+        points = _skeleton(mechanism, first["q"].values[moment])
+        plan.plot(points[:, 0], points[:, 1], "-o", color="0.6", lw=3.0, ms=5.0, alpha=0.7)
+    for _, result, colour in _coloured(cases):
+        path = result["tool_position"].values
+        plan.plot(path[:, 0], path[:, 1], color=colour, lw=1.0)
+    plan.set_title("from above, with the tool's path", fontsize=9)
+    plan.set_xlabel("x [m]")
+    plan.set_ylabel("y [m]")
+    for label, result, colour in reversed(shown):
+        n = min(len(result.time), len(first.time))
+        if ideal is not None:
+            away = result["tool_position"].values[:n] - ideal["tool_position"].values[:n]
+            away = 1e3 * np.linalg.norm(away, axis=1)
+            error.plot(result.time[:n], away, color=colour, label=label)
+        peak = np.linalg.norm(result["joint_force_peak"].values[:, 0], axis=1)
+        force.plot(result.time, peak, color=colour, label=label)
+    error.set_ylabel("tool error [mm]")
+    force.set_ylabel("contact force [N]")
+    force.set_xlabel("time [s]")
+    error.legend(loc="upper right")
+    label, result, colour = shown[-1]
+    radius = 1e3 * result.simulation.mechanism.clearance[result.joints[0]].cr
+    angle = np.linspace(0.0, 2.0 * np.pi, 361)
+    centre = 1e3 * result["journal_centre"].values[:, 0]
+    orbit.plot(radius * np.cos(angle), radius * np.sin(angle), color="black")
+    orbit.plot(centre[:, 0], centre[:, 1], color=colour, lw=0.5)
+    orbit.set_title(f"journal centre in its bearing, {label}", fontsize=9)
+    orbit.set_xlabel("x in the bearing frame [mm]")
+    orbit.set_ylabel("y in the bearing frame [mm]")
+    for panel in (plan, orbit):
+        panel.set_aspect("equal")
+    return figure
+
+
 def _force(axis: str) -> Callable[[Cases], Figure]:
     return lambda cases: joint_force(cases, axis)
 
@@ -194,8 +251,9 @@ FIGURES: dict[str, Callable[[Cases], Figure]] = {
     "fig13": _force("x"),
     "fig14": _force("y"),
     "fig15": _force("z"),
+    "overview": overview,
 }
-NEEDS_CLEARANCE = ("fig12",)
+NEEDS_CLEARANCE = ("fig12", "overview")
 
 
 @contextmanager
@@ -206,9 +264,9 @@ def style() -> Iterator[None]:
 
 
 def save(cases: Cases, folder: str | Path) -> list[Path]:
-    """Draw Figures 9-15 into `folder`, each as PNG and PDF.
+    """Draw Figures 9-15 and an overview into `folder`, each as PNG and PDF.
 
-    Figure 12 is left out if no case has clearance.
+    Figure 12 and the overview are left out if no case has clearance.
 
     Returns:
         The files written.

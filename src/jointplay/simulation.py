@@ -49,7 +49,7 @@ class Simulation:
     """Everything that defines a run. Equal simulations give bit-identical results on one machine.
 
     Raises:
-        JointplayError: on anything that cannot be simulated; see `run`.
+        JointplayError: on anything that cannot be simulated; see `prepare`.
     """
 
     mechanism: Mechanism
@@ -96,27 +96,18 @@ class Simulation:
             }
         return cls(**fields)
 
-    def run(self, progress: bool = False) -> Result:
-        """Simulate.
-
-        Args:
-            progress: show a bar with simulated time, speed and time left on standard error.
-
-        Returns:
-            The result. Interrupted by Ctrl-C, or stopped because the state ran away, it holds
-            everything up to there and says so in `Result.status` and `Result.message`.
+    def prepare(self) -> Run:
+        """Check everything and make ready to step.
 
         Raises:
             JointplayError: a step, duration or record interval that makes no sense, a step too
                 large for the contact stiffness, or a motion that does not fit the mechanism.
         """
-        run = Run(self)
-        started = time.perf_counter()
-        status = run.loop(progress)
-        message = run.message(status)
-        if status not in (Status.COMPLETED, Status.INTERRUPTED):
-            warnings.warn(message, RuntimeWarning, stacklevel=2)
-        return assemble(self, run.workspace, status, message, time.perf_counter() - started)
+        return Run(self)
+
+    def run(self, progress: bool = False) -> Result:
+        """`prepare`, then `Run.execute`."""
+        return self.prepare().execute(progress)
 
 
 def simulate(
@@ -213,6 +204,25 @@ class Run:
             at = self.mechanism.virtual_link(name)
             room = np.array([clearance.cr, clearance.cr, clearance.ca])
             self.workspace.q[at : at + 3] += PERTURBATION * room * random.uniform(-1.0, 1.0, 3)
+
+    def execute(self, progress: bool = False) -> Result:
+        """Simulate; once only, for the workspace holds the state.
+
+        Args:
+            progress: show a bar with simulated time, speed and time left on standard error.
+
+        Returns:
+            The result. Interrupted by Ctrl-C, or stopped because the state ran away, it holds
+            everything up to there and says so in `Result.status` and `Result.message`; a run that
+            stopped also warns.
+        """
+        started = time.perf_counter()
+        status = self.loop(progress)
+        elapsed = time.perf_counter() - started
+        message = self.message(status)
+        if status not in (Status.COMPLETED, Status.INTERRUPTED):
+            warnings.warn(message, RuntimeWarning, stacklevel=2)
+        return assemble(self.simulation, self.workspace, status, message, elapsed)
 
     def loop(self, progress: bool = False) -> Status:
         """Step until the end, a failure, or Ctrl-C; returns why it stopped."""

@@ -1,0 +1,270 @@
+"""What the benchmark scripts share: the robot, ensembles of runs, tables and files."""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import functools
+import multiprocessing
+import os
+import warnings
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+from tqdm import tqdm
+
+import jointplay as jp
+from jointplay.simulation import PERTURBATION
+
+JOINT = "joint_b"
+RECORD_INTERVAL = 2e-4
+"""Interval of the records, a multiple of every step used [s]."""
+
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
+"""Okabe and Ito's, told apart by colour-blind readers."""
+MARKERS = "os^Dv<"
+
+
+@dataclass(frozen=True)
+class Case:
+    """One SCARA simulation of the 3 s cycle; lengths in m, step in s."""
+
+    radial: float = 0.2e-3
+    axial: float = 0.2e-3
+    restitution: float = 0.9
+    friction: float = 0.1
+    loaded: bool = False
+    integrator: str = "semi-implicit-euler"
+    step: float = 1e-5
+
+    @property
+    def ideal(self) -> bool:
+        return self.radial == 0.0
+
+    def simulation(self, seed: int | None = None, **options) -> jp.Simulation:
+        bearing = {} if self.ideal else {JOINT: self.bearing()}
+        gravity = (0.0, 0.0, -9.81) if self.loaded else (0.0, 0.0, 0.0)
+        options = {
+            "step": self.step,
+            "integrator": self.integrator,
+            "record_every": round(RECORD_INTERVAL / self.step),
+            "seed": seed,
+        } | options
+        return jp.Simulation(
+            jp.Mechanism(jp.shipped("scara.urdf"), bearing, gravity=gravity), motion(), **options
+        )
+
+    def bearing(self) -> jp.ClearanceJoint:
+        return jp.ClearanceJoint(
+            radial_clearance=self.radial,
+            axial_clearance=self.axial,
+            restitution=self.restitution,
+            friction=jp.Ambrosio(self.friction),
+        )
+
+
+@functools.cache
+def motion() -> jp.Motion:
+    return jp.Motion.from_csv(jp.shipped("scara_motion.csv"))
+
+
+@functools.cache
+def _ideal_tool(loaded: bool) -> np.ndarray:
+    return Case(radial=0.0, loaded=loaded).simulation().run()["tool_position"].values
+
+
+def measure(case: Case, seed: int | None) -> dict[str, float]:
+    """Run once and reduce the run to its figures; forces, impacts and energies at joint B."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", RuntimeWarning)  # a run that fails must not enter a mean
+        result = case.simulation(seed).run()
+    away = 1e3 * np.linalg.norm(result["tool_position"].values - _ideal_tool(case.loaded), axis=1)
+    force = "reaction_force" if case.ideal else "joint_force_peak"
+    at = {"moving_joint" if case.ideal else "joint": JOINT}
+    audit = result.audit
+    return {
+        "deviation_rms_mm": float(np.sqrt(np.mean(away**2))),
+        "deviation_max_mm": float(away.max()),
+        "peak_force_N": float(np.linalg.norm(result[force].sel(at).values, axis=1).max()),
+        "peak_contact_N": 0.0 if case.ideal else float(result["normal_force_peak"].max()),
+        "impacts": audit.impacts,
+        "normal_loss_J": float(result["normal_dissipation"][-1]),
+        "friction_loss_J": float(result["friction_dissipation"][-1]),
+        "energy_residual_J": audit.energy_residual,
+        "shortest_contact_steps": audit.shortest_contact_steps,
+        "wall_s": result.dataset.attrs["wall_time_s"],
+    }
+
+
+Ensemble = dict[str, np.ndarray]
+"""Each figure of `measure` for every run of a case."""
+
+
+def _measure(job: tuple[int, Case, int | None]) -> tuple[int, dict[str, float]]:
+    index, case, seed = job
+    return index, measure(case, seed) | {"seed": -1 if seed is None else seed}
+
+
+def ensembles(cases: Sequence[Case], runs: int, jobs: int) -> list[Ensemble]:
+    """Measure every case in `runs` runs of slightly displaced journals (an ideal robot in one)."""
+    work = [
+        (index, case, seed)
+        for index, case in enumerate(cases)
+        for seed in ([None] if case.ideal else range(runs))
+    ]
+    found: list[list[dict[str, float]]] = [[] for _ in cases]
+    with ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn")) as pool:
+        pending = [pool.submit(_measure, job) for job in work]
+        for done in tqdm(as_completed(pending), total=len(pending), unit="run", smoothing=0.05):
+            index, figures = done.result()
+            found[index].append(figures)
+    for group in found:
+        group.sort(key=lambda figures: figures["seed"])
+    return [{name: np.array([run[name] for run in group]) for name in group[0]} for group in found]
+
+
+class Benchmark:
+    """A benchmark's command line and files: `<name>.csv`, `<name>.md` and `<name>.png`."""
+
+    def __init__(self, name: str, doc: str, runs: int = 8) -> None:
+        self.name = name
+        self.parser = argparse.ArgumentParser(
+            description=doc, formatter_class=argparse.RawDescriptionHelpFormatter
+        )
+        add = self.parser.add_argument
+        add(
+            "--out",
+            type=Path,
+            default=Path("results/benchmarks") / name,
+            help="folder for table, figure and data (default: %(default)s)",
+        )
+        add("--force", action="store_true", help="overwrite files of an earlier run")
+        add("--quick", action="store_true", help="a rough answer, in a fraction of the time")
+        if runs:
+            add(
+                "--runs",
+                type=int,
+                default=runs,
+                metavar="N",
+                help="runs per case, each with the journal displaced at the start by up to "
+                f"{100 * PERTURBATION:g} %% of its clearances (default: %(default)s)",
+            )
+            add(
+                "--jobs",
+                type=int,
+                default=os.cpu_count(),
+                metavar="N",
+                help="processes (default: all %(default)s cores)",
+            )
+
+    def parse(self) -> argparse.Namespace:
+        """Parse the command line; stop if a file would be overwritten."""
+        args = self.parser.parse_args()
+        if getattr(args, "runs", 2) < 2 or getattr(args, "jobs", 1) < 1:
+            self.parser.error("--runs must be at least 2 and --jobs at least 1")
+        if args.quick and hasattr(args, "runs"):
+            args.runs = min(args.runs, 2)
+        self.folder: Path = args.out
+        existing = [path for path in map(self.path, ("csv", "md", "png")) if path.exists()]
+        if existing and not args.force:
+            self.parser.error(f"{existing[0]} exists; give another --out, or --force")
+        self.folder.mkdir(parents=True, exist_ok=True)
+        return args
+
+    def path(self, kind: str) -> Path:
+        return self.folder / f"{self.name}.{kind}"
+
+    def finish(
+        self, header: Sequence[str], rows: Sequence[Sequence[str]], data: list[dict], figure: Figure
+    ) -> None:
+        """Print and write the table, write data and figure."""
+        lines = [header, ["---"] * len(header), *rows]
+        table = "\n".join("| " + " | ".join(line) + " |" for line in lines)
+        print(table)
+        self.path("md").write_text(table + "\n", encoding="utf-8")
+        with self.path("csv").open("w", newline="", encoding="utf-8") as file:
+            writer = csv.DictWriter(file, list(data[0]))
+            writer.writeheader()
+            writer.writerows(data)
+        figure.savefig(self.path("png"), dpi=160)
+        print(f"\nwritten: {', '.join(str(self.path(kind)) for kind in ('md', 'csv', 'png'))}")
+
+
+def runs_as_rows(cases: Sequence[Case], found: Sequence[Ensemble]) -> list[dict]:
+    """One row a run for the CSV: the case, then what was measured."""
+    return [
+        asdict(case) | {name: values[i] for name, values in ensemble.items()}
+        for case, ensemble in zip(cases, found, strict=True)
+        for i in range(len(ensemble["seed"]))
+    ]
+
+
+def spread(values: np.ndarray) -> str:
+    """Mean ± standard deviation over the runs; the mean alone if they all agree."""
+    mean = _rounded(values.mean(), 3)
+    return mean if np.ptp(values) == 0.0 else f"{mean} ± {_rounded(values.std(ddof=1), 1)}"
+
+
+def _rounded(value: float, digits: int) -> str:
+    """`digits` significant digits, without an exponent from 1e-4 upwards."""
+    if value == 0.0:
+        return "0"
+    magnitude = int(np.floor(np.log10(abs(value))))
+    if magnitude < -4:
+        return f"{value:.{digits - 1}e}"
+    return f"{round(value, digits - 1 - magnitude):.{max(digits - 1 - magnitude, 0)}f}"
+
+
+def draw_ensembles(axes, x: Sequence[float], values: Sequence[np.ndarray], **style) -> None:
+    """Mean and standard deviation of each ensemble over `x`, single runs as faint dots."""
+    means = [group.mean() for group in values]
+    deviations = [group.std(ddof=1) if len(group) > 1 else 0.0 for group in values]
+    bars = axes.errorbar(x, means, deviations, capsize=3, ms=4, lw=1.2, **style)
+    for at, group in zip(x, values, strict=True):
+        axes.plot(
+            [at] * len(group), group, ".", ms=3, alpha=0.35, mew=0, color=bars.lines[0].get_color()
+        )
+
+
+def new_figure(rows: int, columns: int, width: float = 8.0, height: float = 6.0, **options):
+    """Make a figure and its axes, as an array of shape (rows, columns)."""
+    figure = Figure(figsize=(width, height), layout="constrained")
+    axes = figure.subplots(rows, columns, squeeze=False, **options)
+    for panel in axes.flat:
+        panel.grid(color="0.9", lw=0.6)
+        panel.set_axisbelow(True)
+        panel.spines[["top", "right"]].set_visible(False)
+    return figure, axes
+
+
+def show_grid(panel, table: np.ndarray, texts: Sequence[Sequence[str]]) -> None:
+    """Heat map with the value of every cell written in it."""
+    panel.imshow(table, cmap="cividis", origin="lower", aspect="auto")
+    panel.grid(False)
+    middle = 0.5 * (table.min() + table.max())
+    for (row, column), value in np.ndenumerate(table):
+        colour = "white" if value < middle else "black"
+        panel.text(
+            column, row, texts[row][column], ha="center", va="center", color=colour, fontsize=8
+        )
+
+
+def millimetres(length: float) -> str:
+    return f"{1e3 * length:g}"
+
+
+Labels = Mapping[str, str]
+QUANTITIES: Labels = {
+    "deviation_rms_mm": "tool deviation, RMS [mm]",
+    "deviation_max_mm": "tool deviation, largest [mm]",
+    "peak_force_N": "peak joint force [N]",
+    "peak_contact_N": "peak force of one contact [N]",
+    "impacts": "impacts in 3 s",
+    "normal_loss_J": "lost in impacts [J]",
+    "friction_loss_J": "lost in friction [J]",
+}
+"""What is measured and its unit; the tool deviation is the distance from the ideal robot's tool."""

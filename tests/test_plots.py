@@ -1,0 +1,84 @@
+"""Figures by what they drew."""
+
+import numpy as np
+import pytest
+from matplotlib.colors import to_hex
+
+from jointplay import plots
+from jointplay.study import scara
+
+
+def shortened(clearance, duration):
+    simulation = scara(clearance)
+    return type(simulation)(simulation.mechanism, simulation.motion, duration=duration).run()
+
+
+@pytest.fixture(scope="module")
+def cases():
+    return {
+        label: shortened(clearance, 0.12)
+        for label, clearance in (("ideal", None), ("0.2 mm", 0.2e-3), ("0.5 mm", 0.5e-3))
+    }
+
+
+def colours(axes):
+    return [to_hex(line.get_color()) for line in axes.get_lines()]
+
+
+RED, BLUE, MAGENTA = map(to_hex, ("red", "blue", "magenta"))
+
+
+@pytest.mark.parametrize("name", ["fig09", "fig10"])
+def test_tool_histories_show_all_cases_in_the_papers_colours(cases, name):
+    figure = plots.FIGURES[name](cases)
+    for row, axis in enumerate("xyz"):
+        panel, difference = figure.axes[2 * row], figure.axes[2 * row + 1]
+        assert colours(panel) == [RED, BLUE, MAGENTA]
+        assert colours(difference) == [BLUE, MAGENTA]
+        assert panel.get_ylabel().endswith("[m]" if name == "fig09" else "[m/s]")
+        variable = "tool_position" if name == "fig09" else "tool_velocity"
+        drawn = panel.get_lines()[1].get_ydata()
+        assert np.array_equal(drawn, cases["0.2 mm"][variable].sel(axis=axis))
+
+
+def test_orbit_stays_near_the_clearance_circle(cases):
+    figure = plots.FIGURES["fig12"](cases)
+    assert len(figure.axes) == 2
+    for axes, radius in zip(figure.axes, (0.2, 0.5), strict=True):
+        circle, orbit = axes.get_lines()
+        assert np.allclose(np.hypot(*circle.get_data()), radius)
+        assert np.hypot(*orbit.get_data()).max() < 1.1 * radius
+        assert "[mm]" in axes.get_xlabel()
+
+
+@pytest.mark.parametrize(("name", "axis"), [("fig13", "x"), ("fig14", "y"), ("fig15", "z")])
+def test_force_figures_show_held_peaks(cases, name, axis):
+    figure = plots.FIGURES[name](cases)
+    assert [colours(axes)[0] for axes in figure.axes] == [RED, BLUE, MAGENTA]
+    drawn = figure.axes[2].get_lines()[0].get_ydata()
+    peaks = cases["0.5 mm"]["joint_force_peak"].sel(axis=axis).values[:, 0]
+    assert np.array_equal(drawn, peaks)
+    assert figure.axes[0].get_ylabel() == f"F{axis} [N]"
+
+
+def test_files_are_written_and_not_blank(cases, tmp_path):
+    import matplotlib.image
+
+    written = plots.save(cases, tmp_path)
+    assert {path.suffix for path in written} == {".png", ".pdf"}
+    for path in written:
+        if path.suffix == ".png":
+            assert matplotlib.image.imread(path)[..., :3].std() > 0.01
+        else:
+            assert path.read_bytes().startswith(b"%PDF")
+
+
+def test_a_single_case_without_ideal_can_be_drawn(cases, tmp_path):
+    written = {path.name for path in plots.save({"0.2 mm": cases["0.2 mm"]}, tmp_path)}
+    assert "fig12.png" in written
+
+
+def test_an_ideal_robot_alone_has_no_orbit(cases, tmp_path):
+    written = {path.name for path in plots.save({"ideal": cases["ideal"]}, tmp_path)}
+    assert "fig12.png" not in written
+    assert "fig13.png" in written
