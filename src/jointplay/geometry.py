@@ -263,16 +263,22 @@ def classify_many(poses, bore_radius, bore_length, journal_radius, journal_lengt
     Returns:
         gaps (n, 4) [m], modes (n,) and forms (n,) as int8.
     """
+    # Element by element: slices would triple the compilation time of the whole package.
     n = poses.shape[0]
     all_gaps = np.empty((n, 4))
     modes = np.empty(n, np.int8)
     forms = np.empty(n, np.int8)
+    centre = np.empty(3)
+    axis = np.empty(3)
     for i in range(n):
-        axis = poses[i, 3:6]
+        for k in range(3):
+            centre[k] = poses[i, k]
+            axis[k] = poses[i, 3 + k]
         gap, _, normal = gaps(
-            poses[i, 0:3], axis, bore_radius, bore_length, journal_radius, journal_length
+            centre, axis, bore_radius, bore_length, journal_radius, journal_length
         )
-        all_gaps[i] = gap
+        for k in range(4):
+            all_gaps[i, k] = gap[k]
         modes[i] = classify_mode(gap)
         drop = 2.0 * journal_radius * math.sqrt(axis[0] * axis[0] + axis[1] * axis[1])
         forms[i] = classify_form(gap, normal, drop)

@@ -246,12 +246,16 @@ def coordinate_rows(nv: int) -> np.ndarray:
     return rows
 
 
-@njit(cache=True)
+_internal = njit(cache=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)
+"""For functions that only kernels call: without wrappers they compile faster."""
+
+
+@_internal
 def _open(table, entry, size):
     return carray(pointer(table[entry]), (size,))
 
 
-@njit(cache=True)
+@_internal
 def _fail(table, status, contact):
     """Keep the first failure: what follows it only echoes it."""
     if table[_STATUS] == 0:
@@ -259,7 +263,7 @@ def _fail(table, status, contact):
         table[_BAD_CONTACT] = contact
 
 
-@njit(cache=True)
+@_internal
 def _contact(table, j, q, v, tau, power, commit):
     """Add clearance joint j's forces at state (q, v) to tau and its losses to power.
 
@@ -377,7 +381,7 @@ def _contact(table, j, q, v, tau, power, commit):
             force[3], force[4], force[5], force[6] = fx, fy, fz, square
 
 
-@njit(cache=True)
+@_internal
 def _end_contact(memory, m):
     """Count a contact that has ended, and how well it was resolved."""
     steps = memory[m + _STEPS]
@@ -389,7 +393,7 @@ def _end_contact(memory, m):
         memory[m + _IMPULSE_UNDER] += memory[m + _OWN_IMPULSE]
 
 
-@njit(cache=True)
+@_internal
 def _load(table, q, v, time, commit):
     """Generalised forces tau and powers at state (q, v): drive, joint friction, contact."""
     nv = table[_NV]
@@ -438,7 +442,7 @@ def _load(table, q, v, time, commit):
         _fail(table, 2, 0)
 
 
-@njit(cache=True)
+@_internal
 def _record(table):
     """Write the current state and the peaks since the last record, and begin new peaks."""
     nv = table[_NV]
@@ -498,7 +502,7 @@ def record(table) -> int:
     return table[_STATUS]
 
 
-@njit(cache=True)
+@_internal
 def _advance_clock(table):
     clock = _open(table, _CLOCK, _CLOCK_SIZE)
     table[_STEP] += 1
