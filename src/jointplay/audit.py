@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from jointplay.joint import ClearanceJoint
 from jointplay.kernel import WELL_RESOLVED_STEPS, Workspace
-
-if TYPE_CHECKING:
-    from jointplay.simulation import Simulation
 
 ENERGY_WARNING = 0.01
 """Relative energy residual above which a run warns."""
@@ -43,13 +42,13 @@ class Audit:
     @classmethod
     def of(
         cls,
-        simulation: Simulation,
+        clearance: Mapping[str, ClearanceJoint],
         workspace: Workspace,
         kinetic: np.ndarray,
         work: np.ndarray,
         residual: np.ndarray,
     ) -> Audit:
-        """Audit the records in `workspace`."""
+        """Audit the records in `workspace` of a mechanism with these clearance joints."""
         statistics = workspace.contact_statistics()
         exchanged = max(
             (float(np.abs(np.diff(values)).sum()) for values in (kinetic, work[:, 0])), default=0.0
@@ -57,9 +56,7 @@ class Audit:
         shortest = float(np.min(statistics["shortest_steps"], initial=np.inf))
         impulse = float(statistics["impulse"].sum())
         depth, relative = 0.0, 0.0
-        for joint, gaps in zip(
-            simulation.mechanism.clearance.values(), statistics["smallest_gap"], strict=True
-        ):
+        for joint, gaps in zip(clearance.values(), statistics["smallest_gap"], strict=True):
             rooms = (joint.cr, joint.cr, joint.ca, joint.ca)
             for gap, room in zip(gaps, rooms, strict=True):
                 depth, relative = max(depth, -gap), max(relative, -gap / room)

@@ -10,8 +10,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import stdtrit
 from scipy.spatial import cKDTree
+from scipy.special import stdtrit
 
 from jointplay.geometry import Mode
 from jointplay.result import AXES, Result

@@ -283,3 +283,12 @@ def classify_many(poses, bore_radius, bore_length, journal_radius, journal_lengt
         drop = 2.0 * journal_radius * math.sqrt(axis[0] * axis[0] + axis[1] * axis[1])
         forms[i] = classify_form(gap, normal, drop)
     return all_gaps, modes, forms
+
+
+def journal_axis(angles: np.ndarray) -> np.ndarray:
+    """Journal axis in the bearing frame for yaw, pitch, roll (n, 3) [rad]: shape (n, 3)."""
+    yaw, pitch, roll = angles.T
+    cy, sy, cp, sp, cr, sr = (
+        function(angle) for angle in (yaw, pitch, roll) for function in (np.cos, np.sin)
+    )
+    return np.column_stack([cy * sp * cr + sy * sr, sy * sp * cr - cy * sr, cp * cr])

@@ -20,12 +20,13 @@ from jointplay.contact.law import address, check_parameters
 from jointplay.drive import REFERENCE_NODE_S, ComputedTorque, JointFriction
 from jointplay.errors import JointplayError, MissingName, require_positive
 from jointplay.geometry import CONTACTS
+from jointplay.histories import assemble
 from jointplay.impact import REFERENCE_SPEED, contact_duration
 from jointplay.integrators import DEFAULT, Integrator, integrator
 from jointplay.kernel import Status, Workspace
 from jointplay.mechanism import Mechanism
 from jointplay.motion import Motion
-from jointplay.result import Result, assemble
+from jointplay.result import Result
 
 MIN_CONTACT_STEPS = 4.0
 """Fewer steps in an impact than this and the step is refused: the contact would gain energy."""
@@ -222,7 +223,8 @@ class Run:
         message = self.message(status)
         if status not in (Status.COMPLETED, Status.INTERRUPTED):
             warnings.warn(message, RuntimeWarning, stacklevel=2)
-        return assemble(self.simulation, self.workspace, status, message, elapsed)
+        description = self.simulation.describe()
+        return assemble(self.mechanism, description, self.workspace, status, message, elapsed)
 
     def loop(self, progress: bool = False) -> Status:
         """Step until the end, a failure, or Ctrl-C; returns why it stopped."""

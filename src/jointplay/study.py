@@ -18,11 +18,12 @@ from tqdm import tqdm
 
 from jointplay.claims import START_UP, Measures, Verdict, judge, measure
 from jointplay.errors import JointplayError
+from jointplay.histories import versions
 from jointplay.joint import ClearanceJoint
 from jointplay.kernel import Status
 from jointplay.mechanism import STANDARD_GRAVITY, Mechanism
 from jointplay.motion import Motion
-from jointplay.result import Result, versions
+from jointplay.result import Result
 from jointplay.simulation import PERTURBATION, Simulation
 from jointplay.urdf import shipped
 
