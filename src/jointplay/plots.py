@@ -197,7 +197,7 @@ def _skeleton(mechanism: Mechanism, q: np.ndarray) -> np.ndarray:
 
 
 def overview(cases: Cases) -> Figure:
-    """The robot from above, its tool's error, the journal's orbit and the joint's force."""
+    """The robot from above, its tool's error (or the tilt), the journal's orbit, the force."""
     figure = Figure(figsize=(9.0, 6.2))
     (plan, error), (orbit, force) = figure.subplots(2, 2, width_ratios=(1.0, 1.5))
     ideal = reference(cases)
@@ -214,17 +214,19 @@ def overview(cases: Cases) -> Figure:
     plan.set_xlabel("x [m]")
     plan.set_ylabel("y [m]")
     for label, result, colour in reversed(shown):
-        n = min(len(result.time), len(first.time))
         if ideal is not None:
+            n = min(len(result.time), len(first.time))
             away = result["tool_position"].values[:n] - ideal["tool_position"].values[:n]
             away = 1e3 * np.linalg.norm(away, axis=1)
             error.plot(result.time[:n], away, color=colour, label=label)
+        else:
+            error.plot(result.time, 1e3 * result["tilt"].values[:, 0], color=colour, label=label)
         peak = np.linalg.norm(result["joint_force_peak"].values[:, 0], axis=1)
         force.plot(result.time, peak, color=colour, label=label)
-    error.set_ylabel("tool error [mm]")
+    error.set_ylabel("tool error [mm]" if ideal is not None else "tilt [mrad]")
     force.set_ylabel("contact force [N]")
     force.set_xlabel("time [s]")
-    error.legend(loc="upper right")
+    error.legend()
     label, result, colour = shown[-1]
     radius = 1e3 * result.simulation.mechanism.clearance[result.joints[0]].cr
     angle = np.linspace(0.0, 2.0 * np.pi, 361)
