@@ -103,7 +103,7 @@ class ComputedTorque:
         q, v, a = (np.ascontiguousarray(values[:, order]) for values in motion(times))
         model, data = ideal.model, ideal.data
         effort = np.array([pin.rnea(model, data, *state) for state in zip(q, v, a, strict=True)])
-        inertia = pin.crba(model, data, q[0]).diagonal()
+        inertia = pin.crba(model, data, q[0]).reshape(model.nv, model.nv).diagonal()
 
         rows = kernel.coordinate_rows(mechanism.model.nv)
         for index, joint in enumerate(joints):

@@ -130,7 +130,7 @@ class ClearanceJoint:
                 )
             if play is not None and not _close(outer - inner, factor * play):
                 raise JointplayError(
-                    f"{clearance} clearance {play:g} m contradicts the {dimension}s: bearing "
+                    f"{clearance} clearance {play:g} m contradicts the dimensions: bearing "
                     f"{outer:g} m and journal {inner:g} m give {(outer - inner) / factor:g} m"
                 )
         if play is None:

@@ -218,7 +218,8 @@ def _with_virtual_links(
                 f"joint {name!r} is of the kind {kind.removeprefix('JointModel')}; "
                 "only revolute, continuous and prismatic joints are supported"
             )
-        column = pin.getJointJacobian(source, data, old, pin.ReferenceFrame.LOCAL)[:, joint.idx_v]
+        jacobian = pin.getJointJacobian(source, data, old, pin.ReferenceFrame.LOCAL)
+        column = jacobian.reshape(6, source.nv)[:, joint.idx_v]  # flat for a single column
         if name in clearance:
             turn = pin.SE3(_z_to(column[3:]), np.zeros(3))
             centre = model.addJoint(

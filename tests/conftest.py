@@ -1,0 +1,91 @@
+"""Small mechanisms with known answers."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from jointplay import ClearanceJoint, ComputedTorque, Mechanism, Motion, Simulation
+from jointplay.simulation import Run
+
+BODY = """
+  <link name="{name}"><inertial>
+    <origin xyz="{com}"/><mass value="{mass}"/>
+    <inertia ixx="{i}" iyy="{i}" izz="{i}" ixy="0" ixz="0" iyz="0"/>
+  </inertial></link>"""
+JOINT = """
+  <joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>
+    <origin xyz="{at}" rpy="{rpy}"/><axis xyz="{axis}"/>
+    <limit lower="-9" upper="9" effort="1e3" velocity="1e3"/></joint>"""
+
+
+def body(name, mass=2.0, com="0 0 0", inertia=1e-2):
+    return BODY.format(name=name, mass=mass, com=com, i=inertia)
+
+
+def joint(name, parent, child, kind="revolute", axis="0 0 1", at="0 0 0", rpy="0 0 0"):
+    return JOINT.format(name=name, parent=parent, child=child, kind=kind, axis=axis, at=at, rpy=rpy)
+
+
+@pytest.fixture
+def urdf(tmp_path):
+    """Write a robot of the given elements to a file."""
+
+    def write(*elements: str, base: str = '<link name="base"/>') -> Path:
+        path = tmp_path / "robot.urdf"
+        path.write_text(f'<robot name="r">{base}{"".join(elements)}</robot>')
+        return path
+
+    return write
+
+
+def still(mechanism: Mechanism, duration: float) -> Motion:
+    """All joints commanded to stand at zero."""
+    joints = mechanism.joints
+    return Motion(joints, [0.0, duration], np.zeros((2, len(joints))))
+
+
+def release(run: Run) -> Run:
+    """Switch all drives off."""
+    run.workspace.coordinates[1:3] = 0.0
+    run.workspace.reference[:] = 0.0
+    return run
+
+
+@pytest.fixture
+def free_mass(urdf):
+    """A run of a single undriven body whose journal plays in a bearing fixed to the ground.
+
+    Options: those of the clearance joint, and `offset`, `velocity` of its six coordinates.
+    """
+
+    def make(
+        *,
+        offset=(0.0,) * 6,
+        velocity=(0.0,) * 6,
+        duration=2e-3,
+        mass=2.0,
+        com="0 0 0",
+        gravity=(0.0, 0.0, 0.0),
+        step=1e-6,
+        integrator="semi-implicit-euler",
+        record_every=1,
+        **bearing,
+    ) -> Run:
+        clearance = {"radial_clearance": 2e-4, "axial_clearance": 2e-4} | bearing
+        path = urdf(body("arm", mass, com), joint("pin", "base", "arm"))
+        mechanism = Mechanism(path, {"pin": ClearanceJoint(**clearance)}, gravity=gravity)
+        simulation = Simulation(
+            mechanism,
+            still(mechanism, duration),
+            drive=ComputedTorque(bandwidth=1.0),
+            step=step,
+            integrator=integrator,
+            record_every=record_every,
+        )
+        run = release(simulation.prepare())
+        run.workspace.q[:] = offset
+        run.workspace.v[:] = velocity
+        return run
+
+    return make

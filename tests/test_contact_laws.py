@@ -1,0 +1,310 @@
+"""Laws against their formulas, alone and in impacts of a free mass."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+
+import jointplay as jp
+from jointplay import JointplayError
+from jointplay.contact import (
+    FRICTION_LAWS,
+    NORMAL_LAWS,
+    ContactProperties,
+    friction_law,
+    normal_law,
+)
+from jointplay.impact import elastic_energy, impact_duration
+from jointplay.kernel import Status
+
+STEEL = ContactProperties(1.06e11, 0.8)
+DELTA, DDELTA, DDELTA0 = 7e-6, -0.03, 0.1
+
+
+def value(law, *state):
+    p = law.parameters() if len(state) == 1 else law.parameters(STEEL)
+    return law.function(*state, p)
+
+
+def test_each_law_is_its_formula():
+    k, a = STEEL.stiffness, 0.75 * (1 - 0.8**2)
+    state = (DELTA, DDELTA, DDELTA0)
+    hertz = k * DELTA**1.5
+    assert value(jp.Hertz(), *state) == pytest.approx(hertz)
+    assert value(jp.LinearSpring(3e8), *state) == pytest.approx(3e8 * DELTA)
+    assert value(jp.KelvinVoigt(50.0, 3e8), *state) == pytest.approx(3e8 * DELTA - 50 * 0.03)
+    equation_19 = hertz * (1 + a * DDELTA / DDELTA0)
+    assert value(jp.LankaraniNikravesh(), *state) == pytest.approx(equation_19)
+    assert value(jp.HuntCrossley(), *state) == pytest.approx(equation_19)
+
+
+def test_hunt_crossley_keeps_equation_14_at_the_reference_depth():
+    # At 10 um and |ddelta| = ddelta0 the damping part is 3/4 (1 - c_e^2) of the elastic one.
+    for n, p, q in ((1.5, 1.5, 1.0), (2.0, 1.0, 1.0), (1.5, 0.5, 2.0)):
+        law = jp.HuntCrossley(n, p, q)
+        elastic = value(law, 1e-5, 0.0, 0.2)
+        assert elastic == pytest.approx(STEEL.stiffness * 1e-5**1.5)
+        damping = value(law, 1e-5, 0.2, 0.2) - elastic
+        assert damping == pytest.approx(0.75 * (1 - 0.8**2) * elastic)
+        assert value(law, 1e-5, -0.2, 0.2) == pytest.approx(elastic - damping)
+
+
+def test_derived_linear_stiffness_stores_hertz_energy_at_ten_microns():
+    linear, hertz = jp.LinearSpring(), jp.Hertz()
+    stored = [elastic_energy(law, law.parameters(STEEL), 1e-5) for law in (linear, hertz)]
+    assert stored[0] == pytest.approx(stored[1], rel=1e-4)
+
+
+@pytest.mark.parametrize("depth", [1e-7, 1e-5])
+def test_stored_energy_is_the_integral_of_the_elastic_force(depth):
+    law = jp.Hertz()
+    exact = 0.4 * STEEL.stiffness * depth**2.5
+    assert elastic_energy(law, law.parameters(STEEL), depth) == pytest.approx(exact, rel=1e-5)
+    assert elastic_energy(law, law.parameters(STEEL), -depth) == 0.0
+
+
+def test_friction_has_the_branches_of_equation_21():
+    law = jp.Ambrosio(0.1, 1e-4, 1e-3)
+    assert value(law, 0.5e-4) == 0.0
+    assert value(law, 5.5e-4) == pytest.approx(0.05)
+    assert value(law, 2e-3) == 0.1  # the paper prints 1 here
+    assert value(law, 1e-3) == pytest.approx(value(law, 1e-3 - 1e-12))
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: jp.Ambrosio(-0.1),
+        lambda: jp.Ambrosio(0.1, 1e-3, 1e-3),
+        lambda: jp.KelvinVoigt(-1.0),
+        lambda: jp.LinearSpring(0.0),
+        lambda: jp.HuntCrossley(n=0.5),
+        lambda: jp.HuntCrossley(q=float("nan")),
+    ],
+)
+def test_impossible_parameters_are_refused(make):
+    with pytest.raises(JointplayError):
+        make()
+
+
+@pytest.mark.parametrize("name", NORMAL_LAWS)
+def test_normal_laws_describe_themselves(name):
+    made = jp.KelvinVoigt(30.0) if name == "kelvin-voigt" else NORMAL_LAWS[name]()
+    again = normal_law(made.describe())
+    assert again.parameters(STEEL) == made.parameters(STEEL)
+    assert type(again) is type(made)
+
+
+def test_friction_laws_describe_themselves():
+    made = jp.Ambrosio(0.2, 2e-4, 3e-3)
+    assert friction_law(made.describe()).parameters() == made.parameters()
+    assert list(FRICTION_LAWS) == ["ambrosio"]
+
+
+def test_unknown_law_answers_with_those_that_exist():
+    with pytest.raises(JointplayError, match="lankarani-nikravesh"):
+        normal_law({"law": "gravity"})
+
+
+# Impacts: a body flies along z against the end wall, one axial contact, nothing else.
+
+SPEED, MASS = 0.2, 2.0
+
+
+def impact(free_mass, law, restitution=0.8, **options):
+    """Run the impact; returns rebound/approach speed, duration, depth."""
+    run = free_mass(
+        normal=law,
+        restitution=restitution,
+        friction=jp.Ambrosio(0.0),
+        offset=(0, 0, 1.99e-4, 0, 0, 0),
+        velocity=(0, 0, SPEED, 0, 0, 0),
+        mass=MASS,
+        **options,
+    )
+    result = run.execute()
+    assert result.status == Status.COMPLETED
+    touching = result["gap"].values[:, 0, 2] < 0.0
+    duration = touching.sum() * 1e-6
+    rebound = -result["v"].values[-1, 2] / SPEED
+    return rebound, duration, float(-result["gap"].values[:, 0, 2].min())
+
+
+def k_axial():
+    return jp.ClearanceJoint(radial_clearance=2e-4, axial_clearance=2e-4).hertz_stiffness
+
+
+def test_hertz_impact_has_the_known_depth_and_duration(free_mass):
+    rebound, duration, depth = impact(free_mass, jp.Hertz())
+    exact = (5 * MASS * SPEED**2 / (4 * k_axial())) ** 0.4
+    assert depth == pytest.approx(exact, rel=2e-3)
+    assert duration == pytest.approx(2.9432 * exact / SPEED, rel=0.01)
+    assert rebound == pytest.approx(1.0, abs=2e-3)
+
+
+def test_linear_spring_impact_lasts_half_a_period(free_mass):
+    k = 4e8
+    rebound, duration, depth = impact(free_mass, jp.LinearSpring(k))
+    assert duration == pytest.approx(math.pi * math.sqrt(MASS / k), rel=0.01)
+    assert depth == pytest.approx(SPEED * math.sqrt(MASS / k), rel=2e-3)
+    assert rebound == pytest.approx(1.0, abs=2e-3)
+
+
+def lankarani_nikravesh_restitution(c, factor=0.75):
+    """Solve a (1 + e) = ln((1 + a)/(1 - a e)), a = 3/4 (1 - c^2), for e."""
+    a = factor * (1 - c * c)
+    return brentq(lambda e: a * (1 + e) - math.log((1 + a) / (1 - a * e)), 1e-9, 1.0)
+
+
+@pytest.mark.parametrize("c", [0.95, 0.9, 0.7, 0.4])
+def test_lankarani_nikravesh_restitution_is_the_closed_form(free_mass, c):
+    rebound, _, _ = impact(free_mass, jp.LankaraniNikravesh(), restitution=c)
+    assert rebound == pytest.approx(lankarani_nikravesh_restitution(c), abs=3e-3)
+
+
+def test_a_wrong_damping_factor_fails_the_restitution_check(free_mass):
+    rebound, _, _ = impact(free_mass, jp.LankaraniNikravesh(), restitution=0.7)
+    assert abs(rebound - lankarani_nikravesh_restitution(0.7, factor=1.5)) > 0.05
+
+
+def test_kelvin_voigt_restitution_without_adhesion(free_mass):
+    k, b = 4e8, 3e3
+
+    def pushing(_, y):
+        return y[1], -max(k * y[0] + b * y[1], 0.0) / MASS
+
+    def apart(_, y):
+        return y[0]
+
+    apart.terminal, apart.direction = True, -1
+    exact = solve_ivp(pushing, (0, 1e-2), (1e-12, SPEED), rtol=1e-9, atol=1e-13, events=apart)
+    rebound, _, _ = impact(free_mass, jp.KelvinVoigt(b, k))
+    assert rebound == pytest.approx(-exact.y[1, -1] / SPEED, abs=3e-3)
+
+
+@pytest.mark.parametrize("law", [jp.LankaraniNikravesh(), jp.Hertz(), jp.LinearSpring(4e8)])
+def test_expected_impact_duration_is_close(free_mass, law):
+    _, duration, _ = impact(free_mass, law)
+    joint = jp.ClearanceJoint(radial_clearance=2e-4, axial_clearance=2e-4, restitution=0.8)
+    expected = impact_duration(law, law.parameters(joint.axial_contact), MASS, SPEED)
+    assert duration == pytest.approx(expected, rel=0.1)
+
+
+speeds = st.floats(-0.3, 0.3)
+
+
+@settings(deadline=None, max_examples=10)
+@given(st.tuples(speeds, speeds, speeds, st.floats(-30, 30), st.floats(-3, 3), st.floats(-3, 3)))
+def test_a_contact_never_pulls_and_friction_never_drives(tmp_path_factory, velocity):
+    path = tmp_path_factory.mktemp("r") / "robot.urdf"
+    from conftest import body, joint, release, still
+
+    path.write_text(
+        f'<robot name="r"><link name="base"/>{body("arm")}{joint("pin", "base", "arm")}</robot>'
+    )
+    bearing = jp.ClearanceJoint(
+        radial_clearance=2e-4, axial_clearance=2e-4, normal=jp.KelvinVoigt(2e3), restitution=0.3
+    )
+    robot = jp.Mechanism(path, {"pin": bearing}, gravity=(0, 0, 0))
+    drive = jp.ComputedTorque(bandwidth=1.0)
+    run = release(jp.Simulation(robot, still(robot, 0.01), drive=drive, step=2e-6).prepare())
+    run.workspace.v[:] = velocity
+    result = run.execute()
+    assert result.status == Status.COMPLETED
+    assert (result["normal_force"].values >= 0.0).all()
+    for loss in ("normal_dissipation", "friction_dissipation"):
+        assert (np.diff(result[loss].values) >= -1e-12).all()
+    assert result.audit.relative_energy_residual < 0.02
+
+
+def test_a_slow_onset_does_not_blow_the_damping_up(free_mass):
+    # A journal that lies on the wall from rest and is then loaded: |ddelta|/ddelta0 stays <= 1,
+    # so eq. 19's bracket stays within 1 -+ 3/4 (1 - c_e^2).
+    run = free_mass(
+        normal=jp.LankaraniNikravesh(),
+        restitution=0.5,
+        friction=jp.Ambrosio(0.0),
+        offset=(0, 0, 2e-4 - 1e-12, 0, 0, 0),
+        velocity=(0, 0, 1e-9, 0, 0, 0),
+        gravity=(0, 0, 500.0),
+        duration=2e-3,
+    )
+    result = run.execute()
+    depth = np.maximum(-result["gap"].values[:, 0, 2], 0.0)
+    elastic = k_axial() * depth**1.5
+    force = result["normal_force"].values[:, 0, 2]
+    loaded = elastic > 1e-3
+    ratio = force[loaded] / elastic[loaded]
+    a = 0.75 * (1 - 0.5**2)
+    assert loaded.sum() > 500
+    assert ratio.max() <= 1 + a + 1e-9
+    assert ratio.min() >= 1 - a - 1e-9
+    assert np.ptp(ratio) > 0.5  # it does damp
+
+
+# A user's own laws.
+
+
+def my_hertz(delta, ddelta, ddelta0, p):
+    return p[0] * delta * math.sqrt(delta)
+
+
+def my_friction(speed, p):
+    return p[0]
+
+
+def broken(delta, ddelta, ddelta0, p):
+    return math.nan if delta > 1e-6 else 0.0 * p[0]
+
+
+def uncompilable(delta, ddelta, ddelta0, p):
+    return {"force": delta}
+
+
+def test_a_users_law_equals_the_built_in_one_bit_for_bit(free_mass):
+    own = jp.CustomNormalForce(my_hertz, (k_axial(),))
+    assert impact(free_mass, own) == impact(free_mass, jp.Hertz())
+
+
+def test_a_users_law_survives_its_description():
+    law = jp.CustomNormalForce(my_hertz, (5.0,))
+    assert law.describe()["function"].endswith(":my_hertz")
+    assert normal_law(law.describe()).parameters(STEEL) == (5.0,)
+    friction = jp.CustomFriction(my_friction, (0.3,))
+    assert friction_law(friction.describe()).parameters() == (0.3,)
+
+
+def test_wrong_laws_are_refused_with_the_right_signature():
+    with pytest.raises(JointplayError, match=r"must take \(delta, ddelta, ddelta0, p\)"):
+        jp.CustomNormalForce(my_friction)
+    with pytest.raises(JointplayError, match=r"must take \(speed, p\)"):
+        jp.CustomFriction(my_hertz)
+    with pytest.raises(JointplayError, match="at most 8"):
+        jp.CustomNormalForce(my_hertz, (1.0,) * 9)
+    with pytest.raises(JointplayError, match="non-finite"):
+        jp.CustomNormalForce(my_hertz, (math.inf,))
+    with pytest.raises(JointplayError, match="cannot be imported"):
+        normal_law({"law": "custom", "function": "nowhere:law", "parameters": []})
+
+
+def test_a_law_that_does_not_compile_is_named(free_mass):
+    with pytest.raises(JointplayError, match="'uncompilable' does not compile"):
+        free_mass(normal=jp.CustomNormalForce(uncompilable))
+
+
+def test_a_non_finite_force_stops_the_run_and_keeps_its_records(free_mass):
+    run = free_mass(
+        normal=jp.CustomNormalForce(broken, (1.0,)),
+        offset=(0, 0, 1.99e-4, 0, 0, 0),
+        velocity=(0, 0, SPEED, 0, 0, 0),
+    )
+    with pytest.warns(RuntimeWarning, match="returned a non-finite value"):
+        result = run.execute()
+    assert result.status == Status.BAD_FORCE
+    assert "axial_A" in result.message
+    assert len(result.time) > 5
+    assert np.isfinite(result["q"].values).all()

@@ -1,0 +1,100 @@
+"""Dimensions and stiffness of a clearance joint."""
+
+import math
+
+import pytest
+
+from jointplay import ClearanceJoint, Hertz, JointplayError, Material
+
+
+def test_clearances_give_the_journal():
+    joint = ClearanceJoint(radial_clearance=0.2e-3, axial_clearance=0.5e-3)
+    assert joint.rj == pytest.approx(9.8e-3)
+    assert joint.lj == pytest.approx(39e-3)
+
+
+def test_journal_gives_the_clearances():
+    joint = ClearanceJoint(journal_radius=9.8e-3, journal_length=39e-3)
+    assert joint.cr == pytest.approx(0.2e-3)
+    assert joint.ca == pytest.approx(0.5e-3)
+
+
+def test_both_may_be_given_if_they_agree():
+    ClearanceJoint(radial_clearance=2e-4, journal_radius=9.8e-3, axial_clearance=2e-4)
+
+
+def test_stiffness_follows_equations_11_to_13():
+    joint = ClearanceJoint(radial_clearance=0.2e-3, axial_clearance=0.2e-3)
+    sigma = (1 - 0.3**2) / (math.pi * 207e9)
+    radius = 10e-3 * 9.8e-3 / 0.2e-3
+    by_hand = 4 / (3 * math.pi * 2 * sigma) * math.sqrt(radius)
+    assert joint.hertz_stiffness == pytest.approx(by_hand, rel=1e-12)
+    assert joint.hertz_stiffness == pytest.approx(1.0615e11, rel=1e-4)
+    assert joint.axial_contact.stiffness == joint.hertz_stiffness
+
+
+def test_materials_are_in_series():
+    soft = ClearanceJoint(
+        radial_clearance=2e-4, axial_clearance=2e-4, journal_material=Material(3e9, 0.4)
+    )
+    sigma = (1 - 0.3**2) / (math.pi * 207e9) + (1 - 0.4**2) / (math.pi * 3e9)
+    by_hand = 4 / (3 * math.pi * sigma) * math.sqrt(10e-3 * 9.8e-3 / 2e-4)
+    assert soft.hertz_stiffness == pytest.approx(by_hand)
+
+
+def test_given_stiffnesses_win():
+    joint = ClearanceJoint(
+        radial_clearance=2e-4, axial_clearance=2e-4, stiffness=1e10, axial_stiffness=2e10
+    )
+    assert joint.radial_contact.stiffness == 1e10
+    assert joint.axial_contact.stiffness == 2e10
+
+
+GOOD = {"radial_clearance": 2e-4, "axial_clearance": 2e-4}
+BAD = [
+    ({"radial_clearance": 0.0}, "got 0 m"),
+    ({"radial_clearance": -1e-4}, "-0.0001 m"),
+    ({"axial_clearance": float("nan")}, "nan"),
+    ({"radial_clearance": float("inf")}, "inf"),
+    ({"radial_clearance": "wide"}, "'wide'"),
+    ({"radial_clearance": None}, "give the radial clearance or the journal radius"),
+    ({"axial_clearance": None}, "give the axial clearance or the journal length"),
+    ({"radial_clearance": 11e-3}, "0.011 m leaves no journal"),
+    ({"journal_radius": 12e-3}, "0.012 m does not fit into the bearing's 0.01 m"),
+    ({"journal_length": 41e-3}, "0.041 m does not fit into the bearing's 0.04 m"),
+    ({"journal_radius": 9.7e-3}, "0.0002 m contradicts the dimensions"),
+    ({"bearing_radius": 0.0}, "bearing radius"),
+    ({"restitution": 0.0}, "(0, 1], got 0"),
+    ({"restitution": 1.01}, "(0, 1], got 1.01"),
+    ({"stiffness": -1.0}, "stiffness"),
+    ({"bearing_length": 2e-3}, "too short"),
+    ({"normal": "hertz"}, "'hertz'"),
+    ({"friction": 0.1}, "0.1"),
+]
+
+
+@pytest.mark.parametrize(("change", "named"), BAD)
+def test_impossible_joints_are_refused_by_value(change, named):
+    with pytest.raises(JointplayError) as caught:
+        ClearanceJoint(**(GOOD | change))
+    assert named in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("fields", [{"young": -1.0}, {"poisson": 0.7}, {"young": float("nan")}])
+def test_impossible_materials_are_refused(fields):
+    with pytest.raises(JointplayError):
+        Material(**fields)
+
+
+def test_description_round_trip_is_exact():
+    joint = ClearanceJoint(
+        radial_clearance=0.3e-3,
+        journal_length=39.1e-3,
+        restitution=0.7,
+        normal=Hertz(),
+        journal_material=Material(110e9, 0.34),
+    )
+    again = ClearanceJoint.from_description(joint.describe())
+    assert again.describe() == joint.describe()
+    assert again.hertz_stiffness == joint.hertz_stiffness

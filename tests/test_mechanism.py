@@ -1,0 +1,186 @@
+"""Models with virtual links against the ideal robot, and what is refused."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from conftest import body, joint
+
+from jointplay import ClearanceJoint, JointplayError, Mechanism, shipped
+from jointplay.geometry import gaps, journal_axis
+from jointplay.study import scara
+
+PLAY = ClearanceJoint(radial_clearance=2e-4, axial_clearance=2e-4)
+AXES = ["1 0 0", "0 1 0", "0 0 1", "0 0 -1", "0.6 0 0.8", "-0.48 0.64 0.6"]
+
+
+def chain(urdf, axis, kind="revolute"):
+    return urdf(
+        *(body(f"l{i}", 1.0 + i, "0.1 0.02 -0.03", 0.01 * (i + 1)) for i in range(3)),
+        joint("j0", "base", "l0", kind, axis, "0 0 0.1", "0.2 0.1 0.3"),
+        joint("j1", "l0", "l1", kind, axis, "0.3 0.1 0", "0 0.4 -0.2"),
+        joint("j2", "l1", "l2", kind, axis, "0.2 0 0.1", "1.0 0 0"),
+    )
+
+
+@pytest.mark.parametrize("axis", AXES)
+@pytest.mark.parametrize("worn", ["j0", "j1", "j2"])
+def test_centred_journals_move_like_the_ideal_robot(urdf, axis, worn):
+    path = chain(urdf, axis)
+    ideal, real = Mechanism(path), Mechanism(path, {worn: PLAY})
+    positions = {"j0": 0.7, "j1": -1.1, "j2": 0.4}
+    q_ideal, q_real = (m.configuration(positions) for m in (ideal, real))
+    for mechanism, q in ((ideal, q_ideal), (real, q_real)):
+        pin.framesForwardKinematics(mechanism.model, mechanism.data, q)
+    for name in ("l0", "l1", "l2"):
+        places = [m.data.oMf[m.model.getFrameId(name)].homogeneous for m in (ideal, real)]
+        assert np.allclose(*places, atol=1e-14)
+    columns = [real.coordinate(name) for name in ("j0", "j1", "j2")]
+    full = pin.crba(real.model, real.data, q_real)
+    full = np.triu(full) + np.triu(full, 1).T
+    small = pin.crba(ideal.model, ideal.data, q_ideal)
+    small = np.triu(small) + np.triu(small, 1).T
+    assert np.allclose(full[np.ix_(columns, columns)], small, atol=1e-13)
+    assert pin.computeTotalMass(real.model) == pytest.approx(6.0)
+
+
+def test_coordinates_are_named_and_found(urdf):
+    mechanism = Mechanism(chain(urdf, "0 0 1"), {"j1": PLAY})
+    link = tuple(f"j1.{c}" for c in ("x", "y", "z", "yaw", "pitch", "roll"))
+    assert mechanism.coordinates == ("j0", *link, "j2")
+    assert mechanism.joints == ("j0", "j1", "j2")
+    assert mechanism.coordinate("j1") == 4
+    assert mechanism.model.nv == 8
+
+
+def test_continuous_joints_become_revolute_with_one_coordinate(urdf):
+    path = chain(urdf, "0 1 0", kind="continuous")
+    mechanism = Mechanism(path, {"j0": PLAY})
+    assert mechanism.model.nq == mechanism.model.nv == 8
+    assert mechanism.description.revolute == ["j0", "j1", "j2"]
+
+
+def test_virtual_work_of_the_virtual_link_is_action_and_reaction():
+    """tau = S^T w on the six coordinates equals +F on the journal and -F on the bearing."""
+    run = scara(0.2e-3).prepare()
+    mechanism, workspace = run.mechanism, run.workspace
+    model, data = mechanism.model, mechanism.data
+    joint_b = mechanism.clearance["joint_b"]
+    at = mechanism.virtual_link("joint_b")
+    workspace.q[:] = mechanism.configuration({"joint_a": 0.3, "joint_b": 0.8, "stroke": -0.05})
+    workspace.q[at : at + 6] += [1.4e-4, -1.2e-4, 1.9e-4, 0.0, 0.004, -0.006]
+    workspace.v[:] = np.linspace(-0.3, 0.4, model.nv)
+    workspace.coordinates[1:3] = 0.0
+    workspace.reference[:] = 0.0
+    from jointplay import kernel
+
+    assert kernel.begin(workspace.table) == 0
+    by_coordinates = pin.aba(model, data, workspace.q, workspace.v, workspace.tau).copy()
+
+    # The same forces as wrenches on the two bodies, at the contact points.
+    q, v = workspace.q, workspace.v
+    axis = journal_axis(q[None, at + 3 : at + 6])[0]
+    gap, point, normal = gaps(q[at : at + 3], axis, joint_b.ri, joint_b.li, joint_b.rj, joint_b.lj)
+    pin.forwardKinematics(model, data, q, v)
+    parent, placement = mechanism.bearing_joint("joint_b")
+    child = model.getJointId("joint_b")
+    bearing = data.oMi[parent] * placement
+    memory = workspace.memory[0]
+    wrench = {parent: pin.Force.Zero(), child: pin.Force.Zero()}
+    relative = data.oMi[child].rotation @ data.v[child].angular
+    relative -= data.oMi[parent].rotation @ data.v[parent].angular
+    omega = bearing.rotation.T @ relative
+    touching = np.flatnonzero(gap < 0.0)
+    assert len(touching) >= 2
+    for k in touching:
+        arm = point[k] - q[at : at + 3]
+        slip = v[at : at + 3] + np.cross(omega, arm)
+        slip -= normal[k] * (normal[k] @ slip)
+        force = memory[k, 3] * normal[k] - memory[k, 4] * slip / np.linalg.norm(slip)
+        world = bearing.rotation @ force
+        place = bearing.act(point[k])
+        for body_joint, sign in ((child, 1.0), (parent, -1.0)):
+            frame = data.oMi[body_joint]
+            local = frame.rotation.T @ (sign * world)
+            lever = frame.actInv(place)
+            wrench[body_joint] += pin.Force(local, np.cross(lever, local))
+    external = pin.StdVec_Force()
+    for index in range(model.njoints):
+        external.append(wrench.get(index, pin.Force.Zero()))
+    by_wrenches = pin.aba(model, data, q, v, np.zeros(model.nv), external)
+    assert np.abs(by_coordinates).max() > 1.0
+    assert np.allclose(by_coordinates, by_wrenches, rtol=1e-9, atol=1e-8)
+
+
+def test_unknown_joint_answers_with_the_revolute_ones():
+    with pytest.raises(JointplayError, match="joint_a, joint_b, joint_c"):
+        Mechanism(shipped("scara.urdf"), {"elbow": PLAY})
+
+
+def test_prismatic_joint_is_refused():
+    with pytest.raises(JointplayError, match="'stroke' is prismatic, not revolute"):
+        Mechanism(shipped("scara.urdf"), {"stroke": PLAY})
+
+
+def test_floating_joint_is_refused(urdf):
+    path = urdf(body("l0"), joint("free", "base", "l0", "floating"))
+    with pytest.raises(JointplayError, match="'free' is of the kind FreeFlyer"):
+        Mechanism(path)
+
+
+def test_impossible_inertia_is_refused_unless_named():
+    path = shipped("scara_as_printed.urdf")
+    with pytest.raises(JointplayError, match=r"'arm1'.*4\.937 > 0\.1689 \+ 3\.08"):
+        Mechanism(path)
+    assert Mechanism(path, allow_unphysical=["arm1"]).model.nv == 4
+    with pytest.raises(JointplayError, match="no link 'arm9'"):
+        Mechanism(path, allow_unphysical=["arm9"])
+
+
+@pytest.mark.parametrize(
+    ("element", "named"),
+    [
+        (body("l0", mass=-1.0), "mass -1 kg"),
+        (body("l0", inertia=-0.1), "not positive definite"),
+        (body("l0", inertia="nan"), "'nan'"),
+        (body("l0").replace('<mass value="2.0"/>', ""), "has no value"),
+    ],
+)
+def test_impossible_bodies_are_named(urdf, element, named):
+    with pytest.raises(JointplayError, match="'l0'") as caught:
+        Mechanism(urdf(element, joint("j", "base", "l0")))
+    assert named in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "named"),
+    [
+        ("<robot", "not well-formed"),
+        ("<html/>", "root <html>"),
+        ('<robot name="r"/>', "no links"),
+        ('<robot name="r"><link name="a"/><joint name="j" type="revolute"/></robot>', "Pinocchio"),
+    ],
+)
+def test_malformed_files_are_refused_in_one_line(tmp_path, text, named):
+    path = tmp_path / "bad.urdf"
+    path.write_text(text)
+    with pytest.raises(JointplayError, match=named) as caught:
+        Mechanism(path)
+    assert "\n" not in str(caught.value)
+
+
+def test_missing_files_and_frames_are_named():
+    with pytest.raises(JointplayError, match="none.urdf"):
+        Mechanism("none.urdf")
+    with pytest.raises(JointplayError, match="suction_cup"):
+        Mechanism(shipped("scara.urdf"), tool="hammer")
+    with pytest.raises(JointplayError, match="scara_motion.csv"):
+        shipped("ur5.urdf")
+    with pytest.raises(JointplayError, match="three components"):
+        Mechanism(shipped("scara.urdf"), gravity=(0, 0))
+
+
+def test_description_round_trip():
+    mechanism = Mechanism(shipped("scara.urdf"), {"joint_b": PLAY}, gravity=(0, 0, -1.62))
+    again = Mechanism.from_description(mechanism.describe())
+    assert again.describe() == mechanism.describe()
+    assert again.coordinates == mechanism.coordinates
