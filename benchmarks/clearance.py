@@ -1,7 +1,7 @@
 """How much clearance costs: tool deviation, joint force, impacts and losses from 0 to 1 mm.
 
 The SCARA's 3 s cycle with C_r = C_a in joint B. Zero is the ideal robot, whose joint force is the
-constraint force. Every clearance is an ensemble of runs, because contact makes the motion chaotic.
+constraint force. Every clearance is an ensemble of runs, because impacts magnify small differences.
 """
 
 from common import (

@@ -187,7 +187,7 @@ class Benchmark:
         print(table)
         self.path("md").write_text(table + "\n", encoding="utf-8")
         with self.path("csv").open("w", newline="", encoding="utf-8") as file:
-            writer = csv.DictWriter(file, list(data[0]))
+            writer = csv.DictWriter(file, list(data[0]), restval="")
             writer.writeheader()
             writer.writerows(data)
         figure.savefig(self.path("png"), dpi=160)
@@ -226,7 +226,7 @@ def draw_ensembles(axes, x: Sequence[float], values: Sequence[np.ndarray], **sty
     bars = axes.errorbar(x, means, deviations, capsize=3, ms=4, lw=1.2, **style)
     for at, group in zip(x, values, strict=True):
         axes.plot(
-            [at] * len(group), group, ".", ms=3, alpha=0.35, mew=0, color=bars.lines[0].get_color()
+            [at] * len(group), group, ".", ms=4, alpha=0.5, mew=0, color=bars.lines[0].get_color()
         )
 
 

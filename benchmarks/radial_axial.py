@@ -1,7 +1,7 @@
 """Radial against axial clearance: which of the two moves the tool and loads the joint.
 
 The SCARA's 3 s cycle with every pair of a radial and an axial clearance in joint B, each an
-ensemble of runs, because contact makes the motion chaotic.
+ensemble of runs, because impacts magnify small differences.
 """
 
 from itertools import product
