@@ -257,8 +257,8 @@ def my_friction(speed, p):
     return p[0]
 
 
-def broken(delta, ddelta, ddelta0, p):
-    return math.nan if delta > 1e-6 else 0.0 * p[0]
+def broken(delta, ddelta, ddelta0, p):  # only once the impact turns
+    return 1e11 * delta**1.5 if ddelta >= 0.0 else math.nan * p[0]
 
 
 def uncompilable(delta, ddelta, ddelta0, p):
@@ -294,6 +294,44 @@ def test_wrong_laws_are_refused_with_the_right_signature():
 def test_a_law_that_does_not_compile_is_named(free_mass):
     with pytest.raises(JointplayError, match="'uncompilable' does not compile"):
         free_mass(normal=jp.CustomNormalForce(uncompilable))
+
+
+def nowhere_finite(delta, ddelta, ddelta0, p):
+    return math.nan * p[0]
+
+
+def test_a_law_that_is_never_finite_is_refused_before_the_run(free_mass):
+    with pytest.raises(JointplayError, match="'nowhere_finite' returns a non-finite force"):
+        free_mass(normal=jp.CustomNormalForce(nowhere_finite, (1.0,)))
+
+
+def divides(delta, ddelta, ddelta0, p):
+    return p[0] / (ddelta - ddelta)
+
+
+def test_division_by_zero_is_a_non_finite_force(free_mass):
+    with pytest.raises(JointplayError, match="'divides' returns a non-finite force"):
+        free_mass(normal=jp.CustomNormalForce(divides, (1.0,)))
+
+
+def driving(speed, p):
+    return -p[0]
+
+
+def test_friction_that_drives_stops_the_run(free_mass):
+    run = free_mass(
+        friction=jp.CustomFriction(driving, (0.1,)),
+        offset=(0, 0, 1.99e-4, 0, 0, 0),
+        velocity=(0.1, 0, SPEED, 0, 0, 0),
+    )
+    with pytest.warns(RuntimeWarning):
+        assert run.execute().status == Status.BAD_FORCE
+
+
+def test_a_compiled_function_is_taken_as_the_function_it_was_made_from():
+    import numba
+
+    assert jp.CustomNormalForce(numba.njit(my_hertz)).function is my_hertz
 
 
 def test_a_non_finite_force_stops_the_run_and_keeps_its_records(free_mass):

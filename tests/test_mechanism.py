@@ -169,11 +169,11 @@ def test_malformed_files_are_refused_in_one_line(tmp_path, text, named):
 
 
 def test_missing_files_and_frames_are_named():
-    with pytest.raises(JointplayError, match="none.urdf"):
+    with pytest.raises(JointplayError, match=r"none\.urdf"):
         Mechanism("none.urdf")
     with pytest.raises(JointplayError, match="suction_cup"):
         Mechanism(shipped("scara.urdf"), tool="hammer")
-    with pytest.raises(JointplayError, match="scara_motion.csv"):
+    with pytest.raises(JointplayError, match=r"scara_motion\.csv"):
         shipped("ur5.urdf")
     with pytest.raises(JointplayError, match="three components"):
         Mechanism(shipped("scara.urdf"), gravity=(0, 0))

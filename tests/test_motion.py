@@ -73,7 +73,7 @@ def test_bad_files_name_line_and_value(tmp_path, text, named):
 
 
 def test_bad_arguments_are_named():
-    with pytest.raises(JointplayError, match="none.csv"):
+    with pytest.raises(JointplayError, match=r"none\.csv"):
         Motion.from_csv("none.csv")
     with pytest.raises(JointplayError, match=r"\(2, 1\), got \(1, 1\)"):
         Motion(["j"], [0, 1], [[0]])

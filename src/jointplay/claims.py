@@ -1,7 +1,8 @@
 """The six claims of the paper (Section 5), put to the test on ensembles of perturbed runs.
 
-Contact makes the motion chaotic, so no claim is decided on one run. `measure` reduces a run to a
-few numbers; `judge` compares the ensembles of the two clearances.
+Impacts magnify small differences, and nobody knows where a journal rests at the start, so no claim
+is decided on one run. `measure` reduces a run to a few numbers; `judge` compares the ensembles of
+the two clearances.
 """
 
 from __future__ import annotations

@@ -42,15 +42,20 @@ class JointFriction:
         require_non_negative("Coulomb joint friction", self.coulomb, "N m")
         require_non_negative("viscous joint friction", self.viscous, "N m s/rad")
 
+    def torque(self, speed: np.ndarray) -> np.ndarray:
+        """Q at the speeds `speed` [rad/s or m/s], any shape: [N m or N]."""
+        dry = self.coulomb * np.tanh(speed / kernel.JOINT_FRICTION_SPEED)
+        return dry + self.viscous * speed
+
 
 @dataclass(frozen=True)
 class ComputedTorque:
     """Computed torque of the ideal robot along the reference, plus PD on the encoders.
 
     F = tau_ideal(q_r, qd_r, qdd_r) + kp (q_r - q) + kd (qd_r - qd) for every joint of the motion.
-    The encoder of a clearance joint sees the rotation about the bearing's axis. The gains follow
-    from the inertia that the ideal robot's joint carries at the start of the motion:
-    kp = bandwidth^2 M_ii, kd = 2 damping_ratio bandwidth M_ii. The torque includes that
+    The encoder of a clearance joint sees the rotation about the bearing's axis (the yaw
+    coordinate). The gains follow from the inertia that the ideal robot's joint carries at the
+    start of the motion: kp = bandwidth^2 M_ii, kd = 2 damping_ratio bandwidth M_ii. The torque includes that
     for the joints' friction.
 
     Raises:
@@ -109,8 +114,7 @@ class ComputedTorque:
         for index, joint in enumerate(joints):
             at = mechanism.coordinate(joint)
             losses = friction.get(joint, JointFriction())
-            dry = losses.coulomb * np.tanh(v[:, index] / kernel.JOINT_FRICTION_SPEED)
-            effort[:, index] += dry + losses.viscous * v[:, index]
+            effort[:, index] += losses.torque(v[:, index])
             kp = self.bandwidth**2 * inertia[index]
             kd = 2.0 * self.damping_ratio * self.bandwidth * inertia[index]
             rows[:, at] = index, kp, kd, losses.coulomb, losses.viscous

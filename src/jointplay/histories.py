@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ import pinocchio as pin
 import xarray as xr
 
 from jointplay.audit import Audit
+from jointplay.drive import JointFriction
 from jointplay.geometry import CONTACTS, Form, Mode, classify_many, journal_axis
 from jointplay.impact import elastic_energy
 from jointplay.kernel import POWERS, Status, Workspace
@@ -21,6 +23,7 @@ def assemble(
     mechanism: Mechanism,
     simulation: dict[str, Any],
     workspace: Workspace,
+    friction: Mapping[str, JointFriction],
     status: Status,
     message: str,
     wall_time: float,
@@ -31,6 +34,7 @@ def assemble(
         mechanism: what was simulated.
         simulation: the whole simulation as plain data, to run it again.
         workspace: the records.
+        friction: friction by joint.
         status, message: how the run ended.
         wall_time: what it took [s].
     """
@@ -58,7 +62,7 @@ def assemble(
     else:
         variables["reaction_force"] = (
             ("time", "moving_joint", "axis"),
-            _reactions(mechanism, q, v, workspace.recorded("drive")),
+            _reactions(mechanism, q, v, workspace.recorded("drive"), friction),
             "N",
             "constraint force of the parent on the child at the joint, world axes",
         )
@@ -223,13 +227,23 @@ def _contact(
     return variables, elastic
 
 
-def _reactions(mechanism: Mechanism, q: np.ndarray, v: np.ndarray, drive: np.ndarray) -> np.ndarray:
+def _reactions(
+    mechanism: Mechanism,
+    q: np.ndarray,
+    v: np.ndarray,
+    drive: np.ndarray,
+    friction: Mapping[str, JointFriction],
+) -> np.ndarray:
     """Constraint forces at the joints of an ideal robot, world axes (n, joints, 3) [N]."""
     model, data = mechanism.model, mechanism.data
     forces = np.empty((len(q), len(mechanism.joints), 3))
     indices = [model.getJointId(name) for name in mechanism.joints]
+    losses = np.zeros_like(v)
+    for name, joint in friction.items():
+        at = mechanism.coordinate(name)
+        losses[:, at] = joint.torque(v[:, at])
     for i in range(len(q)):
-        acceleration = pin.aba(model, data, q[i], v[i], drive[i])
+        acceleration = pin.aba(model, data, q[i], v[i], drive[i] - losses[i])
         pin.rnea(model, data, q[i], v[i], acceleration)
         for k, index in enumerate(indices):
             forces[i, k] = data.oMi[index].rotation @ data.f[index].linear

@@ -9,11 +9,15 @@ import pinocchio as pin
 from numba import njit
 
 from jointplay.contact.law import NormalForceLaw, address, call_normal, pointer
+from jointplay.errors import JointplayError
 from jointplay.joint import ClearanceJoint
 from jointplay.mechanism import Mechanism
 
 REFERENCE_SPEED = 0.1
 """Approach speed for which the resolution of impacts is judged before a run [m/s]."""
+
+REFERENCE_DEPTH = 1e-5
+"""Depth at which a law must give a finite force, before a run [m]."""
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
 
@@ -50,9 +54,15 @@ def impact_depth(
 ) -> float:
     """Depth at which a mass [kg] arriving at `speed` [m/s] has spent its energy [m], by bisection.
 
-    The law's damping is left out: it makes the impact shallower, not shorter.
+    The law's damping is left out; it makes the impact shallower.
+
+    Raises:
+        JointplayError: the law returns something that is not finite.
     """
     energy = 0.5 * mass * speed**2
+    if not np.isfinite(elastic_energy(law, parameters, REFERENCE_DEPTH)):
+        name = getattr(law.function, "__name__", law.name)
+        raise JointplayError(f"law {name!r} returns a non-finite force for a contact at rest")
     low, high = 0.0, 1e-9
     while elastic_energy(law, parameters, high) < energy:
         low, high = high, 2.0 * high
@@ -81,7 +91,7 @@ def effective_mass(mechanism: Mechanism, joint: str, q: np.ndarray) -> float:
     """Smallest mass that a contact at the joint's rims meets, in configuration q [kg].
 
     1 / (J M^-1 J^T), J being the direction of the contact in the six coordinates of the virtual
-    link: radial at both ends in two directions, axial at both ends and four points of the rim.
+    link: radial at both ends in the softest direction, axial at the softest of 72 rim points.
     """
     clearance = mechanism.clearance[joint]
     at = mechanism.virtual_link(joint)
@@ -89,18 +99,22 @@ def effective_mass(mechanism: Mechanism, joint: str, q: np.ndarray) -> float:
     inverse = inverse + np.triu(inverse, 1).T
     block = inverse[at : at + 6, at : at + 6]
     rj, height = clearance.rj, clearance.lj / 2
-    rows: list[tuple[float, ...]] = [(1, 0, 0, 0, side * height, 0) for side in (1, -1)]
-    rows += [(0, 1, 0, 0, 0, -side * height) for side in (1, -1)]
-    rows += [(0, 0, 1, 0, -side * rj, 0) for side in (1, -1)]
-    rows += [(0, 0, 1, 0, 0, side * rj) for side in (1, -1)]
-    # The rows hold at zero yaw; the virtual link's axes turn with it.
-    yaw = q[at + 3]
+    # Directions of the six coordinates: translations in bearing axes; pitch and roll about the
+    # bearing's y and x turned by the yaw.
+    c, s = np.cos(q[at + 3]), np.sin(q[at + 3])
     turn = np.eye(6)
-    c, s = np.cos(yaw), np.sin(yaw)
     turn[4:, 4:] = [[c, s], [-s, c]]
-    turn[:2, :2] = [[c, s], [-s, c]]
-    directions = np.array(rows, float) @ turn
-    return float(1.0 / np.einsum("ij,jk,ik->i", directions, block, directions).max())
+    compliance = turn @ block @ turn.T
+    softest = 0.0
+    for side in (1.0, -1.0):
+        radial = np.array([[1, 0, 0, 0, side * height, 0], [0, 1, 0, 0, 0, -side * height]])
+        softest = max(softest, float(np.linalg.eigvalsh(radial @ compliance @ radial.T)[-1]))
+    # Axial contact at the rim's azimuth phi: z, with cos(phi) and sin(phi) of pitch and roll.
+    axial = np.array([[0, 0, 1, 0, 0, 0], [0, 0, 0, 0, -rj, 0], [0, 0, 0, 0, 0, rj]])
+    phi = np.linspace(0.0, 2.0 * np.pi, 73)
+    rim = axial.T @ np.stack([np.ones_like(phi), np.cos(phi), np.sin(phi)])
+    softest = max(softest, float(np.einsum("ik,ij,jk->k", rim, compliance, rim).max()))
+    return 1.0 / softest
 
 
 def contact_duration(mechanism: Mechanism, joint: str, q: np.ndarray) -> float:

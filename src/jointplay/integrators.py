@@ -28,7 +28,7 @@ class Integrator:
 
 
 SEMI_IMPLICIT_EULER = Integrator("semi-implicit-euler", 1, 1, kernel.semi_implicit_euler)
-"""v += a dt, then q += v dt: one evaluation, symplectic."""
+"""v += a dt, then q += v dt: one evaluation."""
 
 RUNGE_KUTTA_4 = Integrator("rk4", 4, 4, kernel.runge_kutta_4)
 """Classical Runge-Kutta. Reference: Hairer, Norsett, Wanner, Solving ODEs I, Table II.1.2."""

@@ -80,7 +80,10 @@ class ClearanceJoint:
     normal: NormalForceLaw = field(default_factory=LankaraniNikravesh)
     friction: FrictionLaw = field(default_factory=Ambrosio)
     stiffness: float | None = None
-    """Hertz stiffness of the radial contacts [N/m^1.5]; None derives it by eq. 11."""
+    """Hertz stiffness of the radial contacts [N/m^1.5]; None derives it by eq. 11.
+
+    A linear law with a stiffness of its own uses neither this nor `axial_stiffness`.
+    """
     axial_stiffness: float | None = None
     """Hertz stiffness of the axial contacts [N/m^1.5]; None takes the radial one.
 
@@ -105,8 +108,8 @@ class ClearanceJoint:
                     f"{name} must be a {kind.__name__} such as jointplay.contact offers, "
                     f"got {getattr(self, name)!r}"
                 )
-        # A shorter journal can tilt so far that one rim touches both sides of the bore at once;
-        # its single deepest point would jump. R_j sin(tilt)^2 < C_r for tilt = 2 C_r / L_j.
+        # A much shorter journal can tilt so far that one rim touches both sides of the bore at
+        # once, and its single deepest point would jump (docs/theory.md).
         shortest = 2.0 * math.sqrt(self.rj * self.cr)
         if self.lj <= shortest:
             raise JointplayError(

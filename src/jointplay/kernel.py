@@ -321,14 +321,14 @@ def _contact(table, j, q, v, tau, power, commit):
 
         # Contact point relative to the journal's centre, and its velocity relative to the bearing.
         rx, ry, rz = ex + ox, ey + oy, ez + oz
-        cx = v[first] + wy * rz - wz * ry
-        cy_ = v[first + 1] + wz * rx - wx * rz
-        cz = v[first + 2] + wx * ry - wy * rx
-        rate = -(nx * cx + ny * cy_ + nz * cz)
-        cx += rate * nx
-        cy_ += rate * ny
-        cz += rate * nz
-        speed = math.sqrt(cx * cx + cy_ * cy_ + cz * cz)
+        slip_x = v[first] + wy * rz - wz * ry
+        slip_y = v[first + 1] + wz * rx - wx * rz
+        slip_z = v[first + 2] + wx * ry - wy * rx
+        rate = -(nx * slip_x + ny * slip_y + nz * slip_z)
+        slip_x += rate * nx
+        slip_y += rate * ny
+        slip_z += rate * nz
+        speed = math.sqrt(slip_x * slip_x + slip_y * slip_y + slip_z * slip_z)
 
         # The approach speed is the largest since the contact began. For an impact that is the
         # speed at its onset (eq. 14), for |ddelta| only falls from there; a contact that began
@@ -340,13 +340,17 @@ def _contact(table, j, q, v, tau, power, commit):
         normal = call_normal(table[_LAWS + 2 * j], -gap, rate, approach, law)
         elastic = call_normal(table[_LAWS + 2 * j], -gap, 0.0, approach, law)
         mu = call_friction(table[_LAWS + 2 * j + 1], speed, pointer(base + 8 * _P_FRICTION))
-        if not (math.isfinite(normal) and math.isfinite(mu)):
+        if not (math.isfinite(normal) and math.isfinite(elastic) and 0.0 <= mu < math.inf):
             _fail(table, 4, 4 * j + k)
             continue
         normal = max(normal, 0.0)  # a dry contact never pulls
         tangential = mu * normal
         scale = -tangential / speed if speed > 0.0 else 0.0
-        px, py, pz = normal * nx + scale * cx, normal * ny + scale * cy_, normal * nz + scale * cz
+        px, py, pz = (
+            normal * nx + scale * slip_x,
+            normal * ny + scale * slip_y,
+            normal * nz + scale * slip_z,
+        )
         fx += px
         fy += py
         fz += pz
@@ -436,10 +440,10 @@ def _load(table, q, v, time, commit):
             friction = dry + rows[_VISCOUS * nv + i] * v[i]
             tau[i] -= friction
             power[3] += friction * v[i]
-    for j in range(table[_NJ]):
-        _contact(table, j, q, v, tau, power, commit)
     if not size < SPEED_LIMIT:  # true for NaN as well
         _fail(table, 2, 0)
+    for j in range(table[_NJ]):
+        _contact(table, j, q, v, tau, power, commit)
 
 
 @_internal
@@ -512,7 +516,7 @@ def _advance_clock(table):
 
 @njit(cache=True)
 def semi_implicit_euler(table) -> int:
-    """Step by v += a dt, q += v dt (first order, symplectic); `pin.aba` must follow.
+    """Step by v += a dt, q += v dt (first order); `pin.aba` must follow.
 
     Returns the status.
     """

@@ -153,7 +153,7 @@ class Mechanism:
     def describe(self) -> dict[str, Any]:
         """All that is needed to build the mechanism again, the URDF's text included."""
         return {
-            "urdf": str(self.description.path),
+            "urdf": self.description.path.name,
             "urdf_text": self.description.text,
             "clearance": {name: joint.describe() for name, joint in self.clearance.items()},
             "gravity": list(self.gravity),

@@ -16,7 +16,7 @@ from pathlib import Path
 
 from tqdm import tqdm
 
-from jointplay.claims import START_UP, Measures, Verdict, judge, measure
+from jointplay.claims import ISOLATED, START_UP, Measures, Verdict, judge, measure
 from jointplay.errors import JointplayError
 from jointplay.histories import versions
 from jointplay.joint import ClearanceJoint
@@ -257,8 +257,10 @@ def write_claims(verdicts: Sequence[Verdict], ensembles: Ensembles, out: Path) -
         "",
         f"Each row compares {ensembles.runs} runs at either clearance, the journal starting up to "
         f"{100 * PERTURBATION:.0f} % of its clearance off centre; mean ± standard deviation. A "
-        "claim holds (yes) if the 95 % confidence interval of the difference (Welch) lies on its "
-        "side of zero, fails (no) if it lies on the other, and is undecided otherwise. The first "
+        "comparison holds (yes) if the 95 % confidence interval of the difference (Welch) lies on "
+        "its side of zero, fails (no) if it lies on the other, and is undecided otherwise; claim 4 "
+        "holds if every run visits every mode; peaks are isolated if they fill less than "
+        f"{100 * ISOLATED:.0f} % of the time. The first "
         f"{START_UP:g} s, in which the journal falls into its bearing, are not judged. *Balanced* "
         "is without gravity, *loaded* with it; *consistent* and *as printed* are the two inertia "
         "variants (docs/assumptions.md).",

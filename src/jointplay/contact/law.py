@@ -86,7 +86,9 @@ class FrictionLaw(Law):
         return {"law": self.name, **vars(self)}
 
 
-def _check_signature(function: Callable[..., float], expected: tuple[str, ...]) -> None:
+def _plain(function: Callable[..., float], expected: tuple[str, ...]) -> Callable[..., float]:
+    """Return the Python function, if it takes the `expected` arguments."""
+    function = getattr(function, "py_func", function)  # numba's own wrapping is not needed
     if not callable(function):
         raise JointplayError(f"a law must be a function, got {function!r}")
     try:
@@ -98,6 +100,7 @@ def _check_signature(function: Callable[..., float], expected: tuple[str, ...]) 
             f"law {getattr(function, '__name__', function)!r} takes ({', '.join(names)}); "
             f"it must take ({', '.join(expected)})"
         )
+    return function
 
 
 class CustomNormalForce(NormalForceLaw):
@@ -109,17 +112,17 @@ class CustomNormalForce(NormalForceLaw):
         parameters: numbers the function finds in p, at most `MAX_PARAMETERS`.
 
     Raises:
-        JointplayError: the function takes other arguments, or does not compile.
+        JointplayError: the function takes other arguments, or a parameter is not finite. Whether
+            it compiles is found out when a run is prepared.
     """
 
     name = "custom"
 
     def __init__(self, function: Callable[..., float], parameters: tuple[float, ...] = ()) -> None:
         """Check the function's signature and keep its parameters."""
-        _check_signature(function, ("delta", "ddelta", "ddelta0", "p"))
-        self.function = function
+        self.function = _plain(function, ("delta", "ddelta", "ddelta0", "p"))
         self.values = tuple(float(value) for value in parameters)
-        check_parameters(self.values, function.__name__)
+        check_parameters(self.values, self.function.__name__)
 
     def parameters(self, contact: ContactProperties) -> tuple[float, ...]:
         """Return the user's own numbers; stiffness and restitution of the joint do not enter."""
@@ -140,10 +143,9 @@ class CustomFriction(FrictionLaw):
 
     def __init__(self, function: Callable[..., float], parameters: tuple[float, ...] = ()) -> None:
         """Check the function's signature and keep its parameters."""
-        _check_signature(function, ("speed", "p"))
-        self.function = function
+        self.function = _plain(function, ("speed", "p"))
         self.values = tuple(float(value) for value in parameters)
-        check_parameters(self.values, function.__name__)
+        check_parameters(self.values, self.function.__name__)
 
     def parameters(self) -> tuple[float, ...]:
         """Return the user's own numbers."""
@@ -175,7 +177,7 @@ def address(law: NormalForceLaw | FrictionLaw) -> int:
     """Machine address of the law's compiled function.
 
     Raises:
-        JointplayError: numba cannot compile it; the message carries numba's first line.
+        JointplayError: numba cannot compile it; the message carries numba's reason.
     """
     return int(_compiled(law.function, isinstance(law, NormalForceLaw)).address)
 
@@ -185,11 +187,12 @@ def _compiled(function: Callable[..., float], normal: bool) -> Any:
     signature = _NORMAL if normal else _FRICTION
     try:
         try:
-            return numba.cfunc(signature, cache=True)(function)
+            return numba.cfunc(signature, cache=True, error_model="numpy")(function)
         except RuntimeError:  # typed at a prompt: numba finds no file to keep its cache beside
-            return numba.cfunc(signature)(function)
+            return numba.cfunc(signature, error_model="numpy")(function)
     except numba.core.errors.NumbaError as error:
-        reason = str(error).strip().splitlines()[-1]
+        lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+        reason = next((line for line in lines if not line.startswith("Failed in")), "no reason")
         name = getattr(function, "__name__", str(function))
         raise JointplayError(f"law {name!r} does not compile: {reason}") from error
 

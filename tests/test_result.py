@@ -1,0 +1,98 @@
+"""Results: what they hold, saving, loading, running again."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from jointplay import JointplayError, Result
+from jointplay.study import scara
+
+
+@pytest.fixture(scope="module")
+def result():
+    return dataclasses.replace(scara(2e-4, seed=3), duration=0.1).run()
+
+
+def test_dimensions_and_units(result):
+    assert result["q"].dims == ("time", "coordinate")
+    assert result["gap"].dims == ("time", "joint", "contact")
+    assert result["joint_force"].dims == ("time", "joint", "axis")
+    assert result["tool_position"].attrs["units"] == "m"
+    assert result["normal_force"].attrs["units"] == "N"
+    assert result.dataset["time"].attrs["units"] == "s"
+    assert list(result.dataset["coordinate_unit"].values[:5]) == ["rad", "m", "m", "m", "rad"]
+    for variable in result.dataset.data_vars.values():
+        assert "units" in variable.attrs
+        assert variable.attrs["long_name"]
+
+
+def test_joint_force_is_the_sum_of_the_contacts(result):
+    # In free flight nothing; with one contact normal and friction force at right angles.
+    normal = result["normal_force"].values[:, 0]
+    friction = result["friction_force"].values[:, 0]
+    force = np.linalg.norm(result["joint_force"].values[:, 0], axis=1)
+    touching = (normal > 0).sum(axis=1)
+    assert (force[touching == 0] == 0.0).all()
+    single = touching == 1
+    assert single.sum() > 5
+    expected = np.hypot(normal.sum(axis=1), friction.sum(axis=1))
+    assert np.allclose(force[single], expected[single])
+
+
+def test_modes_and_forms_agree_with_the_gaps(result):
+    smallest = result["gap"].values.min(axis=2)
+    mode = result["mode"].values
+    assert np.array_equal(mode == 0, smallest > 1e-7)
+    assert np.array_equal(mode == 2, smallest < -1e-7)
+    assert np.array_equal(result["form"].values == 0, mode == 0)
+    assert result["mode"].attrs["flag_meanings"].split()[2] == "pseudo_penetration"
+
+
+def test_tool_velocity_is_the_derivative_of_its_position(result):
+    position, velocity = (result[f"tool_{name}"].values for name in ("position", "velocity"))
+    slope = np.gradient(position, result.time, axis=0)
+    assert np.abs(slope - velocity)[1:-1].max() < 0.02 * np.abs(velocity).max()
+
+
+def test_save_load_and_rerun_bit_for_bit(result, tmp_path):
+    loaded = Result.load(result.save(tmp_path / "r.nc"))
+    assert loaded.status == result.status
+    assert loaded.audit == result.audit
+    again = loaded.simulation.run()
+    for name, variable in result.dataset.data_vars.items():
+        assert np.array_equal(variable.values, loaded[name].values), name
+        assert np.array_equal(variable.values, again[name].values), name
+        assert variable.attrs["units"] == loaded[name].attrs["units"]
+    assert "jointplay" in loaded.dataset.attrs["versions"]
+
+
+def test_nothing_is_overwritten_unless_asked(result, tmp_path):
+    path = tmp_path / "r.nc"
+    path.write_text("precious")
+    with pytest.raises(JointplayError, match="exists"):
+        result.save(path)
+    assert path.read_text() == "precious"
+    result.save(path, overwrite=True)
+    assert len(Result.load(path).time) == len(result.time)
+
+
+def test_unwritable_and_unreadable_files_are_named(result, tmp_path):
+    with pytest.raises(JointplayError, match="cannot write"):
+        result.save(tmp_path / "nowhere" / "r.nc")
+    with pytest.raises(JointplayError, match="no result file"):
+        Result.load(tmp_path / "none.nc")
+    damaged = tmp_path / "damaged.nc"
+    damaged.write_bytes(result.save(tmp_path / "r.nc").read_bytes()[:3000])
+    with pytest.raises(JointplayError, match="damaged or not a result"):
+        Result.load(damaged)
+    foreign = tmp_path / "foreign.nc"
+    result.dataset.drop_attrs().to_netcdf(foreign, engine="h5netcdf")
+    with pytest.raises(JointplayError, match="not a jointplay result"):
+        Result.load(foreign)
+
+
+def test_repr_tells_what_a_user_wants_to_know(result):
+    text = repr(result)
+    for part in ("completed 0.1 s in 10000 steps", "energy residual", "largest penetration"):
+        assert part in text
