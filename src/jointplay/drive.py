@@ -55,8 +55,8 @@ class ComputedTorque:
     F = tau_ideal(q_r, qd_r, qdd_r) + kp (q_r - q) + kd (qd_r - qd) for every joint of the motion.
     The encoder of a clearance joint sees the rotation about the bearing's axis (the yaw
     coordinate). The gains follow from the inertia that the ideal robot's joint carries at the
-    start of the motion: kp = bandwidth^2 M_ii, kd = 2 damping_ratio bandwidth M_ii. The torque includes that
-    for the joints' friction.
+    start of the motion: kp = bandwidth^2 M_ii, kd = 2 damping_ratio bandwidth M_ii. The torque
+    includes that for the joints' friction.
 
     Raises:
         JointplayError: bandwidth or damping ratio negative or not finite.
