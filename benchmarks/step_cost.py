@@ -44,23 +44,13 @@ class Stepper:
     def __init__(self, case, **options):
         self.run = case.simulation(record_every=10, **options).prepare()
         self.workspace = self.run.workspace
-        kernel.begin(self.workspace.table)
-        self.acceleration()
-
-    def acceleration(self):
-        w, mechanism = self.workspace, self.run.mechanism
-        pin.aba(mechanism.model, mechanism.data, w.q, w.v, w.tau)
+        self.run.begin()
 
     def advance(self, steps):
-        """Seconds per step over the next `steps` steps; the body is that of `Run.loop`."""
-        table, q, v, tau = (getattr(self.workspace, n) for n in ("table", "q", "v", "tau"))
-        aba, model, data = pin.aba, self.run.mechanism.model, self.run.mechanism.data
-        advance = self.run.method.advance
+        """Seconds per step over the next `steps` steps."""
         started = time.thread_time()
-        for _ in range(steps * self.run.method.stages):
-            if advance(table):
-                raise SystemExit(self.run.message(self.workspace.status))
-            aba(model, data, q, v, tau)
+        if not self.run.advance(steps):
+            raise SystemExit(self.run.message(self.workspace.status))
         return (time.thread_time() - started) / steps
 
 
@@ -82,12 +72,11 @@ def bare_calls(stepper):
     local, world = pin.Convention.LOCAL, pin.Convention.WORLD
     state = (model, data, w.q, w.v, w.tau)
     tails = ((), (local,), (world,), (forces,), (forces, world))
-    times = {
+    # The last form is the loop's own, so that the motion goes on as if nothing had been timed.
+    return {
         name: seconds_per_call(pin.aba, *state, *tail)
         for name, tail in zip(ABA, tails, strict=True)
     }
-    stepper.acceleration()  # the default's, to the last bit, so that the motion is the real one
-    return times
 
 
 def cycle(duration, samples, bar):

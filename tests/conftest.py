@@ -66,6 +66,7 @@ def free_mass(urdf):
         duration=2e-3,
         mass=2.0,
         com="0 0 0",
+        inertia=1e-2,
         gravity=(0.0, 0.0, 0.0),
         step=1e-6,
         integrator="semi-implicit-euler",
@@ -73,7 +74,7 @@ def free_mass(urdf):
         **bearing,
     ) -> Run:
         clearance = {"radial_clearance": 2e-4, "axial_clearance": 2e-4} | bearing
-        path = urdf(body("arm", mass, com), joint("pin", "base", "arm"))
+        path = urdf(body("arm", mass, com, inertia), joint("pin", "base", "arm"))
         mechanism = Mechanism(path, {"pin": ClearanceJoint(**clearance)}, gravity=gravity)
         simulation = Simulation(
             mechanism,

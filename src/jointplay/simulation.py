@@ -185,10 +185,16 @@ class Run:
             every,
             self.steps // every + 2,
         )
+        # What pin.aba is called with. Its Python binding tries the form with external forces first:
+        # to give it none costs less than to leave them out.
+        model, none = mechanism.model, pin.StdVec_Force()
+        none.extend([pin.Force.Zero()] * model.njoints)
+        q, v, tau = self.workspace.q, self.workspace.v, self.workspace.tau
+        self._state = (model, mechanism.data, q, v, tau, none, pin.Convention.WORLD)
         position, velocity, _ = simulation.motion(np.zeros(1))
-        for name, q, v in zip(simulation.motion.joints, position[0], velocity[0], strict=True):
+        for index, name in enumerate(simulation.motion.joints):
             at = mechanism.coordinate(name)
-            self.workspace.q[at], self.workspace.v[at] = q, v
+            q[at], v[at] = position[0, index], velocity[0, index]
         self._check_step(step)
         if simulation.seed is not None:
             self._perturb(simulation.seed)
@@ -235,33 +241,38 @@ class Run:
     def loop(self, progress: bool = False) -> Status:
         """Step until the end, a failure, or Ctrl-C; returns why it stopped."""
         workspace = self.workspace
-        table, q, v, tau = workspace.table, workspace.q, workspace.v, workspace.tau
-        aba, model, data = pin.aba, self.mechanism.model, self.mechanism.data
-        advance, stages = self.method.advance, self.method.stages
-        failed = False
-        if progress and not advance.signatures:
+        if progress and not self.method.advance.signatures:
             note = "loading compiled kernels (the first start ever compiles them, ~20 s)"
             tqdm.write(note, file=sys.stderr)
-        for function in (kernel.begin, kernel.record, advance):
+        for function in (kernel.begin, kernel.record, self.method.advance):
             function.compile(_TABLE)
         bar = _Bar(self.steps * self.simulation.step, progress)
         try:
-            kernel.begin(table)
-            aba(model, data, q, v, tau)
-            while workspace.steps < self.steps and not failed:
-                for _ in range(min(_CHUNK, self.steps - workspace.steps) * stages):
-                    if advance(table):
-                        failed = True
-                        break
-                    aba(model, data, q, v, tau)
+            self.begin()
+            while workspace.steps < self.steps:
+                if not self.advance(min(_CHUNK, self.steps - workspace.steps)):
+                    return workspace.status
                 bar.update(workspace.time)
-            if not failed:
-                kernel.record(table)
+            kernel.record(workspace.table)
             return workspace.status
         except KeyboardInterrupt:
             return Status.INTERRUPTED
         finally:
             bar.close()
+
+    def begin(self) -> None:
+        """Evaluate forces and acceleration of the initial state."""
+        kernel.begin(self.workspace.table)
+        pin.aba(*self._state)
+
+    def advance(self, steps: int) -> bool:
+        """Do `steps` steps, or fewer if the run fails; returns whether all is well."""
+        table, advance, aba, state = self.workspace.table, self.method.advance, pin.aba, self._state
+        for _ in range(steps * self.method.stages):
+            if advance(table):
+                return False
+            aba(*state)
+        return True
 
     def message(self, status: Status) -> str:
         """One line on how the run ended."""

@@ -122,21 +122,19 @@ def claim_folder(out: str | Path, names: Iterable[str]) -> Path:
     return out
 
 
-def run_cases(out: Path, progress: bool) -> dict[str, Result]:
-    """Simulate the three cases one after the other, saving each as soon as it is done.
+def run_case(label: str, out: Path, progress: bool) -> Result:
+    """Simulate one of the three cases and save it.
 
-    After Ctrl-C the case at hand is saved as far as it came and the others are left out.
+    Raises:
+        KeyboardInterrupt: after Ctrl-C, when the case has been saved as far as it came.
     """
-    results = {}
-    for label, clearance in CASES.items():
-        if progress:
-            tqdm.write(f"case {label}:", file=sys.stderr)
-        result = scara(clearance).run(progress)
-        results[label] = result
-        result.save(out / FILES[label])
-        if result.status == Status.INTERRUPTED:
-            break
-    return results
+    if progress:
+        tqdm.write(f"case {label}:", file=sys.stderr)
+    result = scara(CASES[label]).run(progress)
+    result.save(out / FILES[label])
+    if result.status == Status.INTERRUPTED:
+        raise KeyboardInterrupt
+    return result
 
 
 class Ensembles:
@@ -323,19 +321,18 @@ def run_study(
     if jobs is not None and jobs < 1:
         raise JointplayError(f"at least one process is needed, got {jobs}")
     out = claim_folder(out, output_names())
-    cases = run_cases(out, progress)
-    interrupted = any(case.status == Status.INTERRUPTED for case in cases.values())
-    if runs == 0 or interrupted:
-        plots.save(cases, out)
-        if interrupted:
-            raise KeyboardInterrupt
-        return cases, []
+    # The first case has the kernels compiled and cached; from then on all cores can work.
+    first, *rest = CASES
+    cases = {first: run_case(first, out, progress)}
     ensembles = Ensembles(runs, out / "ensemble.csv", jobs)
     try:
         with ensembles.started() as futures:
+            for label in rest:
+                cases[label] = run_case(label, out, progress)
             plots.save(cases, out)
             ensembles.wait(futures, progress)
     finally:
         verdicts = ensembles.verdicts()
-        write_claims(verdicts, ensembles, out)
+        if runs:
+            write_claims(verdicts, ensembles, out)
     return cases, verdicts

@@ -1,0 +1,156 @@
+"""Energy: what elastic contact keeps, what damping and friction take."""
+
+import numpy as np
+import pytest
+from conftest import body, joint, release, still
+
+import jointplay as jp
+from jointplay.integrators import INTEGRATORS
+
+ELASTIC = {"normal": jp.Hertz(), "restitution": 1.0, "friction": jp.Ambrosio(0.0)}
+TUMBLING = {
+    "offset": (2e-5, 1e-5, 3e-5, 0.0, 1e-3, 2e-3),
+    "velocity": (0.2, 0.13, -0.1, 0.0, 3.0, -2.0),
+    "duration": 5e-3,
+}
+
+
+def energy_error(result, factor=0.4):
+    """Largest relative change of kinetic energy + 2/5 k delta^(5/2), reckoned here."""
+    k = result.simulation.mechanism.clearance["pin"].hertz_stiffness
+    depth = np.maximum(-result["gap"].values[:, 0], 0.0)
+    total = result["kinetic_energy"].values + factor * k * (depth**2.5).sum(axis=1)
+    return np.abs(total / total[0] - 1.0).max()
+
+
+def test_elastic_contact_without_friction_keeps_the_energy(free_mass):
+    result = free_mass(**TUMBLING, **ELASTIC, integrator="rk4").execute()
+    assert result.audit.impacts > 4
+    assert energy_error(result) < 1e-6
+    # The bodies come to near rest in between: the energy truly goes into the contact and back.
+    kinetic = result["kinetic_energy"].values
+    assert kinetic.min() < 0.8 * kinetic[0]
+
+
+def test_wrong_elastic_energy_fails_the_energy_check(free_mass):
+    result = free_mass(**TUMBLING, **ELASTIC, integrator="rk4").execute()
+    assert energy_error(result, factor=0.5) > 0.05
+
+
+def test_energy_residual_through_impacts_falls_with_the_step(free_mass):
+    """Euler at its first order; rk4 far below it, but scattering with the phase of each onset."""
+    steps = np.array([8e-6, 4e-6, 2e-6, 1e-6])
+    euler, rk4 = (
+        np.array(
+            [
+                free_mass(**TUMBLING, **ELASTIC, integrator=name, step=step)
+                .execute()
+                .audit.energy_residual
+                for step in steps
+            ]
+        )
+        for name in INTEGRATORS
+    )
+    assert euler[:-1] / euler[1:] == pytest.approx(2.0, abs=0.1)
+    assert (rk4 < 1e-2 * euler).all()
+    assert rk4[-1] < 0.1 * rk4[0]
+
+
+@pytest.mark.parametrize("restitution", [0.9, 0.5])
+def test_what_an_impact_loses_is_what_damping_takes(free_mass, restitution):
+    result = free_mass(
+        offset=(0, 0, 1.99e-4, 0, 0, 0),
+        velocity=(0, 0, 0.2, 0, 0, 0),
+        restitution=restitution,
+        friction=jp.Ambrosio(0.0),
+        integrator="rk4",
+    ).execute()
+    kinetic = result["kinetic_energy"].values
+    lost = kinetic[0] - kinetic[-1]
+    assert lost > 0.05 * kinetic[0]
+    assert result["normal_dissipation"].values[-1] == pytest.approx(lost, rel=1e-4)
+    assert not result["friction_dissipation"].values.any()
+
+
+SEAT = 5e-3
+"""Radial clearance of a bearing wide enough to slide in [m]."""
+
+
+@pytest.mark.parametrize("direction", [0.0, 2.2])
+@pytest.mark.parametrize("mu", [0.1, 0.4])
+def test_sliding_face_is_slowed_by_mu_times_its_weight(free_mass, direction, mu):
+    """x = v t - mu g t^2/2. The centre of mass lies in the face, so nothing tips."""
+    weight, speed, duration = 2.0 * 9.81, 0.1, 0.02
+    sizes = {"radial_clearance": SEAT, "axial_clearance": 2e-4}
+    bearing = jp.ClearanceJoint(**sizes)
+    sunk = (weight / bearing.hertz_stiffness) ** (2.0 / 3.0)
+    way = np.array([np.cos(direction), np.sin(direction)])
+    result = free_mass(
+        **sizes,
+        friction=jp.Ambrosio(mu),
+        com=f"0 0 {-bearing.lj / 2}",
+        gravity=(0, 0, -9.81),
+        offset=(0, 0, -bearing.ca - sunk, 0, 0, 0),
+        velocity=(*(speed * way), 0, 0, 0, 0),
+        duration=duration,
+        step=2e-6,
+        record_every=100,
+    ).execute()
+    t = result.time
+    along = result["journal_centre"].values[:, 0, :2] @ way
+    assert along == pytest.approx(speed * t - 0.5 * mu * 9.81 * t**2, abs=1e-8)
+    path = along[-1]
+    work = result["friction_dissipation"].values[-1]
+    assert work == pytest.approx(mu * weight * path, rel=1e-3)
+    force = result["joint_force"].values[50, 0]
+    assert force == pytest.approx([*(-mu * weight * way), weight], rel=1e-3)
+
+
+def test_ramp_of_friction_brakes_without_stopping(free_mass):
+    """Between v0 and v1 friction is a damper; below v0 there is none, and the body creeps on."""
+    v0, v1, mu, weight = 1e-3, 1e-1, 0.2, 2.0 * 9.81
+    sizes = {"radial_clearance": SEAT, "axial_clearance": 2e-4}
+    bearing = jp.ClearanceJoint(**sizes)
+    sunk = (weight / bearing.hertz_stiffness) ** (2.0 / 3.0)
+    result = free_mass(
+        **sizes,
+        friction=jp.Ambrosio(mu, v0, v1),
+        com=f"0 0 {-bearing.lj / 2}",
+        gravity=(0, 0, -9.81),
+        offset=(0, 0, -bearing.ca - sunk, 0, 0, 0),
+        velocity=(0.05, 0, 0, 0, 0, 0),
+        duration=0.05,
+        step=5e-6,
+        record_every=100,
+    ).execute()
+    exact = v0 + (0.05 - v0) * np.exp(-mu * 9.81 / (v1 - v0) * result.time)
+    assert result["v"].values[:, 0] == pytest.approx(exact, rel=1e-3)
+
+
+def test_drives_joint_friction_and_gravity_balance_in_a_moving_robot(urdf):
+    """All terms at once, over a motion that ends where it began: losses equal the drives' work."""
+    path = urdf(
+        body("one", 3.0, "0.15 0 0"),
+        body("two", 2.0, "0.1 0 0"),
+        joint("a", "base", "one", axis="0 1 0"),
+        joint("b", "one", "two", axis="0 1 0", at="0.3 0 0"),
+    )
+    worn = jp.ClearanceJoint(radial_clearance=2e-4, axial_clearance=2e-4)
+    robot = jp.Mechanism(path, {"b": worn})
+    motion = jp.Motion(["a", "b"], [0.0, 0.15, 0.3], [[0.0, 0.0], [0.4, -0.5], [0.0, 0.0]])
+    losses = {"a": jp.JointFriction(1.0, 0.5)}
+    result = jp.simulate(robot, motion, joint_friction=losses)
+    last = {name: float(result[name][-1]) for name in result.dataset.data_vars if
+            result[name].dims == ("time",)}  # fmt: skip
+    taken = last["normal_dissipation"] + last["friction_dissipation"] + last["joint_friction_loss"]
+    assert last["drive_work"] == pytest.approx(taken, rel=0.03)
+    assert last["joint_friction_loss"] > 0.3
+    assert result.audit.relative_energy_residual < 0.005
+
+
+def test_release_switches_every_drive_off(urdf):
+    path = urdf(body("one", 3.0, "0.15 0 0"), joint("a", "base", "one", axis="0 1 0"))
+    robot = jp.Mechanism(path)
+    result = release(jp.Simulation(robot, still(robot, 0.01)).prepare()).execute()
+    assert not result["drive"].values.any()
+    assert result["q"].values[-1, 0] > 1e-4  # it falls

@@ -1,0 +1,80 @@
+"""The audit: what it counts, and when it warns."""
+
+import math
+
+import numpy as np
+import pytest
+from conftest import body, joint, still
+
+import jointplay as jp
+from jointplay import Audit
+
+MASS, SPEED = 2.0, 0.2
+GOOD = Audit(1e-4, 1.0, 5, 30, 0, 0.0, 2.0, 1e-6, 0.01)
+
+
+def bouncing(free_mass, **options):
+    """A frictionless elastic body flying to and fro between both end walls."""
+    elastic = {"normal": jp.Hertz(), "restitution": 1.0, "friction": jp.Ambrosio(0.0)}
+    return free_mass(velocity=(0, 0, SPEED, 0, 0, 0), mass=MASS, **(elastic | options)).execute()
+
+
+def test_impacts_impulse_and_depth_of_a_bouncing_mass(free_mass):
+    result = bouncing(free_mass, duration=12e-3, record_every=1)
+    audit = result.audit
+    turns = np.count_nonzero(np.diff(np.sign(result["v"].values[:, 2])))
+    assert audit.impacts == turns > 4
+    assert audit.normal_impulse == pytest.approx(2.0 * MASS * SPEED * turns, rel=2e-3)
+    joint = result.simulation.mechanism.clearance["pin"]
+    depth = (5.0 * MASS * SPEED**2 / (4.0 * joint.hertz_stiffness)) ** 0.4
+    assert audit.largest_penetration == pytest.approx(depth, rel=2e-3)
+    assert audit.penetration_over_clearance == pytest.approx(depth / joint.ca, rel=2e-3)
+    assert audit.energy_exchanged == pytest.approx(MASS * SPEED**2 * turns, rel=0.02)
+    steps = 2.9432 * depth / SPEED / 1e-6
+    assert audit.shortest_contact_steps == pytest.approx(steps, abs=3)
+    assert audit.under_resolved == 0
+    assert not audit.warnings
+
+
+@pytest.mark.parametrize("every", [1, 1000])
+def test_counts_do_not_depend_on_what_is_recorded(free_mass, every):
+    audit = bouncing(free_mass, duration=5e-3, record_every=every).audit
+    assert (audit.impacts, audit.under_resolved) == (2, 0)
+    assert audit.normal_impulse == pytest.approx(4.0 * MASS * SPEED, rel=2e-3)
+
+
+def test_contact_that_still_lasts_has_begun_but_not_ended(free_mass):
+    audit = bouncing(free_mass, offset=(0, 0, 1.99e-4, 0, 0, 0), duration=5e-5).audit
+    assert (audit.impacts, audit.shortest_contact_steps) == (1, 0)
+    assert 0.0 < audit.normal_impulse < MASS * SPEED
+
+
+def test_sound_run_does_not_warn():
+    assert GOOD.warnings == []
+    assert "warning" not in str(GOOD)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"energy_residual": 0.011}, "energy balance is off by 1.1 %"),
+        ({"energy_residual": math.nan}, "energy balance is off by nan %"),
+        ({"energy_exchanged": 0.0}, "energy balance is off by inf %"),
+        ({"under_resolved": 2, "shortest_contact_steps": 7}, "2 of 5 contacts lasted fewer"),
+        ({"penetration_over_clearance": 0.6}, "60 % of its clearance"),
+    ],
+)
+def test_each_doubt_is_voiced_once(change, said):
+    audit = Audit(**(GOOD.describe() | change))
+    assert len(audit.warnings) == 1
+    assert said in audit.warnings[0]
+    assert f"warning: {audit.warnings[0]}" in str(audit)
+
+
+def test_nothing_that_moves_has_nothing_to_balance(urdf):
+    path = urdf(body("arm", 2.0, "0.1 0 0"), joint("pin", "base", "arm"))
+    robot = jp.Mechanism(path, gravity=(0, 0, 0))
+    audit = jp.simulate(robot, still(robot, 0.01)).audit
+    assert audit.relative_energy_residual == 0.0
+    assert audit.impacts == 0
+    assert "contacts" not in str(audit)

@@ -1,0 +1,105 @@
+"""Drives: gains, feed-forward, and the coordinate they act on."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from conftest import body, joint, still
+
+from jointplay import (
+    ClearanceJoint,
+    ComputedTorque,
+    JointFriction,
+    JointplayError,
+    Mechanism,
+    Motion,
+    Simulation,
+    simulate,
+)
+from jointplay.study import scara
+
+FLAT = {"gravity": (0.0, 0.0, 0.0)}
+
+
+def two_links(urdf, axis="0 0 1", **options):
+    path = urdf(
+        body("one", 3.0, "0.15 0.02 0"),
+        body("two", 2.0, "0.1 0 0.03"),
+        joint("a", "base", "one", axis=axis),
+        joint("b", "one", "two", axis=axis, at="0.3 0 0"),
+    )
+    return Mechanism(path, **options)
+
+
+@pytest.mark.parametrize(("bandwidth", "ratio"), [(50.0, 1.0), (200.0, 0.3)])
+def test_released_axis_answers_as_the_oscillator_of_its_gains(urdf, bandwidth, ratio):
+    path = urdf(body("arm", 2.0, "0.1 0 0"), joint("a", "base", "arm"))
+    mechanism = Mechanism(path, **FLAT)
+    drive = ComputedTorque(bandwidth, ratio)
+    run = Simulation(mechanism, still(mechanism, 0.1), drive=drive, integrator="rk4").prepare()
+    run.workspace.q[0] = 0.01
+    result = run.execute()
+    root = bandwidth * np.sqrt(complex(ratio**2 - 1.0) or 1e-12)
+    t = result.time
+    decay = np.exp(-ratio * bandwidth * t)
+    exact = 0.01 * decay * (np.cosh(root * t) + ratio * bandwidth / root * np.sinh(root * t)).real
+    assert np.abs(result["q"].values[:, 0] - exact).max() < 1e-8
+
+
+def test_feed_forward_holds_the_robot_against_gravity(urdf):
+    mechanism = two_links(urdf, axis="0 1 0")
+    result = simulate(mechanism, still(mechanism, 0.1))
+    assert np.abs(result["q"].values).max() < 1e-12
+    weights = -9.81 * np.array([3.0 * 0.15 + 2.0 * 0.4, 2.0 * 0.1])  # about y, x to the right
+    assert result["drive"].values[-1] == pytest.approx(weights)
+
+
+@pytest.mark.parametrize(("integrator", "error"), [("semi-implicit-euler", 4e-6), ("rk4", 1e-7)])
+def test_ideal_robot_tracks_its_reference(integrator, error):
+    simulation = dataclasses.replace(scara(None), duration=1.5, integrator=integrator)
+    result = simulation.run()
+    reference, _, _ = simulation.motion(result.time)
+    assert np.ptp(reference, axis=0).min() > 0.1  # every joint has moved
+    assert np.abs(result["q"].values - reference).max() < error
+
+
+def test_friction_of_the_joints_is_fed_forward(urdf):
+    mechanism = two_links(urdf, **FLAT)
+    motion = Motion(["a", "b"], [0.0, 0.3], [[0.0, 0.0], [0.5, -0.8]])
+    losses = {"a": JointFriction(20.0, 3.0), "b": JointFriction(5.0, 1.0)}
+    stiff, free = (simulate(mechanism, motion, joint_friction=f) for f in (losses, {}))
+    reference, _, _ = motion(free.time)
+    for result in (stiff, free):
+        assert np.abs(result["q"].values - reference).max() < 1e-5
+    # What the drives add is lost in the joints: q and its range are the same.
+    exact = 20.0 * 0.5 + 5.0 * 0.8  # dry part; the viscous part is the integral of d v^2
+    _, v, _ = motion(free.time)
+    exact += np.trapezoid(v**2 @ [3.0, 1.0], free.time)
+    assert stiff["joint_friction_loss"].values[-1] == pytest.approx(exact, rel=2e-3)
+
+
+def test_drive_of_a_worn_joint_acts_on_its_yaw_alone(urdf):
+    worn = {"b": ClearanceJoint(radial_clearance=2e-4, axial_clearance=2e-4)}
+    mechanism = two_links(urdf, clearance=worn, **FLAT)
+    motion = Motion(["b", "a"], [0.0, 0.1], [[0.0, 0.0], [0.2, -0.1]])  # any order of joints
+    drive = simulate(mechanism, motion, duration=0.02)["drive"]
+    ideal = simulate(mechanism.ideal(), motion, duration=0.02)["drive"]
+    driven = [str(c) for c in drive["coordinate"].values if drive.sel(coordinate=c).values.any()]
+    assert driven == ["a", "b.yaw"]
+    assert drive.values[1, [0, 4]] == pytest.approx(ideal.values[1], rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("joints", "named"),
+    [
+        (["a"], "the motion lacks b;"),
+        (["a", "b", "c"], "the motion names c;"),
+        (["a", "c"], "the motion lacks b and names c;"),
+    ],
+)
+def test_motion_must_name_the_moving_joints(urdf, joints, named):
+    motion = Motion(joints, [0.0, 1.0], np.zeros((2, len(joints))))
+    with pytest.raises(JointplayError) as caught:
+        Simulation(two_links(urdf), motion).prepare()
+    assert str(caught.value).startswith(named)
+    assert str(caught.value).endswith("the moving joints are: a, b")
