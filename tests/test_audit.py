@@ -10,7 +10,7 @@ import jointplay as jp
 from jointplay import Audit
 
 MASS, SPEED = 2.0, 0.2
-GOOD = Audit(1e-4, 1.0, 5, 30, 0, 0.0, 2.0, 1e-6, 0.01)
+GOOD = Audit(1e-4, 1.0, 5, 30, 0, 0.0, 2.0, 1e-6, 0.01, 1e-5, 2e-5)
 
 
 def bouncing(free_mass, **options):
@@ -62,6 +62,8 @@ def test_sound_run_does_not_warn():
         ({"energy_exchanged": 0.0}, "energy balance is off by inf %"),
         ({"under_resolved": 2, "shortest_contact_steps": 7}, "2 of 5 contacts lasted fewer"),
         ({"penetration_over_clearance": 0.6}, "60 % of its clearance"),
+        ({"friction_step_limit": 4e-6}, "does not follow friction"),
+        ({"friction_step_limit": 5e-6}, "does not follow friction"),
     ],
 )
 def test_each_doubt_is_voiced_once(change, said):

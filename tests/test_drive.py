@@ -86,7 +86,7 @@ def test_drive_of_a_worn_joint_acts_on_its_yaw_alone(urdf):
     ideal = simulate(mechanism.ideal(), motion, duration=0.02)["drive"]
     driven = [str(c) for c in drive["coordinate"].values if drive.sel(coordinate=c).values.any()]
     assert driven == ["a", "b.yaw"]
-    assert drive.values[1, [0, 4]] == pytest.approx(ideal.values[1], rel=1e-3)
+    assert drive.values[1, [0, 4]] == pytest.approx(ideal.values[1], rel=0.1)
 
 
 @pytest.mark.parametrize(

@@ -216,3 +216,17 @@ def test_forms_of_real_poses(values, letter):
     centre, axis = pose(*values)
     _, _, forms = classify_many(np.concatenate([centre, axis])[None], *SIZES)
     assert Form(forms[0]).letter == letter
+
+
+@pytest.mark.parametrize(
+    ("journal", "x", "pitch", "letter"),
+    [
+        ((9.5e-3, 39.9e-3), 0.0, 5.35e-3, "d"),  # wide bore, close walls: both walls at once
+        ((9.5e-3, 39.9e-3), 4e-4, 5.35e-3, "h"),
+        ((9.8e-3, 39.81e-3), 0.0, 1.022e-2, "i"),  # stuck in every corner
+    ],
+)
+def test_forms_that_need_other_clearances(journal, x, pitch, letter):
+    centre, axis = pose(x, 0.0, 0.0, pitch, 0.0)
+    _, _, forms = classify_many(np.concatenate([centre, axis])[None], RI, LI, *journal)
+    assert Form(forms[0]).letter == letter

@@ -41,6 +41,8 @@ def test_centred_journals_move_like_the_ideal_robot(urdf, axis, worn):
     small = np.triu(small) + np.triu(small, 1).T
     assert np.allclose(full[np.ix_(columns, columns)], small, atol=1e-13)
     assert pin.computeTotalMass(real.model) == pytest.approx(6.0)
+    centres = [pin.centerOfMass(m.model, m.data, q) for m, q in ((ideal, q_ideal), (real, q_real))]
+    assert np.allclose(*centres, atol=1e-14)
 
 
 def test_coordinates_are_named_and_found(urdf):

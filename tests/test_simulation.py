@@ -384,3 +384,23 @@ def test_under_resolved_contacts_are_counted_and_warned_of(free_mass):
     assert audit.under_resolved == audit.impacts > 0
     assert audit.shortest_contact_steps < 10
     assert any("fewer than 10 steps" in text for text in audit.warnings)
+
+
+def test_friction_that_the_step_cannot_follow_is_warned_of():
+    jammed = short(scara(2e-4), 0.35).run().audit
+    assert 1e-6 < jammed.friction_step_limit < 1e-5
+    assert any("does not follow friction" in text for text in jammed.warnings)
+    fine = short(scara(2e-4), 0.05, step=2e-6).run().audit
+    assert not any("friction" in text for text in fine.warnings)
+
+
+def test_friction_step_limit_is_that_of_a_damper():
+    from jointplay.impact import effective_mass, friction_step_limit
+
+    simulation = scara(2e-4)
+    mechanism = simulation.mechanism
+    q = mechanism.configuration({"joint_b": 0.9})
+    damper = 0.1 / 0.9e-3 * 3000.0
+    expected = 2.0 * effective_mass(mechanism, "joint_b", q) / damper
+    assert friction_step_limit(mechanism, "joint_b", q, 3000.0) == pytest.approx(expected)
+    assert friction_step_limit(mechanism, "joint_b", q, 0.0) == np.inf

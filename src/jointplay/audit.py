@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from jointplay.joint import ClearanceJoint
+from jointplay.impact import friction_step_limit
 from jointplay.kernel import WELL_RESOLVED_STEPS, Workspace
+from jointplay.mechanism import Mechanism
 
 ENERGY_WARNING = 0.01
 """Relative energy residual above which a run warns."""
@@ -38,25 +39,39 @@ class Audit:
     """[m]."""
     penetration_over_clearance: float
     """The same relative to the clearance of its direction."""
+    step: float
+    """The time step [s]."""
+    friction_step_limit: float
+    """Largest step that follows friction under the largest normal force [s]."""
 
     @classmethod
     def of(
         cls,
-        clearance: Mapping[str, ClearanceJoint],
+        mechanism: Mechanism,
+        simulation: Mapping[str, Any],
         workspace: Workspace,
         kinetic: np.ndarray,
         work: np.ndarray,
         residual: np.ndarray,
     ) -> Audit:
-        """Audit the records in `workspace` of a mechanism with these clearance joints."""
+        """Audit the records in `workspace` of `simulation`, which is given as plain data."""
         statistics = workspace.contact_statistics()
         exchanged = max(
             (float(np.abs(np.diff(values)).sum()) for values in (kinetic, work[:, 0])), default=0.0
         )
         shortest = float(np.min(statistics["shortest_steps"], initial=np.inf))
         impulse = float(statistics["impulse"].sum())
-        depth, relative = 0.0, 0.0
-        for joint, gaps in zip(clearance.values(), statistics["smallest_gap"], strict=True):
+        depth, relative, limit = 0.0, 0.0, math.inf
+        peaks = workspace.recorded("normal_peak")
+        peaks = peaks.reshape(workspace.rows, len(mechanism.clearance), 4)
+        largest = peaks.max(axis=(0, 2), initial=0.0)
+        for name, gaps, force in zip(
+            mechanism.clearance, statistics["smallest_gap"], largest, strict=True
+        ):
+            joint = mechanism.clearance[name]
+            if workspace.rows:
+                q = workspace.recorded("q")[0]
+                limit = min(limit, friction_step_limit(mechanism, name, q, float(force)))
             rooms = (joint.cr, joint.cr, joint.ca, joint.ca)
             for gap, room in zip(gaps, rooms, strict=True):
                 depth, relative = max(depth, -gap), max(relative, -gap / room)
@@ -72,6 +87,8 @@ class Audit:
             normal_impulse=impulse,
             largest_penetration=float(depth),
             penetration_over_clearance=float(relative),
+            step=float(simulation["step"]),
+            friction_step_limit=limit,
         )
 
     @property
@@ -101,6 +118,12 @@ class Audit:
                 f"the journal sank in by {self.largest_penetration:.3g} m, "
                 f"{100 * self.penetration_over_clearance:.0f} % of its clearance: the contact is "
                 "too soft for this load"
+            )
+        if self.step > self.friction_step_limit:
+            found.append(
+                f"the step of {self.step:.2g} s does not follow friction under the largest normal "
+                f"force, which needs {self.friction_step_limit:.1g} s: forces of a jammed journal "
+                "may be off by some per cent; reduce the step or widen the friction law's ramp"
             )
         return found
 

@@ -170,7 +170,7 @@ def _peaks(small: Ensemble, large: Ensemble) -> tuple[str, str]:
         (
             "yes" if isolated else "no",
             f"above {100 * PEAK_LEVEL:.0f} % of the peak for "
-            f"{100 * busy[0].mean():.2g} → {100 * busy[1].mean():.2g} % of the time",
+            f"{100 * busy[0].mean():.3g} → {100 * busy[1].mean():.3g} % of the time",
         )
     )
     return _all(parts)

@@ -82,7 +82,7 @@ def assemble(
         coordinates |= {"joint": list(mechanism.clearance), "contact": list(CONTACTS)}
     else:
         coordinates["moving_joint"] = list(mechanism.joints)
-    audit = Audit.of(mechanism.clearance, workspace, body["kinetic"], work, residual)
+    audit = Audit.of(mechanism, simulation, workspace, body["kinetic"], work, residual)
     dataset = xr.Dataset(
         {
             name: (dims, values, {"units": unit, "long_name": text})
@@ -245,6 +245,7 @@ def _reactions(
     for i in range(len(q)):
         acceleration = pin.aba(model, data, q[i], v[i], drive[i] - losses[i])
         pin.rnea(model, data, q[i], v[i], acceleration)
+        pin.forwardKinematics(model, data, q[i])  # rnea leaves the orientations oMi alone
         for k, index in enumerate(indices):
             forces[i, k] = data.oMi[index].rotation @ data.f[index].linear
     return forces

@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 from numba import njit
 
-from jointplay.contact.law import NormalForceLaw, address, call_normal, pointer
+from jointplay.contact.law import FrictionLaw, NormalForceLaw, address, call_normal, pointer
 from jointplay.errors import JointplayError
 from jointplay.joint import ClearanceJoint
 from jointplay.mechanism import Mechanism
@@ -115,6 +115,26 @@ def effective_mass(mechanism: Mechanism, joint: str, q: np.ndarray) -> float:
     rim = axial.T @ np.stack([np.ones_like(phi), np.cos(phi), np.sin(phi)])
     softest = max(softest, float(np.einsum("ik,ij,jk->k", rim, compliance, rim).max()))
     return 1.0 / softest
+
+
+def friction_slope(law: FrictionLaw) -> float:
+    """Steepest rise of the friction coefficient with the sliding speed [s/m], by sampling."""
+    speeds = np.logspace(-6.0, 1.0, 1401)
+    parameters = law.parameters()
+    mu = np.array([law.function(float(speed), parameters) for speed in speeds])
+    return float(max(np.max(np.diff(mu) / np.diff(speeds)), 0.0))
+
+
+def friction_step_limit(
+    mechanism: Mechanism, joint: str, q: np.ndarray, normal_force: float
+) -> float:
+    """Largest step that follows friction under a lasting normal force [N]: 2 m / (mu' F_n) [s].
+
+    Where the coefficient rises with speed, friction is a damper of mu' F_n, which an explicit
+    method follows only below this step (docs/integrators.md). Infinite without friction.
+    """
+    damper = friction_slope(mechanism.clearance[joint].friction) * normal_force
+    return 2.0 * effective_mass(mechanism, joint, q) / damper if damper > 0.0 else float("inf")
 
 
 def contact_duration(mechanism: Mechanism, joint: str, q: np.ndarray) -> float:

@@ -110,7 +110,7 @@ def momentum_rate(run, wrong=0.0):
 
 
 def pressed(path, pose, speed):
-    robot, run = flying(path, ["pin"], speed[:3])
+    _, run = flying(path, ["pin"], speed[:3])
     run.workspace.q[3:] = pose
     run.workspace.v[3:] = speed[3:]
     return run

@@ -1,0 +1,156 @@
+"""Bearings at rest against statics by hand."""
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+import jointplay as jp
+from jointplay import Form
+
+MASS, OVERHANG = 4.0, 0.25
+WEIGHT = MASS * 9.81
+SETTLING = {"restitution": 0.2, "mass": MASS, "record_every": 100}
+CLEAR = {"radial_clearance": 2e-4, "axial_clearance": 2e-4}
+RIM_A, RIM_B, WALL_A, WALL_B = range(4)
+
+
+def settled(result):
+    """Normal forces and the journal's pose over the last tenth, where nothing moves any more."""
+    rest = slice(int(0.9 * len(result.time)), None)
+    forces = result["normal_force"].values[rest, 0]
+    assert np.ptp(forces, axis=0).max() < 1e-3 * WEIGHT
+    return forces.mean(axis=0), result["q"].values[-1]
+
+
+def wedged(free_mass, mu, **options):
+    """An arm that overhangs its vertical bearing, let go close to where it comes to rest."""
+    joint = jp.ClearanceJoint(**CLEAR)
+    tilt = 0.01
+    return free_mass(
+        com=f"{OVERHANG} 0 0",
+        gravity=(0, 0, -9.81),
+        offset=(0, 0, -joint.ca + joint.rj * tilt + 2e-5, 0, tilt, 0),
+        friction=jp.Ambrosio(mu),
+        duration=0.2,
+        **(SETTLING | options),
+    ).execute()
+
+
+def tilt_by_hand(joint, depth):
+    """Tilt at which opposite rim points of both ends lie `depth` beyond the bore."""
+
+    def beyond(tilt):
+        across = joint.lj * np.sin(tilt) + 2.0 * joint.rj * np.cos(tilt)
+        return across - 2.0 * (joint.ri + depth)
+
+    return brentq(beyond, 0.0, 0.1, xtol=1e-15)
+
+
+def wedge_error(result, rim=1.0):
+    """Errors of the radial forces, axial force and tilt, relative to planar statics.
+
+    The overhang's moment about the point where the lower rim stands on the wall, R_j cos(tilt) from
+    the axis, is carried by the couple of both radial forces. `rim` scales that lever.
+    """
+    joint = result.simulation.mechanism.clearance["pin"]
+    forces, q = settled(result)
+    x, tilt = q[0], q[4]
+    s, c = np.sin(tilt), np.cos(tilt)
+    foot = x - 0.5 * joint.lj * s + rim * joint.rj * c
+    couple = joint.lj * c - 2.0 * joint.rj * s
+    radial = WEIGHT * (x + OVERHANG * c - foot) / couple
+    depth = (radial / joint.hertz_stiffness) ** (2.0 / 3.0)
+    return np.array(
+        [
+            np.abs(forces[[RIM_A, RIM_B]] / radial - 1.0).max(),
+            abs(forces[WALL_B] / WEIGHT - 1.0) + forces[WALL_A],
+            abs(tilt / tilt_by_hand(joint, depth) - 1.0),
+        ]
+    )
+
+
+# The friction law is zero at rest, so it carries nothing in the end; but see docs/integrators.md
+# for the step that it asks of a jammed journal.
+@pytest.mark.parametrize(("mu", "step"), [(0.0, 1e-5), (0.1, 2e-6)])
+def test_wedged_arm_stands_as_statics_say(free_mass, mu, step):
+    result = wedged(free_mass, mu, step=step)
+    assert wedge_error(result).max() < 1e-4
+    assert Form(result["form"].values[-1, 0]) == Form.TWO_RADIAL_ONE_AXIAL
+    joint = result.simulation.mechanism.clearance["pin"]
+    assert result["tilt"].values[-1, 0] == pytest.approx(2.0 * joint.cr / joint.lj, rel=0.02)
+    assert result["joint_force"].values[-1, 0] == pytest.approx([0, 0, WEIGHT], abs=1e-3)
+
+
+def test_wrong_lever_fails_the_wedge_check(free_mass):
+    """Forgetting that the wall carries at the rim, not on the axis, is an error of R_j/overhang."""
+    error = wedge_error(wedged(free_mass, 0.0, step=1e-5), rim=0.0)
+    assert error[0] > 0.03
+
+
+def test_chattering_wedge_is_reported(free_mass):
+    """At a step too long for the friction of a jammed journal: right, or warned of."""
+    result = wedged(free_mass, 0.1, step=1e-5)
+    right = np.allclose(result["joint_force"].values[-20:, 0], [0, 0, WEIGHT], atol=0.01 * WEIGHT)
+    assert right or result.audit.warnings
+
+
+@pytest.mark.parametrize("down", [1.0, -1.0])
+def test_standing_body_sinks_in_by_its_weight(free_mass, down):
+    """Face on end wall, A or B: one force, the weight; depth (W/k)^(2/3); a surface contact."""
+    joint = jp.ClearanceJoint(**CLEAR, axial_stiffness=1e9)
+    result = free_mass(
+        axial_stiffness=1e9,
+        gravity=(0, 0, 9.81 * down),
+        offset=(0, 0, down * joint.ca, 0, 0, 0),
+        duration=0.2,
+        step=1e-5,
+        **SETTLING,
+    ).execute()
+    forces, q = settled(result)
+    wall = WALL_A if down > 0 else WALL_B
+    assert forces[wall] == pytest.approx(WEIGHT, rel=1e-4)
+    assert forces.sum() == forces[wall]
+    depth = (WEIGHT / 1e9) ** (2.0 / 3.0)
+    assert down * q[2] - joint.ca == pytest.approx(depth, rel=1e-4)
+    assert Form(result["form"].values[-1, 0]) == Form.SURFACE
+
+
+@pytest.mark.parametrize("shift", [0.0, 0.3, -0.45])
+@pytest.mark.parametrize("azimuth", [0.0, 2.0])
+def test_lying_shaft_shares_its_weight_by_the_law_of_the_lever(free_mass, shift, azimuth):
+    """Gravity across the bore, the weight `shift` L_j from the middle: forces W (1/2 +- shift)."""
+    joint = jp.ClearanceJoint(**CLEAR)
+    way = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
+    result = free_mass(
+        com=f"0 0 {shift * joint.lj}",
+        gravity=tuple(9.81 * way),
+        offset=(*(joint.cr * way), 0, 0, 0),
+        friction=jp.Ambrosio(0.0),
+        duration=0.1,
+        step=1e-5,
+        **SETTLING,
+    ).execute()
+    forces, _ = settled(result)
+    share = WEIGHT * np.array([0.5 + shift, 0.5 - shift])
+    assert forces[[RIM_A, RIM_B]] == pytest.approx(share, rel=1e-3)
+    depth = (share / joint.hertz_stiffness) ** (2.0 / 3.0)
+    assert -result["gap"].values[-1, 0, :2] == pytest.approx(depth, rel=1e-3)
+    assert Form(result["form"].values[-1, 0]) == Form.LINE
+
+
+def test_overhung_shaft_bears_on_opposite_sides(free_mass):
+    """Weight 0.8 L_j from the middle: the far end is pressed up with 0.3 W, the near one 1.3 W."""
+    joint = jp.ClearanceJoint(**CLEAR)
+    tilt = 2.0 * joint.cr / joint.lj
+    result = free_mass(
+        com=f"0 0 {0.8 * joint.lj}",
+        gravity=(9.81, 0, 0),
+        offset=(0, 0, 0, 0, tilt, 0),
+        friction=jp.Ambrosio(0.0),
+        duration=0.2,
+        step=1e-5,
+        **SETTLING,
+    ).execute()
+    forces, _ = settled(result)
+    assert forces[[RIM_A, RIM_B]] == pytest.approx(WEIGHT * np.array([1.3, 0.3]), rel=0.02)
+    assert Form(result["form"].values[-1, 0]) == Form.RADIAL_BOTH_ENDS_OPPOSITE
