@@ -80,3 +80,13 @@ def test_nothing_that_moves_has_nothing_to_balance(urdf):
     assert audit.relative_energy_residual == 0.0
     assert audit.impacts == 0
     assert "contacts" not in str(audit)
+
+
+def test_under_resolved_contacts_are_counted_and_warned_of(free_mass):
+    run = free_mass(
+        offset=(0, 0, 1.9e-4, 0, 0, 0), velocity=(0, 0, 0.1, 0, 0, 0), step=4e-5, duration=4e-3
+    )
+    audit = run.execute().audit
+    assert audit.under_resolved == audit.impacts > 0
+    assert audit.shortest_contact_steps < 10
+    assert any("fewer than 10 steps" in text for text in audit.warnings)

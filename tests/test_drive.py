@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from conftest import body, joint, still
+from conftest import body, joint, release, still
 
 from jointplay import (
     ClearanceJoint,
@@ -103,3 +103,32 @@ def test_motion_must_name_the_moving_joints(urdf, joints, named):
         Simulation(two_links(urdf), motion).prepare()
     assert str(caught.value).startswith(named)
     assert str(caught.value).endswith("the moving joints are: a, b")
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: ComputedTorque(bandwidth=-1.0),
+        lambda: ComputedTorque(damping_ratio=float("inf")),
+        lambda: JointFriction(coulomb=-1.0),
+    ],
+)
+def test_impossible_drives_are_refused(make):
+    with pytest.raises(JointplayError):
+        make()
+
+
+def test_joint_friction_comes_from_the_urdf_and_dissipates(urdf):
+    entry = joint("pin", "base", "arm", at="0 0 0").replace(
+        "</joint>", '<dynamics friction="0.3" damping="0.1"/></joint>'
+    )
+    mechanism = Mechanism(urdf(body("arm"), entry), gravity=(0, 0, 0))
+    drive = ComputedTorque(bandwidth=1.0)
+    run = release(Simulation(mechanism, still(mechanism, 0.05), drive=drive, step=1e-5).prepare())
+    run.workspace.v[0] = 2.0
+    result = run.execute()
+    # I dw/dt = -0.3 - 0.1 w: w = (w0 + 3) exp(-10 t) - 3 with I = 0.01.
+    exact = 5.0 * np.exp(-10.0 * result.time) - 3.0
+    assert np.allclose(result["v"].values[:, 0], exact, atol=1e-3)
+    lost = 0.5 * 0.01 * (2.0**2 - exact[-1] ** 2)
+    assert result["joint_friction_loss"].values[-1] == pytest.approx(lost, rel=1e-3)

@@ -157,3 +157,26 @@ def test_release_switches_every_drive_off(urdf):
     result = release(jp.Simulation(robot, still(robot, 0.01)).prepare()).execute()
     assert not result["drive"].values.any()
     assert result["q"].values[-1, 0] > 1e-4  # it falls
+
+
+@pytest.mark.parametrize("method", INTEGRATORS.values(), ids=INTEGRATORS.keys())
+def test_energy_residual_of_smooth_motion_falls_at_the_integrators_order(urdf, method):
+    path = urdf(
+        body("one", 3.0, "0.2 0 -0.1", 0.05),
+        body("two", 2.0, "0.1 0 -0.2", 0.02),
+        joint("j1", "base", "one", axis="0 1 0"),
+        joint("j2", "one", "two", axis="0 1 0", at="0.3 0 0"),
+    )
+    mechanism = jp.Mechanism(path)
+    motion = still(mechanism, 0.32)
+    drive = jp.ComputedTorque(bandwidth=1.0)
+    steps = np.array([2e-3, 1e-3, 5e-4])
+    found = []
+    for step in steps:
+        simulation = jp.Simulation(
+            mechanism, motion, drive, step=step, integrator=method.name, record_every=1
+        )
+        run = release(simulation.prepare())
+        run.workspace.v[:] = [3.0, -5.0]
+        found.append(run.execute().audit.energy_residual)
+    assert np.polyfit(np.log(steps), np.log(found), 1)[0] == pytest.approx(method.order, abs=0.25)
