@@ -4,9 +4,20 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, Phase, settings
 
 from jointplay import ClearanceJoint, ComputedTorque, Mechanism, Motion, Simulation
 from jointplay.simulation import Run
+
+# A simulation in each example: slow machines must not fail, and a failure must not be shrunk for
+# minutes.
+settings.register_profile(
+    "jointplay",
+    deadline=None,
+    suppress_health_check=[HealthCheck.too_slow],
+    phases=set(Phase) - {Phase.shrink},
+)
+settings.load_profile("jointplay")
 
 BODY = """
   <link name="{name}"><inertial>

@@ -197,7 +197,7 @@ def test_expected_impact_duration_is_close(free_mass, law):
 speeds = st.floats(-0.3, 0.3)
 
 
-@settings(deadline=None, max_examples=10)
+@settings(max_examples=10)
 @given(st.tuples(speeds, speeds, speeds, st.floats(-30, 30), st.floats(-3, 3), st.floats(-3, 3)))
 def test_a_contact_never_pulls_and_friction_never_drives(tmp_path_factory, velocity):
     path = tmp_path_factory.mktemp("r") / "robot.urdf"

@@ -40,7 +40,7 @@ def rim(centre, axis, side):
     return end + RJ * (np.outer(np.cos(PHI), e1) + np.outer(np.sin(PHI), e2))
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(poses)
 def test_gaps_are_those_of_the_deepest_rim_points(values):
     centre, axis = pose(*values)
@@ -55,7 +55,7 @@ def test_gaps_are_those_of_the_deepest_rim_points(values):
         assert np.hypot(*point[end, :2]) == pytest.approx(RI - gap[end], abs=1e-12)
 
 
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=20)
 @given(st.floats(0.3, 1.2), st.floats(-2e-3, 2e-3), st.floats(-2e-3, 2e-3))
 def test_deepest_point_is_found_at_large_tilts_too(tilt, x, y):
     centre, axis = pose(x, y, 0.0, tilt, 0.0)
@@ -104,27 +104,31 @@ def test_parallel_axes_give_equations_6_and_7(alpha):
 def gradient_error(values, scale=1.0):
     """Largest difference between the gaps' finite differences and normal . point velocity.
 
-    `scale` falsifies the contact point, to show that the check sees it.
+    Not of a rim whose centre is on the bore's axis to R_j tilt^2: it is as deep on either side, the
+    gap has a ridge there, but it is far from touching. `scale` falsifies the contact point, to show
+    that the check sees it.
     """
     centre, axis = pose(*values)
-    _, point, normal = gaps(centre, axis, *SIZES)
+    gap, point, normal = gaps(centre, axis, *SIZES)
+    smooth = np.array([*(gap[:2] < 0.85 * (RI - RJ)), True, True])
     point = centre + scale * (point - centre)
     worst = 0.0
     h = 1e-7
     for direction in np.eye(3):
         moved = [gaps(centre + s * h * direction, axis, *SIZES)[0] for s in (1, -1)]
-        worst = max(worst, np.abs((moved[0] - moved[1]) / (2 * h) - normal @ direction).max())
+        error = np.abs((moved[0] - moved[1]) / (2 * h) - normal @ direction)
+        worst = max(worst, error[smooth].max())
         turns = [Rotation.from_rotvec(s * h * direction).apply(axis) for s in (1, -1)]
         moved = [gaps(centre, turned, *SIZES)[0] for turned in turns]
         velocity = np.cross(direction, point - centre)
         expected = np.einsum("ij,ij->i", normal, velocity)
         # Lever arms are some 10 mm: an error of 1e-3 of them is 1e-5 m.
-        error = np.abs((moved[0] - moved[1]) / (2 * h) - expected).max() / RJ
-        worst = max(worst, error)
+        error = np.abs((moved[0] - moved[1]) / (2 * h) - expected) / RJ
+        worst = max(worst, error[smooth].max())
     return worst
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(poses.filter(lambda p: np.hypot(p[0], p[1]) > 1e-4 and np.hypot(p[3], p[4]) > 2e-4))
 def test_gradient_of_the_gap_is_the_contact_normal(values):
     assert gradient_error(values) < 1e-3

@@ -124,7 +124,7 @@ def tumbler(urdf):
     return urdf(*SLIDERS, body("two", 2.0, "0.1 0.05 -0.1"), joint("pin", "one", "two", **SKEW))
 
 
-@settings(deadline=None, max_examples=25)
+@settings(max_examples=25)
 @given(place, st.floats(2.01e-4, 2.2e-4), place, turn, turn, st.tuples(*[rate] * 9))
 def test_contact_forces_leave_the_momentum_alone_in_any_state(
     tmp_path_factory, x, y, z, pitch, roll, speed
