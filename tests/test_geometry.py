@@ -11,6 +11,7 @@ from jointplay.geometry import (
     EDGE_ROUNDING_M,
     Form,
     Mode,
+    Shape,
     classify_form,
     classify_many,
     classify_mode,
@@ -217,9 +218,19 @@ def test_letters_are_those_of_figure_2():
     ],
 )
 def test_forms_of_real_poses(values, letter):
+    assert form_of(values, SIZES).letter == letter
+
+
+def form_of(values, sizes):
+    """Contact form of a pose x, y, z, pitch, roll; `sizes` are R_i, L_i, R_j, L_j."""
     centre, axis = pose(*values)
-    _, _, forms = classify_many(np.concatenate([centre, axis])[None], *SIZES)
-    assert Form(forms[0]).letter == letter
+    turn = np.zeros((3, 3))
+    turn[:, 2] = axis
+    ri, li, rj, lj = sizes
+    dimensions = np.array([ri, rj, li / 2, lj / 2])
+    poses = np.concatenate([centre, turn.ravel()])[None]
+    _, _, forms = classify_many(int(Shape.CYLINDER), dimensions, 4, poses)
+    return Form(forms[0])
 
 
 @pytest.mark.parametrize(
@@ -231,6 +242,4 @@ def test_forms_of_real_poses(values, letter):
     ],
 )
 def test_forms_that_need_other_clearances(journal, x, pitch, letter):
-    centre, axis = pose(x, 0.0, 0.0, pitch, 0.0)
-    _, _, forms = classify_many(np.concatenate([centre, axis])[None], RI, LI, *journal)
-    assert Form(forms[0]).letter == letter
+    assert form_of((x, 0.0, 0.0, pitch, 0.0), (RI, LI, *journal)).letter == letter

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 _HOMES = {
     "Ambrosio": "contact",
     "Audit": "audit",
-    "ClearanceJoint": "joint",
+    "ClearanceJoint": "joints",
     "ComputedTorque": "drive",
     "CustomFriction": "contact",
     "CustomNormalForce": "contact",
@@ -30,7 +30,7 @@ _HOMES = {
     "KelvinVoigt": "contact",
     "LankaraniNikravesh": "contact",
     "LinearSpring": "contact",
-    "Material": "joint",
+    "Material": "joints",
     "Mechanism": "mechanism",
     "Mode": "geometry",
     "Motion": "motion",
@@ -57,8 +57,8 @@ if TYPE_CHECKING:
     from jointplay.errors import JointplayError as JointplayError
     from jointplay.geometry import Form as Form
     from jointplay.geometry import Mode as Mode
-    from jointplay.joint import ClearanceJoint as ClearanceJoint
-    from jointplay.joint import Material as Material
+    from jointplay.joints import ClearanceJoint as ClearanceJoint
+    from jointplay.joints import Material as Material
     from jointplay.mechanism import Mechanism as Mechanism
     from jointplay.motion import Motion as Motion
     from jointplay.result import Result as Result

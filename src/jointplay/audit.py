@@ -13,6 +13,12 @@ from jointplay.impact import friction_step_limit
 from jointplay.kernel import WELL_RESOLVED_STEPS, Workspace
 from jointplay.mechanism import Mechanism
 
+DRIFT_WARNING_M = 1e-6
+"""Gap of an ideal loop above which a run warns."""
+
+NOTHING_EXCHANGED = 1e-6
+"""Part of the kinetic energy below which its variation counts as none."""
+
 ENERGY_WARNING = 0.01
 """Relative energy residual above which a run warns."""
 
@@ -24,9 +30,12 @@ class Audit:
     energy_residual: float
     """Largest error of the energy balance [J]."""
     energy_exchanged: float
-    """Total variation of the kinetic energy or of the drives' work, the larger [J]."""
+    """Total variation of the kinetic energy or of the drives' work, the larger [J].
+
+    At least a millionth of the kinetic energy, for rounding is not worth a warning.
+    """
     impacts: int
-    """Contacts that began, all four places of all joints."""
+    """Contacts that began, at all places of all joints."""
     shortest_contact_steps: int
     """Steps of the shortest contact that ended; 0 if none did."""
     under_resolved: int
@@ -43,6 +52,8 @@ class Audit:
     """The time step [s]."""
     friction_step_limit: float
     """Largest step that follows friction under the largest normal force [s]."""
+    loop_drift: float = 0.0
+    """Largest gap of a loop without clearance [m]."""
 
     @classmethod
     def of(
@@ -53,17 +64,17 @@ class Audit:
         kinetic: np.ndarray,
         work: np.ndarray,
         residual: np.ndarray,
+        drift: np.ndarray,
     ) -> Audit:
         """Audit the records in `workspace` of `simulation`, which is given as plain data."""
         statistics = workspace.contact_statistics()
-        exchanged = max(
-            (float(np.abs(np.diff(values)).sum()) for values in (kinetic, work[:, 0])), default=0.0
-        )
+        variations = (float(np.abs(np.diff(values)).sum()) for values in (kinetic, work[:, 0]))
+        exchanged = max(*variations, NOTHING_EXCHANGED * float(kinetic.max(initial=0.0)))
         shortest = float(np.min(statistics["shortest_steps"], initial=np.inf))
         impulse = float(statistics["impulse"].sum())
         depth, relative, limit = 0.0, 0.0, math.inf
         peaks = workspace.recorded("normal_peak")
-        peaks = peaks.reshape(workspace.rows, len(mechanism.clearance), 4)
+        peaks = peaks.reshape(workspace.rows, *workspace.memory.shape[:2])
         largest = peaks.max(axis=(0, 2), initial=0.0)
         for name, gaps, force in zip(
             mechanism.clearance, statistics["smallest_gap"], largest, strict=True
@@ -72,8 +83,7 @@ class Audit:
             if workspace.rows:
                 q = workspace.recorded("q")[0]
                 limit = min(limit, friction_step_limit(mechanism, name, q, float(force)))
-            rooms = (joint.cr, joint.cr, joint.ca, joint.ca)
-            for gap, room in zip(gaps, rooms, strict=True):
+            for gap, room in zip(gaps, joint.rooms, strict=False):
                 depth, relative = max(depth, -gap), max(relative, -gap / room)
         return cls(
             energy_residual=float(np.abs(residual).max(initial=0.0)),
@@ -89,6 +99,7 @@ class Audit:
             penetration_over_clearance=float(relative),
             step=float(simulation["step"]),
             friction_step_limit=limit,
+            loop_drift=float(drift.max(initial=0.0)),
         )
 
     @property
@@ -125,6 +136,10 @@ class Audit:
                 f"force, which needs {self.friction_step_limit:.1g} s: forces of a jammed journal "
                 "may be off by some per cent; reduce the step or widen the friction law's ramp"
             )
+        if self.loop_drift > DRIFT_WARNING_M:
+            found.append(
+                f"ideal loops drifted apart by {self.loop_drift:.2g} m: reduce the step, or use rk4"
+            )
         return found
 
     def describe(self) -> dict[str, Any]:
@@ -145,4 +160,6 @@ class Audit:
                 f"  largest penetration: {self.largest_penetration:.3g} m, "
                 f"{100 * self.penetration_over_clearance:.2g} % of the clearance",
             ]
+        if self.loop_drift:
+            lines.append(f"  drift of ideal loops: {self.loop_drift:.3g} m")
         return "\n".join(lines + [f"  warning: {text}" for text in self.warnings])

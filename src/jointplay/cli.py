@@ -259,7 +259,7 @@ def _simulation(options: argparse.Namespace) -> Simulation:
     from jointplay import study
     from jointplay.contact import Ambrosio
     from jointplay.drive import ComputedTorque
-    from jointplay.joint import ClearanceJoint, Material
+    from jointplay.joints import ClearanceJoint, Material
     from jointplay.mechanism import Mechanism
     from jointplay.motion import Motion
     from jointplay.simulation import Simulation

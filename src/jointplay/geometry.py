@@ -1,8 +1,9 @@
 """Gaps of a journal in its bearing, for skew axes (eqs 4-9, Table 1, Figure 2).
 
 The bearing frame has its origin at the bearing's centre and z along the bore; the journal frame
-likewise. A pose is the journal's centre and the journal's axis `a` (a unit vector), both in the
-bearing frame. The four possible contacts are, in this order everywhere in the package:
+likewise. A pose is the journal's centre and orientation in the bearing frame; of the orientation a
+cylinder needs its axis `a` only. The four possible contacts of a cylinder are, in this order
+everywhere in the package (`Shape` has the other shapes):
 
     0  radial at end A   rim of the journal's +z end against the bore
     1  radial at end B   rim of the journal's -z end against the bore
@@ -29,6 +30,25 @@ CONTACT_TOLERANCE_M = 1e-7
 
 EDGE_ROUNDING_M = 1e-7
 """Height over which a flat end face passes to edge contact; see `axial_gap`."""
+
+
+class Shape(IntEnum):
+    """Shape of a journal in its bearing; its dimensions are those of `touch`.
+
+    CYLINDER           R_i, R_j, L_i/2, L_j/2         radial_A, radial_B, axial_A, axial_B
+    ALIGNED_CYLINDER   R_i, R_j, L_i/2, L_j/2         radial, axial_A, axial_B
+    BALL               R_i, R_j                       one contact
+    BLOCK              half widths of the guide across x and y; then for each contact its point
+                       on the journal (3), 0 or 1 for a wall across x or y, and the wall's side +-1
+    """
+
+    CYLINDER = 0
+    ALIGNED_CYLINDER = 1
+    BALL = 2
+    BLOCK = 3
+
+
+_CYLINDER, _ALIGNED_CYLINDER, _BALL, _BLOCK = (int(shape) for shape in Shape)
 
 
 class Mode(IntEnum):
@@ -169,8 +189,60 @@ def axial_gap(pz, ax, ay, az, side, half_bore_length, journal_radius):
 
 
 @njit(cache=True)
+def touch(shape, d, at, k, cx, cy, cz, r):
+    """Gap, place and normal of contact k of a joint.
+
+    Args:
+        shape: value of a `Shape`.
+        d, at: array in which the joint's dimensions begin at index `at`.
+        k: index of the contact.
+        cx, cy, cz: journal centre in the bearing frame [m].
+        r: orientation of the journal frame in the bearing frame, nine elements row by row. A
+            cylinder needs its third column only, a ball none.
+
+    Returns:
+        gap [m], the contact point's offset from the journal's centre (3) [m], and the unit normal
+        from the bearing into the journal (3), all in the bearing frame.
+    """
+    if shape == _CYLINDER:
+        side = 1.0 - 2.0 * (k & 1)
+        ax, ay, az = r[2], r[5], r[8]
+        reach = side * d[at + 3]
+        ex, ey, ez = reach * ax, reach * ay, reach * az
+        if k < 2:
+            gap, ox, oy, oz, nx, ny = radial_gap(
+                cx + ex, cy + ey, cz + ez, ax, ay, az, d[at], d[at + 1]
+            )
+            return gap, ex + ox, ey + oy, ez + oz, -nx, -ny, 0.0
+        gap, ox, oy, oz = axial_gap(cz + ez, ax, ay, az, side, d[at + 2], d[at + 1])
+        return gap, ex + ox, ey + oy, ez + oz, 0.0, 0.0, -side
+    if shape == _BLOCK:
+        place = at + 2 + 5 * k
+        px, py, pz = d[place], d[place + 1], d[place + 2]
+        ox = r[0] * px + r[1] * py + r[2] * pz
+        oy = r[3] * px + r[4] * py + r[5] * pz
+        oz = r[6] * px + r[7] * py + r[8] * pz
+        side = d[place + 4]
+        if d[place + 3] == 0.0:
+            return d[at] - side * (cx + ox), ox, oy, oz, -side, 0.0, 0.0
+        return d[at + 1] - side * (cy + oy), ox, oy, oz, 0.0, -side, 0.0
+    if shape == _ALIGNED_CYLINDER and k > 0:
+        side = 3.0 - 2.0 * k
+        oz = side * d[at + 3]
+        return d[at + 2] - side * (cz + oz), 0.0, 0.0, oz, 0.0, 0.0, -side
+    # Along the line of centres: a ball, or a cylinder that does not tilt.
+    if shape != _BALL:
+        cz = 0.0
+    distance = math.sqrt(cx * cx + cy * cy + cz * cz)
+    inverse = 1.0 / distance if distance > 0.0 else 0.0
+    nx, ny, nz = cx * inverse, cy * inverse, cz * inverse
+    rj = d[at + 1]
+    return d[at] - rj - distance, rj * nx, rj * ny, rj * nz, -nx, -ny, -nz
+
+
+@njit(cache=True)
 def gaps(centre, axis, bore_radius, bore_length, journal_radius, journal_length):
-    """All four gaps and where they are measured.
+    """All four gaps of a cylinder in its bearing, and where they are measured.
 
     Args:
         centre: journal centre in the bearing frame, shape (3,) [m].
@@ -181,31 +253,26 @@ def gaps(centre, axis, bore_radius, bore_length, journal_radius, journal_length)
         gap (4,) [m], contact point in the bearing frame (4, 3) [m], and the unit normal pointing
         from the bearing into the journal (4, 3), in the order of `CONTACTS`.
     """
-    gap = np.empty(4)
-    point = np.empty((4, 3))
-    normal = np.zeros((4, 3))
-    ax, ay, az = axis[0], axis[1], axis[2]
-    for end in range(2):
-        side = 1.0 - 2.0 * end
-        reach = side * 0.5 * journal_length
-        px = centre[0] + reach * ax
-        py = centre[1] + reach * ay
-        pz = centre[2] + reach * az
-        g, ox, oy, oz, nx, ny = radial_gap(px, py, pz, ax, ay, az, bore_radius, journal_radius)
-        gap[end] = g
-        point[end, 0], point[end, 1], point[end, 2] = px + ox, py + oy, pz + oz
-        normal[end, 0], normal[end, 1] = -nx, -ny
-        g, ox, oy, oz = axial_gap(pz, ax, ay, az, side, 0.5 * bore_length, journal_radius)
-        gap[2 + end] = g
-        point[2 + end, 0], point[2 + end, 1], point[2 + end, 2] = px + ox, py + oy, pz + oz
-        normal[2 + end, 2] = -side
+    gap, point, normal = np.empty(4), np.empty((4, 3)), np.empty((4, 3))
+    dimensions = np.array((bore_radius, journal_radius, bore_length / 2, journal_length / 2))
+    turn = np.zeros(9)
+    turn[2], turn[5], turn[8] = axis[0], axis[1], axis[2]
+    for k in range(4):
+        g, ox, oy, oz, nx, ny, nz = touch(
+            _CYLINDER, dimensions, 0, k, centre[0], centre[1], centre[2], turn
+        )
+        gap[k] = g
+        point[k, 0], point[k, 1], point[k, 2] = centre[0] + ox, centre[1] + oy, centre[2] + oz
+        normal[k, 0], normal[k, 1], normal[k, 2] = nx, ny, nz
     return gap, point, normal
 
 
 @njit(cache=True)
 def classify_mode(gap) -> int:
-    """Mode of the joint from its four gaps [m] (Table 1), as the value of a `Mode`."""
-    smallest = min(min(gap[0], gap[1]), min(gap[2], gap[3]))
+    """Mode of the joint from all its gaps [m] (Table 1), as the value of a `Mode`."""
+    smallest = gap[0]
+    for k in range(1, gap.size):
+        smallest = min(smallest, gap[k])
     if smallest < -CONTACT_TOLERANCE_M:
         return 2
     if smallest <= CONTACT_TOLERANCE_M:
@@ -253,35 +320,39 @@ def classify_form(gap, normal, face_drop) -> int:
 
 
 @njit(cache=True)
-def classify_many(poses, bore_radius, bore_length, journal_radius, journal_length):
+def classify_many(shape, dimensions, count, poses):
     """Gaps, mode and form for many poses.
 
     Args:
-        poses: (n, 6), journal centre x, y, z [m] and axis a_x, a_y, a_z in the bearing frame.
-        bore_radius, bore_length, journal_radius, journal_length: R_i, L_i, R_j, L_j [m].
+        shape: value of a `Shape`.
+        dimensions: of the joint.
+        count: number of its contacts.
+        poses: (n, 12), journal centre [m], then its orientation row by row, in the bearing frame.
 
     Returns:
-        gaps (n, 4) [m], modes (n,) and forms (n,) as int8.
+        gaps (n, count) [m], modes (n,) and forms (n,) as int8; the form is -1 for joints that
+        Figure 2 does not show.
     """
     # Element by element: slices would triple the compilation time of the whole package.
     n = poses.shape[0]
-    all_gaps = np.empty((n, 4))
+    all_gaps = np.empty((n, count))
     modes = np.empty(n, np.int8)
-    forms = np.empty(n, np.int8)
-    centre = np.empty(3)
-    axis = np.empty(3)
+    forms = np.full(n, -1, np.int8)
+    turn, gap, normal = np.empty(9), np.empty(count), np.empty((count, 3))
     for i in range(n):
-        for k in range(3):
-            centre[k] = poses[i, k]
-            axis[k] = poses[i, 3 + k]
-        gap, _, normal = gaps(
-            centre, axis, bore_radius, bore_length, journal_radius, journal_length
-        )
-        for k in range(4):
-            all_gaps[i, k] = gap[k]
+        for k in range(9):
+            turn[k] = poses[i, 3 + k]
+        for k in range(count):
+            g, _, _, _, nx, ny, nz = touch(
+                shape, dimensions, 0, k, poses[i, 0], poses[i, 1], poses[i, 2], turn
+            )
+            gap[k] = g
+            all_gaps[i, k] = g
+            normal[k, 0], normal[k, 1], normal[k, 2] = nx, ny, nz
         modes[i] = classify_mode(gap)
-        drop = 2.0 * journal_radius * math.sqrt(axis[0] * axis[0] + axis[1] * axis[1])
-        forms[i] = classify_form(gap, normal, drop)
+        if shape == _CYLINDER and count == 4:
+            drop = 2.0 * dimensions[1] * math.sqrt(turn[2] * turn[2] + turn[5] * turn[5])
+            forms[i] = classify_form(gap, normal, drop)
     return all_gaps, modes, forms
 
 

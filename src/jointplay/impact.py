@@ -10,7 +10,6 @@ from numba import njit
 
 from jointplay.contact.law import FrictionLaw, NormalForceLaw, address, call_normal, pointer
 from jointplay.errors import JointplayError
-from jointplay.joint import ClearanceJoint
 from jointplay.mechanism import Mechanism
 
 REFERENCE_SPEED = 0.1
@@ -88,32 +87,18 @@ def impact_duration(
 
 
 def effective_mass(mechanism: Mechanism, joint: str, q: np.ndarray) -> float:
-    """Smallest mass that a contact at the joint's rims meets, in configuration q [kg].
+    """Smallest mass that a contact of the joint meets, in configuration q [kg].
 
-    1 / (J M^-1 J^T), J being the direction of the contact in the six coordinates of the virtual
-    link: radial at both ends in the softest direction, axial at the softest of 72 rim points.
+    1 / (J M^-1 J^T), J being the motion of journal against bearing along a contact's normal, for
+    all of `Clearance.directions`. Loops without clearance are left open, which makes it smaller.
     """
-    clearance = mechanism.clearance[joint]
-    at = mechanism.virtual_link(joint)
     inverse = np.triu(pin.computeMinverse(mechanism.model, mechanism.data, q))
     inverse = inverse + np.triu(inverse, 1).T
-    block = inverse[at : at + 6, at : at + 6]
-    rj, height = clearance.rj, clearance.lj / 2
-    # Directions of the six coordinates: translations in bearing axes; pitch and roll about the
-    # bearing's y and x turned by the yaw.
-    c, s = np.cos(q[at + 3]), np.sin(q[at + 3])
-    turn = np.eye(6)
-    turn[4:, 4:] = [[c, s], [-s, c]]
-    compliance = turn @ block @ turn.T
-    softest = 0.0
-    for side in (1.0, -1.0):
-        radial = np.array([[1, 0, 0, 0, side * height, 0], [0, 1, 0, 0, 0, -side * height]])
-        softest = max(softest, float(np.linalg.eigvalsh(radial @ compliance @ radial.T)[-1]))
-    # Axial contact at the rim's azimuth phi: z, with cos(phi) and sin(phi) of pitch and roll.
-    axial = np.array([[0, 0, 1, 0, 0, 0], [0, 0, 0, 0, -rj, 0], [0, 0, 0, 0, 0, rj]])
-    phi = np.linspace(0.0, 2.0 * np.pi, 73)
-    rim = axial.T @ np.stack([np.ones_like(phi), np.cos(phi), np.sin(phi)])
-    softest = max(softest, float(np.einsum("ik,ij,jk->k", rim, compliance, rim).max()))
+    jacobian = mechanism.relative_jacobian(joint, q)
+    along = mechanism.clearance[joint].directions() @ jacobian
+    softest = float(np.einsum("ki,ij,kj->k", along, inverse, along).max())
+    if softest <= 0.0:
+        raise JointplayError(f"joint {joint!r}: bearing and journal do not move at all")
     return 1.0 / softest
 
 
@@ -139,10 +124,10 @@ def friction_step_limit(
 
 def contact_duration(mechanism: Mechanism, joint: str, q: np.ndarray) -> float:
     """Duration of the shortest impact to expect at `REFERENCE_SPEED` [s]."""
-    clearance: ClearanceJoint = mechanism.clearance[joint]
+    clearance = mechanism.clearance[joint]
     mass = effective_mass(mechanism, joint, q)
     law = clearance.normal
+    contacts = {clearance.contact_properties(k) for k in range(len(clearance.contacts))}
     return min(
-        impact_duration(law, law.parameters(contact), mass, REFERENCE_SPEED)
-        for contact in (clearance.radial_contact, clearance.axial_contact)
+        impact_duration(law, law.parameters(contact), mass, REFERENCE_SPEED) for contact in contacts
     )

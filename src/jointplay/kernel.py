@@ -5,10 +5,17 @@ A stage of an integrator is one kernel call and one `pin.aba` call:
     kernel: record state n, integrate to n+1, drive efforts and contact forces at n+1 -> tau
     pin.aba(model, data, q, v, tau)                                                  -> data.ddq
 
-The contact wrench needs no external force and no forward kinematics. Bearing and journal are
-neighbours in the tree, joined by the six coordinates of the virtual link, so the force F on the
-journal and its reaction -F on the bearing, at the same point, *are* a generalised force on those
-six coordinates: tau += S^T w, the F_C of eq. 23 "projected on q".
+A contact wrench needs no external force: the force F on the journal and its reaction -F on the
+bearing, at the same point, *are* a generalised force tau += J^T w, J being the motion of the
+journal relative to the bearing: the F_C of eq. 23 "projected on q". Where bearing and journal are
+neighbours in the tree, joined by the six coordinates of the virtual link, J is known (S) and not
+even forward kinematics is needed. Otherwise - a loop cut at the joint, a locked freedom, bearing
+and journal exchanged - `pin.computeJointJacobians` comes between, and `load` after it:
+
+    kernel: record state n, integrate to n+1
+    pin.computeJointJacobians(model, data, q)                                -> data.oMi, data.J
+    load: drive efforts and contact forces at n+1                                         -> tau
+    pin.aba(model, data, q, v, tau)                                                  -> data.ddq
 
 A numba call costs about 0.1 us for every array it is given, as much as all its arithmetic. A
 kernel therefore takes one array, the table of addresses and sizes built by `Workspace`, and opens
@@ -18,13 +25,15 @@ the others through it.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
 from numba import carray, njit
 
 from jointplay.contact.law import MAX_PARAMETERS, call_friction, call_normal, pointer
-from jointplay.geometry import axial_gap, radial_gap
+from jointplay.geometry import Shape, touch
 
 
 class Status(IntEnum):
@@ -37,30 +46,47 @@ class Status(IntEnum):
     BAD_FORCE = 4
 
 
-# Entries of the table (int64): addresses of float arrays, sizes, counters; then, for each
-# clearance joint, the addresses of its normal-force law and of its friction law.
+# Entries of the table (int64): addresses of float arrays, sizes, counters, flags; then a block for
+# each joint with clearance.
 (
-    _Q, _V, _A, _TAU, _DRIVE, _SCRATCH, _COORDINATES, _JOINTS, _FORCES, _MEMORY, _REFERENCE,
-    _RECORD, _POWER, _CLOCK, _NV, _NJ, _NU, _NREF, _COLUMNS, _STEP, _EVERY, _ROW, _STAGE, _STATUS,
-    _HAS_FRICTION, _BAD_CONTACT, _LAWS,
-) = range(27)  # fmt: skip
+    _Q, _V, _A, _TAU, _DRIVE, _SCRATCH, _COORDINATES, _GEARS, _REFERENCE, _RECORD, _POWER, _CLOCK,
+    _J, _NV, _NJ, _NU, _NG, _NREF, _WIDTH, _COLUMNS, _STEP, _EVERY, _ROW, _STAGE, _STATUS,
+    _FRAMES, _COMMIT, _PENDING, _HAS_FRICTION, _HAS_PRESCRIBED, _BAD_CONTACT, _BLOCKS,
+) = range(32)  # fmt: skip
 
-_TIME, _DT, _NODE, _CLOCK_SIZE = range(4)
+# A joint's block: addresses of its laws, what it looks like, where its arrays are.
+(
+    _NORMAL_LAW, _FRICTION_LAW, _SHAPE, _COUNT, _FIRST, _BEARING_R, _BEARING_P, _JOURNAL_R,
+    _JOURNAL_P, _PLACEMENTS, _SIGNS, _NUMBERS, _PARAMETERS, _MEMORY, _FORCE, _POSE, _BLOCK_SIZE,
+) = range(17)  # fmt: skip
+_NO_VIRTUAL_LINK = -1
+"""`_FIRST` of a joint whose bearing and journal are reached through their frames."""
+
+_TIME, _DT, _NODE, _LOAD_TIME, _CLOCK_SIZE = range(5)
 
 # Rows of the coordinate array, each of length nv.
-_DRIVEN_BY, _KP, _KD, _COULOMB, _VISCOUS, _COORDINATE_ROWS = range(6)
+(
+    _DRIVEN_BY, _MEASURED, _KP, _KD, _COULOMB, _STICTION, _STRIBECK, _VISCOUS, _ARMATURE,
+    _COORDINATE_ROWS,
+) = range(10)  # fmt: skip
 JOINT_FRICTION_SPEED = 1e-3
 """Speed over which dry joint friction turns its sign [rad/s or m/s]."""
 
-# A clearance joint's row: dimensions [m], first coordinate, parameters of its laws.
-_RI, _RJ, _HALF_LI, _HALF_LJ, _LIMIT, _FIRST, _P_RADIAL = range(7)
-_P_AXIAL = _P_RADIAL + MAX_PARAMETERS
-_P_FRICTION = _P_AXIAL + MAX_PARAMETERS
-_JOINT_SIZE = _P_FRICTION + MAX_PARAMETERS
+# Columns of the gear array.
+_MOTOR, _LINK, _HALF_PLAY, _STIFFNESS, _DAMPING, _GEAR_SIZE = range(6)
 
-# A clearance joint's force on the journal in the bearing frame, its peak since the last record,
-# and the square of that peak's magnitude.
+# A joint's numbers: depth at which it has broken out [m], its friction law's parameters, its
+# dimensions.
+_LIMIT, _P_FRICTION = 0, 1
+_DIMENSIONS = _P_FRICTION + MAX_PARAMETERS
+
+# A joint's force on the journal in the bearing frame, its peak since the last record, and the
+# square of that peak's magnitude.
 _FORCE_SIZE = 7
+
+# A joint's pose: journal's centre, orientation, velocity and angular velocity in the bearing frame.
+# Then the world frames of bearing and journal, rotation row by row and translation each.
+_CENTRE, _TURN, _VELOCITY, _OMEGA, _BEARING, _JOURNAL, _POSE_SIZE = 0, 3, 12, 15, 18, 30, 42
 
 # What a contact remembers. _DDELTA0 ... are the contact's own, the rest is for audit and record.
 (
@@ -73,11 +99,52 @@ WELL_RESOLVED_STEPS = 10
 MIN_APPROACH_SPEED = 1e-9
 """Keeps ddelta/ddelta0 defined for a contact that begins at rest [m/s]."""
 
-POWERS = ("drive", "normal_dissipation", "friction_dissipation", "joint_friction")
+POWERS = (
+    "drive",
+    "normal_dissipation",
+    "friction_dissipation",
+    "joint_friction",
+    "gear_dissipation",
+)
 _NP = len(POWERS)
 
 SPEED_LIMIT = 1e4
 """Generalised speed at which a run has run away [m/s or rad/s]."""
+
+_CYLINDER, _BLOCK = int(Shape.CYLINDER), int(Shape.BLOCK)
+
+
+@dataclass(frozen=True)
+class ContactSite:
+    """What the kernels know of one joint with clearance.
+
+    Attributes:
+        shape, dimensions: see `geometry.touch`.
+        depth_limit: penetration at which the journal has broken out [m].
+        normal, friction: addresses of the laws.
+        parameters: of the normal-force law, for each contact.
+        friction_parameters: of the friction law.
+        first: index of the virtual link's first coordinate, or None where bearing and journal are
+            reached through their frames; then are needed
+        frames: views of Pinocchio's memory: rotation and translation of the joints that carry
+            bearing and journal.
+        placements: of the bearing in its joint's frame and of the journal in its, rotation row by
+            row and translation each, shape (24,).
+        signs: +1 for coordinates that move the journal only, -1 for those that move the bearing
+            only, 0 for all others, shape (nv,).
+    """
+
+    shape: int
+    dimensions: tuple[float, ...]
+    depth_limit: float
+    normal: int
+    friction: int
+    parameters: Sequence[tuple[float, ...]]
+    friction_parameters: tuple[float, ...]
+    first: int | None
+    frames: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray] | None = None
+    placements: np.ndarray | None = None
+    signs: np.ndarray | None = None
 
 
 class Workspace:
@@ -85,9 +152,10 @@ class Workspace:
 
     Args:
         acceleration: Pinocchio's `data.ddq`, a view of its memory, shape (nv,).
-        joints: one `joint_row` for each clearance joint, shape (nj, ...).
-        laws: addresses of (normal-force law, friction law), shape (nj, 2).
-        coordinates: `coordinate_rows`, shape (5, nv).
+        jacobian: Pinocchio's `data.J`, a view of its memory, shape (6, nv).
+        sites: one for each joint with clearance.
+        coordinates: `coordinate_rows`.
+        gears: `gear_row` for each gear, shape (ng, ...).
         reference: rows of q, v and feed-forward effort of the nu driven coordinates at intervals
             of `node` seconds, shape (nref, 3 nu), nref >= 2.
         node: interval of `reference` [s].
@@ -99,9 +167,10 @@ class Workspace:
     def __init__(
         self,
         acceleration: np.ndarray,
-        joints: np.ndarray,
-        laws: np.ndarray,
+        jacobian: np.ndarray,
+        sites: Sequence[ContactSite],
         coordinates: np.ndarray,
+        gears: np.ndarray,
         reference: np.ndarray,
         node: float,
         dt: float,
@@ -109,36 +178,37 @@ class Workspace:
         rows: int,
     ) -> None:
         """Allocate, and write the table."""
-        nv, nj = len(acceleration), len(joints)
-        self.fields, width = _layout(nv, nj)
+        nv, nj = len(acceleration), len(sites)
+        width = max((len(site.parameters) for site in sites), default=0)
+        self.fields, columns = _layout(nv, nj, width)
         self.acceleration = acceleration
         self.q = np.zeros(nv)
         self.v = np.zeros(nv)
         self.tau = np.zeros(nv)
         self.drive = np.zeros(nv)
         self.forces = np.zeros((nj, _FORCE_SIZE))
-        self.memory = np.zeros((nj, 4, _MEMORY_SIZE))
+        self.memory = np.zeros((nj, width, _MEMORY_SIZE))
         self.memory[:, :, [_SHORTEST, _GAP_MIN, _DEEPEST]] = np.inf
-        self.record = np.zeros((rows, width))
+        self.record = np.zeros((rows, columns))
         self.power = np.zeros(3 * _NP)  # works, powers at the start of the step, powers now
         self.clock = np.zeros(_CLOCK_SIZE)
         self.clock[_DT], self.clock[_NODE] = dt, node
         self.scratch = np.zeros(4 * nv + _NP)
-        self.joints = np.ascontiguousarray(joints, float)
         self.coordinates = np.ascontiguousarray(coordinates, float)
+        self.gears = np.ascontiguousarray(gears, float).reshape(-1, _GEAR_SIZE)
         self.reference = np.ascontiguousarray(reference, float)
-        table = np.zeros(_LAWS + 2 * nj, np.int64)
+        self._kept: list[np.ndarray] = [jacobian]  # what the table points to must live as long
+        table = np.zeros(_BLOCKS + nj * _BLOCK_SIZE, np.int64)
         for entry, array in (
             (_Q, self.q),
             (_V, self.v),
             (_A, acceleration),
+            (_J, jacobian),
             (_TAU, self.tau),
             (_DRIVE, self.drive),
             (_SCRATCH, self.scratch),
             (_COORDINATES, self.coordinates),
-            (_JOINTS, self.joints),
-            (_FORCES, self.forces),
-            (_MEMORY, self.memory),
+            (_GEARS, self.gears),
             (_REFERENCE, self.reference),
             (_RECORD, self.record),
             (_POWER, self.power),
@@ -146,10 +216,55 @@ class Workspace:
         ):
             table[entry] = array.ctypes.data
         table[_NV], table[_NJ], table[_NU] = nv, nj, reference.shape[1] // 3
-        table[_NREF], table[_COLUMNS], table[_EVERY] = len(reference), width, every
-        table[_HAS_FRICTION] = int(np.any(self.coordinates[_COULOMB:] != 0.0))
-        table[_LAWS:] = np.asarray(laws, np.int64).reshape(-1)
+        table[_NG], table[_WIDTH] = len(self.gears), width
+        table[_NREF], table[_COLUMNS], table[_EVERY] = len(reference), columns, every
+        table[_HAS_FRICTION] = int(np.any(self.coordinates[_COULOMB : _VISCOUS + 1] != 0.0))
+        table[_HAS_PRESCRIBED] = int(np.any(self.coordinates[_ARMATURE] != 0.0))
+        for j, site in enumerate(sites):
+            block = table[_BLOCKS + j * _BLOCK_SIZE :][:_BLOCK_SIZE]
+            self._write(block, j, site)
+            table[_FRAMES] |= int(site.first is None)
         self.table = table
+
+    def _write(self, block: np.ndarray, j: int, site: ContactSite) -> None:
+        numbers = np.zeros(_DIMENSIONS + len(site.dimensions))
+        numbers[_LIMIT] = -site.depth_limit
+        numbers[_P_FRICTION : _P_FRICTION + len(site.friction_parameters)] = (
+            site.friction_parameters
+        )
+        numbers[_DIMENSIONS:] = site.dimensions
+        parameters = np.zeros((len(site.parameters), MAX_PARAMETERS))
+        for row, values in zip(parameters, site.parameters, strict=True):
+            row[: len(values)] = values
+        pose = np.zeros(_POSE_SIZE)
+        arrays = {
+            _NUMBERS: numbers,
+            _PARAMETERS: parameters,
+            _MEMORY: self.memory[j],
+            _FORCE: self.forces[j],
+            _POSE: pose,
+        }
+        if site.first is None:
+            assert site.frames is not None
+            assert site.placements is not None
+            assert site.signs is not None
+            places = (_BEARING_R, _BEARING_P, _JOURNAL_R, _JOURNAL_P)
+            arrays |= dict(zip(places, site.frames, strict=True))
+            arrays |= {
+                _PLACEMENTS: np.ascontiguousarray(site.placements, float),
+                _SIGNS: np.ascontiguousarray(site.signs, float),
+            }
+        block[_NORMAL_LAW], block[_FRICTION_LAW] = site.normal, site.friction
+        block[_SHAPE], block[_COUNT] = site.shape, len(site.parameters)
+        block[_FIRST] = _NO_VIRTUAL_LINK if site.first is None else site.first
+        for entry, array in arrays.items():
+            block[entry] = array.ctypes.data
+            self._kept.append(array)
+
+    @property
+    def needs_jacobians(self) -> bool:
+        """Whether `pin.computeJointJacobians` and `load` must come before `pin.aba`."""
+        return bool(self.table[_FRAMES])
 
     @property
     def rows(self) -> int:
@@ -174,7 +289,7 @@ class Workspace:
     @property
     def bad_contact(self) -> tuple[int, int]:
         """(joint, contact) that stopped the run with `BROKE_OUT` or `BAD_FORCE`."""
-        joint, contact = divmod(int(self.table[_BAD_CONTACT]), 4)
+        joint, contact = divmod(int(self.table[_BAD_CONTACT]), max(self.memory.shape[1], 1))
         return joint, contact
 
     def recorded(self, name: str) -> np.ndarray:
@@ -182,7 +297,7 @@ class Workspace:
         return self.record[: self.rows, self.fields[name]]
 
     def contact_statistics(self) -> dict[str, np.ndarray]:
-        """Per joint and contact, shape (nj, 4): counts, steps, impulses [N s], smallest gap [m]."""
+        """Per joint and contact, (nj, width): counts, steps, impulses [N s], smallest gap [m]."""
         names = {
             "onsets": _ONSETS,
             "ended": _ENDED,
@@ -195,7 +310,7 @@ class Workspace:
         return {name: self.memory[:, :, index].copy() for name, index in names.items()}
 
 
-def _layout(nv: int, nj: int) -> tuple[dict[str, slice], int]:
+def _layout(nv: int, nj: int, width: int) -> tuple[dict[str, slice], int]:
     """Columns of a record, and their number."""
     widths = {
         "time": 1,
@@ -205,45 +320,53 @@ def _layout(nv: int, nj: int) -> tuple[dict[str, slice], int]:
         "work": _NP,
         "force": 3 * nj,
         "force_peak": 3 * nj,
-        "normal": 4 * nj,
-        "tangential": 4 * nj,
-        "normal_peak": 4 * nj,
-        "gap_min": 4 * nj,
+        "normal": width * nj,
+        "tangential": width * nj,
+        "normal_peak": width * nj,
+        "gap_min": width * nj,
     }
     fields, at = {}, 0
-    for name, width in widths.items():
-        fields[name] = slice(at, at + width)
-        at += width
+    for name, size in widths.items():
+        fields[name] = slice(at, at + size)
+        at += size
     return fields, at
 
 
-def joint_row(
-    ri: float,
-    rj: float,
-    li: float,
-    lj: float,
-    first: int,
-    radial: tuple[float, ...],
-    axial: tuple[float, ...],
-    friction: tuple[float, ...],
-) -> np.ndarray:
-    """Row of `Workspace.joints`: R_i, R_j, L_i, L_j [m], first coordinate, parameters of the laws.
-
-    A journal that has penetrated by a tenth of its radius has broken out of its bearing, far
-    beyond what any contact law means.
-    """
-    row = np.zeros(_JOINT_SIZE)
-    row[:_P_RADIAL] = ri, rj, li / 2, lj / 2, -0.1 * rj, first
-    for start, values in ((_P_RADIAL, radial), (_P_AXIAL, axial), (_P_FRICTION, friction)):
-        row[start : start + len(values)] = values
-    return row
-
-
 def coordinate_rows(nv: int) -> np.ndarray:
-    """Rows driven-by, kp, kd, Coulomb and viscous friction for nv coordinates; nothing driven."""
+    """Rows of `Workspace.coordinates` for nv coordinates, shape (..., nv); nothing driven."""
     rows = np.zeros((_COORDINATE_ROWS, nv))
     rows[_DRIVEN_BY] = -1.0
+    rows[_MEASURED] = np.arange(nv)
+    rows[_STRIBECK] = 1.0
     return rows
+
+
+def drive_column(
+    driven_by: int, measured: int, kp: float = 0.0, kd: float = 0.0, armature: float = 0.0
+) -> dict[int, float]:
+    """Entries of one coordinate in `coordinate_rows`.
+
+    Args:
+        driven_by: column of the reference.
+        measured: coordinate that its encoder sees.
+        kp, kd: gains [N m/rad, N m s/rad, or N/m, N s/m].
+        armature: > 0 prescribes the motion; the model must have this armature [kg m^2 or kg].
+    """
+    return {_DRIVEN_BY: driven_by, _MEASURED: measured, _KP: kp, _KD: kd, _ARMATURE: armature}
+
+
+def friction_column(
+    coulomb: float, stiction: float, stribeck: float, viscous: float
+) -> dict[int, float]:
+    """Entries of one coordinate in `coordinate_rows`; see `drive.JointFriction`."""
+    return {_COULOMB: coulomb, _STICTION: stiction, _STRIBECK: stribeck, _VISCOUS: viscous}
+
+
+def gear_row(
+    motor: int, link: int, half_play: float, stiffness: float, damping: float
+) -> np.ndarray:
+    """Row of `Workspace.gears`: coordinates, half the play [rad], stiffness and damping."""
+    return np.array([motor, link, half_play, stiffness, damping])
 
 
 _internal = njit(cache=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)
@@ -264,46 +387,160 @@ def _fail(table, status, contact):
 
 
 @_internal
+def _pose_of_virtual_link(q, v, first, pose, shape):
+    """Pose and rates of the journal from the six coordinates of the virtual link."""
+    cy, sy = math.cos(q[first + 3]), math.sin(q[first + 3])
+    cp, sp = math.cos(q[first + 4]), math.sin(q[first + 4])
+    cr, sr = math.cos(q[first + 5]), math.sin(q[first + 5])
+    for i in range(3):
+        pose[_CENTRE + i] = q[first + i]
+        pose[_VELOCITY + i] = v[first + i]
+    # Rz(yaw) Ry(pitch) Rx(roll); the third column is the journal's axis.
+    if shape == _BLOCK:
+        pose[_TURN] = cy * cp
+        pose[_TURN + 1] = cy * sp * sr - sy * cr
+        pose[_TURN + 3] = sy * cp
+        pose[_TURN + 4] = sy * sp * sr + cy * cr
+        pose[_TURN + 6] = -sp
+        pose[_TURN + 7] = cp * sr
+    pose[_TURN + 2] = cy * sp * cr + sy * sr
+    pose[_TURN + 5] = sy * sp * cr - cy * sr
+    pose[_TURN + 8] = cp * cr
+    # The axes of yaw, pitch and roll are e_z, (-sy, cy, 0) and (cy cp, sy cp, -sp).
+    pose[_OMEGA] = -sy * v[first + 4] + cy * cp * v[first + 5]
+    pose[_OMEGA + 1] = cy * v[first + 4] + sy * cp * v[first + 5]
+    pose[_OMEGA + 2] = v[first + 3] - sp * v[first + 5]
+
+
+@_internal
+def _push_virtual_link(q, first, tau, fx, fy, fz, mx, my, mz):
+    """Project force and moment about the journal's centre on the virtual link's coordinates."""
+    cy, sy = math.cos(q[first + 3]), math.sin(q[first + 3])
+    cp, sp = math.cos(q[first + 4]), math.sin(q[first + 4])
+    tau[first] += fx
+    tau[first + 1] += fy
+    tau[first + 2] += fz
+    tau[first + 3] += mz
+    tau[first + 4] += cy * my - sy * mx
+    tau[first + 5] += cy * cp * mx + sy * cp * my - sp * mz
+
+
+@_internal
+def _frame_of(rotation, translation, placement, at, pose, to):
+    """World frame (rotation row by row, translation) of a placement in a joint's frame.
+
+    Pinocchio's rotations are stored column by column.
+    """
+    for i in range(3):
+        for k in range(3):
+            pose[to + 3 * i + k] = (
+                rotation[i] * placement[at + k]
+                + rotation[i + 3] * placement[at + 3 + k]
+                + rotation[i + 6] * placement[at + 6 + k]
+            )
+        pose[to + 9 + i] = translation[i] + (
+            rotation[i] * placement[at + 9]
+            + rotation[i + 3] * placement[at + 10]
+            + rotation[i + 6] * placement[at + 11]
+        )
+
+
+@_internal
+def _pose_of_frames(table, b, v, pose):
+    """Pose and rates of the journal from the frames that carry it and its bearing.
+
+    Only coordinates that move one of both and not the other enter the rates, so that a common
+    motion cannot blur them.
+    """
+    nv = table[_NV]
+    placement = _open(table, b + _PLACEMENTS, 24)
+    signs = _open(table, b + _SIGNS, nv)
+    columns = _open(table, _J, 6 * nv)
+    rotation, translation = _open(table, b + _BEARING_R, 9), _open(table, b + _BEARING_P, 3)
+    _frame_of(rotation, translation, placement, 0, pose, _BEARING)
+    rotation, translation = _open(table, b + _JOURNAL_R, 9), _open(table, b + _JOURNAL_P, 3)
+    _frame_of(rotation, translation, placement, 12, pose, _JOURNAL)
+    ux = uy = uz = wx = wy = wz = 0.0
+    for i in range(nv):
+        if signs[i] != 0.0:
+            speed = signs[i] * v[i]
+            ux += speed * columns[6 * i]
+            uy += speed * columns[6 * i + 1]
+            uz += speed * columns[6 * i + 2]
+            wx += speed * columns[6 * i + 3]
+            wy += speed * columns[6 * i + 4]
+            wz += speed * columns[6 * i + 5]
+    px, py, pz = pose[_JOURNAL + 9], pose[_JOURNAL + 10], pose[_JOURNAL + 11]
+    ux, uy, uz = ux + wy * pz - wz * py, uy + wz * px - wx * pz, uz + wx * py - wy * px
+    dx, dy, dz = px - pose[_BEARING + 9], py - pose[_BEARING + 10], pz - pose[_BEARING + 11]
+    for i in range(3):
+        # Axis i of the bearing frame.
+        bx, by, bz = pose[_BEARING + i], pose[_BEARING + 3 + i], pose[_BEARING + 6 + i]
+        pose[_CENTRE + i] = bx * dx + by * dy + bz * dz
+        pose[_VELOCITY + i] = bx * ux + by * uy + bz * uz
+        pose[_OMEGA + i] = bx * wx + by * wy + bz * wz
+        for k in range(3):
+            pose[_TURN + 3 * i + k] = (
+                bx * pose[_JOURNAL + k] + by * pose[_JOURNAL + 3 + k] + bz * pose[_JOURNAL + 6 + k]
+            )
+
+
+@_internal
+def _push_frames(table, b, tau, pose, fx, fy, fz, mx, my, mz):
+    """Project force and moment about the journal's centre on all coordinates that feel them."""
+    nv = table[_NV]
+    signs = _open(table, b + _SIGNS, nv)
+    columns = _open(table, _J, 6 * nv)
+    gx = pose[_BEARING] * fx + pose[_BEARING + 1] * fy + pose[_BEARING + 2] * fz
+    gy = pose[_BEARING + 3] * fx + pose[_BEARING + 4] * fy + pose[_BEARING + 5] * fz
+    gz = pose[_BEARING + 6] * fx + pose[_BEARING + 7] * fy + pose[_BEARING + 8] * fz
+    nx = pose[_BEARING] * mx + pose[_BEARING + 1] * my + pose[_BEARING + 2] * mz
+    ny = pose[_BEARING + 3] * mx + pose[_BEARING + 4] * my + pose[_BEARING + 5] * mz
+    nz = pose[_BEARING + 6] * mx + pose[_BEARING + 7] * my + pose[_BEARING + 8] * mz
+    px, py, pz = pose[_JOURNAL + 9], pose[_JOURNAL + 10], pose[_JOURNAL + 11]
+    nx, ny, nz = nx + py * gz - pz * gy, ny + pz * gx - px * gz, nz + px * gy - py * gx
+    for i in range(nv):
+        if signs[i] != 0.0:
+            tau[i] += signs[i] * (
+                columns[6 * i] * gx
+                + columns[6 * i + 1] * gy
+                + columns[6 * i + 2] * gz
+                + columns[6 * i + 3] * nx
+                + columns[6 * i + 4] * ny
+                + columns[6 * i + 5] * nz
+            )
+
+
+@_internal
 def _contact(table, j, q, v, tau, power, commit):
-    """Add clearance joint j's forces at state (q, v) to tau and its losses to power.
+    """Add joint j's contact forces at state (q, v) to tau and its losses to power.
 
     With `commit` the state is one of the trajectory, not an integrator's intermediate stage: the
     contacts' memories are then updated.
     """
-    base = table[_JOINTS] + 8 * j * _JOINT_SIZE
-    p = carray(pointer(base), (_JOINT_SIZE,))
-    memory = carray(pointer(table[_MEMORY] + 8 * j * 4 * _MEMORY_SIZE), (4 * _MEMORY_SIZE,))
-    force = carray(pointer(table[_FORCES] + 8 * j * _FORCE_SIZE), (_FORCE_SIZE,))
+    b = _BLOCKS + j * _BLOCK_SIZE
+    shape = table[b + _SHAPE]
+    count = table[b + _COUNT]
+    first = table[b + _FIRST]
+    numbers = carray(pointer(table[b + _NUMBERS]), (_DIMENSIONS + 2,))
+    memory = carray(pointer(table[b + _MEMORY]), (count * _MEMORY_SIZE,))
+    force = _open(table, b + _FORCE, _FORCE_SIZE)
+    pose = _open(table, b + _POSE, _POSE_SIZE)
     clock = _open(table, _CLOCK, _CLOCK_SIZE)
-    first = int(p[_FIRST])
-
-    # Journal axis: third column of Rz(yaw) Ry(pitch) Rx(roll).
-    cy, sy = math.cos(q[first + 3]), math.sin(q[first + 3])
-    cp, sp = math.cos(q[first + 4]), math.sin(q[first + 4])
-    cr, sr = math.cos(q[first + 5]), math.sin(q[first + 5])
-    ax = cy * sp * cr + sy * sr
-    ay = sy * sp * cr - cy * sr
-    az = cp * cr
-    # Angular velocity; the axes of yaw, pitch and roll are e_z, (-sy, cy, 0) and (ux, uy, uz).
-    ux, uy, uz = cy * cp, sy * cp, -sp
-    wx = -sy * v[first + 4] + ux * v[first + 5]
-    wy = cy * v[first + 4] + uy * v[first + 5]
-    wz = v[first + 3] + uz * v[first + 5]
-
+    if first >= 0:
+        _pose_of_virtual_link(q, v, first, pose, shape)
+    else:
+        _pose_of_frames(table, b, v, pose)
+    cx, cy, cz = pose[_CENTRE], pose[_CENTRE + 1], pose[_CENTRE + 2]
+    ux, uy, uz = pose[_VELOCITY], pose[_VELOCITY + 1], pose[_VELOCITY + 2]
+    wx, wy, wz = pose[_OMEGA], pose[_OMEGA + 1], pose[_OMEGA + 2]
+    turn = carray(pointer(table[b + _POSE] + 8 * _TURN), (9,))
+    touching = False
     fx = fy = fz = 0.0
     mx = my = mz = 0.0
-    for k in range(4):
-        side = 1.0 - 2.0 * (k & 1)
-        reach = side * p[_HALF_LJ]
-        ex, ey, ez = reach * ax, reach * ay, reach * az
-        if k < 2:
-            gap, ox, oy, oz, nx, ny = radial_gap(
-                q[first] + ex, q[first + 1] + ey, q[first + 2] + ez, ax, ay, az, p[_RI], p[_RJ]
-            )
-            nx, ny, nz = -nx, -ny, 0.0
-        else:
-            gap, ox, oy, oz = axial_gap(q[first + 2] + ez, ax, ay, az, side, p[_HALF_LI], p[_RJ])
-            nx, ny, nz = 0.0, 0.0, -side
+    for k in range(count):
+        # Contact point relative to the journal's centre.
+        gap, rx, ry, rz, nx, ny, nz = touch(shape, numbers, _DIMENSIONS, k, cx, cy, cz, turn)
         m = k * _MEMORY_SIZE
         if commit:
             memory[m + _GAP_MIN] = min(memory[m + _GAP_MIN], gap)
@@ -315,15 +552,14 @@ def _contact(table, j, q, v, tau, power, commit):
                 if memory[m + _STEPS] > 0.0:
                     _end_contact(memory, m)
             continue
-        if gap < p[_LIMIT]:
-            _fail(table, 3, 4 * j + k)
+        if gap < numbers[_LIMIT]:
+            _fail(table, 3, table[_WIDTH] * j + k)
             continue
 
-        # Contact point relative to the journal's centre, and its velocity relative to the bearing.
-        rx, ry, rz = ex + ox, ey + oy, ez + oz
-        slip_x = v[first] + wy * rz - wz * ry
-        slip_y = v[first + 1] + wz * rx - wx * rz
-        slip_z = v[first + 2] + wx * ry - wy * rx
+        # Velocity of the contact point relative to the bearing.
+        slip_x = ux + wy * rz - wz * ry
+        slip_y = uy + wz * rx - wx * rz
+        slip_z = uz + wx * ry - wy * rx
         rate = -(nx * slip_x + ny * slip_y + nz * slip_z)
         slip_x += rate * nx
         slip_y += rate * ny
@@ -336,13 +572,15 @@ def _contact(table, j, q, v, tau, power, commit):
         approach = max(abs(rate), MIN_APPROACH_SPEED)
         if memory[m + _STEPS] > 0.0:
             approach = max(approach, memory[m + _DDELTA0])
-        law = pointer(base + 8 * (_P_RADIAL if k < 2 else _P_AXIAL))
-        normal = call_normal(table[_LAWS + 2 * j], -gap, rate, approach, law)
-        elastic = call_normal(table[_LAWS + 2 * j], -gap, 0.0, approach, law)
-        mu = call_friction(table[_LAWS + 2 * j + 1], speed, pointer(base + 8 * _P_FRICTION))
+        law = pointer(table[b + _PARAMETERS] + 8 * k * MAX_PARAMETERS)
+        normal = call_normal(table[b + _NORMAL_LAW], -gap, rate, approach, law)
+        elastic = call_normal(table[b + _NORMAL_LAW], -gap, 0.0, approach, law)
+        rubbing = pointer(table[b + _NUMBERS] + 8 * _P_FRICTION)
+        mu = call_friction(table[b + _FRICTION_LAW], speed, rubbing)
         if not (math.isfinite(normal) and math.isfinite(elastic) and 0.0 <= mu < math.inf):
-            _fail(table, 4, 4 * j + k)
+            _fail(table, 4, table[_WIDTH] * j + k)
             continue
+        touching = True
         normal = max(normal, 0.0)  # a dry contact never pulls
         tangential = mu * normal
         scale = -tangential / speed if speed > 0.0 else 0.0
@@ -372,12 +610,11 @@ def _contact(table, j, q, v, tau, power, commit):
             memory[m + _TANGENTIAL] = tangential
             memory[m + _NORMAL_PEAK] = max(memory[m + _NORMAL_PEAK], normal)
 
-    tau[first] += fx
-    tau[first + 1] += fy
-    tau[first + 2] += fz
-    tau[first + 3] += mz
-    tau[first + 4] += cy * my - sy * mx
-    tau[first + 5] += ux * mx + uy * my + uz * mz
+    if touching:
+        if first >= 0:
+            _push_virtual_link(q, first, tau, fx, fy, fz, mx, my, mz)
+        else:
+            _push_frames(table, b, tau, pose, fx, fy, fz, mx, my, mz)
     if commit:
         force[0], force[1], force[2] = fx, fy, fz
         square = fx * fx + fy * fy + fz * fz
@@ -398,19 +635,61 @@ def _end_contact(memory, m):
 
 
 @_internal
+def _prescribe(table, q, v, time):
+    """Put prescribed coordinates where they must be, and keep armature x acceleration in drive.
+
+    Cubic Hermite interpolation between the nodes of the reference.
+    """
+    nv = table[_NV]
+    nu = table[_NU]
+    rows = _open(table, _COORDINATES, _COORDINATE_ROWS * nv)
+    drive = _open(table, _DRIVE, nv)
+    h = _open(table, _CLOCK, _CLOCK_SIZE)[_NODE]
+    place = time / h
+    node = min(int(place), table[_NREF] - 2)
+    s = min(place - node, 1.0)
+    reference = carray(pointer(table[_REFERENCE] + 8 * 3 * nu * node), (6 * nu,))
+    for i in range(nv):
+        armature = rows[_ARMATURE * nv + i]
+        if armature > 0.0:
+            u = int(rows[i])
+            q0, v0 = reference[u], h * reference[nu + u]
+            rise, v1 = reference[3 * nu + u] - q0, h * reference[4 * nu + u]
+            b, c = 3.0 * rise - 2.0 * v0 - v1, v0 + v1 - 2.0 * rise
+            q[i] = q0 + s * (v0 + s * (b + s * c))
+            v[i] = (v0 + s * (2.0 * b + 3.0 * s * c)) / h
+            drive[i] = armature * (2.0 * b + 6.0 * s * c) / (h * h)
+
+
+@_internal
+def _gear(table, g, q, v, tau, power):
+    """Add the torque of gear g: none within its play, a spring and a damper beyond."""
+    gear = carray(pointer(table[_GEARS] + 8 * g * _GEAR_SIZE), (_GEAR_SIZE,))
+    motor, link = int(gear[_MOTOR]), int(gear[_LINK])
+    twist = q[motor] - q[link]
+    depth = abs(twist) - gear[_HALF_PLAY]
+    if depth > 0.0:
+        side = math.copysign(1.0, twist)
+        rate = side * (v[motor] - v[link])
+        elastic = gear[_STIFFNESS] * depth
+        torque = max(elastic + gear[_DAMPING] * rate, 0.0)  # teeth never pull
+        tau[motor] -= side * torque
+        tau[link] += side * torque
+        power[4] += (torque - elastic) * rate
+
+
+@_internal
 def _load(table, q, v, time, commit):
-    """Generalised forces tau and powers at state (q, v): drive, joint friction, contact."""
+    """Generalised forces tau and powers at state (q, v): drive, friction, gears, contact."""
     nv = table[_NV]
     nu = table[_NU]
     tau = _open(table, _TAU, nv)
     drive = _open(table, _DRIVE, nv)
     rows = _open(table, _COORDINATES, _COORDINATE_ROWS * nv)
     power = carray(pointer(table[_POWER] + 8 * 2 * _NP), (_NP,))
-    clock = _open(table, _CLOCK, _CLOCK_SIZE)
 
-    last = table[_NREF] - 2
-    place = time / clock[_NODE]
-    node = min(int(place), last)
+    place = time / _open(table, _CLOCK, _CLOCK_SIZE)[_NODE]
+    node = min(int(place), table[_NREF] - 2)
     part = min(place - node, 1.0)
     reference = carray(pointer(table[_REFERENCE] + 8 * 3 * nu * node), (6 * nu,))
     for i in range(_NP):
@@ -420,30 +699,64 @@ def _load(table, q, v, time, commit):
         size += abs(v[i])
         u = int(rows[i])
         effort = 0.0
-        if u >= 0:
+        if u >= 0 and rows[_ARMATURE * nv + i] > 0.0:
+            effort = drive[i]  # of `_prescribe`; its power is known when the acceleration is
+        elif u >= 0:
             position = reference[u] + part * (reference[3 * nu + u] - reference[u])
             u += nu
             speed = reference[u] + part * (reference[3 * nu + u] - reference[u])
             u += nu
             forward = reference[u] + part * (reference[3 * nu + u] - reference[u])
+            seen = int(rows[_MEASURED * nv + i])
             effort = (
                 forward
-                + rows[_KP * nv + i] * (position - q[i])
-                + rows[_KD * nv + i] * (speed - v[i])
+                + rows[_KP * nv + i] * (position - q[seen])
+                + rows[_KD * nv + i] * (speed - v[seen])
             )
             power[0] += effort * v[i]
         drive[i] = effort
         tau[i] = effort
     if table[_HAS_FRICTION] != 0:
         for i in range(nv):
-            dry = rows[_COULOMB * nv + i] * math.tanh(v[i] / JOINT_FRICTION_SPEED)
-            friction = dry + rows[_VISCOUS * nv + i] * v[i]
+            ratio = v[i] / rows[_STRIBECK * nv + i]
+            dry = rows[_COULOMB * nv + i] + rows[_STICTION * nv + i] * math.exp(-ratio * ratio)
+            friction = dry * math.tanh(v[i] / JOINT_FRICTION_SPEED) + rows[_VISCOUS * nv + i] * v[i]
             tau[i] -= friction
             power[3] += friction * v[i]
+    for g in range(table[_NG]):
+        _gear(table, g, q, v, tau, power)
     if not size < SPEED_LIMIT:  # true for NaN as well
         _fail(table, 2, 0)
     for j in range(table[_NJ]):
         _contact(table, j, q, v, tau, power, commit)
+
+
+@_internal
+def _settle(table):
+    """Complete what could not be known before the acceleration was.
+
+    That is the effort of prescribed motion, and with it the work of the last step by the
+    trapezoidal rule, if that is pending.
+    """
+    nv = table[_NV]
+    power = _open(table, _POWER, 3 * _NP)
+    if table[_HAS_PRESCRIBED] != 0:
+        rows = _open(table, _COORDINATES, _COORDINATE_ROWS * nv)
+        drive = _open(table, _DRIVE, nv)
+        v = _open(table, _V, nv)
+        a = _open(table, _A, nv)
+        for i in range(nv):
+            armature = rows[_ARMATURE * nv + i]
+            if armature > 0.0:
+                drive[i] -= armature * a[i]
+                power[2 * _NP] += drive[i] * v[i]
+    if table[_PENDING] != 0:
+        dt = _open(table, _CLOCK, _CLOCK_SIZE)[_DT]
+        for i in range(_NP):
+            power[i] += 0.5 * dt * (power[_NP + i] + power[2 * _NP + i])
+    for i in range(_NP):
+        power[_NP + i] = power[2 * _NP + i]
+    table[_PENDING] = 0
 
 
 @_internal
@@ -457,8 +770,6 @@ def _record(table):
     v = _open(table, _V, nv)
     drive = _open(table, _DRIVE, nv)
     power = _open(table, _POWER, 3 * _NP)
-    forces = _open(table, _FORCES, nj * _FORCE_SIZE)
-    memory = _open(table, _MEMORY, nj * 4 * _MEMORY_SIZE)
     row[0] = _open(table, _CLOCK, _CLOCK_SIZE)[_TIME]
     for i in range(nv):
         row[1 + i] = q[i]
@@ -468,40 +779,84 @@ def _record(table):
     for i in range(_NP):
         row[at + i] = power[i]
     at += _NP
+    width = table[_WIDTH]
+    contacts = at + 6 * nj
     for j in range(nj):
-        f = j * _FORCE_SIZE
+        b = _BLOCKS + j * _BLOCK_SIZE
+        force = _open(table, b + _FORCE, _FORCE_SIZE)
         for i in range(3):
-            row[at + 3 * j + i] = forces[f + i]
-            row[at + 3 * nj + 3 * j + i] = forces[f + 3 + i]
-        forces[f + 6] = 0.0
+            row[at + 3 * j + i] = force[i]
+            row[at + 3 * nj + 3 * j + i] = force[3 + i]
+        force[6] = 0.0
         for i in range(3):
-            forces[f + 3 + i] = 0.0
-    at += 6 * nj
-    for c in range(4 * nj):
-        m = c * _MEMORY_SIZE
-        row[at + c] = memory[m + _NORMAL]
-        row[at + 4 * nj + c] = memory[m + _TANGENTIAL]
-        row[at + 8 * nj + c] = memory[m + _NORMAL_PEAK]
-        row[at + 12 * nj + c] = memory[m + _GAP_MIN]
-        memory[m + _NORMAL_PEAK] = 0.0
-        memory[m + _GAP_MIN] = np.inf
+            force[3 + i] = 0.0
+        memory = carray(pointer(table[b + _MEMORY]), (width * _MEMORY_SIZE,))
+        for k in range(width):
+            m = k * _MEMORY_SIZE
+            c = contacts + j * width + k
+            row[c] = memory[m + _NORMAL]
+            row[c + width * nj] = memory[m + _TANGENTIAL]
+            row[c + 2 * width * nj] = memory[m + _NORMAL_PEAK]
+            row[c + 3 * width * nj] = memory[m + _GAP_MIN]
+            memory[m + _NORMAL_PEAK] = 0.0
+            memory[m + _GAP_MIN] = np.inf
     table[_ROW] += 1
+
+
+@_internal
+def _evaluate(table, q, v, time, commit):
+    """Prepare the evaluation of the acceleration at state (q, v), or leave that to `load`."""
+    if table[_HAS_PRESCRIBED] != 0:
+        _prescribe(table, q, v, time)
+    if table[_FRAMES] != 0:
+        _open(table, _CLOCK, _CLOCK_SIZE)[_LOAD_TIME] = time
+        table[_COMMIT] = 1 if commit else 0
+    else:
+        _load(table, q, v, time, commit)
+
+
+@njit(cache=True)
+def load(table) -> int:
+    """Forces at the state that `begin` or an integrator prepared, frames and Jacobians given.
+
+    Between their call and this one belongs `pin.computeJointJacobians`; `pin.aba` must follow.
+    Returns the status.
+    """
+    nv = table[_NV]
+    time = _open(table, _CLOCK, _CLOCK_SIZE)[_LOAD_TIME]
+    _load(table, _open(table, _Q, nv), _open(table, _V, nv), time, table[_COMMIT] != 0)
+    return table[_STATUS]
 
 
 @njit(cache=True)
 def begin(table) -> int:
-    """Forces at the initial state; `pin.aba` must follow. Returns the status."""
+    """Forces at the current state; `pin.aba` must follow. Returns the status."""
     nv = table[_NV]
-    _load(table, _open(table, _Q, nv), _open(table, _V, nv), 0.0, True)
-    power = _open(table, _POWER, 3 * _NP)
-    for i in range(_NP):
-        power[_NP + i] = power[2 * _NP + i]
+    now = _open(table, _CLOCK, _CLOCK_SIZE)[_TIME]
+    _evaluate(table, _open(table, _Q, nv), _open(table, _V, nv), now, True)
+    return table[_STATUS]
+
+
+@njit(cache=True)
+def settle(table) -> int:
+    """Complete the work of the last step before something changes the state; returns the status."""
+    _settle(table)
+    return table[_STATUS]
+
+
+@njit(cache=True)
+def refresh(table) -> int:
+    """Forces at a state that something has changed; like `begin`, but no step of the contacts."""
+    nv = table[_NV]
+    now = _open(table, _CLOCK, _CLOCK_SIZE)[_TIME]
+    _evaluate(table, _open(table, _Q, nv), _open(table, _V, nv), now, False)
     return table[_STATUS]
 
 
 @njit(cache=True)
 def record(table) -> int:
-    """Record the current state. Returns the status."""
+    """Record the current state, its acceleration known. Returns the status."""
+    _settle(table)
     _record(table)
     return table[_STATUS]
 
@@ -524,17 +879,15 @@ def semi_implicit_euler(table) -> int:
     q = _open(table, _Q, nv)
     v = _open(table, _V, nv)
     a = _open(table, _A, nv)
-    power = _open(table, _POWER, 3 * _NP)
     dt = _open(table, _CLOCK, _CLOCK_SIZE)[_DT]
+    _settle(table)
     if table[_STEP] % table[_EVERY] == 0:
         _record(table)
     for i in range(nv):
         v[i] += dt * a[i]
         q[i] += dt * v[i]
-    _load(table, q, v, _advance_clock(table), True)
-    for i in range(_NP):
-        power[i] += 0.5 * dt * (power[_NP + i] + power[2 * _NP + i])
-        power[_NP + i] = power[2 * _NP + i]
+    table[_PENDING] = 1
+    _evaluate(table, q, v, _advance_clock(table), True)
     return table[_STATUS]
 
 
@@ -554,6 +907,7 @@ def runge_kutta_4(table) -> int:
     clock = _open(table, _CLOCK, _CLOCK_SIZE)
     dt = clock[_DT]
     stage = table[_STAGE]
+    _settle(table)
     if stage == 0 and table[_STEP] % table[_EVERY] == 0:
         _record(table)
     weight = dt / 6.0 if stage == 0 or stage == 3 else dt / 3.0
@@ -577,10 +931,10 @@ def runge_kutta_4(table) -> int:
             v[i] = scratch[nv + i] + ahead * a[i]
     if stage < 3:
         table[_STAGE] = stage + 1
-        _load(table, q, v, clock[_TIME] + ahead, False)
+        _evaluate(table, q, v, clock[_TIME] + ahead, False)
         return table[_STATUS]
     table[_STAGE] = 0
     for i in range(_NP):
         power[i] += scratch[4 * nv + i]
-    _load(table, q, v, _advance_clock(table), True)
+    _evaluate(table, q, v, _advance_clock(table), True)
     return table[_STATUS]

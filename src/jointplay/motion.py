@@ -12,7 +12,7 @@ from scipy.interpolate import BPoly, PPoly, make_interp_spline
 
 from jointplay.errors import JointplayError, MissingName
 
-INTERPOLATIONS = ("rest-to-rest", "spline")
+INTERPOLATIONS = ("rest-to-rest", "spline", "constant-speed")
 
 
 class Motion:
@@ -24,10 +24,13 @@ class Motion:
         positions: joint positions, shape (n, joints) [rad, or m for prismatic joints].
         interpolation: ``rest-to-rest`` stops at each waypoint, moving by quintics with zero
             velocity and acceleration at both ends; ``spline`` passes through them without
-            stopping (quintic spline, at rest at both ends; for densely recorded motions).
+            stopping (quintic spline, at rest at both ends; for densely recorded motions);
+            ``constant-speed`` moves at the speed that joins the waypoints, which must be the same
+            between all of them, and goes on with it after the last (a crank).
 
     Raises:
-        JointplayError: wrong shapes, non-finite numbers, times that do not increase.
+        JointplayError: wrong shapes, non-finite numbers, times that do not increase, speeds that
+            are not constant.
     """
 
     def __init__(
@@ -76,6 +79,14 @@ class Motion:
             still = np.zeros_like(self.positions)
             nodes = np.stack([self.positions, still, still], axis=1)
             return PPoly.from_bernstein_basis(BPoly.from_derivatives(self.times, nodes))
+        if self.interpolation == "constant-speed":
+            speeds = np.diff(self.positions, axis=0) / np.diff(self.times)[:, None]
+            if not np.allclose(speeds, speeds[0], rtol=1e-6, atol=1e-9):
+                raise JointplayError(
+                    "constant-speed needs the same speed between all waypoints, got "
+                    f"{speeds[:, np.ptp(speeds, axis=0).argmax()]} rad/s or m/s"
+                )
+            return PPoly(np.stack([speeds[:1], self.positions[:1]]), self.times[[0, -1]])
         still = np.zeros(len(self.joints))
         rest = [(1, still), (2, still)]
         return make_interp_spline(self.times, self.positions, k=5, bc_type=(rest, rest))
@@ -88,12 +99,15 @@ class Motion:
     def __call__(self, time: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Position, velocity and acceleration at the times `time` (n,) [s].
 
-        Before the first waypoint and after the last the joints stand still.
+        Before the first waypoint and after the last the joints stand still, but for constant
+        speed, which goes on.
 
         Returns:
             Three arrays of shape (n, joints) [rad or m, and their derivatives by seconds].
         """
         time = np.asarray(time, float)
+        if self.interpolation == "constant-speed":
+            return self._curve(time), self._speed(time), self._acceleration(time)
         inside = (time >= self.times[0]) & (time <= self.times[-1])
         held = np.clip(time, self.times[0], self.times[-1])
         moving = inside[:, None]

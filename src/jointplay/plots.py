@@ -147,7 +147,7 @@ def journal_orbit(cases: Cases) -> Figure:
         name = result.joints[0]
         joint = result.simulation.mechanism.clearance[name]
         centre = 1e3 * result["journal_centre"].sel(joint=name).values
-        radius = 1e3 * joint.cr
+        radius = 1e3 * joint.radial_room
         circle = (radius * np.cos(angle), radius * np.sin(angle))
         panel.plot(*circle, color="black", lw=1.2, label=f"clearance circle, {radius:g} mm")
         panel.plot(centre[:, 0], centre[:, 1], color=colour, lw=0.5, label="journal centre")
@@ -228,7 +228,7 @@ def overview(cases: Cases) -> Figure:
     force.set_xlabel("time [s]")
     error.legend()
     label, result, colour = shown[-1]
-    radius = 1e3 * result.simulation.mechanism.clearance[result.joints[0]].cr
+    radius = 1e3 * result.simulation.mechanism.clearance[result.joints[0]].radial_room
     angle = np.linspace(0.0, 2.0 * np.pi, 361)
     centre = 1e3 * result["journal_centre"].values[:, 0]
     orbit.plot(radius * np.cos(angle), radius * np.sin(angle), color="black")

@@ -16,7 +16,7 @@ from jointplay.kernel import Status
 if TYPE_CHECKING:
     from jointplay.simulation import Simulation
 
-FORMAT = 1
+FORMAT = 2
 """Version of the file format."""
 
 AXES = ("x", "y", "z")

@@ -6,7 +6,7 @@ import math
 import sys
 import time
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -17,15 +17,25 @@ from tqdm import tqdm
 
 from jointplay import kernel
 from jointplay.contact.law import address, check_parameters
-from jointplay.drive import REFERENCE_NODE_S, ComputedTorque, JointFriction
-from jointplay.errors import JointplayError, MissingName, require_positive
-from jointplay.geometry import CONTACTS
-from jointplay.histories import assemble
+from jointplay.drive import (
+    REFERENCE_NODE_S,
+    ComputedTorque,
+    Drive,
+    JointFriction,
+    assign,
+    drive_from_description,
+    tabulate,
+)
+from jointplay.errors import JointplayError, MissingName, require_finite, require_positive
+from jointplay.histories import Phase, histories
 from jointplay.impact import REFERENCE_SPEED, contact_duration
 from jointplay.integrators import DEFAULT, Integrator, integrator
-from jointplay.kernel import Status, Workspace
+from jointplay.joints import VIRTUAL_LINK
+from jointplay.kernel import ContactSite, Status, Workspace
+from jointplay.loops import PROXIMAL, assemble, closing_rows, consistent_velocity
 from jointplay.mechanism import Mechanism
 from jointplay.motion import Motion
+from jointplay.payload import Payload, velocity_after_pick
 from jointplay.result import Result
 
 MIN_CONTACT_STEPS = 4.0
@@ -40,6 +50,12 @@ PERTURBATION = 0.5
 Nobody knows where in its bearing a journal rests when the motion begins. Much smaller
 displacements are often forgotten: a journal wedged by the first stroke starts afresh.
 """
+
+LOOP_CORRECTION = 0.1
+"""Frequency of Baumgarte's stabilisation of ideal loops, times the step."""
+
+_RELATIVE = ("x", "y", "z", "roll", "pitch", "yaw")
+"""Freedoms in the order of the rows of `Mechanism.relative_jacobian`."""
 
 _TABLE = (numba.int64[::1],)
 """Signature of all kernels."""
@@ -57,8 +73,10 @@ class Simulation:
     """
 
     mechanism: Mechanism
-    motion: Motion
-    drive: ComputedTorque = field(default_factory=ComputedTorque)
+    motion: Motion | None = None
+    """Reference of the joints whose drives follow one."""
+    drive: Drive | Mapping[str, Drive] = field(default_factory=ComputedTorque)
+    """One for all joints of the motion, or by joint; joints that are not named are then free."""
     duration: float | None = None
     """Simulated time [s]; None takes the motion's."""
     step: float = 1e-5
@@ -70,13 +88,20 @@ class Simulation:
     """Friction by joint; None takes the URDF's <dynamics> entries."""
     seed: int | None = None
     """Displaces each journal at the start by a random vector of up to half its clearances."""
+    payloads: Sequence[Payload] = ()
+    start: Mapping[str, float] = field(default_factory=dict)
+    """Where joints without reference begin [rad or m]; in loops, if not given, they follow."""
+    start_speed: Mapping[str, float] = field(default_factory=dict)
+    """How fast [rad/s or m/s]."""
 
     def describe(self) -> dict[str, Any]:
         """All inputs as plain data; `from_description` reads it back."""
         return {
             "mechanism": self.mechanism.describe(),
-            "motion": self.motion.describe(),
-            "drive": self.drive.describe(),
+            "motion": None if self.motion is None else self.motion.describe(),
+            "drive": {name: drive.describe() for name, drive in self.drive.items()}
+            if isinstance(self.drive, Mapping)
+            else [self.drive.describe()],
             "duration": self.duration,
             "step": self.step,
             "integrator": self.integrator,
@@ -85,6 +110,9 @@ class Simulation:
             if self.joint_friction is None
             else {name: asdict(value) for name, value in self.joint_friction.items()},
             "seed": self.seed,
+            "payloads": [payload.describe() for payload in self.payloads],
+            "start": dict(self.start),
+            "start_speed": dict(self.start_speed),
         }
 
     @classmethod
@@ -92,8 +120,14 @@ class Simulation:
         """Build the simulation that `describe` described."""
         fields = dict(description)
         fields["mechanism"] = Mechanism.from_description(fields["mechanism"])
-        fields["motion"] = Motion.from_description(fields["motion"])
-        fields["drive"] = ComputedTorque(**fields["drive"])
+        if fields["motion"] is not None:
+            fields["motion"] = Motion.from_description(fields["motion"])
+        drive = fields["drive"]
+        if isinstance(drive, Mapping):
+            fields["drive"] = {name: drive_from_description(one) for name, one in drive.items()}
+        else:
+            fields["drive"] = drive_from_description(drive[0])
+        fields["payloads"] = tuple(Payload.from_description(one) for one in fields["payloads"])
         if fields["joint_friction"] is not None:
             fields["joint_friction"] = {
                 name: JointFriction(**value) for name, value in fields["joint_friction"].items()
@@ -115,7 +149,7 @@ class Simulation:
 
 
 def simulate(
-    mechanism: Mechanism, motion: Motion, *, progress: bool = False, **options: Any
+    mechanism: Mechanism, motion: Motion | None = None, *, progress: bool = False, **options: Any
 ) -> Result:
     """Simulate `mechanism` following `motion`; `options` are the fields of `Simulation`."""
     return Simulation(mechanism, motion, **options).run(progress)
@@ -125,83 +159,183 @@ class Run:
     """A simulation made ready to step: its workspace, and the initial state in it."""
 
     def __init__(self, simulation: Simulation) -> None:
-        """Check the numbers, tabulate the drive, place the journals."""
+        """Check the numbers, place the journals, tabulate the drives."""
         self.simulation = simulation
         mechanism = simulation.mechanism
         self.mechanism = mechanism
         self.method: Integrator = integrator(simulation.integrator)
         step = require_positive("step", simulation.step, "s")
-        duration = simulation.duration
-        duration = simulation.motion.duration if duration is None else duration
-        duration = require_positive("duration", duration, "s")
+        duration = self._duration()
         every = simulation.record_every
         if not isinstance(every, int) or every < 1:
             raise JointplayError(f"record_every must be a whole number >= 1, got {every!r}")
         self.steps = round(duration / step)
         if self.steps < 1:
             raise JointplayError(f"duration {duration:g} s is shorter than the step {step:g} s")
-        friction = simulation.joint_friction
-        if friction is None:
-            entries = mechanism.description.joints
-            friction = {
-                name: JointFriction(entries[name].friction, entries[name].damping)
-                for name in mechanism.joints
-            }
-        for name in friction:
-            if name not in mechanism.joints:
-                raise MissingName("moving joint", name, mechanism.joints)
-        self.friction = friction
-        rows, reference = simulation.drive.tabulate(
-            mechanism, simulation.motion, duration, friction
-        )
-        joints, laws = [], []
-        for name, clearance in mechanism.clearance.items():
-            law = clearance.normal
-            radial, axial = (
-                check_parameters(law.parameters(contact), law.name)
-                for contact in (clearance.radial_contact, clearance.axial_contact)
-            )
-            joints.append(
-                kernel.joint_row(
-                    clearance.ri,
-                    clearance.rj,
-                    clearance.li,
-                    clearance.lj,
-                    mechanism.virtual_link(name),
-                    radial,
-                    axial,
-                    check_parameters(clearance.friction.parameters(), clearance.friction.name),
-                )
-            )
-            laws.append((address(law), address(clearance.friction)))
+        self.friction = self._friction()
+        drives = assign(mechanism, simulation.motion, simulation.drive)
+        followed = [name for name, drive in drives.items() if drive.follows]
+        q, v = self._initial_state(followed)
+        tables = tabulate(mechanism, simulation.motion, drives, duration, self.friction, q)
+        # The run's own, for payloads and prescribed motion change its inertias.
+        self.model = mechanism.model.copy()
+        for at, armature in tables.armature.items():
+            self.model.armature[at] = armature
+        self.data = self.model.createData()
         self.workspace = Workspace(
-            mechanism.data.ddq,
-            np.array(joints),
-            np.array(laws, np.int64).reshape(-1, 2),
-            rows,
-            reference,
+            self.data.ddq,
+            self.data.J.reshape(6, -1),
+            [self._site(name) for name in mechanism.clearance],
+            tables.rows,
+            tables.gears,
+            tables.reference,
             REFERENCE_NODE_S,
             step,
             every,
             self.steps // every + 2,
         )
-        # What pin.aba is called with. Its Python binding tries the form with external forces first:
-        # to give it none costs less than to leave them out.
-        model, none = mechanism.model, pin.StdVec_Force()
-        none.extend([pin.Force.Zero()] * model.njoints)
-        q, v, tau = self.workspace.q, self.workspace.v, self.workspace.tau
-        self._state = (model, mechanism.data, q, v, tau, none, pin.Convention.WORLD)
-        position, velocity, _ = simulation.motion(np.zeros(1))
-        for index, name in enumerate(simulation.motion.joints):
-            at = mechanism.coordinate(name)
-            q[at], v[at] = position[0, index], velocity[0, index]
-        self._check_step(step)
-        if simulation.seed is not None:
-            self._perturb(simulation.seed)
+        self.workspace.q[:], self.workspace.v[:] = q, v
+        self.phases = [Phase(0, self.model.copy())]
+        self._events = self._plan(step)
+        self._check_locks(q)
+        self._check_step(step, q)
+        self._dynamics, self._state = self._choose_dynamics(step, q)
 
-    def _check_step(self, step: float) -> None:
+    def _duration(self) -> float:
+        duration, motion = self.simulation.duration, self.simulation.motion
+        if duration is None:
+            if motion is None:
+                raise JointplayError("a simulation without motion needs a duration [s]")
+            duration = motion.duration
+        return require_positive("duration", duration, "s")
+
+    def _friction(self) -> Mapping[str, JointFriction]:
+        friction = self.simulation.joint_friction
+        joints = self.mechanism.joints
+        if friction is None:
+            entries = self.mechanism.description.joints
+            friction = {
+                name: JointFriction(entries[name].friction, entries[name].damping)
+                for name in joints
+            }
+        for name in friction:
+            if name not in joints:
+                raise MissingName("moving joint", name, joints)
+        return friction
+
+    def _initial_state(self, followed: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
+        """Loops closed, journals centred or perturbed, and speeds that fit."""
+        simulation, mechanism = self.simulation, self.mechanism
+        places, speeds = dict(simulation.start), dict(simulation.start_speed)
+        for given, unit in ((places, "rad or m"), (speeds, "rad/s or m/s")):
+            for name, value in given.items():
+                if name not in mechanism.joints:
+                    raise MissingName("moving joint", name, mechanism.joints)
+                if name in followed:
+                    raise JointplayError(
+                        f"joint {name!r} follows the motion from its start; give no other"
+                    )
+                given[name] = require_finite(f"start of joint {name!r}", value, unit)
+        if simulation.motion is not None:
+            position, velocity, _ = simulation.motion(np.zeros(1))
+            for name in followed:
+                index = simulation.motion.joints.index(name)
+                places[name], speeds[name] = position[0, index], velocity[0, index]
+        q = mechanism.configuration(places)
+        v = mechanism.configuration(speeds)
+        held, moving = (
+            [i for name in given for i in (mechanism.coordinate(name), mechanism.motor(name))]
+            for given in (places, speeds)
+        )
+        q = assemble(mechanism, q, held)
+        if simulation.seed is not None:
+            q = self._perturbed(q, held, simulation.seed)
+        return q, consistent_velocity(mechanism, q, v, moving)
+
+    def _perturbed(self, q: np.ndarray, held: Sequence[int], seed: int) -> np.ndarray:
+        random = np.random.default_rng(seed)
+        offsets = {}
+        for name, joint in self.mechanism.clearance.items():
+            push = PERTURBATION * random.uniform(-1.0, 1.0, 3)
+            rooms = np.array([joint.room_to_start.get(part, 0.0) for part in VIRTUAL_LINK[:3]])
+            if name in self.mechanism.loops:
+                free = self.mechanism.relative_jacobian(name, q)[:3].any(axis=1)
+                offsets[name] = push * rooms * free
+            else:
+                for part, shift in zip(VIRTUAL_LINK[:3], push * rooms, strict=True):
+                    if part in joint.freedoms:
+                        q[self.mechanism.coordinates.index(f"{name}.{part}")] += shift
+        return assemble(self.mechanism, q, held, offsets) if offsets else q
+
+    def _site(self, name: str) -> ContactSite:
+        """What the kernels must know of the joint with clearance `name`."""
+        mechanism, joint = self.mechanism, self.mechanism.clearance[name]
+        parameters = [
+            check_parameters(
+                joint.normal.parameters(joint.contact_properties(k)), joint.normal.name
+            )
+            for k in range(len(joint.contacts))
+        ]
+        rubbing = check_parameters(joint.friction.parameters(), joint.friction.name)
+        first = mechanism.virtual_link(name) if mechanism.has_virtual_link(name) else None
+        reach: dict[str, Any] = {}
+        if first is None:
+            (i, bearing), (j, journal) = (
+                mechanism.bearing_frame(name),
+                mechanism.journal_frame(name),
+            )
+            frames = (self.data.oMi[i], self.data.oMi[j])
+            reach = {
+                "frames": tuple(part for f in frames for part in (f.rotation, f.translation)),
+                "placements": np.concatenate(
+                    [
+                        part.ravel()
+                        for p in (bearing, journal)
+                        for part in (p.rotation, p.translation)
+                    ]
+                ),
+                "signs": mechanism.signs(name),
+            }
+        return ContactSite(
+            int(joint.shape),
+            joint.dimensions,
+            joint.depth_limit,
+            address(joint.normal),
+            address(joint.friction),
+            parameters,
+            rubbing,
+            first,
+            **reach,
+        )
+
+    def _plan(self, step: float) -> list[tuple[int, Payload, bool]]:
+        """Picks (True) and releases by the step at which they happen, in order."""
+        events = []
+        for payload in self.simulation.payloads:
+            if not self.model.existFrame(payload.frame):
+                names = [frame.name for frame in self.model.frames if frame.name != "universe"]
+                raise MissingName("frame for a payload", payload.frame, names)
+            times = [(payload.pick, True)]
+            times += [] if payload.release is None else [(payload.release, False)]
+            events += [(round(time / step), payload, picked) for time, picked in times]
+        return sorted(events, key=lambda event: event[0], reverse=True)
+
+    def _check_locks(self, q: np.ndarray) -> None:
+        for name in self.mechanism.loops:
+            joint = self.mechanism.clearance.get(name)
+            if joint is None:
+                continue
+            jacobian = self.mechanism.relative_jacobian(name, q)
+            for row, freedom in zip(jacobian, _RELATIVE, strict=True):
+                if freedom not in joint.freedoms and np.abs(row).max() > 1e-9:
+                    raise JointplayError(
+                        f"joint {name!r} locks {freedom}, but it closes a loop whose other joints "
+                        f"leave {freedom} free; do not lock it, or replace a joint of the tree"
+                    )
+
+    def _check_step(self, step: float, q: np.ndarray) -> None:
         for name in self.mechanism.clearance:
-            duration = contact_duration(self.mechanism, name, self.workspace.q)
+            duration = contact_duration(self.mechanism, name, q)
             if duration < MIN_CONTACT_STEPS * step:
                 raise JointplayError(
                     f"step {step:g} s is too large for the contact stiffness at {name!r}: an "
@@ -209,12 +343,23 @@ class Run:
                     f"{duration / kernel.WELL_RESOLVED_STEPS:.2g} s"
                 )
 
-    def _perturb(self, seed: int) -> None:
-        random = np.random.default_rng(seed)
-        for name, clearance in self.mechanism.clearance.items():
-            at = self.mechanism.virtual_link(name)
-            room = np.array([clearance.cr, clearance.cr, clearance.ca])
-            self.workspace.q[at : at + 3] += PERTURBATION * room * random.uniform(-1.0, 1.0, 3)
+    def _choose_dynamics(self, step: float, q: np.ndarray) -> tuple[Any, tuple[Any, ...]]:
+        """What gives the acceleration, and what it is called with."""
+        model, w = self.model, self.workspace
+        state = (model, self.data, w.q, w.v, w.tau)
+        constraints = self.mechanism.constraints(q, LOOP_CORRECTION / step)
+        if not constraints:
+            # The Python binding of pin.aba tries the form with external forces first: to give it
+            # none costs less than to leave them out.
+            none = pin.StdVec_Force()
+            none.extend([pin.Force.Zero()] * model.njoints)
+            return pin.aba, (*state, none, pin.Convention.WORLD)
+        models = pin.StdVec_RigidConstraintModel()
+        models.extend(constraints)
+        datas = pin.StdVec_RigidConstraintData()
+        datas.extend([constraint.createData() for constraint in constraints])
+        pin.initConstraintDynamics(model, self.data, models, datas)
+        return pin.constraintDynamics, (*state, models, datas, PROXIMAL)
 
     def execute(self, progress: bool = False) -> Result:
         """Simulate; once only, for the workspace holds the state.
@@ -233,9 +378,15 @@ class Run:
         message = self.message(status)
         if status not in (Status.COMPLETED, Status.INTERRUPTED):
             warnings.warn(message, RuntimeWarning, stacklevel=2)
-        description = self.simulation.describe()
-        return assemble(
-            self.mechanism, description, self.workspace, self.friction, status, message, elapsed
+        return histories(
+            self.mechanism,
+            self.simulation.describe(),
+            self.workspace,
+            self.friction,
+            self.phases,
+            status,
+            message,
+            elapsed,
         )
 
     def loop(self, progress: bool = False) -> Status:
@@ -244,7 +395,10 @@ class Run:
         if progress and not self.method.advance.signatures:
             note = "loading compiled kernels (the first start ever compiles them, ~20 s)"
             tqdm.write(note, file=sys.stderr)
-        for function in (kernel.begin, kernel.record, self.method.advance):
+        functions = [kernel.begin, kernel.record, self.method.advance]
+        functions += [kernel.load] if self.workspace.needs_jacobians else []
+        functions += [kernel.settle, kernel.refresh] if self._events else []
+        for function in functions:
             function.compile(_TABLE)
         bar = _Bar(self.steps * self.simulation.step, progress)
         try:
@@ -261,18 +415,73 @@ class Run:
             bar.close()
 
     def begin(self) -> None:
-        """Evaluate forces and acceleration of the initial state."""
+        """Evaluate forces and acceleration of the initial state, payloads picked at 0 in hand."""
+        self._happen()
         kernel.begin(self.workspace.table)
-        pin.aba(*self._state)
+        self._accelerate()
+
+    def _accelerate(self) -> None:
+        """Acceleration of the state that a kernel prepared."""
+        if self.workspace.needs_jacobians:
+            pin.computeJointJacobians(*self._state[:3])
+            kernel.load(self.workspace.table)
+        self._dynamics(*self._state)
 
     def advance(self, steps: int) -> bool:
         """Do `steps` steps, or fewer if the run fails; returns whether all is well."""
-        table, advance, aba, state = self.workspace.table, self.method.advance, pin.aba, self._state
+        while steps > 0:
+            stretch = steps
+            if self._events:
+                stretch = min(steps, self._events[-1][0] - self.workspace.steps)
+            if not self._stretch(stretch):
+                return False
+            steps -= stretch
+            if self._events and self._events[-1][0] == self.workspace.steps:
+                kernel.settle(self.workspace.table)
+                self._happen()
+                kernel.refresh(self.workspace.table)
+                self._accelerate()
+        return True
+
+    def _stretch(self, steps: int) -> bool:
+        """Do `steps` steps in which nothing happens."""
+        table, advance = self.workspace.table, self.method.advance
+        dynamics, state = self._dynamics, self._state
+        if not self.workspace.needs_jacobians:
+            for _ in range(steps * self.method.stages):
+                if advance(table):
+                    return False
+                dynamics(*state)
+            return True
+        jacobians, load, place = pin.computeJointJacobians, kernel.load, state[:3]
         for _ in range(steps * self.method.stages):
             if advance(table):
                 return False
-            aba(*state)
+            jacobians(*place)
+            if load(table):
+                return False
+            dynamics(*state)
         return True
+
+    def _happen(self) -> None:
+        """Pick and release what is due."""
+        w = self.workspace
+        while self._events and self._events[-1][0] <= w.steps:
+            _, payload, picked = self._events.pop()
+            before, speed = self.model.copy(), w.v.copy()
+            frame = self.model.frames[self.model.getFrameId(payload.frame)]
+            body = frame.placement.act(payload.body)
+            held = self.model.inertias[frame.parentJoint]
+            self.model.inertias[frame.parentJoint] = held + body if picked else held - body
+            if picked and w.steps > 0:
+                ideal = set(self.mechanism.loops) - set(self.mechanism.clearance)
+                rows = closing_rows(self.mechanism, w.q, ideal)
+                w.v[:] = velocity_after_pick(before, self.model, w.q, w.v, rows)
+            row = -(-w.steps // self.simulation.record_every)
+            brought = self.phases[-1].energy
+            if w.steps > 0:
+                brought += _energy(self.model, w.q, w.v) - _energy(before, w.q, speed)
+            self.phases.append(Phase(row, self.model.copy(), brought))
 
     def message(self, status: Status) -> str:
         """One line on how the run ended."""
@@ -293,16 +502,24 @@ class Run:
         else:
             name = list(self.mechanism.clearance)[joint]
             law = self.mechanism.clearance[name]
+            place = law.contacts[contact]
             if status == Status.BROKE_OUT:
-                what = f"the journal of {name!r} broke out of its bearing ({CONTACTS[contact]})"
+                what = f"the journal of {name!r} broke out of its bearing ({place})"
                 remedy = "reduce the step or check stiffness and loads"
             else:
                 what = (
                     f"law {law.normal.name!r} or {law.friction.name!r} of {name!r} "
-                    f"returned a non-finite value ({CONTACTS[contact]})"
+                    f"returned a non-finite value ({place})"
                 )
                 remedy = "correct the law"
         return f"stopped {at}: {what}; {remedy}. State: {state}"
+
+
+def _energy(model: pin.Model, q: np.ndarray, v: np.ndarray) -> float:
+    """Kinetic and potential energy [J]."""
+    data = model.createData()
+    kinetic = pin.computeKineticEnergy(model, data, q, v)
+    return float(kinetic + pin.computePotentialEnergy(model, data, q))
 
 
 class _Bar:

@@ -19,7 +19,7 @@ from tqdm import tqdm
 from jointplay.claims import ISOLATED, START_UP, Measures, Verdict, judge, measure
 from jointplay.errors import JointplayError
 from jointplay.histories import versions
-from jointplay.joint import ClearanceJoint
+from jointplay.joints import ClearanceJoint
 from jointplay.kernel import Status
 from jointplay.mechanism import STANDARD_GRAVITY, Mechanism
 from jointplay.motion import Motion

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -39,6 +39,8 @@ class JointEntry:
     name: str
     kind: str
     """URDF type: revolute, continuous, prismatic, fixed, ..."""
+    parent: str
+    child: str
     friction: float
     """Dry friction torque [N m or N]."""
     damping: float
@@ -52,6 +54,7 @@ class Description:
     path: Path
     text: str
     joints: dict[str, JointEntry]
+    links: tuple[str, ...]
 
     @property
     def revolute(self) -> list[str]:
@@ -67,8 +70,8 @@ def read(path: str | Path, allow_unphysical: Collection[str] = ()) -> Descriptio
         allow_unphysical: names of links whose inertia is used although no rigid body has it.
 
     Raises:
-        JointplayError: the file is missing or malformed, or a link's inertia is impossible (the
-            message names the link and its principal moments).
+        JointplayError: the file is missing or malformed, its links do not form one tree, or a
+            link's inertia is impossible (the message names the link and its principal moments).
     """
     path = Path(path)
     try:
@@ -104,10 +107,50 @@ def parse(text: str, path: Path, allow_unphysical: Collection[str] = ()) -> Desc
         joints[name] = JointEntry(
             name,
             joint.get("type", ""),
+            _link(joint, "parent", links),
+            _link(joint, "child", links),
             _number(dynamics, "friction", f"joint {name!r}", 0.0),
             _number(dynamics, "damping", f"joint {name!r}", 0.0),
         )
-    return Description(path, text, joints)
+    _check_tree(path, links, joints.values())
+    return Description(path, text, joints, tuple(links))
+
+
+def _link(joint: ElementTree.Element, end: str, links: Collection[str]) -> str:
+    element = joint.find(end)
+    name = "" if element is None else element.get("link", "")
+    if name not in links:
+        raise MissingName(f"link (the {end} of joint {joint.get('name', '')!r})", name, links)
+    return name
+
+
+def _check_tree(path: Path, links: Collection[str], joints: Iterable[JointEntry]) -> None:
+    """Refuse links that do not hang together as one tree."""
+    above: dict[str, JointEntry] = {}
+    for joint in joints:
+        if joint.child in above:
+            raise JointplayError(
+                f"the URDF {str(path)!r} is no tree: link {joint.child!r} is the child of the "
+                f"joints {above[joint.child].name!r} and {joint.name!r}; describe one of them as a "
+                "loop instead"
+            )
+        above[joint.child] = joint
+    roots = [link for link in links if link not in above]
+    if len(roots) > 1:
+        raise JointplayError(
+            f"the URDF {str(path)!r} falls apart: {', '.join(map(repr, roots))} have no parent; "
+            "exactly one link must have none"
+        )
+    for link in links:
+        seen = [link]
+        while seen[-1] in above:
+            seen.append(above[seen[-1]].parent)
+            if seen[-1] in seen[:-1]:
+                ring = " - ".join(seen[seen.index(seen[-1]) :])
+                raise JointplayError(
+                    f"the URDF {str(path)!r} is cyclic: {ring}; describe one of these joints as a "
+                    "loop instead"
+                )
 
 
 def _number(

@@ -1,0 +1,231 @@
+"""What all joints with clearance have in common: materials, laws, and what a joint must tell."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from dataclasses import asdict, dataclass, field, fields
+from typing import Any, ClassVar, Self
+
+import numpy as np
+
+from jointplay.contact import (
+    Ambrosio,
+    ContactProperties,
+    FrictionLaw,
+    LankaraniNikravesh,
+    NormalForceLaw,
+    friction_law,
+    normal_law,
+)
+from jointplay.errors import JointplayError, require_finite, require_positive
+from jointplay.geometry import Shape
+
+VIRTUAL_LINK = ("x", "y", "z", "yaw", "pitch", "roll")
+"""The six coordinates of a clearance joint, in their order in q."""
+
+
+@dataclass(frozen=True)
+class Material:
+    """Elastic constants of a body in contact.
+
+    The default is the paper's steel (Table 3).
+
+    Raises:
+        JointplayError: Young's modulus not positive, or Poisson's ratio outside (-1, 0.5].
+    """
+
+    young: float = 207e9
+    """Young's modulus E [Pa]."""
+    poisson: float = 0.3
+    """Poisson's ratio nu."""
+
+    def __post_init__(self) -> None:
+        """Check both constants."""
+        require_positive("Young's modulus", self.young, "Pa")
+        if not -1.0 < require_finite("Poisson's ratio", self.poisson, "") <= 0.5:
+            raise JointplayError(f"Poisson's ratio must lie in (-1, 0.5], got {self.poisson:g}")
+
+    @property
+    def compliance(self) -> float:
+        """sigma = (1 - nu^2) / (pi E) of eq. 12 [1/Pa]."""
+        return (1.0 - self.poisson**2) / (math.pi * self.young)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Clearance(ABC):
+    """A joint with clearance: one body, the bearing, holds another, the journal, by contact only.
+
+    Raises:
+        JointplayError: a value that is missing, not positive, contradictory or impossible.
+    """
+
+    kind: ClassVar[str]
+    """The one word that selects the kind of joint."""
+    replaces: ClassVar[tuple[str, ...]]
+    """Types of URDF joint that this kind can take the place of."""
+
+    bearing_material: Material = field(default_factory=Material)
+    journal_material: Material = field(default_factory=Material)
+    restitution: float = 0.9
+    """Nominal coefficient of restitution c_e, in (0, 1]."""
+    normal: NormalForceLaw = field(default_factory=LankaraniNikravesh)
+    friction: FrictionLaw = field(default_factory=Ambrosio)
+    stiffness: float | None = None
+    """Hertz stiffness [N/m^1.5]; None derives it from geometry and materials.
+
+    A linear law with a stiffness of its own does not use it.
+    """
+    exchanged: bool = False
+    """The parent link carries the journal and the child link the bearing (Figure 1b)."""
+    ideal: bool = False
+    """Without clearance, to compare."""
+
+    def __post_init__(self) -> None:
+        """Check what is common."""
+        if not 0.0 < require_finite("restitution", self.restitution, "") <= 1.0:
+            raise JointplayError(f"restitution must lie in (0, 1], got {self.restitution:g}")
+        if self.stiffness is not None:
+            require_positive("stiffness", self.stiffness, "N/m^1.5")
+        for name, kind in (("normal", NormalForceLaw), ("friction", FrictionLaw)):
+            if not isinstance(getattr(self, name), kind):
+                raise JointplayError(
+                    f"{name} must be a {kind.__name__} such as jointplay.contact offers, "
+                    f"got {getattr(self, name)!r}"
+                )
+
+    @property
+    @abstractmethod
+    def shape(self) -> Shape:
+        """How the gaps are computed."""
+
+    @property
+    @abstractmethod
+    def dimensions(self) -> tuple[float, ...]:
+        """The numbers that `geometry.touch` needs for this shape."""
+
+    @property
+    @abstractmethod
+    def contacts(self) -> tuple[str, ...]:
+        """Names of the places where bearing and journal can touch."""
+
+    @property
+    @abstractmethod
+    def rooms(self) -> tuple[float, ...]:
+        """Clearance that belongs to each contact [m]."""
+
+    @property
+    @abstractmethod
+    def freedoms(self) -> tuple[str, ...]:
+        """Those of `VIRTUAL_LINK` that are free; the others are locked."""
+
+    @property
+    @abstractmethod
+    def drive_coordinate(self) -> str:
+        """That of `freedoms` which is the ideal joint's own."""
+
+    @property
+    @abstractmethod
+    def room_to_start(self) -> dict[str, float]:
+        """How far the journal's centre can be from the bearing's, by translation [m]."""
+
+    @property
+    @abstractmethod
+    def radial_room(self) -> float:
+        """Radius of the journal centre's clearance circle; across x, for a slider [m]."""
+
+    @property
+    @abstractmethod
+    def depth_limit(self) -> float:
+        """Penetration at which the journal has broken out of its bearing [m]."""
+
+    @abstractmethod
+    def contact_properties(self, contact: int) -> ContactProperties:
+        """What a normal-force law needs to know of the contact with this index."""
+
+    @abstractmethod
+    def directions(self) -> np.ndarray:
+        """Unit contact forces and their moments about the journal's centre, shape (n, 6).
+
+        In bearing axes, for a centred journal; a sample of all that is possible.
+        """
+
+    @property
+    def combined_compliance(self) -> float:
+        """sigma_i + sigma_j of eq. 11 [1/Pa]."""
+        return self.bearing_material.compliance + self.journal_material.compliance
+
+    def hertz(self, radius: float) -> float:
+        """Stiffness of eq. 11 for an effective radius R [m], in N/m^1.5."""
+        return 4.0 / (3.0 * math.pi * self.combined_compliance) * math.sqrt(radius)
+
+    def describe(self) -> dict[str, Any]:
+        """All fields as plain data, for result files; `from_description` reads it back."""
+        described = {field.name: getattr(self, field.name) for field in fields(self)}
+        for key in ("bearing_material", "journal_material"):
+            described[key] = asdict(described[key])
+        for key in ("normal", "friction"):
+            described[key] = described[key].describe()
+        return {"kind": self.kind, **described}
+
+    @classmethod
+    def from_description(cls, description: dict[str, Any]) -> Self:
+        """Build the joint that `describe` described; its kind may be left out."""
+        given = {name: value for name, value in description.items() if name != "kind"}
+        for key in ("bearing_material", "journal_material"):
+            given[key] = Material(**given[key])
+        given["normal"] = normal_law(given["normal"])
+        given["friction"] = friction_law(given["friction"])
+        return cls(**given)
+
+
+def close(a: float, b: float) -> bool:
+    """Whether two lengths [m] agree but for rounding."""
+    return math.isclose(a, b, rel_tol=1e-6, abs_tol=1e-9)
+
+
+def complete(
+    play: float | None, outer: float, inner: float | None, factor: float, words: tuple[str, str]
+) -> tuple[float, float]:
+    """Derive clearance from dimensions or dimensions from clearance: outer - inner = factor play.
+
+    Args:
+        play: clearance [m], or None.
+        outer: dimension of the bearing [m].
+        inner: dimension of the journal [m], or None.
+        factor: clearances between outer and inner.
+        words: names of the clearance and of the dimension, for errors.
+
+    Returns:
+        play and inner [m].
+
+    Raises:
+        JointplayError: neither given, or values that are not positive or contradict each other.
+    """
+    clearance, dimension = words
+    if play is None and inner is None:
+        raise JointplayError(f"give the {clearance} clearance or the journal {dimension}")
+    if play is not None:
+        require_positive(f"{clearance} clearance", play, "m")
+    if inner is not None:
+        require_positive(f"journal {dimension}", inner, "m")
+        if inner >= outer:
+            raise JointplayError(
+                f"journal {dimension} {inner:g} m does not fit into the bearing's {outer:g} m"
+            )
+        if play is not None and not close(outer - inner, factor * play):
+            raise JointplayError(
+                f"{clearance} clearance {play:g} m contradicts the dimensions: bearing "
+                f"{outer:g} m and journal {inner:g} m give {(outer - inner) / factor:g} m"
+            )
+    if play is None:
+        assert inner is not None
+        play = (outer - inner) / factor
+    if inner is None:
+        inner = outer - factor * play
+    if inner <= 0.0:
+        raise JointplayError(
+            f"{clearance} clearance {play:g} m leaves no journal in a bearing of "
+            f"{dimension} {outer:g} m"
+        )
+    return float(play), float(inner)

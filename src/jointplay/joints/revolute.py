@@ -1,0 +1,237 @@
+"""The revolute joint with clearance: a journal in a bearing (eqs 1-3, 11-13)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from jointplay.contact import ContactProperties
+from jointplay.errors import JointplayError, require_positive
+from jointplay.geometry import Shape
+from jointplay.joints.base import VIRTUAL_LINK, Clearance, complete
+
+SAMPLES = 72
+"""Azimuths at which contact directions are sampled."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ClearanceJoint(Clearance):
+    """A journal of radius R_j and length L_j in a bearing of radius R_i and length L_i.
+
+    Give the bearing and either the clearances or the journal; whatever is missing is derived
+    from C_r = R_i - R_j (eq. 1) and C_a = (L_i - L_j)/2 (eqs 2, 3). Both may be given if they
+    agree. Where nothing limits the journal along the axis (`lock_axial` or `open_ends`) the axial
+    clearance may be left out; the journal is then as long as the bearing unless its length is
+    given.
+
+    Raises:
+        JointplayError: a dimension that is missing, not positive, contradictory or impossible.
+    """
+
+    kind: ClassVar[str] = "revolute"
+    replaces: ClassVar[tuple[str, ...]] = ("revolute", "continuous")
+
+    bearing_radius: float = 10e-3
+    """R_i [m]; the standard of the clearance literature, the paper gives none."""
+    bearing_length: float = 40e-3
+    """L_i, between the end walls [m]; this project's choice, the paper gives none."""
+    radial_clearance: float | None = None
+    """C_r, radial, not diametral [m]."""
+    axial_clearance: float | None = None
+    """C_a, on each side [m]."""
+    journal_radius: float | None = None
+    """R_j [m]."""
+    journal_length: float | None = None
+    """L_j [m]."""
+    axial_stiffness: float | None = None
+    """Hertz stiffness of the axial contacts [N/m^1.5]; None takes the radial one.
+
+    Eq. 13 has no meaning for a rim on a flat wall, and the paper uses one k for both.
+    """
+    lock_tilt: bool = False
+    """The axes stay parallel: one radial contact along the whole journal, axial ones on faces."""
+    lock_axial: bool = False
+    """The journal does not move along the bearing's axis, and touches no end wall."""
+    open_ends: bool = False
+    """No end walls."""
+
+    def __post_init__(self) -> None:
+        """Derive what is missing and refuse what cannot be."""
+        super().__post_init__()
+        require_positive("bearing radius", self.bearing_radius, "m")
+        require_positive("bearing length", self.bearing_length, "m")
+        self._set(
+            "radial_clearance",
+            "journal_radius",
+            complete(
+                self.radial_clearance,
+                self.bearing_radius,
+                self.journal_radius,
+                1.0,
+                ("radial", "radius"),
+            ),
+        )
+        if self.walls or self.axial_clearance is not None:
+            lengths = complete(
+                self.axial_clearance,
+                self.bearing_length,
+                self.journal_length,
+                2.0,
+                ("axial", "length"),
+            )
+        else:
+            length = self.bearing_length if self.journal_length is None else self.journal_length
+            require_positive("journal length", length, "m")
+            if length > self.bearing_length:
+                raise JointplayError(
+                    f"journal length {length:g} m exceeds the bearing's {self.bearing_length:g} m: "
+                    "its rims would not touch the bore; exchange the roles of the two bodies"
+                )
+            lengths = ((self.bearing_length - length) / 2.0, length)
+        self._set("axial_clearance", "journal_length", lengths)
+        if self.axial_stiffness is not None:
+            require_positive("axial stiffness", self.axial_stiffness, "N/m^1.5")
+        # A much shorter journal can tilt so far that one rim touches both sides of the bore at
+        # once, and its single deepest point would jump (docs/theory.md).
+        shortest = 2.0 * math.sqrt(self.rj * self.cr)
+        if not self.lock_tilt and self.lj <= shortest:
+            raise JointplayError(
+                f"journal length {self.lj:g} m is too short for radial clearance {self.cr:g} m: "
+                f"a rim would touch both sides of the bore; it must exceed {shortest:.3g} m"
+            )
+
+    def _set(self, clearance: str, dimension: str, values: tuple[float, float]) -> None:
+        object.__setattr__(self, clearance, values[0])
+        object.__setattr__(self, dimension, values[1])
+
+    @classmethod
+    def planar(cls, **fields: object) -> ClearanceJoint:
+        """The literature's classic: tilt and axial motion locked, one radial contact.
+
+        `fields` are those of the joint but for the two locks.
+        """
+        return cls(lock_tilt=True, lock_axial=True, **fields)  # type: ignore[arg-type]
+
+    @property
+    def walls(self) -> bool:
+        """Whether the journal can touch end walls."""
+        return not (self.open_ends or self.lock_axial)
+
+    @property
+    def ri(self) -> float:
+        """R_i [m]."""
+        return self.bearing_radius
+
+    @property
+    def li(self) -> float:
+        """L_i [m]."""
+        return self.bearing_length
+
+    @property
+    def rj(self) -> float:
+        """R_j [m]."""
+        assert self.journal_radius is not None
+        return self.journal_radius
+
+    @property
+    def lj(self) -> float:
+        """L_j [m]."""
+        assert self.journal_length is not None
+        return self.journal_length
+
+    @property
+    def cr(self) -> float:
+        """C_r [m] (eq. 1)."""
+        assert self.radial_clearance is not None
+        return self.radial_clearance
+
+    @property
+    def ca(self) -> float:
+        """C_a [m] (eq. 3)."""
+        assert self.axial_clearance is not None
+        return self.axial_clearance
+
+    @property
+    def hertz_stiffness(self) -> float:
+        """k of eqs 11-13, or the given `stiffness` [N/m^1.5]."""
+        if self.stiffness is not None:
+            return self.stiffness
+        return self.hertz(self.ri * self.rj / self.cr)
+
+    @property
+    def radial_contact(self) -> ContactProperties:
+        """What the normal-force law needs to know of the radial contacts."""
+        return ContactProperties(self.hertz_stiffness, self.restitution)
+
+    @property
+    def axial_contact(self) -> ContactProperties:
+        """What the normal-force law needs to know of the axial contacts."""
+        stiffness = self.axial_stiffness or self.hertz_stiffness
+        return ContactProperties(stiffness, self.restitution)
+
+    def contact_properties(self, contact: int) -> ContactProperties:
+        """Those of the radial or of the axial contacts."""
+        radial = self.contacts[contact].startswith("radial")
+        return self.radial_contact if radial else self.axial_contact
+
+    @property
+    def shape(self) -> Shape:
+        """Two rims, or one cylinder if they cannot tilt."""
+        return Shape.ALIGNED_CYLINDER if self.lock_tilt else Shape.CYLINDER
+
+    @property
+    def dimensions(self) -> tuple[float, ...]:
+        """R_i, R_j and the half lengths [m]."""
+        return self.ri, self.rj, self.li / 2, self.lj / 2
+
+    @property
+    def contacts(self) -> tuple[str, ...]:
+        """Radial first, then axial if there are end walls."""
+        radial = ("radial",) if self.lock_tilt else ("radial_A", "radial_B")
+        return radial + (("axial_A", "axial_B") if self.walls else ())
+
+    @property
+    def rooms(self) -> tuple[float, ...]:
+        """C_r or C_a [m]."""
+        return tuple(self.cr if name.startswith("radial") else self.ca for name in self.contacts)
+
+    @property
+    def freedoms(self) -> tuple[str, ...]:
+        """All six but for those that are locked."""
+        locked = ("z",) * self.lock_axial + ("pitch", "roll") * self.lock_tilt
+        return tuple(name for name in VIRTUAL_LINK if name not in locked)
+
+    @property
+    def drive_coordinate(self) -> str:
+        """Yaw."""
+        return "yaw"
+
+    @property
+    def room_to_start(self) -> dict[str, float]:
+        """C_r across the axis and C_a along it."""
+        return {"x": self.cr, "y": self.cr} | ({} if self.lock_axial else {"z": self.ca})
+
+    @property
+    def radial_room(self) -> float:
+        """C_r [m]."""
+        return self.cr
+
+    @property
+    def depth_limit(self) -> float:
+        """A tenth of the journal's radius: far beyond what any contact law means."""
+        return 0.1 * self.rj
+
+    def directions(self) -> np.ndarray:
+        """Radial at both ends (or in the middle, without tilt), axial at the rims."""
+        phi = np.linspace(0.0, 2.0 * np.pi, SAMPLES, endpoint=False)
+        c, s, zero, one = np.cos(phi), np.sin(phi), np.zeros(SAMPLES), np.ones(SAMPLES)
+        rows = []
+        for height in (0.0,) if self.lock_tilt else (self.lj / 2, -self.lj / 2):
+            rows.append(np.column_stack([c, s, zero, -height * s, height * c, zero]))
+        if self.walls:
+            arm = 0.0 if self.lock_tilt else self.rj
+            rows.append(np.column_stack([zero, zero, one, arm * s, -arm * c, zero]))
+        return np.concatenate(rows)

@@ -1,0 +1,134 @@
+"""The spherical joint with clearance: a ball in a socket."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from jointplay.contact import ContactProperties
+from jointplay.errors import require_positive
+from jointplay.geometry import Shape
+from jointplay.joints.base import VIRTUAL_LINK, Clearance, complete
+
+_NUMBER = 200
+
+
+@dataclass(frozen=True, kw_only=True)
+class SphericalJoint(Clearance):
+    """A ball of radius R_j in a socket of radius R_i that encloses it (one contact).
+
+    Give the socket and either the clearance C = R_i - R_j or the ball. The Hertz stiffness of
+    eqs 11-13, of a sphere in a spherical cavity, is meant for just this geometry. Reference:
+    P. Flores, H. M. Lankarani, Nonlinear Dynamics 60 (2010) 99-114.
+
+    In a URDF it replaces a ``floating`` joint, for which URDF has no better word. Its rotation is
+    described by yaw, pitch and roll about the socket's axes: z should be the axis about which the
+    ball turns far, and pitch must stay away from 90 degrees.
+
+    Raises:
+        JointplayError: a dimension that is missing, not positive, contradictory or impossible.
+    """
+
+    kind: ClassVar[str] = "spherical"
+    replaces: ClassVar[tuple[str, ...]] = ("floating",)
+
+    bearing_radius: float = 10e-3
+    """R_i of the socket [m]."""
+    radial_clearance: float | None = None
+    """C = R_i - R_j [m]."""
+    journal_radius: float | None = None
+    """R_j of the ball [m]."""
+
+    def __post_init__(self) -> None:
+        """Derive what is missing and refuse what cannot be."""
+        super().__post_init__()
+        require_positive("bearing radius", self.bearing_radius, "m")
+        play, radius = complete(
+            self.radial_clearance,
+            self.bearing_radius,
+            self.journal_radius,
+            1.0,
+            ("radial", "radius"),
+        )
+        object.__setattr__(self, "radial_clearance", play)
+        object.__setattr__(self, "journal_radius", radius)
+
+    @property
+    def cr(self) -> float:
+        """C [m]."""
+        assert self.radial_clearance is not None
+        return self.radial_clearance
+
+    @property
+    def rj(self) -> float:
+        """R_j [m]."""
+        assert self.journal_radius is not None
+        return self.journal_radius
+
+    @property
+    def hertz_stiffness(self) -> float:
+        """k of eqs 11-13, or the given `stiffness` [N/m^1.5]."""
+        if self.stiffness is not None:
+            return self.stiffness
+        return self.hertz(self.bearing_radius * self.rj / self.cr)
+
+    def contact_properties(self, contact: int) -> ContactProperties:
+        """Those of the one contact."""
+        return ContactProperties(self.hertz_stiffness, self.restitution)
+
+    @property
+    def shape(self) -> Shape:
+        """A ball."""
+        return Shape.BALL
+
+    @property
+    def dimensions(self) -> tuple[float, ...]:
+        """R_i and R_j [m]."""
+        return self.bearing_radius, self.rj
+
+    @property
+    def contacts(self) -> tuple[str, ...]:
+        """One, wherever the ball touches."""
+        return ("socket",)
+
+    @property
+    def rooms(self) -> tuple[float, ...]:
+        """C [m]."""
+        return (self.cr,)
+
+    @property
+    def freedoms(self) -> tuple[str, ...]:
+        """All six."""
+        return VIRTUAL_LINK
+
+    @property
+    def drive_coordinate(self) -> str:
+        """Yaw."""
+        return "yaw"
+
+    @property
+    def room_to_start(self) -> dict[str, float]:
+        """C / sqrt(3) each, so that every corner of the box is inside the socket."""
+        return dict.fromkeys(VIRTUAL_LINK[:3], self.cr / np.sqrt(3.0))
+
+    @property
+    def radial_room(self) -> float:
+        """C [m]."""
+        return self.cr
+
+    @property
+    def depth_limit(self) -> float:
+        """A tenth of the ball's radius."""
+        return 0.1 * self.rj
+
+    def directions(self) -> np.ndarray:
+        """Evenly over the sphere (Fibonacci lattice); the force passes through the ball's centre.
+
+        The friction it causes does not, but friction starts no impact.
+        """
+        i = np.arange(_NUMBER)
+        z = 1.0 - (2.0 * i + 1.0) / _NUMBER
+        r, phi = np.sqrt(1.0 - z * z), i * np.pi * (3.0 - np.sqrt(5.0))
+        return np.column_stack([r * np.cos(phi), r * np.sin(phi), z, np.zeros((_NUMBER, 3))])

@@ -1,0 +1,105 @@
+"""Payloads that the tool picks up and releases during the motion."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from jointplay.errors import JointplayError, require_finite, require_non_negative, require_positive
+
+Vector = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Payload:
+    """A rigid body held by a frame of the mechanism from `pick` to `release`.
+
+    Before it is picked up it rests in the world: if the tool moves at that instant, body and
+    mechanism hit each other plastically (momentum is conserved, energy is lost). Released, it
+    leaves with the speed that it has. A computed-torque drive does not know of it.
+
+    Raises:
+        JointplayError: a mass that is not positive, moments of inertia that no body has, a release
+            that does not follow the pick.
+    """
+
+    frame: str
+    """Frame that holds it; usually the tool."""
+    mass: float
+    """[kg]."""
+    pick: float = 0.0
+    """[s]; a payload picked at 0 is there from the start."""
+    release: float | None = None
+    """[s]; None: never."""
+    centre: Vector = (0.0, 0.0, 0.0)
+    """Centre of mass in the frame [m]."""
+    inertia: Vector = (0.0, 0.0, 0.0)
+    """Moments of inertia about it, along the frame's axes [kg m^2]."""
+
+    def __post_init__(self) -> None:
+        """Check all values."""
+        require_positive("payload mass", self.mass, "kg")
+        require_non_negative("payload pick time", self.pick, "s")
+        if self.release is not None:
+            require_finite("payload release time", self.release, "s")
+            if self.release <= self.pick:
+                raise JointplayError(
+                    f"payload release at {self.release:g} s must follow its pick at {self.pick:g} s"
+                )
+        for name, unit in (("centre", "m"), ("inertia", "kg m^2")):
+            values: Sequence[float] = getattr(self, name)
+            if len(values) != 3:
+                raise JointplayError(f"payload {name} must have three components, got {values!r}")
+            checked = tuple(require_finite(f"payload {name}", value, unit) for value in values)
+            object.__setattr__(self, name, checked)
+        low, middle, high = sorted(self.inertia)
+        if low < 0.0 or high > (low + middle) * (1.0 + 1e-6):
+            raise JointplayError(f"no body has the moments of inertia {self.inertia} kg m^2")
+
+    @property
+    def body(self) -> pin.Inertia:
+        """Inertia in the frame that holds it."""
+        return pin.Inertia(self.mass, np.array(self.centre), np.diag(self.inertia))
+
+    def describe(self) -> dict[str, Any]:
+        """All fields as plain data."""
+        return asdict(self)
+
+    @classmethod
+    def from_description(cls, description: dict[str, Any]) -> Payload:
+        """Build the payload that `describe` described."""
+        vectors = ("centre", "inertia")
+        fields: Any = {k: tuple(v) if k in vectors else v for k, v in description.items()}
+        return cls(**fields)
+
+
+def velocity_after_pick(
+    before: pin.Model,
+    after: pin.Model,
+    q: np.ndarray,
+    v: np.ndarray,
+    forbidden: np.ndarray,
+) -> np.ndarray:
+    """Velocity after a plastic impact with a body at rest that is then part of the mechanism.
+
+    Args:
+        before, after: models without and with the body.
+        q, v: state before, shapes (nq,) and (nv,).
+        forbidden: Jacobian of ideal loops, shape (rows, nv): velocities that stay zero.
+
+    Returns:
+        v of M_after v = M_before v_before + forbidden^T impulse, shape (nv,).
+    """
+    nv, rows = before.nv, len(forbidden)
+    masses = []
+    for model in (before, after):
+        mass = np.triu(pin.crba(model, model.createData(), q).reshape(nv, nv))
+        masses.append(mass + np.triu(mass, 1).T)
+    system = np.zeros((nv + rows, nv + rows))
+    system[:nv, :nv], system[:nv, nv:], system[nv:, :nv] = masses[1], forbidden.T, forbidden
+    right = np.concatenate([masses[0] @ v, np.zeros(rows)])
+    return np.linalg.lstsq(system, right, rcond=None)[0][:nv]
