@@ -10,8 +10,9 @@ from typing import Any
 import numpy as np
 
 from jointplay.impact import friction_step_limit
-from jointplay.kernel import WELL_RESOLVED_STEPS, Workspace
+from jointplay.kernel import WELL_RESOLVED_STEPS
 from jointplay.mechanism import Mechanism
+from jointplay.workspace import Workspace
 
 DRIFT_WARNING_M = 1e-6
 """Gap of an ideal loop above which a run warns."""

@@ -15,7 +15,7 @@ from typing import Any, ClassVar
 import numpy as np
 import pinocchio as pin
 
-from jointplay import kernel
+from jointplay import kernel, workspace
 from jointplay.errors import (
     JointplayError,
     MissingName,
@@ -254,14 +254,14 @@ def assign(
 
 @dataclass(frozen=True)
 class Tables:
-    """What `kernel.Workspace` needs of the drives."""
+    """What `Workspace` needs of the drives."""
 
     rows: np.ndarray
-    """`kernel.coordinate_rows`."""
+    """`workspace.coordinate_rows`."""
     reference: np.ndarray
     """Shape (nodes, 3 nu), at intervals of `REFERENCE_NODE_S`."""
     gears: np.ndarray
-    """`kernel.gear_row` of each gear."""
+    """`workspace.gear_row` of each gear."""
     armature: dict[int, float]
     """Armature that the model needs, by coordinate [kg m^2 or kg]."""
 
@@ -288,7 +288,7 @@ def tabulate(
     times = np.arange(nodes) * REFERENCE_NODE_S
     driven = [name for name, drive in drives.items() if drive.kind != "free"]
     follows = [name for name in driven if drives[name].follows]
-    rows = kernel.coordinate_rows(mechanism.model.nv)
+    rows = workspace.coordinate_rows(mechanism.model.nv)
     columns = np.zeros((3, nodes, max(len(driven), 1)))
     if follows:
         assert motion is not None
@@ -305,13 +305,13 @@ def tabulate(
         losses = friction.get(name, JointFriction())
         if isinstance(drive, Torque):
             columns[2, :, u] = np.interp(times, drive.times, drive.values)
-            entries = kernel.drive_column(u, at)
+            entries = workspace.drive_column(u, at)
         else:
             k = follows.index(name)
             columns[0, :, u], columns[1, :, u] = position[:, k], velocity[:, k]
         if isinstance(drive, Prescribed):
             armature[at] = PRESCRIBED_ARMATURE * own[at]
-            entries = kernel.drive_column(u, at, armature=armature[at])
+            entries = workspace.drive_column(u, at, armature=armature[at])
         if isinstance(drive, ComputedTorque):
             rotor = gear.rotor_inertia if gear else 0.0
             inertia = carried[k] + rotor
@@ -321,18 +321,18 @@ def tabulate(
             seen = at if drive.encoder == "motor" else mechanism.coordinate(name)
             kp = drive.bandwidth**2 * inertia
             kd = 2.0 * drive.damping_ratio * drive.bandwidth * inertia
-            entries = kernel.drive_column(u, seen, kp, kd)
+            entries = workspace.drive_column(u, seen, kp, kd)
         for row, value in entries.items():
             rows[row, at] = value
     for name, losses in friction.items():
         at = mechanism.coordinate(name)
-        entries = kernel.friction_column(
+        entries = workspace.friction_column(
             losses.coulomb, losses.excess, losses.stribeck_speed, losses.viscous
         )
         for row, value in entries.items():
             rows[row, at] = value
     gears = [
-        kernel.gear_row(
+        workspace.gear_row(
             mechanism.motor(name),
             mechanism.coordinate(name),
             gear.play / 2.0,

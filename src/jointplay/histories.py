@@ -16,10 +16,11 @@ from jointplay.drive import JointFriction
 from jointplay.geometry import Form, Mode, classify_many
 from jointplay.impact import elastic_energy
 from jointplay.joints import VIRTUAL_LINK
-from jointplay.kernel import POWERS, Status, Workspace
+from jointplay.kernel import POWERS, Status
 from jointplay.loops import PROXIMAL, misfit
 from jointplay.mechanism import Mechanism
 from jointplay.result import AXES, FORMAT, Result
+from jointplay.workspace import Workspace
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ class Integrator:
     stages: int
     """Evaluations of the acceleration in a step."""
     advance: Any
-    """Kernel called before each evaluation, with the table of a `kernel.Workspace`."""
+    """Kernel called before each evaluation, with the table of a `workspace.Workspace`."""
 
 
 SEMI_IMPLICIT_EULER = Integrator("semi-implicit-euler", 1, 1, kernel.semi_implicit_euler)

@@ -31,12 +31,13 @@ from jointplay.histories import Phase, histories
 from jointplay.impact import REFERENCE_SPEED, contact_duration
 from jointplay.integrators import DEFAULT, Integrator, integrator
 from jointplay.joints import VIRTUAL_LINK
-from jointplay.kernel import ContactSite, Status, Workspace
+from jointplay.kernel import Status
 from jointplay.loops import PROXIMAL, assemble, closing_rows, consistent_velocity
 from jointplay.mechanism import Mechanism
 from jointplay.motion import Motion
 from jointplay.payload import Payload, velocity_after_pick
 from jointplay.result import Result
+from jointplay.workspace import ContactSite, Workspace
 
 MIN_CONTACT_STEPS = 4.0
 """Fewer steps in an impact than this and the step is refused.
