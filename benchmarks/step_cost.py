@@ -64,8 +64,8 @@ def seconds_per_call(function, *arguments):
 
 def bare_calls(stepper):
     """Time every form of the bare call in the current state."""
-    w, mechanism = stepper.workspace, stepper.run.mechanism
-    model, data = mechanism.model, mechanism.data
+    w = stepper.workspace
+    model, data = stepper.run.model, stepper.run.data
     forces = pin.StdVec_Force()
     for _ in range(model.njoints):
         forces.append(pin.Force.Zero())
@@ -86,6 +86,7 @@ def cycle(duration, samples, bar):
         for case in (Case(), Case(radial=0.0), Case(integrator="rk4"))
     )
     pieces = main.run.steps // CHUNK
+    euler, empty = kernel.compiled(kernel.semi_implicit_euler), kernel.compiled(nothing)
     probe = Stepper(Case(), step=STANDSTILL, duration=STANDSTILL * pieces * CALLS)
 
     def note(name, seconds):
@@ -97,9 +98,9 @@ def cycle(duration, samples, bar):
             note(name, seconds)
         note(IDEAL, ideal.advance(CHUNK))
         note(RK4, rk4.advance(CHUNK // 4))
-        note(CALL, seconds_per_call(nothing, probe.workspace.table))
+        note(CALL, seconds_per_call(empty, probe.workspace.table))
         probe.workspace.q[:], probe.workspace.v[:] = main.workspace.q, main.workspace.v
-        seconds = seconds_per_call(kernel.semi_implicit_euler, probe.workspace.table)
+        seconds = seconds_per_call(euler, probe.workspace.table)
         touching = int(np.count_nonzero(probe.workspace.memory[0, :, kernel._NORMAL]))
         note(f"kernel alone, {touching or 'no'} contact{'s' * (touching != 1)}", seconds)
         bar.update()

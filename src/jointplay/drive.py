@@ -260,6 +260,8 @@ class Tables:
     """`workspace.coordinate_rows`."""
     reference: np.ndarray
     """Shape (nodes, 3 nu), at intervals of `REFERENCE_NODE_S`."""
+    frictions: np.ndarray
+    """`workspace.friction_row` of each joint with friction."""
     gears: np.ndarray
     """`workspace.gear_row` of each gear."""
     armature: dict[int, float]
@@ -324,13 +326,17 @@ def tabulate(
             entries = workspace.drive_column(u, seen, kp, kd)
         for row, value in entries.items():
             rows[row, at] = value
-    for name, losses in friction.items():
-        at = mechanism.coordinate(name)
-        entries = workspace.friction_column(
-            losses.coulomb, losses.excess, losses.stribeck_speed, losses.viscous
+    frictions = [
+        workspace.friction_row(
+            mechanism.coordinate(name),
+            losses.coulomb,
+            losses.excess,
+            losses.stribeck_speed,
+            losses.viscous,
         )
-        for row, value in entries.items():
-            rows[row, at] = value
+        for name, losses in friction.items()
+        if losses.coulomb or losses.excess or losses.viscous
+    ]
     gears = [
         workspace.gear_row(
             mechanism.motor(name),
@@ -341,4 +347,4 @@ def tabulate(
         )
         for name, gear in mechanism.gears.items()
     ]
-    return Tables(rows, np.hstack(list(columns)), np.array(gears), armature)
+    return Tables(rows, np.hstack(list(columns)), np.array(frictions), np.array(gears), armature)

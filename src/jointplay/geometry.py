@@ -82,7 +82,7 @@ class Form(IntEnum):
         return "-abcdefghijkl"[self.value]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def deepest_rim_direction(pt: float, pn: float, sin_tilt: float, cos_tilt: float, radius: float):
     """Direction on the rim of the point farthest from the bearing's axis.
 
@@ -132,7 +132,7 @@ def deepest_rim_direction(pt: float, pn: float, sin_tilt: float, cos_tilt: float
     return math.copysign(c, pt), math.copysign(s, pn)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def radial_gap(px, py, pz, ax, ay, az, bore_radius, journal_radius):
     """Gap between one rim of the journal and the bore.
 
@@ -162,7 +162,7 @@ def radial_gap(px, py, pz, ax, ay, az, bore_radius, journal_radius):
     return bore_radius - distance, ox, oy, oz, rx * inverse, ry * inverse
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def axial_gap(pz, ax, ay, az, side, half_bore_length, journal_radius):
     """Gap between one rim of the journal and the end wall on the same `side` (+1 or -1).
 
@@ -188,8 +188,24 @@ def axial_gap(pz, ax, ay, az, side, half_bore_length, journal_radius):
     return half_bore_length - side * pz - (height - EDGE_ROUNDING_M), ox, oy, oz
 
 
-@njit(cache=True)
-def touch(shape, d, at, k, cx, cy, cz, r):
+@njit(cache=True, error_model="numpy", inline="always")
+def touch_cylinder(k, cx, cy, cz, ax, ay, az, ri, rj, half_li, half_lj):
+    """Gap, place and normal of contact k of a cylinder; see `touch`.
+
+    (cx, cy, cz) is the journal's centre [m], (ax, ay, az) its axis, both in the bearing frame.
+    """
+    side = 1.0 - 2.0 * (k & 1)
+    reach = side * half_lj
+    ex, ey, ez = reach * ax, reach * ay, reach * az
+    if k < 2:
+        gap, ox, oy, oz, nx, ny = radial_gap(cx + ex, cy + ey, cz + ez, ax, ay, az, ri, rj)
+        return gap, ex + ox, ey + oy, ez + oz, -nx, -ny, 0.0
+    gap, ox, oy, oz = axial_gap(cz + ez, ax, ay, az, side, half_li, rj)
+    return gap, ex + ox, ey + oy, ez + oz, 0.0, 0.0, -side
+
+
+@njit(cache=True, error_model="numpy")
+def touch(shape, d, at, k, cx, cy, cz, r, first):
     """Gap, place and normal of contact k of a joint.
 
     Args:
@@ -197,31 +213,23 @@ def touch(shape, d, at, k, cx, cy, cz, r):
         d, at: array in which the joint's dimensions begin at index `at`.
         k: index of the contact.
         cx, cy, cz: journal centre in the bearing frame [m].
-        r: orientation of the journal frame in the bearing frame, nine elements row by row. A
-            cylinder needs its third column only, a ball none.
+        r, first: array in which the orientation of the journal frame in the bearing frame begins at
+            index `first`, nine elements row by row. A cylinder needs its third column only, a
+            ball none.
 
     Returns:
         gap [m], the contact point's offset from the journal's centre (3) [m], and the unit normal
         from the bearing into the journal (3), all in the bearing frame.
     """
     if shape == _CYLINDER:
-        side = 1.0 - 2.0 * (k & 1)
-        ax, ay, az = r[2], r[5], r[8]
-        reach = side * d[at + 3]
-        ex, ey, ez = reach * ax, reach * ay, reach * az
-        if k < 2:
-            gap, ox, oy, oz, nx, ny = radial_gap(
-                cx + ex, cy + ey, cz + ez, ax, ay, az, d[at], d[at + 1]
-            )
-            return gap, ex + ox, ey + oy, ez + oz, -nx, -ny, 0.0
-        gap, ox, oy, oz = axial_gap(cz + ez, ax, ay, az, side, d[at + 2], d[at + 1])
-        return gap, ex + ox, ey + oy, ez + oz, 0.0, 0.0, -side
+        ax, ay, az = r[first + 2], r[first + 5], r[first + 8]
+        return touch_cylinder(k, cx, cy, cz, ax, ay, az, d[at], d[at + 1], d[at + 2], d[at + 3])
     if shape == _BLOCK:
         place = at + 2 + 5 * k
         px, py, pz = d[place], d[place + 1], d[place + 2]
-        ox = r[0] * px + r[1] * py + r[2] * pz
-        oy = r[3] * px + r[4] * py + r[5] * pz
-        oz = r[6] * px + r[7] * py + r[8] * pz
+        ox = r[first] * px + r[first + 1] * py + r[first + 2] * pz
+        oy = r[first + 3] * px + r[first + 4] * py + r[first + 5] * pz
+        oz = r[first + 6] * px + r[first + 7] * py + r[first + 8] * pz
         side = d[place + 4]
         if d[place + 3] == 0.0:
             return d[at] - side * (cx + ox), ox, oy, oz, -side, 0.0, 0.0
@@ -240,7 +248,7 @@ def touch(shape, d, at, k, cx, cy, cz, r):
     return d[at] - rj - distance, rj * nx, rj * ny, rj * nz, -nx, -ny, -nz
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def gaps(centre, axis, bore_radius, bore_length, journal_radius, journal_length):
     """All four gaps of a cylinder in its bearing, and where they are measured.
 
@@ -254,12 +262,19 @@ def gaps(centre, axis, bore_radius, bore_length, journal_radius, journal_length)
         from the bearing into the journal (4, 3), in the order of `CONTACTS`.
     """
     gap, point, normal = np.empty(4), np.empty((4, 3)), np.empty((4, 3))
-    dimensions = np.array((bore_radius, journal_radius, bore_length / 2, journal_length / 2))
-    turn = np.zeros(9)
-    turn[2], turn[5], turn[8] = axis[0], axis[1], axis[2]
     for k in range(4):
-        g, ox, oy, oz, nx, ny, nz = touch(
-            _CYLINDER, dimensions, 0, k, centre[0], centre[1], centre[2], turn
+        g, ox, oy, oz, nx, ny, nz = touch_cylinder(
+            k,
+            centre[0],
+            centre[1],
+            centre[2],
+            axis[0],
+            axis[1],
+            axis[2],
+            bore_radius,
+            journal_radius,
+            0.5 * bore_length,
+            0.5 * journal_length,
         )
         gap[k] = g
         point[k, 0], point[k, 1], point[k, 2] = centre[0] + ox, centre[1] + oy, centre[2] + oz
@@ -267,7 +282,7 @@ def gaps(centre, axis, bore_radius, bore_length, journal_radius, journal_length)
     return gap, point, normal
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def classify_mode(gap) -> int:
     """Mode of the joint from all its gaps [m] (Table 1), as the value of a `Mode`."""
     smallest = gap[0]
@@ -280,7 +295,7 @@ def classify_mode(gap) -> int:
     return 0
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def classify_form(gap, normal, face_drop) -> int:
     """Contact form (Figure 2), as the value of a `Form`.
 
@@ -319,7 +334,7 @@ def classify_form(gap, normal, face_drop) -> int:
     return 12 if line and surface else 7
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def classify_many(shape, dimensions, count, poses):
     """Gaps, mode and form for many poses.
 
@@ -344,7 +359,7 @@ def classify_many(shape, dimensions, count, poses):
             turn[k] = poses[i, 3 + k]
         for k in range(count):
             g, _, _, _, nx, ny, nz = touch(
-                shape, dimensions, 0, k, poses[i, 0], poses[i, 1], poses[i, 2], turn
+                shape, dimensions, 0, k, poses[i, 0], poses[i, 1], poses[i, 2], turn, 0
             )
             gap[k] = g
             all_gaps[i, k] = g

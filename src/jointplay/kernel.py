@@ -26,12 +26,15 @@ from __future__ import annotations
 
 import math
 from enum import IntEnum
+from functools import cache
+from typing import Any
 
+import numba
 import numpy as np
 from numba import carray, njit
 
 from jointplay.contact.law import MAX_PARAMETERS, call_friction, call_normal, pointer
-from jointplay.geometry import Shape, touch
+from jointplay.geometry import Shape, touch, touch_cylinder
 
 
 class Status(IntEnum):
@@ -47,10 +50,10 @@ class Status(IntEnum):
 # Entries of the table (int64): addresses of float arrays, sizes, counters, flags; then a block for
 # each joint with clearance.
 (
-    _Q, _V, _A, _TAU, _DRIVE, _SCRATCH, _COORDINATES, _GEARS, _REFERENCE, _RECORD, _POWER, _CLOCK,
-    _J, _NV, _NJ, _NU, _NG, _NREF, _WIDTH, _COLUMNS, _STEP, _EVERY, _ROW, _STAGE, _STATUS,
-    _FRAMES, _COMMIT, _PENDING, _HAS_FRICTION, _HAS_PRESCRIBED, _BAD_CONTACT, _BLOCKS,
-) = range(32)  # fmt: skip
+    _Q, _V, _A, _TAU, _DRIVE, _SCRATCH, _COORDINATES, _FRICTIONS, _GEARS, _REFERENCE, _RECORD,
+    _POWER, _CLOCK, _J, _NV, _NJ, _NU, _NF, _NG, _NREF, _WIDTH, _COLUMNS, _STEP, _EVERY, _ROW,
+    _STAGE, _STATUS, _FRAMES, _COMMIT, _PENDING, _HAS_PRESCRIBED, _BAD_CONTACT, _BLOCKS,
+) = range(33)  # fmt: skip
 
 # A joint's block: addresses of its laws, what it looks like, where its arrays are.
 (
@@ -63,10 +66,11 @@ _NO_VIRTUAL_LINK = -1
 _TIME, _DT, _NODE, _LOAD_TIME, _CLOCK_SIZE = range(5)
 
 # Rows of the coordinate array, each of length nv.
-(
-    _DRIVEN_BY, _MEASURED, _KP, _KD, _COULOMB, _STICTION, _STRIBECK, _VISCOUS, _ARMATURE,
-    _COORDINATE_ROWS,
-) = range(10)  # fmt: skip
+_DRIVEN_BY, _MEASURED, _KP, _KD, _ARMATURE, _COORDINATE_ROWS = range(6)
+
+# Columns of the friction array. Joints without friction have no row: a loop over all coordinates
+# would cost a tenth of a microsecond even where it is skipped.
+_RUBS, _COULOMB, _STICTION, _STRIBECK, _VISCOUS, _FRICTION_SIZE = range(6)
 JOINT_FRICTION_SPEED = 1e-3
 """Speed over which dry joint friction turns its sign [rad/s or m/s]."""
 
@@ -112,7 +116,21 @@ SPEED_LIMIT = 1e4
 _CYLINDER, _BLOCK = int(Shape.CYLINDER), int(Shape.BLOCK)
 
 
-_internal = njit(cache=True, no_cpython_wrapper=True, no_cfunc_wrapper=True)
+_TABLE = (numba.int64[::1],)
+"""Signature of all kernels."""
+
+
+@cache
+def compiled(kernel: Any) -> Any:
+    """Compile or load a kernel, and return the function behind numba's dispatcher.
+
+    To call it directly saves the dispatcher's look at the argument, half of what a call costs.
+    """
+    kernel.compile(_TABLE)
+    return kernel.overloads[_TABLE].entry_point
+
+
+_internal = njit(cache=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
 """For functions that only kernels call: without wrappers they compile faster."""
 
 
@@ -130,29 +148,31 @@ def _fail(table, status, contact):
 
 
 @_internal
-def _pose_of_virtual_link(q, v, first, pose, shape):
-    """Pose and rates of the journal from the six coordinates of the virtual link."""
+def _motion_of_virtual_link(q, v, first):
+    """Journal's axis and angular velocity from the coordinates of the virtual link."""
     cy, sy = math.cos(q[first + 3]), math.sin(q[first + 3])
     cp, sp = math.cos(q[first + 4]), math.sin(q[first + 4])
     cr, sr = math.cos(q[first + 5]), math.sin(q[first + 5])
-    for i in range(3):
-        pose[_CENTRE + i] = q[first + i]
-        pose[_VELOCITY + i] = v[first + i]
-    # Rz(yaw) Ry(pitch) Rx(roll); the third column is the journal's axis.
-    if shape == _BLOCK:
-        pose[_TURN] = cy * cp
-        pose[_TURN + 1] = cy * sp * sr - sy * cr
-        pose[_TURN + 3] = sy * cp
-        pose[_TURN + 4] = sy * sp * sr + cy * cr
-        pose[_TURN + 6] = -sp
-        pose[_TURN + 7] = cp * sr
-    pose[_TURN + 2] = cy * sp * cr + sy * sr
-    pose[_TURN + 5] = sy * sp * cr - cy * sr
-    pose[_TURN + 8] = cp * cr
+    # Third column of Rz(yaw) Ry(pitch) Rx(roll).
+    ax, ay, az = cy * sp * cr + sy * sr, sy * sp * cr - cy * sr, cp * cr
     # The axes of yaw, pitch and roll are e_z, (-sy, cy, 0) and (cy cp, sy cp, -sp).
-    pose[_OMEGA] = -sy * v[first + 4] + cy * cp * v[first + 5]
-    pose[_OMEGA + 1] = cy * v[first + 4] + sy * cp * v[first + 5]
-    pose[_OMEGA + 2] = v[first + 3] - sp * v[first + 5]
+    wx = -sy * v[first + 4] + cy * cp * v[first + 5]
+    wy = cy * v[first + 4] + sy * cp * v[first + 5]
+    return ax, ay, az, wx, wy, v[first + 3] - sp * v[first + 5]
+
+
+@_internal
+def _turn_of_virtual_link(q, first, pose):
+    """Put the first two columns of the journal's orientation into `pose`."""
+    cy, sy = math.cos(q[first + 3]), math.sin(q[first + 3])
+    cp, sp = math.cos(q[first + 4]), math.sin(q[first + 4])
+    cr, sr = math.cos(q[first + 5]), math.sin(q[first + 5])
+    pose[_TURN] = cy * cp
+    pose[_TURN + 1] = cy * sp * sr - sy * cr
+    pose[_TURN + 3] = sy * cp
+    pose[_TURN + 4] = sy * sp * sr + cy * cr
+    pose[_TURN + 6] = -sp
+    pose[_TURN + 7] = cp * sr
 
 
 @_internal
@@ -265,25 +285,37 @@ def _contact(table, j, q, v, tau, power, commit):
     shape = table[b + _SHAPE]
     count = table[b + _COUNT]
     first = table[b + _FIRST]
-    numbers = carray(pointer(table[b + _NUMBERS]), (_DIMENSIONS + 2,))
+    numbers = carray(pointer(table[b + _NUMBERS]), (_DIMENSIONS + 4,))
     memory = carray(pointer(table[b + _MEMORY]), (count * _MEMORY_SIZE,))
     force = _open(table, b + _FORCE, _FORCE_SIZE)
     pose = _open(table, b + _POSE, _POSE_SIZE)
     clock = _open(table, _CLOCK, _CLOCK_SIZE)
     if first >= 0:
-        _pose_of_virtual_link(q, v, first, pose, shape)
+        cx, cy, cz = q[first], q[first + 1], q[first + 2]
+        ux, uy, uz = v[first], v[first + 1], v[first + 2]
+        ax, ay, az, wx, wy, wz = _motion_of_virtual_link(q, v, first)
+        if shape == _BLOCK:
+            _turn_of_virtual_link(q, first, pose)
+            pose[_TURN + 2], pose[_TURN + 5], pose[_TURN + 8] = ax, ay, az
     else:
         _pose_of_frames(table, b, v, pose)
-    cx, cy, cz = pose[_CENTRE], pose[_CENTRE + 1], pose[_CENTRE + 2]
-    ux, uy, uz = pose[_VELOCITY], pose[_VELOCITY + 1], pose[_VELOCITY + 2]
-    wx, wy, wz = pose[_OMEGA], pose[_OMEGA + 1], pose[_OMEGA + 2]
-    turn = carray(pointer(table[b + _POSE] + 8 * _TURN), (9,))
+        cx, cy, cz = pose[_CENTRE], pose[_CENTRE + 1], pose[_CENTRE + 2]
+        ux, uy, uz = pose[_VELOCITY], pose[_VELOCITY + 1], pose[_VELOCITY + 2]
+        wx, wy, wz = pose[_OMEGA], pose[_OMEGA + 1], pose[_OMEGA + 2]
+        ax, ay, az = pose[_TURN + 2], pose[_TURN + 5], pose[_TURN + 8]
+    d0, d1 = numbers[_DIMENSIONS], numbers[_DIMENSIONS + 1]
+    d2, d3 = numbers[_DIMENSIONS + 2], numbers[_DIMENSIONS + 3]
     touching = False
     fx = fy = fz = 0.0
     mx = my = mz = 0.0
     for k in range(count):
         # Contact point relative to the journal's centre.
-        gap, rx, ry, rz, nx, ny, nz = touch(shape, numbers, _DIMENSIONS, k, cx, cy, cz, turn)
+        if shape == _CYLINDER:
+            gap, rx, ry, rz, nx, ny, nz = touch_cylinder(k, cx, cy, cz, ax, ay, az, d0, d1, d2, d3)
+        else:
+            gap, rx, ry, rz, nx, ny, nz = touch(
+                shape, numbers, _DIMENSIONS, k, cx, cy, cz, pose, _TURN
+            )
         m = k * _MEMORY_SIZE
         if commit:
             memory[m + _GAP_MIN] = min(memory[m + _GAP_MIN], gap)
@@ -422,6 +454,18 @@ def _gear(table, g, q, v, tau, power):
 
 
 @_internal
+def _joint_friction(table, f, v, tau, power):
+    """Subtract friction f of a joint."""
+    row = carray(pointer(table[_FRICTIONS] + 8 * f * _FRICTION_SIZE), (_FRICTION_SIZE,))
+    i = int(row[_RUBS])
+    ratio = v[i] / row[_STRIBECK]
+    dry = row[_COULOMB] + row[_STICTION] * math.exp(-ratio * ratio)
+    friction = dry * math.tanh(v[i] / JOINT_FRICTION_SPEED) + row[_VISCOUS] * v[i]
+    tau[i] -= friction
+    power[3] += friction * v[i]
+
+
+@_internal
 def _load(table, q, v, time, commit):
     """Generalised forces tau and powers at state (q, v): drive, friction, gears, contact."""
     nv = table[_NV]
@@ -459,13 +503,8 @@ def _load(table, q, v, time, commit):
             power[0] += effort * v[i]
         drive[i] = effort
         tau[i] = effort
-    if table[_HAS_FRICTION] != 0:
-        for i in range(nv):
-            ratio = v[i] / rows[_STRIBECK * nv + i]
-            dry = rows[_COULOMB * nv + i] + rows[_STICTION * nv + i] * math.exp(-ratio * ratio)
-            friction = dry * math.tanh(v[i] / JOINT_FRICTION_SPEED) + rows[_VISCOUS * nv + i] * v[i]
-            tau[i] -= friction
-            power[3] += friction * v[i]
+    for f in range(table[_NF]):
+        _joint_friction(table, f, v, tau, power)
     for g in range(table[_NG]):
         _gear(table, g, q, v, tau, power)
     if not size < SPEED_LIMIT:  # true for NaN as well
@@ -558,7 +597,7 @@ def _evaluate(table, q, v, time, commit):
         _load(table, q, v, time, commit)
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def load(table) -> int:
     """Forces at the state that `begin` or an integrator prepared, frames and Jacobians given.
 
@@ -571,7 +610,7 @@ def load(table) -> int:
     return table[_STATUS]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def begin(table) -> int:
     """Forces at the current state; `pin.aba` must follow. Returns the status."""
     nv = table[_NV]
@@ -580,14 +619,14 @@ def begin(table) -> int:
     return table[_STATUS]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def settle(table) -> int:
     """Complete the work of the last step before something changes the state; returns the status."""
     _settle(table)
     return table[_STATUS]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def refresh(table) -> int:
     """Forces at a state that something has changed; like `begin`, but no step of the contacts."""
     nv = table[_NV]
@@ -596,7 +635,7 @@ def refresh(table) -> int:
     return table[_STATUS]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def record(table) -> int:
     """Record the current state, its acceleration known. Returns the status."""
     _settle(table)
@@ -612,7 +651,7 @@ def _advance_clock(table):
     return clock[_TIME]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def semi_implicit_euler(table) -> int:
     """Step by v += a dt, q += v dt (first order); `pin.aba` must follow.
 
@@ -634,7 +673,7 @@ def semi_implicit_euler(table) -> int:
     return table[_STATUS]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def runge_kutta_4(table) -> int:
     """One stage of the classical Runge-Kutta method; `pin.aba` must follow each of the four.
 

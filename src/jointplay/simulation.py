@@ -10,7 +10,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-import numba
 import numpy as np
 import pinocchio as pin
 from tqdm import tqdm
@@ -57,9 +56,6 @@ LOOP_CORRECTION = 0.1
 
 _RELATIVE = ("x", "y", "z", "roll", "pitch", "yaw")
 """Freedoms in the order of the rows of `Mechanism.relative_jacobian`."""
-
-_TABLE = (numba.int64[::1],)
-"""Signature of all kernels."""
 
 _CHUNK = 2000
 """Steps between two looks at the clock and the keyboard."""
@@ -178,6 +174,7 @@ class Run:
         followed = [name for name, drive in drives.items() if drive.follows]
         q, v = self._initial_state(followed)
         tables = tabulate(mechanism, simulation.motion, drives, duration, self.friction, q)
+        self.phases = [Phase(0, mechanism.model.copy())]
         # The run's own, for payloads and prescribed motion change its inertias.
         self.model = mechanism.model.copy()
         for at, armature in tables.armature.items():
@@ -188,6 +185,7 @@ class Run:
             self.data.J.reshape(6, -1),
             [self._site(name) for name in mechanism.clearance],
             tables.rows,
+            tables.frictions,
             tables.gears,
             tables.reference,
             REFERENCE_NODE_S,
@@ -196,7 +194,6 @@ class Run:
             self.steps // every + 2,
         )
         self.workspace.q[:], self.workspace.v[:] = q, v
-        self.phases = [Phase(0, self.model.copy())]
         self._events = self._plan(step)
         self._check_locks(q)
         self._check_step(step, q)
@@ -400,7 +397,7 @@ class Run:
         functions += [kernel.load] if self.workspace.needs_jacobians else []
         functions += [kernel.settle, kernel.refresh] if self._events else []
         for function in functions:
-            function.compile(_TABLE)
+            kernel.compiled(function)
         bar = _Bar(self.steps * self.simulation.step, progress)
         try:
             self.begin()
@@ -446,7 +443,7 @@ class Run:
 
     def _stretch(self, steps: int) -> bool:
         """Do `steps` steps in which nothing happens."""
-        table, advance = self.workspace.table, self.method.advance
+        table, advance = self.workspace.table, kernel.compiled(self.method.advance)
         dynamics, state = self._dynamics, self._state
         if not self.workspace.needs_jacobians:
             for _ in range(steps * self.method.stages):
@@ -454,7 +451,7 @@ class Run:
                     return False
                 dynamics(*state)
             return True
-        jacobians, load, place = pin.computeJointJacobians, kernel.load, state[:3]
+        jacobians, load, place = pin.computeJointJacobians, kernel.compiled(kernel.load), state[:3]
         for _ in range(steps * self.method.stages):
             if advance(table):
                 return False
@@ -469,20 +466,22 @@ class Run:
         w = self.workspace
         while self._events and self._events[-1][0] <= w.steps:
             _, payload, picked = self._events.pop()
-            before, speed = self.model.copy(), w.v.copy()
-            frame = self.model.frames[self.model.getFrameId(payload.frame)]
+            last, driven, speed = self.phases[-1], self.model.copy(), w.v.copy()
+            bodies = last.model.copy()  # without the armature of prescribed motion
+            frame = bodies.frames[bodies.getFrameId(payload.frame)]
             body = frame.placement.act(payload.body)
-            held = self.model.inertias[frame.parentJoint]
-            self.model.inertias[frame.parentJoint] = held + body if picked else held - body
-            if picked and w.steps > 0:
-                ideal = set(self.mechanism.loops) - set(self.mechanism.clearance)
-                rows = closing_rows(self.mechanism, w.q, ideal)
-                w.v[:] = velocity_after_pick(before, self.model, w.q, w.v, rows)
-            row = -(-w.steps // self.simulation.record_every)
-            brought = self.phases[-1].energy
+            for model in (self.model, bodies):
+                held = model.inertias[frame.parentJoint]
+                model.inertias[frame.parentJoint] = held + body if picked else held - body
+            brought = last.energy
             if w.steps > 0:
-                brought += _energy(self.model, w.q, w.v) - _energy(before, w.q, speed)
-            self.phases.append(Phase(row, self.model.copy(), brought))
+                if picked:
+                    ideal = set(self.mechanism.loops) - set(self.mechanism.clearance)
+                    rows = closing_rows(self.mechanism, w.q, ideal)
+                    w.v[:] = velocity_after_pick(driven, self.model, w.q, speed, rows)
+                brought += _energy(bodies, w.q, w.v) - _energy(last.model, w.q, speed)
+            row = -(-w.steps // self.simulation.record_every)
+            self.phases.append(Phase(row, bodies, brought))
 
     def message(self, status: Status) -> str:
         """One line on how the run ended."""

@@ -57,6 +57,7 @@ class Workspace:
         jacobian: Pinocchio's `data.J`, a view of its memory, shape (6, nv).
         sites: one for each joint with clearance.
         coordinates: `coordinate_rows`.
+        frictions: `friction_row` for each joint with friction, shape (nf, ...).
         gears: `gear_row` for each gear, shape (ng, ...).
         reference: rows of q, v and feed-forward effort of the nu driven coordinates at intervals
             of `node` seconds, shape (nref, 3 nu), nref >= 2.
@@ -72,6 +73,7 @@ class Workspace:
         jacobian: np.ndarray,
         sites: Sequence[ContactSite],
         coordinates: np.ndarray,
+        frictions: np.ndarray,
         gears: np.ndarray,
         reference: np.ndarray,
         node: float,
@@ -97,6 +99,7 @@ class Workspace:
         self.clock[k._DT], self.clock[k._NODE] = dt, node
         self.scratch = np.zeros(4 * nv + k._NP)
         self.coordinates = np.ascontiguousarray(coordinates, float)
+        self.frictions = np.ascontiguousarray(frictions, float).reshape(-1, k._FRICTION_SIZE)
         self.gears = np.ascontiguousarray(gears, float).reshape(-1, k._GEAR_SIZE)
         self.reference = np.ascontiguousarray(reference, float)
         self._kept: list[np.ndarray] = [jacobian]  # what the table points to must live as long
@@ -110,6 +113,7 @@ class Workspace:
             (k._DRIVE, self.drive),
             (k._SCRATCH, self.scratch),
             (k._COORDINATES, self.coordinates),
+            (k._FRICTIONS, self.frictions),
             (k._GEARS, self.gears),
             (k._REFERENCE, self.reference),
             (k._RECORD, self.record),
@@ -118,9 +122,8 @@ class Workspace:
         ):
             table[entry] = array.ctypes.data
         table[k._NV], table[k._NJ], table[k._NU] = nv, nj, reference.shape[1] // 3
-        table[k._NG], table[k._WIDTH] = len(self.gears), width
+        table[k._NF], table[k._NG], table[k._WIDTH] = len(self.frictions), len(self.gears), width
         table[k._NREF], table[k._COLUMNS], table[k._EVERY] = len(reference), columns, every
-        table[k._HAS_FRICTION] = int(np.any(self.coordinates[k._COULOMB : k._VISCOUS + 1] != 0.0))
         table[k._HAS_PRESCRIBED] = int(np.any(self.coordinates[k._ARMATURE] != 0.0))
         for j, site in enumerate(sites):
             block = table[k._BLOCKS + j * k._BLOCK_SIZE :][: k._BLOCK_SIZE]
@@ -129,12 +132,12 @@ class Workspace:
         self.table = table
 
     def _write(self, block: np.ndarray, j: int, site: ContactSite) -> None:
-        numbers = np.zeros(k._DIMENSIONS + len(site.dimensions))
+        numbers = np.zeros(k._DIMENSIONS + max(len(site.dimensions), 4))
         numbers[k._LIMIT] = -site.depth_limit
         numbers[k._P_FRICTION : k._P_FRICTION + len(site.friction_parameters)] = (
             site.friction_parameters
         )
-        numbers[k._DIMENSIONS :] = site.dimensions
+        numbers[k._DIMENSIONS : k._DIMENSIONS + len(site.dimensions)] = site.dimensions
         parameters = np.zeros((len(site.parameters), MAX_PARAMETERS))
         for row, values in zip(parameters, site.parameters, strict=True):
             row[: len(values)] = values
@@ -239,7 +242,6 @@ def coordinate_rows(nv: int) -> np.ndarray:
     rows = np.zeros((k._COORDINATE_ROWS, nv))
     rows[k._DRIVEN_BY] = -1.0
     rows[k._MEASURED] = np.arange(nv)
-    rows[k._STRIBECK] = 1.0
     return rows
 
 
@@ -263,11 +265,11 @@ def drive_column(
     }
 
 
-def friction_column(
-    coulomb: float, stiction: float, stribeck: float, viscous: float
-) -> dict[int, float]:
-    """Entries of one coordinate in `coordinate_rows`; see `drive.JointFriction`."""
-    return {k._COULOMB: coulomb, k._STICTION: stiction, k._STRIBECK: stribeck, k._VISCOUS: viscous}
+def friction_row(
+    coordinate: int, coulomb: float, stiction: float, stribeck: float, viscous: float
+) -> np.ndarray:
+    """Row of `Workspace.frictions`; see `drive.JointFriction`."""
+    return np.array([coordinate, coulomb, stiction, stribeck, viscous])
 
 
 def gear_row(
