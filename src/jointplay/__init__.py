@@ -23,6 +23,8 @@ _HOMES = {
     "CustomFriction": "contact",
     "CustomNormalForce": "contact",
     "Form": "geometry",
+    "Free": "drive",
+    "Gear": "gear",
     "Hertz": "contact",
     "HuntCrossley": "contact",
     "JointFriction": "drive",
@@ -30,14 +32,20 @@ _HOMES = {
     "KelvinVoigt": "contact",
     "LankaraniNikravesh": "contact",
     "LinearSpring": "contact",
+    "Loop": "loops",
     "Material": "joints",
     "Mechanism": "mechanism",
     "Mode": "geometry",
     "Motion": "motion",
+    "Payload": "payload",
+    "Prescribed": "drive",
+    "PrismaticJoint": "joints",
     "Result": "result",
     "Simulation": "simulation",
-    "simulate": "simulation",
+    "SphericalJoint": "joints",
+    "Torque": "drive",
     "shipped": "urdf",
+    "simulate": "simulation",
 }
 
 __all__ = sorted(_HOMES)
@@ -53,14 +61,22 @@ if TYPE_CHECKING:
     from jointplay.contact import LankaraniNikravesh as LankaraniNikravesh
     from jointplay.contact import LinearSpring as LinearSpring
     from jointplay.drive import ComputedTorque as ComputedTorque
+    from jointplay.drive import Free as Free
     from jointplay.drive import JointFriction as JointFriction
+    from jointplay.drive import Prescribed as Prescribed
+    from jointplay.drive import Torque as Torque
     from jointplay.errors import JointplayError as JointplayError
+    from jointplay.gear import Gear as Gear
     from jointplay.geometry import Form as Form
     from jointplay.geometry import Mode as Mode
     from jointplay.joints import ClearanceJoint as ClearanceJoint
     from jointplay.joints import Material as Material
+    from jointplay.joints import PrismaticJoint as PrismaticJoint
+    from jointplay.joints import SphericalJoint as SphericalJoint
+    from jointplay.loops import Loop as Loop
     from jointplay.mechanism import Mechanism as Mechanism
     from jointplay.motion import Motion as Motion
+    from jointplay.payload import Payload as Payload
     from jointplay.result import Result as Result
     from jointplay.simulation import Simulation as Simulation
     from jointplay.simulation import simulate as simulate

@@ -27,7 +27,7 @@ from jointplay.drive import (
 )
 from jointplay.errors import JointplayError, MissingName, require_finite, require_positive
 from jointplay.histories import Phase, histories
-from jointplay.impact import REFERENCE_SPEED, contact_duration
+from jointplay.impact import REFERENCE_SPEED, contact_duration, effective_mass
 from jointplay.integrators import DEFAULT, Integrator, integrator
 from jointplay.joints import VIRTUAL_LINK
 from jointplay.kernel import Status
@@ -50,6 +50,9 @@ PERTURBATION = 0.5
 Nobody knows where in its bearing a journal rests when the motion begins. Much smaller
 displacements are often forgotten: a journal wedged by the first stroke starts afresh.
 """
+
+NO_MASS = 1e-9
+"""Part of the mechanism's mass below which what a contact meets counts as no mass."""
 
 LOOP_CORRECTION = 0.1
 """Frequency of Baumgarte's stabilisation of ideal loops, times the step."""
@@ -333,6 +336,12 @@ class Run:
 
     def _check_step(self, step: float, q: np.ndarray) -> None:
         for name in self.mechanism.clearance:
+            mass = effective_mass(self.mechanism, name, q)
+            if mass < NO_MASS * pin.computeTotalMass(self.model):
+                raise JointplayError(
+                    f"a contact in joint {name!r} would meet a mass of {mass:.2g} kg only: a link "
+                    "beside it has no mass or inertia of its own; give it some"
+                )
             duration = contact_duration(self.mechanism, name, q)
             if duration < MIN_CONTACT_STEPS * step:
                 raise JointplayError(

@@ -1,0 +1,198 @@
+"""What a time step costs on other mechanisms: more joints with clearance, closed loops.
+
+Each mechanism goes through its motion. After every 100 steps of the real loop the bare `pin.aba`
+call on the same model, in its two cheapest forms, and the kernel are timed alone in the state just
+reached, so that all meet the same machine. The table gives medians of CPU times. The ratio divides
+the whole step by the bare call; the last columns say what the kernel costs, and what the last
+joint with clearance added to it, relative to the whole kernel with the first.
+
+The SCARA has clearance of 0.2 mm in B, or in A and B; an arm of five links in none to four of its
+joints; the slider-crank, cut at its piston pin, 0.5 mm at 5000 rpm.
+"""
+
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+from common import COLOURS, Benchmark, new_figure
+from step_cost import CHUNK, STANDSTILL, seconds_per_call
+from tqdm import tqdm
+
+import jointplay as jp
+from jointplay import kernel
+
+SPEED = 5000 * 2 * np.pi / 60
+PLAY = {"radial_clearance": 0.2e-3, "axial_clearance": 0.2e-3}
+
+
+def scara(*joints):
+    clearance = {joint: jp.ClearanceJoint(**PLAY) for joint in joints}
+    robot = jp.Mechanism(jp.shipped("scara.urdf"), clearance, gravity=(0, 0, 0), tool="suction_cup")
+    return robot, jp.Motion.from_csv(jp.shipped("scara_motion.csv")), {}
+
+
+LINK = """<link name="l{i}"><inertial><origin xyz="0.1 0 0"/><mass value="2"/>
+<inertia ixx="0.002" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link>"""
+JOINT = """<joint name="j{i}" type="continuous"><parent link="{parent}"/><child link="l{i}"/>
+<origin xyz="{x} 0 0"/><axis xyz="0 0 1"/></joint>"""
+JOINTS = 5
+
+
+def arm(worn, folder):
+    """An arm of `JOINTS` links swinging slowly, the first `worn` joints but one with clearance."""
+    parts = [
+        LINK.format(i=i) + JOINT.format(i=i, parent=f"l{i - 1}" if i else "base", x=0.2 if i else 0)
+        for i in range(JOINTS)
+    ]
+    path = Path(folder) / "arm.urdf"
+    path.write_text(f'<robot name="arm"><link name="base"/>{"".join(parts)}</robot>')
+    clearance = {f"j{i}": jp.ClearanceJoint(**PLAY) for i in range(1, worn + 1)}
+    robot = jp.Mechanism(path, clearance, gravity=(0, 0, 0))
+    still, swung = np.zeros(JOINTS), np.full(JOINTS, 0.3)
+    motion = jp.Motion(robot.joints, [0, 0.5, 1.0], [still, swung, still])
+    return robot, motion, {}
+
+
+def slider_crank(joint):
+    mechanism = jp.Mechanism(
+        jp.shipped("slider_crank.urdf"),
+        {"piston_pin": joint} if joint else {},
+        loops={"piston_pin": jp.Loop("rod", "slider", bearing_xyz=(0.12, 0.0, 0.0))},
+        gravity=(0, 0, 0),
+        tool="slider",
+    )
+    motion = jp.Motion(["crank_pin"], [0, 1], [[0], [SPEED]], "constant-speed")
+    return mechanism, motion, {"drive": {"crank_pin": jp.Prescribed()}, "start": {"guide": 0.17}}
+
+
+def mechanisms(folder):
+    """Every mechanism by name."""
+    planar = jp.ClearanceJoint.planar(radial_clearance=0.5e-3)
+    spatial = jp.ClearanceJoint(radial_clearance=0.5e-3, axial_clearance=0.5e-3)
+    return {
+        "SCARA, ideal": scara(),
+        "SCARA, B": scara("joint_b"),
+        "SCARA, A and B": scara("joint_a", "joint_b"),
+        **{f"arm, {worn} with clearance": arm(worn, folder) for worn in range(JOINTS)},
+        "slider-crank, ideal": slider_crank(None),
+        "slider-crank, planar": slider_crank(planar),
+        "slider-crank, 3D": slider_crank(spatial),
+    }
+
+
+ADDED = {"SCARA, A and B": ("SCARA, B", "SCARA, B")} | {
+    f"arm, {worn} with clearance": (f"arm, {worn - 1} with clearance", "arm, 1 with clearance")
+    for worn in range(2, JOINTS)
+}
+"""Mechanisms with a further joint; those without it and with the first only."""
+LIMIT_ADDED = 0.8
+"""A further joint must cost less than this part of the kernel with the first."""
+
+
+def measure(setup, duration, samples, bar):
+    mechanism, motion, options = setup
+    run = jp.Simulation(mechanism, motion, duration=duration, **options).prepare()
+    still = jp.Simulation(
+        mechanism, motion, duration=2e6 * STANDSTILL, step=STANDSTILL, **options
+    ).prepare()
+    euler = kernel.compiled(kernel.semi_implicit_euler)
+    load = kernel.compiled(kernel.load)
+    none = pin.StdVec_Force()
+    none.extend([pin.Force.Zero()] * run.model.njoints)
+    run.begin()
+    still.begin()
+    w = run.workspace
+    state = (run.model, run.model.createData(), w.q, w.v, w.tau)
+    for _ in range(run.steps // CHUNK):
+        started = time.thread_time()
+        if not run.advance(CHUNK):
+            raise SystemExit(run.message(w.status))
+        samples.setdefault("step", []).append((time.thread_time() - started) / CHUNK)
+        bare = min(
+            seconds_per_call(pin.aba, *state),
+            seconds_per_call(pin.aba, *state, none, pin.Convention.WORLD),
+        )
+        samples.setdefault("aba", []).append(bare)
+        still.workspace.q[:], still.workspace.v[:] = w.q, w.v
+        cost = seconds_per_call(euler, still.workspace.table)
+        if still.workspace.needs_jacobians:
+            pin.computeJointJacobians(*still._state[:3])
+            cost += seconds_per_call(load, still.workspace.table)
+        samples.setdefault("kernel", []).append(cost)
+        bar.update()
+
+
+def main():
+    benchmark = Benchmark("mechanism_cost", __doc__, runs=0)
+    add = benchmark.parser.add_argument
+    add("--check", type=float, metavar="LIMIT", help="exit with status 1 if a ratio is above")
+    args = benchmark.parse()
+    pieces = 100 if args.quick else 600
+    found = {}
+    with tempfile.TemporaryDirectory() as folder:
+        setups = mechanisms(folder)
+        with tqdm(total=len(setups) * pieces, unit="piece") as bar:
+            for name, setup in setups.items():
+                measure(setup, pieces * CHUNK * 1e-5, found.setdefault(name, {}), bar)
+    middle = {
+        name: {part: 1e6 * float(np.median(values)) for part, values in parts.items()}
+        for name, parts in found.items()
+    }
+    added = {
+        name: (middle[name]["kernel"] - middle[before]["kernel"]) / middle[first]["kernel"]
+        for name, (before, first) in ADDED.items()
+    }
+    ratios = {name: parts["step"] / parts["aba"] for name, parts in middle.items()}
+    rows = [
+        [
+            name,
+            *(f"{parts[part]:.2f}" for part in ("step", "aba")),
+            f"{ratios[name]:.2f}",
+            f"{parts['kernel']:.2f}",
+            f"{added[name]:.2f}" if name in added else "",
+        ]
+        for name, parts in middle.items()
+    ]
+    data = [
+        {"mechanism": name, "part": part, "cost_us": 1e6 * value}
+        for name, parts in found.items()
+        for part, values in parts.items()
+        for value in values
+    ]
+    figure, axes = new_figure(1, 1, 8.0, 3.8)
+    panel = axes[0, 0]
+    names = list(middle)[::-1]
+    for k, part in enumerate(("step", "aba", "kernel")):
+        place = np.arange(len(names)) + 0.27 * (1 - k)
+        label = {"step": "whole step", "aba": "bare aba", "kernel": "kernel alone"}[part]
+        panel.barh(
+            place, [middle[n][part] for n in names], height=0.25, color=COLOURS[k], label=label
+        )
+    panel.set_yticks(range(len(names)), names)
+    panel.set_xlabel("cost of a step [µs], median")
+    panel.legend(fontsize=8)
+    panel.grid(False, axis="y")
+    benchmark.finish(
+        [
+            "mechanism",
+            "step [µs]",
+            "bare aba [µs]",
+            "step / aba",
+            "kernel [µs]",
+            "further joint / first kernel",
+        ],
+        rows,
+        data,
+        figure,
+    )
+    worst = max(ratios, key=lambda name: ratios[name])
+    print(f"largest ratio {ratios[worst]:.2f} ({worst}); further joint {max(added.values()):.2f}")
+    if args.check is not None and (ratios[worst] > args.check or max(added.values()) > LIMIT_ADDED):
+        sys.exit(1)
+
+
+if __name__ == "__main__":
+    main()
