@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 from numba import njit
 
+from jointplay.contact.bristle import BristleLaw
 from jointplay.contact.law import FrictionLaw, NormalForceLaw, address, call_normal, pointer
 from jointplay.errors import JointplayError
 from jointplay.mechanism import Mechanism
@@ -116,10 +118,20 @@ def friction_step_limit(
     """Largest step that follows friction under a lasting normal force [N]: 2 m / (mu' F_n) [s].
 
     Where the coefficient rises with speed, friction is a damper of mu' F_n, which an explicit
-    method follows only below this step (docs/integrators.md). Infinite without friction.
+    method follows only below this step (docs/integrators.md). Bristles are a damper too, and a
+    spring: 2 sqrt(m/k). Infinite without friction.
     """
-    damper = friction_slope(mechanism.clearance[joint].friction) * normal_force
-    return 2.0 * effective_mass(mechanism, joint, q) / damper if damper > 0.0 else float("inf")
+    law = mechanism.clearance[joint].friction
+    spring = 0.0
+    if isinstance(law, BristleLaw):
+        spring, damper = law.stiffness(normal_force)
+    else:
+        damper = friction_slope(law) * normal_force
+    if damper <= 0.0 and spring <= 0.0:
+        return math.inf
+    mass = effective_mass(mechanism, joint, q)
+    slow = 2.0 * mass / damper if damper > 0.0 else math.inf
+    return min(slow, 2.0 * math.sqrt(mass / spring) if spring > 0.0 else math.inf)
 
 
 def contact_duration(mechanism: Mechanism, joint: str, q: np.ndarray) -> float:

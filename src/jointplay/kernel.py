@@ -33,7 +33,14 @@ import numba
 import numpy as np
 from numba import carray, njit
 
-from jointplay.contact.law import MAX_PARAMETERS, call_friction, call_normal, pointer
+from jointplay.contact.law import (
+    BRISTLE_NUMBERS,
+    MAX_PARAMETERS,
+    call_bristle,
+    call_friction,
+    call_normal,
+    pointer,
+)
 from jointplay.geometry import Shape, touch, touch_cylinder
 
 
@@ -51,15 +58,17 @@ class Status(IntEnum):
 # each joint with clearance.
 (
     _Q, _V, _A, _TAU, _DRIVE, _SCRATCH, _COORDINATES, _FRICTIONS, _GEARS, _REFERENCE, _RECORD,
-    _POWER, _CLOCK, _J, _NV, _NJ, _NU, _NF, _NG, _NREF, _WIDTH, _COLUMNS, _STEP, _EVERY, _ROW,
-    _STAGE, _STATUS, _FRAMES, _COMMIT, _PENDING, _HAS_PRESCRIBED, _BAD_CONTACT, _BLOCKS,
-) = range(33)  # fmt: skip
+    _POWER, _CLOCK, _BRISTLE_NUMBERS, _J, _NV, _NJ, _NU, _NF, _NG, _NREF, _WIDTH, _COLUMNS,
+    _STEP, _EVERY, _ROW, _STAGE, _STATUS, _FRAMES, _COMMIT, _PENDING, _HAS_PRESCRIBED,
+    _BAD_CONTACT, _BLOCKS,
+) = range(34)  # fmt: skip
 
 # A joint's block: addresses of its laws, what it looks like, where its arrays are.
 (
-    _NORMAL_LAW, _FRICTION_LAW, _SHAPE, _COUNT, _FIRST, _BEARING_R, _BEARING_P, _JOURNAL_R,
-    _JOURNAL_P, _PLACEMENTS, _SIGNS, _NUMBERS, _PARAMETERS, _MEMORY, _FORCE, _POSE, _BLOCK_SIZE,
-) = range(17)  # fmt: skip
+    _NORMAL_LAW, _FRICTION_LAW, _BRISTLES, _SHAPE, _COUNT, _FIRST, _BEARING_R, _BEARING_P,
+    _JOURNAL_R, _JOURNAL_P, _PLACEMENTS, _SIGNS, _NUMBERS, _PARAMETERS, _MEMORY, _FORCE, _POSE,
+    _BLOCK_SIZE,
+) = range(18)  # fmt: skip
 _NO_VIRTUAL_LINK = -1
 """`_FIRST` of a joint whose bearing and journal are reached through their frames."""
 
@@ -93,8 +102,9 @@ _CENTRE, _TURN, _VELOCITY, _OMEGA, _BEARING, _JOURNAL, _POSE_SIZE = 0, 3, 12, 15
 # What a contact remembers. _DDELTA0 ... are the contact's own, the rest is for audit and record.
 (
     _DDELTA0, _STEPS, _OWN_IMPULSE, _NORMAL, _TANGENTIAL, _NORMAL_PEAK, _GAP_MIN, _ONSETS, _ENDED,
-    _SHORTEST, _UNDER, _IMPULSE, _IMPULSE_UNDER, _DEEPEST, _MEMORY_SIZE,
-) = range(15)  # fmt: skip
+    _SHORTEST, _UNDER, _IMPULSE, _IMPULSE_UNDER, _DEEPEST, _BEND_X, _BEND_Y, _BEND_Z, _DWELL,
+    _MEMORY_SIZE,
+) = range(19)  # fmt: skip
 WELL_RESOLVED_STEPS = 10
 """A contact of fewer steps than this is not resolved."""
 
@@ -275,16 +285,50 @@ def _push_frames(table, b, tau, pose, fx, fy, fz, mx, my, mz):
 
 
 @_internal
-def _contact(table, j, q, v, tau, power, commit):
+def _bristles(table, b, memory, m, elapsed, commit, nx, ny, nz, ux, uy, uz, speed, normal):
+    """Friction force (3) of a contact whose law has bristles, and whether it is finite.
+
+    (nx, ny, nz) is the contact's normal, (ux, uy, uz) the sliding velocity. The bristles bend from
+    where the last step left them, for `elapsed` seconds at constant velocity.
+    """
+    out = _open(table, _BRISTLE_NUMBERS, BRISTLE_NUMBERS)
+    rubbing = pointer(table[b + _NUMBERS] + 8 * _P_FRICTION)
+    numbers = pointer(table[_BRISTLE_NUMBERS])
+    call_bristle(table[b + _FRICTION_LAW], speed, normal, memory[m + _DWELL], rubbing, numbers)
+    share, rate, stiffness, damping = out[0], out[1], out[2], out[3]
+    x, y, z = memory[m + _BEND_X], memory[m + _BEND_Y], memory[m + _BEND_Z]
+    across = nx * x + ny * y + nz * z
+    x, y, z = x - across * nx, y - across * ny, z - across * nz
+    # dz/dt = A v - r z for constant v, exactly: z -> z e^(-r t) + A v (1 - e^(-r t)) / r.
+    left = math.exp(-rate * elapsed)
+    gain = share * (elapsed if rate * elapsed < 1e-9 else (1.0 - left) / rate)
+    x, y, z = left * x + gain * ux, left * y + gain * uy, left * z + gain * uz
+    fx = -stiffness * x - damping * (share * ux - rate * x)
+    fy = -stiffness * y - damping * (share * uy - rate * y)
+    fz = -stiffness * z - damping * (share * uz - rate * z)
+    size = math.sqrt(fx * fx + fy * fy + fz * fz)
+    if size > out[5]:
+        scale = out[5] / size
+        fx, fy, fz = scale * fx, scale * fy, scale * fz
+    fx, fy, fz = fx - out[4] * ux, fy - out[4] * uy, fz - out[4] * uz
+    if commit:
+        memory[m + _BEND_X], memory[m + _BEND_Y], memory[m + _BEND_Z] = x, y, z
+        memory[m + _DWELL] = out[6] + (memory[m + _DWELL] - out[6]) * math.exp(-out[7] * elapsed)
+    return fx, fy, fz, math.isfinite(fx + fy + fz)
+
+
+@_internal
+def _contact(table, j, q, v, tau, power, commit, elapsed):
     """Add joint j's contact forces at state (q, v) to tau and its losses to power.
 
     With `commit` the state is one of the trajectory, not an integrator's intermediate stage: the
-    contacts' memories are then updated.
+    contacts' memories are then updated. `elapsed` is the time since they were last [s].
     """
     b = _BLOCKS + j * _BLOCK_SIZE
     shape = table[b + _SHAPE]
     count = table[b + _COUNT]
     first = table[b + _FIRST]
+    bristles = table[b + _BRISTLES] != 0
     numbers = carray(pointer(table[b + _NUMBERS]), (_DIMENSIONS + 4,))
     memory = carray(pointer(table[b + _MEMORY]), (count * _MEMORY_SIZE,))
     force = _open(table, b + _FORCE, _FORCE_SIZE)
@@ -350,20 +394,41 @@ def _contact(table, j, q, v, tau, power, commit):
         law = pointer(table[b + _PARAMETERS] + 8 * k * MAX_PARAMETERS)
         normal = call_normal(table[b + _NORMAL_LAW], -gap, rate, approach, law)
         elastic = call_normal(table[b + _NORMAL_LAW], -gap, 0.0, approach, law)
-        rubbing = pointer(table[b + _NUMBERS] + 8 * _P_FRICTION)
-        mu = call_friction(table[b + _FRICTION_LAW], speed, rubbing)
-        if not (math.isfinite(normal) and math.isfinite(elastic) and 0.0 <= mu < math.inf):
+        good = math.isfinite(normal) and math.isfinite(elastic)
+        normal = max(normal, 0.0)  # a dry contact never pulls
+        if bristles:
+            px, py, pz, finite = _bristles(
+                table,
+                b,
+                memory,
+                m,
+                elapsed,
+                commit,
+                nx,
+                ny,
+                nz,
+                slip_x,
+                slip_y,
+                slip_z,
+                speed,
+                normal,
+            )
+            good = good and finite
+            tangential = math.sqrt(px * px + py * py + pz * pz)
+            rubbed = -(px * slip_x + py * slip_y + pz * slip_z)
+        else:
+            rubbing = pointer(table[b + _NUMBERS] + 8 * _P_FRICTION)
+            mu = call_friction(table[b + _FRICTION_LAW], speed, rubbing)
+            good = good and 0.0 <= mu < math.inf
+            tangential = mu * normal
+            scale = -tangential / speed if speed > 0.0 else 0.0
+            px, py, pz = scale * slip_x, scale * slip_y, scale * slip_z
+            rubbed = tangential * speed
+        if not good:
             _fail(table, 4, table[_WIDTH] * j + k)
             continue
         touching = True
-        normal = max(normal, 0.0)  # a dry contact never pulls
-        tangential = mu * normal
-        scale = -tangential / speed if speed > 0.0 else 0.0
-        px, py, pz = (
-            normal * nx + scale * slip_x,
-            normal * ny + scale * slip_y,
-            normal * nz + scale * slip_z,
-        )
+        px, py, pz = px + normal * nx, py + normal * ny, pz + normal * nz
         fx += px
         fy += py
         fz += pz
@@ -371,7 +436,7 @@ def _contact(table, j, q, v, tau, power, commit):
         my += rz * px - rx * pz
         mz += rx * py - ry * px
         power[1] += (normal - elastic) * rate
-        power[2] += tangential * speed
+        power[2] += rubbed
         if commit:
             if memory[m + _STEPS] == 0.0:
                 memory[m + _ONSETS] += 1.0
@@ -402,6 +467,8 @@ def _end_contact(memory, m):
     """Count a contact that has ended, and how well it was resolved."""
     steps = memory[m + _STEPS]
     memory[m + _STEPS] = 0.0
+    memory[m + _BEND_X] = memory[m + _BEND_Y] = memory[m + _BEND_Z] = 0.0
+    memory[m + _DWELL] = 0.0
     memory[m + _ENDED] += 1.0
     memory[m + _SHORTEST] = min(memory[m + _SHORTEST], steps)
     if steps < WELL_RESOLVED_STEPS:
@@ -509,8 +576,12 @@ def _load(table, q, v, time, commit):
         _gear(table, g, q, v, tau, power)
     if not size < SPEED_LIMIT:  # true for NaN as well
         _fail(table, 2, 0)
+    clock = _open(table, _CLOCK, _CLOCK_SIZE)
+    elapsed = time - clock[_TIME]
+    if commit and table[_STEP] > 0:
+        elapsed = clock[_DT]
     for j in range(table[_NJ]):
-        _contact(table, j, q, v, tau, power, commit)
+        _contact(table, j, q, v, tau, power, commit, elapsed)
 
 
 @_internal

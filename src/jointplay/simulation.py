@@ -303,6 +303,7 @@ class Run:
             joint.depth_limit,
             address(joint.normal),
             address(joint.friction),
+            joint.friction.bristles,
             parameters,
             rubbing,
             first,

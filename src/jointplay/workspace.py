@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from jointplay import kernel as k
-from jointplay.contact.law import MAX_PARAMETERS
+from jointplay.contact.law import BRISTLE_NUMBERS, MAX_PARAMETERS
 from jointplay.kernel import Status
 
 
@@ -24,6 +24,7 @@ class ContactSite:
         shape, dimensions: see `geometry.touch`.
         depth_limit: penetration at which the journal has broken out [m].
         normal, friction: addresses of the laws.
+        bristles: whether the friction law has them.
         parameters: of the normal-force law, for each contact.
         friction_parameters: of the friction law.
         first: index of the virtual link's first coordinate, or None where bearing and journal are
@@ -41,6 +42,7 @@ class ContactSite:
     depth_limit: float
     normal: int
     friction: int
+    bristles: bool
     parameters: Sequence[tuple[float, ...]]
     friction_parameters: tuple[float, ...]
     first: int | None
@@ -97,6 +99,7 @@ class Workspace:
         self.power = np.zeros(3 * k._NP)  # works, powers at the start of the step, powers now
         self.clock = np.zeros(k._CLOCK_SIZE)
         self.clock[k._DT], self.clock[k._NODE] = dt, node
+        self.bristles = np.zeros(BRISTLE_NUMBERS)
         self.scratch = np.zeros(4 * nv + k._NP)
         self.coordinates = np.ascontiguousarray(coordinates, float)
         self.frictions = np.ascontiguousarray(frictions, float).reshape(-1, k._FRICTION_SIZE)
@@ -119,6 +122,7 @@ class Workspace:
             (k._RECORD, self.record),
             (k._POWER, self.power),
             (k._CLOCK, self.clock),
+            (k._BRISTLE_NUMBERS, self.bristles),
         ):
             table[entry] = array.ctypes.data
         table[k._NV], table[k._NJ], table[k._NU] = nv, nj, reference.shape[1] // 3
@@ -160,6 +164,7 @@ class Workspace:
                 k._SIGNS: np.ascontiguousarray(site.signs, float),
             }
         block[k._NORMAL_LAW], block[k._FRICTION_LAW] = site.normal, site.friction
+        block[k._BRISTLES] = int(site.bristles)
         block[k._SHAPE], block[k._COUNT] = site.shape, len(site.parameters)
         block[k._FIRST] = k._NO_VIRTUAL_LINK if site.first is None else site.first
         for entry, array in arrays.items():

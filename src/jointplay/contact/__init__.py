@@ -6,6 +6,9 @@ import importlib
 from typing import Any
 
 from jointplay.contact.ambrosio import Ambrosio
+from jointplay.contact.bristle import BristleLaw, CustomBristle
+from jointplay.contact.dahl import Dahl
+from jointplay.contact.gonthier_friction import GonthierFriction
 from jointplay.contact.hertz import Hertz
 from jointplay.contact.hunt_crossley import HuntCrossley
 from jointplay.contact.kelvin_voigt import KelvinVoigt
@@ -18,12 +21,15 @@ from jointplay.contact.law import (
     NormalForceLaw,
 )
 from jointplay.contact.linear_spring import LinearSpring
+from jointplay.contact.lugre import LuGre
 from jointplay.errors import JointplayError, MissingName
 
 NORMAL_LAWS: dict[str, type[NormalForceLaw]] = {
     law.name: law for law in (Hertz, LinearSpring, KelvinVoigt, HuntCrossley, LankaraniNikravesh)
 }
-FRICTION_LAWS: dict[str, type[FrictionLaw]] = {Ambrosio.name: Ambrosio}
+FRICTION_LAWS: dict[str, type[FrictionLaw]] = {
+    law.name: law for law in (Ambrosio, Dahl, LuGre, GonthierFriction)
+}
 
 
 def normal_law(description: dict[str, Any]) -> NormalForceLaw:
@@ -46,8 +52,9 @@ def friction_law(description: dict[str, Any]) -> FrictionLaw:
     """Build the friction law that `FrictionLaw.describe` described; see `normal_law`."""
     fields = dict(description)
     name = fields.pop("law")
-    if name == CustomFriction.name:
-        return CustomFriction(_imported(fields["function"]), tuple(fields["parameters"]))
+    for custom in (CustomFriction, CustomBristle):
+        if name == custom.name:
+            return custom(_imported(fields["function"]), tuple(fields["parameters"]))
     if name not in FRICTION_LAWS:
         raise MissingName("friction law", name, FRICTION_LAWS)
     return FRICTION_LAWS[name](**fields)
@@ -65,15 +72,20 @@ __all__ = [
     "FRICTION_LAWS",
     "NORMAL_LAWS",
     "Ambrosio",
+    "BristleLaw",
     "ContactProperties",
+    "CustomBristle",
     "CustomFriction",
     "CustomNormalForce",
+    "Dahl",
     "FrictionLaw",
+    "GonthierFriction",
     "Hertz",
     "HuntCrossley",
     "KelvinVoigt",
     "LankaraniNikravesh",
     "LinearSpring",
+    "LuGre",
     "NormalForceLaw",
     "friction_law",
     "normal_law",

@@ -33,9 +33,13 @@ from jointplay.errors import JointplayError
 MAX_PARAMETERS = 8
 """Numbers a law can take: the room that the time loop keeps for each contact."""
 
+BRISTLE_NUMBERS = 8
+"""What a friction law with bristles tells; see `bristle.BristleLaw`."""
+
 _PARAMETERS = types.CPointer(types.float64)
 _NORMAL = types.float64(types.float64, types.float64, types.float64, _PARAMETERS)
 _FRICTION = types.float64(types.float64, _PARAMETERS)
+_BRISTLE = types.void(types.float64, types.float64, types.float64, _PARAMETERS, _PARAMETERS)
 _DOUBLE = ir.DoubleType()
 
 
@@ -54,7 +58,7 @@ class Law(ABC):
     name: ClassVar[str]
     """The one word that selects the law."""
 
-    function: Callable[..., float]
+    function: Callable[..., Any]
     """The law itself, a static function compiled by numba; the module's text has its arguments."""
 
     @abstractmethod
@@ -77,6 +81,9 @@ class NormalForceLaw(Law):
 class FrictionLaw(Law):
     """Base of all friction laws mu(speed, p); the force is -mu F_n v_t / |v_t| (eq. 20)."""
 
+    bristles: ClassVar[bool] = False
+    """Whether the law is one of `bristle.BristleLaw`."""
+
     @abstractmethod
     def parameters(self) -> tuple[float, ...]:
         """Parameters p of `function`, at most `MAX_PARAMETERS` of them."""
@@ -86,7 +93,7 @@ class FrictionLaw(Law):
         return {"law": self.name, **vars(self)}
 
 
-def _plain(function: Callable[..., float], expected: tuple[str, ...]) -> Callable[..., float]:
+def plain(function: Callable[..., Any], expected: tuple[str, ...]) -> Callable[..., Any]:
     """Return the Python function, if it takes the `expected` arguments."""
     function = getattr(function, "py_func", function)  # numba's own wrapping is not needed
     if not callable(function):
@@ -120,7 +127,7 @@ class CustomNormalForce(NormalForceLaw):
 
     def __init__(self, function: Callable[..., float], parameters: tuple[float, ...] = ()) -> None:
         """Check the function's signature and keep its parameters."""
-        self.function = _plain(function, ("delta", "ddelta", "ddelta0", "p"))
+        self.function = plain(function, ("delta", "ddelta", "ddelta0", "p"))
         self.values = tuple(float(value) for value in parameters)
         check_parameters(self.values, self.function.__name__)
 
@@ -130,7 +137,7 @@ class CustomNormalForce(NormalForceLaw):
 
     def describe(self) -> dict[str, Any]:
         """Import path of the function, and its parameters."""
-        return _describe_custom(self.function, self.values)
+        return describe_custom(self.name, self.function, self.values)
 
 
 class CustomFriction(FrictionLaw):
@@ -143,7 +150,7 @@ class CustomFriction(FrictionLaw):
 
     def __init__(self, function: Callable[..., float], parameters: tuple[float, ...] = ()) -> None:
         """Check the function's signature and keep its parameters."""
-        self.function = _plain(function, ("speed", "p"))
+        self.function = plain(function, ("speed", "p"))
         self.values = tuple(float(value) for value in parameters)
         check_parameters(self.values, self.function.__name__)
 
@@ -153,12 +160,15 @@ class CustomFriction(FrictionLaw):
 
     def describe(self) -> dict[str, Any]:
         """Import path of the function, and its parameters."""
-        return _describe_custom(self.function, self.values)
+        return describe_custom(self.name, self.function, self.values)
 
 
-def _describe_custom(function: Callable[..., float], values: tuple[float, ...]) -> dict[str, Any]:
+def describe_custom(
+    name: str, function: Callable[..., Any], values: tuple[float, ...]
+) -> dict[str, Any]:
+    """Description of a user's own law: its kind, import path and parameters."""
     path = f"{function.__module__}:{function.__qualname__}"
-    return {"law": "custom", "function": path, "parameters": list(values)}
+    return {"law": name, "function": path, "parameters": list(values)}
 
 
 def check_parameters(values: tuple[float, ...], law: str) -> tuple[float, ...]:
@@ -179,12 +189,13 @@ def address(law: NormalForceLaw | FrictionLaw) -> int:
     Raises:
         JointplayError: numba cannot compile it; the message carries numba's reason.
     """
-    return int(_compiled(law.function, isinstance(law, NormalForceLaw)).address)
+    if isinstance(law, NormalForceLaw):
+        return int(_compiled(law.function, _NORMAL).address)
+    return int(_compiled(law.function, _BRISTLE if law.bristles else _FRICTION).address)
 
 
 @cache
-def _compiled(function: Callable[..., float], normal: bool) -> Any:
-    signature = _NORMAL if normal else _FRICTION
+def _compiled(function: Callable[..., Any], signature: Any) -> Any:
     try:
         try:
             return numba.cfunc(signature, cache=True, error_model="numpy")(function)
@@ -232,6 +243,22 @@ def call_friction(typingctx: Any, at: Any, speed: Any, p: Any) -> Any:
     return types.float64(types.int64, types.float64, _PARAMETERS), codegen
 
 
+@intrinsic
+def call_bristle(
+    typingctx: Any, at: Any, speed: Any, normal: Any, dwell: Any, p: Any, out: Any
+) -> Any:
+    """Call the friction law with bristles at address `at` (compiled code only)."""
+
+    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        array = ir.PointerType(_DOUBLE)
+        kind = ir.FunctionType(ir.VoidType(), [_DOUBLE, _DOUBLE, _DOUBLE, array, array])
+        builder.call(builder.inttoptr(args[0], kind.as_pointer()), args[1:])
+        return context.get_dummy_value()
+
+    arguments = (types.int64, *(types.float64,) * 3, _PARAMETERS, _PARAMETERS)
+    return types.none(*arguments), codegen
+
+
 __all__ = [
     "ContactProperties",
     "CustomFriction",
@@ -239,6 +266,7 @@ __all__ = [
     "FrictionLaw",
     "NormalForceLaw",
     "address",
+    "call_bristle",
     "call_friction",
     "call_normal",
     "pointer",
