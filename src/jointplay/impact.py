@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import math
 from typing import Any
 
@@ -10,7 +11,15 @@ import pinocchio as pin
 from numba import njit
 
 from jointplay.contact.bristle import BristleLaw
-from jointplay.contact.law import FrictionLaw, NormalForceLaw, address, call_normal, pointer
+from jointplay.contact.law import (
+    MAX_PARAMETERS,
+    FrictionLaw,
+    NormalForceLaw,
+    address,
+    call_normal,
+    compiled_law,
+    pointer,
+)
 from jointplay.errors import JointplayError
 from jointplay.mechanism import Mechanism
 
@@ -107,8 +116,9 @@ def effective_mass(mechanism: Mechanism, joint: str, q: np.ndarray) -> float:
 def friction_slope(law: FrictionLaw) -> float:
     """Steepest rise of the friction coefficient with the sliding speed [s/m], by sampling."""
     speeds = np.logspace(-6.0, 1.0, 1401)
-    parameters = law.parameters()
-    mu = np.array([law.function(float(speed), parameters) for speed in speeds])
+    parameters = (ctypes.c_double * MAX_PARAMETERS)(*law.parameters())
+    coefficient = compiled_law(law).ctypes
+    mu = np.array([coefficient(speed, parameters) for speed in speeds])
     return float(max(np.max(np.diff(mu) / np.diff(speeds)), 0.0))
 
 
@@ -127,7 +137,7 @@ def friction_step_limit(
         spring, damper = law.stiffness(normal_force)
     else:
         damper = friction_slope(law) * normal_force
-    if damper <= 0.0 and spring <= 0.0:
+    if not (damper > 0.0 or spring > 0.0):
         return math.inf
     mass = effective_mass(mechanism, joint, q)
     slow = 2.0 * mass / damper if damper > 0.0 else math.inf

@@ -11,13 +11,16 @@ the plane of contact as that turns, and is zero when the contact begins.
 
 from __future__ import annotations
 
+import ctypes
 from collections.abc import Callable
 from typing import Any, ClassVar
 
 from jointplay.contact.law import (
     BRISTLE_NUMBERS,
+    MAX_PARAMETERS,
     FrictionLaw,
     check_parameters,
+    compiled_law,
     describe_custom,
     plain,
 )
@@ -43,8 +46,9 @@ class BristleLaw(FrictionLaw):
 
     def stiffness(self, normal: float) -> tuple[float, float]:
         """k [N/m] and d + c [N s/m] at rest under the normal force `normal` [N]."""
-        out = [0.0] * BRISTLE_NUMBERS
-        self.function(0.0, normal, 0.0, self.parameters(), out)
+        out = (ctypes.c_double * BRISTLE_NUMBERS)()
+        parameters = (ctypes.c_double * MAX_PARAMETERS)(*self.parameters())
+        compiled_law(self).ctypes(0.0, normal, 0.0, parameters, out)
         return out[2], out[3] + out[4]
 
 

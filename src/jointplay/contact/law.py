@@ -189,9 +189,18 @@ def address(law: NormalForceLaw | FrictionLaw) -> int:
     Raises:
         JointplayError: numba cannot compile it; the message carries numba's reason.
     """
+    return int(compiled_law(law).address)
+
+
+def compiled_law(law: NormalForceLaw | FrictionLaw) -> Any:
+    """Compiled function of the law: its `address`, and `ctypes` to call it from Python.
+
+    Raises:
+        JointplayError: numba cannot compile it; the message carries numba's reason.
+    """
     if isinstance(law, NormalForceLaw):
-        return int(_compiled(law.function, _NORMAL).address)
-    return int(_compiled(law.function, _BRISTLE if law.bristles else _FRICTION).address)
+        return _compiled(law.function, _NORMAL)
+    return _compiled(law.function, _BRISTLE if law.bristles else _FRICTION)
 
 
 @cache
@@ -269,5 +278,6 @@ __all__ = [
     "call_bristle",
     "call_friction",
     "call_normal",
+    "compiled_law",
     "pointer",
 ]

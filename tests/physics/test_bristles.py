@@ -1,0 +1,157 @@
+"""Friction with bristles against independent integrations and closed forms.
+
+A block of 2 kg lies in a guide under gravity, pressed on one wall by its weight, and is pulled
+along by a spring whose other end moves at constant speed: the drive, with its feed-forward of zero.
+"""
+
+import numpy as np
+import pytest
+from conftest import body, joint
+from scipy.integrate import solve_ivp
+
+import jointplay as jp
+from jointplay.contact import BristleLaw, CustomBristle, Dahl, GonthierFriction, LuGre
+
+MASS = 2.0
+WEIGHT = MASS * 9.81
+
+
+def pulled(urdf, friction, speed, bandwidth, duration, *, damping=0.0, **options):
+    """Run the block pulled at `speed` [m/s] by a spring of stiffness bandwidth^2 m."""
+    path = urdf(body("block", MASS), joint("guide", "base", "block", "prismatic"))
+    play = jp.PrismaticJoint(clearance=1e-4, planar=True, lock_tilt=True, friction=friction)
+    robot = jp.Mechanism(path, {"guide": play}, gravity=(-9.81, 0, 0))
+    motion = jp.Motion(["guide"], [0, 1], [[0], [speed]], "constant-speed")
+    drive = jp.ComputedTorque(bandwidth, damping)
+    return jp.simulate(robot, motion, drive=drive, duration=duration, **options)
+
+
+def cycles(time, force, after):
+    """Period and amplitude of the spring's force after the time `after`."""
+    late = time > after
+    time, force = time[late], force[late]
+    level = 0.5 * (force.max() + force.min())
+    ups = time[1:][(force[1:] >= level) & (force[:-1] < level)]
+    return np.diff(ups).mean(), np.ptp(force)
+
+
+STICKY = {"mu_d": 0.15, "mu_s": 0.3, "v_s": 2e-3, "sigma0": 2e4, "sigma1": 20.0, "sigma2": 0.0}
+
+
+def lugre_reference(p, speed, bandwidth, duration):
+    def slope(t, y):
+        x, v, z = y
+        g = p["mu_d"] + (p["mu_s"] - p["mu_d"]) * np.exp(-((v / p["v_s"]) ** 2))
+        dz = v - p["sigma0"] * abs(v) / g * z
+        rub = WEIGHT * (p["sigma0"] * z + p["sigma1"] * dz + p["sigma2"] * v)
+        return v, bandwidth**2 * (speed * t - x) - rub / MASS, dz
+
+    found = solve_ivp(
+        slope, (0, duration), (0.0, speed, 0.0), method="Radau", rtol=1e-8, atol=1e-11,
+        dense_output=True,
+    )  # fmt: skip
+    time = np.linspace(0, duration, 20001)
+    return time, MASS * bandwidth**2 * (speed * time - found.sol(time)[0])
+
+
+def test_lugre_sticks_and_slips_as_an_independent_integration_says(urdf):
+    speed, bandwidth, duration = 0.02, 12.0, 4.0
+    result = pulled(urdf, LuGre(**STICKY), speed, bandwidth, duration, step=2e-5)
+    at = result["coordinate"].values.tolist().index("guide.z")
+    found = cycles(result.time, result["drive"].values[:, at], 1.0)
+    expected = cycles(*lugre_reference(STICKY, speed, bandwidth, duration), 1.0)
+    assert found == pytest.approx(expected, rel=0.01)
+    wrong = cycles(*lugre_reference(STICKY | {"mu_s": 0.29}, speed, bandwidth, duration), 1.0)
+    assert found != pytest.approx(wrong, rel=0.01)
+    assert result.audit.relative_energy_residual < 1e-3
+
+
+@pytest.mark.parametrize(
+    ("law", "mu"),
+    [
+        (Dahl(mu_d=0.2), 0.2),
+        (LuGre(mu_d=0.2, mu_s=0.3, sigma2=0.4), 0.2 + 0.4 * 0.1),
+        (GonthierFriction(mu_d=0.2, mu_s=0.3, sigma2=0.4), 0.2 + 0.4 * 0.1),
+    ],
+    ids=lambda value: getattr(value, "name", ""),
+)
+def test_steady_sliding_rubs_with_the_dynamic_coefficient(urdf, law, mu):
+    result = pulled(urdf, law, 0.1, 200.0, 0.3, damping=1.0)
+    last = result["friction_force"].values[-1].max()
+    assert last == pytest.approx(mu * WEIGHT, rel=1e-3)
+
+
+@pytest.mark.parametrize("law", [Dahl(), LuGre(), GonthierFriction()], ids=lambda law: law.name)
+def test_a_block_that_sticks_bends_the_bristles_by_force_over_stiffness(urdf, law):
+    """Pulled by less than friction can hold, it moves by F / (sigma0 F_n) and comes back."""
+    path = urdf(body("block", MASS), joint("guide", "base", "block", "prismatic"))
+    play = jp.PrismaticJoint(clearance=1e-4, planar=True, lock_tilt=True, friction=law)
+    robot = jp.Mechanism(path, {"guide": play}, gravity=(-9.81, 0, 0))
+    pull = 0.3 * law.mu_d * WEIGHT
+    torque = jp.Torque((0.0, 0.1, 0.3, 0.6, 0.8), (0.0, 0.0, pull, pull, 0.0))
+    result = jp.simulate(robot, drive={"guide": torque}, duration=1.1, record_every=100)
+    z = result["q"].sel(coordinate="guide.z").values
+    held = np.interp([0.55, 1.05], result.time, z - z[0])
+    stiffness = law.sigma0 * WEIGHT
+    if isinstance(law, Dahl):  # bends, and slips a little: z of Dahl's curve, v dt = dz/(1 - F/F_c)
+        assert held[0] == pytest.approx(-law.mu_d / law.sigma0 * np.log(1 - 0.3), rel=0.1)
+    else:
+        assert held[0] == pytest.approx(pull / stiffness, rel=0.5)
+    assert abs(held[1]) < 0.6 * held[0]
+
+
+def test_static_friction_grows_with_the_time_at_rest(urdf):
+    """Gonthier et al.: the longer the block has stuck, the harder it is to pull loose."""
+    law = GonthierFriction(mu_d=0.1, mu_s=0.3, dwell_time=0.5)
+    peaks = []
+    for bandwidth in (40.0, 8.0):  # a softer spring takes longer to pull it loose
+        result = pulled(urdf, law, 0.05, bandwidth, 3.0, step=2e-5)
+        landed = result["friction_force"].sel(time=slice(0.5, None))
+        peaks.append(landed.max().item() / WEIGHT)
+    assert 0.1 < peaks[0] < peaks[1] <= 0.3 * 1.001
+
+
+def creep(speed, normal, dwell, p, out):
+    """A user's own: Dahl's law, written out."""
+    out[0], out[1], out[2] = 1.0, p[1] * speed / p[0], p[1] * normal
+    out[3], out[4], out[5] = 0.0, 0.0, 1e300
+    out[6], out[7] = 0.0, 0.0
+
+
+def broken(speed, normal, dwell, p, out):
+    """A law that returns nonsense."""
+    for i in range(8):
+        out[i] = 0.0 / (speed - speed)
+
+
+def test_a_users_own_bristles_are_the_built_in_ones(urdf):
+    own = CustomBristle(creep, (0.1, 1e5))
+    assert isinstance(own, BristleLaw)
+    found = [pulled(urdf, law, 0.05, 20.0, 0.2) for law in (own, Dahl(0.1, 1e5))]
+    assert found[0]["q"].equals(found[1]["q"])
+    again = found[0].simulation
+    assert again.mechanism.clearance["guide"].friction.parameters() == (0.1, 1e5)
+
+
+def test_broken_bristles_stop_the_run(urdf):
+    with pytest.warns(RuntimeWarning, match="non-finite"):
+        result = pulled(urdf, CustomBristle(broken), 0.05, 20.0, 0.2)
+    assert result.status.name == "BAD_FORCE"
+
+
+def test_wrong_bristles_are_refused():
+    with pytest.raises(jp.JointplayError, match="dwell"):
+        CustomBristle(lambda speed, p: 0.0)
+    for law in (LuGre, GonthierFriction):
+        with pytest.raises(jp.JointplayError, match="mu_s"):
+            law(mu_d=0.2, mu_s=0.1)
+    with pytest.raises(jp.JointplayError, match="sigma0"):
+        Dahl(sigma0=0.0)
+
+
+def test_friction_work_is_never_positive_over_a_cycle(urdf):
+    result = pulled(urdf, LuGre(**STICKY), 0.02, 12.0, 3.0, step=2e-5)
+    lost = result["friction_dissipation"].values
+    stored = 0.5 * WEIGHT * STICKY["mu_s"] ** 2 / STICKY["sigma0"]  # what bristles can give back
+    assert np.all(lost - np.maximum.accumulate(lost) >= -1.5 * stored)
+    assert lost[-1] > 100 * stored
