@@ -1,0 +1,430 @@
+"""Closed loops with known answers: slider-crank, four-bar, parallelogram, and one in space."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from conftest import body, joint
+
+import jointplay as jp
+from jointplay.drive import ComputedTorque, Prescribed
+from jointplay.integrators import INTEGRATORS
+from jointplay.joints import SphericalJoint
+from jointplay.loops import Loop
+
+FLAT = (0.0, 0.0, 0.0)
+R, L = 0.05, 0.12
+CRANK, ROD, SLIDER = 0.30, 0.21, 0.14
+ROD_INERTIA = 2.5e-4
+PIN = {"piston_pin": Loop("rod", "slider", bearing_xyz=(L, 0, 0))}
+RPM = 2.0 * np.pi / 60.0
+
+
+def slider_crank(clearance=None, gravity=FLAT):
+    joints = {} if clearance is None else {"piston_pin": clearance}
+    path = jp.shipped("slider_crank.urdf")
+    return jp.Mechanism(path, joints, loops=PIN, gravity=gravity, tool="slider")
+
+
+def turning(mechanism, speed, duration, **options):
+    motion = jp.Motion(["crank_pin"], [0, duration], [[0], [speed * duration]], "constant-speed")
+    options = {"start": {"guide": R + L}, "integrator": "rk4"} | options
+    return jp.simulate(mechanism, motion, drive={"crank_pin": Prescribed()}, **options)
+
+
+def analytic(theta, w):
+    """Slider position and rates, rod angle and rates, forces on rod and slider, crank moment.
+
+    Newton and Euler by hand, for constant speed, without gravity and friction; centres of mass at
+    mid-length.
+    """
+    s, c = np.sin(theta), np.cos(theta)
+    beta = -np.arcsin(R / L * s)
+    sb, cb = np.sin(beta), np.cos(beta)
+    db = -R / L * w * c / cb
+    ddb = (R / L * w**2 * s + db**2 * sb) / cb
+    x = R * c + L * cb
+    v = -R * w * s - L * db * sb
+    a = -R * w**2 * c - L * (ddb * sb + db**2 * cb)
+    tip = R * np.array([c, s])
+    rod_a = -(w**2) * tip + L / 2 * np.array([-ddb * sb - db**2 * cb, ddb * cb - db**2 * sb])
+    crank_a = -(w**2) * tip / 2
+    px = SLIDER * a  # the rod pushes the slider along the frictionless guide
+    # Moments about the rod's centre give the push across the guide.
+    turn = cb * ROD * rod_a[1] - sb * ROD * rod_a[0]
+    py = (sb * px - (ROD_INERTIA * ddb / L + 0.5 * turn)) / cb
+    push = np.array([px, py])
+    on_rod = ROD * rod_a + push
+    on_crank = CRANK * crank_a + on_rod
+    moment = tip[0] * on_rod[1] - tip[1] * on_rod[0]
+    guide = np.array([np.zeros_like(py), -py])
+    return {
+        "x": x, "v": v, "a": a, "beta": beta, "db": db,
+        "crank_pin": on_crank, "rod_pin": on_rod, "guide": guide, "piston_pin": push,
+        "moment": moment,
+    }  # fmt: skip
+
+
+def test_formulas_by_hand_fit_each_other():
+    theta, h = np.linspace(0, 6, 50), 1e-4
+    before, here, after = (analytic(theta + d * h, 100.0) for d in (-1, 0, 1))
+    assert (after["x"] - before["x"]) / 2 / h * 100 == pytest.approx(here["v"], rel=1e-6, abs=1e-6)
+    assert (after["v"] - before["v"]) / 2 / h * 100 == pytest.approx(here["a"], rel=1e-6, abs=1e-3)
+    assert (after["beta"] - before["beta"]) / 2 / h * 100 == pytest.approx(here["db"], abs=1e-5)
+    # Power of the crank's moment = rate of the kinetic energy.
+    energy = [
+        0.5 * SLIDER * s["v"] ** 2
+        + 0.5 * ROD_INERTIA * s["db"] ** 2
+        + 0.5 * ROD * ((R * 100) ** 2 + (L / 2 * s["db"]) ** 2
+                       + 100 * R * L * s["db"] * np.cos(theta + d * h - s["beta"]))
+        for d, s in ((-1, before), (1, after))
+    ]  # fmt: skip
+    rate = (energy[1] - energy[0]) / 2 / h * 100
+    assert rate == pytest.approx(here["moment"] * 100.0, rel=1e-5, abs=1e-2)
+
+
+@pytest.fixture(scope="module")
+def fast():
+    """The slider-crank at 5000 rpm, one turn."""
+    w = 5000 * RPM
+    return turning(slider_crank(), w, 0.012, step=5e-6, record_every=4), w
+
+
+def test_ideal_slider_crank_moves_as_it_must(fast):
+    result, w = fast
+    exact = analytic(w * result.time, w)
+    assert np.abs(result["tool_position"].values[:, 0] - exact["x"]).max() < 1e-7
+    assert np.abs(result["tool_velocity"].values[:, 0] - exact["v"]).max() < 1e-3
+    rod = result["q"].values[:, :2].sum(axis=1)
+    assert np.abs(rod - exact["beta"]).max() < 1e-6
+
+
+def test_reactions_and_crank_moment_are_newtons(fast):
+    result, w = fast
+    exact = analytic(w * result.time, w)
+    forces = result["reaction_force"]
+    for name in ("crank_pin", "rod_pin", "guide", "piston_pin"):
+        found = forces.sel(moving_joint=name).values
+        size = np.linalg.norm(exact["rod_pin"], axis=0).max()
+        assert np.abs(found[:, :2].T - exact[name]).max() < 1e-3 * size, name
+        assert np.abs(found[:, 2]).max() < 1e-6 * size
+    moment = result["drive"].values[:, 0]
+    assert np.abs(moment - exact["moment"]).max() < 2e-3 * np.abs(exact["moment"]).max()
+    assert result.audit.relative_energy_residual < 1e-4
+
+
+@pytest.mark.parametrize(("method", "limit"), [("rk4", 1e-9), ("semi-implicit-euler", 2e-5)])
+def test_drift_is_what_the_audit_says_and_falls_with_the_step(method, limit):
+    drifts = []
+    for step in (4e-5, 2e-5):
+        result = turning(
+            slider_crank(), 1000 * RPM, 0.03, integrator=method, step=step, record_every=1
+        )
+        q = result["q"].values
+        rod = q[:, :2].sum(axis=1)
+        tip = R * np.exp(1j * q[:, 0]) + L * np.exp(1j * rod)
+        gap = (q[:, 2] - tip) * np.exp(-1j * rod)  # in the bearing's axes, which are the rod's
+        gap = max(np.abs(gap.real).max(), np.abs(gap.imag).max())
+        assert result.audit.loop_drift == pytest.approx(gap, rel=1e-6)
+        drifts.append(gap)
+    assert drifts[0] < limit
+    assert drifts[0] / drifts[1] == pytest.approx(4.0, abs=0.3)
+
+
+def test_weight_is_carried_where_it_must_be():
+    """At rest the reactions hold the weights, by moments about the pins by hand."""
+    robot = slider_crank(gravity=(0.0, -9.81, 0.0))
+    result = turning(robot, 1e-6, 1e-3)
+    force = result["reaction_force"].isel(time=-1)
+    g = 9.81
+    assert force.sel(moving_joint="piston_pin").values == pytest.approx(
+        [0, -ROD * g / 2, 0], abs=1e-6
+    )  # of the rod on the slider
+    assert force.sel(moving_joint="guide").values == pytest.approx(
+        [0, (SLIDER + ROD / 2) * g, 0], abs=1e-6
+    )
+    assert force.sel(moving_joint="rod_pin").values == pytest.approx([0, ROD * g / 2, 0], abs=1e-6)
+    assert force.sel(moving_joint="crank_pin").values == pytest.approx(
+        [0, (CRANK + ROD / 2) * g, 0], abs=1e-6
+    )
+    assert result["drive"].values[-1, 0] == pytest.approx(R * (CRANK + ROD) * g / 2, rel=1e-6)
+
+
+def test_small_clearance_is_the_ideal_slider_crank():
+    """Position within some clearances, velocity too: both vanish with the clearance."""
+    w, plays = 300 * RPM, np.array([4e-4, 1e-4, 2.5e-5])
+    errors = []
+    for play in plays:
+        joint = jp.ClearanceJoint.planar(radial_clearance=play, friction=jp.Ambrosio(0.0))
+        result = turning(slider_crank(joint), w, 0.2, integrator="semi-implicit-euler")
+        exact = analytic(w * result.time, w)
+        place = result["tool_position"].values[:, 0] - exact["x"]
+        speed = result["tool_velocity"].values[:, 0] - exact["v"]
+        errors.append([np.abs(place).max(), np.sqrt((speed**2).mean())])
+    errors = np.array(errors)
+    assert (errors[:, 0] < 2.0 * plays).all()
+    assert (errors[:, 0] > 0.5 * plays).all()
+    slopes = np.polyfit(np.log(plays), np.log(errors), 1)[0]
+    assert slopes[0] == pytest.approx(1.0, abs=0.15)
+    assert slopes[1] > 0.3  # impacts set the speed
+
+
+# A four-bar
+
+A, B, C, D = 0.1, 0.25, 0.2, 0.3
+"""Crank, coupler, rocker, frame [m]."""
+BARS = (
+    body("crank", 0.5, "0.05 0 0", 1e-3),
+    body("coupler", 0.8, "0.125 0.02 0", 2e-3),
+    body("rocker", 0.6, "0.1 0 0", 1.5e-3),
+)
+
+
+def four_bar(urdf, clearance=None, frame=D, coupler=B, rocker=C, crank=A, bars=BARS, **options):
+    path = urdf(
+        *bars,
+        joint("a", "base", "crank"),
+        joint("b", "crank", "coupler", at=f"{crank} 0 0"),
+        joint("d", "base", "rocker", at=f"{frame} 0 0"),
+    )
+    loop = Loop("coupler", "rocker", bearing_xyz=(coupler, 0, 0), journal_xyz=(rocker, 0, 0))
+    joints = {} if clearance is None else {"c": clearance}
+    return jp.Mechanism(path, joints, loops={"c": loop}, **({"gravity": FLAT} | options))
+
+
+def four_bar_angles(theta):
+    """Angles of coupler and rocker by the intersection of two circles, the upper one."""
+    tip = A * np.array([np.cos(theta), np.sin(theta)])
+    way = np.array([D - tip[0], -tip[1]])
+    far = np.hypot(*way)
+    along = (far**2 + B**2 - C**2) / (2 * far)
+    up = np.sqrt(B**2 - along**2)
+    pin = tip + along * way / far + up * np.array([-way[1], way[0]]) / far
+    coupler = np.arctan2(pin[1] - tip[1], pin[0] - tip[0])
+    return coupler, np.arctan2(pin[1], pin[0] - D)
+
+
+def test_prescribed_four_bar_follows_its_circles(urdf):
+    robot = four_bar(urdf)
+    motion = jp.Motion(["a"], [0, 0.5], [[0.3], [0.3 + 2 * np.pi]])
+    start = {"d": four_bar_angles(0.3)[1]}
+    result = jp.simulate(robot, motion, drive={"a": Prescribed()}, start=start, integrator="rk4",
+                         step=2e-5)  # fmt: skip
+    theta = motion(result.time)[0][:, 0]
+    coupler, rocker = four_bar_angles(theta)
+    q = result["q"].values
+    assert np.abs(q[:, 0] - theta).max() < 1e-9
+    assert np.abs(q[:, 2] - rocker).max() < 1e-7
+    assert np.abs(q[:, :2].sum(axis=1) - coupler).max() < 1e-7
+    assert np.ptp(rocker) > 0.5
+    assert result.audit.relative_energy_residual < 1e-5
+    power = result["drive"].values[:, 0] * result["v"].values[:, 0]
+    work = np.trapezoid(power, result.time)
+    assert np.abs(work) < 1e-3 * np.trapezoid(np.abs(power), result.time)  # from rest to rest
+    assert result["drive_work"].values[-1] == pytest.approx(work, abs=1e-4)
+
+
+def newton_euler(result, robot, links):
+    """Largest violation of both laws of motion by the forces of a planar mechanism.
+
+    `links` maps a link to its inertia, the joints that act on it as (name, sign, point in the
+    link), and the torques as (coordinate, sign); accelerations are differences of the motion.
+    """
+    model, data = robot.model, robot.model.createData()
+    h = float(np.diff(result.time).mean())
+    worst, largest = 0.0, 0.0
+    poses = {}
+    for q in result["q"].values:
+        pin.forwardKinematics(model, data, q)
+        for link in links:
+            frame = model.frames[model.getFrameId(link)]
+            pose = data.oMi[frame.parentJoint] * frame.placement
+            poses.setdefault(link, []).append((pose.rotation.copy(), pose.translation.copy()))
+    forces, effort = result["reaction_force"], result["drive"].values
+    for link, (inertia, acting, torques) in links.items():
+        turns = np.array([r for r, _ in poses[link]])
+        places = np.array([p for _, p in poses[link]])
+        centre = places + turns @ inertia.lever
+        angle = np.unwrap(np.arctan2(turns[:, 1, 0], turns[:, 0, 0]))
+        a = (centre[2:] - 2 * centre[1:-1] + centre[:-2]) / h**2
+        alpha = (angle[2:] - 2 * angle[1:-1] + angle[:-2]) / h**2
+        total = inertia.mass * np.asarray(robot.gravity) + np.zeros_like(a)
+        moment = np.zeros(len(a))
+        for name, sign, point in acting:
+            force = sign * forces.sel(moving_joint=name).values[1:-1]
+            arm = (places + turns @ np.array(point) - centre)[1:-1]
+            total += force
+            moment += arm[:, 0] * force[:, 1] - arm[:, 1] * force[:, 0]
+        for at, sign in torques:
+            moment += sign * effort[1:-1, at]
+        worst = max(worst, np.abs(total - inertia.mass * a)[:, :2].max())
+        worst = max(worst, np.abs(moment - inertia.inertia[2, 2] * alpha).max() / 0.1)
+        largest = max(largest, np.abs(total).max())
+    return worst / largest
+
+
+@pytest.mark.parametrize("gravity", [FLAT, (1.0, -9.81, 0.0)])
+def test_reactions_of_a_four_bar_fulfil_newton_and_euler(urdf, gravity):
+    """Each body by itself, with its weight, its pins' forces and its drive's torque."""
+    robot = four_bar(urdf, gravity=gravity)
+    motion = jp.Motion(["a"], [0, 0.2], [[0.3], [2.3]])
+    start = {"d": four_bar_angles(0.3)[1]}
+    result = jp.simulate(robot, motion, drive={"a": Prescribed()}, start=start, integrator="rk4",
+                         step=2e-5, record_every=10)  # fmt: skip
+    inertia = {name: robot.model.inertias[robot.model.getJointId(j)]
+               for name, j in (("crank", "a"), ("coupler", "b"), ("rocker", "d"))}  # fmt: skip
+    links = {
+        "crank": (inertia["crank"], [("a", 1, (0, 0, 0)), ("b", -1, (A, 0, 0))], [(0, 1)]),
+        "coupler": (inertia["coupler"], [("b", 1, (0, 0, 0)), ("c", -1, (B, 0, 0))], []),
+        "rocker": (inertia["rocker"], [("d", 1, (0, 0, 0)), ("c", 1, (C, 0, 0))], []),
+    }
+    assert newton_euler(result, robot, links) < 3e-4
+    wrong = dict(links)
+    wrong["rocker"] = (inertia["rocker"], [("d", 1, (0, 0, 0)), ("c", -1, (C, 0, 0))], [])
+    assert newton_euler(result, robot, wrong) > 0.1
+
+
+def test_virtual_work_gives_the_crank_torque_of_a_four_bar(urdf):
+    """At rest the drive's torque is the weights' generalised force on the crank angle."""
+    robot = four_bar(urdf, gravity=(0.0, -9.81, 0.0))
+    theta = 1.1
+    motion = jp.Motion(["a"], [0, 1e-3], [[theta], [theta]])
+    start = {"d": four_bar_angles(theta)[1]}
+    result = jp.simulate(robot, motion, drive={"a": Prescribed()}, start=start)
+
+    def potential(angle):
+        coupler, rocker = four_bar_angles(angle)
+        crank = 0.5 * 0.05 * np.sin(angle)
+        middle = 0.8 * (A * np.sin(angle) + 0.125 * np.sin(coupler) + 0.02 * np.cos(coupler))
+        return 9.81 * (crank + middle + 0.6 * 0.1 * np.sin(rocker))
+
+    exact = (potential(theta + 1e-5) - potential(theta - 1e-5)) / 2e-5
+    assert abs(exact) > 0.1
+    assert result["drive"].values[0, 0] == pytest.approx(exact, rel=1e-6)
+
+
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+def test_free_four_bar_keeps_its_energy(urdf, integrator):
+    robot = four_bar(urdf, gravity=(0.0, -9.81, 0.0))
+    start = {"a": 1.0, "d": four_bar_angles(1.0)[1]}
+    result = jp.simulate(robot, drive={}, duration=0.5, start=start, start_speed={"a": 3.0},
+                         joint_friction={}, integrator=integrator, step=2e-5)  # fmt: skip
+    total = result["kinetic_energy"] + result["potential_energy"]
+    limit = 1e-9 if integrator == "rk4" else 1e-3
+    assert np.ptp(total.values) < limit * np.ptp(result["kinetic_energy"].values)
+    assert np.ptp(result["kinetic_energy"].values) > 0.1
+
+
+def test_parallelogram_swings_as_one_pendulum(urdf):
+    """Its coupler only translates: I = 2 I_bar + m l^2, although planar loops are redundant."""
+    length, mass, gravity = 0.2, 1.3, 9.81
+    bars = (
+        body("crank", 0.5, "0.1 0 0", 1e-3),
+        body("coupler", mass, "0.15 0.05 0", 2e-3),
+        body("rocker", 0.5, "0.1 0 0", 1e-3),
+    )
+    robot = four_bar(urdf, frame=0.3, coupler=0.3, rocker=length, crank=length, bars=bars,
+                     gravity=(0.0, -gravity, 0.0))  # fmt: skip
+    result = jp.simulate(robot, drive={}, duration=1.0, start={"a": -1.0, "d": -1.0},
+                         joint_friction={}, integrator="rk4", step=5e-5)  # fmt: skip
+    q, v = result["q"].values, result["v"].values
+    assert np.abs(q[:, 0] - q[:, 2]).max() < 1e-8
+    assert np.abs(q[:, 0] + q[:, 1]).max() < 1e-8
+    inertia = 2.0 * (1e-3 + 0.5 * 0.1**2) + mass * length**2
+    moment = gravity * (2.0 * 0.5 * 0.1 + mass * length)
+    swing = 0.5 * inertia * v[:, 0] ** 2 + moment * np.sin(q[:, 0])
+    assert np.abs(swing - moment * np.sin(-1.0)).max() < 1e-8 * moment
+    assert np.ptp(q[:, 0]) > 1.0
+
+
+@pytest.mark.parametrize("drive", [{"a": ComputedTorque()}, ComputedTorque()])
+def test_computed_torque_leads_a_four_bar(urdf, drive):
+    """Its feed-forward is the projected inverse dynamics: little is left to the encoder."""
+    robot = four_bar(urdf, gravity=(0.0, -9.81, 0.0))
+    motion = jp.Motion(["a"], [0, 0.1], [[0.3], [1.1]])
+    start = {"d": four_bar_angles(0.3)[1]}
+    options = {"start": start, "integrator": "rk4", "step": 2e-5, "joint_friction": {}}
+    led = jp.simulate(robot, motion, drive=drive, **options)
+    exact = jp.simulate(robot, motion, drive={"a": Prescribed()}, **options)
+    reference = motion(led.time)[0][:, 0]
+    assert np.abs(led["q"].values[:, 0] - reference).max() < 1e-6
+    torque = exact["drive"].values[:, 0]
+    assert np.abs(led["drive"].values[:, 0] - torque).max() < 1e-3 * np.abs(torque).max()
+
+
+def test_worn_four_bar_follows_within_its_clearance(urdf):
+    play = 2e-4
+    worn = four_bar(urdf, jp.ClearanceJoint.planar(radial_clearance=play))
+    motion = jp.Motion(["a"], [0, 0.3], [[0.3], [2.3]])
+    start = {"d": four_bar_angles(0.3)[1]}
+    result = jp.simulate(worn, motion, drive={"a": Prescribed()}, start=start)
+    _, rocker = four_bar_angles(result["q"].values[:, 0])
+    error = np.abs(result["q"].values[:, 2] - rocker)
+    assert 0.1 * play / C < error.max() < 5.0 * play / C
+    assert result.audit.impacts > 0
+    assert result.audit.relative_energy_residual < 0.01
+
+
+# In space
+
+RSSR_CRANK, RSSR_ROCKER, RSSR_ROD = 0.05, 0.15, 0.3
+BASE = np.array([0.25, 0.1, 0.0])
+
+
+def rssr(urdf, ideal=True):
+    """Crank about z, rocker about x at BASE, a rod with a ball at either end."""
+    path = urdf(
+        body("crank", 0.3, "0.025 0 0", 1e-4),
+        body("rod", 0.2, f"{RSSR_ROD / 2} 0 0", 1e-3),
+        body("rocker", 0.5, f"0 0 {RSSR_ROCKER / 2}", 1e-3),
+        joint("a", "base", "crank"),
+        joint("ball", "crank", "rod", "floating", at=f"{RSSR_CRANK} 0 0"),
+        joint("d", "base", "rocker", axis="1 0 0", at=" ".join(map(str, BASE))),
+    )
+    joints = {
+        "ball": SphericalJoint(radial_clearance=1e-4, ideal=True),
+        "tip": SphericalJoint(radial_clearance=1e-4, ideal=ideal),
+    }
+    loop = Loop("rod", "rocker", bearing_xyz=(RSSR_ROD, 0, 0), journal_xyz=(0, 0, RSSR_ROCKER))
+    return jp.Mechanism(path, joints, loops={"tip": loop}, gravity=FLAT)
+
+
+def rssr_rocker(theta, near, rod=RSSR_ROD):
+    """Rocker angle for which the rod fits: p cos(phi) + q sin(phi) = r, the root near `near`."""
+    way = BASE[:, None] - RSSR_CRANK * np.array([np.cos(theta), np.sin(theta), 0 * theta])
+    # The rocker's tip is at BASE + rho (0, -sin, cos).
+    p, q = 2 * RSSR_ROCKER * way[2], -2 * RSSR_ROCKER * way[1]
+    r = rod**2 - RSSR_ROCKER**2 - (way**2).sum(axis=0)
+    middle, half = np.arctan2(q, p), np.arccos(r / np.hypot(p, q))
+    both = np.array([middle + half, middle - half])
+    both = np.angle(np.exp(1j * both))
+    return both[np.abs(both[:, 0] - near).argmin()]
+
+
+def test_spatial_loop_closes_and_keeps_closed(urdf):
+    robot = rssr(urdf)
+    w = 2 * np.pi
+    motion = jp.Motion(["a"], [0, 1.0], [[0], [w]], "constant-speed")
+    result = jp.simulate(robot, motion, drive={"a": Prescribed()}, integrator="rk4", step=1e-4)
+    rocker = result["q"].values[:, robot.coordinate("d")]
+    exact = rssr_rocker(w * result.time, rocker[0])
+    assert np.ptp(exact) > 0.2
+    assert np.abs(rocker - exact).max() < 1e-6
+    assert result.audit.loop_drift < 1e-7
+    assert result.audit.relative_energy_residual < 1e-5
+
+
+def test_worn_ball_of_a_spatial_loop_follows_the_ideal(urdf):
+    robot = rssr(urdf, ideal=False)
+    w = 2 * np.pi
+    motion = jp.Motion(["a"], [0, 0.2], [[0], [0.2 * w]], "constant-speed")
+    result = jp.simulate(robot, motion, drive={"a": Prescribed()})
+    rocker = result["q"].values[:, robot.coordinate("d")]
+    exact = rssr_rocker(w * result.time, rocker[0])
+    # The clearance makes the rod longer or shorter, and no more than that.
+    room = 1e-4 + result.audit.largest_penetration
+    ends = np.array([rssr_rocker(w * result.time, rocker[0], RSSR_ROD + d) for d in (room, -room)])
+    assert (ends.min(axis=0) < rocker).all()
+    assert (rocker < ends.max(axis=0)).all()
+    assert np.abs(rocker - exact).max() > 0.5 * np.abs(ends - exact).max()
+    assert result["tilt"].values.max() > 0.05  # a ball may tilt
+    assert result.audit.impacts > 0
