@@ -20,11 +20,14 @@ _HOMES = {
     "Audit": "audit",
     "ClearanceJoint": "joints",
     "ComputedTorque": "drive",
+    "CustomBristle": "contact",
     "CustomFriction": "contact",
     "CustomNormalForce": "contact",
+    "Dahl": "contact",
     "Form": "geometry",
     "Free": "drive",
     "Gear": "gear",
+    "GonthierFriction": "contact",
     "Hertz": "contact",
     "HuntCrossley": "contact",
     "JointFriction": "drive",
@@ -33,6 +36,7 @@ _HOMES = {
     "LankaraniNikravesh": "contact",
     "LinearSpring": "contact",
     "Loop": "loops",
+    "LuGre": "contact",
     "Material": "joints",
     "Mechanism": "mechanism",
     "Mode": "geometry",
@@ -44,6 +48,7 @@ _HOMES = {
     "Simulation": "simulation",
     "SphericalJoint": "joints",
     "Torque": "drive",
+    "cartesian_motion": "cartesian",
     "shipped": "urdf",
     "simulate": "simulation",
 }
@@ -52,14 +57,19 @@ __all__ = sorted(_HOMES)
 
 if TYPE_CHECKING:
     from jointplay.audit import Audit as Audit
+    from jointplay.cartesian import cartesian_motion as cartesian_motion
     from jointplay.contact import Ambrosio as Ambrosio
+    from jointplay.contact import CustomBristle as CustomBristle
     from jointplay.contact import CustomFriction as CustomFriction
     from jointplay.contact import CustomNormalForce as CustomNormalForce
+    from jointplay.contact import Dahl as Dahl
+    from jointplay.contact import GonthierFriction as GonthierFriction
     from jointplay.contact import Hertz as Hertz
     from jointplay.contact import HuntCrossley as HuntCrossley
     from jointplay.contact import KelvinVoigt as KelvinVoigt
     from jointplay.contact import LankaraniNikravesh as LankaraniNikravesh
     from jointplay.contact import LinearSpring as LinearSpring
+    from jointplay.contact import LuGre as LuGre
     from jointplay.drive import ComputedTorque as ComputedTorque
     from jointplay.drive import Free as Free
     from jointplay.drive import JointFriction as JointFriction
