@@ -21,6 +21,7 @@ _HOMES = {
     "ClearanceJoint": "joints",
     "ComputedTorque": "drive",
     "CustomBristle": "contact",
+    "CustomFilm": "contact",
     "CustomFriction": "contact",
     "CustomNormalForce": "contact",
     "Dahl": "contact",
@@ -42,9 +43,11 @@ _HOMES = {
     "Mode": "geometry",
     "Motion": "motion",
     "Payload": "payload",
+    "PinkusSternlicht": "contact",
     "Prescribed": "drive",
     "PrismaticJoint": "joints",
     "Result": "result",
+    "ShortBearing": "contact",
     "Simulation": "simulation",
     "SphericalJoint": "joints",
     "Torque": "drive",
@@ -60,6 +63,7 @@ if TYPE_CHECKING:
     from jointplay.cartesian import cartesian_motion as cartesian_motion
     from jointplay.contact import Ambrosio as Ambrosio
     from jointplay.contact import CustomBristle as CustomBristle
+    from jointplay.contact import CustomFilm as CustomFilm
     from jointplay.contact import CustomFriction as CustomFriction
     from jointplay.contact import CustomNormalForce as CustomNormalForce
     from jointplay.contact import Dahl as Dahl
@@ -70,6 +74,8 @@ if TYPE_CHECKING:
     from jointplay.contact import LankaraniNikravesh as LankaraniNikravesh
     from jointplay.contact import LinearSpring as LinearSpring
     from jointplay.contact import LuGre as LuGre
+    from jointplay.contact import PinkusSternlicht as PinkusSternlicht
+    from jointplay.contact import ShortBearing as ShortBearing
     from jointplay.drive import ComputedTorque as ComputedTorque
     from jointplay.drive import Free as Free
     from jointplay.drive import JointFriction as JointFriction

@@ -75,6 +75,7 @@ def histories(
         "friction_dissipation",
         "joint_friction_loss",
         "gear_dissipation",
+        "film_dissipation",
     )
     for index in range(len(POWERS)):
         name = names[index]
@@ -267,6 +268,7 @@ def _contact(
     mode, form = np.empty((n, nj), np.int8), np.empty((n, nj), np.int8)
     force = workspace.recorded("force").reshape(n, nj, 3).copy()
     peak = workspace.recorded("force_peak").reshape(n, nj, 3).copy()
+    film = workspace.recorded("film_force").reshape(n, nj, 3).copy()
     gap = np.full((n, nj, len(names)), np.nan)
     by_contact = {
         name: (workspace.recorded(name).reshape(n, nj, width), np.full_like(gap, np.nan))
@@ -284,7 +286,7 @@ def _contact(
         )
         for recorded, values in by_contact.values():
             values[:, j, at] = recorded[:, j, :count]
-        for values in (force, peak):
+        for values in (force, peak, film):
             values[:, j] = np.einsum("nik,nk->ni", bearing, values[:, j])
         groups: dict[Any, list[int]] = {}
         for k in range(count):
@@ -311,9 +313,12 @@ def _contact(
             "N",
             "joint_force where its magnitude was largest since the last record",
         ),
+        "film_force": (vector, film, "N", "part of joint_force that is the film's, world axes"),
         "mode": (("time", "joint"), mode, "1", "mode of the joint (Table 1)"),
         "form": (("time", "joint"), form, "1", "contact form (Figure 2)"),
     }
+    if all(joint.film is None for joint in mechanism.clearance.values()):
+        del variables["film_force"]
     return variables, elastic
 
 

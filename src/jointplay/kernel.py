@@ -35,8 +35,10 @@ from numba import carray, njit
 
 from jointplay.contact.law import (
     BRISTLE_NUMBERS,
+    FILM_NUMBERS,
     MAX_PARAMETERS,
     call_bristle,
+    call_film,
     call_friction,
     call_normal,
     pointer,
@@ -52,13 +54,14 @@ class Status(IntEnum):
     RUN_AWAY = 2
     BROKE_OUT = 3
     BAD_FORCE = 4
+    FILM_BROKE = 5
 
 
 # Entries of the table (int64): addresses of float arrays, sizes, counters, flags; then a block for
 # each joint with clearance.
 (
     _Q, _V, _A, _TAU, _DRIVE, _SCRATCH, _COORDINATES, _FRICTIONS, _GEARS, _REFERENCE, _RECORD,
-    _POWER, _CLOCK, _BRISTLE_NUMBERS, _J, _NV, _NJ, _NU, _NF, _NG, _NREF, _WIDTH, _COLUMNS,
+    _POWER, _CLOCK, _LAW_NUMBERS, _J, _NV, _NJ, _NU, _NF, _NG, _NREF, _WIDTH, _COLUMNS,
     _STEP, _EVERY, _ROW, _STAGE, _STATUS, _FRAMES, _COMMIT, _PENDING, _HAS_PRESCRIBED,
     _BAD_CONTACT, _BLOCKS,
 ) = range(34)  # fmt: skip
@@ -67,8 +70,8 @@ class Status(IntEnum):
 (
     _NORMAL_LAW, _FRICTION_LAW, _BRISTLES, _SHAPE, _COUNT, _FIRST, _BEARING_R, _BEARING_P,
     _JOURNAL_R, _JOURNAL_P, _PLACEMENTS, _SIGNS, _NUMBERS, _PARAMETERS, _MEMORY, _FORCE, _POSE,
-    _BLOCK_SIZE,
-) = range(18)  # fmt: skip
+    _FILM_LAW, _FILM, _FILM_MEMORY, _MUST_NOT_TOUCH, _BLOCK_SIZE,
+) = range(22)  # fmt: skip
 _NO_VIRTUAL_LINK = -1
 """`_FIRST` of a joint whose bearing and journal are reached through their frames."""
 
@@ -91,9 +94,19 @@ _MOTOR, _LINK, _HALF_PLAY, _STIFFNESS, _DAMPING, _GEAR_SIZE = range(6)
 _LIMIT, _P_FRICTION = 0, 1
 _DIMENSIONS = _P_FRICTION + MAX_PARAMETERS
 
-# A joint's force on the journal in the bearing frame, its peak since the last record, and the
-# square of that peak's magnitude.
-_FORCE_SIZE = 7
+# A joint's film: its sections and their distance from the journal's centre, clearance, eccentricity
+# ratio at which it is thinnest, depth over which it fades, mass for its lag; the law's parameters.
+(
+    _SECTIONS, _SECTION, _CLEARANCE, _THINNEST, _TRANSITION, _LAG_MASS, _P_FILM,
+) = range(7)  # fmt: skip
+_FILM_SIZE = _P_FILM + MAX_PARAMETERS
+
+# What a section of the film remembers: its force and its velocity at the last step.
+_FILM_X, _FILM_Y, _FILM_U, _FILM_V, _FILM_KNOWN, _SECTION_SIZE = range(6)
+
+# A joint's force on the journal in the bearing frame, its peak since the last record, the
+# square of that peak's magnitude, and the part of the force that is the film's.
+_FORCE_SIZE = 10
 
 # A joint's pose: journal's centre, orientation, velocity and angular velocity in the bearing frame.
 # Then the world frames of bearing and journal, rotation row by row and translation each.
@@ -117,6 +130,7 @@ POWERS = (
     "friction_dissipation",
     "joint_friction",
     "gear_dissipation",
+    "film_dissipation",
 )
 _NP = len(POWERS)
 
@@ -291,9 +305,9 @@ def _bristles(table, b, memory, m, elapsed, commit, nx, ny, nz, ux, uy, uz, spee
     (nx, ny, nz) is the contact's normal, (ux, uy, uz) the sliding velocity. The bristles bend from
     where the last step left them, for `elapsed` seconds at constant velocity.
     """
-    out = _open(table, _BRISTLE_NUMBERS, BRISTLE_NUMBERS)
+    out = _open(table, _LAW_NUMBERS, BRISTLE_NUMBERS)
     rubbing = pointer(table[b + _NUMBERS] + 8 * _P_FRICTION)
-    numbers = pointer(table[_BRISTLE_NUMBERS])
+    numbers = pointer(table[_LAW_NUMBERS])
     call_bristle(table[b + _FRICTION_LAW], speed, normal, memory[m + _DWELL], rubbing, numbers)
     share, rate, stiffness, damping = out[0], out[1], out[2], out[3]
     x, y, z = memory[m + _BEND_X], memory[m + _BEND_Y], memory[m + _BEND_Z]
@@ -315,6 +329,82 @@ def _bristles(table, b, memory, m, elapsed, commit, nx, ny, nz, ux, uy, uz, spee
         memory[m + _BEND_X], memory[m + _BEND_Y], memory[m + _BEND_Z] = x, y, z
         memory[m + _DWELL] = out[6] + (memory[m + _DWELL] - out[6]) * math.exp(-out[7] * elapsed)
     return fx, fy, fz, math.isfinite(fx + fy + fz)
+
+
+@_internal
+def _film(table, b, power, commit, cx, cy, ax, ay, az, ux, uy, wx, wy, wz):
+    """Force (2) and moment (3) of the film on the journal about its centre, and if it is finite.
+
+    (cx, cy) is the journal's centre and (ux, uy) its velocity across the bearing's axis, (ax, ay,
+    az) the journal's axis, (wx, wy, wz) its angular velocity, all in the bearing frame.
+
+    Where dt C/m is not small the film is stiffer than a step can follow. The force is then a mean
+    of what the law says and of the force of the last step, weighted so that a mass m stays stable;
+    a steady force is exact (docs/theory.md).
+    """
+    film = _open(table, b + _FILM, _FILM_SIZE)
+    law = pointer(table[b + _FILM] + 8 * _P_FILM)
+    out = _open(table, _LAW_NUMBERS, FILM_NUMBERS)
+    numbers = pointer(table[_LAW_NUMBERS])
+    lag = _open(table, _CLOCK, _CLOCK_SIZE)[_DT] / film[_LAG_MASS]
+    clearance = film[_CLEARANCE]
+    sections = int(film[_SECTIONS])
+    memory = _open(table, b + _FILM_MEMORY, 2 * _SECTION_SIZE)
+    fx = fy = mx = my = mz = 0.0
+    for section in range(sections):
+        m = section * _SECTION_SIZE
+        height = film[_SECTION] * (1.0 - 2.0 * section)
+        px, py = cx + height * ax, cy + height * ay
+        # The section's own velocity: w x (height a) is added to the centre's.
+        vx = ux + height * (wy * az - wz * ay)
+        vy = uy + height * (wz * ax - wx * az)
+        e = math.sqrt(px * px + py * py)
+        ex, ey = (px / e, py / e) if e > 0.0 else (1.0, 0.0)
+        part = 1.0 / sections
+        if e > clearance:
+            part *= max(1.0 - (e - clearance) / film[_TRANSITION], 0.0)
+        hx = hy = turn = 0.0
+        if part > 0.0:
+            ratio = min(e / clearance, film[_THINNEST])
+            rate, whirl = ex * vx + ey * vy, ex * vy - ey * vx
+            call_film(
+                table[b + _FILM_LAW], ratio, rate / clearance, whirl / clearance, wz, law, numbers
+            )
+            stiff = part * out[3] * lag
+            ahead = stiff / (1.0 + stiff)
+            if memory[m + _FILM_KNOWN] > 0.0 and ahead > 0.0:
+                sx = vx + ahead * (vx - memory[m + _FILM_U])
+                sy = vy + ahead * (vy - memory[m + _FILM_V])
+                rate, whirl = ex * sx + ey * sy, ex * sy - ey * sx
+                call_film(
+                    table[b + _FILM_LAW],
+                    ratio,
+                    rate / clearance,
+                    whirl / clearance,
+                    wz,
+                    law,
+                    numbers,
+                )
+                stiff = part * out[3] * lag
+                ahead = stiff / (1.0 + stiff)
+            else:
+                ahead = 0.0
+            along, across = part * out[0], part * out[1]
+            turn = part * out[2]
+            hx = (1.0 - ahead) * (ex * along - ey * across) + ahead * memory[m + _FILM_X]
+            hy = (1.0 - ahead) * (ey * along + ex * across) + ahead * memory[m + _FILM_Y]
+        power[5] -= hx * vx + hy * vy + turn * wz
+        fx += hx
+        fy += hy
+        # height a x h
+        mx -= height * az * hy
+        my += height * az * hx
+        mz += turn + height * (ax * hy - ay * hx)
+        if commit:
+            memory[m + _FILM_X], memory[m + _FILM_Y] = hx, hy
+            memory[m + _FILM_U], memory[m + _FILM_V] = vx, vy
+            memory[m + _FILM_KNOWN] = 1.0
+    return fx, fy, mx, my, mz, math.isfinite(fx + fy + mz)
 
 
 @_internal
@@ -352,6 +442,15 @@ def _contact(table, j, q, v, tau, power, commit, elapsed):
     touching = False
     fx = fy = fz = 0.0
     mx = my = mz = 0.0
+    if table[b + _FILM_LAW] != 0:
+        fx, fy, mx, my, mz, finite = _film(
+            table, b, power, commit, cx, cy, ax, ay, az, ux, uy, wx, wy, wz
+        )
+        touching = True
+        if not finite:
+            _fail(table, 4, table[_WIDTH] * j)
+        if commit:
+            force[7], force[8], force[9] = fx, fy, fz
     for k in range(count):
         # Contact point relative to the journal's centre.
         if shape == _CYLINDER:
@@ -373,6 +472,9 @@ def _contact(table, j, q, v, tau, power, commit, elapsed):
             continue
         if gap < numbers[_LIMIT]:
             _fail(table, 3, table[_WIDTH] * j + k)
+            continue
+        if k < table[b + _MUST_NOT_TOUCH]:
+            _fail(table, 5, table[_WIDTH] * j + k)
             continue
 
         # Velocity of the contact point relative to the bearing.
@@ -633,13 +735,14 @@ def _record(table):
         row[at + i] = power[i]
     at += _NP
     width = table[_WIDTH]
-    contacts = at + 6 * nj
+    contacts = at + 9 * nj
     for j in range(nj):
         b = _BLOCKS + j * _BLOCK_SIZE
         force = _open(table, b + _FORCE, _FORCE_SIZE)
         for i in range(3):
             row[at + 3 * j + i] = force[i]
             row[at + 3 * nj + 3 * j + i] = force[3 + i]
+            row[at + 6 * nj + 3 * j + i] = force[7 + i]
         force[6] = 0.0
         for i in range(3):
             force[3 + i] = 0.0

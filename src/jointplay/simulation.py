@@ -36,7 +36,7 @@ from jointplay.mechanism import Mechanism
 from jointplay.motion import Motion
 from jointplay.payload import Payload, velocity_after_pick
 from jointplay.result import Result
-from jointplay.workspace import ContactSite, Workspace
+from jointplay.workspace import ContactSite, Workspace, film_numbers
 
 MIN_CONTACT_STEPS = 4.0
 """Fewer steps in an impact than this and the step is refused.
@@ -53,6 +53,9 @@ displacements are often forgotten: a journal wedged by the first stroke starts a
 
 NO_MASS = 1e-9
 """Part of the mechanism's mass below which what a contact meets counts as no mass."""
+
+FILM_LAG = 0.5
+"""Part of the effective mass that a film's lag reckons with: it may fall on the way."""
 
 LOOP_CORRECTION = 0.1
 """Frequency of Baumgarte's stabilisation of ideal loops, times the step."""
@@ -186,7 +189,7 @@ class Run:
         self.workspace = Workspace(
             self.data.ddq,
             self.data.J.reshape(6, -1),
-            [self._site(name) for name in mechanism.clearance],
+            [self._site(name, q) for name in mechanism.clearance],
             tables.rows,
             tables.frictions,
             tables.gears,
@@ -268,7 +271,7 @@ class Run:
                         q[self.mechanism.coordinates.index(f"{name}.{part}")] += shift
         return assemble(self.mechanism, q, held, offsets) if offsets else q
 
-    def _site(self, name: str) -> ContactSite:
+    def _site(self, name: str, q: np.ndarray) -> ContactSite:
         """What the kernels must know of the joint with clearance `name`."""
         mechanism, joint = self.mechanism, self.mechanism.clearance[name]
         parameters = [
@@ -296,6 +299,21 @@ class Run:
                     ]
                 ),
                 "signs": mechanism.signs(name),
+            }
+        if joint.film is not None:
+            law, properties = joint.film
+            reach |= {
+                "film": address(law),
+                "film_numbers": film_numbers(
+                    properties.contacts,
+                    law.section * properties.length if properties.tilts else 0.0,
+                    properties.clearance,
+                    law.thickest(properties.clearance),
+                    law.transition,
+                    FILM_LAG * effective_mass(mechanism, name, q),
+                    check_parameters(law.parameters(properties), law.name),
+                ),
+                "must_not_touch": 0 if law.hybrid else properties.contacts,
             }
         return ContactSite(
             int(joint.shape),
@@ -516,9 +534,13 @@ class Run:
             if status == Status.BROKE_OUT:
                 what = f"the journal of {name!r} broke out of its bearing ({place})"
                 remedy = "reduce the step or check stiffness and loads"
+            elif status == Status.FILM_BROKE:
+                what = f"the journal of {name!r} touched its bore through the film ({place})"
+                remedy = "let the film be hybrid, or take a more viscous oil"
             else:
+                laws = [law.normal, law.friction] + ([law.film[0]] if law.film else [])
                 what = (
-                    f"law {law.normal.name!r} or {law.friction.name!r} of {name!r} "
+                    f"law {' or '.join(repr(one.name) for one in laws)} of {name!r} "
                     f"returned a non-finite value ({place})"
                 )
                 remedy = "correct the law"

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from jointplay import kernel as k
-from jointplay.contact.law import BRISTLE_NUMBERS, MAX_PARAMETERS
+from jointplay.contact.law import BRISTLE_NUMBERS, FILM_NUMBERS, MAX_PARAMETERS
 from jointplay.kernel import Status
 
 
@@ -33,6 +33,9 @@ class ContactSite:
             bearing and journal.
         placements: of the bearing in its joint's frame and of the journal in its, rotation row by
             row and translation each, shape (24,).
+        film: address of the film law, or 0 for a dry joint; then are needed
+        film_numbers: see `film_numbers`.
+        must_not_touch: this many contacts, from the first, end the run when they touch.
         signs: +1 for coordinates that move the journal only, -1 for those that move the bearing
             only, 0 for all others, shape (nv,).
     """
@@ -49,6 +52,9 @@ class ContactSite:
     frames: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray] | None = None
     placements: np.ndarray | None = None
     signs: np.ndarray | None = None
+    film: int = 0
+    film_numbers: np.ndarray | None = None
+    must_not_touch: int = 0
 
 
 class Workspace:
@@ -99,7 +105,7 @@ class Workspace:
         self.power = np.zeros(3 * k._NP)  # works, powers at the start of the step, powers now
         self.clock = np.zeros(k._CLOCK_SIZE)
         self.clock[k._DT], self.clock[k._NODE] = dt, node
-        self.bristles = np.zeros(BRISTLE_NUMBERS)
+        self.law_numbers = np.zeros(max(BRISTLE_NUMBERS, FILM_NUMBERS))
         self.scratch = np.zeros(4 * nv + k._NP)
         self.coordinates = np.ascontiguousarray(coordinates, float)
         self.frictions = np.ascontiguousarray(frictions, float).reshape(-1, k._FRICTION_SIZE)
@@ -122,7 +128,7 @@ class Workspace:
             (k._RECORD, self.record),
             (k._POWER, self.power),
             (k._CLOCK, self.clock),
-            (k._BRISTLE_NUMBERS, self.bristles),
+            (k._LAW_NUMBERS, self.law_numbers),
         ):
             table[entry] = array.ctypes.data
         table[k._NV], table[k._NJ], table[k._NU] = nv, nj, reference.shape[1] // 3
@@ -153,6 +159,11 @@ class Workspace:
             k._FORCE: self.forces[j],
             k._POSE: pose,
         }
+        if site.film_numbers is not None:
+            arrays |= {
+                k._FILM: site.film_numbers,
+                k._FILM_MEMORY: np.zeros(2 * k._SECTION_SIZE),
+            }
         if site.first is None:
             assert site.frames is not None
             assert site.placements is not None
@@ -165,6 +176,7 @@ class Workspace:
             }
         block[k._NORMAL_LAW], block[k._FRICTION_LAW] = site.normal, site.friction
         block[k._BRISTLES] = int(site.bristles)
+        block[k._FILM_LAW], block[k._MUST_NOT_TOUCH] = site.film, site.must_not_touch
         block[k._SHAPE], block[k._COUNT] = site.shape, len(site.parameters)
         block[k._FIRST] = k._NO_VIRTUAL_LINK if site.first is None else site.first
         for entry, array in arrays.items():
@@ -230,6 +242,7 @@ def _layout(nv: int, nj: int, width: int) -> tuple[dict[str, slice], int]:
         "work": k._NP,
         "force": 3 * nj,
         "force_peak": 3 * nj,
+        "film_force": 3 * nj,
         "normal": width * nj,
         "tangential": width * nj,
         "normal_peak": width * nj,
@@ -282,3 +295,29 @@ def gear_row(
 ) -> np.ndarray:
     """Row of `Workspace.gears`: coordinates, half the play [rad], stiffness and damping."""
     return np.array([motor, link, half_play, stiffness, damping])
+
+
+def film_numbers(
+    sections: int,
+    section: float,
+    clearance: float,
+    thinnest: float,
+    transition: float,
+    lag_mass: float,
+    parameters: tuple[float, ...],
+) -> np.ndarray:
+    """Array `ContactSite.film_numbers`.
+
+    Args:
+        sections: 1, or 2 for a journal that can tilt.
+        section: their distance from the journal's centre [m].
+        clearance: c [m].
+        thinnest: eccentricity ratio at which the film is thinnest.
+        transition: depth at which nothing of it is left [m].
+        lag_mass: no more than the smallest mass that the film meets [kg].
+        parameters: of the film law.
+    """
+    numbers = np.zeros(k._FILM_SIZE)
+    numbers[: k._P_FILM] = sections, section, clearance, thinnest, transition, lag_mass
+    numbers[k._P_FILM : k._P_FILM + len(parameters)] = parameters
+    return numbers

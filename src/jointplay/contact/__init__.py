@@ -8,6 +8,7 @@ from typing import Any
 from jointplay.contact.ambrosio import Ambrosio
 from jointplay.contact.bristle import BristleLaw, CustomBristle
 from jointplay.contact.dahl import Dahl
+from jointplay.contact.film import CustomFilm, FilmLaw, FilmProperties
 from jointplay.contact.gonthier_friction import GonthierFriction
 from jointplay.contact.hertz import Hertz
 from jointplay.contact.hunt_crossley import HuntCrossley
@@ -22,6 +23,8 @@ from jointplay.contact.law import (
 )
 from jointplay.contact.linear_spring import LinearSpring
 from jointplay.contact.lugre import LuGre
+from jointplay.contact.pinkus_sternlicht import PinkusSternlicht
+from jointplay.contact.short_bearing import ShortBearing
 from jointplay.errors import JointplayError, MissingName
 
 NORMAL_LAWS: dict[str, type[NormalForceLaw]] = {
@@ -30,6 +33,8 @@ NORMAL_LAWS: dict[str, type[NormalForceLaw]] = {
 FRICTION_LAWS: dict[str, type[FrictionLaw]] = {
     law.name: law for law in (Ambrosio, Dahl, LuGre, GonthierFriction)
 }
+
+FILM_LAWS: dict[str, type[FilmLaw]] = {law.name: law for law in (ShortBearing, PinkusSternlicht)}
 
 
 def normal_law(description: dict[str, Any]) -> NormalForceLaw:
@@ -60,6 +65,18 @@ def friction_law(description: dict[str, Any]) -> FrictionLaw:
     return FRICTION_LAWS[name](**fields)
 
 
+def film_law(description: dict[str, Any]) -> FilmLaw:
+    """Build the film law that `FilmLaw.describe` described; see `normal_law`."""
+    fields = dict(description)
+    name = fields.pop("law")
+    if name == CustomFilm.name:
+        function, parameters = fields.pop("function"), fields.pop("parameters")
+        return CustomFilm(_imported(function), tuple(parameters), **fields)
+    if name not in FILM_LAWS:
+        raise MissingName("film law", name, FILM_LAWS)
+    return FILM_LAWS[name](**fields)
+
+
 def _imported(path: str) -> Any:
     module, _, name = path.partition(":")
     try:
@@ -69,15 +86,19 @@ def _imported(path: str) -> Any:
 
 
 __all__ = [
+    "FILM_LAWS",
     "FRICTION_LAWS",
     "NORMAL_LAWS",
     "Ambrosio",
     "BristleLaw",
     "ContactProperties",
     "CustomBristle",
+    "CustomFilm",
     "CustomFriction",
     "CustomNormalForce",
     "Dahl",
+    "FilmLaw",
+    "FilmProperties",
     "FrictionLaw",
     "GonthierFriction",
     "Hertz",
@@ -87,6 +108,9 @@ __all__ = [
     "LinearSpring",
     "LuGre",
     "NormalForceLaw",
+    "PinkusSternlicht",
+    "ShortBearing",
+    "film_law",
     "friction_law",
     "normal_law",
 ]

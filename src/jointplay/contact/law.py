@@ -36,10 +36,14 @@ MAX_PARAMETERS = 8
 BRISTLE_NUMBERS = 8
 """What a friction law with bristles tells; see `bristle.BristleLaw`."""
 
+FILM_NUMBERS = 4
+"""What a film law tells; see `film`."""
+
 _PARAMETERS = types.CPointer(types.float64)
 _NORMAL = types.float64(types.float64, types.float64, types.float64, _PARAMETERS)
 _FRICTION = types.float64(types.float64, _PARAMETERS)
 _BRISTLE = types.void(types.float64, types.float64, types.float64, _PARAMETERS, _PARAMETERS)
+_FILM = types.void(*(types.float64,) * 4, _PARAMETERS, _PARAMETERS)
 _DOUBLE = ir.DoubleType()
 
 
@@ -183,7 +187,7 @@ def check_parameters(values: tuple[float, ...], law: str) -> tuple[float, ...]:
     return values
 
 
-def address(law: NormalForceLaw | FrictionLaw) -> int:
+def address(law: Law) -> int:
     """Machine address of the law's compiled function.
 
     Raises:
@@ -192,7 +196,7 @@ def address(law: NormalForceLaw | FrictionLaw) -> int:
     return int(compiled_law(law).address)
 
 
-def compiled_law(law: NormalForceLaw | FrictionLaw) -> Any:
+def compiled_law(law: Law) -> Any:
     """Compiled function of the law: its `address`, and `ctypes` to call it from Python.
 
     Raises:
@@ -200,7 +204,9 @@ def compiled_law(law: NormalForceLaw | FrictionLaw) -> Any:
     """
     if isinstance(law, NormalForceLaw):
         return _compiled(law.function, _NORMAL)
-    return _compiled(law.function, _BRISTLE if law.bristles else _FRICTION)
+    if isinstance(law, FrictionLaw):
+        return _compiled(law.function, _BRISTLE if law.bristles else _FRICTION)
+    return _compiled(law.function, _FILM)
 
 
 @cache
@@ -268,6 +274,22 @@ def call_bristle(
     return types.none(*arguments), codegen
 
 
+@intrinsic
+def call_film(
+    typingctx: Any, at: Any, eccentricity: Any, rate: Any, whirl: Any, spin: Any, p: Any, out: Any
+) -> Any:
+    """Call the film law at address `at` (compiled code only)."""
+
+    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        array = ir.PointerType(_DOUBLE)
+        kind = ir.FunctionType(ir.VoidType(), [_DOUBLE] * 4 + [array] * 2)
+        builder.call(builder.inttoptr(args[0], kind.as_pointer()), args[1:])
+        return context.get_dummy_value()
+
+    arguments = (types.int64, *(types.float64,) * 4, _PARAMETERS, _PARAMETERS)
+    return types.none(*arguments), codegen
+
+
 __all__ = [
     "ContactProperties",
     "CustomFriction",
@@ -276,6 +298,7 @@ __all__ = [
     "NormalForceLaw",
     "address",
     "call_bristle",
+    "call_film",
     "call_friction",
     "call_normal",
     "compiled_law",

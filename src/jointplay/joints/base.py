@@ -12,17 +12,23 @@ import numpy as np
 from jointplay.contact import (
     Ambrosio,
     ContactProperties,
+    FilmLaw,
+    FilmProperties,
     FrictionLaw,
     LankaraniNikravesh,
     NormalForceLaw,
+    film_law,
     friction_law,
     normal_law,
 )
+from jointplay.contact.law import Law
 from jointplay.errors import JointplayError, require_finite, require_positive
 from jointplay.geometry import Shape
 
 VIRTUAL_LINK = ("x", "y", "z", "yaw", "pitch", "roll")
 """The six coordinates of a clearance joint, in their order in q."""
+
+_BUILDERS = {"normal": normal_law, "friction": friction_law, "lubricant": film_law}
 
 
 @dataclass(frozen=True)
@@ -151,6 +157,11 @@ class Clearance(ABC):
         """
 
     @property
+    def film(self) -> tuple[FilmLaw, FilmProperties] | None:
+        """Film law and what it needs to know of the joint; None for a dry one."""
+        return None
+
+    @property
     def combined_compliance(self) -> float:
         """sigma_i + sigma_j of eq. 11 [1/Pa]."""
         return self.bearing_material.compliance + self.journal_material.compliance
@@ -162,10 +173,11 @@ class Clearance(ABC):
     def describe(self) -> dict[str, Any]:
         """All fields as plain data, for result files; `from_description` reads it back."""
         described = {field.name: getattr(self, field.name) for field in fields(self)}
-        for key in ("bearing_material", "journal_material"):
-            described[key] = asdict(described[key])
-        for key in ("normal", "friction"):
-            described[key] = described[key].describe()
+        for key, value in described.items():
+            if isinstance(value, Material):
+                described[key] = asdict(value)
+            elif isinstance(value, Law):
+                described[key] = value.describe()
         return {"kind": self.kind, **described}
 
     @classmethod
@@ -174,8 +186,9 @@ class Clearance(ABC):
         given = {name: value for name, value in description.items() if name != "kind"}
         for key in ("bearing_material", "journal_material"):
             given[key] = Material(**given[key])
-        given["normal"] = normal_law(given["normal"])
-        given["friction"] = friction_law(given["friction"])
+        for key, build in _BUILDERS.items():
+            if given.get(key) is not None:
+                given[key] = build(given[key])
         return cls(**given)
 
 

@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from jointplay.contact import ContactProperties
+from jointplay.contact import ContactProperties, FilmLaw, FilmProperties
 from jointplay.errors import JointplayError, require_positive
 from jointplay.geometry import Shape
 from jointplay.joints.base import VIRTUAL_LINK, Clearance, complete
@@ -57,6 +57,8 @@ class ClearanceJoint(Clearance):
     """The journal does not move along the bearing's axis, and touches no end wall."""
     open_ends: bool = False
     """No end walls."""
+    lubricant: FilmLaw | None = None
+    """Oil between journal and bore; None for a dry joint. End walls stay dry."""
 
     def __post_init__(self) -> None:
         """Derive what is missing and refuse what cannot be."""
@@ -94,6 +96,13 @@ class ClearanceJoint(Clearance):
         self._set("axial_clearance", "journal_length", lengths)
         if self.axial_stiffness is not None:
             require_positive("axial stiffness", self.axial_stiffness, "N/m^1.5")
+        if self.lubricant is not None:
+            if not isinstance(self.lubricant, FilmLaw):
+                raise JointplayError(
+                    "lubricant must be a FilmLaw such as jointplay.contact offers, "
+                    f"got {self.lubricant!r}"
+                )
+            self.lubricant.thickest(self.cr)
         # A much shorter journal can tilt so far that one rim touches both sides of the bore at
         # once, and its single deepest point would jump (docs/theory.md).
         shortest = 2.0 * math.sqrt(self.rj * self.cr)
@@ -176,6 +185,14 @@ class ClearanceJoint(Clearance):
         """Those of the radial or of the axial contacts."""
         radial = self.contacts[contact].startswith("radial")
         return self.radial_contact if radial else self.axial_contact
+
+    @property
+    def film(self) -> tuple[FilmLaw, FilmProperties] | None:
+        """The lubricant in the radial clearance, along the whole journal."""
+        if self.lubricant is None:
+            return None
+        rims = 1 if self.lock_tilt else 2
+        return self.lubricant, FilmProperties(self.cr, self.rj, self.lj, rims)
 
     @property
     def shape(self) -> Shape:

@@ -1,0 +1,161 @@
+"""Film laws against Reynolds' equation integrated here, and the published limits."""
+
+import ctypes
+import math
+import pickle
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import jointplay as jp
+from jointplay.contact import (
+    CustomFilm,
+    FilmProperties,
+    PinkusSternlicht,
+    ShortBearing,
+    film_law,
+)
+from jointplay.contact.law import compiled_law
+
+OIL = 0.03
+FILM = FilmProperties(clearance=1e-4, radius=10e-3, length=8e-3, contacts=1)
+eccentricities = st.floats(1e-3, 0.97)
+rates = st.floats(-100.0, 100.0).filter(lambda x: x == 0.0 or abs(x) > 1e-3)
+
+
+def evaluate(law, eccentricity, rate=0.0, whirl=0.0, spin=0.0, film=FILM):
+    """F_r [N], F_t [N], moment [N m] and damping [N s/m]."""
+    p = (ctypes.c_double * 8)(*law.parameters(film))
+    out = (ctypes.c_double * 4)()
+    compiled_law(law).ctypes(eccentricity, rate, whirl, spin, p, out)
+    return np.array(out)
+
+
+def reynolds(eccentricity, rate, whirl, spin, cavitation, film=FILM):
+    """F_r and F_t of the short bearing's pressure, by quadrature over the bore [N]."""
+    c, radius, length, _ = film
+    a = np.linspace(0.0, 2.0 * np.pi, 40001)
+    thickness = c * (1.0 - eccentricity * np.cos(a))
+    growth = c * (spin / 2 * eccentricity - whirl) * np.sin(a) - c * rate * np.cos(a)
+    # d/dz(h^3/(12 mu) dp/dz) = growth, p = 0 at both ends; integrated over z.
+    pressure = -OIL * length**3 / thickness**3 * growth
+    if cavitation == "gumbel":
+        pressure = np.maximum(pressure, 0.0)
+    return [-radius * np.trapezoid(pressure * way(a), a) for way in (np.cos, np.sin)]
+
+
+@pytest.mark.parametrize("cavitation", ["gumbel", "sommerfeld"])
+@given(e=eccentricities, rate=rates, whirl=rates, spin=rates)
+def test_short_bearing_is_the_integral_of_its_pressure(cavitation, e, rate, whirl, spin):
+    found = evaluate(ShortBearing(OIL, cavitation=cavitation), e, rate, whirl, spin)[:2]
+    expected = reynolds(e, rate, whirl, spin, cavitation)
+    assert found == pytest.approx(expected, rel=1e-5, abs=1e-6 * np.abs(expected).max() + 1e-12)
+
+
+@pytest.mark.parametrize("law", [ShortBearing(OIL), PinkusSternlicht(OIL)], ids=lambda x: x.name)
+@given(e=eccentricities, rate=rates, whirl=rates, spin=rates)
+def test_damping_bounds_the_slope_of_the_force(law, e, rate, whirl, spin):
+    step = 1e-4
+    steepest = 0.0
+    for dr, dw in ((step, 0.0), (0.0, step), (step, step), (step, -step)):
+        ahead = evaluate(law, e, rate + dr, whirl + dw, spin)[:2]
+        behind = evaluate(law, e, rate - dr, whirl - dw, spin)[:2]
+        speed = 2.0 * math.hypot(dr, dw) * FILM.clearance
+        steepest = max(steepest, np.linalg.norm(ahead - behind) / speed)
+    assert steepest <= 1.05 * evaluate(law, e, rate, whirl, spin)[3]
+
+
+@given(e=eccentricities)
+def test_turning_steadily_is_ocvirk(e):
+    along, across, moment, _ = evaluate(ShortBearing(OIL), e, spin=50.0)
+    c, radius, length, _ = FILM
+    load = OIL * 50.0 * radius * length**3 * e / (4 * c * c) / (1 - e * e) ** 2
+    load *= math.sqrt(16 * e * e + math.pi**2 * (1 - e * e))
+    assert math.hypot(along, across) == pytest.approx(load, rel=1e-9)
+    assert across / -along == pytest.approx(math.pi * math.sqrt(1 - e * e) / (4 * e), rel=1e-9)
+    # Petroff's moment, and half the couple of journal against bearing.
+    petroff = 2 * math.pi * OIL * 50.0 * length * radius**3 / c
+    expected = -petroff / math.sqrt(1 - e * e) - e * c * across / 2
+    assert moment == pytest.approx(expected, rel=1e-9)
+
+
+@given(e=eccentricities)
+def test_long_bearing_turning_steadily_is_half_sommerfeld(e):
+    """Its pressure 6 mu w (R/c)^2 e sin(2 + e cos)/((2 + e^2)(1 + e cos)^2), where positive."""
+    a = np.linspace(0.0, np.pi, 40001)  # from the thickest film to the thinnest
+    pressure = e * np.sin(a) * (2 + e * np.cos(a))
+    pressure = pressure / ((2 + e * e) * (1 + e * np.cos(a)) ** 2)
+    c, radius, length, _ = FILM
+    size = 6 * OIL * 50.0 * (radius / c) ** 2 * radius * length
+    expected = [size * np.trapezoid(pressure * way(a), a) for way in (np.cos, np.sin)]
+    found = evaluate(PinkusSternlicht(OIL), e, spin=50.0)[:2]
+    assert found == pytest.approx(expected, rel=1e-6)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_long_bearing_squeezed_between_its_limits(sign):
+    """Half of the film, 6 pi, where centred; all of it, 12 pi, where it nearly touches."""
+    c, radius, length, _ = FILM
+    size = OIL * length * radius**3 / c**2 * 10.0
+    law = PinkusSternlicht(OIL)
+    assert evaluate(law, 1e-5, sign * 10.0)[0] == pytest.approx(-sign * 6 * math.pi * size, 1e-3)
+    near = 1 - 1e-7
+    full = 12 * math.pi * size / (1 - near**2) ** 1.5
+    if sign > 0:
+        assert evaluate(law, near, 10.0)[0] == pytest.approx(-full, rel=2e-3)
+    else:
+        assert 0.0 < evaluate(law, near, -10.0)[0] < 1e-3 * full
+
+
+@given(e=eccentricities, rate=rates, whirl=rates, spin=rates)
+def test_a_film_takes_energy(e, rate, whirl, spin):
+    """Its power on journal and bearing together is never positive; with both conditions."""
+    for law in (ShortBearing(OIL), ShortBearing(OIL, cavitation="sommerfeld")):
+        along, across, moment, _ = evaluate(law, e, rate, whirl, spin)
+        given_ = FILM.clearance * (along * rate + across * whirl) + moment * spin
+        assert given_ <= 1e-9 * abs(moment * spin) + 1e-15
+
+
+def _bend(eccentricity, rate, whirl, spin, p, out):
+    out[0] = -p[4] * eccentricity - p[5] * rate
+    out[1] = -p[5] * whirl
+    out[2] = 0.0
+    out[3] = p[5] / p[0]
+
+
+def test_laws_are_described_and_built_again():
+    custom = CustomFilm(_bend, (3.0, 0.2), viscosity=0.1)
+    for law in (
+        ShortBearing(0.02, hybrid=False, cavitation="sommerfeld"),
+        PinkusSternlicht(0.02, least_thickness=2e-6),
+        custom,
+    ):
+        again = film_law(law.describe())
+        assert again.describe() == law.describe()
+        assert again.parameters(FILM) == law.parameters(FILM)
+        assert pickle.loads(pickle.dumps(law)).describe() == law.describe()
+    assert evaluate(custom, 0.5, rate=2.0)[0] == pytest.approx(-1.5 - 0.4)
+
+
+@pytest.mark.parametrize(
+    ("make", "text"),
+    [
+        (lambda: ShortBearing(0.0), "viscosity"),
+        (lambda: ShortBearing(0.1, cavitation="reynolds"), "gumbel, sommerfeld"),
+        (lambda: PinkusSternlicht(0.1, transition=-1.0), "transition"),
+        (lambda: CustomFilm(lambda e, p: None), "must take"),
+        (lambda: CustomFilm(_bend, (1.0,) * 5), "at most"),
+        (lambda: film_law({"law": "grease"}), "pinkus-sternlicht"),
+        (
+            lambda: jp.ClearanceJoint.planar(radial_clearance=1e-6, lubricant=ShortBearing(0.1)),
+            "least film thickness",
+        ),
+        (lambda: jp.ClearanceJoint.planar(radial_clearance=1e-4, lubricant=0.1), "FilmLaw"),
+    ],
+)
+def test_wrong_values_are_named(make, text):
+    with pytest.raises(jp.JointplayError, match=text) as caught:
+        make()
+    assert "\n" not in str(caught.value)
