@@ -16,7 +16,7 @@ from jointplay.drive import JointFriction
 from jointplay.geometry import Form, Mode, classify_many
 from jointplay.impact import elastic_energy
 from jointplay.joints import VIRTUAL_LINK
-from jointplay.kernel import POWERS, Status
+from jointplay.kernel import AZIMUTHS, POWERS, Status
 from jointplay.loops import PROXIMAL, misfit
 from jointplay.mechanism import Mechanism
 from jointplay.result import AXES, FORMAT, Result
@@ -126,6 +126,10 @@ def histories(
         coordinates["moving_joint"] = [*mechanism.joints, *closed]
     if closed:
         coordinates["loop"] = closed
+    if "sliding_work" in variables:
+        azimuths = 2.0 * np.pi * np.arange(AZIMUTHS) / AZIMUTHS
+        text = "around the bore, from the bearing's x axis"
+        coordinates["azimuth"] = ("azimuth", azimuths, {"units": "rad", "long_name": text})
     drift = variables["loop_drift"][1] if closed else np.zeros(0)
     audit = Audit.of(mechanism, simulation, workspace, body["kinetic"], work, residual, drift)
     dataset = xr.Dataset(
@@ -317,6 +321,13 @@ def _contact(
         "mode": (("time", "joint"), mode, "1", "mode of the joint (Table 1)"),
         "form": (("time", "joint"), form, "1", "contact form (Figure 2)"),
     }
+    if any(joint.wears for joint in mechanism.clearance.values()):
+        counted = np.full((nj, len(names), AZIMUTHS), np.nan)
+        for j, joint in enumerate(mechanism.clearance.values()):
+            for k, work in enumerate(workspace.sliding_work[j]):
+                counted[j, names.index(joint.contacts[k])] = work
+        text = "normal force times sliding distance over the whole run"
+        variables["sliding_work"] = (("joint", "contact", "azimuth"), counted, "N m", text)
     if all(joint.film is None for joint in mechanism.clearance.values()):
         del variables["film_force"]
     return variables, elastic

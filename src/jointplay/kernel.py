@@ -70,8 +70,8 @@ class Status(IntEnum):
 (
     _NORMAL_LAW, _FRICTION_LAW, _BRISTLES, _SHAPE, _COUNT, _FIRST, _BEARING_R, _BEARING_P,
     _JOURNAL_R, _JOURNAL_P, _PLACEMENTS, _SIGNS, _NUMBERS, _PARAMETERS, _MEMORY, _FORCE, _POSE,
-    _FILM_LAW, _FILM, _FILM_MEMORY, _MUST_NOT_TOUCH, _BLOCK_SIZE,
-) = range(22)  # fmt: skip
+    _FILM_LAW, _FILM, _FILM_MEMORY, _MUST_NOT_TOUCH, _WEARING, _SLIDING_WORK, _BLOCK_SIZE,
+) = range(24)  # fmt: skip
 _NO_VIRTUAL_LINK = -1
 """`_FIRST` of a joint whose bearing and journal are reached through their frames."""
 
@@ -118,6 +118,9 @@ _CENTRE, _TURN, _VELOCITY, _OMEGA, _BEARING, _JOURNAL, _POSE_SIZE = 0, 3, 12, 15
     _SHORTEST, _UNDER, _IMPULSE, _IMPULSE_UNDER, _DEEPEST, _BEND_X, _BEND_Y, _BEND_Z, _DWELL,
     _MEMORY_SIZE,
 ) = range(19)  # fmt: skip
+AZIMUTHS = 72
+"""Places around the bore at which sliding work is counted, the first on the bearing's x axis."""
+
 WELL_RESOLVED_STEPS = 10
 """A contact of fewer steps than this is not resolved."""
 
@@ -428,9 +431,10 @@ def _contact(table, j, q, v, tau, power, commit, elapsed):
         cx, cy, cz = q[first], q[first + 1], q[first + 2]
         ux, uy, uz = v[first], v[first + 1], v[first + 2]
         ax, ay, az, wx, wy, wz = _motion_of_virtual_link(q, v, first)
+        if shape != _CYLINDER:
+            pose[_TURN + 2], pose[_TURN + 5], pose[_TURN + 8] = ax, ay, az
         if shape == _BLOCK:
             _turn_of_virtual_link(q, first, pose)
-            pose[_TURN + 2], pose[_TURN + 5], pose[_TURN + 8] = ax, ay, az
     else:
         _pose_of_frames(table, b, v, pose)
         cx, cy, cz = pose[_CENTRE], pose[_CENTRE + 1], pose[_CENTRE + 2]
@@ -551,6 +555,8 @@ def _contact(table, j, q, v, tau, power, commit, elapsed):
             memory[m + _NORMAL] = normal
             memory[m + _TANGENTIAL] = tangential
             memory[m + _NORMAL_PEAK] = max(memory[m + _NORMAL_PEAK], normal)
+            if k < table[b + _WEARING]:
+                _count_sliding(table, b, k, -nx, -ny, impulse * speed)
 
     if touching:
         if first >= 0:
@@ -562,6 +568,18 @@ def _contact(table, j, q, v, tau, power, commit, elapsed):
         square = fx * fx + fy * fy + fz * fz
         if square > force[6]:
             force[3], force[4], force[5], force[6] = fx, fy, fz, square
+
+
+@_internal
+def _count_sliding(table, b, k, x, y, work):
+    """Add normal force times sliding distance to the two azimuths beside the direction (x, y)."""
+    counted = _open(table, b + _SLIDING_WORK, (k + 1) * AZIMUTHS)
+    place = math.atan2(y, x) * (AZIMUTHS / (2.0 * math.pi))
+    whole = math.floor(place)
+    part = place - whole
+    at = int(whole) % AZIMUTHS
+    counted[k * AZIMUTHS + at] += (1.0 - part) * work
+    counted[k * AZIMUTHS + (at + 1) % AZIMUTHS] += part * work
 
 
 @_internal

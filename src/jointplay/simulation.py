@@ -315,6 +315,7 @@ class Run:
                 ),
                 "must_not_touch": 0 if law.hybrid else properties.contacts,
             }
+        reach["wearing"] = len(joint.worn_widths) if joint.wears else 0
         return ContactSite(
             int(joint.shape),
             joint.dimensions,

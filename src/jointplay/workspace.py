@@ -35,6 +35,7 @@ class ContactSite:
             row and translation each, shape (24,).
         film: address of the film law, or 0 for a dry joint; then are needed
         film_numbers: see `film_numbers`.
+        wearing: this many contacts, from the first, count their sliding work.
         must_not_touch: this many contacts, from the first, end the run when they touch.
         signs: +1 for coordinates that move the journal only, -1 for those that move the bearing
             only, 0 for all others, shape (nv,).
@@ -55,6 +56,7 @@ class ContactSite:
     film: int = 0
     film_numbers: np.ndarray | None = None
     must_not_touch: int = 0
+    wearing: int = 0
 
 
 class Workspace:
@@ -111,6 +113,8 @@ class Workspace:
         self.frictions = np.ascontiguousarray(frictions, float).reshape(-1, k._FRICTION_SIZE)
         self.gears = np.ascontiguousarray(gears, float).reshape(-1, k._GEAR_SIZE)
         self.reference = np.ascontiguousarray(reference, float)
+        self.sliding_work: list[np.ndarray] = []
+        """For each joint, normal force x sliding distance by contact and azimuth [N m]."""
         self._kept: list[np.ndarray] = [jacobian]  # what the table points to must live as long
         table = np.zeros(k._BLOCKS + nj * k._BLOCK_SIZE, np.int64)
         for entry, array in (
@@ -159,6 +163,9 @@ class Workspace:
             k._FORCE: self.forces[j],
             k._POSE: pose,
         }
+        block[k._WEARING] = site.wearing
+        self.sliding_work.append(np.zeros((site.wearing, k.AZIMUTHS)))
+        arrays[k._SLIDING_WORK] = self.sliding_work[-1]
         if site.film_numbers is not None:
             arrays |= {
                 k._FILM: site.film_numbers,

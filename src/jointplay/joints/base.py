@@ -162,6 +162,16 @@ class Clearance(ABC):
         return None
 
     @property
+    def wears(self) -> bool:
+        """Whether wear of the bearing is reckoned."""
+        return False
+
+    @property
+    def worn_widths(self) -> tuple[float, ...]:
+        """Length of the bearing that each contact wears, from the first contact on [m]."""
+        return ()
+
+    @property
     def combined_compliance(self) -> float:
         """sigma_i + sigma_j of eq. 11 [1/Pa]."""
         return self.bearing_material.compliance + self.journal_material.compliance

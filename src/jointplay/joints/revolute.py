@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -10,11 +11,14 @@ import numpy as np
 
 from jointplay.contact import ContactProperties, FilmLaw, FilmProperties
 from jointplay.errors import JointplayError, require_positive
-from jointplay.geometry import Shape
+from jointplay.geometry import Shape, worn_bore
 from jointplay.joints.base import VIRTUAL_LINK, Clearance, complete
 
 SAMPLES = 72
 """Azimuths at which contact directions are sampled."""
+
+LEAST_AZIMUTHS = 16
+"""A worn profile must have at least this many azimuths."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,6 +63,13 @@ class ClearanceJoint(Clearance):
     """No end walls."""
     lubricant: FilmLaw | None = None
     """Oil between journal and bore; None for a dry joint. End walls stay dry."""
+    wear_rate: float | None = None
+    """Specific wear rate of the bearing K/H [m^3/(N m)]; None: wear is not reckoned (`wear`)."""
+    worn: Sequence[float] | Sequence[Sequence[float]] | None = None
+    """How deep the bore is worn at equal azimuths from the bearing's x axis [m].
+
+    At least `LEAST_AZIMUTHS` of them; two rows, for ends A and B of the bore, or one for both.
+    """
 
     def __post_init__(self) -> None:
         """Derive what is missing and refuse what cannot be."""
@@ -76,7 +87,8 @@ class ClearanceJoint(Clearance):
                 ("radial", "radius"),
             ),
         )
-        if self.walls or self.axial_clearance is not None:
+        # 0 is what it is derived to where nothing limits the journal and no length is given.
+        if self.walls or self.axial_clearance not in (None, 0.0):
             lengths = complete(
                 self.axial_clearance,
                 self.bearing_length,
@@ -103,6 +115,10 @@ class ClearanceJoint(Clearance):
                     f"got {self.lubricant!r}"
                 )
             self.lubricant.thickest(self.cr)
+        if self.wear_rate is not None:
+            require_positive("wear rate", self.wear_rate, "m^3/(N m)")
+        if self.worn is not None:
+            object.__setattr__(self, "worn", self._profile(self.worn))
         # A much shorter journal can tilt so far that one rim touches both sides of the bore at
         # once, and its single deepest point would jump (docs/theory.md).
         shortest = 2.0 * math.sqrt(self.rj * self.cr)
@@ -115,6 +131,31 @@ class ClearanceJoint(Clearance):
     def _set(self, clearance: str, dimension: str, values: tuple[float, float]) -> None:
         object.__setattr__(self, clearance, values[0])
         object.__setattr__(self, dimension, values[1])
+
+    def _profile(self, worn: object) -> tuple[tuple[float, ...], ...]:
+        """The worn profile, checked: one row if the journal cannot tilt, else two."""
+        rows = 1 if self.lock_tilt else 2
+        try:
+            depths = np.atleast_2d(np.array(worn, float))
+        except (TypeError, ValueError) as error:
+            raise JointplayError(f"the worn profile must be numbers: {error}") from None
+        if depths.ndim != 2 or len(depths) not in (1, rows) or depths.shape[1] < LEAST_AZIMUTHS:
+            raise JointplayError(
+                f"the worn profile has the shape {depths.shape}; it must be (n,)"
+                f"{'' if rows == 1 else ' or (2, n)'} with n >= {LEAST_AZIMUTHS} azimuths"
+            )
+        if not (np.isfinite(depths).all() and depths.min() >= 0.0):
+            raise JointplayError("the worn profile must be finite depths >= 0 [m]")
+        if depths.max() > 0.1 * self.rj:
+            raise JointplayError(
+                f"the worn profile is up to {depths.max():g} m deep; more than a tenth of the "
+                f"journal's radius {self.rj:g} m is not a bearing any more"
+            )
+        if self.lubricant is not None:
+            raise JointplayError(
+                "the films are those of round bores: leave out the lubricant or the worn profile"
+            )
+        return tuple(map(tuple, np.broadcast_to(depths, (rows, depths.shape[1])).tolist()))
 
     @classmethod
     def planar(cls, **fields: object) -> ClearanceJoint:
@@ -191,18 +232,30 @@ class ClearanceJoint(Clearance):
         """The lubricant in the radial clearance, along the whole journal."""
         if self.lubricant is None:
             return None
-        rims = 1 if self.lock_tilt else 2
-        return self.lubricant, FilmProperties(self.cr, self.rj, self.lj, rims)
+        return self.lubricant, FilmProperties(self.cr, self.rj, self.lj, len(self.worn_widths))
+
+    @property
+    def wears(self) -> bool:
+        """Whether a wear rate is given."""
+        return self.wear_rate is not None
+
+    @property
+    def worn_widths(self) -> tuple[float, ...]:
+        """Length of the bore that each radial contact wears: all of it, or half of it [m]."""
+        return (self.lj,) if self.lock_tilt else (self.lj / 2, self.lj / 2)
 
     @property
     def shape(self) -> Shape:
-        """Two rims, or one cylinder if they cannot tilt."""
+        """Two rims, or one cylinder if they cannot tilt; in a round or a worn bore."""
+        if self.worn is not None:
+            return Shape.WORN_ALIGNED_CYLINDER if self.lock_tilt else Shape.WORN_CYLINDER
         return Shape.ALIGNED_CYLINDER if self.lock_tilt else Shape.CYLINDER
 
     @property
     def dimensions(self) -> tuple[float, ...]:
-        """R_i, R_j and the half lengths [m]."""
-        return self.ri, self.rj, self.li / 2, self.lj / 2
+        """R_i, R_j and the half lengths [m]; then the worn profile, if any."""
+        profile = () if self.worn is None else tuple(map(worn_bore, np.array(self.worn)))
+        return self.ri, self.rj, self.li / 2, self.lj / 2, *(x for row in profile for x in row)
 
     @property
     def contacts(self) -> tuple[str, ...]:

@@ -1,0 +1,252 @@
+"""Worn bores, and Archard's law by hand."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from conftest import body, joint
+from hypothesis import given
+from hypothesis import strategies as st
+
+import jointplay as jp
+from jointplay import geometry
+from jointplay.wear import wear_life, worn_depth
+
+RI, RJ, HALF = 10e-3, 9.8e-3, 15e-3
+N = 72
+angles = st.floats(0.0, 2.0 * np.pi)
+
+
+def turned(tilt, towards):
+    """Orientation of a journal whose axis leans by `tilt` towards an azimuth."""
+    c, s = np.cos(towards), np.sin(towards)
+    turn = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1.0]])
+    lean = np.array([[np.cos(tilt), 0, np.sin(tilt)], [0, 1, 0], [-np.sin(tilt), 0, np.cos(tilt)]])
+    return turn @ lean
+
+
+def worn(profile_a, profile_b=None):
+    second = profile_a if profile_b is None else profile_b
+    profiles = (*geometry.worn_bore(profile_a), *geometry.worn_bore(second))
+    return np.array([RI, RJ, HALF + 2e-4, HALF, *profiles])
+
+
+def touched(shape, dimensions, k, centre, turn):
+    return np.array(geometry.touch(int(shape), dimensions, 0, k, *centre, turn.ravel(), 0))
+
+
+@given(reach=st.floats(0.0, 2.2e-4), at=angles, tilt=st.floats(0, 1.5e-2), towards=angles)
+def test_evenly_worn_bore_is_a_wider_one(reach, at, tilt, towards):
+    centre = np.array([reach * np.cos(at), reach * np.sin(at), 3e-5])
+    turn, depth = turned(tilt, towards), 4e-5
+    wide = np.array([RI + depth, RJ, HALF + 2e-4, HALF])
+    for k in range(4):
+        found = touched(geometry.Shape.WORN_CYLINDER, worn(np.full(N, depth)), k, centre, turn)
+        plain = touched(geometry.Shape.CYLINDER, wide, k, centre, turn)
+        assert found[0] == pytest.approx(plain[0], abs=1e-13)
+        if reach > 1e-5 and tilt < 1e-4:  # otherwise several places are equally deep
+            assert found[1:] == pytest.approx(plain[1:], abs=1e-6)
+
+
+def groove(depth, at, width):
+    azimuths = 2 * np.pi * np.arange(N) / N
+    away = np.angle(np.exp(1j * (azimuths - at)))
+    return depth * np.exp(-((away / width) ** 2))
+
+
+@given(
+    reach=st.floats(1e-5, 2.4e-4), at=angles, tilt=st.floats(0, 1e-2), towards=angles,
+    depth=st.floats(0, 1e-4), place=angles,
+)  # fmt: skip
+def test_gap_of_a_worn_bore_is_its_least_over_all_directions(
+    reach, at, tilt, towards, depth, place
+):
+    profile = groove(depth, place, 0.6)
+    centre = np.array([reach * np.cos(at), reach * np.sin(at), 0.0])
+    turn = turned(tilt, towards)
+    found = touched(geometry.Shape.WORN_CYLINDER, worn(profile), 1, centre, turn)
+    rim = centre - HALF * turn[:, 2]
+    # The same spline by another road: linear interpolation of a finely sampled one.
+    fine = np.linspace(0, 2 * np.pi, 7201)
+    cell = fine / (2 * np.pi) * N
+    spline = sum(
+        row * b for row, b in zip(
+            [np.roll(profile, 1 - i)[np.floor(cell).astype(int) % N] for i in range(4)],
+            _basis(cell % 1.0), strict=True,
+        )
+    )  # fmt: skip
+    u = np.stack([np.cos(fine), np.sin(fine), 0 * fine])
+    support = rim @ u + RJ * np.sqrt(1.0 - (turn[:, 2] @ u) ** 2)
+    assert found[0] == pytest.approx((RI + spline - support).min(), abs=2e-9)
+    # The contact point lies on the rim.
+    arm = found[1:4] + HALF * turn[:, 2]
+    assert arm @ turn[:, 2] == pytest.approx(0.0, abs=1e-12)
+    assert np.linalg.norm(arm) == pytest.approx(RJ, rel=1e-12)
+
+
+def _basis(x):
+    y = 1 - x
+    return y**3 / 6, (3 * x**3 - 6 * x**2 + 4) / 6, (3 * y**3 - 6 * y**2 + 4) / 6, x**3 / 6
+
+
+@given(at=angles, tilt=st.floats(0, 1e-2), towards=angles, place=angles, way=angles)
+def test_normal_of_a_worn_bore_is_the_gradient_of_its_gap(at, tilt, towards, place, way):
+    dimensions = worn(groove(3e-5, place, 0.8))
+    turn, step = turned(tilt, towards), 1e-9
+    centre = 1.9e-4 * np.array([np.cos(at), np.sin(at), 0.0])
+    direction = np.array([np.cos(way), np.sin(way), 0.0])
+    shape = geometry.Shape.WORN_CYLINDER
+    ahead, here, behind = (
+        touched(shape, dimensions, 0, centre + s * direction, turn) for s in (step, 0.0, -step)
+    )
+    slope = (ahead[0] - behind[0]) / (2 * step)
+    if np.abs(ahead[4:] - behind[4:]).max() < 1e-3:  # not on a ridge between two places
+        assert slope == pytest.approx(here[4:] @ direction, abs=1e-4)
+
+
+def rubbing(urdf, spin, *, wear_rate=1e-13, gravity=9.81, duration=0.2, mass=2.0, **fields):
+    """A heavy body whose journal turns in one place of its bore, driven steadily."""
+    play = {"radial_clearance": 1e-4, "friction": jp.Ambrosio(0.05)} | fields
+    bearing = jp.ClearanceJoint.planar(**play, wear_rate=wear_rate)
+    path = urdf(body("arm", mass), joint("pin", "base", "arm"))
+    robot = jp.Mechanism(path, {"pin": bearing}, gravity=(0, -gravity, 0))
+    motion = jp.Motion(["pin"], [0, duration], [[0], [duration * spin]], "constant-speed")
+    return jp.Simulation(robot, motion, drive=jp.ComputedTorque(300.0), joint_friction={})
+
+
+def settled(simulation):
+    """The run from a journal that lies at the bottom: from the centre it would swing for good."""
+    run = simulation.prepare()
+    run.workspace.q[1] = -1e-4
+    return run.execute()
+
+
+def test_worn_volume_is_archards_by_hand(urdf):
+    """V = k F s for the constant load m g and the way R_j w t."""
+    simulation = rubbing(urdf, 30.0)
+    result = settled(simulation)
+    bearing = simulation.mechanism.clearance["pin"]
+    depth = worn_depth(result, "pin")
+    area = bearing.ri * 2 * np.pi / depth.shape[1] * bearing.lj
+    way = bearing.rj * 30.0 * 0.2
+    assert depth.sum() * area == pytest.approx(1e-13 * 2.0 * 9.81 * way, rel=0.01)
+    # At the bottom of the bore, ahead by the friction angle against the direction of turning.
+    azimuths = result["azimuth"].values
+    place = np.angle((depth[0] * np.exp(1j * azimuths)).sum())
+    assert place == pytest.approx(-np.pi / 2 - np.arctan(0.05), abs=5e-3)
+    assert not depth[0][np.sin(azimuths) > 0].any()
+    half = settled(rubbing(urdf, 15.0))
+    assert worn_depth(half, "pin").sum() == pytest.approx(depth.sum() / 2, rel=0.02)
+
+
+def test_worn_bore_is_what_the_next_run_meets(urdf):
+    profile = groove(3e-5, -np.pi / 2, 1.0)
+    deep = rubbing(urdf, 0.0, worn=profile, friction=jp.Ambrosio(0.0), duration=0.5)
+    sunk = deep.run()["journal_centre"].values[-1, 0, 1]
+    plain = rubbing(urdf, 0.0, friction=jp.Ambrosio(0.0), duration=0.5)
+    level = plain.run()["journal_centre"].values[-1, 0, 1]
+    assert level - sunk == pytest.approx(profile.max(), rel=0.05)
+
+
+def test_energy_balances_in_a_worn_bore(urdf):
+    profile = groove(2e-5, 0.7, 1.0) + groove(1e-5, 3.0, 0.8)
+    bearing = jp.ClearanceJoint(
+        radial_clearance=1e-4, axial_clearance=1e-4, restitution=1.0, normal=jp.Hertz(),
+        friction=jp.Ambrosio(0.0), worn=profile,
+    )  # fmt: skip
+    path = urdf(body("arm", com="0.03 0.02 0.01"), joint("pin", "base", "arm"))
+    robot = jp.Mechanism(path, {"pin": bearing}, gravity=(0, 0, 0))
+    residuals = []
+    for step in (4e-6, 1e-6):
+        run = jp.Simulation(
+            robot, duration=10e-3, step=step, integrator="rk4", drive={}, joint_friction={}
+        ).prepare()
+        run.workspace.v[:] = 0.25, -0.15, 0.2, 2.0, 3.0, -2.0
+        result = run.execute()
+        assert result.audit.impacts > 4
+        residuals.append(result.audit.energy_residual / result["kinetic_energy"].values[0])
+    assert residuals[1] < 1e-4
+    assert residuals[1] < 0.2 * residuals[0]
+
+
+def test_life_of_a_bearing(urdf):
+    """Under a constant load the deepest place grows in proportion at first, slower as it widens."""
+    growth = 2e-5
+    simulation = rubbing(urdf, 30.0, duration=0.1)
+    life = wear_life(simulation, "pin", growth, blocks=4)
+    assert life.reached
+    assert life.deepest == pytest.approx(growth * np.arange(5) / 4)
+    assert (np.diff(life.cycles) > 0).all()
+    assert np.diff(life.cycles)[-1] > 1.05 * np.diff(life.cycles)[0]
+    bearing = simulation.mechanism.clearance["pin"]
+    area = bearing.ri * 2 * np.pi / life.profiles.shape[2] * bearing.lj
+    volume = 1e-13 * 2.0 * 9.81 * bearing.rj * 3.0 * life.cycles[-1]
+    # The journal falls from the centre and swings, which presses a little more than its weight.
+    assert 0.98 * volume < life.profiles[-1].sum() * area < 1.15 * volume
+    assert "estimate" in str(life)
+    assert f"{life.cycles[-1]:.3g}" in str(life)
+
+
+def test_scatter_of_perturbed_runs_is_reported(urdf):
+    life = wear_life(rubbing(urdf, 30.0, duration=0.05), "pin", 1e-6, blocks=1, runs=3)
+    assert 0.0 <= life.scatter[1] < life.cycles[1]
+    assert "+-" in str(life)
+
+
+def test_interrupted_life_keeps_what_is_known(urdf, monkeypatch):
+    import jointplay.simulation as module
+
+    simulation, calls, original = rubbing(urdf, 30.0, duration=0.05), [], module.Run.execute
+
+    def execute(self, progress=False):
+        calls.append(1)
+        if len(calls) == 3:
+            raise KeyboardInterrupt
+        return original(self, progress)
+
+    monkeypatch.setattr(module.Run, "execute", execute)
+    life = wear_life(simulation, "pin", 1e-6, blocks=5)
+    assert not life.reached
+    assert len(life.cycles) == 3
+    assert "interrupted" in str(life)
+
+
+def test_wear_survives_a_result_file(urdf, tmp_path):
+    profile = groove(1e-5, 1.0, 0.5)
+    result = rubbing(urdf, 30.0, duration=0.02, worn=profile).run()
+    again = jp.Result.load(result.save(tmp_path / "r.nc"))
+    assert worn_depth(again, "pin") == pytest.approx(worn_depth(result, "pin"))
+    assert again.simulation.mechanism.clearance["pin"].worn[0] == pytest.approx(profile)
+
+
+@pytest.mark.parametrize(
+    ("fields", "text"),
+    [
+        ({"worn": [1e-5] * 5}, "azimuths"),
+        ({"worn": [-1e-5] * 20}, "depths >= 0"),
+        ({"worn": [[1e-5] * 20] * 3}, "shape"),
+        ({"worn": "deep"}, "numbers"),
+        ({"worn": [5e-3] * 20}, "tenth"),
+        ({"worn": [1e-5] * 20, "lubricant": jp.ShortBearing(0.1)}, "round bores"),
+        ({"wear_rate": 0.0}, "wear rate"),
+    ],
+)
+def test_wrong_values_are_named(fields, text):
+    with pytest.raises(jp.JointplayError, match=text):
+        jp.ClearanceJoint.planar(radial_clearance=1e-4, **fields)
+
+
+def test_wrong_questions_are_answered(urdf):
+    simulation = rubbing(urdf, 30.0, duration=0.01)
+    for arguments, text in (
+        (("elbow", 1e-5), "pin"),
+        (("pin", -1.0), "growth"),
+        (("pin", float("nan")), "growth"),
+    ):
+        with pytest.raises(jp.JointplayError, match=text):
+            wear_life(simulation, *arguments)
+    with pytest.raises(jp.JointplayError, match="blocks"):
+        wear_life(simulation, "pin", 1e-5, blocks=0)
+    still = dataclasses.replace(rubbing(urdf, 0.0, gravity=0.0, duration=0.01), seed=None)
+    with pytest.raises(jp.JointplayError, match="does not slide"):
+        wear_life(still, "pin", 1e-5)
