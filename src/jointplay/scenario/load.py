@@ -17,7 +17,7 @@ from jointplay.scenario.model import NOT_IN_A_CASE, Model
 from jointplay.scenario.places import Key, dotted, line_of, lines
 from jointplay.scenario.tables import unknown_key
 from jointplay.scenario.units import shown
-from jointplay.simulation import Simulation
+from jointplay.simulation import Run, Simulation
 
 _EXPECTED = {
     "bool_type": "true or false",
@@ -103,11 +103,19 @@ class Scenario:
         except Misplaced as error:
             raise self._error(error.path, str(error), case, True) from None
         except JointplayError as error:
-            raise self.in_case(case, error) from None
+            raise self._in_case(case, error) from None
 
-    def in_case(self, case: str, error: JointplayError) -> JointplayError:
+    def prepare(self, case: str | None = None) -> Run:
+        """A case made ready to step; see `simulation` and `Simulation.prepare`."""
+        simulation = self.simulation(case)
+        try:
+            return simulation.prepare()
+        except JointplayError as error:
+            raise self._in_case(case, error) from None
+
+    def _in_case(self, case: str | None, error: JointplayError) -> JointplayError:
         """An error that has no key, said of this file and case."""
-        words = f", case {shown(case)}" if self._named else ""
+        words = f", case {shown(case)}" if self._named and case else ""
         return JointplayError(f"{self.path}{words}: {error}")
 
     def model(self, case: str, changes: Mapping[str, Any] | None = None) -> Model:

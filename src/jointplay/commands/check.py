@@ -1,0 +1,75 @@
+"""`jointplay check`: whether a scenario can run, and how it was understood."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from jointplay.errors import JointplayError
+
+if TYPE_CHECKING:
+    from jointplay.mechanism import Mechanism
+    from jointplay.scenario import Scenario
+
+MARK = "jointplay check"
+"""In the PNG's metadata: a picture that this command may replace."""
+
+
+def add(commands: Any) -> None:
+    """Add the command's parser."""
+    parser = commands.add_parser(
+        "check",
+        help="check a scenario file without running it",
+        description="Check a scenario file without running it: its keys, values and units, the "
+        "robot, and whether every case can start. Prints how it was understood, and draws the "
+        "mechanism where the first case starts.",
+    )
+    parser.add_argument("file", metavar="FILE", help="scenario (TOML)")
+    group = parser.add_mutually_exclusive_group()
+    group.add_argument(
+        "--picture",
+        metavar="PNG",
+        help="where to draw the mechanism (default: beside FILE, .png instead of .toml)",
+    )
+    group.add_argument("--no-picture", action="store_true", help="do not draw it")
+    parser.set_defaults(execute=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Check, print, draw."""
+    from jointplay.scenario import Scenario
+    from jointplay.scenario.summary import summary
+
+    scenario = Scenario.load(options.file)
+    runs = {case: scenario.prepare(case) for case in scenario.cases}
+    print(summary(scenario, runs))
+    if not options.no_picture:
+        first = next(iter(runs.values()))
+        print(_draw(options, scenario, first.mechanism, first.workspace.q))
+    return 0
+
+
+def _draw(
+    options: argparse.Namespace, scenario: Scenario, mechanism: Mechanism, q: Any
+) -> str:
+    """Draw the mechanism; says where."""
+    import importlib
+
+    path = Path(options.picture or scenario.path.with_suffix(".png"))
+    replaced = False
+    if path.exists():
+        # What an earlier check drew is of no value once the scenario has changed.
+        replaced = options.picture is None and MARK.encode() in path.read_bytes()[:4096]
+        if not replaced:
+            raise JointplayError(
+                f"{str(path)!r} exists; name another picture (--picture PNG, or --no-picture)"
+            )
+    figure = importlib.import_module("jointplay.picture").picture(mechanism, q)
+    try:
+        figure.savefig(path, format="png", metadata={"Software": MARK})
+    except OSError as error:
+        raise JointplayError(
+            f"cannot write {str(path)!r}: {error.strerror or error} (--picture PNG chooses another)"
+        ) from None
+    return f"picture: {path}{' (replaced)' if replaced else ''}"
