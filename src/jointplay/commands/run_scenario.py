@@ -159,8 +159,10 @@ def _side_by_side(
                 done, pending = wait(pending, _LOOK_S, FIRST_COMPLETED)
                 for future in done:
                     future.result()
-                bar.set_postfix_str(f"{len(futures) - len(pending)}/{len(futures)} cases", False)
-                bar.update(min(sum(clocks), total) - bar.n)
+                now = min(sum(clocks), total)
+                ended = f"{len(futures) - len(pending)} of {len(futures)} cases done"
+                bar.set_postfix_str(ended if now else "starting (the first start ever compiles)")
+                bar.update(now - bar.n)
         except BaseException as error:
             interrupted = isinstance(error, KeyboardInterrupt)
             for process in list((pool._processes or {}).values()):

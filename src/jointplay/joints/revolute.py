@@ -76,7 +76,8 @@ class ClearanceJoint(Clearance):
                 ("radial", "radius"),
             ),
         )
-        if self.walls or self.axial_clearance is not None:
+        # Zero is what was derived below when a result's description is read back.
+        if self.walls or self.axial_clearance:
             lengths = complete(
                 self.axial_clearance,
                 self.bearing_length,

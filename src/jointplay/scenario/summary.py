@@ -60,8 +60,7 @@ def _facts(run: Run) -> dict[str, str]:
     for name, drive in assign(mechanism, simulation.motion, simulation.drive).items():
         words = _fields(drive, joint=mechanism.description.joints[name])
         drives.setdefault(f"{drive.kind}{f' ({words})' if words else ''}", []).append(name)
-    for words, names in drives.items():
-        found[f"drive {', '.join(names)}"] = words
+    found["drives"] = "; ".join(f"{', '.join(names)}: {words}" for words, names in drives.items())
     for name, losses in run.friction.items():
         if losses.coulomb or losses.viscous or losses.static:
             found[f"friction {name}"] = _fields(losses, joint=mechanism.description.joints[name])
