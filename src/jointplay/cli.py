@@ -95,7 +95,10 @@ def _add_run(commands: argparse._SubParsersAction[_Parser]) -> None:
     )
     group = run.add_argument_group("scenario")
     group.add_argument(
-        "file", nargs="?", metavar="FILE", help="scenario (TOML): see jointplay init, jointplay check"
+        "file",
+        nargs="?",
+        metavar="FILE",
+        help="scenario (TOML): see jointplay init, jointplay check",
     )
     group.add_argument(
         "--case",
@@ -225,11 +228,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         parser.print_help()
         return 0
     try:
+        if hasattr(options, "handler"):
+            return int(options.handler(options))
         if options.command == "scara":
             return _scara(options)
-        if options.command == "run":
-            return _run(options, sys.argv[1:] if arguments is None else arguments)
-        return int(options.execute(options))
+        return _run(options, sys.argv[1:] if arguments is None else arguments)
     except JointplayError as error:
         print(f"jointplay {options.command}: error: {error}", file=sys.stderr)
         return BAD_INPUT

@@ -33,7 +33,7 @@ def add(commands: Any) -> None:
         help="where to draw the mechanism (default: beside FILE, .png instead of .toml)",
     )
     group.add_argument("--no-picture", action="store_true", help="do not draw it")
-    parser.set_defaults(execute=run)
+    parser.set_defaults(handler=run)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -50,12 +50,16 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _draw(
-    options: argparse.Namespace, scenario: Scenario, mechanism: Mechanism, q: Any
-) -> str:
+def _draw(options: argparse.Namespace, scenario: Scenario, mechanism: Mechanism, q: Any) -> str:
     """Draw the mechanism; says where."""
-    import importlib
+    from jointplay.scenario.build import part
 
+    try:
+        draw = part("picture", "a picture").picture
+    except JointplayError as error:
+        if options.picture:
+            raise
+        return f"no picture: {error}"
     path = Path(options.picture or scenario.path.with_suffix(".png"))
     replaced = False
     if path.exists():
@@ -65,7 +69,7 @@ def _draw(
             raise JointplayError(
                 f"{str(path)!r} exists; name another picture (--picture PNG, or --no-picture)"
             )
-    figure = importlib.import_module("jointplay.picture").picture(mechanism, q)
+    figure = draw(mechanism, q, title=scenario.title)
     try:
         figure.savefig(path, format="png", metadata={"Software": MARK})
     except OSError as error:

@@ -21,14 +21,20 @@ def add(commands: Any) -> None:
         "it with `jointplay run`.",
     )
     parser.add_argument(
-        "file", nargs="?", default="scenario.toml", metavar="FILE", help="(default scenario.toml)"
+        "name",
+        nargs="?",
+        default="scenario",
+        metavar="NAME",
+        help="of the file; .toml is added if missing (default scenario.toml)",
     )
-    parser.set_defaults(execute=run)
+    parser.set_defaults(handler=run)
 
 
 def run(options: argparse.Namespace) -> int:
     """Write the file, never over another."""
-    path = Path(options.file)
+    path = Path(options.name)
+    if path.suffix != ".toml":
+        path = path.with_name(f"{path.name}.toml")
     try:
         with path.open("x", encoding="utf-8") as file:
             file.write(TEMPLATE.read_text(encoding="utf-8"))

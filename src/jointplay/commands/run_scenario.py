@@ -205,7 +205,7 @@ def _work(path: str, text: str, case: str, target: Path, index: int) -> None:
         return
     scenario = Scenario(text, path)
     prepared = scenario.prepare(case)
-    prepared.loop = _stoppable(prepared.loop)  # type: ignore[method-assign]
+    prepared.loop = _stoppable(prepared.loop)  # type: ignore[method-assign, assignment]
     with _ticking(prepared, index):
         _execute(scenario, case, prepared, target, False)
 

@@ -16,12 +16,15 @@ def add(commands: Any) -> None:
         "a scenario whose first line is `#:schema scenario.schema.json`, it gives editors with "
         "Taplo (Even Better TOML) completion, explanations and checks.",
     )
-    parser.set_defaults(execute=run)
+    parser.set_defaults(handler=run)
 
 
 def run(options: argparse.Namespace) -> int:
-    """Print the schema that ships with the package."""
-    from jointplay.urdf import shipped
+    """Print the schema."""
+    import json
 
-    sys.stdout.write(shipped("scenario.schema.json").read_text(encoding="utf-8"))
+    from jointplay.scenario.schema import schema
+
+    json.dump(schema(), sys.stdout, indent=1, ensure_ascii=False)
+    print()
     return 0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -20,13 +20,13 @@ from jointplay.loops import Loop
 from jointplay.mechanism import Mechanism
 from jointplay.motion import Motion
 from jointplay.payload import Payload
-from jointplay.scenario.model import KINDS, Model
+from jointplay.scenario.model import CUSTOM_LAWS, KINDS, Model
 from jointplay.scenario.tables import (
     ANGLE,
     ANGULAR_SPEED,
     TORQUE,
-    UNITS,
     Table,
+    unit_of,
     unknown_key,
 )
 from jointplay.scenario.units import WORDS, Measured, expected, shown
@@ -75,9 +75,21 @@ def locate(place: str, folder: Path) -> Path:
     if place.startswith(SHIPPED):
         return shipped(place.removeprefix(SHIPPED))
     if place.startswith(EXAMPLES):
-        robots = importlib.import_module("jointplay.robots")
-        return Path(robots.robot_urdf(place.removeprefix(EXAMPLES)))
+        found: Path = part("robots", place).robot_urdf(place.removeprefix(EXAMPLES))
+        return found
     return folder / place
+
+
+def part(module: str, user: str) -> Any:
+    """A module of the package that few scenarios need, for `user`.
+
+    Raises:
+        JointplayError: it, or what it imports, is not installed.
+    """
+    try:
+        return importlib.import_module(f"jointplay.{module}")
+    except ModuleNotFoundError as error:
+        raise JointplayError(f"{user} needs {error.name}, which is not installed") from None
 
 
 def build(model: Model, folder: Path) -> Simulation:
@@ -163,9 +175,12 @@ def _joint(table: Any, folder: Path) -> Clearance:
     given.pop("kind", None)
     for key, value in given.items():
         if key in ("normal", "friction"):
-            law = normal_law if key == "normal" else friction_law
+            law: Callable[[dict[str, Any]], Any] = normal_law if key == "normal" else friction_law
+            defaults = {"law": value.law}
+            if value.law in CUSTOM_LAWS:
+                defaults["parameters"] = tuple(value.parameters)
             with _importable(folder):
-                given[key] = law({"parameters": (), **value.given()} if value.law == "custom" else value.given())
+                given[key] = law(value.given() | defaults)
         elif isinstance(value, Table):
             given[key] = Material(**value.given())
     joint: Clearance = KINDS[table.kind][1](**given)
@@ -267,7 +282,8 @@ def _turning(model: Model, mechanism: Mechanism, start: dict[str, float]) -> Mot
 
 def _cartesian(table: Any, mechanism: Mechanism, start: dict[str, float]) -> Motion:
     """Joints that move a frame as asked."""
-    cartesian = importlib.import_module("jointplay.cartesian")
+    with at("motion", "tool_position"):
+        cartesian = part("cartesian", "tool_position")
     for key in ("tool_position", "tool_rpy"):
         rows = getattr(table, key)
         if rows is not None and len(rows) != len(table.times):
@@ -338,7 +354,7 @@ def _joint_friction(model: Model, mechanism: Mechanism) -> dict[str, JointFricti
         path = ("joint_friction", name)
         fields = {}
         for key, value in table.given().items():
-            revolute, prismatic = UNITS["JointFriction"][key]
+            revolute, prismatic = unit_of(JointFriction, key)
             fields[key] = _fit(mechanism, name, value, (revolute, prismatic), (*path, key))
         if name not in found:
             raise Misplaced(path, str(MissingName("moving joint", name, mechanism.joints)))

@@ -21,11 +21,11 @@ from jointplay.simulation import Run, Simulation
 
 _EXPECTED = {
     "bool_type": "true or false",
-    "int_type": "whole number",
-    "int_from_float": "whole number",
+    "int_type": "a whole number",
+    "int_from_float": "a whole number",
     "string_type": "text in quotes",
-    "list_type": "list in brackets",
-    "dict_type": "table",
+    "list_type": "a list in brackets",
+    "dict_type": "a table",
 }
 """What pydantic's kinds of error expect."""
 
@@ -124,7 +124,9 @@ class Scenario:
             raise MissingName("case", case, self.cases)
         for key in NOT_IN_A_CASE:
             if key in self._changes[case]:
-                message = unknown_key(key, [k for k in Model.keys() if k not in NOT_IN_A_CASE])
+                message = unknown_key(
+                    key, [k for k in Model.model_fields if k not in NOT_IN_A_CASE]
+                )
                 raise self._error(("cases", case, key), message)
         if "figures" in (self._changes[case].get("output") or {}):
             message = "figures compare all cases; give this in [output]"
@@ -186,9 +188,13 @@ def merge(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]
     for key, value in changes.items():
         before = merged.get(key)
         if isinstance(before, Mapping) and isinstance(value, Mapping):
-            other = any(value.get(word, before.get(word)) != before.get(word) for word in _SELECTORS)
-            other |= key == "motion" and not set(before).isdisjoint(MOTION_SOURCES) and any(
-                source in value and source not in before for source in MOTION_SOURCES
+            other = any(
+                value.get(word, before.get(word)) != before.get(word) for word in _SELECTORS
+            )
+            other |= (
+                key == "motion"
+                and not set(before).isdisjoint(MOTION_SOURCES)
+                and any(source in value and source not in before for source in MOTION_SOURCES)
             )
             merged[key] = dict(value) if other else merge(before, value)
         else:
@@ -216,7 +222,7 @@ def _explain(data: Any, error: Mapping[str, Any]) -> tuple[Key, str]:
     value = shown(error["input"])
     if wanted is None:
         return tuple(path), f"{value}: {error['msg']}"
-    return tuple(path), f"{value} is no {wanted}" if wanted[0] != "t" else f"{value}: expected {wanted}"
+    return tuple(path), f"expected {wanted}, got {value}"
 
 
 def _syntax(message: str) -> str:

@@ -5,9 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, ConfigDict, Discriminator, Tag, WithJsonSchema
+from pydantic import BeforeValidator, ConfigDict, Discriminator, Field, Tag, WithJsonSchema
 
-from jointplay.contact import FRICTION_LAWS, NORMAL_LAWS, FrictionLaw, NormalForceLaw
+from jointplay.contact import (
+    FRICTION_LAWS,
+    NORMAL_LAWS,
+    CustomBristle,
+    CustomNormalForce,
+    FrictionLaw,
+    NormalForceLaw,
+)
 from jointplay.drive import DRIVES, JointFriction
 from jointplay.gear import Gear
 from jointplay.integrators import INTEGRATORS
@@ -71,17 +78,45 @@ def _choice(
 
     union: Any = None
     for name, table in tables.items():
-        member = Annotated[table, Tag(name)]
+        member: Any = Annotated[table, Tag(name)]  # type: ignore[valid-type]
         union = member if union is None else union | member
-    return Annotated[union, Discriminator(select), BeforeValidator(check)]
+    kinds: Any = Annotated[union, Discriminator(select), BeforeValidator(check)]
+    words = [
+        n for n, t in tables.items() if not any(f.is_required() for f in t.model_fields.values())
+    ]
+    return Annotated[kinds, _Words(words)] if short else kinds
+
+
+class _Words:
+    """Tells the JSON schema of bare words that stand for tables."""
+
+    def __init__(self, words: list[str]) -> None:
+        self.words = words
+
+    def __get_pydantic_json_schema__(self, core: Any, handler: Any) -> dict[str, Any]:
+        return {"anyOf": [{"enum": self.words}, handler(core)]}
+
+
+def _each(kind: Any) -> Any:
+    """Type of a table of `kind` by name."""
+    return dict[str, kind]
+
+
+def _list(kind: Any) -> Any:
+    """Type of a list of `kind`."""
+    return list[kind]
+
+
+def _or_none(kind: Any) -> Any:
+    """Type of a `kind` that may be left out."""
+    return kind | None
 
 
 def _laws(laws: Mapping[str, type]) -> dict[str, type[Table]]:
-    tables = {
+    return {
         name: mirror(law, law=(Literal[name], name))  # type: ignore[valid-type]
         for name, law in laws.items()
     }
-    return tables
 
 
 class CustomLaw(Table):
@@ -92,14 +127,25 @@ class CustomLaw(Table):
     law: Literal["custom"] = "custom"
     function: str
     """``module:function``; the scenario's folder is searched first."""
-    parameters: list[quantity("")] = []  # type: ignore[valid-type]
+    parameters: list[quantity("")] = Field([])  # type: ignore[valid-type]
     """Numbers that the function finds in p."""
 
 
-NORMAL = _choice(
-    "normal-force law", "law", {**_laws(NORMAL_LAWS), "custom": CustomLaw}, None, True
+class CustomBristleLaw(CustomLaw):
+    """A friction law with bristles of one's own; see docs/laws.md."""
+
+    law: Literal["custom-bristle"] = "custom-bristle"  # type: ignore[assignment]
+
+
+CUSTOM_LAWS = (CustomNormalForce.name, CustomBristle.name)
+NORMAL = _choice("normal-force law", "law", _laws(NORMAL_LAWS) | {"custom": CustomLaw}, None, True)
+FRICTION = _choice(
+    "friction law",
+    "law",
+    _laws(FRICTION_LAWS) | {"custom": CustomLaw, "custom-bristle": CustomBristleLaw},
+    None,
+    True,
 )
-FRICTION = _choice("friction law", "law", {**_laws(FRICTION_LAWS), "custom": CustomLaw}, None, True)
 MATERIAL = mirror(Material)
 
 _PARTS = {NormalForceLaw: NORMAL, FrictionLaw: FRICTION, Material: MATERIAL}
@@ -169,7 +215,7 @@ class Robot(Written):
     tool: str | None = None
     """Frame whose motion is reported; the last one of the URDF if not given."""
     gravity: Annotated[
-        vector("m/s^2"),
+        vector("m/s^2"),  # type: ignore[valid-type]
         BeforeValidator(_gravity),
         WithJsonSchema(
             {
@@ -182,7 +228,7 @@ class Robot(Written):
         ),
     ] = STANDARD_GRAVITY
     """``loaded`` (9.81 m/s^2 along -z), ``balanced`` (none), or three components in world axes."""
-    allow_unphysical: list[str] = []
+    allow_unphysical: list[str] = Field([])
     """Links whose inertia is used although no rigid body has it."""
 
 
@@ -258,26 +304,26 @@ class Model(Written):
     """What the scenario is about, in a line."""
     robot: Robot
     """The robot or linkage."""
-    loops: dict[str, LoopEnds] = {}
+    loops: dict[str, LoopEnds] = Field({})
     """Joints that close loops, by name."""
-    joints: dict[str, JOINT] = {}  # type: ignore[valid-type]
+    joints: _each(JOINT) = Field({})  # type: ignore[valid-type]
     """Joints with clearance, by the name of a joint of the URDF or of a loop."""
-    gears: dict[str, GEAR] = {}  # type: ignore[valid-type]
+    gears: _each(GEAR) = Field({})  # type: ignore[valid-type]
     """Gears with play, by joint."""
-    drive: DRIVE | None = None  # type: ignore[valid-type]
+    drive: _or_none(DRIVE) = None  # type: ignore[valid-type]
     """Of all joints of the motion; ``computed-torque`` if not given."""
-    drives: dict[str, DRIVE] = {}  # type: ignore[valid-type]
+    drives: _each(DRIVE) = Field({})  # type: ignore[valid-type]
     """Of single joints; those with neither motion nor drive are then free."""
-    joint_friction: dict[str, JOINT_FRICTION] = {}  # type: ignore[valid-type]
+    joint_friction: _each(JOINT_FRICTION) = Field({})  # type: ignore[valid-type]
     """By joint; those not named have that of their URDF."""
     motion: MotionTable | None = None
     """Reference motion."""
-    start: dict[str, quantity(*ANGLE)] = {}  # type: ignore[valid-type]
+    start: _each(quantity(*ANGLE)) = Field({})  # type: ignore[valid-type]
     """Position at the start of joints without reference; with ``tool_position``, where inverse
     kinematics begins."""
-    start_speed: dict[str, quantity(*ANGULAR_SPEED)] = {}  # type: ignore[valid-type]
+    start_speed: _each(quantity(*ANGULAR_SPEED)) = Field({})  # type: ignore[valid-type]
     """Speed at the start of joints without reference."""
-    payloads: list[PAYLOAD] = []  # type: ignore[valid-type]
+    payloads: _list(PAYLOAD) = Field([])  # type: ignore[valid-type]
     """Bodies that the tool picks up and releases."""
     integration: Integration = Integration()
     """Time integration, and the start."""

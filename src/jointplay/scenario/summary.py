@@ -43,7 +43,9 @@ def _facts(run: Run) -> dict[str, str]:
         "gravity": f"{weight} m/s^2" if any(mechanism.gravity) else "none",
     }
     for name, loop in mechanism.loops.items():
-        found[f"loop {name}"] = f"{mechanism.loop_kind(name)}, {loop.bearing_link} - {loop.journal_link}"
+        found[f"loop {name}"] = (
+            f"{mechanism.loop_kind(name)}, {loop.bearing_link} - {loop.journal_link}"
+        )
     step = simulation.step
     for name, joint in mechanism.clearance.items():
         steps = contact_duration(mechanism, name, run.workspace.q) / step
@@ -66,9 +68,12 @@ def _facts(run: Run) -> dict[str, str]:
             found[f"friction {name}"] = _fields(losses, joint=mechanism.description.joints[name])
     for number, payload in enumerate(simulation.payloads, 1):
         found[f"payload {number}"] = f"at {payload.frame}: {_fields(payload)}"
-    found["start"] = ", ".join(
-        f"{name} {run.workspace.q[mechanism.coordinate(name)]:.6g}" for name in mechanism.joints
-    ) + " [rad or m]"
+    found["start"] = (
+        ", ".join(
+            f"{name} {run.workspace.q[mechanism.coordinate(name)]:.6g}" for name in mechanism.joints
+        )
+        + " [rad or m]"
+    )
     found["integration"] = (
         f"{simulation.integrator}, {readable(run.steps * step, 's')} in {run.steps} steps of "
         f"{readable(step, 's')}, a record every {simulation.record_every}"
@@ -84,7 +89,11 @@ def _fields(thing: Any, joint: Any = None) -> str:
         value = getattr(thing, field.name)
         name = field.name.replace("_", " ")
         units = unit_of(type(thing), field.name)
-        unit = units[1] if len(units) > 1 and joint is not None and joint.kind == "prismatic" else units[0]
+        unit = (
+            units[1]
+            if len(units) > 1 and joint is not None and joint.kind == "prismatic"
+            else units[0]
+        )
         if value is None or value is False or field.name == "frame":
             continue
         if value is True:

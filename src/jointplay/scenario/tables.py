@@ -6,13 +6,19 @@ an argument whose name is new: in `UNITS`, or in the class itself as ``units = {
 
 from __future__ import annotations
 
+import ast
+import difflib
 import inspect
+import re
+import textwrap
 import types
 from collections.abc import Iterable, Mapping
 from dataclasses import is_dataclass
+from functools import cache
+from itertools import pairwise
 from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
-from pydantic import BaseModel, ConfigDict, PlainValidator, WithJsonSchema, create_model
+from pydantic import BaseModel, ConfigDict, Field, PlainValidator, WithJsonSchema, create_model
 from pydantic import model_validator as checks
 from pydantic_core import PydanticCustomError
 
@@ -37,7 +43,13 @@ UNITS: Mapping[str, Mapping[str, str | tuple[str, ...]]] = {
         "stiffness": "N/m^1.5",
         "axial_stiffness": "N/m^1.5",
     },
-    "Law": {"stiffness": "N/m", "damping": "N*s/m", "v0": "m/s", "v1": "m/s"},
+    "NormalForceLaw": {"stiffness": "N/m", "damping": "N*s/m"},
+    "FrictionLaw": {
+        **dict.fromkeys(("v0", "v1", "v_s"), "m/s"),
+        "sigma0": "1/m",
+        **dict.fromkeys(("sigma1", "sigma2"), "s/m"),
+        "dwell_time": "s",
+    },
     "Gear": {
         "play": "rad",
         "rotor_inertia": "kg*m^2",
@@ -73,7 +85,8 @@ def quantity(*units: str) -> Any:
         return measured if len(units) > 1 else float(measured)
 
     schema: dict[str, Any] = {"type": ["number", "string"]}
-    schema["x-unit"] = " or ".join(unit or "1" for unit in units)
+    if units != ("",):
+        schema["x-unit"] = " or ".join(units)
     return Annotated[float, PlainValidator(check), WithJsonSchema(schema)]
 
 
@@ -83,7 +96,9 @@ def vector(*units: str) -> Any:
 
     def check(value: Any) -> tuple[float, float, float]:
         if not isinstance(value, list | tuple) or len(value) != 3:
-            raise trouble(f"{shown(value)} are not three components; give each as {expected(*units)}")
+            raise trouble(
+                f"{shown(value)} are not three components; give each as {expected(*units)}"
+            )
         try:
             x, y, z = (float(convert(part, *units)) for part in value)
         except ValueError as error:
@@ -106,7 +121,7 @@ class Table(BaseModel):
         if not isinstance(given, Mapping):
             raise trouble(f"{shown(given)} is no table; its keys are: {', '.join(cls.keys())}")
         for key in given:
-            if key not in cls.keys():
+            if key not in cls.model_fields:
                 raise trouble(unknown_key(key, cls.keys()), key)
         return given
 
@@ -123,12 +138,22 @@ class Table(BaseModel):
 
 def unknown_key(key: str, keys: Iterable[str]) -> str:
     """What to say of a key that does not exist."""
-    return f'unknown key "{key}"; valid keys: {", ".join(keys)}'
+    keys = list(keys)
+    return f'unknown key "{key}"; {closest(key, keys)}valid keys: {", ".join(keys)}'
 
 
 def one_of(kind: str, value: Any, choices: Iterable[str]) -> str:
     """What to say of a choice that does not exist."""
-    return f"no {kind} {shown(value)}; available: {', '.join(choices)}"
+    choices = list(choices)
+    return f"no {kind} {shown(value)}; {closest(value, choices)}available: {', '.join(choices)}"
+
+
+def closest(word: Any, choices: Iterable[str]) -> str:
+    """Question after the one of `choices` that `word` resembles; empty if none does."""
+    plain = {choice.lower().replace("-", "_"): choice for choice in choices}
+    given = str(word).lower().replace("-", "_")
+    found = difflib.get_close_matches(given, plain, 1)
+    return f'did you mean "{plain[found[0]]}"? ' if found else ""
 
 
 def unit_of(owner: type, name: str) -> tuple[str, ...]:
@@ -157,17 +182,39 @@ def mirror(
         replace: types of fields by the types of arguments that have tables of their own.
         extra: further fields, as pydantic takes them.
     """
-    hints = get_type_hints(owner if is_dataclass(owner) else owner.__init__)
-    fields = dict(extra)
+    made: Any = owner if is_dataclass(owner) else vars(owner).get("__init__", object.__init__)
+    hints = get_type_hints(made)
+    fields, texts = dict(extra), _explanations(owner)
     for name, parameter in inspect.signature(owner).parameters.items():
         if name in omit:
             continue
         required = parameter.default is inspect.Parameter.empty
         kind = _type(hints.get(name, Any), unit_of(owner, name), replace or {})
-        fields[name] = (kind, ... if required else None)
+        text = texts.get(name)
+        fields[name] = (kind, Field(... if required else None, description=text))
     model = create_model(title or owner.__name__, __base__=Table, **fields)
     model.__doc__ = inspect.getdoc(owner)
     return model
+
+
+@cache
+def _explanations(owner: type) -> dict[str, str]:
+    """What the class says of its arguments: below its fields, or in its docstring."""
+    found: dict[str, str] = {}
+    for base in reversed(owner.__mro__):
+        if not is_dataclass(base):
+            continue
+        (body,) = ast.parse(textwrap.dedent(inspect.getsource(base))).body
+        assert isinstance(body, ast.ClassDef)
+        for field, text in pairwise(body.body):
+            match field, text:
+                case ast.AnnAssign(target=ast.Name(name)), ast.Expr(ast.Constant(str(said))):
+                    found[name] = said
+    listed = re.findall(
+        r"^    (\w+(?:, \w+)*): (.+(?:\n {8,}.+)*)", inspect.getdoc(owner) or "", re.M
+    )
+    found |= {name: text for names, text in listed for name in names.split(", ")}
+    return {name: " ".join(text.split()) for name, text in found.items()}
 
 
 def _type(hint: Any, units: tuple[str, ...], replace: Mapping[Any, Any]) -> Any:
