@@ -23,7 +23,7 @@ def add(commands: Any) -> None:
         help="check a scenario file without running it",
         description="Check a scenario file without running it: its keys, values and units, the "
         "robot, and whether every case can start. Prints how it was understood, and draws the "
-        "mechanism where the first case starts.",
+        "mechanism where the first case with clearance starts.",
     )
     parser.add_argument("file", metavar="FILE", help="scenario (TOML)")
     group = parser.add_mutually_exclusive_group()
@@ -46,7 +46,8 @@ def run(options: argparse.Namespace) -> int:
     print(summary(scenario, runs))
     if not options.no_picture:
         first = next(iter(runs.values()))
-        print(_draw(options, scenario, first.mechanism, first.workspace.q))
+        shown = next((run for run in runs.values() if run.mechanism.clearance), first)
+        print(_draw(options, scenario, shown.mechanism, shown.workspace.q))
     return 0
 
 

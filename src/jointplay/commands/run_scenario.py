@@ -161,7 +161,9 @@ def _side_by_side(
                     future.result()
                 now = min(sum(clocks), total)
                 ended = f"{len(futures) - len(pending)} of {len(futures)} cases done"
-                bar.set_postfix_str(ended if now else "starting (the first start ever compiles)")
+                bar.set_postfix_str(
+                    ended if now else "starting (the first start ever compiles)", refresh=False
+                )
                 bar.update(now - bar.n)
         except BaseException as error:
             interrupted = isinstance(error, KeyboardInterrupt)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import importlib
+import re
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -56,14 +57,38 @@ class Misplaced(JointplayError):
 
 
 @contextmanager
-def at(*path: str | int) -> Iterator[None]:
-    """Say of errors in the block that they stem from the key `path`."""
+def at(*path: str | int, keys: Iterable[str] = ()) -> Iterator[None]:
+    """Say of errors in the block that they stem from the key `path`.
+
+    Or from that of `keys` within it that the message names first.
+    """
     try:
         yield
     except Misplaced:
         raise
     except JointplayError as error:
-        raise Misplaced(path, str(error)) from None
+        raise Misplaced((*path, *_named(str(error), keys)), str(error)) from None
+
+
+def _named(message: str, keys: Iterable[str]) -> list[str]:
+    """That of `keys`, if any, which `message` names first, as the key or in words."""
+    found = []
+    for key in keys:
+        place = re.search(rf"\b{key.replace('_', '[_ ]')}\b", message)
+        if place:
+            found.append((place.start(), -len(key), key))
+    return [min(found)[2]] if found else []
+
+
+@contextmanager
+def waypoint(key: str) -> Iterator[None]:
+    """Say of errors in the block that they stem from the waypoint they name, in `key`."""
+    try:
+        yield
+    except JointplayError as error:
+        found = re.search(r"\bwaypoint (\d+)", str(error))
+        place = (key, int(found[1]) - 1) if found else ()
+        raise Misplaced(("motion", *place), str(error)) from None
 
 
 def locate(place: str, folder: Path) -> Path:
@@ -150,7 +175,7 @@ def _mechanism(model: Model, folder: Path) -> Mechanism:
             Mechanism(path, loops=loops, **options)
     joints: dict[str, Clearance] = {}
     for name, table in model.joints.items():
-        with at("joints", name):
+        with at("joints", name, keys=table.given()):
             if name not in description.joints and name not in loops:
                 raise MissingName("joint", name, [*description.joints, *loops])
             if table.ideal and _plain_when_ideal(table.kind, name in loops):
@@ -159,7 +184,7 @@ def _mechanism(model: Model, folder: Path) -> Mechanism:
             Mechanism(path, joints, loops=loops, **options)
     gears: dict[str, Gear] = {}
     for name, table in model.gears.items():
-        with at("gears", name):
+        with at("gears", name, keys=table.given()):
             gears[name] = Gear(**table.given())
             Mechanism(path, joints, loops=loops, gears=gears, **options)
     return Mechanism(path, joints, loops=loops, gears=gears, **options)
@@ -255,7 +280,7 @@ def _motion(
                 path, f"{len(values)} positions for {len(table.times)} times; give one for each"
             )
         columns.append([_fit(mechanism, name, value, ANGLE, path) for value in values])
-    with at("motion"):
+    with waypoint("times"):
         positions = np.array(columns).reshape(len(columns), len(table.times)).T
         return Motion(list(given["joints"]), table.times, positions, table.interpolation)
 
@@ -291,7 +316,7 @@ def _cartesian(table: Any, mechanism: Mechanism, start: dict[str, float]) -> Mot
                 ("motion", key),
                 f"{len(rows)} waypoints for {len(table.times)} times; give one for each",
             )
-    with at("motion"):
+    with waypoint("tool_position"):
         motion: Motion = cartesian.cartesian_motion(
             mechanism.ideal(),
             np.array(table.times),
@@ -337,7 +362,7 @@ def _drive(
 
 def _one_drive(table: Any, path: tuple[str, ...], **fitted: Any) -> Drive:
     given = {key: value for key, value in table.given().items() if key != "kind"}
-    with at(*path):
+    with at(*path, keys=given):
         return DRIVES[table.kind](**(given | fitted))
 
 
@@ -358,7 +383,7 @@ def _joint_friction(model: Model, mechanism: Mechanism) -> dict[str, JointFricti
             fields[key] = _fit(mechanism, name, value, (revolute, prismatic), (*path, key))
         if name not in found:
             raise Misplaced(path, str(MissingName("moving joint", name, mechanism.joints)))
-        with at(*path):
+        with at(*path, keys=fields):
             found[name] = JointFriction(**fields)
     return found
 
@@ -366,7 +391,7 @@ def _joint_friction(model: Model, mechanism: Mechanism) -> dict[str, JointFricti
 def _payloads(model: Model, mechanism: Mechanism) -> tuple[Payload, ...]:
     found = []
     for index, table in enumerate(model.payloads):
-        with at("payloads", index):
+        with at("payloads", index, keys=table.given()):
             payload = Payload(**{"frame": mechanism.tool, **table.given()})
             if not mechanism.model.existFrame(payload.frame):
                 names = [f.name for f in mechanism.model.frames if f.name != "universe"]

@@ -29,6 +29,14 @@ _EXPECTED = {
 }
 """What pydantic's kinds of error expect."""
 
+_BLAMED = {
+    "integration": ("step", "duration", "integrator", "seed"),
+    "output": ("record_every",),
+    "motion": ("motion",),
+    "start": ("start",),
+}
+"""Keys whose names begin messages of `Simulation`, by table."""
+
 _SELECTORS = ("kind", "law")
 
 
@@ -103,20 +111,29 @@ class Scenario:
         except Misplaced as error:
             raise self._error(error.path, str(error), case, True) from None
         except JointplayError as error:
-            raise self._in_case(case, error) from None
+            raise self._in_case(case, model, error) from None
 
     def prepare(self, case: str | None = None) -> Run:
         """A case made ready to step; see `simulation` and `Simulation.prepare`."""
         simulation = self.simulation(case)
+        case = self.cases[0] if case is None else case
         try:
             return simulation.prepare()
         except JointplayError as error:
-            raise self._in_case(case, error) from None
+            raise self._in_case(case, self.model(case), error) from None
 
-    def _in_case(self, case: str | None, error: JointplayError) -> JointplayError:
-        """An error that has no key, said of this file and case."""
-        words = f", case {shown(case)}" if self._named and case else ""
-        return JointplayError(f"{self.path}{words}: {error}")
+    def _in_case(self, case: str, model: Model, error: JointplayError) -> JointplayError:
+        """An error of a simulation, said of this file, case, and the key it names."""
+        message = str(error)
+        path: Key = ()
+        for name in model.loops:
+            if f"loop {name!r}" in message:
+                path = ("loops", name)
+        for table, keys in _BLAMED.items():
+            for key in keys:
+                if re.match(rf"(the )?{key}\b", message):
+                    path = (table, key) if key != table else (table,)
+        return self._error(path, message, case, True)
 
     def model(self, case: str, changes: Mapping[str, Any] | None = None) -> Model:
         """What the file says of a case, checked; see `simulation`."""

@@ -300,6 +300,11 @@ class Output(Written):
 class Model(Written):
     """A scenario, cases aside."""
 
+    @classmethod
+    def keys(cls) -> list[str]:
+        """Keys that the file can have."""
+        return [*cls.model_fields, "cases"]
+
     title: str = ""
     """What the scenario is about, in a line."""
     robot: Robot
