@@ -55,6 +55,6 @@ def _tidy(part: Any, names: bool = False) -> Any:
     unit = part.get("x-unit")
     if unit and not names:
         said = tidy.get("description", "")
-        tidy["description"] = f"{said} [{unit}]" if f"[{unit}" not in said else said
+        tidy["description"] = said if "[" in said else f"{said} [{unit}]"
         tidy["description"] = tidy["description"].strip()
     return tidy
