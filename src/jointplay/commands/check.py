@@ -30,7 +30,7 @@ def add(commands: Any) -> None:
     group.add_argument(
         "--picture",
         metavar="PNG",
-        help="where to draw the mechanism (default: beside FILE, .png instead of .toml)",
+        help="where to draw the mechanism (default: beside FILE, as .png)",
     )
     group.add_argument("--no-picture", action="store_true", help="do not draw it")
     parser.set_defaults(handler=run)
@@ -53,7 +53,7 @@ def run(options: argparse.Namespace) -> int:
 
 def _draw(options: argparse.Namespace, scenario: Scenario, mechanism: Mechanism, q: Any) -> str:
     """Draw the mechanism; says where."""
-    from jointplay.scenario.build import part
+    from jointplay.scenario.build import SHIPPED, part
 
     try:
         draw = part("picture", "a picture").picture
@@ -61,7 +61,10 @@ def _draw(options: argparse.Namespace, scenario: Scenario, mechanism: Mechanism,
         if options.picture:
             raise
         return f"no picture: {error}"
-    path = Path(options.picture or scenario.path.with_suffix(".png"))
+    beside = scenario.path.with_suffix(".png")
+    if options.file.startswith(SHIPPED):  # not into the package
+        beside = Path(beside.name)
+    path = Path(options.picture or beside)
     replaced = False
     if path.exists():
         # What an earlier check drew is of no value once the scenario has changed.
