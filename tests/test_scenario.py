@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import jointplay as jp
-from jointplay.contact import FRICTION_LAWS, NORMAL_LAWS, CustomBristle, Dahl, LuGre
+from jointplay.contact import FILM_LAWS, FRICTION_LAWS, NORMAL_LAWS, CustomBristle, Dahl, LuGre
 from jointplay.drive import DRIVES
 from jointplay.kernel import Status
 from jointplay.result import Result
@@ -238,6 +238,14 @@ duration = "1 ms"
     assert joints["guide"].clearance == 50e-6
     assert isinstance(joints["guide"].friction, Dahl)
     assert scenario.prepare().execute().status == Status.COMPLETED
+
+
+def test_lubricated_joints():
+    oil = 'lubricant = { law = "short-bearing", viscosity = "50 mPa*s", transition = "2 um" }\n'
+    made = load(changed("[motion]", oil + "[motion]")).prepare().mechanism.clearance["joint_b"]
+    text = changed("[motion]", oil + "[motion]").replace("short-bearing", "custom-film")
+    assert "function is missing" in refusal(text)
+    assert made.lubricant.describe() == jp.ShortBearing(0.05, transition=2e-6).describe()
 
 
 def test_torque_and_free_need_no_motion(tmp_path):
@@ -512,7 +520,7 @@ def test_documentation_has_every_key_and_word():
     for name, table in schema()["$defs"].items():
         if name != "Case":
             assert not set(table["properties"]) - words - {"law"}, name
-    assert not {*NORMAL_LAWS, *FRICTION_LAWS, *DRIVES, *KINDS} - words
+    assert not {*NORMAL_LAWS, *FRICTION_LAWS, *FILM_LAWS, *DRIVES, *KINDS} - words
     for table in schema()["properties"]:
         assert f"[{table}" in text or f"[[{table}" in text or table in words, table
     for block in re.findall(r"```toml\n(.*?)```", text, re.S):

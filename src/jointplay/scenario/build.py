@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from jointplay.contact import friction_law, normal_law
+from jointplay.contact import film_law, friction_law, normal_law
 from jointplay.drive import DRIVES, ComputedTorque, Drive, JointFriction
 from jointplay.errors import JointplayError, MissingName
 from jointplay.gear import Gear
@@ -37,6 +37,13 @@ from jointplay.urdf import shipped
 SHIPPED = "jointplay:"
 EXAMPLES = "example-robot-data:"
 """Prefixes of files that are no paths."""
+
+_LAWS: dict[str, Callable[[dict[str, Any]], Any]] = {
+    "normal": normal_law,
+    "friction": friction_law,
+    "lubricant": film_law,
+}
+"""What builds the laws of a joint, by key."""
 
 MOTION_SOURCES = {
     "file": ("interpolation",),
@@ -199,13 +206,12 @@ def _joint(table: Any, folder: Path) -> Clearance:
     given = table.given()
     given.pop("kind", None)
     for key, value in given.items():
-        if key in ("normal", "friction"):
-            law: Callable[[dict[str, Any]], Any] = normal_law if key == "normal" else friction_law
+        if key in _LAWS:
             defaults = {"law": value.law}
             if value.law in CUSTOM_LAWS:
                 defaults["parameters"] = tuple(value.parameters)
             with _importable(folder):
-                given[key] = law(value.given() | defaults)
+                given[key] = _LAWS[key](value.given() | defaults)
         elif isinstance(value, Table):
             given[key] = Material(**value.given())
     joint: Clearance = KINDS[table.kind][1](**given)

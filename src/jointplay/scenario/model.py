@@ -8,10 +8,13 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, ConfigDict, Discriminator, Field, Tag, WithJsonSchema
 
 from jointplay.contact import (
+    FILM_LAWS,
     FRICTION_LAWS,
     NORMAL_LAWS,
     CustomBristle,
+    CustomFilm,
     CustomNormalForce,
+    FilmLaw,
     FrictionLaw,
     NormalForceLaw,
 )
@@ -137,7 +140,21 @@ class CustomBristleLaw(CustomLaw):
     law: Literal["custom-bristle"] = "custom-bristle"  # type: ignore[assignment]
 
 
-CUSTOM_LAWS = (CustomNormalForce.name, CustomBristle.name)
+class CustomFilmLaw(CustomLaw):
+    """A film law of one's own; see docs/lubrication.md."""
+
+    law: Literal["custom-film"] = "custom-film"  # type: ignore[assignment]
+    viscosity: quantity("Pa*s") = 1.0  # type: ignore[valid-type]
+    """Dynamic viscosity."""
+    hybrid: bool = True
+    """Dry contact takes over where the journal touches the bore."""
+    transition: quantity("m") = 1e-6  # type: ignore[valid-type]
+    """Depth of penetration at which nothing of the film is left."""
+    least_thickness: quantity("m") = 1e-6  # type: ignore[valid-type]
+    """Thickness below which a film is no thinner."""
+
+
+CUSTOM_LAWS = (CustomNormalForce.name, CustomBristle.name, CustomFilm.name)
 NORMAL = _choice("normal-force law", "law", _laws(NORMAL_LAWS) | {"custom": CustomLaw}, None, True)
 FRICTION = _choice(
     "friction law",
@@ -146,9 +163,10 @@ FRICTION = _choice(
     None,
     True,
 )
+FILM = _choice("film law", "law", _laws(FILM_LAWS) | {"custom-film": CustomFilmLaw}, None, True)
 MATERIAL = mirror(Material)
 
-_PARTS = {NormalForceLaw: NORMAL, FrictionLaw: FRICTION, Material: MATERIAL}
+_PARTS = {NormalForceLaw: NORMAL, FilmLaw: FILM, FrictionLaw: FRICTION, Material: MATERIAL}
 
 KINDS: dict[str, tuple[type, Callable[..., Any], tuple[str, ...]]] = {
     **{kind: (owner, owner, ()) for kind, owner in JOINT_KINDS.items()},

@@ -50,6 +50,7 @@ UNITS: Mapping[str, Mapping[str, str | tuple[str, ...]]] = {
         **dict.fromkeys(("sigma1", "sigma2"), "s/m"),
         "dwell_time": "s",
     },
+    "FilmLaw": {"viscosity": "Pa*s", "transition": "m", "least_thickness": "m"},
     "Gear": {
         "play": "rad",
         "rotor_inertia": "kg*m^2",
@@ -182,7 +183,9 @@ def mirror(
         replace: types of fields by the types of arguments that have tables of their own.
         extra: further fields, as pydantic takes them.
     """
-    made: Any = owner if is_dataclass(owner) else vars(owner).get("__init__", object.__init__)
+    made: Any = owner
+    if not is_dataclass(owner):
+        made = next(vars(base)["__init__"] for base in owner.__mro__ if "__init__" in vars(base))
     hints = get_type_hints(made)
     fields, texts = dict(extra), _explanations(owner)
     for name, parameter in inspect.signature(owner).parameters.items():
@@ -210,10 +213,11 @@ def _explanations(owner: type) -> dict[str, str]:
             match field, text:
                 case ast.AnnAssign(target=ast.Name(name)), ast.Expr(ast.Constant(str(said))):
                     found[name] = said
-    listed = re.findall(
-        r"^    (\w+(?:, \w+)*): (.+(?:\n {8,}.+)*)", inspect.getdoc(owner) or "", re.M
-    )
-    found |= {name: text for names, text in listed for name in names.split(", ")}
+    for base in reversed(owner.__mro__):
+        text = inspect.cleandoc(base.__doc__ or "")
+        for names, words in re.findall(r"^    (\w+(?:, \w+)*): (.+(?:\n {8,}.+)*)", text, re.M):
+            if not words.startswith("see "):
+                found |= dict.fromkeys(names.split(", "), words)
     return {name: " ".join(text.split()) for name, text in found.items()}
 
 

@@ -29,6 +29,7 @@ WORDS = {
     "N*m/rad": ("angular stiffness", "1e4 N*m/rad"),
     "N*s/m": ("damping", "100 N*s/m"),
     "N*m*s/rad": ("angular damping", "0.1 N*m*s/rad"),
+    "Pa*s": ("viscosity", "0.1 Pa*s"),
     "1/m": ("bristle stiffness", "1e5 1/m"),
     "s/m": ("bristle damping", "10 s/m"),
 }
