@@ -214,8 +214,8 @@ def _explanations(owner: type) -> dict[str, str]:
                 case ast.AnnAssign(target=ast.Name(name)), ast.Expr(ast.Constant(str(said))):
                     found[name] = said
     for base in reversed(owner.__mro__):
-        text = inspect.cleandoc(base.__doc__ or "")
-        for names, words in re.findall(r"^    (\w+(?:, \w+)*): (.+(?:\n {8,}.+)*)", text, re.M):
+        doc = inspect.cleandoc(base.__doc__ or "")
+        for names, words in re.findall(r"^    (\w+(?:, \w+)*): (.+(?:\n {8,}.+)*)", doc, re.M):
             if not words.startswith("see "):
                 found |= dict.fromkeys(names.split(", "), words)
     return {name: " ".join(text.split()) for name, text in found.items()}
