@@ -47,6 +47,7 @@ _HOMES = {
     "Prescribed": "drive",
     "PrismaticJoint": "joints",
     "Result": "result",
+    "Scenario": "scenario",
     "ShortBearing": "contact",
     "Simulation": "simulation",
     "SphericalJoint": "joints",
@@ -94,6 +95,7 @@ if TYPE_CHECKING:
     from jointplay.motion import Motion as Motion
     from jointplay.payload import Payload as Payload
     from jointplay.result import Result as Result
+    from jointplay.scenario import Scenario as Scenario
     from jointplay.simulation import Simulation as Simulation
     from jointplay.simulation import simulate as simulate
     from jointplay.urdf import shipped as shipped

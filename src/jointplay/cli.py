@@ -1,14 +1,16 @@
-"""The command line: `jointplay scara` and `jointplay run`."""
+"""The command line: `jointplay scara`, `jointplay run`, and the commands of `commands/`."""
 
 from __future__ import annotations
 
 import argparse
+import importlib
 import re
 import sys
 import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NoReturn
 
+from jointplay.commands import MODULES
 from jointplay.errors import JointplayError
 
 if TYPE_CHECKING:
@@ -22,6 +24,8 @@ INTERRUPTED = 130
 
 LAWS = ("lankarani-nikravesh", "hunt-crossley", "hertz", "linear-spring", "kelvin-voigt")
 LINEAR_LAWS = ("linear-spring", "kelvin-voigt")
+SCENARIO_OPTIONS = {"file", "case", "jobs", "out", "no_figures", "quiet"}
+"""Arguments of `run` that go with a scenario file."""
 
 
 class _Parser(argparse.ArgumentParser):
@@ -40,12 +44,15 @@ def _parser() -> argparse.ArgumentParser:
         prog="jointplay",
         description="Simulate robots whose joints have play: the journal flies, hits, slides and "
         "tilts in its bearing, and the tool pays for it.",
-        epilog="All quantities are in SI units: m, s, kg, N, rad. Documentation: docs/.",
+        epilog="Options are in SI units: m, s, kg, N, rad; scenario files take others too. "
+        "Documentation: docs/.",
     )
     parser.add_argument("--version", action="store_true", help="print the version and exit")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", title="commands")
     _add_scara(commands)
     _add_run(commands)
+    for name in MODULES:
+        importlib.import_module(f"jointplay.commands.{name}").add(commands)
     return parser
 
 
@@ -77,12 +84,31 @@ def _add_scara(commands: argparse._SubParsersAction[_Parser]) -> None:
 def _add_run(commands: argparse._SubParsersAction[_Parser]) -> None:
     run = commands.add_parser(
         "run",
-        usage="jointplay run [options] --out DIR",
-        help="simulate one case of any robot",
-        description="Simulate one robot with clearance in one revolute joint, and draw its motion "
-        "and forces. Without options: the SCARA arm under gravity, 0.2 mm in joint B, 3 s.",
-        epilog="DIR receives result.nc (read it with jointplay.Result.load or any NetCDF reader) "
-        "and the figures as .png and .pdf.",
+        usage="jointplay run FILE --out DIR [--case NAME] [--jobs N]\n"
+        "       jointplay run [options] --out DIR",
+        help="simulate the cases of a scenario file, or one case of any robot",
+        description="Simulate all cases of a scenario file, and draw figures that compare them. "
+        "Or, without FILE, one robot with clearance in one revolute joint; without any options: "
+        "the SCARA arm under gravity, 0.2 mm in joint B, 3 s.",
+        epilog="DIR receives result.nc, or a .nc for each case (read it with jointplay.Result.load "
+        "or any NetCDF reader), and the figures as .png and .pdf.",
+    )
+    group = run.add_argument_group("scenario")
+    group.add_argument(
+        "file",
+        nargs="?",
+        metavar="FILE",
+        help="scenario (TOML): see jointplay init, jointplay check",
+    )
+    group.add_argument(
+        "--case",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help="run only this case of FILE (repeatable)",
+    )
+    group.add_argument(
+        "--jobs", type=int, metavar="N", help="processes for FILE (default: one for each core)"
     )
     group = run.add_argument_group("robot")
     group.add_argument("--urdf", metavar="FILE", help="robot (default: the SCARA arm)")
@@ -175,7 +201,7 @@ def _add_run(commands: argparse._SubParsersAction[_Parser]) -> None:
         help="steps between records; peaks in between are kept (default 10)",
     )
     group.add_argument("--out", metavar="DIR", required=True, help="folder for the results")
-    group.add_argument("--no-figures", action="store_true", help="write result.nc only")
+    group.add_argument("--no-figures", action="store_true", help="write no figures")
     group.add_argument("--quiet", action="store_true", help="show no progress")
 
 
@@ -202,12 +228,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
         parser.print_help()
         return 0
     try:
-        return _scara(options) if options.command == "scara" else _run(options)
+        if hasattr(options, "handler"):
+            return int(options.handler(options))
+        if options.command == "scara":
+            return _scara(options)
+        return _run(options, sys.argv[1:] if arguments is None else arguments)
     except JointplayError as error:
         print(f"jointplay {options.command}: error: {error}", file=sys.stderr)
         return BAD_INPUT
     except KeyboardInterrupt:
-        print(f"\ninterrupted; what was computed is in {options.out}", file=sys.stderr)
+        kept = f"; what was computed is in {options.out}" if "out" in options else ""
+        print(f"\ninterrupted{kept}", file=sys.stderr)
         return INTERRUPTED
 
 
@@ -225,7 +256,35 @@ def _scara(options: argparse.Namespace) -> int:
     return 0
 
 
-def _run(options: argparse.Namespace) -> int:
+def _given(arguments: Sequence[str]) -> set[str]:
+    """Names of those options of `run` that are on the command line, even at their defaults."""
+    parser = _Parser(argument_default=argparse.SUPPRESS)
+    commands = parser.add_subparsers()
+    _add_run(commands)
+    for action in commands.choices["run"]._actions:
+        action.default = argparse.SUPPRESS
+    return set(vars(parser.parse_args(arguments)))
+
+
+def _run(options: argparse.Namespace, arguments: Sequence[str]) -> int:
+    given = _given(arguments)
+    if options.file is not None:
+        others = sorted(given - SCENARIO_OPTIONS)
+        if others:
+            raise JointplayError(
+                f"--{others[0].replace('_', '-')} does not go with a scenario; "
+                f"{options.file} says it all"
+            )
+        from jointplay.commands import run_scenario
+
+        return run_scenario.run(options)
+    for name in ("case", "jobs"):
+        if name in given:
+            raise JointplayError(f"--{name} needs a scenario: jointplay run FILE --{name} ...")
+    return _run_options(options)
+
+
+def _run_options(options: argparse.Namespace) -> int:
     import warnings
 
     from jointplay.kernel import Status

@@ -357,7 +357,7 @@ class Run:
     def _check_step(self, step: float, q: np.ndarray) -> None:
         for name in self.mechanism.clearance:
             mass = effective_mass(self.mechanism, name, q)
-            if mass < NO_MASS * pin.computeTotalMass(self.model):
+            if not mass >= NO_MASS * pin.computeTotalMass(self.model):
                 raise JointplayError(
                     f"a contact in joint {name!r} would meet a mass of {mass:.2g} kg only: a link "
                     "beside it has no mass or inertia of its own; give it some"

@@ -13,27 +13,37 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
+from typing import Any
 
 from tqdm import tqdm
 
 from jointplay.claims import ISOLATED, START_UP, Measures, Verdict, judge, measure
 from jointplay.errors import JointplayError
 from jointplay.histories import versions
-from jointplay.joints import ClearanceJoint
 from jointplay.kernel import Status
-from jointplay.mechanism import STANDARD_GRAVITY, Mechanism
-from jointplay.motion import Motion
 from jointplay.result import Result
+from jointplay.scenario import Scenario
+from jointplay.scenario.model import GRAVITY
 from jointplay.simulation import PERTURBATION, Simulation
 from jointplay.urdf import shipped
 
 JOINT = "joint_b"
-CASES = {"ideal": None, "0.2 mm": 0.2e-3, "0.5 mm": 0.5e-3}
-"""Clearance C_r = C_a of each case [m] (Table 4)."""
 FILES = {"ideal": "ideal.nc", "0.2 mm": "case1_0.2mm.nc", "0.5 mm": "case2_0.5mm.nc"}
 
-GRAVITY = {"balanced": (0.0, 0.0, 0.0), "loaded": STANDARD_GRAVITY}
-"""The weight balanced, as the paper's Figure 12 needs, or acting [m/s^2]."""
+
+@cache
+def scenario() -> Scenario:
+    """The study as a scenario file."""
+    return Scenario.load(shipped("scara.toml"))
+
+
+def _clearance(case: str) -> float | None:
+    table = scenario().model(case).joints[JOINT]
+    return None if table.ideal else float(table.radial_clearance)
+
+
+CASES = {case: _clearance(case) for case in scenario().cases}
+"""Clearance C_r = C_a of each case [m] (Table 4)."""
 VARIANTS = {"consistent": ("scara.urdf", ()), "as printed": ("scara_as_printed.urdf", ("arm1",))}
 """URDF and the links whose inertia no rigid body has, used because they were printed."""
 
@@ -70,20 +80,15 @@ def scara(
         seed: perturbs the journal's initial position; see `Simulation`.
     """
     urdf, unphysical = VARIANTS[condition.variant]
-    joints = (
-        {}
-        if clearance is None
-        else {JOINT: ClearanceJoint(radial_clearance=clearance, axial_clearance=clearance)}
-    )
-    mechanism = Mechanism(
-        shipped(urdf),
-        joints,
-        gravity=GRAVITY[condition.gravity],
-        tool="suction_cup",
-        allow_unphysical=unphysical,
-    )
-    motion = Motion.from_csv(shipped("scara_motion.csv"))
-    return Simulation(mechanism, motion, record_every=record_every, seed=seed)
+    robot = {"urdf": urdf, "gravity": condition.gravity, "allow_unphysical": list(unphysical)}
+    changes: dict[str, Any] = {"robot": robot, "output": {"record_every": record_every}}
+    if seed is not None:
+        changes["integration"] = {"seed": seed}
+    if clearance is None:
+        return scenario().simulation("ideal", changes)
+    # Any case with clearance will do: the clearance is all in which they differ.
+    play = {"radial_clearance": clearance, "axial_clearance": clearance}
+    return scenario().simulation("0.2 mm", changes | {"joints": {JOINT: play}})
 
 
 @cache

@@ -87,8 +87,8 @@ class ClearanceJoint(Clearance):
                 ("radial", "radius"),
             ),
         )
-        # 0 is what it is derived to where nothing limits the journal and no length is given.
-        if self.walls or self.axial_clearance not in (None, 0.0):
+        # Zero is what was derived below when a result's description is read back.
+        if self.walls or self.axial_clearance:
             lengths = complete(
                 self.axial_clearance,
                 self.bearing_length,

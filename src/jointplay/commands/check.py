@@ -1,0 +1,83 @@
+"""`jointplay check`: whether a scenario can run, and how it was understood."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from jointplay.errors import JointplayError
+
+if TYPE_CHECKING:
+    from jointplay.mechanism import Mechanism
+    from jointplay.scenario import Scenario
+
+MARK = "jointplay check"
+"""In the PNG's metadata: a picture that this command may replace."""
+
+
+def add(commands: Any) -> None:
+    """Add the command's parser."""
+    parser = commands.add_parser(
+        "check",
+        help="check a scenario file without running it",
+        description="Check a scenario file without running it: its keys, values and units, the "
+        "robot, and whether every case can start. Prints how it was understood, and draws the "
+        "mechanism where the first case with clearance starts.",
+    )
+    parser.add_argument("file", metavar="FILE", help="scenario (TOML)")
+    group = parser.add_mutually_exclusive_group()
+    group.add_argument(
+        "--picture",
+        metavar="PNG",
+        help="where to draw the mechanism (default: beside FILE, as .png)",
+    )
+    group.add_argument("--no-picture", action="store_true", help="do not draw it")
+    parser.set_defaults(handler=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Check, print, draw."""
+    from jointplay.scenario import Scenario
+    from jointplay.scenario.summary import summary
+
+    scenario = Scenario.load(options.file)
+    runs = {case: scenario.prepare(case) for case in scenario.cases}
+    print(summary(scenario, runs))
+    if not options.no_picture:
+        first = next(iter(runs.values()))
+        shown = next((run for run in runs.values() if run.mechanism.clearance), first)
+        print(_draw(options, scenario, shown.mechanism, shown.workspace.q))
+    return 0
+
+
+def _draw(options: argparse.Namespace, scenario: Scenario, mechanism: Mechanism, q: Any) -> str:
+    """Draw the mechanism; says where."""
+    from jointplay.scenario.build import SHIPPED, part
+
+    try:
+        draw = part("picture", "a picture").picture
+    except JointplayError as error:
+        if options.picture:
+            raise
+        return f"no picture: {error}"
+    beside = scenario.path.with_suffix(".png")
+    if options.file.startswith(SHIPPED):  # not into the package
+        beside = Path(beside.name)
+    path = Path(options.picture or beside)
+    replaced = False
+    if path.exists():
+        # What an earlier check drew is of no value once the scenario has changed.
+        replaced = options.picture is None and MARK.encode() in path.read_bytes()[:4096]
+        if not replaced:
+            raise JointplayError(
+                f"{str(path)!r} exists; name another picture (--picture PNG, or --no-picture)"
+            )
+    figure = draw(mechanism, q, title=scenario.title)
+    try:
+        figure.savefig(path, format="png", metadata={"Software": MARK})
+    except OSError as error:
+        raise JointplayError(
+            f"cannot write {str(path)!r}: {error.strerror or error} (--picture PNG chooses another)"
+        ) from None
+    return f"picture: {path}{' (replaced)' if replaced else ''}"

@@ -1,0 +1,46 @@
+"""`jointplay init`: a commented scenario file to start from."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from jointplay.errors import JointplayError
+
+TEMPLATE = Path(__file__).parents[1] / "scenario" / "template.toml"
+
+
+def add(commands: Any) -> None:
+    """Add the command's parser."""
+    parser = commands.add_parser(
+        "init",
+        help="write a commented scenario file to start from",
+        description="Write a commented scenario file that runs as it stands: the SCARA arm, ideal "
+        "and with two clearances. Change what you need, check it with `jointplay check`, and run "
+        "it with `jointplay run`.",
+    )
+    parser.add_argument(
+        "name",
+        nargs="?",
+        default="scenario",
+        metavar="NAME",
+        help="of the file; .toml is added if missing (default scenario.toml)",
+    )
+    parser.set_defaults(handler=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Write the file, never over another."""
+    path = Path(options.name)
+    if path.suffix != ".toml":
+        path = path.with_name(f"{path.name}.toml")
+    try:
+        with path.open("x", encoding="utf-8") as file:
+            file.write(TEMPLATE.read_text(encoding="utf-8"))
+    except FileExistsError:
+        raise JointplayError(f"{str(path)!r} exists; choose another name") from None
+    except OSError as error:
+        raise JointplayError(f"cannot write {str(path)!r}: {error.strerror or error}") from None
+    print(f"wrote {path}; next: jointplay check {path}")
+    return 0

@@ -1,0 +1,246 @@
+"""`jointplay run FILE`: all cases of a scenario, in parallel, and the figures that compare them."""
+
+from __future__ import annotations
+
+import argparse
+import ctypes
+import multiprocessing
+import os
+import signal
+import sys
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from jointplay.errors import JointplayError, MissingName
+
+if TYPE_CHECKING:
+    from jointplay.kernel import Status
+    from jointplay.result import Result
+    from jointplay.scenario import Scenario
+    from jointplay.simulation import Run
+
+STOPPED = 1
+INTERRUPTED = 130
+
+_LOOK_S = 0.2
+"""Interval at which progress is looked at."""
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the cases, draw the figures, say how each ended."""
+    from jointplay import plots
+    from jointplay.kernel import Status
+    from jointplay.result import Result
+    from jointplay.scenario import Scenario
+    from jointplay.study import claim_folder
+
+    scenario = Scenario.load(options.file)
+    cases = _chosen(scenario, options.case)
+    jobs = _jobs(options.jobs, len(cases))
+    prepared = (scenario.prepare(case) for case in cases)  # before anything is written
+    total = sum(run.steps * run.simulation.step for run in prepared)
+    files = dict(zip(cases, file_names(cases), strict=True))
+    names = list(files.values())
+    figures = scenario.figures and not options.no_figures
+    if figures:
+        names += [f"{name}.{kind}" for name in plots.FIGURES for kind in ("png", "pdf")]
+    out = claim_folder(options.out, names)
+    if jobs == 1:
+        interrupted = _one_by_one(scenario, files, out, not options.quiet)
+    else:
+        interrupted = _side_by_side(scenario, files, out, jobs, total, not options.quiet)
+    results = {c: Result.load(out / files[c]) for c in cases if (out / files[c]).exists()}
+    for case, result in results.items():
+        print(f"\n{case}: {result.message}\n{result.audit}")
+    drawable = {case: result for case, result in results.items() if len(result.time) > 1}
+    if figures and drawable:
+        plots.save(drawable, out)
+    print(f"\nresults in {out}")
+    if interrupted or any(r.status == Status.INTERRUPTED for r in results.values()):
+        missing = [case for case in cases if case not in results]
+        note = f"; not begun: {', '.join(missing)}" if missing else ""
+        print(f"interrupted{note}", file=sys.stderr)
+        return INTERRUPTED
+    return 0 if all(r.status == Status.COMPLETED for r in results.values()) else STOPPED
+
+
+def _chosen(scenario: Scenario, wanted: Sequence[str]) -> list[str]:
+    for case in wanted:
+        if case not in scenario.cases:
+            raise MissingName("case", case, scenario.cases)
+    return [case for case in scenario.cases if not wanted or case in wanted]
+
+
+def _jobs(wanted: int | None, cases: int) -> int:
+    if wanted is not None and wanted < 1:
+        raise JointplayError(f"at least one process is needed, got {wanted}")
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    return min(wanted or cores or 1, cases)
+
+
+def file_names(cases: Sequence[str]) -> list[str]:
+    """A file for each case: its label, but for what some file system does not take."""
+    import re
+
+    found: list[str] = []
+    for case in cases:
+        stem = re.sub(r"[^\w.+-]+", "_", case).strip("._") or "case"
+        name, number = f"{stem}.nc", 2
+        while name.lower() in (other.lower() for other in found):
+            name, number = f"{stem}_{number}.nc", number + 1
+        found.append(name)
+    return found
+
+
+def _execute(scenario: Scenario, case: str, run: Run, path: Path, progress: bool) -> Result:
+    """Run a case and save it together with the scenario it is from."""
+    import warnings
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # said at the end
+        result = run.execute(progress)
+    result.dataset.attrs |= {
+        "scenario": scenario.text,
+        "scenario_file": scenario.path.name,
+        "title": scenario.title,
+        "case": case,
+    }
+    result.save(path)
+    return result
+
+
+def _one_by_one(scenario: Scenario, files: dict[str, str], out: Path, progress: bool) -> bool:
+    """Run all in this process; returns whether Ctrl-C ended it."""
+    from tqdm import tqdm
+
+    from jointplay.kernel import Status
+
+    for case, name in files.items():
+        prepared = scenario.prepare(case)
+        if progress:
+            tqdm.write(f"case {case}:", file=sys.stderr)
+        try:
+            result = _execute(scenario, case, prepared, out / name, progress)
+        except KeyboardInterrupt:
+            return True
+        if result.status == Status.INTERRUPTED:
+            return True
+    return False
+
+
+def _side_by_side(
+    scenario: Scenario,
+    files: dict[str, str],
+    out: Path,
+    jobs: int,
+    total: float,
+    progress: bool,
+) -> bool:
+    """Run each in a process of its own; returns whether Ctrl-C ended it."""
+    from tqdm import tqdm
+
+    clocks = multiprocessing.RawArray(ctypes.c_double, len(files))
+    pool = ProcessPoolExecutor(jobs, initializer=_begin, initargs=(clocks,))
+    layout = "{percentage:3.0f}%|{bar}| {n:.3f}/{total:.3f} s simulated{postfix}, {remaining} left"
+    bar = tqdm(total=total, disable=not progress, bar_format=layout, mininterval=_LOOK_S)
+    interrupted = False
+    with bar:
+        futures: dict[Future[None], str] = {}
+        try:
+            for index, (case, name) in enumerate(files.items()):
+                work = (str(scenario.path), scenario.text, case, out / name, index)
+                futures[pool.submit(_work, *work)] = case
+            pending = set(futures)
+            while pending:
+                done, pending = wait(pending, _LOOK_S, FIRST_COMPLETED)
+                for future in done:
+                    future.result()
+                now = min(sum(clocks), total)
+                ended = f"{len(futures) - len(pending)} of {len(futures)} cases done"
+                bar.set_postfix_str(
+                    ended if now else "starting (the first start ever compiles)", refresh=False
+                )
+                bar.update(now - bar.n)
+        except BaseException as error:
+            interrupted = isinstance(error, KeyboardInterrupt)
+            for process in list((pool._processes or {}).values()):
+                process.terminate()  # which ends a run as Ctrl-C does: saved as far as it came
+            pool.shutdown(cancel_futures=True)
+            if not interrupted:
+                raise
+        else:
+            pool.shutdown()
+    return interrupted
+
+
+_clocks: Any = None
+_ending = False
+
+
+def _begin(clocks: Any) -> None:
+    """Set up a process: Ctrl-C is the parent's, which then terminates its children."""
+    global _clocks
+    _clocks = clocks
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, _end)
+
+
+def _end(*_: Any) -> None:
+    global _ending
+    _ending = True
+
+
+def _interrupt(*_: Any) -> None:
+    _end()
+    raise KeyboardInterrupt
+
+
+def _work(path: str, text: str, case: str, target: Path, index: int) -> None:
+    """Run a case in this process and save it."""
+    from jointplay.scenario import Scenario
+
+    if _ending:
+        return
+    scenario = Scenario(text, path)
+    prepared = scenario.prepare(case)
+    prepared.loop = _stoppable(prepared.loop)  # type: ignore[method-assign, assignment]
+    with _ticking(prepared, index):
+        _execute(scenario, case, prepared, target, False)
+
+
+@contextmanager
+def _ticking(prepared: Run, index: int) -> Iterator[None]:
+    """Tell the parent how far the run has come."""
+    over = threading.Event()
+
+    def tick() -> None:
+        while not over.wait(_LOOK_S):
+            _clocks[index] = prepared.workspace.time
+
+    thread = threading.Thread(target=tick, daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        over.set()
+        thread.join()
+        _clocks[index] = prepared.workspace.time
+
+
+def _stoppable(loop: Callable[[bool], Status]) -> Callable[[bool], Status]:
+    """Let the parent stop the time loop, but nothing else: half a file is worth nothing."""
+
+    def guarded(progress: bool = False) -> Status:
+        signal.signal(signal.SIGTERM, _interrupt)
+        try:
+            if _ending:
+                raise KeyboardInterrupt
+            return loop(progress)
+        finally:
+            signal.signal(signal.SIGTERM, _end)
+
+    return guarded

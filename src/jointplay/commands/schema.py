@@ -1,0 +1,30 @@
+"""`jointplay schema`: the JSON schema of scenario files, for editors."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from typing import Any
+
+
+def add(commands: Any) -> None:
+    """Add the command's parser."""
+    parser = commands.add_parser(
+        "schema",
+        help="print the JSON schema of scenario files, for editors",
+        description="Print the JSON schema of scenario files. Saved as scenario.schema.json beside "
+        "a scenario whose first line is `#:schema scenario.schema.json`, it gives editors with "
+        "Taplo (Even Better TOML) completion, explanations and checks.",
+    )
+    parser.set_defaults(handler=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Print the schema."""
+    import json
+
+    from jointplay.scenario.schema import schema
+
+    json.dump(schema(), sys.stdout, indent=1, ensure_ascii=False)
+    print()
+    return 0

@@ -1,0 +1,85 @@
+"""Where in a TOML file a key stands: errors name its line."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Sequence
+from typing import Any
+
+Key = tuple[str | int, ...]
+
+_BARE = re.compile(r"[A-Za-z0-9_-]+")
+
+
+def dotted(path: Sequence[str | int]) -> str:
+    """A key's path as TOML writes it, elements of lists in brackets from 1."""
+    text = ""
+    for part in path:
+        if isinstance(part, int):
+            text += f"[{part + 1}]"
+        else:
+            shown = part if _BARE.fullmatch(part) else f'"{part}"'
+            text += f".{shown}" if text else shown
+    return text
+
+
+def lines(text: str) -> dict[Key, int]:
+    """Line at which each key of a well-formed TOML text stands, tables at their header."""
+    found: dict[Key, int] = {}
+    counts: dict[Key, int] = {}
+    table: Key = ()
+    chunk: list[str] = []
+    for number, line in enumerate(text.splitlines(), 1):
+        chunk.append(line)
+        try:  # a statement may go on over several lines
+            parsed = tomllib.loads("\n".join(chunk))
+        except tomllib.TOMLDecodeError:
+            continue
+        start = number - len(chunk) + 1
+        header = chunk[0].lstrip().startswith("[")
+        chunk = []
+        if header:
+            table = _header(parsed, counts)
+            _note(found, table, start)
+        else:
+            for path in _paths(parsed):
+                _note(found, (*table, *path), start)
+    return found
+
+
+def _note(found: dict[Key, int], path: Key, line: int) -> None:
+    for size in range(1, len(path) + 1):
+        found.setdefault(path[:size], line)
+
+
+def _header(parsed: Any, counts: dict[Key, int]) -> Key:
+    """Path that ``[a.b]`` or ``[[a.b]]`` opens, with indices of arrays of tables."""
+    path: Key = ()
+    while parsed:
+        if isinstance(parsed, list):  # [[...]]: a new element
+            counts[path] = counts.get(path, -1) + 1
+            return (*path, counts[path])
+        ((key, parsed),) = parsed.items()
+        path = (*path, key)
+        if isinstance(parsed, dict) and path in counts:  # a table within the last element
+            path = (*path, counts[path])
+    return path
+
+
+def _paths(parsed: Any) -> list[Key]:
+    if isinstance(parsed, dict):
+        items: Any = parsed.items()
+    elif isinstance(parsed, list):
+        items = enumerate(parsed)
+    else:
+        return [()]
+    return [()] + [(key, *rest) for key, value in items for rest in _paths(value)]
+
+
+def line_of(found: dict[Key, int], path: Sequence[str | int]) -> int | None:
+    """Line of the key at `path`, or of the nearest table above it that the file has."""
+    for size in range(len(path), 0, -1):
+        if tuple(path[:size]) in found:
+            return found[tuple(path[:size])]
+    return None

@@ -1,0 +1,117 @@
+"""How a scenario was understood, in a few lines."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields
+from typing import Any
+
+from jointplay.drive import assign
+from jointplay.impact import contact_duration
+from jointplay.scenario.load import Scenario
+from jointplay.scenario.tables import unit_of
+from jointplay.scenario.units import readable
+from jointplay.simulation import Run
+
+
+def summary(scenario: Scenario, runs: Mapping[str, Run]) -> str:
+    """What all cases have in common, then what is each case's own."""
+    facts = {case: _facts(run) for case, run in runs.items()}
+    every = list(facts.values())
+    common = {
+        what: text
+        for what, text in every[0].items()
+        if all(other.get(what) == text for other in every)
+    }
+    lines = [f"{scenario.path}: {scenario.title}", *_lines(common)]
+    if len(facts) > 1:
+        for case, own in facts.items():
+            rest = {what: text for what, text in own.items() if what not in common}
+            lines += [f"case {case}", *_lines(rest)]
+    return "\n".join(lines)
+
+
+def _lines(facts: Mapping[str, str]) -> list[str]:
+    return [f"  {what:<16} {text}" for what, text in facts.items()]
+
+
+def _facts(run: Run) -> dict[str, str]:
+    simulation, mechanism = run.simulation, run.mechanism
+    weight = " ".join(f"{g:g}" for g in mechanism.gravity)
+    found = {
+        "robot": f"{mechanism.description.path}, tool {mechanism.tool}",
+        "gravity": f"{weight} m/s^2" if any(mechanism.gravity) else "none",
+    }
+    for name, loop in mechanism.loops.items():
+        found[f"loop {name}"] = (
+            f"{mechanism.loop_kind(name)}, {loop.bearing_link} - {loop.journal_link}"
+        )
+    step = simulation.step
+    for name, joint in mechanism.clearance.items():
+        steps = contact_duration(mechanism, name, run.workspace.q) / step
+        found[f"joint {name}"] = f"{joint.kind}: {_fields(joint)}; {steps:.0f} steps in an impact"
+    if not mechanism.clearance:
+        found["joints"] = "all ideal"
+    for name, gear in mechanism.gears.items():
+        found[f"gear {name}"] = _fields(gear)
+    if simulation.motion is not None:
+        joints = ", ".join(simulation.motion.joints)
+        number = len(simulation.motion.times)
+        found["motion"] = f"{joints}: {number} waypoints, {simulation.motion.interpolation}"
+    drives: dict[str, list[str]] = {}
+    for name, drive in assign(mechanism, simulation.motion, simulation.drive).items():
+        words = _fields(drive, joint=mechanism.description.joints[name])
+        drives.setdefault(f"{drive.kind}{f' ({words})' if words else ''}", []).append(name)
+    found["drives"] = "; ".join(f"{', '.join(names)}: {words}" for words, names in drives.items())
+    for name, losses in run.friction.items():
+        if losses.coulomb or losses.viscous or losses.static:
+            found[f"friction {name}"] = _fields(losses, joint=mechanism.description.joints[name])
+    for number, payload in enumerate(simulation.payloads, 1):
+        found[f"payload {number}"] = f"at {payload.frame}: {_fields(payload)}"
+    found["start"] = (
+        ", ".join(
+            f"{name} {run.workspace.q[mechanism.coordinate(name)]:.6g}" for name in mechanism.joints
+        )
+        + " [rad or m]"
+    )
+    found["integration"] = (
+        f"{simulation.integrator}, {readable(run.steps * step, 's')} in {run.steps} steps of "
+        f"{readable(step, 's')}, a record every {simulation.record_every}"
+        + ("" if simulation.seed is None else f", seed {simulation.seed}")
+    )
+    return found
+
+
+def _fields(thing: Any, joint: Any = None) -> str:
+    """Fields of a dataclass, with units; those not set left out."""
+    words = []
+    for field in fields(thing):
+        value = getattr(thing, field.name)
+        name = field.name.replace("_", " ")
+        units = unit_of(type(thing), field.name)
+        unit = (
+            units[1]
+            if len(units) > 1 and joint is not None and joint.kind == "prismatic"
+            else units[0]
+        )
+        if value is None or value is False or field.name == "frame":
+            continue
+        if value is True:
+            words.append(name)
+        elif isinstance(value, float | int):
+            words.append(f"{name} {readable(value, unit)}")
+        elif isinstance(value, tuple):
+            words.append(f"{name} ({', '.join(readable(one, unit) for one in value)})")
+        elif isinstance(value, str):
+            words.append(f"{name} {value}")
+        elif hasattr(value, "describe"):  # a law
+            given = {k: v for k, v in value.describe().items() if k != "law" and v is not None}
+            inside = ", ".join(f"{k} {_value(value, k, v)}" for k, v in given.items())
+            words.append(f"{name} {value.name}{f' ({inside})' if inside else ''}")
+        else:
+            words.append(f"{name} ({_fields(value)})")
+    return ", ".join(words)
+
+
+def _value(law: Any, name: str, value: Any) -> str:
+    return readable(value, unit_of(type(law), name)[0]) if isinstance(value, float) else str(value)

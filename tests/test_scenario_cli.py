@@ -1,0 +1,234 @@
+"""Commands on scenario files, through the real entry point."""
+
+import json
+import re
+import signal
+import subprocess
+import sys
+import time
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
+
+from jointplay import Result
+from jointplay.commands.run_scenario import file_names
+from jointplay.kernel import Status
+from jointplay.urdf import shipped
+
+JOINTPLAY = str(Path(sys.executable).parent / "jointplay")
+
+
+def jointplay(*arguments, cwd=None):
+    command = [JOINTPLAY, *map(str, arguments)]
+    return subprocess.run(
+        command, capture_output=True, text=True, timeout=300, check=False, cwd=cwd
+    )
+
+
+@pytest.fixture
+def short(tmp_path):
+    """A scenario with three cases of 20 ms."""
+    assert jointplay("init", "study", cwd=tmp_path).returncode == 0
+    path = tmp_path / "study.toml"
+    text = path.read_text(encoding="utf-8").replace("# duration = ", 'duration = "20 ms" # ')
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_init_writes_what_check_and_run_take_and_never_overwrites(tmp_path):
+    done = jointplay("init", cwd=tmp_path)
+    assert done.returncode == 0
+    path = tmp_path / "scenario.toml"
+    assert path.read_text(encoding="utf-8").startswith("#:schema")
+    path.write_text("mine")
+    refused = jointplay("init", "scenario", cwd=tmp_path)
+    assert refused.returncode == 2
+    assert refused.stderr == (
+        "jointplay init: error: 'scenario.toml' exists; choose another name\n"
+    )
+    assert path.read_text() == "mine"
+    assert jointplay("init", "no/where.toml", cwd=tmp_path).returncode == 2
+
+
+def test_what_the_template_shows_as_defaults_are_the_defaults(short):
+    """Each line commented out can be used as it stands."""
+    text = short.read_text(encoding="utf-8")
+    for line in re.findall(r"^# (\w+ = (?:false|\"(?:revolute)\").*)$", text, re.M):
+        text = text.replace(f"# {line}", line)
+    assert "\nlock_tilt = false" in text
+    assert '\nkind = "revolute"' in text
+    text = re.sub(
+        r"^# (\[gears|play|rotor|stiffness|\[joint_fr|coulomb|viscous|\[\[|mass|pick|release)",
+        r"\1",
+        text,
+        flags=re.M,
+    )
+    short.write_text(text, encoding="utf-8")
+    done = jointplay("check", short, "--no-picture")
+    assert done.returncode == 0, done.stderr
+    assert "gear joint_a" in done.stdout
+    assert "friction joint_a" in done.stdout
+    assert "payload 1" in done.stdout
+
+
+def test_check_says_what_it_understood(short):
+    done = jointplay("check", short, "--no-picture")
+    assert done.returncode == 0, done.stderr
+    for words in (
+        "SCARA, clearance in joint B",
+        "gravity          none",
+        "computed-torque (bandwidth 100 rad/s",
+        "20 ms in 2000 steps of 10 µs",
+        "case ideal\n  joints           all ideal",
+        "radial clearance 0.5 mm",
+        "young 207 GPa",
+    ):
+        assert words in done.stdout
+    assert not list(short.parent.glob("*.nc"))
+
+
+def test_check_draws_the_mechanism_but_over_no_one_elses_picture(short):
+    done = jointplay("check", short)
+    assert done.returncode == 0, done.stderr
+    picture = short.with_suffix(".png")
+    if find_spec("jointplay.picture") is None:
+        assert (
+            "no picture: a picture needs jointplay.picture, which is not installed" in done.stdout
+        )
+        assert jointplay("check", short, "--picture", "x.png", cwd=short.parent).returncode == 2
+        return
+    assert picture.read_bytes()[:4] == b"\x89PNG"
+    assert "(replaced)" in jointplay("check", short).stdout
+    picture.write_bytes(b"mine")
+    refused = jointplay("check", short)
+    assert refused.returncode == 2
+    assert "exists; name another picture" in refused.stderr
+    assert picture.read_bytes() == b"mine"
+
+
+@pytest.mark.parametrize("name", ["four_bar", "slider_crank", "scara_ab", "scara"])
+def test_shipped_scenarios_check(name, tmp_path):
+    done = jointplay("check", f"jointplay:{name}.toml", "--no-picture", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+
+
+JOBS = pytest.mark.parametrize("jobs", [pytest.param(1, marks=pytest.mark.nightly), 2])
+
+
+@JOBS
+def test_run_saves_every_case(short, jobs, tmp_path):
+    out = tmp_path / "out"
+    done = jointplay("run", short, "--out", out, "--jobs", jobs, "--quiet", "--no-figures")
+    assert done.returncode == 0, done.stderr
+    assert {path.name for path in out.iterdir()} == {"ideal.nc", "0.2_mm.nc", "0.5_mm.nc"}
+    result = Result.load(out / "0.5_mm.nc")
+    assert result.simulation.mechanism.clearance["joint_b"].cr == 0.5e-3
+    assert result.dataset.attrs["case"] == "0.5 mm"
+    assert result.dataset.attrs["scenario"] == short.read_text(encoding="utf-8")
+    assert not done.stderr
+    again = jointplay("run", short, "--out", out, "--quiet", "--no-figures")
+    assert again.returncode == 2
+    assert "already holds results" in again.stderr
+
+
+def test_run_draws_figures_of_chosen_cases_and_shows_progress(short, tmp_path):
+    out = tmp_path / "out"
+    done = jointplay("run", short, "--out", out, "--case", "0.2 mm", "--case", "ideal")
+    assert done.returncode == 0, done.stderr
+    names = {path.name for path in out.iterdir()}
+    assert {"ideal.nc", "0.2_mm.nc", "fig12.png", "fig12.pdf"} <= names
+    assert "0.5_mm.nc" not in names
+    assert "2 of 2 cases done" in done.stderr
+
+
+BAD = {
+    "missing file": (["run", "none.toml", "--out", "o"], "none.toml"),
+    "no such case": (["run", "study.toml", "--out", "o", "--case", "x"], "ideal, 0.2 mm, 0.5 mm"),
+    "jobs": (["run", "study.toml", "--out", "o", "--jobs", "0"], "got 0"),
+    "options of another run": (["run", "study.toml", "--out", "o", "--radial", "1e-4"], "--radial"),
+    "case without scenario": (["run", "--case", "x", "--out", "o"], "--case needs a scenario"),
+    "check": (["check", "none.toml"], "none.toml"),
+}
+
+
+@pytest.mark.parametrize(("arguments", "word"), BAD.values(), ids=BAD)
+def test_bad_input_is_refused_in_one_line(arguments, word, short):
+    done = jointplay(*arguments, cwd=short.parent)
+    assert done.returncode == 2
+    assert done.stderr.count("\n") == 1
+    assert word in done.stderr
+    assert not (short.parent / "o").exists()
+
+
+def test_a_mistake_is_found_before_anything_runs(short):
+    text = short.read_text(encoding="utf-8").replace('"0.5 mm", axial', '"0.5 mmm", axial')
+    short.write_text(text, encoding="utf-8")
+    out = short.parent / "o"
+    for command in (["check", short], ["run", short, "--out", out]):
+        done = jointplay(*command)
+        assert done.returncode == 2
+        assert re.fullmatch(
+            r'jointplay \w+: error: .*study.toml, line \d+, cases."0.5 mm".joints.joint_b.'
+            r'radial_clearance: unknown unit "mmm" in "0.5 mmm"; expected a length.*\n',
+            done.stderr,
+        )
+    assert not out.exists()
+
+
+@JOBS
+def test_ctrl_c_keeps_what_was_computed(short, jobs, tmp_path):
+    text = short.read_text(encoding="utf-8").replace('"20 ms"', '"100 s"')
+    short.write_text(text, encoding="utf-8")
+    out = tmp_path / "out"
+    command = [JOINTPLAY, "run", str(short), "--no-figures", "--out", str(out), "--jobs", str(jobs)]
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    seen = ""
+    while not re.search(r" \d+\.\d*[1-9]\d*/\d+.*left", seen):
+        seen += process.stderr.read(1)
+    time.sleep(1.0)
+    process.send_signal(signal.SIGINT)
+    _, errors = process.communicate(timeout=120)
+    assert process.returncode == 130
+    assert "interrupted; not begun: " in errors
+    assert "Traceback" not in errors
+    kept = [Result.load(path) for path in out.glob("*.nc")]
+    assert len(kept) == jobs
+    for result in kept:
+        assert result.status == Status.INTERRUPTED
+        assert 0.0 < result.time[-1] < 100.0
+
+
+def test_schema_is_json_and_names_the_tables():
+    made = json.loads(jointplay("schema").stdout)
+    assert {"robot", "joints", "cases", "motion"} <= set(made["properties"])
+
+
+def test_files_of_cases_differ():
+    assert file_names(["a/b", "a b", "A B", ".."]) == ["a_b.nc", "a_b_2.nc", "A_B_3.nc", "case.nc"]
+
+
+def test_help_is_quick():
+    """Nothing heavy is imported for it; the best of some, for the machine may be busy."""
+    took = []
+    for _ in range(5):
+        started = time.perf_counter()
+        assert jointplay("--help").returncode == 0
+        took.append(time.perf_counter() - started)
+    assert min(took) < 0.3
+
+
+def test_help_imports_nothing_heavy():
+    code = (
+        "import sys, jointplay.cli\n"
+        "jointplay.cli.main([])\n"
+        "heavy = {'numpy', 'pinocchio', 'numba', 'pydantic', 'pint', 'scipy', 'matplotlib'}\n"
+        "assert not heavy & set(sys.modules), heavy & set(sys.modules)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+def test_shipped_files_include_scenarios():
+    for name in ("scara.toml", "slider_crank.toml", "four_bar.toml", "four_bar.urdf"):
+        assert shipped(name).is_file()

@@ -1,0 +1,87 @@
+"""Quantities of scenario files."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from jointplay.scenario.units import WORDS, convert, readable
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "value"),
+    [
+        ("0.2 mm", "m", 0.2e-3),
+        ("0.2mm", "m", 0.2e-3),
+        ("207 GPa", "Pa", 207e9),
+        ("10 us", "s", 1e-5),
+        ("10 µs", "s", 1e-5),
+        ("180 deg", "rad", math.pi),
+        ("60 rpm", "rad/s", 2 * math.pi),
+        ("1 Hz", "rad/s", 2 * math.pi),
+        ("1 inch", "m", 0.0254),
+        ("1 kgf", "N", 9.80665),
+        ("3 N*mm", "N*m", 3e-3),
+        ("2 g*cm^2", "kg*m^2", 2e-7),
+        ("-1.62 m/s^2", "m/s^2", -1.62),
+        ("1e5 /m", "1/m", 1e5),
+        ("100 1/mm", "1/m", 1e5),
+        ("50 %", "", 0.5),
+    ],
+)
+def test_text_is_converted_to_si(text, unit, value):
+    assert convert(text, unit) == pytest.approx(value, rel=1e-12)
+
+
+@given(st.decimals(-1000, 1000, places=4), st.sampled_from([("mm", "e-3"), ("um", "e-6")]))
+def test_decimal_prefixes_are_exact(number, prefix):
+    unit, power = prefix
+    assert float(convert(f"{number:f} {unit}", "m")) == float(f"{number:f}{power}")
+
+
+@given(st.floats(allow_nan=False, allow_infinity=False))
+def test_bare_numbers_are_si(value):
+    assert all(float(convert(value, unit)) == value for unit in WORDS)
+
+
+@pytest.mark.parametrize("unit", [unit for unit in WORDS if unit])
+def test_examples_of_messages_fit_their_own_unit(unit):
+    assert convert(WORDS[unit][1], unit) > 0.0
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "words"),
+    [
+        ("0.2 mmm", "m", 'unknown unit "mmm" in "0.2 mmm"; expected a length such as "0.2 mm"'),
+        ("3 kg", "m", '"3 kg" is no length'),
+        ("3", "m", '"3" without a unit is no length'),
+        ("30 deg", "", '"30 deg" is no number'),
+        ("3", "rad", '"3" without a unit is no angle'),
+        ("wide", "m", '"wide" is no length'),
+        (True, "m", "true is no length"),
+        ([1, "2 mm"], "m", '[1, "2 mm"] is no length'),
+        (math.nan, "m", "nan is not finite"),
+        ("1e999 m", "m", "is not finite"),
+        ("5 mm; import os", "m", "unknown unit"),
+    ],
+)
+def test_what_is_no_such_quantity_is_refused(value, unit, words):
+    with pytest.raises(ValueError) as refused:
+        convert(value, unit)
+    assert words in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+def test_either_of_two_units_is_remembered():
+    assert convert("30 deg", "rad", "m").unit == "rad"
+    assert convert("30 mm", "rad", "m").unit == "m"
+    assert convert(3, "rad", "m").unit == ""
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "text"),
+    [(2e-4, "m", "0.2 mm"), (1e-5, "s", "10 µs"), (207e9, "Pa", "207 GPa"), (0.9, "", "0.9")],
+)
+def test_values_are_shown_with_handy_prefixes(value, unit, text):
+    assert readable(value, unit) == text
