@@ -1,6 +1,9 @@
 """Worn bores, and Archard's law by hand."""
 
 import dataclasses
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -250,3 +253,46 @@ def test_wrong_questions_are_answered(urdf):
     still = dataclasses.replace(rubbing(urdf, 0.0, gravity=0.0, duration=0.01), seed=None)
     with pytest.raises(jp.JointplayError, match="does not slide"):
         wear_life(still, "pin", 1e-5)
+
+
+COMMAND = Path(sys.executable).parent / "jointplay"
+SCENARIO = """
+[robot]
+urdf = "robot.urdf"
+gravity = [0, "-9.81 m/s^2", 0]
+[joints.pin]
+kind = "planar"
+radial_clearance = "0.1 mm"
+wear_rate = "1e-4 mm^3/(N*m)"
+[motion]
+times = [0, "50 ms"]
+interpolation = "constant-speed"
+[motion.joints]
+pin = [0, "1.5 rad"]
+"""
+
+
+def test_command_estimates_and_writes(urdf, tmp_path):
+    urdf(body("arm"), joint("pin", "base", "arm"))
+    (tmp_path / "s.toml").write_text(SCENARIO)
+    command = [str(COMMAND), "wear", "s.toml", "--joint", "pin", "--quiet"]
+
+    def call(*more):
+        return subprocess.run([*command, *more], cwd=tmp_path, capture_output=True, text=True)
+
+    done = call("--growth", "2 um", "--blocks", "2", "--out", "life.csv")
+    assert done.returncode == 0, done.stderr
+    assert "an estimate" in done.stdout
+    rows = (tmp_path / "life.csv").read_text().splitlines()
+    assert rows[0] == "block,cycles,end,azimuth_rad,depth_m"
+    assert len(rows) == 1 + 3 * 72
+    assert max(float(row.split(",")[4]) for row in rows[1:]) == pytest.approx(2e-6)
+    for more, text in (
+        (("--growth", "2 um", "--out", "life.csv"), "life.csv"),
+        (("--growth", "2 kg"), "length"),
+        (("--growth", "0"), "growth"),
+    ):
+        wrong = call(*more)
+        assert wrong.returncode == 2
+        assert text in wrong.stderr
+        assert len(wrong.stderr.strip().splitlines()) == 1

@@ -55,6 +55,8 @@ _HOMES = {
     "cartesian_motion": "cartesian",
     "shipped": "urdf",
     "simulate": "simulation",
+    "wear_life": "wear",
+    "worn_depth": "wear",
 }
 
 __all__ = sorted(_HOMES)
@@ -99,6 +101,8 @@ if TYPE_CHECKING:
     from jointplay.simulation import Simulation as Simulation
     from jointplay.simulation import simulate as simulate
     from jointplay.urdf import shipped as shipped
+    from jointplay.wear import wear_life as wear_life
+    from jointplay.wear import worn_depth as worn_depth
 
 
 def __getattr__(name: str) -> Any:

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -85,6 +86,26 @@ class WearLife:
     def mean(self) -> np.ndarray:
         """Depth after each block, mean over the bore [m]."""
         return self.profiles.mean(axis=(1, 2))
+
+    def save(self, path: str | Path) -> None:
+        """Write a CSV file: a row per block, end and azimuth.
+
+        Raises:
+            JointplayError: the file exists or cannot be written.
+        """
+        blocks, ends, azimuths = self.profiles.shape
+        try:
+            with Path(path).open("x", encoding="utf-8") as file:
+                file.write("block,cycles,end,azimuth_rad,depth_m\n")
+                for block, end, at in np.ndindex(blocks, ends, azimuths):
+                    file.write(
+                        f"{block},{self.cycles[block]:.8g},{'AB'[end]},"
+                        f"{2.0 * math.pi * at / azimuths:.6f},{self.profiles[block, end, at]:.6g}\n"
+                    )
+        except FileExistsError:
+            raise JointplayError(f"{str(path)!r} exists; choose another name") from None
+        except OSError as error:
+            raise JointplayError(f"cannot write {str(path)!r}: {error.strerror}") from None
 
     def __str__(self) -> str:
         """Say the outcome in words, and that it is an estimate."""

@@ -42,6 +42,7 @@ UNITS: Mapping[str, Mapping[str, str | tuple[str, ...]]] = {
         ),
         "stiffness": "N/m^1.5",
         "axial_stiffness": "N/m^1.5",
+        "wear_rate": "m^3/(N*m)",
     },
     "NormalForceLaw": {"stiffness": "N/m", "damping": "N*s/m"},
     "FrictionLaw": {

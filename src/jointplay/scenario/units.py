@@ -32,6 +32,7 @@ WORDS = {
     "Pa*s": ("viscosity", "0.1 Pa*s"),
     "1/m": ("bristle stiffness", "1e5 1/m"),
     "s/m": ("bristle damping", "10 s/m"),
+    "m^3/(N*m)": ("specific wear rate", "1e-5 mm^3/(N*m)"),
 }
 """Units of the package by their text: what they measure, and an example for messages."""
 
