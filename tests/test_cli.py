@@ -66,6 +66,8 @@ BAD_INPUT = {
     "law": (["--law", "magnetic"], "'magnetic'"),
     "law without its parameter": (["--law", "kelvin-voigt"], "--damping"),
     "parameter of another law": (["--damping", "3"], "kelvin-voigt"),
+    "law without its mass": (["--law", "anagnostopoulos"], "--impact-mass"),
+    "mass of another law": (["--impact-mass", "3"], "anagnostopoulos"),
     "tool": (["--tool", "hammer"], "suction_cup"),
     "joint friction": (["--joint-friction", "joint_a=1"], "'joint_a=1'"),
     "duration": (["--duration", "0"], "got 0 s"),

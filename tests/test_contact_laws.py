@@ -93,7 +93,8 @@ def test_impossible_parameters_are_refused(make):
 
 @pytest.mark.parametrize("name", NORMAL_LAWS)
 def test_normal_laws_describe_themselves(name):
-    made = jp.KelvinVoigt(30.0) if name == "kelvin-voigt" else NORMAL_LAWS[name]()
+    needed = {"kelvin-voigt": (30.0,), "anagnostopoulos": (2.0,)}
+    made = NORMAL_LAWS[name](*needed.get(name, ()))
     again = normal_law(made.describe())
     assert again.parameters(STEEL) == made.parameters(STEEL)
     assert type(again) is type(made)
@@ -102,7 +103,8 @@ def test_normal_laws_describe_themselves(name):
 def test_friction_laws_describe_themselves():
     made = jp.Ambrosio(0.2, 2e-4, 3e-3)
     assert friction_law(made.describe()).parameters() == made.parameters()
-    assert list(FRICTION_LAWS) == ["ambrosio", "dahl", "lugre", "gonthier"]
+    for law in FRICTION_LAWS.values():
+        assert friction_law(law().describe()).parameters() == law().parameters()
 
 
 def test_unknown_law_answers_with_those_that_exist():
@@ -218,7 +220,9 @@ def test_a_contact_never_pulls_and_friction_never_drives(tmp_path_factory, veloc
     assert (result["normal_force"].values >= 0.0).all()
     for loss in ("normal_dissipation", "friction_dissipation"):
         assert (np.diff(result[loss].values) >= -1e-12).all()
-    assert result.audit.relative_energy_residual < 0.02
+    # Of a flight without impacts nothing is exchanged, and there is nothing to relate to.
+    exchanged = max(result.audit.energy_exchanged, 1e-3 * float(result["kinetic_energy"][0]))
+    assert result.audit.energy_residual <= 0.02 * exchanged
 
 
 def test_a_slow_onset_does_not_blow_the_damping_up(free_mass):

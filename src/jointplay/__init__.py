@@ -17,24 +17,37 @@ from typing import TYPE_CHECKING, Any
 
 _HOMES = {
     "Ambrosio": "contact",
+    "Anagnostopoulos": "contact",
     "Audit": "audit",
+    "BengisuAkay": "contact",
+    "BrownMcPhee": "contact",
     "ClearanceJoint": "joints",
     "ComputedTorque": "drive",
+    "Coulomb": "contact",
     "CustomBristle": "contact",
     "CustomFilm": "contact",
     "CustomFriction": "contact",
     "CustomNormalForce": "contact",
     "Dahl": "contact",
+    "DubowskyFreudenstein": "contact",
+    "Flores": "contact",
     "Form": "geometry",
     "Free": "drive",
     "Gear": "gear",
+    "Goldsmith": "contact",
+    "Gonthier": "contact",
     "GonthierFriction": "contact",
+    "HerbertMcWhannell": "contact",
     "Hertz": "contact",
+    "HuGuo": "contact",
     "HuntCrossley": "contact",
+    "HuntCrossley1975": "contact",
+    "Johnson": "contact",
     "JointFriction": "drive",
     "JointplayError": "errors",
     "KelvinVoigt": "contact",
     "LankaraniNikravesh": "contact",
+    "LeeWang": "contact",
     "LinearSpring": "contact",
     "Loop": "loops",
     "LuGre": "contact",
@@ -43,16 +56,23 @@ _HOMES = {
     "Mode": "geometry",
     "Motion": "motion",
     "Payload": "payload",
+    "Pereira": "contact",
     "PinkusSternlicht": "contact",
     "Prescribed": "drive",
     "PrismaticJoint": "joints",
+    "Radzimovsky": "contact",
     "Result": "result",
     "Scenario": "scenario",
     "ShortBearing": "contact",
     "Simulation": "simulation",
     "SphericalJoint": "joints",
+    "Threlfall": "contact",
     "Torque": "drive",
+    "ZhangSharf": "contact",
+    "ZhiyingQishao": "contact",
     "cartesian_motion": "cartesian",
+    "material": "materials",
+    "oil": "materials",
     "shipped": "urdf",
     "simulate": "simulation",
     "wear_life": "wear",
@@ -65,20 +85,38 @@ if TYPE_CHECKING:
     from jointplay.audit import Audit as Audit
     from jointplay.cartesian import cartesian_motion as cartesian_motion
     from jointplay.contact import Ambrosio as Ambrosio
+    from jointplay.contact import Anagnostopoulos as Anagnostopoulos
+    from jointplay.contact import BengisuAkay as BengisuAkay
+    from jointplay.contact import BrownMcPhee as BrownMcPhee
+    from jointplay.contact import Coulomb as Coulomb
     from jointplay.contact import CustomBristle as CustomBristle
     from jointplay.contact import CustomFilm as CustomFilm
     from jointplay.contact import CustomFriction as CustomFriction
     from jointplay.contact import CustomNormalForce as CustomNormalForce
     from jointplay.contact import Dahl as Dahl
+    from jointplay.contact import DubowskyFreudenstein as DubowskyFreudenstein
+    from jointplay.contact import Flores as Flores
+    from jointplay.contact import Goldsmith as Goldsmith
+    from jointplay.contact import Gonthier as Gonthier
     from jointplay.contact import GonthierFriction as GonthierFriction
+    from jointplay.contact import HerbertMcWhannell as HerbertMcWhannell
     from jointplay.contact import Hertz as Hertz
+    from jointplay.contact import HuGuo as HuGuo
     from jointplay.contact import HuntCrossley as HuntCrossley
+    from jointplay.contact import HuntCrossley1975 as HuntCrossley1975
+    from jointplay.contact import Johnson as Johnson
     from jointplay.contact import KelvinVoigt as KelvinVoigt
     from jointplay.contact import LankaraniNikravesh as LankaraniNikravesh
+    from jointplay.contact import LeeWang as LeeWang
     from jointplay.contact import LinearSpring as LinearSpring
     from jointplay.contact import LuGre as LuGre
+    from jointplay.contact import Pereira as Pereira
     from jointplay.contact import PinkusSternlicht as PinkusSternlicht
+    from jointplay.contact import Radzimovsky as Radzimovsky
     from jointplay.contact import ShortBearing as ShortBearing
+    from jointplay.contact import Threlfall as Threlfall
+    from jointplay.contact import ZhangSharf as ZhangSharf
+    from jointplay.contact import ZhiyingQishao as ZhiyingQishao
     from jointplay.drive import ComputedTorque as ComputedTorque
     from jointplay.drive import Free as Free
     from jointplay.drive import JointFriction as JointFriction
@@ -93,6 +131,8 @@ if TYPE_CHECKING:
     from jointplay.joints import PrismaticJoint as PrismaticJoint
     from jointplay.joints import SphericalJoint as SphericalJoint
     from jointplay.loops import Loop as Loop
+    from jointplay.materials import material as material
+    from jointplay.materials import oil as oil
     from jointplay.mechanism import Mechanism as Mechanism
     from jointplay.motion import Motion as Motion
     from jointplay.payload import Payload as Payload

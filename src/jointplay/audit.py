@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from jointplay.contact import ContactProperties
 from jointplay.impact import friction_step_limit
 from jointplay.kernel import WELL_RESOLVED_STEPS
 from jointplay.mechanism import Mechanism
@@ -55,6 +56,12 @@ class Audit:
     """Largest step that follows friction under the largest normal force [s]."""
     loop_drift: float = 0.0
     """Largest gap of a loop without clearance [m]."""
+    law_warnings: tuple[str, ...] = ()
+    """In what the normal-force laws were used beyond their range; see `out_of_range`."""
+
+    def __post_init__(self) -> None:
+        """Take the warnings of a file, where a tuple is a list."""
+        object.__setattr__(self, "law_warnings", tuple(self.law_warnings))
 
     @classmethod
     def of(
@@ -101,6 +108,7 @@ class Audit:
             step=float(simulation["step"]),
             friction_step_limit=limit,
             loop_drift=float(drift.max(initial=0.0)),
+            law_warnings=out_of_range(mechanism, statistics),
         )
 
     @property
@@ -141,7 +149,7 @@ class Audit:
             found.append(
                 f"ideal loops drifted apart by {self.loop_drift:.2g} m: reduce the step, or use rk4"
             )
-        return found
+        return found + list(self.law_warnings)
 
     def describe(self) -> dict[str, Any]:
         """Fields of the audit as plain data."""
@@ -164,3 +172,28 @@ class Audit:
         if self.loop_drift:
             lines.append(f"  drift of ideal loops: {self.loop_drift:.3g} m")
         return "\n".join(lines + [f"  warning: {text}" for text in self.warnings])
+
+
+def out_of_range(mechanism: Mechanism, statistics: Mapping[str, np.ndarray]) -> tuple[str, ...]:
+    """Say in what a run left the range of its normal-force laws, a line each.
+
+    Afterwards, from the deepest penetration and the fastest approach of each contact that began.
+
+    Args:
+        mechanism: what was simulated.
+        statistics: `Workspace.contact_statistics`.
+    """
+    found: dict[str, None] = {}  # a set that keeps its order
+    for j, (name, joint) in enumerate(mechanism.clearance.items()):
+        extremes: dict[ContactProperties, tuple[float, float]] = {}
+        for k in range(len(joint.contacts)):
+            if statistics["onsets"][j, k]:
+                contact = joint.contact_properties(k)
+                depth, speed = extremes.get(contact, (0.0, 0.0))
+                depth = max(depth, -float(statistics["smallest_gap"][j, k]))
+                speed = max(speed, float(statistics["fastest_approach"][j, k]))
+                extremes[contact] = depth, speed
+        for contact, (depth, speed) in extremes.items():
+            for text in joint.normal.warnings(contact, max_depth=depth, max_speed=speed):
+                found[f"joint {name!r}: {text}"] = None
+    return tuple(found)

@@ -22,8 +22,28 @@ BAD_INPUT = 2
 STOPPED = 1
 INTERRUPTED = 130
 
-LAWS = ("lankarani-nikravesh", "hunt-crossley", "hertz", "linear-spring", "kelvin-voigt")
-LINEAR_LAWS = ("linear-spring", "kelvin-voigt")
+LAWS = (
+    "lankarani-nikravesh",
+    "hertz",
+    "linear-spring",
+    "kelvin-voigt",
+    "anagnostopoulos",
+    "hunt-crossley",
+    "hunt-crossley-1975",
+    "herbert-mcwhannell",
+    "lee-wang",
+    "gonthier",
+    "zhang-sharf",
+    "zhiying-qishao",
+    "flores",
+    "hu-guo",
+    "johnson",
+    "radzimovsky",
+    "goldsmith",
+    "dubowsky-freudenstein",
+    "pereira",
+)
+LINEAR_LAWS = ("linear-spring", "kelvin-voigt", "anagnostopoulos")
 SCENARIO_OPTIONS = {"file", "case", "jobs", "out", "no_figures", "quiet"}
 """Arguments of `run` that go with a scenario file."""
 
@@ -143,6 +163,7 @@ def _add_run(commands: argparse._SubParsersAction[_Parser]) -> None:
     group.add_argument("--law", choices=LAWS, default=LAWS[0], help="normal force (default: first)")
     _number(group, "--restitution", "c_e, in (0, 1] (default 0.9)", 0.9)
     _number(group, "--damping", "b of kelvin-voigt [N s/m]")
+    _number(group, "--impact-mass", "effective mass of an impact, for anagnostopoulos [kg]")
     group.add_argument(
         "--exponents",
         nargs=3,
@@ -390,12 +411,26 @@ def _gravity(text: str) -> tuple[float, float, float]:
 
 
 def _law(options: argparse.Namespace) -> NormalForceLaw:
-    from jointplay.contact import NORMAL_LAWS, HuntCrossley, KelvinVoigt, LinearSpring
+    from jointplay.contact import (
+        NORMAL_LAWS,
+        Anagnostopoulos,
+        HuntCrossley,
+        KelvinVoigt,
+        LinearSpring,
+    )
 
     if options.damping is not None and options.law != "kelvin-voigt":
         raise JointplayError(f"--damping belongs to --law kelvin-voigt, not to {options.law}")
     if options.exponents is not None and options.law != "hunt-crossley":
         raise JointplayError(f"--exponents belongs to --law hunt-crossley, not to {options.law}")
+    if options.impact_mass is not None and options.law != "anagnostopoulos":
+        raise JointplayError(
+            f"--impact-mass belongs to --law anagnostopoulos, not to {options.law}"
+        )
+    if options.law == "anagnostopoulos":
+        if options.impact_mass is None:
+            raise JointplayError("--law anagnostopoulos needs --impact-mass [kg]")
+        return Anagnostopoulos(options.impact_mass, options.stiffness)
     if options.law == "kelvin-voigt":
         if options.damping is None:
             raise JointplayError("--law kelvin-voigt needs --damping [N s/m]")

@@ -15,8 +15,13 @@ class MissingName(JointplayError):
 
     def __init__(self, kind: str, name: str, choices: Iterable[str], hint: str = "") -> None:
         """Say that `name` is no `kind`, list the `choices`, and append an optional `hint`."""
-        listed = ", ".join(choices) or "none"
+        self._parts = kind, name, tuple(choices), hint
+        listed = ", ".join(self._parts[2]) or "none"
         super().__init__(f"no {kind} {name!r}; available: {listed}{hint}")
+
+    def __reduce__(self) -> tuple[type, tuple[str, str, tuple[str, ...], str]]:
+        """Travel whole between processes: an exception is otherwise rebuilt from its message."""
+        return MissingName, self._parts
 
 
 def require_positive(name: str, value: float, unit: str) -> float:

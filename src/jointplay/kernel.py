@@ -116,8 +116,8 @@ _CENTRE, _TURN, _VELOCITY, _OMEGA, _BEARING, _JOURNAL, _POSE_SIZE = 0, 3, 12, 15
 (
     _DDELTA0, _STEPS, _OWN_IMPULSE, _NORMAL, _TANGENTIAL, _NORMAL_PEAK, _GAP_MIN, _ONSETS, _ENDED,
     _SHORTEST, _UNDER, _IMPULSE, _IMPULSE_UNDER, _DEEPEST, _BEND_X, _BEND_Y, _BEND_Z, _DWELL,
-    _MEMORY_SIZE,
-) = range(19)  # fmt: skip
+    _FASTEST, _MEMORY_SIZE,
+) = range(20)  # fmt: skip
 AZIMUTHS = 72
 """Places around the bore at which sliding work is counted, the first on the bearing's x axis."""
 
@@ -590,6 +590,7 @@ def _end_contact(memory, m):
     memory[m + _BEND_X] = memory[m + _BEND_Y] = memory[m + _BEND_Z] = 0.0
     memory[m + _DWELL] = 0.0
     memory[m + _ENDED] += 1.0
+    memory[m + _FASTEST] = max(memory[m + _FASTEST], memory[m + _DDELTA0])
     memory[m + _SHORTEST] = min(memory[m + _SHORTEST], steps)
     if steps < WELL_RESOLVED_STEPS:
         memory[m + _UNDER] += 1.0

@@ -226,7 +226,10 @@ class Workspace:
         return self.record[: self.rows, self.fields[name]]
 
     def contact_statistics(self) -> dict[str, np.ndarray]:
-        """Per joint and contact, (nj, width): counts, steps, impulses [N s], smallest gap [m]."""
+        """Per joint and contact, (nj, width).
+
+        Counts, steps, impulses [N s], smallest gap [m], fastest approach [m/s].
+        """
         names = {
             "onsets": k._ONSETS,
             "ended": k._ENDED,
@@ -236,7 +239,10 @@ class Workspace:
             "under_resolved_impulse": k._IMPULSE_UNDER,
             "smallest_gap": k._DEEPEST,
         }
-        return {name: self.memory[:, :, index].copy() for name, index in names.items()}
+        found = {name: self.memory[:, :, index].copy() for name, index in names.items()}
+        # A contact that has not ended keeps its approach to itself.
+        fastest = np.maximum(self.memory[:, :, k._FASTEST], self.memory[:, :, k._DDELTA0])
+        return found | {"fastest_approach": fastest}
 
 
 def _layout(nv: int, nj: int, width: int) -> tuple[dict[str, slice], int]:

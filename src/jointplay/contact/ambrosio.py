@@ -12,7 +12,6 @@ class Ambrosio(FrictionLaw):
     """No friction up to v0, a ramp to mu_d at v1, mu_d above (eq. 21).
 
     The paper prints 1 instead of mu_d in the last branch; mu_d is what makes it continuous.
-    Reference: J. A. C. Ambrosio, Proc. Euromech 447 (2003).
 
     Args:
         mu_d: dynamic friction coefficient, >= 0.
@@ -21,6 +20,11 @@ class Ambrosio(FrictionLaw):
     """
 
     name = "ambrosio"
+    formula = (
+        r"\mu = 0\ (|v_t|\le v_0),\quad \mu_d\frac{|v_t|-v_0}{v_1-v_0},\quad \mu_d\ (|v_t|\ge v_1)"
+    )
+    reference = "J. A. C. Ambrosio, Proc. Euromech 447 (2003)"
+    validity = "sliding; no sticking: a resting contact creeps below v1, freely below v0"
 
     def __init__(self, mu_d: float = 0.1, v0: float = 1e-4, v1: float = 1e-3) -> None:
         """Check and keep the coefficient and the ramp."""

@@ -22,7 +22,9 @@ from jointplay.contact.law import (
     check_parameters,
     compiled_law,
     describe_custom,
+    named,
     plain,
+    restored,
 )
 
 
@@ -65,6 +67,12 @@ class CustomBristle(BristleLaw):
     """
 
     name = "custom-bristle"
+    formula = (
+        r"\dot{\mathbf z} = A\mathbf v_t-r\mathbf z,\quad "
+        r"\mathbf F_t = -(k\mathbf z+d\,\dot{\mathbf z}+c\,\mathbf v_t)"
+    )
+    reference = "the user"
+    validity = "what its author says"
 
     def __init__(self, function: Callable[..., None], parameters: tuple[float, ...] = ()) -> None:
         """Check the function's signature and keep its parameters."""
@@ -79,3 +87,7 @@ class CustomBristle(BristleLaw):
     def describe(self) -> dict[str, Any]:
         """Import path of the function, and its parameters."""
         return describe_custom(self.name, self.function, self.values)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Go to another process by name, as to a file."""
+        return restored, (type(self), named(self.function), self.values)

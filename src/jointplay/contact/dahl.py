@@ -12,9 +12,8 @@ from jointplay.errors import require_positive
 class Dahl(BristleLaw):
     """dz/dt = v - sigma0 |v| z / mu_d,  F_t = -F_n sigma0 z.
 
-    Dahl's curve with the exponent 1. Reference: P. R. Dahl, A solid friction model, Aerospace
-    Corporation, TOR-0158(3107-18)-1, 1968; here per unit of normal force and with vectors in the
-    plane of contact.
+    Dahl's curve with the exponent 1, here per unit of normal force and with vectors in the plane of
+    contact.
 
     Args:
         mu_d: friction coefficient, > 0.
@@ -25,6 +24,12 @@ class Dahl(BristleLaw):
     """
 
     name = "dahl"
+    formula = (
+        r"\dot{\mathbf z} = \mathbf v_t-\frac{\sigma_0|v_t|}{\mu_d}\mathbf z,\quad "
+        r"\mathbf F_t = -F_n\sigma_0\mathbf z"
+    )
+    reference = "P. R. Dahl, Aerospace Corporation, TOR-0158(3107-18)-1 (1968)"
+    validity = "sticking and sliding at one coefficient; no Stribeck fall, no growth at rest"
 
     def __init__(self, mu_d: float = 0.1, sigma0: float = 1e5) -> None:
         """Check and keep the parameters."""

@@ -18,9 +18,7 @@ class GonthierFriction(BristleLaw):
         ds_d/dt  = (s - s_d) / tau_d while s >= s_d, (s - s_d) / tau else
         F_t      = -(k z + d dz/dt), at most [mu_d + (mu_s - mu_d) s_d] F_n, and - c F_n v
 
-    with k = sigma0 F_n and d = sigma1 F_n. Reference: Y. Gonthier, J. McPhee, C. Lange,
-    J.-C. Piedboeuf, Multibody System Dynamics 11 (2004) 209-233, here with a stiffness in
-    proportion to the normal force.
+    with k = sigma0 F_n and d = sigma1 F_n, here with a stiffness in proportion to the normal force.
 
     Args:
         mu_d, mu_s: dynamic and static friction coefficient, 0 < mu_d <= mu_s.
@@ -35,6 +33,16 @@ class GonthierFriction(BristleLaw):
     """
 
     name = "gonthier"
+    formula = (
+        r"\dot{\mathbf z} = s\mathbf v_t+(1-s)\frac1\tau"
+        r"\left(\frac{\mu_d F_n}{k}\frac{\mathbf v_t}{|v_t|}-\mathbf z\right),\quad "
+        r"\mathbf F_t = -(k\mathbf z+d\,\dot{\mathbf z}),\quad "
+        r"s=\mathrm e^{-(v_t/v_s)^2},\ \tau=d/k"
+    )
+    reference = (
+        "Y. Gonthier, J. McPhee, C. Lange, J.-C. Piedboeuf, Multibody Syst. Dyn. 11 (2004) 209-233"
+    )
+    validity = "sticking that grows with the time at rest, and sliding at mu_d"
 
     def __init__(
         self,

@@ -5,8 +5,10 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from jointplay.contact.hertzian import hertz_warnings
 from jointplay.contact.law import ContactProperties, NormalForceLaw
 from jointplay.contact.linear_spring import REFERENCE_PENETRATION_M
+from jointplay.contact.restitution import effective_restitution
 from jointplay.errors import JointplayError, require_positive
 
 
@@ -20,7 +22,7 @@ class HuntCrossley(NormalForceLaw):
         k = k_Hertz d^(3/2 - n),  b = 3/4 (1 - c_e^2) k d^(n - p) / ddelta0^q,  d = 10 um
 
     With n = p = 3/2, q = 1 this is Lankarani-Nikravesh, as eq. 18 is a case of eq. 10.
-    Hunt and Crossley's own factor of 1975, 3/2 (1 - c_e), agrees to first order as c_e -> 1.
+    Hunt and Crossley's own factor of 1975, 3/2 (1 - c_e), is `HuntCrossley1975`.
 
     Args:
         n: exponent of the elastic part, >= 1.
@@ -29,6 +31,9 @@ class HuntCrossley(NormalForceLaw):
     """
 
     name = "hunt-crossley"
+    formula = r"F_n = k'\delta^n + b\,\delta^p\,\mathrm{sgn}(\dot\delta)\,|\dot\delta|^q"
+    reference = "K. H. Hunt, F. R. E. Crossley, J. Appl. Mech. 42 (1975) 440-445"
+    validity = "c_e above 0.8, as Lankarani-Nikravesh; away from 10 um and n = p, q = 1 unproven"
 
     def __init__(self, n: float = 1.5, p: float = 1.5, q: float = 1.0) -> None:
         """Check and keep the exponents."""
@@ -51,3 +56,12 @@ class HuntCrossley(NormalForceLaw):
         scale = REFERENCE_PENETRATION_M ** (self.n - self.p)
         factor = 0.75 * (1.0 - contact.restitution**2) * k * scale
         return k, factor, self.n, self.p, self.q
+
+    def effective_restitution(self, restitution: float) -> float | None:
+        """That of Lankarani-Nikravesh if n = p and q = 1; no closed form otherwise."""
+        if self.n != self.p or self.q != 1.0:
+            return None
+        return effective_restitution(0.75 * (1.0 - restitution**2))
+
+    def _limits(self, contact: ContactProperties, max_depth: float) -> list[str]:
+        return hertz_warnings(self.name, contact, max_depth)

@@ -21,6 +21,9 @@ class KelvinVoigt(NormalForceLaw):
     """
 
     name = "kelvin-voigt"
+    formula = r"F_n = k_l\delta + b\dot\delta"
+    reference = "doi 10.3390/app13042211, eq. 17"
+    validity = "rough estimates: the force jumps at the first touch; c_e does not enter"
 
     def __init__(self, damping: float, stiffness: float | None = None) -> None:
         """Check and keep stiffness and damping."""

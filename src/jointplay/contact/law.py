@@ -12,10 +12,13 @@ A friction law is a function
 
 of the sliding speed |v_t| >= 0 [m/s]. Both are compiled to C callbacks and called by address, so
 a user's law costs exactly what a built-in one costs and the time loop is compiled once for all.
+
+The force at ddelta = 0 must not depend on ddelta0: it defines the energy stored.
 """
 
 from __future__ import annotations
 
+import importlib
 import inspect
 import math
 from abc import ABC, abstractmethod
@@ -28,7 +31,7 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
-from jointplay.errors import JointplayError
+from jointplay.errors import JointplayError, require_finite
 
 MAX_PARAMETERS = 8
 """Numbers a law can take: the room that the time loop keeps for each contact."""
@@ -47,13 +50,50 @@ _FILM = types.void(*(types.float64,) * 4, _PARAMETERS, _PARAMETERS)
 _DOUBLE = ir.DoubleType()
 
 
+RESTITUTION_MARGIN = 0.05
+"""A run is warned of if an impact delivers a restitution further than this from c_e."""
+
+WAVE_FRACTION = 1e-5
+"""Fraction of the waves' speed up to which an impact counts as quasi-static.
+
+A. E. H. Love, A Treatise on the Mathematical Theory of Elasticity; the criterion that Lankarani
+and Nikravesh (1990) quote.
+"""
+
+
 class ContactProperties(NamedTuple):
-    """What the joint tells a law about the contact it is used in."""
+    """What the joint tells a law about the contact it is used in.
+
+    Zero or infinity stands for what is not known, and then nothing is checked against it.
+    """
 
     stiffness: float
     """Hertz stiffness k of eq. 11 [N/m^1.5]."""
     restitution: float
     """Nominal coefficient of restitution c_e."""
+    bearing_radius: float = 0.0
+    """R_i, infinite for a plane [m]."""
+    journal_radius: float = 0.0
+    """R_j [m]."""
+    clearance: float = 0.0
+    """C_r = R_i - R_j [m]."""
+    journal_length: float = 0.0
+    """L_j [m]."""
+    contact_length: float = 0.0
+    """Part of the journal's length that this contact stands for [m]; 0 if it is no line."""
+    modulus: float = 0.0
+    """E*, of 1/E* = (1 - nu_i^2)/E_i + (1 - nu_j^2)/E_j [Pa]."""
+    wave_speed: float = math.inf
+    """The larger sqrt(E/rho) of both bodies [m/s]."""
+    yield_strength: float = math.inf
+    """The smaller one of both bodies [Pa]."""
+
+    @property
+    def radius(self) -> float:
+        """R = R_i R_j / C_r of eq. 13, R_j on a plane [m]; 0 if not known."""
+        if math.isinf(self.bearing_radius):
+            return self.journal_radius
+        return self.bearing_radius * self.journal_radius / self.clearance if self.clearance else 0.0
 
 
 class Law(ABC):
@@ -61,6 +101,15 @@ class Law(ABC):
 
     name: ClassVar[str]
     """The one word that selects the law."""
+
+    formula: ClassVar[str] = ""
+    """The law in LaTeX."""
+
+    reference: ClassVar[str] = ""
+    """Where the law was published."""
+
+    validity: ClassVar[str] = ""
+    """What the law is good for, and where it stops to be."""
 
     function: Callable[..., Any]
     """The law itself, a static function compiled by numba; the module's text has its arguments."""
@@ -73,9 +122,54 @@ class Law(ABC):
 class NormalForceLaw(Law):
     """Base of all normal-force laws F_n(delta, ddelta, ddelta0, p)."""
 
+    line: ClassVar[bool] = False
+    """Whether the law is one of a cylinder in a bore."""
+
     @abstractmethod
     def parameters(self, contact: ContactProperties) -> tuple[float, ...]:
         """Parameters p of `function` for one contact, at most `MAX_PARAMETERS` of them."""
+
+    def effective_restitution(self, restitution: float) -> float | None:
+        """Restitution of a single free impact; None if it has no closed form in c_e alone.
+
+        Args:
+            restitution: the nominal one, c_e.
+        """
+        return None
+
+    def warnings(
+        self, contact: ContactProperties, *, max_depth: float, max_speed: float
+    ) -> list[str]:
+        """Say, in one line each, in what a run left the law's range of validity.
+
+        Args:
+            contact: the contact the law was used in.
+            max_depth: deepest penetration of the run [m].
+            max_speed: fastest approach of the run [m/s].
+        """
+        found = []
+        delivered = self.effective_restitution(contact.restitution)
+        # An elastic law (exactly 1) is chosen for that; there is nothing to warn of.
+        if (
+            delivered is not None
+            and delivered < 1.0
+            and abs(delivered - contact.restitution) > RESTITUTION_MARGIN
+        ):
+            found.append(
+                f"{self.name} delivers a restitution of {delivered:.3f} where "
+                f"{contact.restitution:g} is asked for"
+            )
+        limit = WAVE_FRACTION * contact.wave_speed
+        if max_speed > limit:
+            found.append(
+                f"{self.name} is quasi-static: an approach at {max_speed:.3g} m/s is above "
+                f"1e-5 sqrt(E/rho) = {limit:.3g} m/s"
+            )
+        return found + (self._limits(contact, max_depth) if max_depth > 0.0 else [])
+
+    def _limits(self, contact: ContactProperties, max_depth: float) -> list[str]:
+        """Say in what a depth > 0 [m] exceeds the limits of the law's own theory."""
+        return []
 
     def describe(self) -> dict[str, Any]:
         """Name and fields of the law."""
@@ -95,6 +189,14 @@ class FrictionLaw(Law):
     def describe(self) -> dict[str, Any]:
         """Name and fields of the law."""
         return {"law": self.name, **vars(self)}
+
+
+def require_static(mu_s: float, mu_d: float) -> float:
+    """Return the static friction coefficient if it is not below the dynamic one, else raise."""
+    mu_s = require_finite("mu_s", mu_s, "")
+    if mu_s < mu_d:
+        raise JointplayError(f"mu_s must be at least mu_d = {mu_d:g}, got {mu_s:g}")
+    return mu_s
 
 
 def plain(function: Callable[..., Any], expected: tuple[str, ...]) -> Callable[..., Any]:
@@ -128,6 +230,9 @@ class CustomNormalForce(NormalForceLaw):
     """
 
     name = "custom"
+    formula = r"F_n = f(\delta, \dot\delta, \dot\delta_0)"
+    reference = "the user"
+    validity = "what its author says"
 
     def __init__(self, function: Callable[..., float], parameters: tuple[float, ...] = ()) -> None:
         """Check the function's signature and keep its parameters."""
@@ -139,9 +244,19 @@ class CustomNormalForce(NormalForceLaw):
         """Return the user's own numbers; stiffness and restitution of the joint do not enter."""
         return self.values
 
+    def warnings(
+        self, contact: ContactProperties, *, max_depth: float, max_speed: float
+    ) -> list[str]:
+        """Say nothing: only its author knows the law's range."""
+        return []
+
     def describe(self) -> dict[str, Any]:
         """Import path of the function, and its parameters."""
         return describe_custom(self.name, self.function, self.values)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Go to another process by name, as to a file."""
+        return restored, (type(self), named(self.function), self.values)
 
 
 class CustomFriction(FrictionLaw):
@@ -151,6 +266,9 @@ class CustomFriction(FrictionLaw):
     """
 
     name = "custom"
+    formula = r"\mu = f(|v_t|)"
+    reference = "the user"
+    validity = "what its author says"
 
     def __init__(self, function: Callable[..., float], parameters: tuple[float, ...] = ()) -> None:
         """Check the function's signature and keep its parameters."""
@@ -166,6 +284,10 @@ class CustomFriction(FrictionLaw):
         """Import path of the function, and its parameters."""
         return describe_custom(self.name, self.function, self.values)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Go to another process by name, as to a file."""
+        return restored, (type(self), named(self.function), self.values)
+
 
 def describe_custom(
     name: str, function: Callable[..., Any], values: tuple[float, ...]
@@ -173,6 +295,43 @@ def describe_custom(
     """Description of a user's own law: its kind, import path and parameters."""
     path = f"{function.__module__}:{function.__qualname__}"
     return {"law": name, "function": path, "parameters": list(values)}
+
+
+def imported(path: str) -> Callable[..., Any]:
+    """Return the function that ``module:function`` names.
+
+    Raises:
+        JointplayError: it cannot be imported here.
+    """
+    module, _, name = path.partition(":")
+    try:
+        return getattr(importlib.import_module(module), name)
+    except (ImportError, AttributeError, ValueError) as error:
+        raise JointplayError(f"the law {path!r} cannot be imported here: {error}") from error
+
+
+def named(function: Callable[..., Any]) -> str:
+    """Return ``module:function``, by which another process finds the function.
+
+    Raises:
+        JointplayError: it would not find it: a lambda, a nested function, one typed at a prompt.
+    """
+    path = f"{function.__module__}:{function.__qualname__}"
+    try:
+        found = imported(path)
+    except JointplayError:
+        found = None
+    if getattr(found, "py_func", found) is not function:
+        raise JointplayError(
+            f"law {path!r} cannot be sent to another process: define it with def, at module level "
+            "of an importable file"
+        )
+    return path
+
+
+def restored(kind: type, path: str, values: tuple[float, ...]) -> Any:
+    """Build a user's own law again from the name of its function."""
+    return kind(imported(path), values)
 
 
 def check_parameters(values: tuple[float, ...], law: str) -> tuple[float, ...]:
@@ -302,5 +461,7 @@ __all__ = [
     "call_friction",
     "call_normal",
     "compiled_law",
+    "imported",
+    "named",
     "pointer",
 ]

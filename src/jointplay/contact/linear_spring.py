@@ -31,6 +31,9 @@ class LinearSpring(NormalForceLaw):
     """
 
     name = "linear-spring"
+    formula = r"F_n = k_l\delta"
+    reference = "doi 10.3390/app13042211, eq. 16"
+    validity = "rough estimates near the depth that the stiffness is chosen for; no loss"
 
     def __init__(self, stiffness: float | None = None) -> None:
         """Check and keep the stiffness."""
@@ -46,3 +49,7 @@ class LinearSpring(NormalForceLaw):
     def parameters(self, contact: ContactProperties) -> tuple[float, ...]:
         """k [N/m]."""
         return (linear_stiffness(self.stiffness, contact),)
+
+    def effective_restitution(self, restitution: float) -> float:
+        """1, whatever c_e is."""
+        return 1.0

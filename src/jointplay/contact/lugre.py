@@ -12,9 +12,8 @@ from jointplay.errors import JointplayError, require_non_negative, require_posit
 class LuGre(BristleLaw):
     """dz/dt = v - sigma0 |v| z / g(v),  F_t = -F_n (sigma0 z + sigma1 dz/dt + sigma2 v).
 
-    g(v) = mu_d + (mu_s - mu_d) exp(-(v/v_s)^2). Reference: C. Canudas de Wit, H. Olsson,
-    K. J. Astrom, P. Lischinsky, IEEE Trans. Automatic Control 40 (1995) 419-425, here per unit of
-    normal force and with vectors in the plane of contact.
+    g(v) = mu_d + (mu_s - mu_d) exp(-(v/v_s)^2), here per unit of normal force and with vectors in
+    the plane of contact.
 
     Args:
         mu_d, mu_s: dynamic and static friction coefficient, 0 < mu_d <= mu_s.
@@ -28,6 +27,19 @@ class LuGre(BristleLaw):
     """
 
     name = "lugre"
+    formula = (
+        r"\dot{\mathbf z} = \mathbf v_t-\frac{\sigma_0|v_t|}{g}\mathbf z,\quad "
+        r"\mathbf F_t = -F_n(\sigma_0\mathbf z+\sigma_1\dot{\mathbf z}+\sigma_2\mathbf v_t),\quad "
+        r"g = \mu_d+(\mu_s-\mu_d)\,\mathrm e^{-(v_t/v_s)^2}"
+    )
+    reference = (
+        "C. Canudas de Wit, H. Olsson, K. J. Astrom, P. Lischinsky, IEEE Trans. Automatic Control "
+        "40 (1995) 419-425"
+    )
+    validity = (
+        "sticking and sliding with a Stribeck fall; drifts slowly under an oscillating force below "
+        "the static one; the bristles' damping can feed energy at high speed if it is large"
+    )
 
     def __init__(
         self,

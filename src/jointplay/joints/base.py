@@ -33,29 +33,43 @@ _BUILDERS = {"normal": normal_law, "friction": friction_law, "lubricant": film_l
 
 @dataclass(frozen=True)
 class Material:
-    """Elastic constants of a body in contact.
+    """Elastic constants of a body in contact; `materials.material` has those of common ones.
 
     The default is the paper's steel (Table 3).
 
     Raises:
-        JointplayError: Young's modulus not positive, or Poisson's ratio outside (-1, 0.5].
+        JointplayError: a constant that is not positive, or Poisson's ratio outside (-1, 0.5].
     """
 
     young: float = 207e9
     """Young's modulus E [Pa]."""
     poisson: float = 0.3
     """Poisson's ratio nu."""
+    density: float | None = None
+    """rho [kg/m^3]; None leaves the speed of impacts unchecked."""
+    yield_strength: float | None = None
+    """Yield strength [Pa]; None leaves the pressure of contacts unchecked."""
+    name: str | None = None
+    """What the material is called."""
 
     def __post_init__(self) -> None:
-        """Check both constants."""
+        """Check the constants."""
         require_positive("Young's modulus", self.young, "Pa")
         if not -1.0 < require_finite("Poisson's ratio", self.poisson, "") <= 0.5:
             raise JointplayError(f"Poisson's ratio must lie in (-1, 0.5], got {self.poisson:g}")
+        for constant, unit in (("density", "kg/m^3"), ("yield_strength", "Pa")):
+            if getattr(self, constant) is not None:
+                require_positive(constant.replace("_", " "), getattr(self, constant), unit)
 
     @property
     def compliance(self) -> float:
         """sigma = (1 - nu^2) / (pi E) of eq. 12 [1/Pa]."""
         return (1.0 - self.poisson**2) / (math.pi * self.young)
+
+    @property
+    def wave_speed(self) -> float:
+        """Speed of longitudinal waves in a rod, sqrt(E/rho) [m/s]; infinite without a density."""
+        return math.inf if self.density is None else math.sqrt(self.young / self.density)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -175,6 +189,32 @@ class Clearance(ABC):
     def combined_compliance(self) -> float:
         """sigma_i + sigma_j of eq. 11 [1/Pa]."""
         return self.bearing_material.compliance + self.journal_material.compliance
+
+    def contact(self, stiffness: float, **geometry: float) -> ContactProperties:
+        """Properties of a contact with this Hertz stiffness [N/m^1.5], of the joint's materials.
+
+        Args:
+            stiffness: k of eq. 11 [N/m^1.5].
+            geometry: what else is known of `ContactProperties`.
+        """
+        materials = self.bearing_material, self.journal_material
+        strengths = [m.yield_strength for m in materials if m.yield_strength is not None]
+        return ContactProperties(
+            stiffness,
+            self.restitution,
+            modulus=1.0 / (math.pi * self.combined_compliance),
+            wave_speed=max(m.wave_speed for m in materials),
+            yield_strength=min(strengths, default=math.inf),
+            **geometry,
+        )
+
+    def refuse_line_contact(self) -> None:
+        """Raise if the normal-force law is one for lines, which this joint's contacts are not."""
+        if self.normal.line:
+            raise JointplayError(
+                f"law {self.normal.name!r} is for a cylinder in a bore, which a {self.kind} joint "
+                "has not; take one for point contacts, such as 'lankarani-nikravesh'"
+            )
 
     def hertz(self, radius: float) -> float:
         """Stiffness of eq. 11 for an effective radius R [m], in N/m^1.5."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from itertools import product
 from typing import ClassVar
@@ -53,6 +54,7 @@ class PrismaticJoint(Clearance):
     def __post_init__(self) -> None:
         """Check the dimensions."""
         super().__post_init__()
+        self.refuse_line_contact()
         for name in ("length", "width", "height", "clearance", "corner_radius"):
             require_positive(f"slider {name.replace('_', ' ')}", getattr(self, name), "m")
         if self.clearance_y is None:
@@ -77,7 +79,9 @@ class PrismaticJoint(Clearance):
 
     def contact_properties(self, contact: int) -> ContactProperties:
         """The same for all corners."""
-        return ContactProperties(self.hertz_stiffness, self.restitution)
+        return self.contact(
+            self.hertz_stiffness, bearing_radius=math.inf, journal_radius=self.corner_radius
+        )
 
     @property
     def _places(self) -> list[tuple[str, tuple[float, float, float], int, float]]:

@@ -213,14 +213,27 @@ class ClearanceJoint(Clearance):
 
     @property
     def radial_contact(self) -> ContactProperties:
-        """What the normal-force law needs to know of the radial contacts."""
-        return ContactProperties(self.hertz_stiffness, self.restitution)
+        """What the normal-force law needs to know of the radial contacts.
+
+        A contact of one rim stands for half of the journal's length, one along it for the whole.
+        """
+        length = self.lj if self.lock_tilt else self.lj / 2
+        return self._contact(self.hertz_stiffness, length)
 
     @property
     def axial_contact(self) -> ContactProperties:
         """What the normal-force law needs to know of the axial contacts."""
-        stiffness = self.axial_stiffness or self.hertz_stiffness
-        return ContactProperties(stiffness, self.restitution)
+        return self._contact(self.axial_stiffness or self.hertz_stiffness, 0.0)
+
+    def _contact(self, stiffness: float, contact_length: float) -> ContactProperties:
+        return self.contact(
+            stiffness,
+            bearing_radius=self.ri,
+            journal_radius=self.rj,
+            clearance=self.cr,
+            journal_length=self.lj,
+            contact_length=contact_length,
+        )
 
     def contact_properties(self, contact: int) -> ContactProperties:
         """Those of the radial or of the axial contacts."""

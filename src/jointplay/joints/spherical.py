@@ -44,6 +44,7 @@ class SphericalJoint(Clearance):
     def __post_init__(self) -> None:
         """Derive what is missing and refuse what cannot be."""
         super().__post_init__()
+        self.refuse_line_contact()
         require_positive("bearing radius", self.bearing_radius, "m")
         play, radius = complete(
             self.radial_clearance,
@@ -76,7 +77,12 @@ class SphericalJoint(Clearance):
 
     def contact_properties(self, contact: int) -> ContactProperties:
         """Those of the one contact."""
-        return ContactProperties(self.hertz_stiffness, self.restitution)
+        return self.contact(
+            self.hertz_stiffness,
+            bearing_radius=self.bearing_radius,
+            journal_radius=self.rj,
+            clearance=self.cr,
+        )
 
     @property
     def shape(self) -> Shape:

@@ -1,0 +1,85 @@
+"""Friction laws against their formulas."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import jointplay as jp
+from jointplay import JointplayError
+from jointplay.contact import FRICTION_LAWS
+
+ALL = pytest.mark.parametrize(
+    "law", [law() for law in FRICTION_LAWS.values() if not law.bristles], ids=lambda x: x.name
+)
+
+
+def mu(law, speed):
+    return law.function(speed, law.parameters())
+
+
+@ALL
+@given(speed=st.floats(0.0, 100.0), change=st.floats(-1e-9, 1e-9))
+def test_coefficient_is_never_negative_never_above_its_largest_and_continuous(law, speed, change):
+    largest = max(getattr(law, "mu_s", 0.0), law.mu_d)
+    here = mu(law, speed)
+    assert 0.0 <= here <= 1.01 * largest
+    beside = mu(law, max(speed + change, 0.0))
+    assert abs(beside - here) < 1e-6  # the steepest, 500 s/m, over 1e-9 m/s
+
+
+@ALL
+def test_no_force_at_rest_and_dynamic_friction_when_fast(law):
+    assert mu(law, 0.0) == 0.0
+    plateau = 1 - math.exp(-3) if law.name == "threlfall" else 1.0
+    assert mu(law, 1.0) == pytest.approx(plateau * law.mu_d, rel=1e-5)
+
+
+def test_coulomb_is_a_ramp_and_a_plateau():
+    law = jp.Coulomb(0.2, 1e-3)
+    assert mu(law, 0.25e-3) == pytest.approx(0.05)
+    assert mu(law, 1e-3) == mu(law, 7.0) == 0.2
+
+
+def test_threlfall_is_its_formula():
+    law = jp.Threlfall(0.2, 2e-3)
+    assert mu(law, 1e-3) == pytest.approx(0.2 * (1 - math.exp(-1.5)))
+    assert mu(law, 2e-3) == mu(law, 1.0) == pytest.approx(0.2 * 0.950213, rel=1e-5)
+
+
+def test_bengisu_akay_peaks_at_static_friction_and_falls_at_its_rate():
+    law = jp.BengisuAkay(0.3, 0.1, 2e-3, 50.0)
+    assert mu(law, 1e-3) == pytest.approx(-0.3 / 2e-3**2 * (1e-3 - 2e-3) ** 2 + 0.3)
+    assert mu(law, 2e-3) == pytest.approx(0.3)
+    assert mu(law, 22e-3) == pytest.approx(0.1 + 0.2 * math.exp(-1.0))
+    speeds = np.linspace(0.0, 0.05, 2001)
+    assert speeds[np.argmax([mu(law, float(v)) for v in speeds])] == pytest.approx(2e-3)
+
+
+def test_brown_mcphee_is_its_formula_and_peaks_near_the_transition_speed():
+    law = jp.BrownMcPhee(0.3, 0.1, 2e-3)
+    for x in (0.3, 1.0, 2.5):
+        printed = 0.1 * math.tanh(4 * x) + 0.2 * x / (0.25 * x**2 + 0.75) ** 2
+        assert mu(law, 2e-3 * x) == pytest.approx(printed)
+    assert mu(law, 2e-3) == pytest.approx(0.3, rel=1e-3)
+    speeds = np.linspace(0.0, 0.01, 2001)
+    assert speeds[np.argmax([mu(law, float(v)) for v in speeds])] == pytest.approx(2e-3, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("make", "named"),
+    [
+        (lambda: jp.Coulomb(-0.1), "-0.1"),
+        (lambda: jp.Coulomb(0.1, 0.0), "v_t"),
+        (lambda: jp.Threlfall(0.1, -1.0), "v_r"),
+        (lambda: jp.BengisuAkay(mu_s=0.05, mu_d=0.1), "mu_s must be at least mu_d = 0.1"),
+        (lambda: jp.BengisuAkay(xi=0.0), "xi"),
+        (lambda: jp.BrownMcPhee(mu_s=math.nan), "mu_s"),
+        (lambda: jp.BrownMcPhee(v_t=math.inf), "v_t"),
+    ],
+)
+def test_impossible_friction_is_refused(make, named):
+    with pytest.raises(JointplayError, match=named):
+        make()

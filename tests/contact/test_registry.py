@@ -1,0 +1,199 @@
+"""Laws by name, from data and in other processes; what every law says of itself."""
+
+import math
+import multiprocessing
+import pickle
+from concurrent.futures import ProcessPoolExecutor
+
+import pytest
+
+import jointplay as jp
+from jointplay import JointplayError
+from jointplay.contact import (
+    FRICTION_LAWS,
+    NORMAL_LAWS,
+    ContactProperties,
+    friction_law,
+    normal_law,
+)
+from jointplay.errors import MissingName
+
+NEEDED = {"kelvin-voigt": {"damping": 30.0}, "anagnostopoulos": {"mass": 2.0}}
+EVERY = [(normal_law, name) for name in NORMAL_LAWS] + [
+    (friction_law, name) for name in FRICTION_LAWS
+]
+every = pytest.mark.parametrize(
+    ("build", "name"), EVERY, ids=lambda part: part if isinstance(part, str) else part.__name__
+)
+STEEL = ContactProperties(1.06e11, 0.8)
+
+
+def made(name, build=normal_law):
+    return build({"law": name, **NEEDED.get(name, {})})
+
+
+def own_force(delta, ddelta, ddelta0, p):
+    return p[0] * delta
+
+
+def own_friction(speed, p):
+    return p[0] * math.tanh(speed)
+
+
+def own_bristles(speed, normal, dwell, p, out):
+    out[0] = p[0]
+
+
+@every
+def test_every_law_says_what_it_is_and_what_it_is_good_for(build, name):
+    law = made(name, build)
+    assert law.name == name
+    assert "\\" in law.formula
+    assert law.formula.count("{") == law.formula.count("}")
+    assert law.formula.count(r"\left") == law.formula.count(r"\right")
+    assert len(law.validity) > 20
+    assert law.reference
+    assert "\n" not in law.formula + law.validity + law.reference
+
+
+@every
+def test_laws_pickle_and_describe_themselves(build, name):
+    law = made(name, build)
+    for again in (pickle.loads(pickle.dumps(law)), build(law.describe())):
+        assert type(again) is type(law)
+        assert vars(again) == vars(law)
+
+
+def test_a_word_alone_is_a_law_with_its_defaults():
+    assert isinstance(normal_law("flores"), jp.Flores)
+    assert isinstance(friction_law("brown-mcphee"), jp.BrownMcPhee)
+
+
+def test_fields_reach_the_law():
+    law = normal_law({"law": "hunt-crossley", "n": 1.2, "q": 2.0})
+    assert (law.n, law.p, law.q) == (1.2, 1.5, 2.0)
+    assert friction_law({"law": "coulomb", "mu_d": 0.3}).mu_d == 0.3
+    assert normal_law({"law": "custom", "function": f"{__name__}:own_force"}).values == ()
+    bristles = {"law": "custom-bristle", "function": f"{__name__}:own_bristles", "parameters": [2]}
+    assert friction_law(bristles).values == (2.0,)
+
+
+@pytest.mark.parametrize(
+    ("build", "description", "message"),
+    [
+        (normal_law, {"law": "flores", "n": 1.5}, "law 'flores' has no field 'n'; available: none"),
+        (
+            normal_law,
+            {"law": "kelvin-voigt", "dampng": 1.0},
+            "law 'kelvin-voigt' has no field 'dampng'; available: damping, stiffness",
+        ),
+        (normal_law, {"law": "kelvin-voigt"}, "law 'kelvin-voigt' needs the field 'damping'"),
+        (normal_law, "anagnostopoulos", "needs mass, the effective mass of the impact [kg]"),
+        (normal_law, {"stiffness": 1.0}, "normal-force law needs the field 'law'; available: lank"),
+        (normal_law, "coulomb", "no normal-force law 'coulomb'; available: lankarani-nikravesh"),
+        (friction_law, "hertz", "no friction law 'hertz'; available: ambrosio, coulomb"),
+        (friction_law, {"law": "coulomb", "mu": 0.1}, "has no field 'mu'; available: mu_d, v_t"),
+        (normal_law, {"law": "custom", "parameters": []}, "needs the field 'function'"),
+        (normal_law, {"law": "custom", "function": "math"}, "'math' cannot be imported here"),
+        (normal_law, {"law": "custom", "function": ":"}, "cannot be imported here"),
+    ],
+)
+def test_wrong_descriptions_name_the_field_and_the_choices(build, description, message):
+    with pytest.raises(JointplayError) as caught:
+        build(description)
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_missing_names_survive_the_way_from_a_worker():
+    with pytest.raises(MissingName) as caught:
+        normal_law("gravity")
+    again = pickle.loads(pickle.dumps(caught.value))
+    assert type(again) is MissingName
+    assert str(again) == str(caught.value)
+
+
+def _in_a_worker(laws):
+    normal, friction, bristles = laws
+    return normal.function(2.0, 0.0, 1.0, normal.values), friction.parameters(), bristles.values
+
+
+def test_a_users_law_works_in_a_worker_process():
+    laws = (
+        jp.CustomNormalForce(own_force, (3.0,)),
+        jp.CustomFriction(own_friction, (0.2,)),
+        jp.CustomBristle(own_bristles, (5.0,)),
+    )
+    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
+        assert pool.submit(_in_a_worker, laws).result(60) == (6.0, (0.2,), (5.0,))
+
+
+def test_a_law_that_no_worker_would_find_says_so():
+    def nested(delta, ddelta, ddelta0, p):
+        return delta
+
+    for law in (
+        jp.CustomNormalForce(nested),
+        jp.CustomNormalForce(lambda delta, ddelta, ddelta0, p: delta),
+        jp.CustomFriction(lambda speed, p: speed),
+        jp.CustomBristle(lambda speed, normal, dwell, p, out: None),
+    ):
+        with pytest.raises(JointplayError, match="cannot be sent to another process: define it"):
+            pickle.dumps(law)
+
+
+def test_a_compiled_users_law_travels_under_its_name(monkeypatch):
+    import numba
+
+    compiled = numba.njit(own_friction)
+    monkeypatch.setattr(f"{__name__}.own_friction", compiled)
+    again = pickle.loads(pickle.dumps(jp.CustomFriction(compiled, (0.2,))))
+    assert again.function is compiled.py_func
+
+
+def test_anagnostopoulos_asks_for_the_mass_it_cannot_do_without():
+    for mass in (None, 0.0, math.nan):
+        with pytest.raises(JointplayError, match="mass"):
+            jp.Anagnostopoulos(mass)
+    k, m = 4e8, 2.0
+    zeta = -math.log(0.8) / math.sqrt(math.pi**2 + math.log(0.8) ** 2)
+    found = jp.Anagnostopoulos(m, k).parameters(STEEL)
+    assert found == pytest.approx((k, 2 * zeta * math.sqrt(k * m)))
+
+
+@pytest.mark.parametrize("name", NORMAL_LAWS)
+def test_without_loss_all_laws_are_springs(name):
+    """c_e = 1: the way back is the way in, and of a Hertzian law it is Hertz's."""
+    law = made(name) if name != "kelvin-voigt" else jp.KelvinVoigt(0.0)
+    joint = jp.ClearanceJoint(radial_clearance=2e-4, axial_clearance=2e-4, restitution=1.0)
+    for contact in (joint.radial_contact, joint.axial_contact):
+        p = law.parameters(contact)
+        for depth in (1e-9, 1e-6, 3e-5):
+            still = law.function(depth, 0.0, 0.1, p)
+            assert law.function(depth, 0.1, 0.1, p) == still
+            assert law.function(depth, -0.05, 0.1, p) == still
+    if name not in ("linear-spring", "kelvin-voigt", "anagnostopoulos"):
+        hertz = jp.Hertz().function(3e-5, 0.0, 0.1, (joint.hertz_stiffness,))
+        assert still == pytest.approx(hertz, rel=1e-12)
+
+
+@pytest.mark.parametrize("name", NORMAL_LAWS)
+def test_forces_begin_at_zero_but_for_the_linear_dashpots(name):
+    law = made(name)
+    joint = jp.ClearanceJoint(radial_clearance=2e-4, axial_clearance=2e-4, restitution=0.7)
+    for contact in (joint.radial_contact, joint.axial_contact):
+        p = law.parameters(contact)
+        first, deep = (law.function(depth, 0.1, 0.1, p) for depth in (1e-12, 1e-5))
+        if name in ("kelvin-voigt", "anagnostopoulos"):
+            assert first == pytest.approx(0.1 * p[1], rel=1e-3)
+        else:
+            assert 0.0 < first < 1e-6 * deep
+
+
+@pytest.mark.parametrize("name", NORMAL_LAWS)
+def test_energy_stored_does_not_depend_on_the_approach(name):
+    law = made(name)
+    p = law.parameters(
+        jp.ClearanceJoint(radial_clearance=2e-4, axial_clearance=2e-4).radial_contact
+    )
+    assert law.function(1e-5, 0.0, 1e-3, p) == law.function(1e-5, 0.0, 3.0, p) > 0.0

@@ -1,0 +1,102 @@
+"""The equation between hysteresis factor and restitution, and what each law makes of c_e."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import jointplay as jp
+from jointplay.contact import NORMAL_LAWS
+from jointplay.contact.hertzian import HysteresisLaw
+from jointplay.contact.restitution import effective_restitution, exact_factor
+
+FAMILY = [law for law in NORMAL_LAWS.values() if issubclass(law, HysteresisLaw)]
+GRID = np.linspace(0.02, 1.0, 99)
+
+# The factors as their authors print them.
+PRINTED = {
+    "hunt-crossley-1975": lambda c: 3 * (1 - c) / 2,
+    "herbert-mcwhannell": lambda c: 6 * (1 - c) / ((2 * c - 1) ** 2 + 3),
+    "lee-wang": lambda c: 3 * (1 - c) / 4,
+    "lankarani-nikravesh": lambda c: 3 * (1 - c**2) / 4,
+    "gonthier": lambda c: (1 - c**2) / c,
+    "zhiying-qishao": lambda c: 3 * (1 - c**2) * math.exp(2 * (1 - c)) / 4,
+    "flores": lambda c: 8 * (1 - c) / (5 * c),
+    "hu-guo": lambda c: 3 * (1 - c) / (2 * c),
+}
+
+
+@given(st.floats(1e-3, 1.0))
+def test_exact_factor_and_restitution_are_inverse(e):
+    a = exact_factor(e)
+    assert effective_restitution(a) == pytest.approx(e, abs=1e-9)
+    if 0.05 < e < 0.999:
+        assert a * (1 + e) == pytest.approx(math.log((1 + a) / (1 - a * e)), rel=1e-9)
+
+
+def test_small_factors_pass_over_into_their_first_order():
+    assert effective_restitution(0.0) == 1.0
+    assert exact_factor(1.0) == 0.0
+    for a in (0.9e-6, 1.1e-6, 1e-5):  # both sides of where the equation takes over
+        assert 1.0 - effective_restitution(a) == pytest.approx(2 * a / 3, rel=2e-3)
+
+
+@pytest.mark.parametrize("name", PRINTED)
+@pytest.mark.parametrize("c", [0.1, 0.5, 0.9])
+def test_factors_are_the_printed_ones(name, c):
+    assert NORMAL_LAWS[name].factor(c) == pytest.approx(PRINTED[name](c), rel=1e-12)
+
+
+@pytest.mark.parametrize("law", FAMILY, ids=lambda law: law.name)
+def test_restitution_rises_with_the_nominal_one_and_ends_at_one(law):
+    delivered = [law().effective_restitution(float(c)) for c in GRID]
+    assert (np.diff(delivered) > 0.0).all()
+    assert delivered[-1] == 1.0
+    assert law.factor(1.0) == 0.0
+
+
+# Where a law is said to be good, within what: c_e from, to, largest error.
+CLAIMS = {
+    "hunt-crossley-1975": (0.8, 1.0, 0.05),
+    "herbert-mcwhannell": (0.7, 1.0, 0.025),
+    "lankarani-nikravesh": (0.8, 1.0, 0.05),
+    "gonthier": (0.02, 1.0, 0.033),
+    "zhang-sharf": (0.02, 1.0, 1e-9),
+    "zhiying-qishao": (0.25, 1.0, 0.046),
+    "flores": (0.02, 1.0, 0.046),
+    "hu-guo": (0.02, 1.0, 0.035),
+}
+
+
+@pytest.mark.parametrize("name", CLAIMS)
+def test_stated_validity_is_true(name):
+    low, high, within = CLAIMS[name]
+    law = NORMAL_LAWS[name]()
+    inside = [float(c) for c in GRID if low <= c <= high]
+    assert max(abs(law.effective_restitution(c) - c) for c in inside) <= within
+
+
+def test_slope_at_the_elastic_end():
+    """First order in 1 - c_e: e = 1 - 2 a/3."""
+    for name, slope in {
+        "lankarani-nikravesh": 1.0,
+        "hunt-crossley-1975": 1.0,
+        "herbert-mcwhannell": 1.0,
+        "hu-guo": 1.0,
+        "zhiying-qishao": 1.0,
+        "lee-wang": 0.5,
+        "gonthier": 4 / 3,
+        "flores": 16 / 15,
+    }.items():
+        loss = 1.0 - NORMAL_LAWS[name]().effective_restitution(1.0 - 1e-4)
+        assert loss == pytest.approx(slope * 1e-4, rel=1e-3), name
+
+
+def test_general_hunt_crossley_knows_its_restitution_only_where_there_is_one():
+    assert jp.HuntCrossley().effective_restitution(0.5) == pytest.approx(
+        jp.LankaraniNikravesh().effective_restitution(0.5)
+    )
+    assert jp.HuntCrossley(2.0, 1.0).effective_restitution(0.5) is None
+    assert jp.KelvinVoigt(1.0).effective_restitution(0.5) is None
