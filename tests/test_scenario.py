@@ -338,7 +338,7 @@ REFUSED = {
     "no such law": (
         ("[motion]", 'friction = "lugree"\n[motion]'),
         "line 9, joints.joint_b.friction",
-        'did you mean "lugre"? available: ambrosio, dahl, lugre, gonthier',
+        'did you mean "lugre"? available: ambrosio, coulomb, threlfall,',
     ),
     "another law's parameter": (
         ("[motion]", 'friction = { law = "dahl", v0 = 1 }\n[motion]'),
