@@ -1,4 +1,4 @@
-"""The command line: `jointplay scara` and `jointplay run`."""
+"""The command line: `jointplay scara` and `jointplay run`; further commands in `commands/`."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NoReturn
 
+from jointplay.commands import robots, urdf
 from jointplay.errors import JointplayError
 
 if TYPE_CHECKING:
@@ -46,6 +47,8 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", title="commands")
     _add_scara(commands)
     _add_run(commands)
+    robots.add(commands)
+    urdf.add(commands)
     return parser
 
 
@@ -202,12 +205,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
         parser.print_help()
         return 0
     try:
+        if hasattr(options, "handler"):
+            return int(options.handler(options))
         return _scara(options) if options.command == "scara" else _run(options)
     except JointplayError as error:
         print(f"jointplay {options.command}: error: {error}", file=sys.stderr)
         return BAD_INPUT
     except KeyboardInterrupt:
-        print(f"\ninterrupted; what was computed is in {options.out}", file=sys.stderr)
+        print(
+            f"\ninterrupted; what was computed is in {getattr(options, 'out', '')}", file=sys.stderr
+        )
         return INTERRUPTED
 
 
