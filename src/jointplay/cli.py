@@ -88,7 +88,11 @@ def _add_run(commands: argparse._SubParsersAction[_Parser]) -> None:
         "and the figures as .png and .pdf.",
     )
     group = run.add_argument_group("robot")
-    group.add_argument("--urdf", metavar="FILE", help="robot (default: the SCARA arm)")
+    group.add_argument(
+        "--urdf",
+        metavar="FILE",
+        help="robot, also example-robot-data:NAME (default: the SCARA arm)",
+    )
     group.add_argument("--joint", metavar="NAME", help="revolute joint that has clearance")
     group.add_argument("--ideal", action="store_true", help="no clearance anywhere")
     group.add_argument("--tool", metavar="FRAME", help="frame to report (default: the last one)")
@@ -269,10 +273,11 @@ def _simulation(options: argparse.Namespace) -> Simulation:
     from jointplay.joints import ClearanceJoint, Material
     from jointplay.mechanism import Mechanism
     from jointplay.motion import Motion
+    from jointplay.robots import resolve
     from jointplay.simulation import Simulation
     from jointplay.urdf import shipped
 
-    path = options.urdf or shipped("scara.urdf")
+    path = resolve(options.urdf) if options.urdf else shipped("scara.urdf")
     ideal = Mechanism(
         path,
         gravity=_gravity(options.gravity),
