@@ -16,12 +16,12 @@ import pinocchio as pin
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
-from scipy.ndimage import gaussian_filter, maximum_filter, minimum_filter
+from scipy.ndimage import gaussian_filter, zoom
 
 from jointplay.errors import JointplayError, MissingName
 from jointplay.loops import assemble
 from jointplay.mechanism import Mechanism
-from jointplay.raster import rasterise
+from jointplay.raster import compose, rasterise
 from jointplay.visuals import Visuals, surface, tessellate, visuals
 
 VIEWS = {
@@ -396,33 +396,19 @@ def _render(
     shine = np.clip(normals @ half, 0.0, None) ** 40
     strength = 0.42 + 0.55 * key + 0.12 * fill
     lit = np.clip((0.09 + 0.91 * colours) * strength[:, None] + 0.10 * shine[:, None], 0.0, 1.0)
-    solid = shown >= 0
-    image = np.zeros((height, width, 4))
+    image = compose(near, shown, lit, normals, 14.0 / density, _SAMPLES)
     if shadow is not None:
-        _, dark = rasterise(pixels(shadow), width, height)
-        image[..., 3] = 0.22 * gaussian_filter((dark >= 0).astype(float), 0.006 * height)
-    image[solid, :3], image[solid, 3] = lit[shown[solid]], 1.0
-    image[..., :3][_edges(near, normals[shown], solid, density)] *= 0.42
-    blocks = image.reshape(height // _SAMPLES, _SAMPLES, width // _SAMPLES, _SAMPLES, 4)
-    weight = blocks[..., 3:]
-    alpha = weight.mean(axis=(1, 3))
-    colour = (blocks[..., :3] * weight).mean(axis=(1, 3)) / np.maximum(alpha, 1e-9)
-    return np.concatenate([colour, alpha], axis=-1), near
-
-
-def _edges(near: np.ndarray, normals: np.ndarray, solid: np.ndarray, density: float) -> np.ndarray:
-    """Where a body ends in front of another, and where it has a sharp edge."""
-    depth = np.where(solid, near, np.min(near[solid], initial=0.0) - 1.0)
-    window = 3
-    jump = maximum_filter(depth, window) - minimum_filter(depth, window) > 14.0 / density
-    # The slope of what is seen flat on the side is no edge.
-    slope = np.where(solid, normals[..., 2], 1.0)
-    jump &= (maximum_filter(slope, window) > 0.35) | ~minimum_filter(solid, window)
-    bent = np.zeros_like(solid)
-    for axis in (0, 1):
-        product = (normals * np.roll(normals, 1, axis)).sum(axis=-1)
-        bent |= product < 0.75
-    return np.asarray((jump | bent) & solid)
+        # Blurred anyway: coarse pixels will do.
+        coarse = 4 * _SAMPLES
+        flat = pixels(shadow) / [coarse, coarse, 1.0]
+        _, dark = rasterise(flat, -(-width // coarse), -(-height // coarse))
+        soft = gaussian_filter((dark >= 0).astype(float), 0.006 * dark.shape[0])
+        soft = zoom(soft, coarse // _SAMPLES, order=1, mode="nearest", grid_mode=True)
+        opaque = 0.22 * soft[: image.shape[0], : image.shape[1]]
+        alpha = image[..., 3] + opaque * (1.0 - image[..., 3])
+        image[..., :3] *= (image[..., 3] / np.maximum(alpha, 1e-9))[..., None]
+        image[..., 3] = alpha
+    return image, near
 
 
 def _ring(mark: _Mark, radius: float) -> np.ndarray:

@@ -39,3 +39,53 @@ def rasterise(corners, width, height):
                         near[y, x] = z
                         shown[y, x] = n
     return near, shown
+
+
+@njit(cache=True)
+def compose(near, shown, lit, normals, jump, samples):
+    """Colour each pixel by the mean of its samples, with dark lines along outlines and edges.
+
+    Args:
+        near, shown: from `rasterise`, at `samples` samples per pixel each way.
+        lit: colour of each triangle, float array of shape (n, 3).
+        normals: of each triangle towards the viewer, float array of shape (n, 3).
+        jump: difference in nearness from which one body ends in front of another.
+        samples: each way.
+
+    Returns:
+        Red, green, blue, opacity; shape (height / samples, width / samples, 4).
+    """
+    height, width = near.shape
+    image = np.zeros((height // samples, width // samples, 4))
+    for y in range(image.shape[0] * samples):
+        for x in range(image.shape[1] * samples):
+            here = shown[y, x]
+            if here < 0:
+                continue
+            edge = False
+            for dy, dx in ((0, 1), (0, -1), (1, 0), (-1, 0)):
+                v, u = y + dy, x + dx
+                if v < 0 or u < 0 or v >= height or u >= width:
+                    continue
+                there = shown[v, u]
+                if there < 0:
+                    edge = True
+                elif there != here:
+                    bend = 0.0
+                    for k in range(3):
+                        bend += normals[here, k] * normals[there, k]
+                    step = abs(near[y, x] - near[v, u])
+                    # What is seen flat on the side is deep from pixel to pixel, but no edge.
+                    facing = max(normals[here, 2], normals[there, 2])
+                    edge = edge or bend < 0.75 or (step > jump and facing > 0.35)
+            shade = 0.42 if edge else 1.0
+            pixel = image[y // samples, x // samples]
+            for k in range(3):
+                pixel[k] += shade * lit[here, k]
+            pixel[3] += 1.0
+    for row in image:
+        for pixel in row:
+            if pixel[3] > 0.0:
+                pixel[:3] /= pixel[3]
+                pixel[3] /= samples * samples
+    return image

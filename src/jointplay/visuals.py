@@ -10,6 +10,7 @@ import re
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -125,15 +126,16 @@ def _shape(
             name = element.get("filename", "")
             file = find_mesh(name, folders)
             scale = np.array(element.get("scale", "1 1 1").split(), float)
-            form = None if file is None else _mesh(file, scale)
+            form = None if file is None else _mesh(file, tuple(scale))
             return name if form is None else (form, str(file), scale)
     return None
 
 
-def _mesh(file: Path, scale: np.ndarray) -> Any:
+@lru_cache(maxsize=256)
+def _mesh(file: Path, scale: tuple[float, ...]) -> Any:
     """The mesh as coal needs it; None if it cannot be read."""
     try:
-        corners = meshes.load(file).corners * scale
+        corners = meshes.load(file).corners * np.array(scale)
     except JointplayError:
         return None
     model = coal.BVHModelOBBRSS()
