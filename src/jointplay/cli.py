@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import os
 import re
 import sys
 import time
@@ -131,7 +132,11 @@ def _add_run(commands: argparse._SubParsersAction[_Parser]) -> None:
         "--jobs", type=int, metavar="N", help="processes for FILE (default: one for each core)"
     )
     group = run.add_argument_group("robot")
-    group.add_argument("--urdf", metavar="FILE", help="robot (default: the SCARA arm)")
+    group.add_argument(
+        "--urdf",
+        metavar="FILE",
+        help="robot, also example-robot-data:NAME (default: the SCARA arm)",
+    )
     group.add_argument("--joint", metavar="NAME", help="revolute joint that has clearance")
     group.add_argument("--ideal", action="store_true", help="no clearance anywhere")
     group.add_argument("--tool", metavar="FRAME", help="frame to report (default: the last one)")
@@ -257,6 +262,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except JointplayError as error:
         print(f"jointplay {options.command}: error: {error}", file=sys.stderr)
         return BAD_INPUT
+    except BrokenPipeError:  # the reader, such as `head`, has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return STOPPED
     except KeyboardInterrupt:
         kept = f"; what was computed is in {options.out}" if "out" in options else ""
         print(f"\ninterrupted{kept}", file=sys.stderr)
@@ -342,10 +350,11 @@ def _simulation(options: argparse.Namespace) -> Simulation:
     from jointplay.joints import ClearanceJoint, Material
     from jointplay.mechanism import Mechanism
     from jointplay.motion import Motion
+    from jointplay.robots import resolve
     from jointplay.simulation import Simulation
     from jointplay.urdf import shipped
 
-    path = options.urdf or shipped("scara.urdf")
+    path = resolve(options.urdf) if options.urdf else shipped("scara.urdf")
     ideal = Mechanism(
         path,
         gravity=_gravity(options.gravity),

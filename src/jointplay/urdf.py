@@ -96,10 +96,11 @@ def parse(text: str, path: Path, allow_unphysical: Collection[str] = ()) -> Desc
     for name in allow_unphysical:
         if name not in links:
             raise MissingName("link", name, links)
-    for name, link in links.items():
-        inertial = link.find("inertial")
-        if inertial is not None and name not in allow_unphysical:
-            _check_inertia(name, inertial)
+    faults = impossible_inertias(root)
+    wrong = [name for name in faults if name not in allow_unphysical]
+    if wrong:
+        rest = f" (impossible too: {', '.join(wrong[1:])})" if wrong[1:] else ""
+        raise JointplayError(faults[wrong[0]] + rest)
     joints = {}
     for joint in root.findall("joint"):
         name = joint.get("name", "")
@@ -114,6 +115,19 @@ def parse(text: str, path: Path, allow_unphysical: Collection[str] = ()) -> Desc
         )
     _check_tree(path, links, joints.values())
     return Description(path, text, joints, tuple(links))
+
+
+def impossible_inertias(root: ElementTree.Element) -> dict[str, str]:
+    """What is wrong with the inertias that no rigid body has, by link."""
+    faults = {}
+    for link in root.findall("link"):
+        name, inertial = link.get("name", ""), link.find("inertial")
+        if inertial is not None:
+            try:
+                _check_inertia(name, inertial)
+            except JointplayError as error:
+                faults[name] = str(error)
+    return faults
 
 
 def _link(joint: ElementTree.Element, end: str, links: Collection[str]) -> str:

@@ -1,0 +1,202 @@
+import re
+import sys
+import xml.etree.ElementTree as ElementTree
+
+import numpy as np
+import pytest
+
+from jointplay import ClearanceJoint, JointplayError, Mechanism, Motion, robots, simulate
+from jointplay.cli import main
+from jointplay.errors import MissingName
+
+STEP = 2e-6
+"""The weight of an arm jams the journal of a shoulder; at 1e-5 s its friction feeds energy [s]."""
+
+ARMS = {  # bearing radius and length [m]
+    "ur5": (30e-3, 60e-3),
+    "panda": (30e-3, 60e-3),
+    "kinova": (15e-3, 40e-3),
+    "z1": (15e-3, 40e-3),
+    "xarm7": (25e-3, 50e-3),
+    "so101": (5e-3, 20e-3),
+}
+JOINTS = {
+    "ur5": [
+        "shoulder_pan_joint",
+        "shoulder_lift_joint",
+        "elbow_joint",
+        "wrist_1_joint",
+        "wrist_2_joint",
+        "wrist_3_joint",
+    ],
+    "panda": [f"panda_joint{k}" for k in range(1, 8)],
+    "kinova": [f"j2s6s200_joint_{k}" for k in range(1, 7)],
+    "z1": [f"joint{k}" for k in range(1, 7)] + ["jointGripper"],
+    "xarm7": [f"joint{k}" for k in range(1, 8)],
+    "so101": [
+        "shoulder_pan",
+        "shoulder_lift",
+        "elbow_flex",
+        "wrist_flex",
+        "wrist_roll",
+        "gripper",
+    ],
+}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _installed():
+    try:
+        robots.share()
+    except JointplayError as error:
+        pytest.skip(str(error))
+
+
+def with_play(name, joint, **fields):
+    radius, length = ARMS[name]
+    bearing = {
+        "bearing_radius": radius,
+        "bearing_length": length,
+        "radial_clearance": 5e-5,
+        "axial_clearance": 5e-5,
+    }
+    found = robots.survey(name)
+    clearance = {joint: ClearanceJoint(**bearing | fields)}
+    return Mechanism(found.path, clearance, allow_unphysical=found.unphysical)
+
+
+def short_motion(mechanism, duration=0.02):
+    """A start from a bent posture: 0.01 rad or 1 mm in each joint."""
+    names = mechanism.joints
+    slides = [mechanism.description.joints[n].kind == "prismatic" for n in names]
+    start = np.where(np.arange(len(names)) % 2, 0.4, -0.7)
+    start = np.where(slides, 0.01, start)
+    end = start + np.where(slides, 1e-3, 0.01)
+    return Motion(names, [0.0, duration], np.stack([start, end]))
+
+
+@pytest.mark.parametrize("name", ARMS)
+def test_revolute_joints_are_those_that_people_know(name):
+    found = robots.survey(name)
+    assert list(found.revolute) == JOINTS[name]
+    assert found.serial
+    assert not found.massless
+    assert not found.problem
+
+
+@pytest.mark.parametrize(
+    ("name", "joint"), [(name, joint) for name in ARMS for joint in JOINTS[name]]
+)
+def test_play_in_any_revolute_joint(name, joint):
+    mechanism = with_play(name, joint)
+    motion = short_motion(mechanism)
+    step = STEP
+    try:
+        result = simulate(mechanism, motion, step=step)
+    except JointplayError as error:  # a light last link; the message says which step it needs
+        step = float(re.search(r"take at most ([\d.e+-]+) s", str(error)).group(1))
+        assert STEP / 3 < step < STEP
+        result = simulate(mechanism, motion, step=step)
+    assert result.status.name == "COMPLETED"
+    audit = result.audit
+    assert audit.impacts > 0
+    assert abs(audit.energy_residual) < 0.005 * audit.energy_exchanged
+    x, y, z = (result["journal_centre"].sel(joint=joint, axis=a).values for a in "xyz")
+    farthest = max(np.hypot(x, y).max(), np.abs(z).max())
+    assert 0.5 * 5e-5 < farthest < 2.0 * 5e-5  # it fell, and stayed in its bearing
+
+
+def test_a_jammed_shoulder_needs_a_small_step_and_the_audit_says_so():
+    mechanism = with_play("ur5", "shoulder_lift_joint")
+    audit = simulate(mechanism, short_motion(mechanism), step=1e-5).audit
+    assert any("reduce the step" in warning for warning in audit.warnings)
+
+
+def test_names():
+    known = robots.names()
+    assert {"ur3", "ur5", "ur10", "panda", "kinova", "z1", "xarm7", "so100", "so101"} <= set(known)
+    assert len(known) == len({robots.robot_urdf(name) for name in known})
+    assert robots.robot_urdf("UR5").name == "ur5_robot.urdf"
+    assert robots.robot_urdf("anymal-kinova") == robots.robot_urdf("anymal_kinova")
+
+
+def test_two_urdfs_of_the_same_name_go_by_their_folders():
+    assert robots.robot_urdf("anymal_b").parts[-3] == "anymal_b_simple_description"
+    assert robots.robot_urdf("anymal_c").parts[-3] == "anymal_c_simple_description"
+    with pytest.raises(MissingName, match="available: anymal_b, anymal_c"):
+        robots.robot_urdf("anymal")
+
+
+def test_an_unknown_robot_is_answered_with_those_that_exist():
+    with pytest.raises(MissingName, match=r"no robot 'r2d2'.*panda.*ur5") as error:
+        robots.robot_urdf("r2d2")
+    assert "\n" not in str(error.value)
+
+
+def test_without_the_package_the_message_says_how_to_install_it(monkeypatch, tmp_path):
+    def missing(name):
+        raise robots.PackageNotFoundError(name)
+
+    monkeypatch.setattr(robots, "distribution", missing)
+    monkeypatch.setattr(sys, "prefix", str(tmp_path))
+    with pytest.raises(JointplayError, match=r"pip install 'jointplay\[robots\]'"):
+        robots.robot_urdf("ur5")
+
+
+def test_resolve_takes_paths_and_names():
+    assert robots.resolve("some/file.urdf").name == "file.urdf"
+    assert robots.resolve("example-robot-data:ur5") == robots.robot_urdf("ur5")
+
+
+def test_every_robot_is_surveyed():
+    found = {name: robots.survey(name) for name in robots.names()}
+    for name, robot in found.items():
+        root = ElementTree.parse(robot.path).getroot()
+        joints = {j.get("name"): j.get("type") for j in root.findall("joint")}
+        assert robot.moving == {n: kind for n, kind in joints.items() if kind != "fixed"}, name
+        assert not robot.problem
+    assert found["panda"].mimics == ("panda_finger_joint2",)
+    assert not found["a1"].serial
+    assert "LFinger21" in found["romeo"].massless
+    assert "move no mass" in found["romeo"].remarks[0]
+    assert found["so101"].unphysical == ("gripper_frame_link",)
+    assert not found["quadrotor_base"].moving
+
+
+def test_all_impossible_inertias_are_named_at_once():
+    found = robots.survey("talos_left_arm")
+    with pytest.raises(JointplayError) as error:
+        Mechanism(found.path)
+    assert len(found.unphysical) == 2
+    assert all(link in str(error.value) for link in found.unphysical)
+    with pytest.raises(JointplayError, match="link 'wrist_left_ft_tool_link'"):
+        Mechanism(found.path, allow_unphysical=["wrist_left_ft_link"])
+
+
+def test_command_lists_all_robots(capsys):
+    assert main(["robots"]) == 0
+    out = capsys.readouterr().out
+    assert out.index("\nur5\n") < out.index("OTHERS") < out.index("\na1\n")
+    for joint in JOINTS["ur5"]:
+        assert joint in out
+    assert max(map(len, out.splitlines())) <= 100
+
+
+def test_command_lists_one_robot(capsys):
+    assert main(["robots", "so101"]) == 0
+    out = capsys.readouterr().out
+    for joint in JOINTS["so101"]:
+        assert re.search(rf"^ +{joint} +revolute$", out, re.MULTILINE)
+    assert "options: --allow-unphysical gripper_frame_link" in out
+    assert main(["robots", "r2d2"]) == 2
+
+
+def test_a_robot_is_run_by_name(tmp_path):
+    path = tmp_path / "motion.csv"
+    path.write_text(
+        "time_s," + ",".join(JOINTS["ur5"]) + "\n0" + ",0.3" * 6 + "\n0.002" + ",0.3" * 6
+    )
+    options = ["--joint", "wrist_3_joint", "--motion", str(path), "--no-figures", "--quiet"]
+    out = tmp_path / "out"
+    assert main(["run", "--urdf", "example-robot-data:ur5", *options, "--out", str(out)]) == 0
+    assert (out / "result.nc").is_file()
