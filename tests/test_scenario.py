@@ -468,11 +468,6 @@ def test_waypoints_of_wrong_size_are_named():
 
 def test_robots_of_example_robot_data():
     text = changed("jointplay:scara.urdf", "example-robot-data:ur5")
-    if find_spec("jointplay.robots") is None or find_spec("example_robot_data") is None:
-        message = refusal(text)
-        assert "robot.urdf" in message
-        assert "not installed" in message
-        return
     text = text[: text.index("tool =")] + 'gravity = "balanced"\n' + text[text.index("[joints") :]
     assert "wrist_3_joint" in refusal(text)  # joints of a UR5, none of which this motion has
 
@@ -539,3 +534,17 @@ def test_every_quantity_has_a_unit_that_is_known():
             is_quantity = value.get("type") == ["number", "string"]
             if is_quantity and key not in pure:
                 assert "[" in value.get("description", ""), f"{name}.{key}"
+
+
+def test_materials_by_name_or_with_units():
+    words = changed(
+        'axial_clearance = "0.1 mm"',
+        'axial_clearance = "0.1 mm"\nbearing_material = "bronze"\n'
+        'journal_material = { young = "207 GPa", yield_strength = "1.2 GPa", density = 7800 }',
+    )
+    joint = load(words).simulation().mechanism.clearance["joint_b"]
+    assert joint.bearing_material == jp.material("bronze")
+    assert joint.journal_material == jp.Material(207e9, yield_strength=1.2e9, density=7800.0)
+    wrong = refusal(words.replace('"bronze"', '"bronce"'))
+    assert "line 9, joints.joint_b.bearing_material" in wrong
+    assert 'did you mean "bronze"' in wrong

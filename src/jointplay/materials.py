@@ -43,9 +43,10 @@ def _entry(name: str) -> tuple[str, dict[str, Any]]:
     return word, table["material"][word]
 
 
-def materials() -> list[str]:
-    """Names that `material` knows, without other words for the same."""
-    return list(_table("materials")["material"])
+def materials(aliases: bool = False) -> list[str]:
+    """Names that `material` knows, with or without other words for the same."""
+    table = _table("materials")
+    return [*table["material"], *(table["alias"] if aliases else ())]
 
 
 def material(name: str) -> Material:

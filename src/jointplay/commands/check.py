@@ -53,14 +53,9 @@ def run(options: argparse.Namespace) -> int:
 
 def _draw(options: argparse.Namespace, scenario: Scenario, mechanism: Mechanism, q: Any) -> str:
     """Draw the mechanism; says where."""
-    from jointplay.scenario.build import SHIPPED, part
+    from jointplay.picture import picture
+    from jointplay.scenario.build import SHIPPED
 
-    try:
-        draw = part("picture", "a picture").picture
-    except JointplayError as error:
-        if options.picture:
-            raise
-        return f"no picture: {error}"
     beside = scenario.path.with_suffix(".png")
     if options.file.startswith(SHIPPED):  # not into the package
         beside = Path(beside.name)
@@ -73,7 +68,7 @@ def _draw(options: argparse.Namespace, scenario: Scenario, mechanism: Mechanism,
             raise JointplayError(
                 f"{str(path)!r} exists; name another picture (--picture PNG, or --no-picture)"
             )
-    figure = draw(mechanism, q, title=scenario.title)
+    figure = picture(mechanism, q, title=scenario.title)
     try:
         figure.savefig(path, format="png", metadata={"Software": MARK})
     except OSError as error:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -12,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from jointplay.cartesian import cartesian_motion
 from jointplay.contact import film_law, friction_law, normal_law
 from jointplay.drive import DRIVES, ComputedTorque, Drive, JointFriction
 from jointplay.errors import JointplayError, MissingName
@@ -21,6 +21,7 @@ from jointplay.loops import Loop
 from jointplay.mechanism import Mechanism
 from jointplay.motion import Motion
 from jointplay.payload import Payload
+from jointplay.robots import PREFIX, robot_urdf
 from jointplay.scenario.model import CUSTOM_LAWS, KINDS, Model
 from jointplay.scenario.tables import (
     ANGLE,
@@ -35,7 +36,6 @@ from jointplay.simulation import Simulation
 from jointplay.urdf import shipped
 
 SHIPPED = "jointplay:"
-EXAMPLES = "example-robot-data:"
 """Prefixes of files that are no paths."""
 
 _LAWS: dict[str, Callable[[dict[str, Any]], Any]] = {
@@ -106,22 +106,9 @@ def locate(place: str, folder: Path) -> Path:
     """
     if place.startswith(SHIPPED):
         return shipped(place.removeprefix(SHIPPED))
-    if place.startswith(EXAMPLES):
-        found: Path = part("robots", place).robot_urdf(place.removeprefix(EXAMPLES))
-        return found
+    if place.startswith(PREFIX):
+        return robot_urdf(place.removeprefix(PREFIX))
     return folder / place
-
-
-def part(module: str, user: str) -> Any:
-    """A module of the package that few scenarios need, for `user`.
-
-    Raises:
-        JointplayError: it, or what it imports, is not installed.
-    """
-    try:
-        return importlib.import_module(f"jointplay.{module}")
-    except ModuleNotFoundError as error:
-        raise JointplayError(f"{user} needs {error.name}, which is not installed") from None
 
 
 def build(model: Model, folder: Path) -> Simulation:
@@ -313,8 +300,6 @@ def _turning(model: Model, mechanism: Mechanism, start: dict[str, float]) -> Mot
 
 def _cartesian(table: Any, mechanism: Mechanism, start: dict[str, float]) -> Motion:
     """Joints that move a frame as asked."""
-    with at("motion", "tool_position"):
-        cartesian = part("cartesian", "tool_position")
     for key in ("tool_position", "tool_rpy"):
         rows = getattr(table, key)
         if rows is not None and len(rows) != len(table.times):
@@ -323,7 +308,7 @@ def _cartesian(table: Any, mechanism: Mechanism, start: dict[str, float]) -> Mot
                 f"{len(rows)} waypoints for {len(table.times)} times; give one for each",
             )
     with waypoint("tool_position"):
-        motion: Motion = cartesian.cartesian_motion(
+        motion: Motion = cartesian_motion(
             mechanism.ideal(),
             np.array(table.times),
             np.array(table.tool_position).reshape(-1, 3),

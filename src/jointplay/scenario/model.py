@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import asdict
 from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, ConfigDict, Discriminator, Field, Tag, WithJsonSchema
@@ -19,9 +20,11 @@ from jointplay.contact import (
     NormalForceLaw,
 )
 from jointplay.drive import DRIVES, JointFriction
+from jointplay.errors import MissingName
 from jointplay.gear import Gear
 from jointplay.integrators import INTEGRATORS
 from jointplay.joints import JOINT_KINDS, ClearanceJoint, Material
+from jointplay.materials import material, materials
 from jointplay.mechanism import STANDARD_GRAVITY
 from jointplay.motion import INTERPOLATIONS
 from jointplay.payload import Payload
@@ -164,7 +167,26 @@ FRICTION = _choice(
     True,
 )
 FILM = _choice("film law", "law", _laws(FILM_LAWS) | {"custom-film": CustomFilmLaw}, None, True)
-MATERIAL = mirror(Material)
+
+
+def _material() -> Any:
+    """Type of a field that holds a material: a table, or the name of one of the data file."""
+
+    names = materials(aliases=True)
+
+    def check(value: Any) -> Any:
+        if not isinstance(value, str):
+            return value
+        try:
+            known = asdict(material(value))
+        except MissingName:
+            raise trouble(one_of("material", value, names)) from None
+        return {key: one for key, one in known.items() if one is not None}
+
+    return Annotated[mirror(Material), BeforeValidator(check), _Words(names)]
+
+
+MATERIAL = _material()
 
 _PARTS = {NormalForceLaw: NORMAL, FilmLaw: FILM, FrictionLaw: FRICTION, Material: MATERIAL}
 

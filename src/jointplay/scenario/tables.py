@@ -30,7 +30,7 @@ ANGULAR_SPEED = ("rad/s", "m/s")
 """Of revolute or of prismatic joints; which one it must be shows when the robot has been read."""
 
 UNITS: Mapping[str, Mapping[str, str | tuple[str, ...]]] = {
-    "Material": {"young": "Pa", "poisson": ""},
+    "Material": {"young": "Pa", "density": "kg/m^3", "yield_strength": "Pa"},
     "Clearance": {
         **dict.fromkeys(
             (

@@ -23,6 +23,7 @@ WORDS = {
     "N": ("force", "5 N"),
     "N*m": ("torque", "2 N*m"),
     "Pa": ("pressure", "207 GPa"),
+    "kg/m^3": ("density", "7800 kg/m^3"),
     "kg*m^2": ("moment of inertia", "1e-4 kg*m^2"),
     "N/m": ("stiffness", "1e8 N/m"),
     "N/m^1.5": ("Hertz stiffness", "1e11 N/m^1.5"),
