@@ -186,7 +186,7 @@ def test_ctrl_c_keeps_what_was_computed(short, jobs, tmp_path):
     assert "interrupted; not begun: " in errors
     assert "Traceback" not in errors
     kept = [Result.load(path) for path in out.glob("*.nc")]
-    assert len(kept) == jobs
+    assert 1 <= len(kept) <= jobs  # a case may not have begun its first step yet
     for result in kept:
         assert result.status == Status.INTERRUPTED
         assert 0.0 < result.time[-1] < 100.0
