@@ -1,0 +1,118 @@
+"""Validation: compare runs with theory, with independent integrations and with the literature.
+
+Writes docs/validation.md, a figure and an error number per case. The short form of every case runs
+in the test suite, once as it is and once with a deliberate mistake, which must fail.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from tqdm import tqdm
+from validation import Case, Outcome, load
+
+from jointplay.histories import versions
+
+DOCS = Path(__file__).parents[1] / "docs"
+HEADS = {
+    "theory": "Theory",
+    "numerics": "Numerics",
+    "literature": "Literature",
+    "reproducibility": "Reproducibility",
+}
+
+
+def page(found: dict[str, tuple[Case, Outcome, float]], images: str) -> str:
+    """The page in Markdown."""
+    failed = [name for name, (_, outcome, _) in found.items() if not outcome.passed]
+    seconds = sum(spent for _, _, spent in found.values())
+    machine = ", ".join(f"{name} {text}" for name, text in versions().items())
+    lines = [
+        "# Validation",
+        "",
+        "Written by `python benchmarks/validate.py`; do not edit. "
+        f"{len(found) - len(failed)} of {len(found)} cases pass, in {seconds:.0f} s ({machine}).",
+        "",
+        "Each case states what is compared with what. Its error is one number; the limit is where "
+        "the case fails. A short form of each runs in the test suite, and once more with the "
+        "deliberate mistake named under *fails with*: a check that cannot fail is worth nothing.",
+        "",
+        "| case | error | limit | |",
+        "| --- | --- | --- | --- |",
+    ]
+    lines += [
+        f"| [{case.title}](#{_anchor(case.title)}) | {outcome.error:.2g} | {outcome.limit:.2g} "
+        f"| {'passes' if outcome.passed else '**fails**'} |"
+        for case, outcome, _ in found.values()
+    ]
+    section = ""
+    for name, (case, outcome, spent) in found.items():
+        if case.section != section:
+            section = case.section
+            lines += ["", f"## {HEADS[section]}"]
+        verdict = "passes" if outcome.passed else "**fails**"
+        lines += [
+            "",
+            f"### {case.title}",
+            "",
+            case.compared,
+            "",
+            f"- **Error {outcome.error:.3g}**: {case.measures}. "
+            f"Limit {outcome.limit:.3g}: {verdict} ({spent:.0f} s).",
+            f"- Fails with: {case.wrong}.",
+        ]
+        if outcome.table:
+            header, *rows = outcome.table
+            rows = [header, ["---"] * len(header), *rows]
+            lines += ["", *(f"| {' | '.join(row)} |" for row in rows)]
+        lines += [text for note in outcome.notes for text in ("", note)]
+        if outcome.figure is not None:
+            lines += ["", f"![{case.title}]({images}/{name}.png)"]
+    return "\n".join(lines) + "\n"
+
+
+def _anchor(title: str) -> str:
+    kept = "".join(c for c in title.lower() if c.isalnum() or c in " -_")
+    return kept.replace(" ", "-")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    cases = load()
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument(
+        "--out", type=Path, default=DOCS, help="folder for validation.md (default: docs)"
+    )
+    parser.add_argument("--quick", action="store_true", help="the short forms, as in the tests")
+    parser.add_argument(
+        "--only", action="append", choices=list(cases), metavar="CASE", help="repeatable"
+    )
+    args = parser.parse_args(arguments)
+    if args.only and args.out == DOCS:
+        parser.error("--only needs --out: docs/validation.md is whole or not at all")
+    images = args.out / "images" / "validation"
+    images.mkdir(parents=True, exist_ok=True)
+    found = {}
+    bar = tqdm([c for name, c in cases.items() if not args.only or name in args.only], unit="case")
+    for case in bar:
+        bar.set_postfix_str(case.name)
+        started = time.perf_counter()
+        outcome = case.run(args.quick, False)
+        found[case.name] = case, outcome, time.perf_counter() - started
+        if outcome.figure is not None:
+            outcome.figure.savefig(images / f"{case.name}.png", dpi=110)
+    (args.out / "validation.md").write_text(page(found, "images/validation"), encoding="utf-8")
+    print(f"written: {args.out / 'validation.md'}")
+    failed = [name for name, (_, outcome, _) in found.items() if not outcome.passed]
+    if failed:
+        print(f"failed: {', '.join(failed)}", file=sys.stderr)
+    return 1 if failed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,40 @@
+"""The short form of every validation case: it passes, and fails with its deliberate mistake."""
+
+import sys
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
+
+from validate import main, page
+from validation import CASES, load
+
+load()
+each = pytest.mark.parametrize("name", CASES)
+
+
+@each
+def test_case_passes_in_its_short_form(name):
+    outcome = CASES[name].run(True, False)
+    assert outcome.passed, f"{outcome.error} > {outcome.limit}"
+
+
+@each
+def test_case_fails_with_its_deliberate_mistake(name):
+    assert not CASES[name].run(True, True).passed
+
+
+def test_page_says_what_was_found(tmp_path):
+    assert main(["--quick", "--only", "hertz_impact", "--out", str(tmp_path)]) == 0
+    text = (tmp_path / "validation.md").read_text(encoding="utf-8")
+    assert "1 of 1 cases pass" in text
+    assert "Hertz" in text
+    assert (tmp_path / "images" / "validation" / "hertz_impact.png").stat().st_size > 5000
+
+
+def test_page_names_what_fails():
+    case = CASES["hertz_impact"]
+    text = page({"hertz_impact": (case, case.run(True, True), 1.0)}, "images")
+    assert "0 of 1 cases pass" in text
+    assert "**fails**" in text
