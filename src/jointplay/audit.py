@@ -57,7 +57,7 @@ class Audit:
     loop_drift: float = 0.0
     """Largest gap of a loop without clearance [m]."""
     law_warnings: tuple[str, ...] = ()
-    """In what the normal-force laws were used beyond their range; see `out_of_range`."""
+    """In what normal-force and film laws were used beyond their range; see `out_of_range`."""
 
     def __post_init__(self) -> None:
         """Take the warnings of a file, where a tuple is a list."""
@@ -175,7 +175,7 @@ class Audit:
 
 
 def out_of_range(mechanism: Mechanism, statistics: Mapping[str, np.ndarray]) -> tuple[str, ...]:
-    """Say in what a run left the range of its normal-force laws, a line each.
+    """Say in what a run left the range of its normal-force and film laws, a line each.
 
     Afterwards, from the deepest penetration and the fastest approach of each contact that began.
 
@@ -195,5 +195,10 @@ def out_of_range(mechanism: Mechanism, statistics: Mapping[str, np.ndarray]) -> 
                 extremes[contact] = depth, speed
         for contact, (depth, speed) in extremes.items():
             for text in joint.normal.warnings(contact, max_depth=depth, max_speed=speed):
+                found[f"joint {name!r}: {text}"] = None
+        if joint.film is not None:
+            law, film = joint.film
+            thinnest = float(statistics["smallest_gap"][j, : film.contacts].min())
+            for text in law.warnings(film, thinnest=thinnest):
                 found[f"joint {name!r}: {text}"] = None
     return tuple(found)

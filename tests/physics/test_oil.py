@@ -151,6 +151,18 @@ def test_hybrid_film_hands_over_to_dry_contact(urdf):
     assert result.audit.relative_energy_residual < 1e-4
 
 
+def test_audit_says_where_a_film_leaves_its_range(urdf):
+    slim = jp.simulate(robot(urdf, ShortBearing(0.05)), duration=0.01, **FREE)
+    assert not slim.audit.law_warnings
+    wide = jp.simulate(robot(urdf, ShortBearing(0.05), bearing_length=30e-3), duration=0.01, **FREE)
+    assert any("length/diameter up to 0.5" in text for text in wide.audit.law_warnings)
+    short = jp.simulate(robot(urdf, PinkusSternlicht(0.05)), duration=0.01, **FREE)
+    assert any("length/diameter from 2" in text for text in short.audit.law_warnings)
+    thin = ShortBearing(0.01, least_thickness=2e-5)
+    sunken = jp.simulate(robot(urdf, thin), duration=0.1, **FREE)
+    assert any("too rough" in text for text in sunken.audit.law_warnings)
+
+
 def test_film_alone_ends_the_run_when_it_breaks(urdf):
     film = ShortBearing(0.0005, hybrid=False)
     machine = robot(urdf, film, gravity=(0, 0, 0), mass=20.0)

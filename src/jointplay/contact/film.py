@@ -91,6 +91,29 @@ class FilmLaw(Law):
         """Name and fields of the law."""
         return {"law": self.name, **vars(self)}
 
+    def warnings(self, film: FilmProperties, *, thinnest: float) -> list[str]:
+        """Say, in one line each, in what a run left the law's range of validity.
+
+        Args:
+            film: the film the law was used for.
+            thinnest: smallest gap of the run [m].
+        """
+        found = []
+        slenderness = film.length / (2.0 * film.radius)
+        low, high = self.slenderness
+        if not low <= slenderness <= high:
+            limit = f"up to {high:g}" if slenderness > high else f"from {low:g}"
+            found.append(
+                f"{self.name} is made for length/diameter {limit}, this bearing has "
+                f"{slenderness:.3g}"
+            )
+        if thinnest < self.least_thickness:
+            found.append(
+                f"{self.name}: the film got as thin as {max(thinnest, 0.0):.2g} m; below "
+                f"{self.least_thickness:g} m the surfaces are too rough for a film"
+            )
+        return found
+
     def thickest(self, clearance: float) -> float:
         """Eccentricity ratio at which the film is at its thinnest.
 
