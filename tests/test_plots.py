@@ -25,7 +25,7 @@ def colours(axes):
     return [to_hex(line.get_color()) for line in axes.get_lines()]
 
 
-RED, BLUE, MAGENTA = map(to_hex, ("red", "blue", "magenta"))
+RED, BLUE, MAGENTA = map(to_hex, ("#D55E00", "#0072B2", "#CC79A7"))
 
 
 @pytest.mark.parametrize("name", ["fig09", "fig10"])

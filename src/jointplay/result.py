@@ -14,6 +14,7 @@ from jointplay.errors import JointplayError
 from jointplay.kernel import Status
 
 if TYPE_CHECKING:
+    from jointplay.plots import Plots
     from jointplay.simulation import Simulation
 
 FORMAT = 2
@@ -59,6 +60,13 @@ class Result:
         return (
             [str(name) for name in self.dataset["joint"].values] if "joint" in self.dataset else []
         )
+
+    @property
+    def plot(self) -> Plots:
+        """Figures of this result: `result.plot.orbit()`, `.forces()`, `.deviation()` ..."""
+        from jointplay.plots import Plots
+
+        return Plots(self)
 
     @property
     def simulation(self) -> Simulation:

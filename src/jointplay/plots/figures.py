@@ -1,0 +1,302 @@
+"""The paper's Figures 9-15 and an overview, for one or several cases, as PNG and PDF."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from matplotlib.backends.backend_pdf import PdfPages
+from matplotlib.figure import Figure
+
+from jointplay import analysis
+from jointplay.errors import JointplayError
+from jointplay.mechanism import Mechanism
+from jointplay.plots.style import COLOURS, new_figure, style
+from jointplay.result import AXES, Result
+
+Cases = Mapping[str, Result]
+"""Results by label, in drawing order; the first one without clearance is the reference."""
+
+
+def reference(cases: Cases) -> Result | None:
+    """The ideal robot among the cases, if there is one."""
+    return next((result for result in cases.values() if not result.joints), None)
+
+
+def joint_of(cases: Cases) -> str | None:
+    """The clearance joint that the cases compare: the first one of the first case that has any."""
+    return next((result.joints[0] for result in cases.values() if result.joints), None)
+
+
+def coloured(cases: Cases) -> Iterator[tuple[str, Result, str]]:
+    """Label, result and colour of each case."""
+    # Without an ideal case the first colour stays free: red means ideal.
+    shift = 0 if reference(cases) is not None else 1
+    for index, (label, result) in enumerate(cases.items()):
+        yield label, result, COLOURS[(index + shift) % len(COLOURS)]
+
+
+def compared(cases: Cases) -> Iterator[tuple[str, Result, str, Result]]:
+    """Label, result, colour and reference of each case that has a reference among the cases."""
+    ideal = reference(cases)
+    for label, result, colour in coloured(cases):
+        if ideal is not None and result is not ideal and analysis.is_twin(result, ideal):
+            yield label, result, colour, ideal
+
+
+def _figure(width: float, height: float, rows: int, columns: int, **options: Any) -> Any:
+    figure = new_figure(width, height)
+    return figure, figure.subplots(rows, columns, squeeze=False, **options)
+
+
+def _legend(figure: Figure, axes: Any) -> None:
+    handles, labels = axes.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper center", ncols=len(labels))
+    for line in figure.legends[0].get_lines():
+        line.set_linewidth(2.0)
+
+
+def _tool_history(cases: Cases, of: str) -> Figure:
+    """x, y, z over time; beside it the difference from the ideal robot, which is what play does."""
+    pairs = list(compared(cases))
+    figure, panels = _figure(9.0 if pairs else 6.0, 6.0, 3, 2 if pairs else 1, sharex=True)
+    for row, axis in enumerate(AXES):
+        for label, result, colour in coloured(cases):
+            draw = result.plot.displacement if of == "tool_position" else result.plot.velocity
+            draw(axis, ax=panels[row, 0], color=colour, label=label)
+        for _, result, colour, ideal in pairs:
+            result.plot.deviation(axis, ideal, of=of, ax=panels[row, 1], color=colour)
+        if pairs:
+            unit = "mm" if of == "tool_position" else "mm/s"
+            panels[row, 1].set_ylabel(f"{axis} - ideal [{unit}]")
+    if pairs:
+        panels[0, 1].set_title("difference from the ideal robot", fontsize=9)
+    for panel in panels[:-1].flat:
+        panel.set_xlabel("")
+    _legend(figure, panels[0, 0])
+    return figure
+
+
+def tool_displacement(cases: Cases) -> Figure:
+    """Figure 9: displacement of the end effector over time."""
+    return _tool_history(cases, "tool_position")
+
+
+def tool_velocity(cases: Cases) -> Figure:
+    """Figure 10: velocity of the end effector over time."""
+    return _tool_history(cases, "tool_velocity")
+
+
+def tool_path(cases: Cases) -> Figure:
+    """Figure 11: path of the end effector in the XOY plane, and a close-up where it differs."""
+    pairs = list(compared(cases))
+    figure, panels = _figure(9.0 if pairs else 5.0, 4.4, 1, 2 if pairs else 1)
+    for label, result, colour in coloured(cases):
+        for panel in panels[0]:
+            result.plot.path(ax=panel, color=colour, label=label)
+    worst, spot = 0.0, np.zeros(2)
+    for _, result, _, ideal in pairs:
+        error = analysis.deviation(result, ideal)
+        away = np.hypot(*error.sel(axis=["x", "y"]).values.T)
+        if away.max() > worst:
+            worst, k = float(away.max()), int(away.argmax())
+            spot = (result["tool_position"].values[k] - error.values[k])[:2]
+    if worst > 0.0:
+        close = panels[0, 1]
+        reach = 2.5 * worst
+        close.set_aspect("equal", adjustable="box")
+        close.set_xlim(spot[0] - reach, spot[0] + reach)
+        close.set_ylim(spot[1] - reach, spot[1] + reach)
+        close.tick_params(axis="x", rotation=30)
+        close.set_title(f"where it differs most: {1e3 * worst:.2f} mm", fontsize=9)
+        panels[0, 0].plot(*spot, "s", mfc="none", mec="black", ms=9)
+    _legend(figure, panels[0, 0])
+    return figure
+
+
+def journal_orbit(cases: Cases) -> Figure:
+    """Figure 12: path of the journal's centre inside the bearing's clearance circle."""
+    shown = [item for item in coloured(cases) if item[1].joints]
+    figure, panels = _figure(4.3 * len(shown), 4.5, 1, len(shown))
+    for panel, (label, result, colour) in zip(panels[0], shown, strict=True):
+        result.plot.orbit(ax=panel, color=colour)
+        panel.set_title(f"{label}: {panel.get_title()}", fontsize=9)
+    return figure
+
+
+def joint_force(cases: Cases, axis: str) -> Figure:
+    """Figures 13-15: force on the journal along a world axis over time, one panel a case.
+
+    With clearance the contact force, each record showing the force at the instant since the last
+    record at which its magnitude was largest; for the ideal robot the constraint force.
+    """
+    name = joint_of(cases)
+    figure, panels = _figure(7.0, 1.3 + 1.7 * len(cases), len(cases), 1, sharex=True, sharey=True)
+    column = panels[:, 0]
+    for panel, (label, result, colour) in zip(column, coloured(cases), strict=True):
+        joint = result.joints[0] if result.joints else name
+        result.plot.forces(axis, joint, ax=panel, color=colour, lw=0.8)
+        panel.set_title(label, fontsize=9, loc="left", color=colour)
+        panel.set_xlabel("")
+    column[-1].set_xlabel("time [s]")
+    where = f" at {name}" if name is not None else ""
+    figure.suptitle(f"joint contact force{where} along world {axis}", fontsize=10)
+    return figure
+
+
+def _skeleton(mechanism: Mechanism, q: np.ndarray) -> np.ndarray:
+    """Origins of the joints down the chain to the tool, in world axes (n, 3) [m]."""
+    model, data = mechanism.model, mechanism.data
+    pin.framesForwardKinematics(model, data, q)
+    joint = model.frames[mechanism.tool_frame].parentJoint
+    points = [data.oMf[mechanism.tool_frame].translation.copy()]
+    while joint > 0:
+        points.append(data.oMi[joint].translation.copy())
+        joint = model.parents[joint]
+    return np.array(points[::-1])
+
+
+def overview(cases: Cases) -> Figure:
+    """The robot from above, its tool's error (or the tilt), the journal's orbit, the force."""
+    figure = new_figure(9.0, 6.2)
+    (plan, error), (orbit, force) = figure.subplots(2, 2, width_ratios=(1.0, 1.5))
+    shown = [item for item in coloured(cases) if item[1].joints]
+    pairs = list(compared(cases))
+    first = reference(cases) or next(iter(cases.values()))
+    mechanism = first.simulation.mechanism
+    for moment in (0, int(np.abs(first["v"].values).sum(axis=1).argmax()), len(first.time) // 2):
+        points = _skeleton(mechanism, first["q"].values[moment])
+        plan.plot(points[:, 0], points[:, 1], "-o", color="0.6", lw=3.0, ms=5.0, alpha=0.7)
+    for _, result, colour in coloured(cases):
+        result.plot.path(ax=plan, color=colour, lw=1.0)
+    plan.set_title("from above, with the tool's path", fontsize=9)
+    for label, result, colour, ideal in reversed(pairs):
+        result.plot.deviation("total", ideal, ax=error, color=colour, label=label)
+    for label, result, colour in reversed(shown):
+        if not pairs:
+            result.plot.tilt(ax=error, color=colour, label=label)
+        result.plot.forces("total", ax=force, color=colour, label=label)
+    if pairs:
+        error.set_ylabel("tool error [mm]")
+    error.set_xlabel("")
+    force.set_ylabel("contact force [N]")
+    error.legend()
+    label, result, colour = shown[-1]
+    result.plot.orbit(ax=orbit, color=colour)
+    orbit.set_title(f"journal centre in its bearing, {label}", fontsize=9)
+    for panel in (plan, orbit):
+        panel.set_aspect("equal", adjustable="box")
+    return figure
+
+
+def _force(axis: str) -> Callable[[Cases], Figure]:
+    return lambda cases: joint_force(cases, axis)
+
+
+FIGURES: dict[str, Callable[[Cases], Figure]] = {
+    "fig09": tool_displacement,
+    "fig10": tool_velocity,
+    "fig11": tool_path,
+    "fig12": journal_orbit,
+    "fig13": _force("x"),
+    "fig14": _force("y"),
+    "fig15": _force("z"),
+    "overview": overview,
+}
+NEEDS_CLEARANCE = ("fig12", "overview")
+
+
+def _drawn(cases: Cases) -> Iterator[tuple[str, Figure]]:
+    for name, draw in FIGURES.items():
+        if name not in NEEDS_CLEARANCE or joint_of(cases) is not None:
+            yield name, draw(cases)
+
+
+def save(cases: Cases, folder: str | Path) -> list[Path]:
+    """Draw Figures 9-15 and an overview into `folder`, each as PNG and PDF.
+
+    Figure 12 and the overview are left out if no case has clearance.
+
+    Returns:
+        The files written.
+    """
+    written = []
+    with style():
+        for name, figure in _drawn(cases):
+            for kind in ("png", "pdf"):
+                path = Path(folder) / f"{name}.{kind}"
+                figure.savefig(path)
+                figure.set_layout_engine("none")  # laid out by now; again costs a third more
+                written.append(path)
+    return written
+
+
+def _states(cases: Cases) -> Iterator[tuple[str, Figure]]:
+    """Timelines, contacts and spectra of every case with clearance."""
+    for label, result, colour in coloured(cases):
+        for joint in result.joints:
+            figure = new_figure(8.0, 8.0)
+            modes, forms, contacts, gaps = figure.subplots(4, 1, height_ratios=(1, 2, 2, 2))
+            result.plot.modes(joint, ax=modes)
+            result.plot.forms(joint, ax=forms)
+            result.plot.contacts(joint, ax=contacts)
+            result.plot.gaps(joint, ax=gaps)
+            figure.suptitle(f"{label}, {joint}: modes, forms, contacts, gaps", color=colour)
+            yield f"{label}, {joint}", figure
+            figure = new_figure(7.0, 4.0)
+            left, right = figure.subplots(1, 2)
+            result.plot.impacts(joint, ax=left)
+            result.plot.tilt(joint, ax=right, color=colour)
+            figure.suptitle(f"{label}, {joint}: contacts by duration and peak; tilt", color=colour)
+            yield f"{label}, {joint}", figure
+        figure = new_figure(7.0, 4.2)
+        panel = figure.subplots()
+        result.plot.energy(ax=panel)
+        figure.suptitle(f"{label}: energy balance", color=colour)
+        yield label, figure
+
+
+def _spectra(cases: Cases, start: float) -> Figure:
+    figure, panels = _figure(7.0, 6.5, 3, 1, sharex=True)
+    for panel, axis in zip(panels[:, 0], AXES, strict=True):
+        for label, result, colour in coloured(cases):
+            try:
+                result.plot.spectrum(axis, start=start, ax=panel, color=colour, label=label)
+            except JointplayError:  # too short a run has no spectrum
+                continue
+        panel.set_xlabel("")
+    panels[-1, 0].set_xlabel("frequency [Hz]")
+    if panels[0, 0].get_lines():
+        _legend(figure, panels[0, 0])
+    return figure
+
+
+def save_pdf(cases: Cases, path: str | Path, start: float = 0.0, look: str = "paper") -> Path:
+    """Draw every figure of the cases into one PDF, vector graphics, a figure a page.
+
+    Args:
+        cases: results by label.
+        path: the file; an existing one is refused.
+        start: records before this are left out of spectra [s].
+        look: style of the pages' type; pages keep the size they have on screen.
+
+    Raises:
+        JointplayError: the file exists or cannot be written.
+    """
+    path = Path(path)
+    if path.exists():
+        raise JointplayError(f"{str(path)!r} exists; choose another name")
+    try:
+        with style(look), path.open("xb") as file, PdfPages(file) as pages:
+            pages.infodict()["Title"] = f"jointplay: {', '.join(cases)}"
+            for _, figure in _drawn(cases):
+                pages.savefig(figure)
+            for _, figure in _states(cases):
+                pages.savefig(figure)
+            pages.savefig(_spectra(cases, start))
+    except OSError as error:
+        raise JointplayError(f"cannot write {str(path)!r}: {error.strerror or error}") from None
+    return path

@@ -1,0 +1,107 @@
+"""One look and one palette for every figure, on screen and in print."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import matplotlib as mpl
+from matplotlib.figure import Figure
+
+from jointplay.errors import MissingName
+
+COLOURS = ("#D55E00", "#0072B2", "#CC79A7", "#009E73", "#E69F00", "#56B4E9")
+"""For cases. The paper's red (ideal), blue (0.2 mm) and magenta (0.5 mm), and further ones, in the
+shades of Okabe and Ito's colour-blind safe palette (Color Universal Design, 2008)."""
+
+AXIS_COLOURS = {"x": COLOURS[1], "y": COLOURS[0], "z": COLOURS[3], "total": "black"}
+"""For components along axes."""
+
+MODE_COLOURS = ("#56B4E9", "#E69F00", "#D55E00")
+"""Free flight, continuous contact, pseudo-penetration."""
+
+_SCREEN = {
+    "font.size": 9,
+    "axes.grid": True,
+    "grid.color": "0.9",
+    "grid.linewidth": 0.6,
+    "axes.axisbelow": True,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "lines.linewidth": 0.9,
+    "legend.frameon": False,
+    "savefig.dpi": 160,
+    "pdf.fonttype": 42,
+    "figure.constrained_layout.use": True,
+    "axes.formatter.useoffset": False,
+}
+
+STYLES: dict[str, dict[str, Any]] = {
+    "screen": _SCREEN,
+    "paper": _SCREEN
+    | {
+        "font.family": "serif",
+        "font.serif": ["STIXGeneral", "DejaVu Serif"],
+        "mathtext.fontset": "stix",
+        "font.size": 8,
+        "axes.titlesize": 8,
+        "legend.fontsize": 7,
+        "axes.linewidth": 0.6,
+        "lines.linewidth": 0.7,
+        "axes.unicode_minus": True,
+        "savefig.dpi": 600,
+    },
+}
+"""``screen``, and ``paper``: serif type, 88 mm wide, embedded TrueType fonts."""
+
+SIZES = {"screen": 1.0, "paper": 0.58}
+"""Width of a figure relative to its width on screen: 6 inches become 88 mm."""
+
+
+@contextmanager
+def style(name: str = "screen") -> Iterator[None]:
+    """Use this package's look, leaving the user's own settings alone.
+
+    Raises:
+        MissingName: no such style.
+    """
+    if name not in STYLES:
+        raise MissingName("style", name, STYLES)
+    with mpl.rc_context(STYLES[name]):
+        yield
+
+
+class StyledFigure(Figure):
+    """A figure that keeps its style whenever it is drawn, and shows itself once in a notebook.
+
+    matplotlib takes some settings (fonts of tick labels, font embedding, resolution) when a figure
+    is drawn, not when it is made.
+    """
+
+    def __init__(self, *args: Any, look: str = "screen", **options: Any) -> None:
+        """Make a figure in the style `look`."""
+        super().__init__(*args, **options)
+        self.look = look
+
+    def draw(self, renderer: Any) -> None:
+        """Draw in the figure's style."""
+        with style(self.look):
+            super().draw(renderer)
+
+    def savefig(self, fname: Any, **options: Any) -> None:  # type: ignore[override]
+        """Write in the figure's style; options as `matplotlib.figure.Figure.savefig`."""
+        with style(self.look):
+            super().savefig(fname, **options)
+
+    def _repr_png_(self) -> bytes:
+        buffer = io.BytesIO()
+        with style(self.look):
+            super().savefig(buffer, format="png", dpi=110)
+        return buffer.getvalue()
+
+
+def new_figure(width: float, height: float, look: str = "screen") -> StyledFigure:
+    """An empty figure, its size [inches] being that on screen; call it within `style`."""
+    return StyledFigure(figsize=(width * SIZES[look], height * SIZES[look]), look=look)
