@@ -39,7 +39,7 @@ def radial_clearance(result: Result, joint: str) -> float | None:
     return None if value is None else float(value)
 
 
-def _task(result: Result) -> dict[str, Any]:
+def task(result: Result) -> dict[str, Any]:
     """Inputs that a run must share with its ideal twin: robot, motion, drives, loads."""
     given = inputs(result)
     robot = {key: value for key, value in given["mechanism"].items() if key != "clearance"}
@@ -50,7 +50,7 @@ def _task(result: Result) -> dict[str, Any]:
 
 def is_twin(result: Result, ideal: Result) -> bool:
     """Whether `ideal` has no clearance and is otherwise the same robot doing the same work."""
-    return not ideal.joints and _task(result) == _task(ideal)
+    return not ideal.joints and task(result) == task(ideal)
 
 
 def twin(result: Result) -> Result:

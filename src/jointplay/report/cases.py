@@ -1,0 +1,194 @@
+"""What a report is about: results with their ideal references and their impacts step by step."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from jointplay import analysis
+from jointplay.errors import JointplayError
+from jointplay.plots.figures import coloured
+from jointplay.replay import Impact, Replay, follow, largest_impacts, replay, window
+from jointplay.result import Result
+
+Say = Callable[[str], None]
+
+
+@dataclass
+class Case:
+    """One result of a report."""
+
+    label: str
+    result: Result
+    colour: str
+    ideal: Result | None = None
+    """What its tool is measured against; itself for an ideal run."""
+    error: xr.DataArray | None = None
+    """The tool's deviation from `ideal` (time, axis) [m]; None for an ideal run."""
+    replay: Replay | None = None
+    impacts: list[Impact] = field(default_factory=list)
+    """The largest ones, step by step, one for each window of the replay."""
+    notes: list[str] = field(default_factory=list)
+    """What the reader must know of how this case was evaluated."""
+
+    @property
+    def joints(self) -> list[str]:
+        """Clearance joints."""
+        return self.result.joints
+
+    @property
+    def duration(self) -> float:
+        """Time of the last record [s]."""
+        return float(self.result.time[-1])
+
+    def detailed(self) -> Result:
+        """The records, and instead of them every step where the run was replayed.
+
+        There held peaks and smallest gaps are those of the single step.
+        """
+        if self.replay is None or not self.replay.windows:
+            return self.result
+        kept = np.ones(len(self.result.time), bool)
+        parts = []
+        held = {"joint_force": "joint_force_peak", "normal_force": "normal_force_peak"}
+        held["gap"] = "gap_min"
+        for part in self.replay.windows:
+            time = part["time"].values
+            kept &= (self.result.time < time[0]) | (self.result.time > time[-1])
+            parts.append(part.assign({peak: part[name] for name, peak in held.items()}))
+        parts.append(self.result.dataset.isel(time=kept))
+        merged = xr.concat(parts[::-1], "time", data_vars="minimal", combine_attrs="override")
+        merged = merged.sortby("time")
+        _, first = np.unique(merged["time"].values, return_index=True)
+        return Result(merged.isel(time=first))
+
+
+def load(paths: Sequence[Path], labels: Sequence[str] | None = None) -> dict[str, Result]:
+    """Read results by label, by default the files' names without suffix.
+
+    A folder stands for the NetCDF files in it.
+
+    Raises:
+        JointplayError: a file that is missing, damaged or no result; a folder without any; labels
+            that do not fit.
+    """
+    files: list[Path] = []
+    for path in paths:
+        if path.is_dir():
+            inside = sorted(path.glob("*.nc"))
+            if not inside:
+                raise JointplayError(f"the folder {str(path)!r} holds no results (*.nc)")
+            files += inside
+        else:
+            files.append(path)
+    names = list(labels) if labels else [file.stem for file in files]
+    if len(names) != len(files):
+        raise JointplayError(f"{len(names)} labels for {len(files)} results; give one for each")
+    if len(set(names)) < len(names):
+        twice = next(name for name in names if names.count(name) > 1)
+        raise JointplayError(f"two results are called {twice!r}; name them with --label")
+    results = {}
+    for name, file in zip(names, files, strict=True):
+        results[name] = _read(file)
+    return results
+
+
+def _read(file: Path) -> Result:
+    try:
+        result = Result.load(file)
+        analysis.inputs(result)["mechanism"]["clearance"]
+        if not len(result.time):
+            raise JointplayError(f"{str(file)!r} holds no records")
+        return result
+    except JointplayError:
+        raise
+    except Exception as error:  # whatever a damaged file makes the readers stumble over
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise JointplayError(f"{str(file)!r} is damaged or not a result: {reason}") from None
+
+
+def build(results: Mapping[str, Result], impacts: int, say: Say) -> list[Case]:
+    """Find or simulate the ideal references, and replay the largest impacts.
+
+    Args:
+        results: by label.
+        impacts: how many of each case are followed step by step.
+        say: told what is being simulated.
+    """
+    cases = [Case(label, result, colour) for label, result, colour in coloured(results)]
+    for case in cases:
+        if not case.joints:
+            case.ideal = case.result
+    _refer(cases, say)
+    for case in cases:
+        if case.joints and impacts:
+            _follow(case, impacts, say)
+    return cases
+
+
+def _refer(cases: Iterable[Case], say: Say) -> None:
+    cases = list(cases)
+    given = [case for case in cases if not case.joints]
+    made: dict[str, Result] = {}
+    for case in cases:
+        if not case.joints:
+            continue
+        found = next(
+            (
+                other
+                for other in given
+                if analysis.is_twin(case.result, other.result) and len(other.result.time) > 1
+            ),
+            None,
+        )
+        try:
+            if found is not None:
+                case.ideal = found.result
+                case.notes.append(f"Tool errors are measured against the result {found.label!r}.")
+            else:
+                key = json.dumps([analysis.task(case.result), case.duration], sort_keys=True)
+                if key not in made:
+                    say(f"simulating the ideal robot that {case.label!r} is measured against")
+                    made[key] = analysis.twin(case.result)
+                case.ideal = made[key]
+                case.notes.append(
+                    "Tool errors are measured against the ideal robot, simulated for this report "
+                    "because no ideal run of the same robot and motion was given."
+                )
+            case.error = analysis.deviation(case.result, case.ideal)
+            if float(case.error["time"][-1]) < case.duration:
+                case.notes.append(
+                    f"The reference ends at {float(case.error['time'][-1]):g} s; tool errors are "
+                    "those up to there."
+                )
+        except JointplayError as error:
+            case.ideal = case.error = None
+            case.notes.append(f"No tool errors: the ideal robot cannot be simulated ({error}).")
+
+
+def _follow(case: Case, number: int, say: Say) -> None:
+    chosen = largest_impacts(case.result, number)
+    step = case.result.audit.step
+    say(f"repeating {case.label!r} for its {len(chosen)} largest impacts step by step")
+    try:
+        found = replay(case.result, [window(place, i, step) for place, i in chosen])
+    except JointplayError as error:
+        case.notes.append(f"No single steps: the run cannot be repeated ({error}).")
+        return
+    if not found.faithful:
+        versions = case.result.dataset.attrs.get("versions", "unknown")
+        case.notes.append(
+            "No single steps: repeated here, the run does not come out bit for bit as stored "
+            f"(made with {versions}), and impacts magnify any difference."
+        )
+        return
+    case.replay = found
+    case.impacts = [
+        follow(part, place.joint, place.contact)
+        for part, (place, _) in zip(found.windows, chosen, strict=True)
+    ]

@@ -1,0 +1,591 @@
+"""Words and tables of the report."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import tomllib
+from collections.abc import Sequence
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jointplay import analysis
+from jointplay.claims import START_UP, measure
+from jointplay.errors import JointplayError
+from jointplay.geometry import Form
+from jointplay.plots.accessor import MODE_NAMES
+from jointplay.report.cases import Case
+from jointplay.report.html import Cell, Html, bullets, details, number, paragraph, table, text
+from jointplay.result import Result
+
+CLAIM_COLUMNS = ["claim", "statement", "condition", "holds", "0.2 mm → 0.5 mm"]
+"""Header of the claims table that `jointplay scara` writes."""
+
+_JOINT_FIELDS: dict[str, tuple[str, str, float]] = {
+    "radial_clearance": ("radial clearance C_r", "mm", 1e3),
+    "axial_clearance": ("axial clearance C_a, each side", "mm", 1e3),
+    "bearing_radius": ("bearing radius R_i", "mm", 1e3),
+    "bearing_length": ("bearing length L_i", "mm", 1e3),
+    "journal_radius": ("journal radius R_j", "mm", 1e3),
+    "journal_length": ("journal length L_j", "mm", 1e3),
+    "restitution": ("restitution c_e", "", 1.0),
+    "stiffness": ("stiffness k, radial", "N/m^1.5", 1.0),
+    "axial_stiffness": ("stiffness k, axial", "N/m^1.5", 1.0),
+}
+
+_MEASURES = {
+    "deviation_mm": "tool deviation about its mean, RMS [mm]",
+    "speed_mm_s": "velocity deviation, RMS [mm/s]",
+    "path_mm": "distance from the ideal path in the XOY plane, RMS [mm]",
+    "free": "free flight [share of time]",
+    "continuous": "continuous contact [share of time]",
+    "penetration": "pseudo-penetration [share of time]",
+    "fx": "largest |Fx| [N]",
+    "fy": "largest |Fy| [N]",
+    "fz": "largest |Fz| [N]",
+    "busy": "force above 20 % of its peak [share of time]",
+    "crossings": "turning points of the tool's deviation [1/s]",
+    "swing_mm": "mean excursion between them [mm]",
+}
+
+
+def dark(case: Case) -> Html:
+    """The case's name with a swatch of its colour."""
+    return Html(f'<span class="case" style="--c:{case.colour}">{text(case.label)}</span>')
+
+
+def settled(cases: Sequence[Case]) -> float:
+    """From when on statistics are taken [s]: not while journals fall into their bearings."""
+    shortest = min(case.duration for case in cases)
+    return START_UP if shortest > 2.0 * START_UP else 0.0
+
+
+def _ms(seconds: float) -> float:
+    return 1e3 * seconds
+
+
+def glance(cases: Sequence[Case], start: float) -> Html:
+    """One row for each case with the figures that matter most."""
+    head = [
+        "case",
+        "ended",
+        "tool error, RMS [mm]",
+        "tool error, peak [mm]",
+        "error at the end of dwells, largest [mm]",
+        "contacts begun [1/s]",
+        "force at the joint, peak [N]",
+        "penetration, largest [µm]",
+        "energy residual [% of exchanged]",
+        "warnings",
+    ]
+    rows: list[list[Cell]] = []
+    for case in cases:
+        audit = case.result.audit
+        row: list[Cell] = [dark(case), case.result.status.name.lower().replace("_", " ")]
+        if case.error is None or float(case.error["time"][-1]) < start:
+            row += [None, None, None]
+        else:
+            found = analysis.accuracy(case.error, start)
+            row += [1e3 * found.rms[3], 1e3 * found.peak[3], None]
+            ends = [
+                1e3 * float(analysis.error_at(case.error, stop.end)[3])
+                for stop in _stops(case)
+                if stop.kind == "dwell"
+            ]
+            row[-1] = max(ends) if ends else None
+        if case.joints:
+            force = np.linalg.norm(case.result["joint_force_peak"].values, axis=2).max()
+            row += [audit.impacts / case.duration, float(force), 1e6 * audit.largest_penetration]
+        else:
+            row += [None, None, None]
+        rows.append([*row, 100.0 * audit.relative_energy_residual, len(audit.warnings)])
+    return table(head, rows, left=2)
+
+
+def parameters(cases: Sequence[Case]) -> Html:
+    """Every input, a column for each case, then motion and robot in full."""
+    columns = [_parameters(case.result) for case in cases]
+    names = list(dict.fromkeys(name for column in columns for name in column))
+    rows = [
+        [Html(_symbol(name)), *(column.get(name) for column in columns)]
+        for name in names
+    ]
+    found = table(["parameter", *(dark(case) for case in cases)], rows, left=1 + len(cases))
+    return Html(found + _motions(cases) + _robots(cases))
+
+
+def _symbol(name: str) -> str:
+    """C_r as a symbol with an index, units with exponents."""
+    shown = text(name)
+    for symbol in ("C_r", "C_a", "R_i", "L_i", "R_j", "L_j", "c_e"):
+        head, tail = symbol.split("_")
+        shown = shown.replace(symbol, f"<i>{head}</i><sub>{tail}</sub>")
+    return shown.replace("m^1.5", "m<sup>1.5</sup>").replace("s^2", "s<sup>2</sup>")
+
+
+def _parameters(result: Result) -> dict[str, Cell]:
+    inputs = analysis.inputs(result)
+    robot = inputs["mechanism"]
+    found: dict[str, Cell] = {
+        "robot (URDF)": robot.get("urdf"),
+        "tool (frame)": robot.get("tool"),
+        "gravity, world axes [m/s^2]": ", ".join(f"{g:g}" for g in robot.get("gravity", ())),
+    }
+    if robot.get("allow_unphysical"):
+        found["links with an impossible inertia"] = ", ".join(robot["allow_unphysical"])
+    known = {"mechanism", "motion", "drive", "duration", "step", "integrator", "record_every"}
+    motion = inputs["motion"]
+    found["motion"] = (
+        f"{len(motion['times'])} waypoints, {motion['interpolation']}"
+        if "times" in motion and "interpolation" in motion
+        else _plain(motion)
+    )
+    units = {"bandwidth": " [rad/s]"}
+    for name, value in inputs["drive"].items():
+        label = f"drive: {name.replace('_', ' ')}{units.get(name, '')}"
+        found[label] = value if isinstance(value, (int, float)) else _plain(value)
+    if inputs.get("joint_friction") is not None:
+        found["joint friction"] = _plain(inputs["joint_friction"])
+    found["time step [µs]"] = 1e6 * float(inputs["step"])
+    found["integrator"] = inputs["integrator"]
+    found["simulated [s]"] = float(result.time[-1])
+    found["steps between records"] = int(inputs["record_every"])
+    for name, value in inputs.items():
+        if name not in known | {"joint_friction"} and value is not None:
+            found[name.replace("_", " ")] = _plain(value)
+    derived = _derived_stiffness(result)
+    for joint, fields in robot["clearance"].items():
+        for name, value in fields.items():
+            label, unit, scale = _JOINT_FIELDS.get(name, (name.replace("_", " "), "", 1.0))
+            label = f"{joint}: {label}{f' [{unit}]' if unit else ''}"
+            if name == "stiffness" and value is None and joint in derived:
+                found[label] = Html(f"{number(derived[joint])} (eq. 11)")
+            elif name == "axial_stiffness" and value is None:
+                found[label] = "as radial"
+            elif isinstance(value, (int, float)) and not isinstance(value, bool):
+                found[label] = float(value) * scale
+            elif isinstance(value, dict):
+                found[label] = _law(value)
+            else:
+                found[label] = value
+    versions = json.loads(result.dataset.attrs.get("versions", "{}"))
+    found["made with"] = ", ".join(f"{name} {value}" for name, value in versions.items())
+    return found
+
+
+def _plain(value: Any) -> str:
+    if isinstance(value, dict):
+        return ", ".join(f"{name.replace('_', ' ')} {_plain(v)}" for name, v in value.items())
+    if isinstance(value, (list, tuple)):
+        return ", ".join(_plain(v) for v in value)
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _law(fields: dict[str, Any]) -> str:
+    """A law or a material in one line: its name first."""
+    rest = dict(fields)
+    name = next((str(rest.pop(key)) for key in ("law", "name") if key in rest), "")
+    if set(rest) == {"young", "poisson"}:
+        return f"E = {rest['young'] / 1e9:g} GPa, ν = {rest['poisson']:g}"
+    return " ".join(part for part in (name, _plain(rest) and f"({_plain(rest)})") if part)
+
+
+def _derived_stiffness(result: Result) -> dict[str, float]:
+    try:
+        joints = result.simulation.mechanism.clearance
+        return {name: float(joint.hertz_stiffness) for name, joint in joints.items()}
+    except (JointplayError, AttributeError):  # a law that cannot be imported, another kind of joint
+        return {}
+
+
+def _motions(cases: Sequence[Case]) -> str:
+    seen: dict[str, list[str]] = {}
+    for case in cases:
+        motion = json.dumps(analysis.inputs(case.result)["motion"], sort_keys=True)
+        seen.setdefault(motion, []).append(case.label)
+    parts = []
+    for packed, labels in seen.items():
+        motion = json.loads(packed)
+        if not {"joints", "times", "positions"} <= set(motion):
+            continue
+        rows = [
+            [time, *position] for time, position in zip(motion["times"], motion["positions"])
+        ]
+        of = "" if len(seen) == 1 else f" of {', '.join(labels)}"
+        head = ["time [s]", *(f"{name} [rad or m]" for name in motion["joints"])]
+        parts.append(details(f"Waypoints{of}", table(head, rows[:500], left=0)))
+    return "".join(parts)
+
+
+def _robots(cases: Sequence[Case]) -> str:
+    seen: dict[str, list[str]] = {}
+    for case in cases:
+        source = analysis.inputs(case.result)["mechanism"].get("urdf_text", "")
+        seen.setdefault(source, []).append(case.label)
+    return "".join(
+        details(
+            "Robot (URDF)" + ("" if len(seen) == 1 else f" of {', '.join(labels)}"),
+            f"<pre>{text(source)}</pre>",
+        )
+        for source, labels in seen.items()
+        if source
+    )
+
+
+def assumptions(cases: Sequence[Case], start: float) -> Html:
+    """What is assumed in these runs and in their evaluation."""
+    entries = tomllib.loads(
+        (files("jointplay.report") / "assumptions.toml").read_text(encoding="utf-8")
+    )["assumption"]
+    inputs = [analysis.inputs(case.result) for case in cases]
+    moving = [given for case, given in zip(cases, inputs, strict=True) if case.joints]
+    holds = {
+        "always": True,
+        "clearance": bool(moving),
+        "derived stiffness": any(
+            joint.get("stiffness", 0.0) is None
+            for given in moving
+            for joint in given["mechanism"]["clearance"].values()
+        ),
+        "centred": any(given.get("seed") is None for given in moving),
+        "seeded": any(given.get("seed") is not None for given in moving),
+        "balanced": any(not any(given["mechanism"].get("gravity", (1,))) for given in inputs),
+        "unphysical": any(given["mechanism"].get("allow_unphysical") for given in inputs),
+    }
+    points = [entry["text"] for entry in entries if holds[entry["when"]]]
+    if start:
+        points.append(
+            f"Tool accuracy, contact statistics, shares of time and spectra leave out the first "
+            f"{start:g} s. Counts and impulses of contacts are those of whole runs."
+        )
+    for case in cases:
+        points += [Html(f"{dark(case)} {text(note)}") for note in case.notes]
+    return bullets(points)
+
+
+def audits(cases: Sequence[Case]) -> Html:
+    """The runs' judgement of themselves."""
+    head = [
+        "case",
+        "message",
+        "energy residual [J]",
+        "exchanged [J]",
+        "residual [%]",
+        "contacts begun",
+        "shortest [steps]",
+        "under 10 steps",
+        "normal impulse [N s]",
+        "largest penetration [µm]",
+        "of the clearance [%]",
+        "step [µs]",
+        "friction needs [µs]",
+        "computed in [s]",
+    ]
+    rows: list[list[Cell]] = []
+    for case in cases:
+        audit = case.result.audit
+        contact: list[Cell] = [None] * 8
+        if case.joints:
+            contact = [
+                audit.impacts,
+                audit.shortest_contact_steps or None,
+                audit.under_resolved,
+                audit.normal_impulse,
+                1e6 * audit.largest_penetration,
+                100.0 * audit.penetration_over_clearance,
+                1e6 * audit.step,
+                1e6 * audit.friction_step_limit,
+            ]
+        wall = case.result.dataset.attrs.get("wall_time_s")
+        rows.append(
+            [
+                dark(case),
+                case.result.message,
+                audit.energy_residual,
+                audit.energy_exchanged,
+                100.0 * audit.relative_energy_residual,
+                *contact,
+                None if wall is None else float(wall),
+            ]
+        )
+    warnings = [
+        Html(f'{dark(case)} <strong class="warn">Warning:</strong> {text(warning)}.')
+        for case in cases
+        for warning in case.result.audit.warnings
+    ]
+    return Html(
+        table(head, rows, left=2)
+        + (bullets(warnings) or paragraph("No run has anything to warn of."))
+    )
+
+
+def modes(cases: Sequence[Case], start: float) -> Html:
+    """Shares of the time in each mode and form."""
+    pairs = [(case, joint) for case in cases for joint in case.joints]
+    if not pairs:
+        return paragraph("No case has clearance.")
+    names = [Html(f"{dark(case)}, {text(joint)}") for case, joint in pairs]
+    found = [analysis.shares(case.result, joint, "mode", start) for case, joint in pairs]
+    keys = list(found[0])
+    rows = [
+        [name, *(100.0 * share[key] for share in found)]
+        for name, key in zip(MODE_NAMES, keys, strict=True)
+    ]
+    forms = [analysis.shares(case.result, joint, "form", start) for case, joint in pairs]
+    form_rows = [
+        [
+            f"{form.letter}: {form.name.lower().replace('_', ' ')}" if form else "no contact",
+            *(100.0 * share[form.name.lower()] for share in forms),
+        ]
+        for form in Form
+        if any(share[form.name.lower()] for share in forms)
+    ]
+    return Html(
+        table(["mode (Table 1)", *names], rows, "Share of the records in each mode [%]")
+        + table(["form (Figure 2)", *names], form_rows, "Share of the records in each form [%]")
+    )
+
+
+def impacts(cases: Sequence[Case], start: float) -> Html:
+    """Statistics of contacts by joint and place."""
+    head = [
+        "case, place",
+        "contacts begun",
+        "rate [1/s]",
+        "normal impulse [N s]",
+        "shortest [steps]",
+        "in contact [% of time]",
+        "duration, median [ms]",
+        "duration, 95 % [ms]",
+        "peak force, median [N]",
+        "peak force, 95 % [N]",
+        "peak force, largest [N]",
+    ]
+    rows: list[list[Cell]] = []
+    for case in cases:
+        for place in analysis.contacts(case.result, start):
+            name = Html(f"{dark(case)}, {text(place.joint)}, {place.contact.replace('_', ' ')}")
+            exact: list[Cell] = [None, None, None, None]
+            if case.replay is not None:
+                one = case.replay.statistics.sel(joint=place.joint, contact=place.contact)
+                shortest = float(one["shortest_steps"])
+                onsets = int(one["onsets"])
+                exact = [
+                    onsets,
+                    onsets / case.duration,
+                    float(one["impulse"]),
+                    int(shortest) if math.isfinite(shortest) else None,
+                ]
+            row: list[Cell] = [name, *exact, 100.0 * place.share]
+            if len(place.peak):
+                row += [_ms(float(np.percentile(place.duration, p))) for p in (50, 95)]
+                row += [float(np.percentile(place.peak, p)) for p in (50, 95, 100)]
+            else:
+                row += [None] * 5
+            rows.append(row)
+    if not rows:
+        return paragraph("No case has clearance.")
+    intervals = sorted(
+        {_ms(float(np.median(np.diff(case.result.time)))) for case in cases if case.joints}
+    )
+    spacing = ", ".join(f"{value:g}" for value in intervals)
+    return Html(
+        table(head, rows)
+        + paragraph(
+            "Contacts begun, impulse and shortest contact are exact: counted at every step of the "
+            "whole run. Durations come from records, known to about one record interval "
+            f"({spacing} ms), and contacts that follow each other within it count as one. Peak "
+            "forces are held between records and exact."
+        )
+    )
+
+
+def singles(cases: Sequence[Case]) -> Html:
+    """The largest impacts, step by step, each with a button that zooms into it."""
+    head = [
+        "case, place",
+        "time [s]",
+        "peak normal force [N]",
+        "penetration [µm]",
+        "steps in contact",
+        "approach speed [mm/s]",
+        "separation speed [mm/s]",
+        "",
+    ]
+    rows: list[list[Cell]] = []
+    for case in cases:
+        windows = case.replay.windows if case.replay is not None else ()
+        for impact, window in zip(case.impacts, windows, strict=True):
+            time = window["time"].values
+            force = window["normal_force"].sel(joint=impact.joint, contact=impact.contact)
+            rows.append(
+                [
+                    Html(f"{dark(case)}, {text(impact.joint)}, {impact.contact.replace('_', ' ')}"),
+                    Html(f"{float(time[int(force.values.argmax())]):.5f}"),
+                    impact.peak_force,
+                    1e6 * impact.penetration,
+                    impact.steps if impact.complete else Html(f"&gt; {impact.steps}"),
+                    1e3 * impact.approach_speed,
+                    1e3 * impact.separation_speed,
+                    Html(
+                        f'<button type="button" data-zoom="{float(time[0])!r},'
+                        f'{float(time[-1])!r}">zoom</button>'
+                    ),
+                ]
+            )
+    if not rows:
+        return paragraph("No impact was followed step by step.")
+    return table(head, rows, name="single-impacts")
+
+
+def _stops(case: Case) -> list[analysis.Stop]:
+    assert case.error is not None
+    try:
+        motion = case.result.simulation.motion
+    except JointplayError:
+        return []
+    return analysis.stops(motion, float(case.error["time"][-1]))
+
+
+def accuracies(cases: Sequence[Case], start: float) -> Html:
+    """Tool error per axis over the run, and at the stops of the reference motion."""
+    judged = [case for case in cases if case.error is not None]
+    if not judged:
+        return paragraph("No case has a tool error: none has clearance, or no reference.")
+    rows: list[list[Cell]] = []
+    for case in judged:
+        assert case.error is not None
+        found = analysis.accuracy(case.error, min(start, float(case.error["time"][-1])))
+        for k, axis in enumerate(analysis.COMPONENTS):
+            values = (found.mean, found.rms, found.peak)
+            rows.append([dark(case), axis, *(1e3 * float(value[k]) for value in values)])
+    whole = table(
+        ["case", "axis", "mean [mm]", "RMS [mm]", "peak [mm]"],
+        rows,
+        "Tool position less the ideal robot's at the same time, world axes; total: the distance",
+        left=2,
+    )
+    rows = []
+    for case in judged:
+        assert case.error is not None
+        for stop in _stops(case):
+            moments = [("arrival", stop.start)]
+            if stop.kind == "dwell":
+                moments.append(("end of dwell", stop.end))
+            for what, moment in moments:
+                error = 1e3 * analysis.error_at(case.error, moment)
+                strong = what == "end of dwell"
+                cells: list[Cell] = [stop.kind, what, Html(f"{moment:.4g}")]
+                cells += [float(value) for value in error]
+                rows.append([dark(case), *(_strong(cell) if strong else cell for cell in cells)])
+    at_stops = table(
+        ["case", "reference", "moment", "time [s]", "x [mm]", "y [mm]", "z [mm]", "total [mm]"],
+        rows,
+        "Tool error at the waypoints of the reference motion. The tool picks and places while the "
+        "reference dwells: the end of a dwell (bold) is what the process gets",
+        left=3,
+        name="stops",
+    )
+    return Html(whole + at_stops)
+
+
+def _strong(cell: Cell) -> Html:
+    return Html(f"<strong>{text(cell)}</strong>")
+
+
+def spectra(cases: Sequence[Case], start: float) -> Html:
+    """How the spectra were made, and what they sum up to."""
+    rows: list[list[Cell]] = []
+    made: list[str] = []
+    for case in cases:
+        try:
+            density = analysis.spectrum(case.result, start=start)
+        except JointplayError as error:
+            made.append(f"{case.label}: no spectrum, {error}.")
+            continue
+        frequency = density["frequency"].values
+        width = float(frequency[1] - frequency[0])
+        values = density.values
+        rms = np.sqrt(values[1:].sum(axis=0) * width)
+        above = frequency >= 20.0
+        strongest = frequency[above][values[above].argmax(axis=0)] if above.any() else [None] * 4
+        rows.append(
+            [
+                dark(case),
+                *(float(value) for value in rms),
+                *(None if value is None else float(value) for value in strongest[:3]),
+                density.attrs["sampling_frequency_hz"] / 1e3,
+                density.attrs["window_s"],
+                density.attrs["windows"],
+            ]
+        )
+    head = [
+        "case",
+        *(f"RMS {axis} [m/s²]" for axis in analysis.COMPONENTS),
+        *(f"strongest above 20 Hz, {axis} [Hz]" for axis in "xyz"),
+        "sampled at [kHz]",
+        "window [s]",
+        "windows",
+    ]
+    note = (
+        "Power spectral density of the tool's acceleration, world axes, by Welch's method: "
+        "one-sided, Hann windows that overlap by half, each less its mean. The acceleration is the "
+        "mean one of each record interval (difference of recorded velocities), which lowers the "
+        "density towards the Nyquist frequency, by 59 % there."
+    )
+    return Html((table(head, rows) if rows else "") + paragraph(note) + bullets(made))
+
+
+def claims(cases: Sequence[Case], source: Path | None) -> Html:
+    """Verdicts of an ensemble, if there are any, and the measures of the runs themselves."""
+    parts = []
+    if source is not None:
+        try:
+            with source.open(newline="", encoding="utf-8") as file:
+                lines = list(csv.reader(file))
+        except (OSError, UnicodeDecodeError, csv.Error) as error:
+            reason = getattr(error, "strerror", None) or error
+            raise JointplayError(f"cannot read the claims {str(source)!r}: {reason}") from None
+        if not lines or lines[0] != CLAIM_COLUMNS or any(len(x) != 5 for x in lines):
+            raise JointplayError(
+                f"{str(source)!r} is not a claims table of jointplay scara; its header must be "
+                f"{','.join(CLAIM_COLUMNS)}"
+            )
+        verdicts = {"yes": "good", "no": "bad"}
+        rows = [
+            [a, b, c, Html(f'<span class="{verdicts.get(d, "open")}">{text(d)}</span>'), e]
+            for a, b, c, d, e in lines[1:]
+        ]
+        parts.append(table(lines[0], rows, f"Ensembles of perturbed runs ({source.name})", 5))
+    columns = {}
+    for case in cases:
+        reference = case.ideal
+        if case.error is None or reference is None or len(case.joints) != 1:
+            continue
+        same = np.array_equal(case.result.time, reference.time)
+        if same and case.duration > 2.0 * START_UP:
+            columns[case.label] = (dark(case), measure(case.result, reference))
+    if columns:
+        rows = [
+            [label, *(float(found[key]) for _, found in columns.values())]
+            for key, label in _MEASURES.items()
+        ]
+        parts.append(
+            table(
+                ["measure", *(name for name, _ in columns.values())],
+                rows,
+                "What the claims are about, in these single runs",
+            )
+        )
+        parts.append(
+            paragraph(
+                "No claim is decided on single runs: impacts magnify small differences. `jointplay "
+                "scara` judges ensembles."
+            )
+        )
+    return Html("".join(parts) or paragraph("There is nothing to judge: no claims table was given, "
+        f"and no run with clearance is longer than {2.0 * START_UP:g} s."))
