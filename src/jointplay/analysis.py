@@ -33,37 +33,84 @@ def inputs(result: Result) -> dict[str, Any]:
     return found
 
 
-def radial_clearance(result: Result, joint: str) -> float | None:
-    """C_r of a clearance joint [m]; None if its kind has none."""
-    value = inputs(result)["mechanism"]["clearance"][joint].get("radial_clearance")
-    return None if value is None else float(value)
+def clearance_inputs(result: Result) -> dict[str, dict[str, Any]]:
+    """The stored inputs of the joints that have clearance, by name."""
+    given = inputs(result)["mechanism"]["clearance"]
+    return {name: given[name] for name in result.joints if name in given}
+
+
+def clearance_outline(result: Result, joint: str) -> np.ndarray | None:
+    """Closed line within which the journal's centre can move untilted, bearing x and y [m].
+
+    Returns:
+        (2, n): the clearance circle, or for a slider the rectangle of its clearances; None if the
+        inputs tell neither.
+    """
+    given = clearance_inputs(result).get(joint, {})
+    if given.get("radial_clearance") is not None:
+        angle = np.linspace(0.0, 2.0 * np.pi, 361)
+        circle: np.ndarray = given["radial_clearance"] * np.array([np.cos(angle), np.sin(angle)])
+        return circle
+    if given.get("clearance") is not None:
+        x = float(given["clearance"])
+        y = 0.0 if given.get("planar") else float(given.get("clearance_y") or x)
+        return np.array([[x, x, -x, -x, x], [y, -y, -y, y, y]])
+    return None
+
+
+def places(result: Result, joint: str) -> list[str]:
+    """Names of the contacts of `joint`; other joints' contacts hold no numbers there.
+
+    Raises:
+        MissingName: no such joint with clearance.
+    """
+    if joint not in result.joints:
+        raise MissingName("clearance joint", joint, result.joints)
+    gaps = result["gap"].sel(joint=joint)
+    if not gaps.sizes["time"]:
+        return [str(name) for name in gaps["contact"].values]
+    has = ~np.isnan(gaps.values[0])
+    return [str(name) for name in gaps["contact"].values[has]]
 
 
 def task(result: Result) -> dict[str, Any]:
-    """Inputs that a run must share with its ideal twin: robot, motion, drives, loads."""
+    """Inputs that a run must share with its ideal twin: mechanism, motion, drives, loads."""
     given = inputs(result)
-    robot = {key: value for key, value in given["mechanism"].items() if key != "clearance"}
+    robot = {
+        key: value
+        for key, value in given["mechanism"].items()
+        if key not in ("clearance", "gears")
+    }
     return {key: value for key, value in given.items() if key not in _MAY_DIFFER} | {
         "mechanism": robot
     }
 
 
+def has_play(result: Result) -> bool:
+    """Whether a joint has clearance, or a gear play."""
+    return bool(result.joints or inputs(result)["mechanism"].get("gears"))
+
+
 def is_twin(result: Result, ideal: Result) -> bool:
-    """Whether `ideal` has no clearance and is otherwise the same robot doing the same work."""
-    return not ideal.joints and task(result) == task(ideal)
+    """Whether `ideal` has no play and is otherwise the same mechanism doing the same work."""
+    return not has_play(ideal) and task(result) == task(ideal)
 
 
 def twin(result: Result) -> Result:
-    """The ideal robot doing the same work for the same time, simulated now.
+    """The ideal mechanism doing the same work for the same time, simulated now.
+
+    Where it has closed loops, by rk4, with which they drift least.
 
     Raises:
-        JointplayError: the result's simulation cannot be built again.
+        JointplayError: the result's simulation cannot be built again, or its ideal mechanism
+            cannot be simulated.
     """
     simulation = result.simulation
     return dataclasses.replace(
         simulation,
         mechanism=simulation.mechanism.ideal(),
         duration=float(result.time[-1]) or simulation.step,
+        integrator="rk4" if simulation.mechanism.loops else simulation.integrator,
         seed=None,
     ).run()
 
@@ -91,6 +138,8 @@ def deviation(result: Result, ideal: Result, of: str = "tool_position") -> xr.Da
         reason = (
             f"has clearance in {', '.join(ideal.joints)}"
             if ideal.joints
+            else "has gears with play"
+            if has_play(ideal)
             else "moves another robot, or otherwise"
         )
         raise JointplayError(
@@ -239,7 +288,7 @@ def contacts(result: Result, start: float = 0.0) -> list[Contacts]:
     judged = time >= start
     found = []
     for joint in result.joints:
-        for contact in result["contact"].values:
+        for contact in places(result, joint):
             at = {"joint": joint, "contact": contact}
             force = result["normal_force_peak"].sel(at).values
             edges = np.diff(np.concatenate([[False], force > 0.0, [False]]).astype(int))
@@ -252,7 +301,7 @@ def contacts(result: Result, start: float = 0.0) -> list[Contacts]:
             found.append(
                 Contacts(
                     joint,
-                    str(contact),
+                    contact,
                     time[first] - spacing,
                     np.maximum(time[last] - time[first], 0.5 * spacing),
                     force[top],
@@ -273,7 +322,8 @@ def shares(result: Result, joint: str, of: str = "mode", start: float = 0.0) -> 
         start: records before this are left out [s].
 
     Returns:
-        By name, in the order of the enumeration; they sum to 1.
+        By name, in the order of the enumeration; they sum to 1. Nothing for the forms of a joint
+        that Figure 2 does not show.
     """
     if joint not in result.joints:
         raise MissingName("clearance joint", joint, result.joints)
@@ -281,6 +331,8 @@ def shares(result: Result, joint: str, of: str = "mode", start: float = 0.0) -> 
     if of not in kinds:
         raise MissingName("state", of, kinds)
     values = result[of].sel(joint=joint).values[result.time >= start]
+    if len(values) and values.min() < 0:
+        return {}
     counts = np.bincount(values, minlength=len(kinds[of]))
     total = max(len(values), 1)
     return {member.name.lower(): float(counts[member] / total) for member in kinds[of]}

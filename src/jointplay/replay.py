@@ -16,8 +16,9 @@ import xarray as xr
 from jointplay import kernel
 from jointplay.analysis import Contacts, contacts
 from jointplay.errors import JointplayError
-from jointplay.histories import assemble
+from jointplay.histories import Phase, contact_names, histories
 from jointplay.result import Result
+from jointplay.simulation import Run, Simulation
 
 WINDOW_STEPS = 600
 """Largest number of steps recorded around an impact."""
@@ -91,26 +92,26 @@ def replay(result: Result, windows: Sequence[tuple[float, float]]) -> Replay:
         JointplayError: the simulation cannot be built again, or the run is empty.
     """
     simulation = result.simulation
-    step, every = simulation.step, simulation.record_every
+    step = simulation.step
     if len(result.time) < 2:
         raise JointplayError(f"a run of {len(result.time)} records cannot be repeated")
     steps = round(float(result.time[-1]) / step)
     spans = [(max(0, round(a / step)), min(steps, round(b / step))) for a, b in windows]
     wanted = np.unique(np.concatenate([np.arange(a, b + 1) for a, b in spans] or [[]])).astype(int)
-    # Room for the windows' records beside the regular ones, made by a run set up for longer.
-    room = (len(wanted) + 2) * every * step
-    run = dataclasses.replace(simulation, duration=steps * step + room).prepare()
+    run = simulation.prepare()
+    run.workspace.make_room(run.workspace.record.shape[0] + len(wanted) + 1)
     run.begin()
     for target in [*wanted.tolist(), steps]:
         while run.workspace.steps < target:
             if not run.advance(min(_CHUNK, target - run.workspace.steps)):
                 break
         kernel.record(run.workspace.table)
-    again = assemble(
+    again = histories(
         run.mechanism,
-        run.simulation.describe(),
+        simulation.describe(),
         run.workspace,
         run.friction,
+        _phases(run, simulation),
         run.workspace.status,
         "repeated",
         0.0,
@@ -121,16 +122,42 @@ def replay(result: Result, windows: Sequence[tuple[float, float]]) -> Replay:
     again = again.isel(time=first)
     recorded = np.isin(found, np.rint(result.time / step).astype(int))
     same = again["q"].values[recorded]
-    statistics = {
-        name: (("joint", "contact"), values)
-        for name, values in run.workspace.contact_statistics().items()
-        if name in ("onsets", "ended", "shortest_steps", "under_resolved", "impulse")
-    }
-    names = {"joint": result["joint"].values, "contact": result["contact"].values}
     return Replay(
         tuple(again.isel(time=(found >= a) & (found <= b)) for a, b in spans),
-        xr.Dataset(statistics, names) if result.joints else xr.Dataset(),
+        _statistics(run) if result.joints else xr.Dataset(),
         bool(np.array_equal(same, result["q"].values)),
+    )
+
+
+def _phases(run: Run, simulation: Simulation) -> list[Phase]:
+    """The run's phases by rows of the records that were made, more than the regular ones."""
+    moments = (t for load in simulation.payloads for t in (load.pick, load.release))
+    at = sorted(round(t / simulation.step) for t in moments if t is not None)
+    taken = np.rint(run.workspace.recorded("time")[:, 0] / simulation.step).astype(int)
+    first, *others = run.phases
+    rows = np.searchsorted(taken, at[: len(others)])
+    return [
+        first,
+        *(
+            dataclasses.replace(phase, row=int(row))
+            for phase, row in zip(others, rows, strict=True)
+        ),
+    ]
+
+
+def _statistics(run: Run) -> xr.Dataset:
+    """Counts and impulses by joint and contact; not a number where there is no such contact."""
+    joints, names = run.mechanism.clearance, contact_names(run.mechanism)
+    wanted = ("onsets", "ended", "shortest_steps", "under_resolved", "impulse")
+    found = {name: np.full((len(joints), len(names)), np.nan) for name in wanted}
+    counted = run.workspace.contact_statistics()
+    for j, joint in enumerate(joints.values()):
+        at = [names.index(contact) for contact in joint.contacts]
+        for name, values in found.items():
+            values[j, at] = counted[name][j, : len(at)]
+    return xr.Dataset(
+        {name: (("joint", "contact"), values) for name, values in found.items()},
+        {"joint": list(joints), "contact": names},
     )
 
 

@@ -190,6 +190,11 @@ class Workspace:
             block[entry] = array.ctypes.data
             self._kept.append(array)
 
+    def make_room(self, rows: int) -> None:
+        """Have room for `rows` records, before the first of them is written."""
+        self.record = np.zeros((rows, self.record.shape[1]))
+        self.table[k._RECORD] = self.record.ctypes.data
+
     @property
     def needs_jacobians(self) -> bool:
         """Whether `pin.computeJointJacobians` and `load` must come before `pin.aba`."""
