@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from itertools import cycle
 from typing import Any
 
 import numpy as np
@@ -21,13 +22,16 @@ from jointplay.result import AXES, Result
 
 COMPONENTS = (*AXES, "total")
 
-ALWAYS = ("displacement", "velocity", "path", "forces", "energy", "spectrum")
+ALWAYS = ("displacement", "velocity", "path", "coordinates", "forces", "energy", "spectrum")
 """Plots that have a meaning for every run."""
-NEED_CLEARANCE = ("deviation", "orbit", "contacts", "gaps", "modes", "forms", "tilt", "impacts")
+NEED_CLEARANCE = ("orbit", "contacts", "gaps", "modes", "tilt", "impacts")
 """Plots that have one only with clearance."""
 
 MODE_NAMES = ("free flight", "continuous contact", "pseudo-penetration")
-CONTACT_COLOURS = (COLOURS[1], COLOURS[5], COLOURS[0], COLOURS[4])
+CONTACT_COLOURS = (COLOURS[1], COLOURS[5], COLOURS[0], COLOURS[4], COLOURS[3], COLOURS[2], "0.5")
+_DASHES = ("-", "--", ":")
+"""Tell contacts apart that share a colour: a slider has up to sixteen."""
+_MARKERS = "o^sDvP*"
 
 
 class Plots:
@@ -55,7 +59,11 @@ class Plots:
     @property
     def available(self) -> tuple[str, ...]:
         """Names of the plots that have a meaning for this result."""
-        return ALWAYS + (NEED_CLEARANCE if self.result.joints else ())
+        found = ALWAYS
+        if self.result.joints:
+            found += NEED_CLEARANCE
+            found += ("forms",) if bool((self.result["form"] >= 0).any()) else ()
+        return found + (("deviation",) if analysis.has_play(self.result) else ())
 
     @contextmanager
     def _axes(
@@ -71,8 +79,8 @@ class Plots:
         joints = self.result.joints
         if not joints:
             raise JointplayError(
-                f"plot {plot!r} needs a clearance joint, and this run is ideal; it can plot "
-                f"{', '.join(ALWAYS)}"
+                f"plot {plot!r} needs a clearance joint, and this run has none; it can plot "
+                f"{', '.join(self.available)}"
             )
         if joint is None:
             return joints[0]
@@ -152,7 +160,11 @@ class Plots:
             style: see the class.
             line: see the class.
         """
-        self._joint("deviation", None)
+        if not analysis.has_play(self.result):
+            raise JointplayError(
+                "plot 'deviation' needs clearance or a gear with play, and this run has neither; "
+                f"it can plot {', '.join(self.available)}"
+            )
         reference = analysis.twin(self.result) if ideal is None else ideal
         error = analysis.deviation(self.result, reference, of)
         unit = "mm" if of == "tool_position" else "mm/s"
@@ -187,16 +199,67 @@ class Plots:
         name = self._joint("orbit", joint)
         with self._axes(ax, style, 4.8, 5.0) as panel:
             centre = 1e3 * self.result["journal_centre"].sel(joint=name).values
-            clearance = analysis.radial_clearance(self.result, name)
-            if clearance is not None:
-                angle = np.linspace(0.0, 2.0 * np.pi, 361)
-                circle = 1e3 * clearance * np.array([np.cos(angle), np.sin(angle)])
-                panel.plot(*circle, color="black", lw=1.0)
-                panel.set_title(f"{name}, clearance circle {1e3 * clearance:g} mm")
+            outline = analysis.clearance_outline(self.result, name)
+            if outline is not None:
+                room = 1e3 * outline
+                panel.plot(*room, color="black", lw=1.0)
+                shape = "circle" if room.shape[1] > 5 else "rectangle"
+                panel.set_title(f"{name}, clearance {shape}, ±{room[0].max():g} mm")
             panel.plot(centre[:, 0], centre[:, 1], **({"color": COLOURS[1], "lw": 0.5} | line))
             panel.set_aspect("equal")
             panel.set_xlabel("x in the bearing frame [mm]")
             panel.set_ylabel("y in the bearing frame [mm]")
+        return _figure_of(panel)
+
+    def coordinates(
+        self,
+        names: Sequence[str] | str | None = None,
+        *,
+        of: str = "q",
+        ax: Axes | None = None,
+        style: str = "screen",
+        **line: Any,
+    ) -> Figure:
+        """Generalised coordinates, their rates or their drives' efforts over time.
+
+        Args:
+            names: of coordinates, all of them with the same unit; None takes those of the joints
+                without clearance that turn, or if there are none those that slide.
+            of: ``q`` [rad or m], ``v`` [rad/s or m/s] or ``drive`` [N m or N].
+            ax: see the class.
+            style: see the class.
+            line: see the class.
+        """
+        units = {
+            "q": {"rad": "rad", "m": "m"},
+            "v": {"rad": "rad/s", "m": "m/s"},
+            "drive": {"rad": "N m", "m": "N"},
+        }
+        words = {"q": "position", "v": "velocity", "drive": "drive"}
+        if of not in units:
+            raise MissingName("history of coordinates", of, tuple(units))
+        every = [str(name) for name in self.result["coordinate"].values]
+        unit = dict(zip(every, map(str, self.result["coordinate_unit"].values), strict=True))
+        if names is None:
+            plain = [name for name in every if "." not in name] or every
+            turning = [name for name in plain if unit[name] == "rad"]
+            names = turning or plain
+        names = [names] if isinstance(names, str) else list(names)
+        for name in names:
+            if name not in unit:
+                raise MissingName("coordinate", name, every)
+        if len({unit[name] for name in names}) != 1:
+            raise JointplayError(
+                f"coordinates {', '.join(names)} have different units, or there are none; "
+                "draw those in rad and those in m apart"
+            )
+        with self._axes(ax, style) as panel:
+            for name, colour in zip(names, cycle(CONTACT_COLOURS), strict=False):
+                values = self.result[of].sel(coordinate=name).values
+                panel.plot(self.result.time, values, **({"color": colour, "label": name} | line))
+            panel.set_xlabel("time [s]")
+            panel.set_ylabel(f"{words[of]} [{units[of][unit[names[0]]]}]")
+            _legend(panel, 4)
         return _figure_of(panel)
 
     def forces(
@@ -270,12 +333,9 @@ class Plots:
         line: dict[str, Any],
     ) -> Figure:
         with self._axes(ax, look) as panel:
-            for contact, colour in zip(
-                self.result["contact"].values, CONTACT_COLOURS, strict=False
-            ):
+            for i, contact in enumerate(analysis.places(self.result, joint)):
                 values = self.result[variable].sel(joint=joint, contact=contact).values
-                text = str(contact).replace("_", " ")
-                drawn = {"color": colour, "label": text, "lw": 0.7}
+                drawn = {"label": contact.replace("_", " "), "lw": 0.7, **_contact_line(i)}
                 panel.plot(self.result.time, scale * values, **(drawn | line))
             panel.set_xlabel("time [s]")
             panel.set_ylabel(label)
@@ -303,6 +363,10 @@ class Plots:
         """Timeline of the contact forms that occurred (Figure 2), with the share of each."""
         name = self._joint("forms", joint)
         found = analysis.shares(self.result, name, "form")
+        if not found:
+            raise JointplayError(
+                f"Figure 2 has no forms for a joint such as {name!r}; plot its modes or contacts"
+            )
         seen = [form for form in Form if found[form.name.lower()] > 0.0]
         with self._axes(ax, style, 6.0, 0.9 + 0.24 * len(seen)) as panel:
             rows = []
@@ -344,8 +408,9 @@ class Plots:
         name = self._joint("impacts", joint)
         with self._axes(ax, style, 5.0, 3.6) as panel:
             places = [p for p in analysis.contacts(self.result) if p.joint == name]
-            for place, colour, marker in zip(places, CONTACT_COLOURS, "o^sD", strict=False):
-                drawn = {"color": colour, "marker": marker, "ls": "none", "ms": 3.5, "mew": 0.0}
+            for i, place in enumerate(places):
+                marker = _MARKERS[i % len(_MARKERS)]
+                drawn = {**_contact_line(i), "marker": marker, "ls": "none", "ms": 3.5, "mew": 0.0}
                 drawn |= {"label": f"{place.contact.replace('_', ' ')}, {len(place.peak)}"}
                 drawn |= {"alpha": 0.8}
                 panel.plot(1e3 * place.duration, place.peak, **(drawn | dots))
@@ -365,11 +430,16 @@ class Plots:
             "normal_dissipation": "lost in normal contact",
             "friction_dissipation": "lost in sliding",
             "joint_friction_loss": "lost in joint friction",
+            "gear_dissipation": "lost in gears",
+            "payload_energy": "brought in by payloads",
             "energy_residual": "error of the balance",
         }
-        colours = (COLOURS[1], COLOURS[5], COLOURS[3], COLOURS[0], COLOURS[4], COLOURS[2], "black")
+        colours = (COLOURS[1], COLOURS[5], COLOURS[3], COLOURS[0], COLOURS[4], COLOURS[2])
+        colours += ("0.5", "#7A5C2E", "black")
         with self._axes(ax, style, 6.0, 3.8) as panel:
             for (name, text), colour in zip(names.items(), colours, strict=True):
+                if name not in self.result.dataset:
+                    continue
                 values = self.result[name].values
                 if name == "energy_residual" or np.any(values != values[0]):
                     panel.plot(
@@ -422,6 +492,12 @@ def _figure_of(panel: Axes) -> Figure:
     figure = panel.get_figure(root=True)
     assert isinstance(figure, Figure)
     return figure
+
+
+def _contact_line(index: int) -> dict[str, Any]:
+    """Colour and dashes of a joint's contact."""
+    round_, at = divmod(index, len(CONTACT_COLOURS))
+    return {"color": CONTACT_COLOURS[at], "ls": _DASHES[round_ % len(_DASHES)]}
 
 
 def _narrow(panel: Axes) -> bool:

@@ -22,8 +22,8 @@ Cases = Mapping[str, Result]
 
 
 def reference(cases: Cases) -> Result | None:
-    """The ideal robot among the cases, if there is one."""
-    return next((result for result in cases.values() if not result.joints), None)
+    """The ideal mechanism among the cases, if there is one."""
+    return next((result for result in cases.values() if not analysis.has_play(result)), None)
 
 
 def joint_of(cases: Cases) -> str | None:
@@ -43,7 +43,7 @@ def compared(cases: Cases) -> Iterator[tuple[str, Result, str, Result]]:
     """Label, result, colour and reference of each case that has a reference among the cases."""
     ideal = reference(cases)
     for label, result, colour in coloured(cases):
-        if ideal is not None and result is not ideal and analysis.is_twin(result, ideal):
+        if ideal is not None and analysis.has_play(result) and analysis.is_twin(result, ideal):
             yield label, result, colour, ideal
 
 
@@ -91,19 +91,21 @@ def tool_velocity(cases: Cases) -> Figure:
 
 
 def tool_path(cases: Cases) -> Figure:
-    """Figure 11: path of the end effector in the XOY plane, and a close-up where it differs."""
+    """Figure 11: path of the end effector in `plane_of` the cases, a close-up where it differs."""
     pairs = list(compared(cases))
+    plane = plane_of(cases)
+    across = [AXES.index(axis) for axis in plane]
     figure, panels = _figure(9.0 if pairs else 5.0, 4.4, 1, 2 if pairs else 1)
     for label, result, colour in coloured(cases):
         for panel in panels[0]:
-            result.plot.path(ax=panel, color=colour, label=label)
+            result.plot.path(plane, ax=panel, color=colour, label=label)
     worst, spot = 0.0, np.zeros(2)
     for _, result, _, ideal in pairs:
         error = analysis.deviation(result, ideal)
-        away = np.hypot(*error.sel(axis=["x", "y"]).values.T)
+        away = np.hypot(*error.values[:, across].T)
         if away.max() > worst:
             worst, k = float(away.max()), int(away.argmax())
-            spot = (result["tool_position"].values[k] - error.values[k])[:2]
+            spot = (result["tool_position"].values[k] - error.values[k])[across]
     if worst > 0.0:
         close = panels[0, 1]
         reach = 2.5 * worst
@@ -117,46 +119,82 @@ def tool_path(cases: Cases) -> Figure:
     return figure
 
 
+def joints_of(cases: Cases) -> list[str]:
+    """All joints that have clearance in any of the cases."""
+    return list(dict.fromkeys(name for result in cases.values() for name in result.joints))
+
+
+def force_joints(result: Result, cases: Cases) -> list[str]:
+    """Joints whose force the figures show: those with clearance in any case, or the first."""
+    if result.joints:
+        return result.joints
+    moving = [str(name) for name in result["moving_joint"].values]
+    return [name for name in joints_of(cases) if name in moving] or moving[:1]
+
+
 def journal_orbit(cases: Cases) -> Figure:
-    """Figure 12: path of the journal's centre inside the bearing's clearance circle."""
+    """Figure 12: path of the journal's centre inside the clearance circle, a row for each joint."""
     shown = [item for item in coloured(cases) if item[1].joints]
-    figure, panels = _figure(4.3 * len(shown), 4.5, 1, len(shown))
-    for panel, (label, result, colour) in zip(panels[0], shown, strict=True):
-        result.plot.orbit(ax=panel, color=colour)
-        panel.set_title(f"{label}: {panel.get_title()}", fontsize=9)
+    rows = joints_of(cases)
+    figure, panels = _figure(4.3 * len(shown), 0.4 + 4.1 * len(rows), len(rows), len(shown))
+    for row, joint in zip(panels, rows, strict=True):
+        for panel, (label, result, colour) in zip(row, shown, strict=True):
+            if joint not in result.joints:
+                panel.set_axis_off()
+                continue
+            result.plot.orbit(joint, ax=panel, color=colour)
+            panel.set_title(f"{label}: {panel.get_title()}", fontsize=9)
     return figure
 
 
 def joint_force(cases: Cases, axis: str) -> Figure:
-    """Figures 13-15: force on the journal along a world axis over time, one panel a case.
+    """Figures 13-15: force on the journal along a world axis over time, one panel a case and joint.
 
     With clearance the contact force, each record showing the force at the instant since the last
     record at which its magnitude was largest; for the ideal robot the constraint force.
     """
-    name = joint_of(cases)
-    figure, panels = _figure(7.0, 1.3 + 1.7 * len(cases), len(cases), 1, sharex=True, sharey=True)
+    shown = [
+        (label, result, colour, joint)
+        for label, result, colour in coloured(cases)
+        for joint in force_joints(result, cases)
+    ]
+    figure, panels = _figure(
+        7.0, 1.3 + 1.7 * len(shown), len(shown), 1, sharex=True, sharey="col"
+    )
     column = panels[:, 0]
-    for panel, (label, result, colour) in zip(column, coloured(cases), strict=True):
-        joint = result.joints[0] if result.joints else name
+    several = len({joint for *_, joint in shown}) > 1
+    for panel, (label, result, colour, joint) in zip(column, shown, strict=True):
         result.plot.forces(axis, joint, ax=panel, color=colour, lw=0.8)
-        panel.set_title(label, fontsize=9, loc="left", color=colour)
+        title = f"{label}, {joint}" if several else label
+        panel.set_title(title, fontsize=9, loc="left", color=colour)
         panel.set_xlabel("")
     column[-1].set_xlabel("time [s]")
-    where = f" at {name}" if name is not None else ""
+    where = "" if several or not shown else f" at {shown[0][3]}"
     figure.suptitle(f"joint contact force{where} along world {axis}", fontsize=10)
     return figure
 
 
-def _skeleton(mechanism: Mechanism, q: np.ndarray) -> np.ndarray:
-    """Origins of the joints down the chain to the tool, in world axes (n, 3) [m]."""
+def _skeleton(mechanism: Mechanism, q: np.ndarray) -> list[np.ndarray]:
+    """Lines from each joint to that of its parent, then to the tool, in world axes (n, 3) [m]."""
     model, data = mechanism.model, mechanism.data
     pin.framesForwardKinematics(model, data, q)
-    joint = model.frames[mechanism.tool_frame].parentJoint
-    points = [data.oMf[mechanism.tool_frame].translation.copy()]
-    while joint > 0:
-        points.append(data.oMi[joint].translation.copy())
-        joint = model.parents[joint]
-    return np.array(points[::-1])
+    at = [place.translation.copy() for place in data.oMi]
+    lines = [
+        np.array([at[model.parents[i]], at[i]]) for i in range(1, model.njoints) if model.parents[i]
+    ]
+    for name in mechanism.loops:
+        for i, placement in (mechanism.bearing_frame(name), mechanism.journal_frame(name)):
+            lines.append(np.array([at[i], data.oMi[i].act(placement.translation)]))
+    tool = model.frames[mechanism.tool_frame].parentJoint
+    return [*lines, np.array([at[tool], data.oMf[mechanism.tool_frame].translation])]
+
+
+def plane_of(cases: Cases) -> str:
+    """The paper's XOY plane, or where the tool hardly moves in it the plane in which it does."""
+    reach = np.ptp(np.concatenate([r["tool_position"].values for r in cases.values()]), axis=0)
+    if min(reach[:2]) >= 0.01 * reach.max() or reach[2] <= min(reach[:2]):
+        return "xy"
+    return "xz" if reach[0] >= reach[1] else "yz"
 
 
 def overview(cases: Cases) -> Figure:
@@ -166,13 +204,14 @@ def overview(cases: Cases) -> Figure:
     shown = [item for item in coloured(cases) if item[1].joints]
     pairs = list(compared(cases))
     first = reference(cases) or next(iter(cases.values()))
-    mechanism = first.simulation.mechanism
+    mechanism, plane = first.simulation.mechanism, plane_of(cases)
     for moment in (0, int(np.abs(first["v"].values).sum(axis=1).argmax()), len(first.time) // 2):
-        points = _skeleton(mechanism, first["q"].values[moment])
-        plan.plot(points[:, 0], points[:, 1], "-o", color="0.6", lw=3.0, ms=5.0, alpha=0.7)
+        for line in _skeleton(mechanism, first["q"].values[moment]):
+            drawn = line[:, [AXES.index(axis) for axis in plane]].T
+            plan.plot(*drawn, "-o", color="0.6", lw=3.0, ms=5.0, alpha=0.7)
     for _, result, colour in coloured(cases):
-        result.plot.path(ax=plan, color=colour, lw=1.0)
-    plan.set_title("from above, with the tool's path", fontsize=9)
+        result.plot.path(plane, ax=plan, color=colour, lw=1.0)
+    plan.set_title(f"{plane} plane, with the tool's path", fontsize=9)
     for label, result, colour, ideal in reversed(pairs):
         result.plot.deviation("total", ideal, ax=error, color=colour, label=label)
     for label, result, colour in reversed(shown):
@@ -239,9 +278,12 @@ def _states(cases: Cases) -> Iterator[tuple[str, Figure]]:
     for label, result, colour in coloured(cases):
         for joint in result.joints:
             figure = new_figure(8.0, 8.0)
-            modes, forms, contacts, gaps = figure.subplots(4, 1, height_ratios=(1, 2, 2, 2))
+            has_forms = bool(analysis.shares(result, joint, "form"))
+            ratios = (1, 2, 2, 2) if has_forms else (1, 2, 2)
+            modes, *rest, contacts, gaps = figure.subplots(len(ratios), 1, height_ratios=ratios)
             result.plot.modes(joint, ax=modes)
-            result.plot.forms(joint, ax=forms)
+            for forms in rest:
+                result.plot.forms(joint, ax=forms)
             result.plot.contacts(joint, ax=contacts)
             result.plot.gaps(joint, ax=gaps)
             figure.suptitle(f"{label}, {joint}: modes, forms, contacts, gaps", color=colour)
