@@ -122,7 +122,7 @@ def build(results: Mapping[str, Result], impacts: int, say: Say) -> list[Case]:
     """
     cases = [Case(label, result, colour) for label, result, colour in coloured(results)]
     for case in cases:
-        if not case.joints:
+        if not analysis.has_play(case.result):
             case.ideal = case.result
     _refer(cases, say)
     for case in cases:
@@ -133,10 +133,10 @@ def build(results: Mapping[str, Result], impacts: int, say: Say) -> list[Case]:
 
 def _refer(cases: Iterable[Case], say: Say) -> None:
     cases = list(cases)
-    given = [case for case in cases if not case.joints]
+    given = [case for case in cases if not analysis.has_play(case.result)]
     made: dict[str, Result] = {}
     for case in cases:
-        if not case.joints:
+        if not analysis.has_play(case.result) or len(case.result.time) < 2:
             continue
         found = next(
             (
@@ -149,18 +149,23 @@ def _refer(cases: Iterable[Case], say: Say) -> None:
         try:
             if found is not None:
                 case.ideal = found.result
-                case.notes.append(f"Tool errors are measured against the result {found.label!r}.")
+                case.notes.append(f"Tool errors are measured against {found.label!r}.")
             else:
                 key = json.dumps([analysis.task(case.result), case.duration], sort_keys=True)
                 if key not in made:
-                    say(f"simulating the ideal robot that {case.label!r} is measured against")
+                    say(f"simulating the ideal mechanism that {case.label!r} is measured against")
                     made[key] = analysis.twin(case.result)
                 case.ideal = made[key]
                 case.notes.append(
-                    "Tool errors are measured against the ideal robot, simulated for this report "
-                    "because no ideal run of the same robot and motion was given."
+                    "Tool errors are measured against the ideal mechanism, simulated for this "
+                    "report because no ideal run of the same work was given."
                 )
             case.error = analysis.deviation(case.result, case.ideal)
+            if not _follows(case.result):
+                case.notes.append(
+                    "No drive follows a reference: the ideal mechanism moves as it likes, and the "
+                    "tool's difference from it is no error of position."
+                )
             if float(case.error["time"][-1]) < case.duration:
                 case.notes.append(
                     f"The reference ends at {float(case.error['time'][-1]):g} s; tool errors are "
@@ -168,13 +173,26 @@ def _refer(cases: Iterable[Case], say: Say) -> None:
                 )
         except JointplayError as error:
             case.ideal = case.error = None
-            case.notes.append(f"No tool errors: the ideal robot cannot be simulated ({error}).")
+            case.notes.append(
+                f"No tool errors: the ideal mechanism cannot be simulated ({error})."
+            )
+
+
+def _follows(result: Result) -> bool:
+    """Whether any drive follows a reference motion."""
+    simulation = result.simulation
+    drives = simulation.drive
+    each = drives.values() if isinstance(drives, Mapping) else [drives]
+    return simulation.motion is not None and any(drive.follows for drive in each)
 
 
 def _follow(case: Case, number: int, say: Say) -> None:
     chosen = largest_impacts(case.result, number)
+    if not chosen:
+        case.notes.append("No single steps: there is no contact in the records.")
+        return
     step = case.result.audit.step
-    say(f"repeating {case.label!r} for its {len(chosen)} largest impacts step by step")
+    say(f"repeating {case.label!r}, for its {len(chosen)} largest impacts step by step")
     try:
         found = replay(case.result, [window(place, i, step) for place, i in chosen])
     except JointplayError as error:

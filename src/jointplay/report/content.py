@@ -26,6 +26,12 @@ CLAIM_COLUMNS = ["claim", "statement", "condition", "holds", "0.2 mm → 0.5 mm"
 """Header of the claims table that `jointplay scara` writes."""
 
 _JOINT_FIELDS: dict[str, tuple[str, str, float]] = {
+    "clearance": ("clearance across x, each side", "mm", 1e3),
+    "clearance_y": ("clearance across y, each side", "mm", 1e3),
+    "length": ("length of the slider", "mm", 1e3),
+    "width": ("width of the slider, along x", "mm", 1e3),
+    "height": ("height of the slider, along y", "mm", 1e3),
+    "corner_radius": ("rounding of the corners", "mm", 1e3),
     "radial_clearance": ("radial clearance C_r", "mm", 1e3),
     "axial_clearance": ("axial clearance C_a, each side", "mm", 1e3),
     "bearing_radius": ("bearing radius R_i", "mm", 1e3),
@@ -33,7 +39,7 @@ _JOINT_FIELDS: dict[str, tuple[str, str, float]] = {
     "journal_radius": ("journal radius R_j", "mm", 1e3),
     "journal_length": ("journal length L_j", "mm", 1e3),
     "restitution": ("restitution c_e", "", 1.0),
-    "stiffness": ("stiffness k, radial", "N/m^1.5", 1.0),
+    "stiffness": ("stiffness k", "N/m^1.5", 1.0),
     "axial_stiffness": ("stiffness k, axial", "N/m^1.5", 1.0),
 }
 
@@ -130,6 +136,7 @@ def _symbol(name: str) -> str:
 def _parameters(result: Result) -> dict[str, Cell]:
     inputs = analysis.inputs(result)
     robot = inputs["mechanism"]
+    known = {"mechanism", "motion", "drive", "duration", "step", "integrator", "record_every"}
     found: dict[str, Cell] = {
         "robot (URDF)": robot.get("urdf"),
         "tool (frame)": robot.get("tool"),
@@ -137,17 +144,21 @@ def _parameters(result: Result) -> dict[str, Cell]:
     }
     if robot.get("allow_unphysical"):
         found["links with an impossible inertia"] = ", ".join(robot["allow_unphysical"])
-    known = {"mechanism", "motion", "drive", "duration", "step", "integrator", "record_every"}
+    if robot.get("loops"):
+        found["closed loops"] = "; ".join(
+            f"{name}: {loop.get('bearing_link')} - {loop.get('journal_link')}"
+            for name, loop in robot["loops"].items()
+        )
+    for name, gear in robot.get("gears", {}).items():
+        found[f"gear of {name}"] = _plain(gear)
     motion = inputs["motion"]
     found["motion"] = (
-        f"{len(motion['times'])} waypoints, {motion['interpolation']}"
-        if "times" in motion and "interpolation" in motion
-        else _plain(motion)
+        "none" if motion is None else f"{len(motion['times'])} waypoints, {motion['interpolation']}"
     )
-    units = {"bandwidth": " [rad/s]"}
-    for name, value in inputs["drive"].items():
-        label = f"drive: {name.replace('_', ' ')}{units.get(name, '')}"
-        found[label] = value if isinstance(value, (int, float)) else _plain(value)
+    drives = inputs["drive"]
+    named = drives.items() if isinstance(drives, dict) else [("all joints", one) for one in drives]
+    for name, drive in named:
+        found[f"drive of {name}"] = _drive(drive)
     if inputs.get("joint_friction") is not None:
         found["joint friction"] = _plain(inputs["joint_friction"])
     found["time step [µs]"] = 1e6 * float(inputs["step"])
@@ -155,10 +166,10 @@ def _parameters(result: Result) -> dict[str, Cell]:
     found["simulated [s]"] = float(result.time[-1])
     found["steps between records"] = int(inputs["record_every"])
     for name, value in inputs.items():
-        if name not in known | {"joint_friction"} and value is not None:
+        if name not in known | {"joint_friction"} and value not in (None, [], {}):
             found[name.replace("_", " ")] = _plain(value)
     derived = _derived_stiffness(result)
-    for joint, fields in robot["clearance"].items():
+    for joint, fields in analysis.clearance_inputs(result).items():
         for name, value in fields.items():
             label, unit, scale = _JOINT_FIELDS.get(name, (name.replace("_", " "), "", 1.0))
             label = f"{joint}: {label}{f' [{unit}]' if unit else ''}"
@@ -166,6 +177,10 @@ def _parameters(result: Result) -> dict[str, Cell]:
                 found[label] = Html(f"{number(derived[joint])} (eq. 11)")
             elif name == "axial_stiffness" and value is None:
                 found[label] = "as radial"
+            elif name == "stiffness" and value is None:
+                found[label] = "from eq. 11"
+            elif isinstance(value, bool):
+                found[label] = "yes" if value else None
             elif isinstance(value, (int, float)) and not isinstance(value, bool):
                 found[label] = float(value) * scale
             elif isinstance(value, dict):
@@ -175,6 +190,16 @@ def _parameters(result: Result) -> dict[str, Cell]:
     versions = json.loads(result.dataset.attrs.get("versions", "{}"))
     found["made with"] = ", ".join(f"{name} {value}" for name, value in versions.items())
     return found
+
+
+def _drive(fields: dict[str, Any]) -> str:
+    """A drive in one line; long tables are counted, not shown."""
+    short = {
+        name: f"{len(value)} values" if isinstance(value, list) and len(value) > 6 else value
+        for name, value in fields.items()
+    }
+    units = {"bandwidth": "bandwidth [rad/s]"}
+    return ", ".join(f"{units.get(name, name)} {_plain(value)}" for name, value in short.items())
 
 
 def _plain(value: Any) -> str:
@@ -210,10 +235,10 @@ def _motions(cases: Sequence[Case]) -> str:
     parts = []
     for packed, labels in seen.items():
         motion = json.loads(packed)
-        if not {"joints", "times", "positions"} <= set(motion):
+        if motion is None:
             continue
         rows = [
-            [time, *position] for time, position in zip(motion["times"], motion["positions"])
+            [time, *position] for time, position in zip(motion["times"], motion["positions"], strict=True)
         ]
         of = "" if len(seen) == 1 else f" of {', '.join(labels)}"
         head = ["time [s]", *(f"{name} [rad or m]" for name in motion["joints"])]
@@ -243,13 +268,25 @@ def assumptions(cases: Sequence[Case], start: float) -> Html:
     )["assumption"]
     inputs = [analysis.inputs(case.result) for case in cases]
     moving = [given for case, given in zip(cases, inputs, strict=True) if case.joints]
+    kinds = {
+        joint["kind"]
+        for case in cases
+        for joint in analysis.clearance_inputs(case.result).values()
+    }
     holds = {
         "always": True,
         "clearance": bool(moving),
+        **{kind: kind in kinds for kind in ("revolute", "spherical", "prismatic")},
+        "loops": any(given["mechanism"].get("loops") for given in inputs),
+        "gears": any(given["mechanism"].get("gears") for given in inputs),
+        "computed torque": any("computed-torque" in json.dumps(given["drive"]) for given in inputs),
+        "prescribed": any("prescribed" in json.dumps(given["drive"]) for given in inputs),
+        "payloads": any(given.get("payloads") for given in inputs),
         "derived stiffness": any(
             joint.get("stiffness", 0.0) is None
             for given in moving
             for joint in given["mechanism"]["clearance"].values()
+            if not joint.get("ideal")
         ),
         "centred": any(given.get("seed") is None for given in moving),
         "seeded": any(given.get("seed") is not None for given in moving),
@@ -283,6 +320,7 @@ def audits(cases: Sequence[Case]) -> Html:
         "of the clearance [%]",
         "step [µs]",
         "friction needs [µs]",
+        "drift of ideal loops [µm]",
         "computed in [s]",
     ]
     rows: list[list[Cell]] = []
@@ -290,6 +328,7 @@ def audits(cases: Sequence[Case]) -> Html:
         audit = case.result.audit
         contact: list[Cell] = [None] * 8
         if case.joints:
+            limit = audit.friction_step_limit
             contact = [
                 audit.impacts,
                 audit.shortest_contact_steps or None,
@@ -298,7 +337,7 @@ def audits(cases: Sequence[Case]) -> Html:
                 1e6 * audit.largest_penetration,
                 100.0 * audit.penetration_over_clearance,
                 1e6 * audit.step,
-                1e6 * audit.friction_step_limit,
+                1e6 * limit if math.isfinite(limit) else None,
             ]
         wall = case.result.dataset.attrs.get("wall_time_s")
         rows.append(
@@ -309,6 +348,7 @@ def audits(cases: Sequence[Case]) -> Html:
                 audit.energy_exchanged,
                 100.0 * audit.relative_energy_residual,
                 *contact,
+                1e6 * audit.loop_drift if "loop_drift" in case.result.dataset else None,
                 None if wall is None else float(wall),
             ]
         )
@@ -336,17 +376,22 @@ def modes(cases: Sequence[Case], start: float) -> Html:
         for name, key in zip(MODE_NAMES, keys, strict=True)
     ]
     forms = [analysis.shares(case.result, joint, "form", start) for case, joint in pairs]
+    forms = [share or dict.fromkeys((f.name.lower() for f in Form), math.nan) for share in forms]
     form_rows = [
         [
             f"{form.letter}: {form.name.lower().replace('_', ' ')}" if form else "no contact",
             *(100.0 * share[form.name.lower()] for share in forms),
         ]
         for form in Form
-        if any(share[form.name.lower()] for share in forms)
+        if any(share[form.name.lower()] > 0.0 for share in forms)
     ]
     return Html(
         table(["mode (Table 1)", *names], rows, "Share of the records in each mode [%]")
-        + table(["form (Figure 2)", *names], form_rows, "Share of the records in each form [%]")
+        + (
+            table(["form (Figure 2)", *names], form_rows, "Share of the records in each form [%]")
+            if form_rows
+            else ""
+        )
     )
 
 
@@ -448,6 +493,8 @@ def _stops(case: Case) -> list[analysis.Stop]:
         motion = case.result.simulation.motion
     except JointplayError:
         return []
+    if motion is None:
+        return []
     return analysis.stops(motion, float(case.error["time"][-1]))
 
 
@@ -455,7 +502,7 @@ def accuracies(cases: Sequence[Case], start: float) -> Html:
     """Tool error per axis over the run, and at the stops of the reference motion."""
     judged = [case for case in cases if case.error is not None]
     if not judged:
-        return paragraph("No case has a tool error: none has clearance, or no reference.")
+        return paragraph("No case has a tool error: none has play, or none has a reference.")
     rows: list[list[Cell]] = []
     for case in judged:
         assert case.error is not None
@@ -482,6 +529,8 @@ def accuracies(cases: Sequence[Case], start: float) -> Html:
                 cells: list[Cell] = [stop.kind, what, Html(f"{moment:.4g}")]
                 cells += [float(value) for value in error]
                 rows.append([dark(case), *(_strong(cell) if strong else cell for cell in cells)])
+    if not rows:
+        return whole
     at_stops = table(
         ["case", "reference", "moment", "time [s]", "x [mm]", "y [mm]", "z [mm]", "total [mm]"],
         rows,
@@ -540,21 +589,33 @@ def spectra(cases: Sequence[Case], start: float) -> Html:
     return Html((table(head, rows) if rows else "") + paragraph(note) + bullets(made))
 
 
+def claim_rows(source: Path | None) -> list[list[str]]:
+    """Rows of a claims table, its header first; nothing for no file.
+
+    Raises:
+        JointplayError: it cannot be read, or is no such table.
+    """
+    if source is None:
+        return []
+    try:
+        with source.open(newline="", encoding="utf-8") as file:
+            lines = list(csv.reader(file))
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise JointplayError(f"cannot read the claims {str(source)!r}: {reason}") from None
+    if not lines or lines[0] != CLAIM_COLUMNS or any(len(line) != 5 for line in lines):
+        raise JointplayError(
+            f"{str(source)!r} is not a claims table of jointplay scara; its header must be "
+            f"{','.join(CLAIM_COLUMNS)}"
+        )
+    return lines
+
+
 def claims(cases: Sequence[Case], source: Path | None) -> Html:
     """Verdicts of an ensemble, if there are any, and the measures of the runs themselves."""
     parts = []
-    if source is not None:
-        try:
-            with source.open(newline="", encoding="utf-8") as file:
-                lines = list(csv.reader(file))
-        except (OSError, UnicodeDecodeError, csv.Error) as error:
-            reason = getattr(error, "strerror", None) or error
-            raise JointplayError(f"cannot read the claims {str(source)!r}: {reason}") from None
-        if not lines or lines[0] != CLAIM_COLUMNS or any(len(x) != 5 for x in lines):
-            raise JointplayError(
-                f"{str(source)!r} is not a claims table of jointplay scara; its header must be "
-                f"{','.join(CLAIM_COLUMNS)}"
-            )
+    lines = claim_rows(source)
+    if source is not None and lines:
         verdicts = {"yes": "good", "no": "bad"}
         rows = [
             [a, b, c, Html(f'<span class="{verdicts.get(d, "open")}">{text(d)}</span>'), e]

@@ -1,4 +1,4 @@
-"""Time histories packed for the page: small, exact to float32, unpacked by `page/report.js`."""
+"""Time histories packed for the page: small, unpacked by `page/report.js`."""
 
 from __future__ import annotations
 
@@ -10,6 +10,9 @@ import numpy as np
 MAX_RECORDS = 40_000
 """More records than this are reduced to the smallest and the largest of each of a series of
 intervals, so that no peak is lost."""
+
+EXACT = 23
+"""Bits of a float32's mantissa."""
 
 
 class Pack:
@@ -24,12 +27,21 @@ class Pack:
         self.chunks: list[bytes] = []
         self.layout: list[tuple[str, int]] = []
 
-    def add(self, values: np.ndarray) -> int:
-        """Store a one-dimensional array, unsigned integers as uint32, others as float32."""
+    def add(self, values: np.ndarray, bits: int = EXACT) -> int:
+        """Store a one-dimensional array, unsigned integers as uint32, others as float32.
+
+        Args:
+            values: what to store.
+            bits: of the mantissa that are kept, by rounding; the relative error is 2^-(bits + 1).
+        """
         whole = values.dtype.kind == "u"
         packed = np.ascontiguousarray(values, "<u4" if whole else "<f4")
-        bits = packed.view("<u4")
-        steps = np.diff(bits, prepend=np.zeros(1, "<u4"))
+        pattern = packed.view("<u4")
+        if not whole and bits < EXACT:
+            spare = EXACT - bits
+            rounded = (pattern + np.uint32(1 << (spare - 1))) & ~np.uint32((1 << spare) - 1)
+            pattern = np.where(np.isfinite(packed), rounded, pattern).astype("<u4")
+        steps = np.diff(pattern, prepend=np.zeros(1, "<u4"))
         self.chunks.append(steps.view(np.uint8).reshape(-1, 4).T.tobytes())
         self.layout.append(("u" if whole else "f", len(values)))
         return len(self.layout) - 1
@@ -40,7 +52,7 @@ class Pack:
 
 
 class Thinning:
-    """How the records of one case are reduced to at most `MAX_RECORDS`.
+    """How the records of one case are reduced to about `MAX_RECORDS`.
 
     Args:
         sparse: which points are records of which there may be too many; the others, recorded step
@@ -49,35 +61,20 @@ class Thinning:
 
     def __init__(self, sparse: np.ndarray) -> None:
         """Divide the records into intervals."""
-        self._records = np.flatnonzero(sparse)
-        many = len(self._records) > MAX_RECORDS
-        self.size = -(-2 * len(self._records) // MAX_RECORDS) if many else 1
-        """Records in an interval."""
-        kept = self._records
-        if many:
-            kept = np.union1d(kept[:: self.size], kept[self.size // 2 :: self.size])
-        self.kept = np.union1d(kept, np.flatnonzero(~sparse))
-        """Indices of the points that stay."""
+        records = np.flatnonzero(sparse)
+        self.size = max(1, -(-2 * len(records) // MAX_RECORDS))
+        """Records in an interval; one: nothing is left out."""
+        self._step_by_step = np.flatnonzero(~sparse)
+        self._intervals = np.split(records, range(self.size, len(records), self.size))
+        self.thins = self.size > 2
+        """Whether anything is left out."""
 
-    def extremes(self, values: np.ndarray) -> np.ndarray:
-        """Values at `kept`, those of an interval being its smallest and largest, in their order."""
-        if self.size == 1:
-            return values[self.kept]
-        found = values.copy()
-        size, half = self.size, self.size // 2
-        whole = len(self._records) // size * size
-        inside = self._records[:whole].reshape(-1, size)
-        drawn = values[inside]
-        both = np.sort(np.column_stack([drawn.argmin(axis=1), drawn.argmax(axis=1)]), axis=1)
-        rows = np.arange(len(inside))
-        for place, at in ((0, both[:, 0]), (half, both[:, 1])):
-            found[inside[:, place]] = drawn[rows, at]
-        rest = self._records[whole:]
-        if len(rest):
-            ends = (int(values[rest].argmin()), int(values[rest].argmax()))
-            first, second = sorted(ends) if len(rest) > half else (ends[1], ends[1])
-            pair = values[rest][[first, second]]
-            found[rest[0]] = pair[0]
-            if len(rest) > half:
-                found[rest[half]] = pair[1]
-        return found[self.kept]
+    def kept(self, values: np.ndarray) -> np.ndarray:
+        """Indices that stay of `values`: of each interval those of the smallest and the largest."""
+        if not self.thins:
+            return np.arange(len(values))
+        found = [self._step_by_step]
+        for interval in self._intervals:
+            inside = values[interval]
+            found.append(interval[[int(inside.argmin()), int(inside.argmax())]])
+        return np.unique(np.concatenate(found))

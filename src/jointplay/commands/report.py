@@ -1,0 +1,84 @@
+"""`jointplay report`: one page on one or several results."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+from typing import Any
+
+
+def add(commands: Any) -> None:
+    """Add the command's parser."""
+    parser = commands.add_parser(
+        "report",
+        help="write a report on results: one HTML page, and a PDF of the figures",
+        description="Write a report on one or several results: parameters, assumptions, audit, "
+        "Figures 9-15 to zoom into, contact modes, impacts, spectra, accuracy of the tool. The "
+        "page needs no network. Runs are repeated to show their largest impacts step by step.",
+        epilog="A tool's error is its difference from an ideal run of the same work, which is "
+        "simulated if it is not among the results.",
+    )
+    parser.add_argument(
+        "results",
+        nargs="+",
+        metavar="RESULT",
+        help="result file (.nc), or a folder of them such as jointplay scara writes",
+    )
+    parser.add_argument(
+        "-o",
+        "--out",
+        metavar="FILE",
+        help="the page (default: report.html beside the first result); the PDF gets its name",
+    )
+    parser.add_argument("--title", metavar="TEXT", help="of the page")
+    parser.add_argument(
+        "--label",
+        action="append",
+        default=[],
+        metavar="TEXT",
+        help="name of a result, in their order (repeatable; default: the files' names)",
+    )
+    parser.add_argument(
+        "--claims",
+        metavar="CSV",
+        help="claims table of jointplay scara (default: claims.csv in a folder given)",
+    )
+    parser.add_argument(
+        "--impacts",
+        type=int,
+        metavar="N",
+        help="impacts of each run to follow step by step (default 5; 0 repeats no run)",
+    )
+    parser.add_argument("--no-pdf", action="store_true", help="write the page only")
+    parser.add_argument("--quiet", action="store_true", help="do not say what is being done")
+    parser.set_defaults(execute=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Read the results, write the report, say where."""
+    from jointplay import report
+
+    paths = [Path(name) for name in options.results]
+    results = report.load(paths, options.label)
+    home = paths[0] if paths[0].is_dir() else paths[0].parent
+    claims = Path(options.claims) if options.claims else None
+    if claims is None:
+        beside = [path / "claims.csv" for path in paths if path.is_dir()]
+        claims = next((path for path in beside if path.is_file()), None)
+    written = report.write(
+        results,
+        Path(options.out) if options.out else home / "report.html",
+        title=options.title or f"jointplay: {', '.join(results)}",
+        claims=claims,
+        impacts=report.IMPACTS if options.impacts is None else options.impacts,
+        pdf=not options.no_pdf,
+        say=(lambda text: None) if options.quiet else _say,
+    )
+    for path in written:
+        print(path)
+    return 0
+
+
+def _say(text: str) -> None:
+    print(text, file=sys.stderr)

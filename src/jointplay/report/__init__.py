@@ -1,0 +1,175 @@
+"""The report: one HTML page that needs no network, and a PDF of its figures."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from importlib.resources import files
+from pathlib import Path
+
+from jointplay.errors import JointplayError
+from jointplay.histories import versions
+from jointplay.report import cases as _cases
+from jointplay.report import content
+from jointplay.report.cases import Case, Say
+from jointplay.report.cases import load as load
+from jointplay.report.charts import Chart, charts
+from jointplay.report.html import Html, paragraph, text
+from jointplay.report.series import MAX_RECORDS, Pack
+from jointplay.result import Result
+
+IMPACTS = 5
+"""Impacts of each case that are followed step by step, unless told otherwise."""
+
+_POLICY = (
+    "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; "
+    "img-src data: blob:"
+)
+"""The page may load nothing at all, from nowhere; browsers see to it."""
+
+
+def write(
+    results: Mapping[str, Result],
+    path: str | Path,
+    *,
+    title: str = "jointplay report",
+    claims: Path | None = None,
+    impacts: int = IMPACTS,
+    pdf: bool = True,
+    say: Say = lambda _: None,
+) -> list[Path]:
+    """Write a report on one or several results.
+
+    Args:
+        results: by label, in the order of the tables.
+        path: the page, ending in .html; the figures' PDF gets the same name with .pdf.
+        title: of the page.
+        claims: a claims table that `jointplay scara` wrote.
+        impacts: how many of the largest impacts of each case to follow step by step, which repeats
+            its run; 0 repeats none.
+        pdf: write the PDF too.
+        say: told what is being done.
+
+    Returns:
+        The files written.
+
+    Raises:
+        JointplayError: no results, a result without records, a file that exists or cannot be
+            written, or a claims table that is none.
+    """
+    path = Path(path)
+    if path.suffix != ".html":
+        raise JointplayError(f"the report is a page: {str(path)!r} must end in .html")
+    if not results:
+        raise JointplayError("a report needs at least one result")
+    if impacts < 0:
+        raise JointplayError(f"impacts must be a whole number >= 0, got {impacts}")
+    for label, result in results.items():
+        if len(result.time) < 2:
+            raise JointplayError(f"result {label!r} has {len(result.time)} record; nothing to show")
+    targets = [path, path.with_suffix(".pdf")] if pdf else [path]
+    for target in targets:
+        if target.exists():
+            raise JointplayError(f"{str(target)!r} exists; choose another name")
+    content.claim_rows(claims)
+    found = _cases.build(results, impacts, say)
+    say("writing the page")
+    source = page(found, title, claims)
+    try:
+        with path.open("x", encoding="utf-8") as file:
+            file.write(source)
+    except OSError as error:
+        raise JointplayError(f"cannot write {str(path)!r}: {error.strerror or error}") from None
+    if pdf:
+        from jointplay.plots import save_pdf
+
+        say("drawing the figures for the PDF")
+        shown = dict(results)
+        ideal = next((case.ideal for case in found if case.ideal is not None), None)
+        if ideal is not None and all(ideal is not result for result in shown.values()):
+            shown = {"ideal": ideal, **shown} if "ideal" not in shown else shown
+        save_pdf(shown, targets[1], content.settled(found))
+    return targets
+
+
+def page(cases: Sequence[Case], title: str, claims: Path | None) -> str:
+    """The page's source."""
+    start = content.settled(cases)
+    pack = Pack()
+    drawn = charts(cases, pack, start)
+    by_name = {chart["id"]: chart for chart in drawn}
+
+    def chart(*names: str) -> str:
+        return "".join(_place(by_name[name]) for name in names if name in by_name)
+
+    thinned = [case.label for case in cases if len(case.result.time) > MAX_RECORDS]
+    hint = (
+        "Drag across a chart in time to zoom; all charts in time follow, and the paths and orbits "
+        "show that time only. Double-click, or “whole run” above, to go back. Where an impact was "
+        "followed step by step, each step is a point."
+    )
+    if thinned:
+        hint += (
+            f" Of {', '.join(thinned)} the smallest and the largest record of each of "
+            f"{MAX_RECORDS // 2} intervals are shown."
+        )
+    sections = {
+        "At a glance": content.glance(cases, start),
+        "Parameters": content.parameters(cases),
+        "Assumptions": content.assumptions(cases, start),
+        "Audit": content.audits(cases),
+        "Motion of the tool": paragraph(hint) + chart("fig09", "fig09d", "fig10", "fig10d", "fig11"),
+        "Accuracy": content.accuracies(cases, start),
+        "Journal": chart("fig12", "modes") + content.modes(cases, start),
+        "Forces": chart("fig13", "fig14", "fig15"),
+        "Impacts": content.impacts(cases, start)
+        + chart("impacts")
+        + content.singles(cases)
+        + chart("contacts", "gaps"),
+        "Spectrum": chart("spectrum") + content.spectra(cases, start),
+        "Claims": content.claims(cases, claims),
+    }
+    names = {name: name.lower().replace(" ", "-") for name in sections}
+    links = "".join(f'<a href="#{at}">{text(name)}</a>' for name, at in names.items())
+    body = "".join(
+        f'<section id="{names[name]}"><h2>{text(name)}</h2>{part}</section>'
+        for name, part in sections.items()
+    )
+    end = max(case.duration for case in cases)
+    data = json.dumps(
+        {"charts": drawn, "layout": pack.layout, "end": end}, separators=(",", ":"), allow_nan=False
+    )
+    made = ", ".join(f"{name} {version}" for name, version in versions().items())
+    resource = files("jointplay.report") / "page"
+    script, library, look = (
+        (resource / name).read_text(encoding="utf-8")
+        for name in ("report.js", "plotly-basic.min.js", "report.css")
+    )
+    library = library.replace("</script", "<\\/script")
+    return f"""<!DOCTYPE html>
+<html lang="en"><head><meta charset="utf-8">
+<meta http-equiv="Content-Security-Policy" content="{_POLICY}">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<link rel="icon" href="data:,">
+<title>{text(title)}</title><style>{look}</style></head><body>
+<header><h1>{text(title)}</h1>
+<div>{" &ensp; ".join(content.dark(case) for case in cases)}</div>
+<p class="note">Made with {text(made)}.</p>
+<noscript><p>The charts of this page need JavaScript; the tables do not.</p></noscript>
+<p id="failed" hidden>This browser cannot unpack the charts; take one of 2023 or later.</p></header>
+<nav><div>{links}<form onsubmit="return false"><label>time <input id="from" type="number" step="any">
+to <input id="to" type="number" step="any"> s</label>
+<button type="button" id="wider">wider</button>
+<button type="button" id="whole">whole run</button></form></div></nav>
+<main>{body}</main>
+<script type="text/plain" id="block">{pack.block()}</script>
+<script type="application/json" id="charts">{data.replace("<", "\\u003c")}</script>
+<script>{library}</script>
+<script>{script}</script>
+</body></html>
+"""
+
+
+def _place(chart: Chart) -> Html:
+    name = text(chart["title"])
+    return Html(f'<h3>{name}</h3><div class="chart" id="chart-{chart["id"]}"></div>')

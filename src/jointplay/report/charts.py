@@ -1,0 +1,258 @@
+"""Interactive charts as plain data: what `page/report.js` draws with plotly."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from jointplay import analysis
+from jointplay.errors import JointplayError
+from jointplay.geometry import Mode
+from jointplay.plots.accessor import CONTACT_COLOURS, MODE_NAMES
+from jointplay.plots.figures import force_joints, plane_of
+from jointplay.plots.style import MODE_COLOURS
+from jointplay.report.cases import Case
+from jointplay.report.series import EXACT, Pack, Thinning
+from jointplay.result import AXES, Result
+
+_FINE, _COARSE = 18, 13
+"""Bits of the mantissa kept of motions (4e-6, relative) and of forces and gaps (6e-5)."""
+
+Chart = dict[str, Any]
+_DASHES = ("solid", "dash", "dot")
+
+
+class Histories:
+    """One case's series in the block, each stored once."""
+
+    def __init__(self, case: Case, pack: Pack) -> None:
+        """Take the records, and every step where the run was replayed."""
+        self.case = case
+        self.result: Result = case.detailed()
+        self._pack = pack
+        self._step = case.result.audit.step
+        self._at = np.rint(self.result.time / self._step).astype(np.uint32)
+        self.thinning = Thinning(np.isin(self.result.time, case.result.time))
+        self._times: dict[bytes, int] = {}
+
+    def _time(self, kept: np.ndarray) -> int:
+        steps = self._at[kept]
+        key = steps.tobytes()
+        if key not in self._times:
+            self._times[key] = self._pack.add(steps)
+        return self._times[key]
+
+    def series(self, values: np.ndarray, bits: int, **look: Any) -> dict[str, Any]:
+        """A trace of `values` over all points of time; further keywords are its look."""
+        kept = self.thinning.kept(values)
+        return {
+            "t": self._time(kept),
+            "dt": self._step,
+            "y": self._pack.add(values[kept], bits),
+            "color": self.case.colour,
+            "name": self.case.label,
+            **look,
+        }
+
+    def curve(self, x: np.ndarray, y: np.ndarray, bits: int, **look: Any) -> dict[str, Any]:
+        """A trace in a plane, whose points keep their times."""
+        found = self.series(y, bits, **look)
+        kept = self.thinning.kept(y)
+        return {**found, "x": self._pack.add(x[kept], bits)}
+
+    def spans(self, values: np.ndarray, row: int, member: int, **look: Any) -> dict[str, Any]:
+        """A bar in `row` wherever `values` equals `member`."""
+        edges = np.diff(np.concatenate([[False], values == member, [False]]).astype(int))
+        first, last = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
+        ends = np.append(self._at, self._at[-1])
+        return {
+            "from": self._pack.add(self._at[first]),
+            "to": self._pack.add(ends[last]),
+            "dt": self._step,
+            "row": row,
+            **look,
+        }
+
+
+def _chart(kind: str, name: str, title: str, panels: list[Chart], **more: Any) -> Chart:
+    return {"kind": kind, "id": name, "title": title, "panels": panels, **more}
+
+
+def _panel(label: str, traces: list[dict[str, Any]], **more: Any) -> Chart:
+    return {"label": label, "traces": traces, **more}
+
+
+def charts(cases: Sequence[Case], pack: Pack, start: float) -> list[Chart]:
+    """All charts of a report; their series go into `pack`."""
+    histories = [Histories(case, pack) for case in cases]
+    found = [
+        *_tool(histories, "tool_position", "fig09", "Figure 9: displacement of the tool"),
+        *_tool(histories, "tool_velocity", "fig10", "Figure 10: velocity of the tool"),
+        _path(histories, cases),
+        *_orbits(histories),
+        *(
+            _forces(histories, cases, axis, f"fig{13 + k}", f"Figure {13 + k}")
+            for k, axis in enumerate(AXES)
+        ),
+        *_modes(histories),
+        *_places(histories, "normal_force_peak", 1.0, "contacts", "Normal force of each contact"),
+        *_places(histories, "gap_min", 1e3, "gaps", "Gap of each contact"),
+        *_impacts(cases, pack, start),
+        *_spectra(cases, pack, start),
+    ]
+    return [chart for chart in found if chart["panels"]]
+
+
+def _tool(histories: list[Histories], of: str, name: str, title: str) -> list[Chart]:
+    unit, small = ("m", "mm") if of == "tool_position" else ("m/s", "mm/s")
+    panels, differences = [], []
+    for k, axis in enumerate(AXES):
+        bits = EXACT if of == "tool_position" else _FINE
+        traces = [h.series(h.result[of].values[:, k], bits) for h in histories]
+        panels.append(_panel(f"{axis} [{unit}]", traces))
+    for h in histories:
+        if h.case.error is None or h.case.ideal is None:
+            continue
+        error = 1e3 * analysis.deviation(h.result, h.case.ideal, of).values
+        for k, axis in enumerate(AXES):
+            if len(differences) <= k:
+                differences.append(_panel(f"{axis} − ideal [{small}]", []))
+            differences[k]["traces"].append(h.series(_padded(error[:, k], len(h.result.time)), _FINE))
+    return [
+        _chart("time", name, title, panels),
+        _chart("time", f"{name}d", f"{title}, less the ideal robot's", differences),
+    ]
+
+
+def _padded(values: np.ndarray, size: int) -> np.ndarray:
+    """Not a number where the reference has ended."""
+    return np.concatenate([values, np.full(size - len(values), np.nan)])
+
+
+def _path(histories: list[Histories], cases: Sequence[Case]) -> Chart:
+    plane = plane_of({case.label: case.result for case in cases})
+    one, two = (AXES.index(axis) for axis in plane)
+    traces = [
+        h.curve(*(h.result["tool_position"].values[:, k] for k in (one, two)), EXACT)
+        for h in histories
+    ]
+    name = "the XOY plane" if plane == "xy" else f"the {plane} plane"
+    panel = _panel(f"{plane[1]} [m]", traces, across=f"{plane[0]} [m]")
+    return _chart("plane", "fig11", f"Figure 11: path of the tool in {name}", [panel])
+
+
+def _orbits(histories: list[Histories]) -> list[Chart]:
+    panels = []
+    for h in histories:
+        for joint in h.case.joints:
+            centre = 1e3 * h.result["journal_centre"].sel(joint=joint).values
+            outline = analysis.clearance_outline(h.result, joint)
+            panels.append(
+                _panel(
+                    "y [mm]",
+                    [h.curve(centre[:, 0], centre[:, 1], _COARSE)],
+                    across="x [mm]",
+                    title=f"{h.case.label}, {joint}",
+                    outline=None if outline is None else np.round(1e3 * outline, 6).tolist(),
+                )
+            )
+    title = "Figure 12: journal centre in its bearing, with its clearance"
+    return [_chart("plane", "fig12", title, panels)]
+
+
+def _forces(
+    histories: list[Histories], cases: Sequence[Case], axis: str, name: str, figure: str
+) -> Chart:
+    k, panels = AXES.index(axis), []
+    by_label = {case.label: case.result for case in cases}
+    for h in histories:
+        for joint in force_joints(h.case.result, by_label):
+            if h.case.joints:
+                force = h.result["joint_force_peak"].sel(joint=joint).values[:, k]
+            else:
+                force = h.result["reaction_force"].sel(moving_joint=joint).values[:, k]
+            traces = [h.series(force, _COARSE)]
+            panels.append(_panel(f"F{axis} [N]", traces, title=f"{h.case.label}, {joint}"))
+    title = f"{figure}: force on the journal along world {axis}"
+    return _chart("time", name, title, panels, same=True)
+
+
+def _modes(histories: list[Histories]) -> list[Chart]:
+    panels = []
+    for h in histories:
+        for joint in h.case.joints:
+            values = h.result["mode"].sel(joint=joint).values
+            spans = [
+                h.spans(values, row, int(mode), color=colour, name=text)
+                for row, (mode, colour, text) in enumerate(
+                    zip(Mode, MODE_COLOURS, MODE_NAMES, strict=True)
+                )
+            ]
+            panels.append(_panel("", spans, title=f"{h.case.label}, {joint}", rows=MODE_NAMES))
+    return [_chart("time", "modes", "Contact mode (Table 1)", panels)]
+
+
+def _look(index: int, contact: str) -> dict[str, Any]:
+    rounds, at = divmod(index, len(CONTACT_COLOURS))
+    colour = CONTACT_COLOURS[at]
+    return {
+        "color": "#808080" if colour == "0.5" else colour,
+        "dash": _DASHES[rounds % len(_DASHES)],
+        "name": contact.replace("_", " "),
+    }
+
+
+def _places(
+    histories: list[Histories], of: str, scale: float, name: str, title: str
+) -> list[Chart]:
+    panels = []
+    unit = "N" if scale == 1.0 else "mm"
+    for h in histories:
+        for joint in h.case.joints:
+            values = h.result[of].sel(joint=joint)
+            traces = [
+                h.series(scale * values.sel(contact=contact).values, _COARSE, **_look(i, contact))
+                for i, contact in enumerate(analysis.places(h.case.result, joint))
+            ]
+            label = f"{'normal force' if unit == 'N' else 'gap'} [{unit}]"
+            panels.append(_panel(label, traces, title=f"{h.case.label}, {joint}"))
+    return [_chart("time", name, title, panels, same=True)]
+
+
+def _impacts(cases: Sequence[Case], pack: Pack, start: float) -> list[Chart]:
+    panels = []
+    for case in cases:
+        found = analysis.contacts(case.result, start)
+        for joint in case.joints:
+            here = [place for place in found if place.joint == joint and len(place.peak)]
+            traces = [
+                {
+                    "x": pack.add(1e3 * place.duration),
+                    "y": pack.add(place.peak),
+                    **_look(i, place.contact),
+                }
+                for i, place in enumerate(here)
+            ]
+            if traces:
+                title = f"{case.label}, {joint}"
+                across = "duration of the contact [ms]"
+                panels.append(_panel("peak normal force [N]", traces, across=across, title=title))
+    return [_chart("points", "impacts", "Contacts by duration and peak force", panels)]
+
+
+def _spectra(cases: Sequence[Case], pack: Pack, start: float) -> list[Chart]:
+    panels = [_panel(f"{axis} [(m/s²)²/Hz]", []) for axis in AXES]
+    for case in cases:
+        try:
+            density = analysis.spectrum(case.result, start=start)
+        except JointplayError:  # the table beneath says why
+            continue
+        x = pack.add(density["frequency"].values[1:])
+        for k, panel in enumerate(panels):
+            y = pack.add(density.values[1:, k], _COARSE)
+            panel["traces"].append({"x": x, "y": y, "color": case.colour, "name": case.label})
+    title = "Power spectral density of the tool's acceleration"
+    panels = [panel for panel in panels if panel["traces"]]
+    return [_chart("spectrum", "spectrum", title, panels)]

@@ -1,0 +1,282 @@
+"use strict";
+(() => {
+  const BINS = 1500; // points of a line per window, each the smallest and the largest value
+  const SINGLE = 400; // fewer points than this in view are marked one by one
+  const page = JSON.parse(document.getElementById("charts").textContent);
+  const state = { range: null, drawn: 0, ready: false };
+  window.jointplayReport = state;
+
+  // The block: gzip of arrays, each the differences of its bit patterns, bytes of equal weight together.
+  async function unpack() {
+    const text = atob(document.getElementById("block").textContent.trim());
+    const bytes = Uint8Array.from(text, (c) => c.charCodeAt(0));
+    const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"));
+    return new Uint8Array(await new Response(stream).arrayBuffer());
+  }
+
+  let block = null;
+  const starts = [];
+  let total = 0;
+  for (const [, size] of page.layout) {
+    starts.push(total);
+    total += 4 * size;
+  }
+  const cache = new Map();
+  function series(number) {
+    if (!cache.has(number)) {
+      const [kind, n] = page.layout[number];
+      const at = starts[number];
+      const bits = new Uint32Array(n);
+      let value = 0;
+      for (let i = 0; i < n; i++) {
+        value += block[at + i] + block[at + n + i] * 0x100 + block[at + 2 * n + i] * 0x10000 +
+          block[at + 3 * n + i] * 0x1000000;
+        value = value >>> 0;
+        bits[i] = value;
+      }
+      cache.set(number, kind === "u" ? bits : new Float32Array(bits.buffer));
+    }
+    return cache.get(number);
+  }
+
+  // First index whose entry is not below `value`.
+  function search(sorted, value) {
+    let low = 0, high = sorted.length;
+    while (low < high) {
+      const middle = (low + high) >> 1;
+      if (sorted[middle] < value) low = middle + 1;
+      else high = middle;
+    }
+    return low;
+  }
+
+  const window_ = () => state.range || [0, page.end];
+
+  // Indices in view, one beyond each end.
+  function inView(steps, dt) {
+    const [from, to] = window_();
+    return [Math.max(0, search(steps, from / dt) - 1), Math.min(steps.length, search(steps, to / dt) + 1)];
+  }
+
+  // What is in view of a series: every point, or of each of `BINS` intervals smallest and largest.
+  function reduce(trace) {
+    const steps = series(trace.t), values = series(trace.y), dt = trace.dt;
+    const [first, end] = inView(steps, dt);
+    const x = [], y = [];
+    const put = (i) => { x.push(steps[i] * dt); y.push(values[i]); };
+    if (end - first <= 2 * BINS) {
+      for (let i = first; i < end; i++) put(i);
+      return { x, y, count: end - first };
+    }
+    const width = (steps[end - 1] - steps[first]) / BINS;
+    let i = first;
+    for (let bin = 1; bin <= BINS && i < end; bin++) {
+      const limit = bin === BINS ? Infinity : steps[first] + bin * width;
+      let low = -1, high = -1;
+      for (; i < end && steps[i] < limit; i++) {
+        if (Number.isNaN(values[i])) continue;
+        if (low < 0 || values[i] < values[low]) low = i;
+        if (high < 0 || values[i] > values[high]) high = i;
+      }
+      if (low < 0) continue;
+      put(Math.min(low, high));
+      if (low !== high) put(Math.max(low, high));
+    }
+    return { x, y, count: Infinity };
+  }
+
+  // A curve in view, without points closer than 1/1500 of its extent to the last one.
+  function curve(trace) {
+    const steps = series(trace.t), xs = series(trace.x), ys = series(trace.y);
+    const [first, end] = inView(steps, trace.dt);
+    let left = Infinity, right = -Infinity, low = Infinity, high = -Infinity;
+    for (let i = first; i < end; i++) {
+      left = Math.min(left, xs[i]); right = Math.max(right, xs[i]);
+      low = Math.min(low, ys[i]); high = Math.max(high, ys[i]);
+    }
+    const near = end - first > 2 * SINGLE ? Math.max(right - left, high - low) / 1500 : 0;
+    const x = [], y = [], text = [];
+    let last = -1;
+    for (let i = first; i < end; i++) {
+      if (last >= 0 && i < end - 1 && Math.hypot(xs[i] - xs[last], ys[i] - ys[last]) < near) continue;
+      x.push(xs[i]); y.push(ys[i]); text.push(`t = ${(steps[i] * trace.dt).toPrecision(7)} s`);
+      last = i;
+    }
+    return { x, y, text, count: end - first };
+  }
+
+  // Bars of a timeline in view; bars that would share a pixel are one.
+  function spans(trace) {
+    const from = series(trace.from), to = series(trace.to), dt = trace.dt;
+    const [left, right] = window_();
+    const pixel = (right - left) / BINS;
+    const x = [], y = [];
+    for (let i = search(to, left / dt); i < from.length && from[i] * dt <= right; i++) {
+      const a = from[i] * dt, b = to[i] * dt;
+      const n = x.length;
+      if (n && a - x[n - 2] < pixel) x[n - 2] = b;
+      else { x.push(a, Math.max(b, a), null); y.push(-trace.row, -trace.row, null); }
+    }
+    return { x, y };
+  }
+
+  const number = (i) => (i === 0 ? "" : String(i + 1));
+  const FONT = { family: "system-ui, sans-serif", size: 12, color: "#222" };
+  const AXIS = { gridcolor: "#e6e6e6", zerolinecolor: "#c4c4c4", linecolor: "#999", ticks: "outside",
+    ticklen: 4, tickcolor: "#999", automargin: true };
+
+  function build(chart) {
+    const seen = new Set();
+    const data = [], annotations = [], shapes = [];
+    const layout = { font: FONT, paper_bgcolor: "white", plot_bgcolor: "white", annotations, shapes,
+      margin: { l: 76, r: 16, t: 34, b: 44 }, hovermode: "closest", uirevision: "keep",
+      legend: { orientation: "h", x: 0, y: 1, yref: "container", yanchor: "top" } };
+    const time = chart.kind === "time";
+    const stacked = time || chart.kind === "spectrum";
+    const count = chart.panels.length;
+    const columns = stacked ? 1 : Math.min(count, 3);
+    const rows = Math.ceil(count / columns);
+    const rowHeight = chart.id === "modes" ? 100 : stacked ? (count > 4 ? 150 : 175) : 400;
+    const titled = chart.panels.some((panel) => panel.title);
+    const gap = (titled ? 26 : 14) / (rows * rowHeight);
+    layout.height = rows * rowHeight + 90;
+    const across = columns > 1 ? 0.075 : 0;
+    const down = stacked ? gap : 74 / (rows * rowHeight);
+    chart.panels.forEach((panel, i) => {
+      const row = Math.floor(i / columns), column = i % columns;
+      const high = (1 - (rows - 1) * down) / rows, wide = (1 - (columns - 1) * across) / columns;
+      const top = 1 - row * (high + down), left = column * (wide + across);
+      const n = number(i), xn = stacked ? "" : n;
+      layout["yaxis" + n] = { ...AXIS, domain: [Math.max(0, top - high), top], anchor: "x" + xn,
+        title: { text: panel.label, standoff: 6 } };
+      if (stacked) layout.xaxis = layout.xaxis || { ...AXIS, anchor: "y" + number(count - 1) };
+      else layout["xaxis" + n] = { ...AXIS, domain: [left, left + wide], anchor: "y" + n,
+        title: { text: panel.across, standoff: 6 } };
+      const x = layout["xaxis" + xn], y = layout["yaxis" + n];
+      if (time) y.fixedrange = true;
+      if (chart.kind === "plane") { y.scaleanchor = "x" + n; y.constrain = x.constrain = "domain"; }
+      if (chart.kind === "points" || chart.kind === "spectrum") {
+        x.type = y.type = "log"; x.dtick = 1; x.exponentformat = y.exponentformat = "power";
+        if (chart.kind === "spectrum") y.dtick = 2;
+      }
+      if (chart.same && i) y.matches = "y";
+      if (panel.rows) {
+        y.tickvals = panel.rows.map((_, k) => -k); y.ticktext = panel.rows;
+        y.range = [0.5 - panel.rows.length, 0.5]; y.showgrid = false; y.zeroline = false;
+      }
+      if (panel.title) annotations.push({ text: panel.title, xref: "paper", yref: "paper", x: left,
+        y: top, xanchor: "left", yanchor: "bottom", showarrow: false, font: { size: 11.5 } });
+      if (panel.outline) data.push({ x: panel.outline[0], y: panel.outline[1], mode: "lines",
+        line: { color: "black", width: 1.2 }, name: "clearance", showlegend: !seen.has("clearance"),
+        legendgroup: "clearance", hoverinfo: "skip", xaxis: "x" + xn, yaxis: "y" + n });
+      if (panel.outline) seen.add("clearance");
+      for (const trace of panel.traces) {
+        const base = { name: trace.name, legendgroup: trace.name, showlegend: !seen.has(trace.name),
+          xaxis: "x" + xn, yaxis: "y" + n, type: "scatter" };
+        seen.add(trace.name);
+        const line = { color: trace.color, width: 1.2, dash: trace.dash || "solid" };
+        if (trace.from !== undefined) {
+          data.push({ ...base, ...spans(trace), mode: "lines", hoverinfo: "x+name",
+            line: { color: trace.color, width: 16 } });
+        } else if (time || chart.kind === "plane") {
+          const { count: points, ...drawn } = time ? reduce(trace) : curve(trace);
+          data.push({ ...base, ...drawn, line, mode: points <= SINGLE ? "lines+markers" : "lines",
+            marker: { size: 4, color: trace.color } });
+        } else {
+          const dots = chart.kind === "points";
+          data.push({ ...base, x: Array.from(series(trace.x)), y: Array.from(series(trace.y)), line,
+            mode: dots ? "markers" : "lines", marker: { size: 5, color: trace.color, opacity: 0.7 } });
+        }
+      }
+    });
+    if (time) Object.assign(layout.xaxis, { title: { text: "time [s]" }, range: window_() });
+    if (chart.kind === "spectrum") layout.xaxis.title = { text: "frequency [Hz]" };
+    layout.showlegend = seen.size > 1;
+    return { data, layout };
+  }
+
+  const config = { responsive: true, displaylogo: false,
+    modeBarButtonsToRemove: ["lasso2d", "select2d", "autoScale2d"],
+    toImageButtonOptions: { format: "svg" } };
+  const hosts = new Map(); // host element -> {chart, visible, stale}
+
+  async function draw(host) {
+    const entry = hosts.get(host);
+    entry.stale = false;
+    const { data, layout } = build(entry.chart);
+    await Plotly.react(host, data, layout, config);
+    if (!entry.listens) {
+      entry.listens = true;
+      state.drawn += 1;
+      host.classList.add("drawn");
+      if (entry.chart.kind === "time") host.on("plotly_relayout", zoomed);
+    }
+  }
+
+  function zoomed(event) {
+    const range = event["xaxis.range"] || (event["xaxis.range[0]"] !== undefined &&
+      [event["xaxis.range[0]"], event["xaxis.range[1]"]]);
+    if (range) show(range.map(Number));
+    else if (event["xaxis.autorange"]) show(null);
+  }
+
+  const from = document.getElementById("from"), to = document.getElementById("to");
+  let waiting = false;
+  function show(range) {
+    if (range) {
+      let [a, b] = range;
+      a = Math.max(0, a); b = Math.min(page.end, b);
+      if (!(b > a)) return;
+      range = a <= 0 && b >= page.end ? null : [a, b];
+    }
+    state.range = range;
+    const [a, b] = window_();
+    from.value = Number(a.toPrecision(8)); to.value = Number(b.toPrecision(8));
+    for (const entry of hosts.values())
+      if (entry.chart.kind === "time" || entry.chart.kind === "plane") entry.stale = true;
+    if (!waiting) {
+      waiting = true;
+      requestAnimationFrame(() => { waiting = false; refresh(); });
+    }
+  }
+  state.show = show;
+
+  function refresh() {
+    for (const [host, entry] of hosts) if (entry.visible && entry.stale) draw(host);
+  }
+
+  async function begin() {
+    try {
+      block = await unpack();
+    } catch (error) {
+      document.getElementById("failed").hidden = false;
+      throw error;
+    }
+    const watch = new IntersectionObserver((entries) => {
+      for (const { target, isIntersecting } of entries) hosts.get(target).visible = isIntersecting;
+      refresh();
+    }, { rootMargin: "400px" });
+    for (const chart of page.charts) {
+      const host = document.getElementById("chart-" + chart.id);
+      hosts.set(host, { chart, visible: false, stale: true });
+      watch.observe(host);
+    }
+    const read = () => show([Number(from.value), Number(to.value)]);
+    from.addEventListener("change", read);
+    to.addEventListener("change", read);
+    document.getElementById("whole").addEventListener("click", () => show(null));
+    document.getElementById("wider").addEventListener("click", () => {
+      const [a, b] = window_();
+      show([a - 1.5 * (b - a), b + 1.5 * (b - a)]);
+    });
+    for (const button of document.querySelectorAll("button[data-zoom]")) {
+      button.addEventListener("click", () => {
+        show(button.dataset.zoom.split(",").map(Number));
+        document.getElementById("chart-contacts").scrollIntoView({ block: "center" });
+      });
+    }
+    show(null);
+    state.ready = true;
+  }
+  begin();
+})();
