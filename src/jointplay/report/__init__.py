@@ -139,6 +139,7 @@ def page(cases: Sequence[Case], title: str, claims: Path | None) -> str:
     data = json.dumps(
         {"charts": drawn, "layout": pack.layout, "end": end}, separators=(",", ":"), allow_nan=False
     )
+    data = data.replace("<", "\\u003c")  # nothing in it can end the script
     made = ", ".join(f"{name} {version}" for name, version in versions().items())
     resource = files("jointplay.report") / "page"
     script, library, look = (
@@ -163,7 +164,7 @@ to <input id="to" type="number" step="any"> s</label>
 <button type="button" id="whole">whole run</button></form></div></nav>
 <main>{body}</main>
 <script type="text/plain" id="block">{pack.block()}</script>
-<script type="application/json" id="charts">{data.replace("<", "\\u003c")}</script>
+<script type="application/json" id="charts">{data}</script>
 <script>{library}</script>
 <script>{script}</script>
 </body></html>
