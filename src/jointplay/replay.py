@@ -97,7 +97,7 @@ def replay(result: Result, windows: Sequence[tuple[float, float]]) -> Replay:
         raise JointplayError(f"a run of {len(result.time)} records cannot be repeated")
     steps = round(float(result.time[-1]) / step)
     spans = [(max(0, round(a / step)), min(steps, round(b / step))) for a, b in windows]
-    wanted = np.unique(np.concatenate([np.arange(a, b + 1) for a, b in spans] or [[]])).astype(int)
+    wanted = np.unique(np.concatenate([np.zeros(0, int), *(np.arange(a, b + 1) for a, b in spans)]))
     run = simulation.prepare()
     run.workspace.make_room(run.workspace.record.shape[0] + len(wanted) + 1)
     run.begin()

@@ -52,7 +52,7 @@ def add(commands: Any) -> None:
     )
     parser.add_argument("--no-pdf", action="store_true", help="write the page only")
     parser.add_argument("--quiet", action="store_true", help="do not say what is being done")
-    parser.set_defaults(execute=run)
+    parser.set_defaults(handler=run)
 
 
 def run(options: argparse.Namespace) -> int:

@@ -59,7 +59,7 @@ class Plots:
     @property
     def available(self) -> tuple[str, ...]:
         """Names of the plots that have a meaning for this result."""
-        found = ALWAYS
+        found: tuple[str, ...] = ALWAYS
         if self.result.joints:
             found += NEED_CLEARANCE
             found += ("forms",) if bool((self.result["form"] >= 0).any()) else ()
@@ -195,7 +195,7 @@ class Plots:
         style: str = "screen",
         **line: Any,
     ) -> Figure:
-        """Path of the journal's centre within its clearance circle, bearing frame [mm] (Fig. 12)."""
+        """Path of the journal's centre in its clearance circle, bearing frame [mm] (Fig. 12)."""
         name = self._joint("orbit", joint)
         with self._axes(ax, style, 4.8, 5.0) as panel:
             centre = 1e3 * self.result["journal_centre"].sel(joint=name).values
@@ -205,7 +205,8 @@ class Plots:
                 panel.plot(*room, color="black", lw=1.0)
                 shape = "circle" if room.shape[1] > 5 else "rectangle"
                 panel.set_title(f"{name}, clearance {shape}, ±{room[0].max():g} mm")
-            panel.plot(centre[:, 0], centre[:, 1], **({"color": COLOURS[1], "lw": 0.5} | line))
+            look: dict[str, Any] = {"color": COLOURS[1], "lw": 0.5} | line
+            panel.plot(centre[:, 0], centre[:, 1], **look)
             panel.set_aspect("equal")
             panel.set_xlabel("x in the bearing frame [mm]")
             panel.set_ylabel("y in the bearing frame [mm]")
@@ -431,11 +432,12 @@ class Plots:
             "friction_dissipation": "lost in sliding",
             "joint_friction_loss": "lost in joint friction",
             "gear_dissipation": "lost in gears",
+            "film_dissipation": "lost in oil",
             "payload_energy": "brought in by payloads",
             "energy_residual": "error of the balance",
         }
-        colours = (COLOURS[1], COLOURS[5], COLOURS[3], COLOURS[0], COLOURS[4], COLOURS[2])
-        colours += ("0.5", "#7A5C2E", "black")
+        colours = [COLOURS[k] for k in (1, 5, 3, 0, 4, 2)]
+        colours += ["0.5", "#0F7E86", "#7A5C2E", "black"]
         with self._axes(ax, style, 6.0, 3.8) as panel:
             for (name, text), colour in zip(names.items(), colours, strict=True):
                 if name not in self.result.dataset:
@@ -535,8 +537,8 @@ def _timeline(
         edges = np.diff(np.concatenate([[False], values == member, [False]]).astype(int))
         first, last = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1) - 1
         spans = np.column_stack([time[first], ends[last] - time[first]])
-        drawn = {"facecolors": colour, "linewidth": 0.0}
-        panel.broken_barh(spans.tolist(), (row - 0.4, 0.8), **(drawn | options))
+        drawn: dict[str, Any] = {"facecolors": colour, "linewidth": 0.0} | options
+        panel.broken_barh(spans.tolist(), (row - 0.4, 0.8), **drawn)
     panel.set_yticks(range(len(rows)), rows)
     panel.set_ylim(len(rows) - 0.5, -0.5)
     panel.set_xlim(time[0], time[-1])

@@ -158,9 +158,7 @@ def joint_force(cases: Cases, axis: str) -> Figure:
         for label, result, colour in coloured(cases)
         for joint in force_joints(result, cases)
     ]
-    figure, panels = _figure(
-        7.0, 1.3 + 1.7 * len(shown), len(shown), 1, sharex=True, sharey="col"
-    )
+    figure, panels = _figure(7.0, 1.3 + 1.7 * len(shown), len(shown), 1, sharex=True, sharey="col")
     column = panels[:, 0]
     several = len({joint for *_, joint in shown}) > 1
     for panel, (label, result, colour, joint) in zip(column, shown, strict=True):

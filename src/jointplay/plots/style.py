@@ -69,7 +69,7 @@ def style(name: str = "screen") -> Iterator[None]:
     """
     if name not in STYLES:
         raise MissingName("style", name, STYLES)
-    with mpl.rc_context(STYLES[name]):
+    with mpl.rc_context(STYLES[name]):  # type: ignore[arg-type]
         yield
 
 

@@ -22,8 +22,7 @@ IMPACTS = 5
 """Impacts of each case that are followed step by step, unless told otherwise."""
 
 _POLICY = (
-    "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; "
-    "img-src data: blob:"
+    "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
 )
 """The page may load nothing at all, from nowhere; browsers see to it."""
 
@@ -118,7 +117,8 @@ def page(cases: Sequence[Case], title: str, claims: Path | None) -> str:
         "Parameters": content.parameters(cases),
         "Assumptions": content.assumptions(cases, start),
         "Audit": content.audits(cases),
-        "Motion of the tool": paragraph(hint) + chart("fig09", "fig09d", "fig10", "fig10d", "fig11"),
+        "Motion of the tool": paragraph(hint)
+        + chart("fig09", "fig09d", "fig10", "fig10d", "fig11"),
         "Accuracy": content.accuracies(cases, start),
         "Journal": chart("fig12", "modes") + content.modes(cases, start),
         "Forces": chart("fig13", "fig14", "fig15"),
@@ -158,7 +158,8 @@ def page(cases: Sequence[Case], title: str, claims: Path | None) -> str:
 <p class="note">Made with {text(made)}.</p>
 <noscript><p>The charts of this page need JavaScript; the tables do not.</p></noscript>
 <p id="failed" hidden>This browser cannot unpack the charts; take one of 2023 or later.</p></header>
-<nav><div>{links}<form onsubmit="return false"><label>time <input id="from" type="number" step="any">
+<nav><div>{links}<form onsubmit="return false">
+<label>time <input id="from" type="number" step="any">
 to <input id="to" type="number" step="any"> s</label>
 <button type="button" id="wider">wider</button>
 <button type="button" id="whole">whole run</button></form></div></nav>

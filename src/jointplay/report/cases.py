@@ -173,9 +173,7 @@ def _refer(cases: Iterable[Case], say: Say) -> None:
                 )
         except JointplayError as error:
             case.ideal = case.error = None
-            case.notes.append(
-                f"No tool errors: the ideal mechanism cannot be simulated ({error})."
-            )
+            case.notes.append(f"No tool errors: the ideal mechanism cannot be simulated ({error}).")
 
 
 def _follows(result: Result) -> bool:

@@ -107,7 +107,8 @@ def charts(cases: Sequence[Case], pack: Pack, start: float) -> list[Chart]:
 
 def _tool(histories: list[Histories], of: str, name: str, title: str) -> list[Chart]:
     unit, small = ("m", "mm") if of == "tool_position" else ("m/s", "mm/s")
-    panels, differences = [], []
+    panels: list[dict[str, Any]] = []
+    differences: list[dict[str, Any]] = []
     for k, axis in enumerate(AXES):
         bits = EXACT if of == "tool_position" else _FINE
         traces = [h.series(h.result[of].values[:, k], bits) for h in histories]
@@ -119,7 +120,9 @@ def _tool(histories: list[Histories], of: str, name: str, title: str) -> list[Ch
         for k, axis in enumerate(AXES):
             if len(differences) <= k:
                 differences.append(_panel(f"{axis} − ideal [{small}]", []))
-            differences[k]["traces"].append(h.series(_padded(error[:, k], len(h.result.time)), _FINE))
+            differences[k]["traces"].append(
+                h.series(_padded(error[:, k], len(h.result.time)), _FINE)
+            )
     return [
         _chart("time", name, title, panels),
         _chart("time", f"{name}d", f"{title}, less the ideal robot's", differences),
@@ -134,10 +137,8 @@ def _padded(values: np.ndarray, size: int) -> np.ndarray:
 def _path(histories: list[Histories], cases: Sequence[Case]) -> Chart:
     plane = plane_of({case.label: case.result for case in cases})
     one, two = (AXES.index(axis) for axis in plane)
-    traces = [
-        h.curve(*(h.result["tool_position"].values[:, k] for k in (one, two)), EXACT)
-        for h in histories
-    ]
+    paths = [(h, h.result["tool_position"].values) for h in histories]
+    traces = [h.curve(path[:, one], path[:, two], EXACT) for h, path in paths]
     name = "the XOY plane" if plane == "xy" else f"the {plane} plane"
     panel = _panel(f"{plane[1]} [m]", traces, across=f"{plane[0]} [m]")
     return _chart("plane", "fig11", f"Figure 11: path of the tool in {name}", [panel])

@@ -116,10 +116,7 @@ def parameters(cases: Sequence[Case]) -> Html:
     """Every input, a column for each case, then motion and robot in full."""
     columns = [_parameters(case.result) for case in cases]
     names = list(dict.fromkeys(name for column in columns for name in column))
-    rows = [
-        [Html(_symbol(name)), *(column.get(name) for column in columns)]
-        for name in names
-    ]
+    rows = [[Html(_symbol(name)), *(column.get(name) for column in columns)] for name in names]
     found = table(["parameter", *(dark(case) for case in cases)], rows, left=1 + len(cases))
     return Html(found + _motions(cases) + _robots(cases))
 
@@ -212,7 +209,7 @@ def _plain(value: Any) -> str:
 
 def _law(fields: dict[str, Any]) -> str:
     """A law or a material in one line: its name first."""
-    rest = dict(fields)
+    rest = {key: value for key, value in fields.items() if value is not None}
     name = next((str(rest.pop(key)) for key in ("law", "name") if key in rest), "")
     if set(rest) == {"young", "poisson"}:
         return f"E = {rest['young'] / 1e9:g} GPa, ν = {rest['poisson']:g}"
@@ -222,8 +219,8 @@ def _law(fields: dict[str, Any]) -> str:
 def _derived_stiffness(result: Result) -> dict[str, float]:
     try:
         joints = result.simulation.mechanism.clearance
-        return {name: float(joint.hertz_stiffness) for name, joint in joints.items()}
-    except (JointplayError, AttributeError):  # a law that cannot be imported, another kind of joint
+        return {n: joint.contact_properties(0).stiffness for n, joint in joints.items()}
+    except JointplayError:  # a law that cannot be imported
         return {}
 
 
@@ -238,7 +235,8 @@ def _motions(cases: Sequence[Case]) -> str:
         if motion is None:
             continue
         rows = [
-            [time, *position] for time, position in zip(motion["times"], motion["positions"], strict=True)
+            [time, *position]
+            for time, position in zip(motion["times"], motion["positions"], strict=True)
         ]
         of = "" if len(seen) == 1 else f" of {', '.join(labels)}"
         head = ["time [s]", *(f"{name} [rad or m]" for name in motion["joints"])]
@@ -268,14 +266,18 @@ def assumptions(cases: Sequence[Case], start: float) -> Html:
     )["assumption"]
     inputs = [analysis.inputs(case.result) for case in cases]
     moving = [given for case, given in zip(cases, inputs, strict=True) if case.joints]
-    kinds = {
-        joint["kind"]
-        for case in cases
-        for joint in analysis.clearance_inputs(case.result).values()
-    }
+    bearings = [
+        joint for case in cases for joint in analysis.clearance_inputs(case.result).values()
+    ]
+    kinds = {joint["kind"] for joint in bearings}
     holds = {
         "always": True,
         "clearance": bool(moving),
+        "dry": any(not joint.get("lubricant") for joint in bearings),
+        "oil": any(joint.get("lubricant") for joint in bearings),
+        "worn": any(joint.get("worn") for joint in bearings),
+        "wearing": any(joint.get("wear_rate") for joint in bearings),
+        "unworn": not any(joint.get("worn") or joint.get("wear_rate") for joint in bearings),
         **{kind: kind in kinds for kind in ("revolute", "spherical", "prismatic")},
         "loops": any(given["mechanism"].get("loops") for given in inputs),
         "gears": any(given["mechanism"].get("gears") for given in inputs),
@@ -371,13 +373,13 @@ def modes(cases: Sequence[Case], start: float) -> Html:
     names = [Html(f"{dark(case)}, {text(joint)}") for case, joint in pairs]
     found = [analysis.shares(case.result, joint, "mode", start) for case, joint in pairs]
     keys = list(found[0])
-    rows = [
+    rows: list[list[Cell]] = [
         [name, *(100.0 * share[key] for share in found)]
         for name, key in zip(MODE_NAMES, keys, strict=True)
     ]
     forms = [analysis.shares(case.result, joint, "form", start) for case, joint in pairs]
     forms = [share or dict.fromkeys((f.name.lower() for f in Form), math.nan) for share in forms]
-    form_rows = [
+    form_rows: list[list[Cell]] = [
         [
             f"{form.letter}: {form.name.lower().replace('_', ' ')}" if form else "no contact",
             *(100.0 * share[form.name.lower()] for share in forms),
@@ -631,14 +633,14 @@ def claims(cases: Sequence[Case], source: Path | None) -> Html:
         if same and case.duration > 2.0 * START_UP:
             columns[case.label] = (dark(case), measure(case.result, reference))
     if columns:
-        rows = [
+        measures: list[list[Cell]] = [
             [label, *(float(found[key]) for _, found in columns.values())]
             for key, label in _MEASURES.items()
         ]
         parts.append(
             table(
                 ["measure", *(name for name, _ in columns.values())],
-                rows,
+                measures,
                 "What the claims are about, in these single runs",
             )
         )
@@ -648,5 +650,10 @@ def claims(cases: Sequence[Case], source: Path | None) -> Html:
                 "scara` judges ensembles."
             )
         )
-    return Html("".join(parts) or paragraph("There is nothing to judge: no claims table was given, "
-        f"and no run with clearance is longer than {2.0 * START_UP:g} s."))
+    return Html(
+        "".join(parts)
+        or paragraph(
+            "There is nothing to judge: no claims table was given, "
+            f"and no run with clearance is longer than {2.0 * START_UP:g} s."
+        )
+    )

@@ -60,9 +60,7 @@ def table(
     if caption:
         parts.append(f"<caption>{text(caption)}</caption>")
     parts.append("<thead><tr>")
-    parts += [
-        f'<th scope="col"{_class(i, left)}>{text(cell)}</th>' for i, cell in enumerate(head)
-    ]
+    parts += [f'<th scope="col"{_class(i, left)}>{text(cell)}</th>' for i, cell in enumerate(head)]
     parts.append("</tr></thead><tbody>")
     for row in rows:
         parts.append("<tr>")
