@@ -82,3 +82,47 @@ def test_an_ideal_robot_alone_has_no_orbit(cases, tmp_path):
     written = {path.name for path in plots.save({"ideal": cases["ideal"]}, tmp_path)}
     assert "fig12.png" not in written
     assert "fig13.png" in written
+
+
+@pytest.mark.parametrize("name", ["displacement", "velocity", "path", "orbit", "coordinates",
+                                  "forces", "contacts", "gaps", "modes", "forms", "tilt",
+                                  "impacts", "energy", "spectrum"])  # fmt: skip
+def test_a_result_plots_itself(cases, name, tmp_path):
+    from matplotlib.figure import Figure
+    from matplotlib.image import imread
+
+    figure = getattr(cases["0.2 mm"].plot, name)()
+    assert isinstance(figure, Figure)
+    labels = [ax.get_ylabel() + ax.get_xlabel() for ax in figure.axes]
+    assert any("[" in label for label in labels)
+    figure.savefig(tmp_path / "a.png")
+    assert imread(tmp_path / "a.png")[..., :3].std() > 0.01
+    figure.savefig(tmp_path / "a.pdf")
+    assert b"%PDF" in (tmp_path / "a.pdf").read_bytes()[:8]
+
+
+def test_plots_go_into_axes_of_ones_own(cases):
+    from matplotlib.figure import Figure
+
+    figure = Figure()
+    panel = figure.subplots()
+    assert cases["0.2 mm"].plot.orbit(ax=panel, color="green") is figure
+    assert to_hex("green") in colours(panel)
+    played = cases["0.2 mm"]
+    error = played.plot.deviation(ideal=cases["ideal"])
+    drawn = error.axes[0].get_lines()[0].get_ydata()
+    expected = played["tool_position"].values - cases["ideal"]["tool_position"].values
+    assert any(np.allclose(drawn, scale * expected[: len(drawn), 0]) for scale in (1.0, 1e3, 1e6))
+
+
+def test_paper_style_has_serifs_and_its_own_width(cases):
+    figure = cases["0.2 mm"].plot.orbit(style="paper")
+    assert figure.get_size_inches()[0] < 4.0
+    with pytest.raises(ValueError, match="style"):
+        cases["0.2 mm"].plot.orbit(style="comic")
+
+
+def test_an_ideal_run_has_no_orbit_to_plot(cases):
+    assert "orbit" not in cases["ideal"].plot.available
+    with pytest.raises(ValueError, match="clearance"):
+        cases["ideal"].plot.orbit()

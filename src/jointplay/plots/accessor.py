@@ -415,8 +415,9 @@ class Plots:
                 drawn |= {"label": f"{place.contact.replace('_', ' ')}, {len(place.peak)}"}
                 drawn |= {"alpha": 0.8}
                 panel.plot(1e3 * place.duration, place.peak, **(drawn | dots))
-            panel.set_xscale("log")
-            panel.set_yscale("log")
+            if any(len(place.peak) for place in places):
+                panel.set_xscale("log")
+                panel.set_yscale("log")
             panel.set_xlabel("duration of the contact [ms]")
             panel.set_ylabel("peak normal force [N]")
             _legend(panel, 2)
@@ -480,8 +481,11 @@ class Plots:
         frequency = density["frequency"].values[1:]
         with self._axes(ax, style) as panel:
             for name in AXES if axis is None else (axis,):
+                values = density.sel(axis=name).values[1:]
+                if not values.any():  # the tool does not move this way
+                    continue
                 drawn = {"color": AXIS_COLOURS[name], **({"label": name} if axis is None else {})}
-                panel.loglog(frequency, density.sel(axis=name).values[1:], **(drawn | line))
+                panel.loglog(frequency, values, **(drawn | line))
             unit = r"(m/s$^2$)$^2$/Hz" if of == "acceleration" else r"m$^2$/Hz"
             panel.set_xlabel("frequency [Hz]")
             panel.set_ylabel(f"PSD of {of}{f' {axis}' if axis else ''} [{unit}]")

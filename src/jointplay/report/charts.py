@@ -139,9 +139,12 @@ def _path(histories: list[Histories], cases: Sequence[Case]) -> Chart:
     one, two = (AXES.index(axis) for axis in plane)
     paths = [(h, h.result["tool_position"].values) for h in histories]
     traces = [h.curve(path[:, one], path[:, two], EXACT) for h, path in paths]
+    reach = np.ptp(np.concatenate([path for _, path in paths]), axis=0)
+    if min(reach[one], reach[two]) < 1e-3 * max(reach[one], reach[two]):
+        traces = []  # on a straight line there is no path to see
     name = "the XOY plane" if plane == "xy" else f"the {plane} plane"
-    panel = _panel(f"{plane[1]} [m]", traces, across=f"{plane[0]} [m]")
-    return _chart("plane", "fig11", f"Figure 11: path of the tool in {name}", [panel])
+    panels = [_panel(f"{plane[1]} [m]", traces, across=f"{plane[0]} [m]")] if traces else []
+    return _chart("plane", "fig11", f"Figure 11: path of the tool in {name}", panels)
 
 
 def _orbits(histories: list[Histories]) -> list[Chart]:
@@ -252,6 +255,8 @@ def _spectra(cases: Sequence[Case], pack: Pack, start: float) -> list[Chart]:
             continue
         x = pack.add(density["frequency"].values[1:])
         for k, panel in enumerate(panels):
+            if not density.values[1:, k].any():  # the tool does not move this way
+                continue
             y = pack.add(density.values[1:, k], _COARSE)
             panel["traces"].append({"x": x, "y": y, "color": case.colour, "name": case.label})
     title = "Power spectral density of the tool's acceleration"

@@ -157,7 +157,13 @@
       if (chart.kind === "plane") { y.scaleanchor = "x" + n; y.constrain = x.constrain = "domain"; }
       if (chart.kind === "points" || chart.kind === "spectrum") {
         x.type = y.type = "log"; x.dtick = 1; x.exponentformat = y.exponentformat = "power";
-        if (chart.kind === "spectrum") y.dtick = 2;
+        if (chart.kind === "spectrum") {
+          let low = Infinity, high = 0;
+          for (const trace of panel.traces) for (const value of series(trace.y)) {
+            if (value > 0) { low = Math.min(low, value); high = Math.max(high, value); }
+          }
+          y.dtick = Math.max(1, Math.ceil(Math.log10(high / low) / 5)); // five labels or so
+        }
       }
       if (chart.same && i) y.matches = "y";
       if (panel.rows) {

@@ -1,0 +1,96 @@
+"""Analysis of results against numbers reckoned by hand."""
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import jointplay as jp
+from jointplay import analysis
+from jointplay.study import scara
+
+
+@pytest.fixture(scope="module")
+def pair():
+    found = []
+    for clearance in (None, 0.2e-3):
+        made = scara(clearance)
+        found.append(jp.simulate(made.mechanism, made.motion, duration=0.3))
+    return found
+
+
+def test_accuracy_of_a_known_error():
+    time = np.linspace(0.0, 1.0, 11)
+    values = np.zeros((11, 3))
+    values[:, 0], values[5, 1] = 1e-3, -4e-3
+    error = xr.DataArray(values, {"time": time, "axis": list("xyz")}, ("time", "axis"))
+    found = analysis.accuracy(error)
+    assert found.mean[:2] == pytest.approx([1e-3, -4e-3 / 11])
+    assert found.rms[:2] == pytest.approx([1e-3, 4e-3 / np.sqrt(11)])
+    assert found.peak == pytest.approx([1e-3, 4e-3, 0.0, np.hypot(1e-3, 4e-3)])
+    assert analysis.accuracy(error, 0.55).peak[1] == 0.0
+    assert analysis.error_at(error, 0.52) == pytest.approx([1e-3, -4e-3, 0, np.hypot(1e-3, 4e-3)])
+    with pytest.raises(jp.JointplayError, match="no records"):
+        analysis.accuracy(error, 2.0)
+
+
+def test_stops_are_where_the_reference_rests():
+    motion = jp.Motion(["a"], [0, 1, 1.5, 2], [[0], [1], [1], [0.5]])
+    found = analysis.stops(motion, 2.0)
+    assert [stop.kind for stop in found] == ["stop", "dwell", "stop"]
+    assert (found[1].start, found[1].end) == (1.0, 1.5)
+    steady = jp.Motion(["a"], [0, 1, 2], [[0], [1], [2]], "constant-speed")
+    assert {stop.kind for stop in analysis.stops(steady, 2.0)} == {"pass"}
+    assert analysis.stops(motion, 3.0)[-1].end == 3.0  # it stays where it is
+
+
+def test_deviation_is_the_difference_from_the_twin(pair):
+    ideal, played = pair
+    error = analysis.deviation(played, ideal)
+    expected = played["tool_position"].values - ideal["tool_position"].values
+    assert np.array_equal(error.values, expected)
+    assert not analysis.deviation(ideal, ideal).values.any()
+    coarse = jp.simulate(
+        ideal.simulation.mechanism, ideal.simulation.motion, duration=0.3, record_every=50
+    )
+    assert np.abs(analysis.deviation(played, coarse).values - expected).max() < 1e-8
+    other = jp.simulate(ideal.simulation.mechanism, ideal.simulation.motion, duration=0.1)
+    assert len(analysis.deviation(played, other)) == len(other.time)
+    with pytest.raises(jp.JointplayError, match="has clearance in joint_b"):
+        analysis.deviation(ideal, played)
+
+
+def test_contacts_are_those_that_the_run_counted(pair):
+    played = pair[1]
+    found = analysis.contacts(played)
+    assert [place.contact for place in found] == ["radial_A", "radial_B", "axial_A", "axial_B"]
+    # Records cannot tell contacts apart that follow each other within one.
+    assert 0.8 * played.audit.impacts <= sum(len(p.peak) for p in found) <= played.audit.impacts
+    largest = max(place.peak.max() for place in found if len(place.peak))
+    assert largest == played["normal_force_peak"].values.max()
+
+
+def test_shares_sum_to_one(pair):
+    for of in ("mode", "form"):
+        found = analysis.shares(pair[1], "joint_b", of)
+        assert sum(found.values()) == pytest.approx(1.0)
+    assert found["none"] == pytest.approx((pair[1]["form"].values == 0).mean())
+    with pytest.raises(jp.JointplayError, match="joint_b"):
+        analysis.shares(pair[1], "joint_a")
+
+
+def test_spectrum_of_a_known_vibration(pair):
+    """A speed A sin(2 pi f t) has an acceleration of the mean square (2 pi f A)^2 / 2, all at f."""
+    f, size = 250.0, 0.01
+    dataset = pair[1].dataset.copy(deep=True)
+    dataset["tool_velocity"][:, 0] = size * np.sin(2 * np.pi * f * dataset["time"])
+    dataset["tool_velocity"][:, 1:] = 0.0
+    density = analysis.spectrum(jp.Result(dataset), segment=1024).sel(axis="x")
+    assert abs(float(density["frequency"][density.argmax()]) - f) < 10.0
+    assert float(density.integrate("frequency")) == pytest.approx(
+        (2 * np.pi * f * size) ** 2 / 2, rel=0.02
+    )
+
+
+def test_twin_is_the_ideal_run(pair):
+    again = analysis.twin(pair[1])
+    assert np.array_equal(again["tool_position"].values, pair[0]["tool_position"].values)
