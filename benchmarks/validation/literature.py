@@ -253,9 +253,7 @@ def _turning(
     bearing = _bearing(
         clearance, friction=jp.Ambrosio(friction, *FRICTION[1:]), restitution=restitution, **oil
     )
-    run = _prepare(
-        turns + transient, bearing, step=STEP, record_every=round(RECORD / STEP)
-    )  # fmt: skip
+    run = _prepare(turns + transient, bearing, step=STEP, record_every=round(RECORD / STEP))
     shift = 0.5 * clearance * np.random.default_rng(seed).uniform(-1, 1, 2)
     run.workspace.q[1] -= shift[1] / ROD
     run.workspace.q[2] += shift[0]
@@ -331,7 +329,7 @@ def ideal_slider_crank(quick: bool = False, wrong: bool = False) -> Outcome:
     for panel in axes[-1]:
         panel.set_xlabel("crank angle [°]")
     axes[0, 0].legend()
-    return Outcome(max(errors), 1e-4, rows, figure)
+    return Outcome(max(errors), 2e-5, rows, figure)
 
 
 @case(
@@ -390,16 +388,18 @@ def clearance_curves(quick: bool = False, wrong: bool = False) -> Outcome:
                         ("contact", 1),
                     )
                 ),
-            ]  # fmt: skip
+            ]
         )
     if quick:
-        return Outcome(max(errors), 1e-3)
+        return Outcome(max(errors), 1e-5)
     notes = (
         f"Mean ± standard deviation over 8 runs of 20 turns after {TRANSIENT}, the journal "
         "displaced at the start by up to half its clearance; friction 0.01, restitution 0.9, step "
         "2 µs. The figure shows the last turn of one run; scales differ from panel to panel.",
+        "The book's own curves could not be compared number by number: no table of them, nor of any "
+        "other slider-crank with clearance in a revolute joint, was found in an open source.",
     )
-    return Outcome(max(errors), 1e-3, rows, _draw_curves(), notes)
+    return Outcome(max(errors), 1e-5, rows, _draw_curves(), notes)
 
 
 def _draw_curves():
@@ -425,7 +425,7 @@ def _draw_curves():
             panel.set(xticks=(0, 90, 180, 270, 360), xlim=(0, 360))
             if clearance == CLEARANCES[0]:
                 panel.set_ylabel(label)
-        column[0].set_title(_size(clearance), fontsize=11)
+        column[0].set_title(f"clearance {_size(clearance)}", fontsize=10)
         column[-1].set_xlabel("crank angle [°]")
     axes[0, 0].legend(fontsize=8, loc="upper left")
     return figure
@@ -492,7 +492,7 @@ def _draw_orbits(maps):
         circle = 1e3 * clearance * round_
         path.plot(circle.real, circle.imag, color=COLOURS[1], lw=1.2, label="clearance circle")
         path.set_aspect("equal")
-        path.set_title(_size(clearance), fontsize=11)
+        path.set_title(f"clearance {_size(clearance)}", fontsize=10)
         path.set_xlabel("journal x [mm]")
         half = len(velocity) // 2
         for k, (at, mark) in enumerate(((slice(half), "o"), (slice(half, None), "x"))):
@@ -877,9 +877,9 @@ def _guided(duration: float) -> jp.Result:
     "files there, steps of 0.1 ms) and with a non-smooth integration written out in the case "
     "(Moreau's time stepping, steps of 2 µs): crank speed, and the time at which a crank angle is "
     "reached.",
-    measures="largest difference over what is allowed: speeds and times 0.5 % to the integration by "
-    "hand, 2.5 % to Siconos; place across the guide, RMS over the run, 10 % of the clearance to the "
-    "integration by hand",
+    measures="largest difference over what is allowed: for speeds and times 0.5 % to the integration "
+    "by hand and 2.5 % to Siconos; for the place across the guide, RMS over the run, 10 % of the "
+    "clearance to the integration by hand",
     wrong="half the clearance in the integration by hand",
 )
 def clearance_in_the_guide(quick: bool = False, wrong: bool = False) -> Outcome:
@@ -919,6 +919,7 @@ def clearance_in_the_guide(quick: bool = False, wrong: bool = False) -> Outcome:
         )  # fmt: skip
     apart = np.interp(turns, fine[:, 1], fine[:, 3]) - place
     errors.append(float(np.sqrt(np.mean(apart**2))) / 0.1)
+    fine_speed = np.interp(points[0][1], fine[:, 1], fine[:, 2])
     figure, axes = new_figure(2, 1, 8.0, 5.4, sharex=True)
     for panel, found, column, other in ((axes[0, 0], speed, 2, 2), (axes[1, 0], place, 3, 3)):
         panel.plot(turns, found, color=COLOURS[0], lw=1.3, label="jointplay")
@@ -930,5 +931,13 @@ def clearance_in_the_guide(quick: bool = False, wrong: bool = False) -> Outcome:
             )  # fmt: skip
     axes[0, 0].set_ylabel("crank speed [rad/s]")
     axes[1, 0].set(xlabel="crank turns", ylabel="slider across guide / clearance")
-    axes[0, 0].legend(fontsize=9)
-    return Outcome(max(errors), 1.0, rows, figure)
+    axes[0, 0].legend(fontsize=9, loc="upper left", bbox_to_anchor=(0.12, 1.0))
+    notes = (
+        f"Siconos's crank is {100 * (points[0][2] / fine_speed - 1):.1f} % faster at the first "
+        "point already, before any contact, where nothing is lost: by the mass matrix of its "
+        "example, the energy of its states grows by 0.9 % up to there. Whence the 2.5 %.",
+        "The walls here give way by 6 % of the clearance (1 GN/m^1.5), and the corners of the "
+        "light slider bounce one after the other; by hand the walls are rigid and the slider does "
+        "not turn. Small bounces therefore differ, the motion of the mechanism hardly does.",
+    )
+    return Outcome(max(errors), 1.0, rows, figure, notes)
