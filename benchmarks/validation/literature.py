@@ -396,8 +396,8 @@ def clearance_curves(quick: bool = False, wrong: bool = False) -> Outcome:
         f"Mean ± standard deviation over 8 runs of 20 turns after {TRANSIENT}, the journal "
         "displaced at the start by up to half its clearance; friction 0.01, restitution 0.9, step "
         "2 µs. The figure shows the last turn of one run; scales differ from panel to panel.",
-        "The book's own curves could not be compared number by number: no table of them, nor of any "
-        "other slider-crank with clearance in a revolute joint, was found in an open source.",
+        "The book's own curves could not be compared number by number: no table of them, nor of "
+        "any other slider-crank with clearance in a revolute joint, was found in an open source.",
     )
     return Outcome(max(errors), 1e-5, rows, _draw_curves(), notes)
 
@@ -877,9 +877,9 @@ def _guided(duration: float) -> jp.Result:
     "files there, steps of 0.1 ms) and with a non-smooth integration written out in the case "
     "(Moreau's time stepping, steps of 2 µs): crank speed, and the time at which a crank angle is "
     "reached.",
-    measures="largest difference over what is allowed: for speeds and times 0.5 % to the integration "
-    "by hand and 2.5 % to Siconos; for the place across the guide, RMS over the run, 10 % of the "
-    "clearance to the integration by hand",
+    measures="largest difference over what is allowed: for speeds and times 0.5 % to the "
+    "integration by hand and 2.5 % to Siconos; for the place across the guide, RMS over the run, "
+    "10 % of the clearance to the integration by hand",
     wrong="half the clearance in the integration by hand",
 )
 def clearance_in_the_guide(quick: bool = False, wrong: bool = False) -> Outcome:
