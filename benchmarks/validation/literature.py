@@ -494,8 +494,8 @@ def clearance_orbits(quick: bool = False, wrong: bool = False) -> Outcome:
     notes = (
         "Paths: 20 turns of one run after the transient; Poincaré maps: crank at 90°, 60 turns "
         "after 40 of each of two runs, which are told apart by colour; the scales of the maps "
-        "differ. Neighbours: RMS distance over the last turn of the journals of two runs that began "
-        "1 nm apart. Which regular motion is reached at 0.05 mm, periodic or quasi-periodic, "
+        "differ. Neighbours: RMS distance over the last turn of the journals of two runs that "
+        "began 1 nm apart. Which regular motion is reached at 0.05 mm, periodic or quasi-periodic, "
         "depends on the start and on the step.",
     )
     return Outcome(max(errors), 1e-9, rows, _draw_orbits(maps), notes)
