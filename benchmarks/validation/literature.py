@@ -212,7 +212,6 @@ class Turns:
 
         begins = np.count_nonzero(self.pressed[1:] & ~self.pressed[:-1])
         velocity, acceleration, moment = map(off, ("velocity", "acceleration", "moment"))
-        once = slice(self.per_turn // 4, None, self.per_turn)  # at 90 degrees
         return {
             "velocity_off": velocity[0],
             "velocity_peak": velocity[1],
@@ -223,7 +222,6 @@ class Turns:
             "force_kN": 1e-3 * self.largest_force,
             "contact": 100 * np.mean(self.pressed),
             "impacts": begins / self.turns,
-            "scatter": np.std(self.acceleration[once]) / np.abs(ideal.acceleration).max(),
             "thinnest_um": 1e6 * self.thinnest,
         }
 
@@ -479,7 +477,7 @@ def clearance_orbits(quick: bool = False, wrong: bool = False) -> Outcome:
         errors.append(max(float(circle), float(miss), 0.0))
         if quick:
             continue
-        long = _long_runs(clearance)
+        long = _long_runs(clearance)  # at 90 degrees, once a turn
         once = [slice(one.per_turn // 4, None, one.per_turn) for one in long]
         maps.append(
             [
@@ -845,14 +843,9 @@ def _nonsmooth(duration: float, step: float, clearance: float) -> np.ndarray:
 
 def _guided(duration: float) -> jp.Result:
     """The same with the package: corners on walls, nearly rigid."""
-    straight = [(length / 2, mass) for length, mass in zip(BARS, (BAR_MASS,) * 2, strict=True)]
     path = urdf(
-        *(
-            body(name, mass, f"{middle} 0 0", inertia)
-            for name, (middle, mass), inertia in zip(
-                ("crank", "rod"), straight, BAR_INERTIA, strict=True
-            )
-        ),
+        body("crank", BAR_MASS, f"{BARS[0] / 2} 0 0", BAR_INERTIA[0]),
+        body("rod", BAR_MASS, f"{BARS[1] / 2} 0 0", BAR_INERTIA[1]),
         body("slider", BLOCK_MASS, "0 0 0", BLOCK_INERTIA),
         joint("main", "base", "crank", "continuous"),
         joint("big_end", "crank", "rod", "continuous", at=f"{BARS[0]} 0 0"),
