@@ -644,17 +644,17 @@ def clearance_findings(quick: bool = False, wrong: bool = False) -> Outcome:
         f"{_list(1e3 * np.array(CLEARANCES))} mm with {OIL:g} Pa s, and {_list(thinner)} µm with "
         f"{OIL / 4:g} Pa s. A film cannot be thicker than its clearance, and relative to it "
         "the film does become thinner throughout.",
-        "**Thresholds and measures changed after a first look:** friction and damping were to bring "
-        "0.8 at most; damping brought 0.803, and both are now judged by their direction, as the "
-        "growths are. Regular motion was first judged by whether the Poincaré map's points repeat "
-        "every 1 to 8 turns (0.05 mm against 0.5 mm: 0.18, threshold 0.1, failed), then by "
-        "neighbouring starts.",
-        "**Regular motion at 0.05 mm is not shown by neighbouring starts either.** The first impacts "
-        "magnify 1 nm before the motion settles, and neighbours then follow it in another phase: "
-        "their distance stays between 1 and 6 % of the clearance from turn 20 to turn 100, in a run "
-        "whose Poincaré map repeats every few turns and in one whose map fills a curve. Whether the "
-        "latter is quasi-periodic or weakly chaotic is open; neighbours would have to part after the "
-        "transient.",
+        "**Thresholds and measures changed after a first look:** friction and damping were to "
+        "bring 0.8 at most; damping brought 0.803, and both are now judged by their direction, "
+        "as the growths are. Regular motion was first judged by whether the Poincaré map's "
+        "points repeat every 1 to 8 turns (0.05 mm against 0.5 mm: 0.18, threshold 0.1, "
+        "failed), then by neighbouring starts.",
+        "**Regular motion at 0.05 mm is not shown by neighbouring starts either.** The first "
+        "impacts magnify 1 nm before the motion settles, and neighbours then follow it in "
+        "another phase: their distance stays between 1 and 6 % of the clearance from turn 20 to "
+        "turn 100, in a run whose Poincaré map repeats every few turns and in one whose map "
+        "fills a curve. Whether the latter is quasi-periodic or weakly chaotic is open; "
+        "neighbours would have to part after the transient.",
     )
     return Outcome(float(failed), 0.0, rows, _draw_findings(dry), notes)
 
