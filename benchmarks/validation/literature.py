@@ -651,7 +651,7 @@ def clearance_findings(quick: bool = False, wrong: bool = False) -> Outcome:
         "failed), then by neighbouring starts.",
         "**Regular motion at 0.05 mm is not shown by neighbouring starts either.** The first "
         "impacts magnify 1 nm before the motion settles, and neighbours then follow it in "
-        "another phase: their distance stays between 1 and 6 % of the clearance from turn 20 to "
+        "another phase: their distance stays between 1 and 6 % of the clearance from turn 30 to "
         "turn 100, in a run whose Poincaré map repeats every few turns and in one whose map "
         "fills a curve. Whether the latter is quasi-periodic or weakly chaotic is open; "
         "neighbours would have to part after the transient.",
