@@ -168,3 +168,17 @@ def test_friction_step_limit_is_that_of_a_damper():
     expected = 2.0 * effective_mass(mechanism, "joint_b", q) / damper
     assert friction_step_limit(mechanism, "joint_b", q, 3000.0) == pytest.approx(expected)
     assert friction_step_limit(mechanism, "joint_b", q, 0.0) == np.inf
+
+
+def test_journal_of_a_loop_is_displaced_at_a_dead_centre_too():
+    scenario = jp.Scenario.load("jointplay:slider_crank.toml")
+    clearance = 0.2e-3
+    offsets = []
+    for seed in range(5):
+        run = scenario.simulation("0.2 mm", {"integration": {"seed": seed}}).prepare()
+        mechanism, q = run.mechanism, run.workspace.q
+        assert q[mechanism.coordinate("crank_pin")] == 0.0
+        pin.forwardKinematics(mechanism.model, mechanism.data, q)
+        offsets.append(mechanism.journal_pose("piston_pin").translation[:2])
+    assert (np.abs(offsets) <= 0.5 * clearance + 1e-9).all()
+    assert np.ptp(offsets, axis=0).min() > 0.1 * clearance

@@ -253,7 +253,9 @@ class Run:
         )
         q = assemble(mechanism, q, held)
         if simulation.seed is not None:
-            q = self._perturbed(q, held, simulation.seed)
+            # A displaced journal moves the loop's other joints, also those whose start is given.
+            leading = [i for n in followed for i in (mechanism.coordinate(n), mechanism.motor(n))]
+            q = self._perturbed(q, leading, simulation.seed)
         return q, consistent_velocity(mechanism, q, v, moving)
 
     def _perturbed(self, q: np.ndarray, held: Sequence[int], seed: int) -> np.ndarray:
