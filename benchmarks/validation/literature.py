@@ -659,7 +659,7 @@ def clearance_findings(quick: bool = False, wrong: bool = False) -> Outcome:
         f"{OIL / 4:g} Pa s. A film cannot be thicker than its clearance, and relative to it "
         "the film does become thinner throughout.",
         "**Thresholds** were written after a probe of one or two runs per setting: the table "
-        "confirms more than it predicts. Two changed afterwards: friction and damping were to bring "
+        "confirms more than it predicts. Two changed later: friction and damping were to bring "
         "0.8 at most; damping brought 0.803, and both are now judged by their direction, as the "
         "growths are.",
     )
