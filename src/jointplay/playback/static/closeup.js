@@ -1,0 +1,182 @@
+// The close-up: bearing cut open, journal, contact points and forces. Displacements are magnified,
+// sizes are not; closeup.py says how. All in bearing axes, which move with the bearing.
+
+const SHELL = 1.16;   // outer radius of the drawn bearing, inner one being 1
+const GUIDE = 1.5;    // length of a guide that is drawn, relative to its slider
+
+function lineOf(points, colour, opacity = 1) {
+    const geometry = new THREE.BufferGeometry().setFromPoints(points.map(p => new THREE.Vector3(...p)));
+    return new THREE.LineSegments(geometry,
+        new THREE.LineBasicMaterial({color: colour, transparent: opacity < 1, opacity}));
+}
+
+function circleAt(z, radius = 1) {
+    const points = [];
+    for (let i = 0; i < 96; i++) {
+        for (const k of [i, i + 1]) {
+            const angle = 2 * Math.PI * k / 96;
+            points.push([radius * Math.cos(angle), radius * Math.sin(angle), z]);
+        }
+    }
+    return points;
+}
+
+// Two tones, by angle about z (and by hemisphere, for a ball), so that turning is seen.
+function twoTone(geometry, ball) {
+    const plain = geometry.toNonIndexed(), position = plain.attributes.position;
+    const colours = new Float32Array(3 * position.count);
+    for (let i = 0; i < position.count; i += 3) {
+        const x = position.getX(i) + position.getX(i + 1) + position.getX(i + 2);
+        const y = position.getY(i) + position.getY(i + 1) + position.getY(i + 2);
+        const z = position.getZ(i) + position.getZ(i + 1) + position.getZ(i + 2);
+        let sector = Math.floor((Math.atan2(y, x) + Math.PI) / (Math.PI / 4));
+        if (ball && z > 0) sector++;
+        colours.fill(sector % 2 ? 1 : 0.72, 3 * i, 3 * i + 9);
+    }
+    plain.setAttribute("color", new THREE.BufferAttribute(colours, 3));
+    return plain;
+}
+
+function journalOf({kind, size}) {
+    const [a, b, c] = size;
+    const group = new THREE.Group();
+    let geometry;
+    if (kind === "block") geometry = new THREE.BoxGeometry(2 * a, 2 * b, 2 * c);
+    else if (kind === "ball") geometry = twoTone(new THREE.SphereGeometry(a, 64, 32).rotateX(Math.PI / 2), true);
+    else geometry = twoTone(new THREE.CylinderGeometry(a, a, 2 * c, 96, 1).rotateX(Math.PI / 2), false);
+    const material = new THREE.MeshPhongMaterial({vertexColors: kind !== "block", shininess: 20, side: THREE.DoubleSide});
+    group.add(new THREE.Mesh(geometry, material));
+    const edges = new THREE.LineBasicMaterial({color: 0x1d2730});
+    if (kind !== "ball") group.add(new THREE.LineSegments(new THREE.EdgesGeometry(geometry, 40), edges));
+    if (kind !== "ball") group.add(lineOf([[0, 0, -1.35 * c], [0, 0, 1.35 * c]], 0x1d2730));
+    group.matrixAutoUpdate = false;
+    group.material = material;
+    return group;
+}
+
+// A bearing whose inner half extents are 1, its half towards -y taken away.
+function bearingOf({kind, walls}) {
+    const material = new THREE.MeshPhongMaterial({
+        color: 0x78909c, transparent: true, opacity: 0.3, side: THREE.DoubleSide, depthWrite: false,
+    });
+    const group = new THREE.Group(), add = geometry => group.add(new THREE.Mesh(geometry, material));
+    const dark = 0x37474f;
+    if (kind === "block") {
+        const thick = SHELL - 1, spanY = walls ? SHELL : 1;
+        for (const side of [1, -1]) {
+            add(new THREE.BoxGeometry(thick, 2 * spanY, 2 * GUIDE).translate(side * (1 + thick / 2), 0, 0));
+        }
+        if (walls) add(new THREE.BoxGeometry(2, thick, 2 * GUIDE).translate(0, 1 + thick / 2, 0));
+        const outline = [];
+        for (const z of [GUIDE, -GUIDE]) {
+            for (const [p, q] of [[[-1, -1], [1, -1]], [[1, -1], [1, 1]], [[1, 1], [-1, 1]], [[-1, 1], [-1, -1]]]) {
+                outline.push([...p, z], [...q, z]);
+            }
+        }
+        for (const x of [1, -1]) for (const y of [1, -1]) outline.push([x, y, -GUIDE], [x, y, GUIDE]);
+        group.add(lineOf(outline, dark, 0.8));
+        group.ticks = lineOf([-1, -0.6, -0.2, 0.2, 0.6, 1].flatMap(z => [[-1, 1, z], [1, 1, z]]), dark, 0.5);
+        group.add(group.ticks);
+    } else if (kind === "ball") {
+        for (const radius of [1, SHELL]) add(new THREE.SphereGeometry(radius, 64, 32, Math.PI, Math.PI).rotateX(Math.PI / 2));
+        add(new THREE.RingGeometry(1, SHELL, 64).rotateX(Math.PI / 2));
+        const upright = circleAt(0).map(([x, y]) => [x, 0, y]);
+        group.add(lineOf([...circleAt(0), ...upright], dark, 0.8));
+    } else {
+        for (const radius of [1, SHELL]) {
+            add(new THREE.CylinderGeometry(radius, radius, 2, 64, 1, true, Math.PI / 2, Math.PI)
+                .rotateX(Math.PI / 2));
+        }
+        for (const side of [1, -1]) {
+            add(new THREE.RingGeometry(walls ? 0 : 1, SHELL, 64, 1, 0, Math.PI).translate(0, 0, side));
+            const middle = side * (1 + SHELL) / 2;
+            add(new THREE.PlaneGeometry(SHELL - 1, 2).rotateX(Math.PI / 2).translate(middle, 0, 0));
+        }
+        group.add(lineOf([...circleAt(1), ...circleAt(-1),
+            [1, 0, -1], [1, 0, 1], [-1, 0, -1], [-1, 0, 1]], dark, 0.8));
+    }
+    const axis = [];
+    for (let i = -7; i < 7; i += 2) axis.push([0, 0, i * 0.2], [0, 0, (i + 1) * 0.2]);
+    group.add(lineOf(axis, 0x37474f, 0.9));
+    group.matrixAutoUpdate = false;
+    return group;
+}
+
+class CloseUp {
+    constructor(viewer, owner, joint) {
+        Object.assign(this, {viewer, owner, joint, shape: joint.entry.shape});
+        this.group = new THREE.Group();
+        this.bearing = bearingOf(this.shape);
+        this.journal = journalOf(this.shape);
+        this.bearing.name = "bearing";
+        this.journal.name = "journal";
+        this.group.add(this.bearing, this.journal);
+        const radius = Math.min(...this.shape.size);
+        this.dot = 0.06 * radius;
+        this.contacts = joint.entry.contacts.map(name => {
+            const point = new THREE.Mesh(new THREE.SphereGeometry(this.dot, 16, 12),
+                new THREE.MeshBasicMaterial({color: 0x000000, depthTest: false, transparent: true}));
+            point.renderOrder = 11;
+            const normal = makeArrow(MODES[2].colour), friction = makeArrow(FRICTION);
+            point.name = `${name} point`;
+            normal.name = `${name} normal force`;
+            friction.name = `${name} friction force`;
+            this.group.add(point, normal, friction);
+            return {point, normal, friction};
+        });
+        viewer.set_object(["closeup", `case${owner.index}`, joint.name], this.group);
+        this.group.visible = false;
+    }
+
+    // Half extents of the bearing as drawn.
+    extent(magnification) {
+        return this.shape.size.map((size, k) => size + magnification * this.shape.room[k]);
+    }
+
+    update(view) {
+        const {joint, owner, shape} = this, M = view.magnification;
+        const c = CloseUp, place = owner.place;
+        const [ex, ey, ez] = this.extent(M);
+        this.bearing.matrix.makeScale(ex, ey, ez);
+        this.bearing.matrixWorldNeedsUpdate = true;
+        // The view travels with a slider: marks on its guide move instead.
+        const slide = vectorAt(joint.slide, place, 0, c.slide);
+        if (this.bearing.ticks) {
+            const pitch = 0.4, away = -slide.z / ez;
+            this.bearing.ticks.position.z = away - pitch * Math.round(away / pitch);
+        }
+        turnAt(joint.turn, place, 0, c.turn);
+        vectorAt(joint.displacement, place, 0, c.away);
+        vectorAt(joint.tilt, place, 0, c.tilt).multiplyScalar(M);
+        const {x, y, z} = c.tilt;
+        c.skew.set(1, -z, y, M * c.away.x, z, 1, -x, M * c.away.y, -y, x, 1, M * c.away.z, 0, 0, 0, 1);
+        this.journal.matrix.makeRotationFromQuaternion(c.turn).premultiply(c.skew);
+        this.journal.matrixWorldNeedsUpdate = true;
+        this.journal.material.color.setHex(MODES[joint.modeNow].colour);
+        const m = this.contacts.length;
+        this.contacts.forEach(({point, normal, friction}, k) => {
+            let top = joint.to;
+            for (let row = joint.from; row < joint.to; row++) {
+                if (joint.pressing[row * m + k] > joint.pressing[top * m + k]) top = row;
+            }
+            const size = joint.pressing[top * m + k], at = 3 * (top * m + k);
+            point.visible = size > 0;
+            normal.visible = friction.visible = false;
+            if (!point.visible) return;
+            c.at.fromArray(joint.place.values, at);
+            point.position.fromArray(joint.shift.values, at).multiplyScalar(M).add(c.at);
+            c.force.fromArray(joint.normal.values, at);
+            const scale = view.closeMetresPerNewton * view.forceFactor, most = 3 * Math.min(...shape.size);
+            const length = Math.min(size * scale, most);
+            // A push: its head is where it acts.
+            c.at.copy(c.force).multiplyScalar(-length / size).add(point.position);
+            aimArrow(normal, c.at, c.force, length, 0.5 * this.dot);
+            c.force.fromArray(joint.friction.values, at);
+            aimArrow(friction, point.position, c.force,
+                Math.min(c.force.length() * scale, most), 0.5 * this.dot);
+        });
+    }
+}
+CloseUp.turn = new THREE.Quaternion();
+CloseUp.skew = new THREE.Matrix4();
+for (const name of ["slide", "away", "tilt", "at", "force"]) CloseUp[name] = new THREE.Vector3();

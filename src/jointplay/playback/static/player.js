@@ -1,0 +1,615 @@
+// The player: views, time, controls.
+
+const SPEEDS = [1 / 10000, 1 / 5000, 1 / 2000, 1 / 1000, 1 / 500, 1 / 200, 1 / 100, 1 / 50, 1 / 20,
+    1 / 10, 1 / 5, 1 / 2, 1, 2, 5, 10];
+const FACTORS = [1, 2, 5, 10, 20, 50, 100, 200, 500, 1000];
+const IMPACT_SPEED = 1 / 1000;    // at impacts, if slow motion there is switched on
+const IMPACT_WINDOW = [5e-4, 2e-3];  // before and after, s
+const STRONG = 0.25;              // of the largest: impacts that are slowed down
+const LEAD = 5e-4;                // jumping to an impact stops this long before it, s
+const HOLD = 0.1;                 // s of viewing for which forces show while playing
+const SIDEBAR = 268, FOOTER = 128;
+
+const $ = id => document.getElementById(id);
+const speedName = s => s < 1 ? `1/${Math.round(1 / s)}` : `${s}`;
+const css = colour => "#" + colour.toString(16).padStart(6, "0");
+
+function quantity(value, unit) {
+    if (value === 0) return `0 ${unit}`;
+    const steps = [[1e3, "k"], [1, ""], [1e-3, "m"], [1e-6, "\u00b5"], [1e-9, "n"]];
+    const [step, prefix] = steps.find(([s]) => Math.abs(value) >= 0.9995 * s) || steps[steps.length - 1];
+    return `${(value / step).toPrecision(3).replace(/\.?0+$/, m => m.startsWith(".") ? "" : m)} ${prefix}${unit}`;
+}
+
+class Player {
+    constructor(viewer, contents, block) {
+        Object.assign(this, {viewer, contents});
+        this.cases = contents.cases.map((entry, i) => new Case(viewer, block, entry, i, contents.cases));
+        this.start = Math.min(...contents.cases.map(c => c.start));
+        this.end = Math.max(...contents.cases.map(c => c.end));
+        this.t = this.start;
+        this.playing = false;
+        this.speed = 1;
+        this.joint = contents.joint;
+        this.layout = this.joint ? "both" : "robot";
+        this.sidebar = true;
+        this.closeups = this.cases.flatMap(c => c.joints.map(joint => new CloseUp(viewer, c, joint)));
+        const reach = Math.max(...contents.cases.map(c => c.reach));
+        const joints = this.cases.flatMap(c => c.entry.joints);
+        const largest = Math.max(1e-9, ...joints.map(j => j.largest));
+        const largestContact = Math.max(1e-9, ...joints.map(j => j.largest_contact));
+        const radius = Math.min(0.1, ...joints.map(j => Math.min(...j.shape.size)));
+        this.reach = reach;
+        this.view = {
+            deviation: 1,
+            magnification: contents.magnification,
+            forceFactor: 1,
+            metresPerNewton: nice(0.35 * reach / largest),
+            closeMetresPerNewton: nice(2.5 * radius / largestContact),
+            longest: 0.6 * reach,
+            thickness: 0.009 * reach,
+            ring: 0.075 * reach,
+        };
+        this.orbit = {azimuth: -1.15, elevation: 0.38, zoom: 1};
+        this.slowAtImpacts = false;
+        this.loop = false;
+        this.overlay = false;
+        this.makeStage();
+        this.makeControls();
+        this.place();
+        viewer.render = () => this.render();
+        this.cameraPreset("robot");
+        this.setMagnification(this.view.magnification);
+        this.seek(this.t);
+        this.frames = 0;
+        this.last = performance.now();
+        requestAnimationFrame(now => this.tick(now));
+    }
+
+    // ---- stage -------------------------------------------------------------------------------
+
+    makeStage() {
+        const {viewer} = this;
+        viewer.set_property(["Background"], "top_color", [0.93, 0.95, 0.97]);
+        viewer.set_property(["Background"], "bottom_color", [0.78, 0.82, 0.86]);
+        viewer.set_property(["Axes"], "visible", false);
+        viewer.camera.near = this.reach / 200;
+        viewer.camera.far = this.reach * 500;
+        viewer.gui.domElement.style.display = "none";
+        for (const c of this.cases) {
+            c.update(c.entry.start, c.entry.start, this.view);
+            c.drawTraces(1);
+        }
+        viewer.scene.updateMatrixWorld(true);
+        // Extent of each case in scene axes, its bodies included.
+        const back = viewer.scene.matrixWorld.clone().invert();
+        for (const c of this.cases) {
+            const box = new THREE.Box3();
+            for (const {node, twin} of c.bodies) if (!twin) box.expandByObject(node);
+            box.applyMatrix4(back);
+            c.box = box.union(new THREE.Box3(new THREE.Vector3(...c.entry.low), new THREE.Vector3(...c.entry.high)));
+        }
+        const all = this.cases.reduce((box, c) => box.union(c.box), new THREE.Box3());
+        const size = all.getSize(new THREE.Vector3());
+        this.floor = all.min.z;
+        this.cell = nice(this.reach / 3);
+        const grid = viewer.scene_tree.find(["Grid"]);
+        const scale = this.cell / 0.5;
+        grid.set_transform([scale, 0, 0, 0, 0, scale, 0, 0, 0, 0, scale, 0, 0, 0, this.floor, 1]);
+        const lines = grid.children["<object>"].object.material;
+        lines.vertexColors = false;
+        lines.color.set(0x9aa7b1);
+        lines.needsUpdate = true;
+        this.across = size.x < size.y ? "x" : "y";
+        this.spacing = 1.1 * size[this.across] + 0.15 * this.reach;
+    }
+
+    // Cases side by side, or all in one place.
+    place() {
+        let shown = 0;
+        for (const c of this.cases) {
+            const offset = new THREE.Vector3();
+            if (!this.overlay) offset[this.across] = this.spacing * shown;
+            c.moveTo(offset);
+            if (c.visible) shown++;
+        }
+        this.dirty();
+    }
+
+    cameraPreset(name) {
+        const box = new THREE.Box3();
+        for (const c of this.cases) if (c.visible) box.union(c.box.clone().translate(c.offset));
+        if (box.isEmpty()) return;
+        const centre = box.getCenter(new THREE.Vector3());
+        const side = this.across === "y";
+        const from = {
+            robot: side ? [1, -0.28, 0.62] : [-0.28, -1, 0.62],
+            front: side ? [1, 0, 0.02] : [0, -1, 0.02],
+            top: side ? [0.001, 0, 1] : [0, -0.001, 1],
+        }[name];
+        const direction = new THREE.Vector3(...from).normalize();
+        const rect = this.rects().robot;
+        const half = Math.tan(this.viewer.camera.fov * Math.PI / 360) * Math.min(1, rect ? rect.w / rect.h : 1);
+        // Far enough for the corners of the box.
+        let distance = 0;
+        const right = new THREE.Vector3().crossVectors(direction, UP).normalize().negate();
+        const up = new THREE.Vector3().crossVectors(direction, right);
+        const aspect = rect ? rect.w / rect.h : 1;
+        const tangent = Math.tan(this.viewer.camera.fov * Math.PI / 360);
+        for (const x of [box.min.x, box.max.x]) for (const y of [box.min.y, box.max.y]) for (const z of [box.min.z, box.max.z]) {
+            const p = new THREE.Vector3(x, y, z).sub(centre);
+            const depth = p.dot(direction);
+            distance = Math.max(distance, depth + Math.abs(p.dot(right)) / (tangent * aspect),
+                depth + Math.abs(p.dot(up)) / tangent);
+        }
+        const at = direction.multiplyScalar(1.12 * distance).add(centre);
+        // Meshcat's camera has y up.
+        this.viewer.camera.position.set(at.x, at.z, -at.y);
+        this.viewer.controls.target.set(centre.x, centre.z, -centre.y);
+        this.viewer.controls.update();
+        this.dirty();
+    }
+
+    // ---- views -------------------------------------------------------------------------------
+
+    shownCloseups() {
+        return this.closeups.filter(c => c.joint.name === this.joint && c.owner.visible);
+    }
+
+    // Rectangles of the views in CSS pixels, from the top left.
+    rects() {
+        const width = window.innerWidth, height = Math.max(window.innerHeight - FOOTER, 50);
+        const x = this.sidebar ? Math.min(SIDEBAR, 0.5 * width) : 0;
+        const whole = {x, y: 0, w: Math.max(width - x, 50), h: height};
+        const close = this.layout === "robot" ? [] : this.shownCloseups();
+        if (!close.length) return {robot: whole, close: []};
+        if (this.layout === "both") {
+            const w = Math.round(0.38 * whole.w), h = Math.floor(height / close.length);
+            return {
+                robot: {...whole, w: whole.w - w},
+                close: close.map((view, i) => ({view, x: x + whole.w - w, y: i * h, w, h: h - 1})),
+            };
+        }
+        const columns = Math.ceil(Math.sqrt(close.length * whole.w / whole.h / 1.2)) || 1;
+        const across = Math.min(columns, close.length), down = Math.ceil(close.length / across);
+        const w = Math.floor(whole.w / across), h = Math.floor(height / down);
+        return {
+            robot: null,
+            close: close.map((view, i) => ({view, x: x + (i % across) * w, y: Math.floor(i / across) * h, w: w - 1, h: h - 1})),
+        };
+    }
+
+    render() {
+        const {viewer} = this, {renderer, scene, camera} = viewer;
+        const {robot, close} = this.rects();
+        const tree = viewer.scene_tree;
+        const stage = ["meshcat", "Grid", "Axes"].map(name => tree.find([name]).object);
+        const wanted = stage.map(object => object.visible);
+        const put = ({x, y, w, h}) => {
+            const bottom = renderer.domElement.clientHeight - y - h;
+            renderer.setViewport(x, bottom, w, h);
+            renderer.setScissor(x, bottom, w, h);
+        };
+        renderer.setScissorTest(true);
+        for (const c of this.closeups) c.group.visible = false;
+        if (robot) {
+            put(robot);
+            viewer.controls.update();
+            camera.aspect = robot.w / robot.h;
+            camera.updateProjectionMatrix();
+            renderer.render(scene, camera);
+        }
+        stage.forEach(object => { object.visible = false; });
+        for (const rect of close) {
+            const {view} = rect;
+            put(rect);
+            view.group.visible = true;
+            renderer.render(scene, this.closeCamera(view, rect));
+            view.group.visible = false;
+        }
+        stage.forEach((object, i) => { object.visible = wanted[i]; });
+        for (const {view} of close) view.group.visible = true;
+        viewer.needs_render = false;
+        this.frames++;
+        this.label(robot, close);
+    }
+
+    closeCamera(view, {w, h}) {
+        const [ex, ey, ez] = view.extent(this.view.magnification);
+        const radius = SHELL * Math.hypot(Math.max(ex, ey), view.shape.kind === "block" ? GUIDE * ez : ez);
+        const span = 1.25 * radius / this.orbit.zoom;
+        const {azimuth, elevation} = this.orbit;
+        // Scene axes have y up, too: (x, y, z) here is (x, z, -y) there.
+        const direction = new THREE.Vector3(Math.cos(elevation) * Math.cos(azimuth),
+            Math.sin(elevation), -Math.cos(elevation) * Math.sin(azimuth));
+        const half = Math.max(span, span * h / w);
+        const camera = new THREE.OrthographicCamera(-half * w / h, half * w / h, half, -half,
+            0.01 * radius, 40 * radius);
+        camera.position.copy(direction.multiplyScalar(20 * radius));
+        camera.lookAt(0, 0, 0);
+        camera.updateMatrixWorld();
+        return camera;
+    }
+
+    // Words over the pictures.
+    label(robot, close) {
+        const key = JSON.stringify([robot, close.map(r => [r.x, r.y, r.w, r.h, r.view.owner.index])]);
+        if (key !== this.labelled) {
+            this.labelled = key;
+            $("views").replaceChildren(...close.map(rect => {
+                const box = document.createElement("div");
+                box.className = "closeup";
+                Object.assign(box.style, {left: `${rect.x}px`, top: `${rect.y}px`, width: `${rect.w}px`, height: `${rect.h}px`});
+                box.innerHTML = "<div class='caption'><b></b><span class='mode'></span><div class='numbers'></div></div><div class='scale'></div>";
+                box.querySelector("b").textContent = `${rect.view.joint.name}, ${rect.view.owner.label}`;
+                box.querySelector("b").style.color = rect.view.owner.entry.colour;
+                this.letOrbit(box);
+                rect.view.box = box;
+                return box;
+            }));
+        }
+        for (const {view, w, h} of close) {
+            const {joint, owner, box} = view;
+            const mode = box.querySelector(".mode"), to = joint.to;
+            mode.textContent = MODES[joint.modeNow].name;
+            mode.style.background = css(MODES[joint.modeNow].colour);
+            const away = vectorAt(joint.displacement, owner.place, 0, CloseUp.away).length();
+            const held = joint.top !== to || this.playing ? "largest " : "";
+            box.querySelector(".numbers").innerHTML =
+                `${held}contact force ${quantity(joint.force_N, "N")}<br>` +
+                `displacement ${quantity(away, "m")}, tilt ${quantity(joint.tilt_angle.values[to], "rad")}`;
+            const camera = this.closeCamera(view, {w, h});
+            const perMetre = h / (camera.top - camera.bottom);
+            const length = nice(0.25 * w / perMetre), M = this.view.magnification;
+            const scale = `<i style="width:${Math.round(length * perMetre)}px"></i>` +
+                `${quantity(length, "m")} of size = ${quantity(length / M, "m")} of displacement ` +
+                `(&times; ${M})<br>${this.forceScale(view.shape)}`;
+            const element = box.querySelector(".scale");
+            if (element.dataset.text !== scale) { element.innerHTML = scale; element.dataset.text = scale; }
+        }
+        this.tags.forEach((tag, i) => {
+            const c = this.cases[i];
+            const at = new THREE.Vector3((c.box.min.x + c.box.max.x) / 2, (c.box.min.y + c.box.max.y) / 2,
+                c.box.max.z + 0.06 * this.reach).add(c.offset);
+            at.applyMatrix4(this.viewer.scene.matrixWorld).project(this.viewer.camera);
+            tag.hidden = !robot || !c.visible || this.overlay || Math.abs(at.z) > 1;
+            if (tag.hidden) return;
+            const half = tag.offsetWidth / 2, x = robot.x + (at.x + 1) / 2 * robot.w;
+            tag.style.left = `${Math.min(Math.max(x, robot.x + half), robot.x + robot.w - half)}px`;
+            tag.style.top = `${Math.min(Math.max(robot.y + (1 - at.y) / 2 * robot.h, 12), robot.h - 12)}px`;
+        });
+    }
+
+    forceScale() {
+        const perMetre = this.view.closeMetresPerNewton * this.view.forceFactor;
+        const length = 0.01;
+        return `arrows: 10 mm of size = ${quantity(length / perMetre, "N")}`;
+    }
+
+    letOrbit(box) {
+        box.onpointerdown = event => { box.setPointerCapture(event.pointerId); };
+        box.onpointermove = event => {
+            if (!box.hasPointerCapture(event.pointerId)) return;
+            this.orbit.azimuth -= 0.01 * event.movementX;
+            this.orbit.elevation = Math.min(1.55, Math.max(-1.55, this.orbit.elevation + 0.01 * event.movementY));
+            this.dirty();
+        };
+        box.onwheel = event => {
+            event.preventDefault();
+            this.orbit.zoom = Math.min(20, Math.max(0.3, this.orbit.zoom * Math.exp(-0.001 * event.deltaY)));
+            this.dirty();
+        };
+    }
+
+    dirty() { this.viewer.set_dirty(); }
+
+    // ---- time --------------------------------------------------------------------------------
+
+    tick(now) {
+        const passed = Math.min((now - this.last) / 1000, 0.25);
+        this.last = now;
+        if (this.playing) this.advance(passed);
+        requestAnimationFrame(later => this.tick(later));
+    }
+
+    // Play on by `passed` seconds of viewing.
+    advance(passed) {
+        let t = this.t, left = passed;
+        const strong = this.slowAtImpacts ? this.impacts.filter(hit => hit.force >= STRONG * this.strongest) : [];
+        while (left > 1e-9) {
+            // The next moment at which the speed changes.
+            let speed = this.speed, until = Infinity;
+            for (const hit of strong) {
+                const from = hit.t - IMPACT_WINDOW[0], to = hit.t + IMPACT_WINDOW[1];
+                if (t >= from && t < to - 1e-12) { speed = Math.min(speed, IMPACT_SPEED); until = Math.min(until, to); }
+                else if (from > t) { until = Math.min(until, from); break; }
+            }
+            const step = Math.min(left, (until - t) / speed);
+            t = step < left ? until : t + step * speed;
+            left -= step;
+            this.speedNow = speed;
+            if (t > this.end) break;
+        }
+        if (t >= this.end) {
+            if (this.loop) t = this.start;
+            else { t = this.end; this.setPlaying(false); }
+        }
+        this.show(t, this.playing ? t - HOLD * (this.speedNow || this.speed) : t);
+    }
+
+    seek(t) { this.show(Math.min(Math.max(t, this.start), this.end)); }
+
+    // Show time t; forces of the time since `held`.
+    show(t, held = t) {
+        const began = performance.now();
+        this.t = t;
+        for (const c of this.cases) c.update(Math.min(t, c.entry.end), Math.min(held, c.entry.end), this.view);
+        for (const c of this.shownCloseups()) c.update(this.view);
+        this.updateSeconds = (performance.now() - began) / 1000;
+        this.showTime();
+        this.dirty();
+    }
+
+    refresh() { this.show(this.t); }
+
+    setPlaying(playing) {
+        if (playing && this.t >= this.end) this.t = this.start;
+        this.playing = playing;
+        this.speedNow = this.speed;
+        $("play").textContent = playing ? "\u275a\u275a" : "\u25b6";
+        $("play").title = playing ? "pause (space)" : "play (space)";
+        if (!playing) this.refresh();
+    }
+
+    setSpeed(speed) {
+        this.speed = this.speedNow = speed;
+        $("speed").value = String(SPEEDS.indexOf(speed));
+        this.showTime();
+    }
+
+    step(direction) {
+        this.setPlaying(false);
+        const c = this.cases.find(one => one.visible && one.joints.length) || this.cases[0];
+        let row = rowAt(c.time, this.t - 1e-9);
+        if (direction > 0) row += c.time[row] <= this.t + 1e-9 ? 1 : 0; else row -= 1;
+        this.seek(c.time[Math.min(Math.max(row, 0), c.time.length - 1)]);
+    }
+
+    jump(direction) {
+        const stops = this.impacts;
+        const ahead = direction > 0
+            ? stops.find(hit => hit.t - LEAD > this.t + 1e-7)
+            : [...stops].reverse().find(hit => hit.t - LEAD < this.t - 1e-7);
+        if (!ahead) { $("status").textContent = stops.length ? "no further impact" : "no impacts"; return; }
+        if (this.speed > 1 / 200) this.setSpeed(1 / 1000);
+        this.seek(Math.max(ahead.t - LEAD, this.start));
+        this.jumped = ahead;
+        $("status").textContent = `impact ${stops.indexOf(ahead) + 1} of ${stops.length} in `
+            + `${quantity(LEAD, "s")}: ${quantity(ahead.force, "N")} at ${ahead.t.toFixed(5)} s, ${ahead.label}`;
+    }
+
+    collectImpacts() {
+        this.impacts = this.cases.filter(c => c.visible).flatMap(c =>
+            c.entry.joints.filter(j => j.name === this.joint).flatMap(j =>
+                j.impacts.time.map((t, i) => ({t, force: j.impacts.force[i], label: c.label, colour: c.entry.colour}))));
+        this.impacts.sort((a, b) => a.t - b.t);
+        this.strongest = Math.max(0, ...this.impacts.map(hit => hit.force));
+        this.drawTimeline();
+    }
+
+    showTime() {
+        const digits = (this.speedNow || this.speed) < 0.02 || !this.playing ? 5 : 2;
+        $("time").textContent = `${this.t.toFixed(digits)} s`;
+        const slow = this.playing && this.speedNow < this.speed;
+        $("rate").textContent = slow ? `slowed to ${speedName(this.speedNow)}` : "";
+        $("slider").value = String((this.t - this.start) / (this.end - this.start));
+    }
+
+    // Contact force over time, strongest in each pixel; ticks at impacts.
+    drawTimeline() {
+        const canvas = $("timeline"), ratio = window.devicePixelRatio || 1;
+        const w = canvas.clientWidth, h = canvas.clientHeight;
+        if (!w) return;
+        canvas.width = w * ratio;
+        canvas.height = h * ratio;
+        const pen = canvas.getContext("2d");
+        pen.scale(ratio, ratio);
+        pen.clearRect(0, 0, w, h);
+        const largest = Math.max(1e-9, ...this.cases.filter(c => c.visible)
+            .flatMap(c => c.entry.joints.filter(j => j.name === this.joint).map(j => j.largest)));
+        const xOf = t => (t - this.start) / (this.end - this.start) * w;
+        for (const c of this.cases) {
+            if (!c.visible) continue;
+            for (const joint of c.joints) {
+                if (joint.name !== this.joint) continue;
+                const top = new Float32Array(w + 1);
+                for (let row = 0; row < c.time.length; row++) {
+                    const x = Math.round(xOf(c.time[row]));
+                    top[x] = Math.max(top[x], joint.size[row]);
+                }
+                pen.strokeStyle = c.entry.colour;
+                pen.globalAlpha = 0.75;
+                pen.beginPath();
+                for (let x = 0; x <= w; x++) {
+                    if (!top[x]) continue;
+                    pen.moveTo(x + 0.5, h);
+                    pen.lineTo(x + 0.5, h - (h - 9) * Math.sqrt(top[x] / largest));
+                }
+                pen.stroke();
+            }
+        }
+        pen.globalAlpha = 1;
+        for (const hit of this.impacts) {
+            pen.fillStyle = hit.colour;
+            pen.fillRect(xOf(hit.t) - 0.5, 0, 1.5, 5);
+        }
+        $("timeline").title = `contact force at ${this.joint || "-"}, 0 to ${quantity(largest, "N")} (square-root scale); ticks: impacts`;
+    }
+
+    // ---- controls ----------------------------------------------------------------------------
+
+    setMagnification(factor) {
+        this.view.magnification = factor;
+        $("magnification").value = String(FACTORS.indexOf(factor));
+        $("magnification-is").textContent = `\u00d7 ${factor}`;
+        this.refresh();
+    }
+
+    setDeviation(factor) {
+        this.view.deviation = factor;
+        $("deviation-is").textContent = `\u00d7 ${factor}`;
+        $("deviation").value = String(FACTORS.indexOf(factor));
+        for (const c of this.cases) c.drawTraces(factor);
+        this.refresh();
+    }
+
+    setForceFactor(factor) {
+        this.view.forceFactor = factor;
+        $("force").value = String(FACTORS.indexOf(factor));
+        const length = nice(this.reach / 5);
+        $("force-is").textContent = `${quantity(length, "m")} = ${quantity(length / (this.view.metresPerNewton * factor), "N")}`;
+        this.refresh();
+    }
+
+    setLayout(layout) {
+        this.layout = layout;
+        for (const name of ["both", "robot", "closeup"]) $(`layout-${name}`).classList.toggle("on", name === layout);
+        this.refresh();
+    }
+
+    showCase(index, visible) {
+        this.cases[index].show(visible);
+        $(`case-${index}`).checked = visible;
+        this.place();
+        this.collectImpacts();
+        this.refresh();
+    }
+
+    setJoint(name) {
+        this.joint = name;
+        this.collectImpacts();
+        this.refresh();
+    }
+
+    makeControls() {
+        const {contents} = this;
+        $("views").hidden = false;
+        this.tags = this.cases.map(c => {
+            const tag = document.createElement("span");
+            tag.textContent = c.label;
+            tag.style.color = c.entry.colour;
+            $("tags").append(tag);
+            return tag;
+        });
+        this.cases.forEach((c, i) => {
+            const row = document.createElement("label");
+            row.innerHTML = `<input type="checkbox" id="case-${i}" checked><i class="line"></i><span></span>`;
+            row.querySelector("i").style.background = c.entry.colour;
+            row.querySelector("span").textContent = c.label + (c.entry.completed ? "" : " (stopped early)");
+            row.title = c.entry.message;
+            row.querySelector("input").onchange = event => this.showCase(i, event.target.checked);
+            $("cases").append(row);
+        });
+        $("ghost-row").hidden = !this.cases.some(c => c.ideal);
+        $("ghost").onchange = event => {
+            for (const c of this.cases) {
+                if (c.ideal) this.viewer.scene_tree.find(["meshcat", `case${c.index}`, "ghost"]).object.visible = event.target.checked;
+            }
+            this.dirty();
+        };
+        $("traces").onchange = event => {
+            for (const c of this.cases) this.viewer.scene_tree.find(["meshcat", `case${c.index}`, "trace"]).object.visible = event.target.checked;
+            this.dirty();
+        };
+        $("forces").onchange = event => {
+            for (const c of this.cases) this.viewer.scene_tree.find(["meshcat", `case${c.index}`, "joints"]).object.visible = event.target.checked;
+            this.dirty();
+        };
+        $("overlay-row").hidden = this.cases.length < 2;
+        $("overlay").onchange = event => { this.overlay = event.target.checked; this.place(); this.cameraPreset("robot"); };
+        for (const [i, mode] of MODES.entries()) {
+            const row = document.createElement("div");
+            row.innerHTML = `<i class="dot" style="background:${css(mode.colour)}"></i>${mode.name}`;
+            row.id = `mode-${i}`;
+            $("modes").append(row);
+        }
+        for (const element of document.querySelectorAll(".needs-joint")) element.hidden = !contents.joints.length;
+        for (const element of document.querySelectorAll(".needs-twin")) element.hidden = !this.cases.some(c => c.ideal);
+        for (const name of contents.joints) $("joint").append(new Option(name, name, false, name === this.joint));
+        $("joint").onchange = event => this.setJoint(event.target.value);
+        const {magnification} = this.view;
+        if (!FACTORS.includes(magnification)) { FACTORS.push(magnification); FACTORS.sort((a, b) => a - b); }
+        for (const [id, set] of [["magnification", "setMagnification"], ["deviation", "setDeviation"], ["force", "setForceFactor"]]) {
+            $(id).max = String(FACTORS.length - 1);
+            $(id).value = "0";
+            $(id).oninput = event => this[set](FACTORS[Number(event.target.value)]);
+        }
+        SPEEDS.forEach((speed, i) => $("speed").append(new Option(`${speedName(speed)} \u00d7`, String(i), false, speed === 1)));
+        $("speed").onchange = event => this.setSpeed(SPEEDS[Number(event.target.value)]);
+        $("play").onclick = () => this.setPlaying(!this.playing);
+        $("next").onclick = () => this.jump(1);
+        $("previous").onclick = () => this.jump(-1);
+        $("forward").onclick = () => this.step(1);
+        $("back").onclick = () => this.step(-1);
+        $("slow").onchange = event => { this.slowAtImpacts = event.target.checked; };
+        $("loop").onchange = event => { this.loop = event.target.checked; };
+        $("slider").oninput = event => {
+            this.setPlaying(false);
+            this.seek(this.start + Number(event.target.value) * (this.end - this.start));
+        };
+        for (const layout of ["both", "robot", "closeup"]) $(`layout-${layout}`).onclick = () => this.setLayout(layout);
+        for (const name of ["robot", "front", "top"]) $(`camera-${name}`).onclick = () => this.cameraPreset(name);
+        $("tree").onclick = () => {
+            const style = this.viewer.gui.domElement.style;
+            style.display = style.display === "none" ? "" : "none";
+        };
+        $("hide").onclick = () => {
+            this.sidebar = !this.sidebar;
+            document.body.classList.toggle("narrow", !this.sidebar);
+            this.dirty();
+        };
+        $("grid-is").textContent = quantity(this.cell, "m");
+        $("end").textContent = `of ${this.end.toPrecision(4).replace(/\.?0+$/, "")} s`;
+        $("notes").replaceChildren(...contents.notes.map(note => {
+            const line = document.createElement("p");
+            line.textContent = note;
+            return line;
+        }));
+        this.setForceFactor(1);
+        this.setDeviation(1);
+        this.setLayout(this.layout);
+        this.collectImpacts();
+        window.addEventListener("resize", () => { this.drawTimeline(); this.dirty(); });
+        window.addEventListener("keydown", event => {
+            if (event.target.tagName === "SELECT" || event.ctrlKey || event.metaKey || event.altKey) return;
+            const act = {
+                " ": () => this.setPlaying(!this.playing),
+                n: () => this.jump(1), p: () => this.jump(-1),
+                ArrowRight: () => this.step(1), ArrowLeft: () => this.step(-1),
+                Home: () => this.seek(this.start), End: () => this.seek(this.end),
+                "+": () => this.faster(1), "-": () => this.faster(-1),
+            }[event.key];
+            if (act) { event.preventDefault(); act(); }
+        });
+        document.body.classList.add("ready");
+    }
+
+    faster(direction) {
+        const i = SPEEDS.indexOf(this.speed) + direction;
+        if (SPEEDS[i]) this.setSpeed(SPEEDS[i]);
+    }
+}
+
+(async () => {
+    try {
+        const contents = JSON.parse($("contents").textContent);
+        const block = await inflate($("block").textContent);
+        $("block").textContent = "";
+        const viewer = new MeshCat.Viewer($("meshcat-pane"));
+        // For the browser's console, and for tests.
+        window.jointplay = new Player(viewer, contents, block);
+    } catch (error) {
+        $("status").textContent = `this page cannot be shown: ${error.message}`;
+        throw error;
+    }
+})();

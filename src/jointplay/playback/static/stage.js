@@ -1,0 +1,243 @@
+// What is seen of the robots: bodies, ideal twins, traces, markers of joints, forces.
+
+const MODES = [
+    {name: "free flight", colour: 0x3b8bc9},
+    {name: "continuous contact", colour: 0xf2b134},
+    {name: "pseudo-penetration", colour: 0xc8244c},
+];
+const GHOST = 0x00897b;
+const FRICTION = 0x2e7d32;
+const MOST_EDGES = 60000;  // triangles of a body whose outline is still drawn for its twin
+
+function nodeAt(viewer, path) {
+    const node = viewer.scene_tree.find(path).object;
+    node.matrixAutoUpdate = false;
+    return node;
+}
+
+// An arrow along +z of length 1, to be scaled. It is drawn over whatever hides it.
+function makeArrow(colour) {
+    const material = new THREE.MeshBasicMaterial({color: colour, depthTest: false, transparent: true});
+    const shaft = new THREE.Mesh(new THREE.CylinderGeometry(1, 1, 1, 12), material);
+    const head = new THREE.Mesh(new THREE.ConeGeometry(2.6, 1, 16), material);
+    const arrow = new THREE.Group();
+    arrow.add(shaft, head);
+    arrow.material = material;
+    shaft.rotation.x = head.rotation.x = Math.PI / 2;
+    shaft.renderOrder = head.renderOrder = 10;
+    arrow.visible = false;
+    return arrow;
+}
+
+// Aim an arrow: from `tail`, along `force`, so long and so thick.
+const UP = new THREE.Vector3(0, 0, 1);
+function aimArrow(arrow, tail, force, length, thickness) {
+    arrow.visible = length > 0.5 * thickness;
+    if (!arrow.visible) return;
+    const [shaft, head] = arrow.children;
+    const tip = Math.min(7 * thickness, 0.6 * length);
+    head.scale.set(thickness, tip, thickness);
+    head.position.z = length - tip / 2;
+    shaft.scale.set(thickness, length - tip, thickness);
+    shaft.position.z = (length - tip) / 2;
+    arrow.position.copy(tail);
+    arrow.quaternion.setFromUnitVectors(UP, force.clone().normalize());
+}
+
+// A body's twin: translucent, outlined.
+function ghostOf(object) {
+    const twin = object.clone();
+    const triangles = (twin.geometry.index || twin.geometry.attributes.position).count / 3;
+    twin.material = new THREE.MeshLambertMaterial({
+        color: GHOST, transparent: true, opacity: 0.16, depthWrite: false,
+        polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 1,
+    });
+    twin.castShadow = twin.receiveShadow = false;
+    if (triangles <= MOST_EDGES) {
+        const edges = new THREE.EdgesGeometry(twin.geometry, 30);
+        twin.add(new THREE.LineSegments(edges, new THREE.LineBasicMaterial({color: GHOST})));
+    }
+    return twin;
+}
+
+// One case: tracks, and the objects that they move.
+class Case {
+    constructor(viewer, block, entry, index, cases) {
+        Object.assign(this, {viewer, entry, index, label: entry.label, visible: true});
+        const table = item => unpack(block, item);
+        this.time = unpack(block, entry.time, Float64Array).values;
+        this.real = {position: table(entry.poses.position), turn: table(entry.poses.turn)};
+        this.tool = table(entry.tool);
+        if (entry.ghost) {
+            this.ideal = {position: table(entry.ghost.position), turn: table(entry.ghost.turn)};
+            this.idealTool = table(entry.ghost.tool);
+        }
+        this.group = nodeAt(viewer, ["meshcat", `case${index}`]);
+        this.matrices = entry.links.map(() => new THREE.Matrix4());
+        this.idealMatrices = entry.links.map(() => new THREE.Matrix4());
+        this.bodies = this.makeBodies(cases, block);
+        this.traces = this.makeTraces();
+        this.joints = entry.joints.map(joint => this.makeJoint(joint, table));
+    }
+
+    // Bodies and their twins: [node, link, constant matrix, whether a twin].
+    makeBodies(cases, block) {
+        const {viewer, entry, index} = this;
+        const first = `case${entry.drawn}`, own = `case${index}`;
+        for (const item of entry.commands || []) {
+            viewer.handle_command_bytearray(block.subarray(item.at, item.at + item.bytes));
+        }
+        const bodies = [];
+        for (const {name, link, matrix} of entry.objects) {
+            const path = ["meshcat", own, "visuals", name];
+            const source = viewer.scene_tree.find(["meshcat", first, "visuals", name, "<object>"]).object;
+            if (entry.drawn !== index) viewer.set_object(path, source.clone());
+            const at = entry.links.indexOf(link), fixed = new THREE.Matrix4().fromArray(matrix);
+            bodies.push({node: nodeAt(viewer, path), at, fixed, twin: false});
+            if (this.ideal) {
+                const twin = ["meshcat", own, "ghost", name];
+                viewer.set_object(twin, ghostOf(source));
+                bodies.push({node: nodeAt(viewer, twin), at, fixed, twin: true});
+            }
+        }
+        return bodies;
+    }
+
+    makeTraces() {
+        const most = 6000, rows = this.time.length, step = Math.ceil(rows / most);
+        const picked = [];
+        for (let row = 0; row < rows; row += step) picked.push(row);
+        if (picked[picked.length - 1] !== rows - 1) picked.push(rows - 1);
+        const lines = [];
+        const add = (name, colour, opacity) => {
+            const geometry = new THREE.BufferGeometry();
+            geometry.setAttribute("position",
+                new THREE.BufferAttribute(new Float32Array(3 * picked.length), 3));
+            const line = new THREE.Line(geometry,
+                new THREE.LineBasicMaterial({color: colour, transparent: true, opacity}));
+            line.frustumCulled = false;
+            this.viewer.set_object(["meshcat", `case${this.index}`, "trace", name], line);
+            lines.push({name, line});
+            return line;
+        };
+        const colour = this.entry.colour;
+        if (this.ideal) add("ideal", GHOST, 0.8);
+        add("whole", colour, 0.35);
+        add("travelled", colour, 1.0);
+        return {picked, lines};
+    }
+
+    // Draw the traces with deviations from the ideal twin magnified.
+    drawTraces(deviation) {
+        for (const {name, line} of this.traces.lines) {
+            const positions = line.geometry.attributes.position;
+            this.traces.picked.forEach((row, i) => {
+                for (let k = 0; k < 3; k++) {
+                    const at = 3 * row + k;
+                    const ideal = this.ideal ? this.idealTool.values[at] : this.tool.values[at];
+                    const away = name === "ideal" ? 0 : this.tool.values[at] - ideal;
+                    positions.array[3 * i + k] = ideal + deviation * away;
+                }
+            });
+            positions.needsUpdate = true;
+        }
+    }
+
+    makeJoint(entry, table) {
+        const joint = {entry, name: entry.name, placement: new THREE.Matrix4().fromArray(entry.placement)};
+        for (const name of ["force", "mode", "tilt_angle", "turn", "slide", "displacement", "tilt",
+            "place", "shift", "normal", "friction"]) joint[name] = table(entry[name]);
+        joint.size = norms(joint.force);
+        joint.pressing = norms(joint.normal);
+        const ring = new THREE.Mesh(new THREE.TorusGeometry(1, 0.13, 12, 48),
+            new THREE.MeshBasicMaterial({color: MODES[0].colour, depthTest: false, transparent: true, opacity: 0.85}));
+        ring.renderOrder = 9;
+        const path = ["meshcat", `case${this.index}`, "joints", entry.name];
+        this.viewer.set_object([...path, "mode"], ring);
+        joint.ringNode = nodeAt(this.viewer, [...path, "mode"]);
+        joint.ring = ring;
+        joint.arrow = makeArrow(MODES[0].colour);
+        this.viewer.set_object([...path, "force"], joint.arrow);
+        return joint;
+    }
+
+    // Put everything where it is at time t. `held`: the time from which forces still show.
+    update(t, held, view) {
+        const place = between(this.time, t);
+        this.place = place;
+        const {matrices, idealMatrices, entry} = this;
+        const p = Case.vector, g = Case.other, q = Case.turn, h = Case.otherTurn;
+        for (let link = 0; link < entry.links.length; link++) {
+            vectorAt(this.real.position, place, 3 * link, p);
+            turnAt(this.real.turn, place, 4 * link, q);
+            if (this.ideal) {
+                vectorAt(this.ideal.position, place, 3 * link, g);
+                turnAt(this.ideal.turn, place, 4 * link, h);
+                idealMatrices[link].compose(g, h, Case.one);
+                if (view.deviation !== 1) {
+                    p.sub(g).multiplyScalar(view.deviation).add(g);
+                    magnifyTurn(q, h, view.deviation);
+                }
+            }
+            matrices[link].compose(p, q, Case.one);
+        }
+        for (const {node, at, fixed, twin} of this.bodies) {
+            node.matrix.multiplyMatrices((twin ? idealMatrices : matrices)[at], fixed);
+            node.matrixWorldNeedsUpdate = true;
+        }
+        for (const {name, line} of this.traces.lines) {
+            if (name !== "travelled") continue;
+            let low = 0;
+            while (low < this.traces.picked.length && this.traces.picked[low] <= place.a) low++;
+            line.geometry.setDrawRange(0, low);
+        }
+        for (const joint of this.joints) this.updateJoint(joint, t, held, view);
+    }
+
+    updateJoint(joint, t, held, view) {
+        const from = rowAt(this.time, held), to = this.place.b;
+        let top = to;
+        for (let row = from; row < to; row++) if (joint.size[row] > joint.size[top]) top = row;
+        Object.assign(joint, {from, to, top, modeNow: joint.mode.values[to], force_N: joint.size[top]});
+        const matrix = joint.ringNode.matrix;
+        matrix.multiplyMatrices(this.matrices[joint.entry.carrier], joint.placement);
+        joint.ringNode.matrixWorldNeedsUpdate = true;
+        joint.ring.scale.setScalar(view.ring);
+        joint.ring.material.color.setHex(MODES[joint.modeNow].colour);
+        const force = Case.vector.fromArray(joint.force.values, 3 * top);
+        const wanted = joint.size[top] * view.metresPerNewton * view.forceFactor;
+        joint.arrow.material.color.setHex(MODES[joint.size[top] > 0 ? joint.mode.values[top] : 0].colour);
+        // The peak may have come and gone between two records: then there was contact.
+        if (joint.size[top] > 0 && joint.mode.values[top] === 0) joint.arrow.material.color.setHex(MODES[2].colour);
+        aimArrow(joint.arrow, Case.other.setFromMatrixPosition(matrix), force,
+            Math.min(wanted, view.longest), view.thickness);
+    }
+
+    show(visible) {
+        this.visible = visible;
+        this.group.visible = visible;
+    }
+
+    moveTo(offset) {
+        this.offset = offset;
+        this.group.matrix.makeTranslation(offset.x, offset.y, offset.z);
+        this.group.matrixWorldNeedsUpdate = true;
+    }
+}
+Case.vector = new THREE.Vector3();
+Case.other = new THREE.Vector3();
+Case.turn = new THREE.Quaternion();
+Case.otherTurn = new THREE.Quaternion();
+Case.one = new THREE.Vector3(1, 1, 1);
+
+// Turn q away from the ideal one by a multiple of what it is.
+const _difference = new THREE.Quaternion();
+function magnifyTurn(q, ideal, factor) {
+    _difference.copy(ideal).invert().premultiply(q);
+    if (_difference.w < 0) _difference.set(-_difference.x, -_difference.y, -_difference.z, -_difference.w);
+    const sine = Math.hypot(_difference.x, _difference.y, _difference.z);
+    if (sine < 1e-12) return;
+    const half = Math.atan2(sine, _difference.w) * factor, scale = Math.sin(half) / sine;
+    _difference.set(_difference.x * scale, _difference.y * scale, _difference.z * scale, Math.cos(half));
+    q.copy(ideal).premultiply(_difference);
+}

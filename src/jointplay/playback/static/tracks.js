@@ -1,0 +1,79 @@
+// Tracks: tables of numbers over the moments that are played, and where in them a time lies.
+
+// The block of bytes that the page carries, decompressed.
+async function inflate(base64) {
+    const text = atob(base64);
+    const packed = new Uint8Array(text.length);
+    for (let i = 0; i < text.length; i++) packed[i] = text.charCodeAt(i);
+    const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate"));
+    return new Uint8Array(await new Response(stream).arrayBuffer());
+}
+
+// Table (rows x columns, row by row) that Packer.table in tracks.py packed.
+function unpack(block, entry, type = Float32Array) {
+    const {rows, columns, quantum} = entry;
+    const size = rows * columns;
+    const planes = [0, 1, 2, 3].map(k => block.subarray(entry.at + k * size, entry.at + (k + 1) * size));
+    const values = new type(size);
+    for (let c = 0, at = 0; c < columns; c++) {
+        let whole = 0;
+        for (let r = 0; r < rows; r++, at++) {
+            const zigzag = planes[0][at] + planes[1][at] * 2 ** 8 + planes[2][at] * 2 ** 16
+                + planes[3][at] * 2 ** 24;
+            whole += zigzag % 2 ? -(zigzag + 1) / 2 : zigzag / 2;
+            values[r * columns + c] = whole * quantum;
+        }
+    }
+    return {rows, columns, values};
+}
+
+// First row whose time is not before t; the last one if there is none.
+function rowAt(time, t) {
+    let low = 0, high = time.length - 1;
+    while (low < high) {
+        const middle = (low + high) >> 1;
+        if (time[middle] < t) low = middle + 1; else high = middle;
+    }
+    return low;
+}
+
+// Where t lies: rows a and b, and the share of b.
+function between(time, t) {
+    const b = rowAt(time, t), a = Math.max(b - 1, 0);
+    const span = time[b] - time[a];
+    return {a, b, share: span > 0 ? Math.min(Math.max((t - time[a]) / span, 0), 1) : 1};
+}
+
+// Columns [from, from + 3) of a table, interpolated.
+function vectorAt(table, place, from, out) {
+    const {values, columns} = table;
+    const a = place.a * columns + from, b = place.b * columns + from, s = place.share;
+    return out.set(values[a] + s * (values[b] - values[a]),
+        values[a + 1] + s * (values[b + 1] - values[a + 1]),
+        values[a + 2] + s * (values[b + 2] - values[a + 2]));
+}
+
+// Columns [from, from + 4) of a table as a unit quaternion, interpolated.
+function turnAt(table, place, from, out) {
+    const {values, columns} = table;
+    const a = place.a * columns + from, b = place.b * columns + from, s = place.share;
+    return out.set(values[a] + s * (values[b] - values[a]),
+        values[a + 1] + s * (values[b + 1] - values[a + 1]),
+        values[a + 2] + s * (values[b + 2] - values[a + 2]),
+        values[a + 3] + s * (values[b + 3] - values[a + 3])).normalize();
+}
+
+// Euclidean norms of the vectors in a table of n x 3m numbers: m each row.
+function norms(table) {
+    const found = new Float32Array(table.values.length / 3);
+    for (let i = 0; i < found.length; i++) {
+        found[i] = Math.hypot(table.values[3 * i], table.values[3 * i + 1], table.values[3 * i + 2]);
+    }
+    return found;
+}
+
+// Largest number <= x of the series 1, 2, 5, 10, ...
+function nice(x) {
+    const power = 10 ** Math.floor(Math.log10(x));
+    return power * [5, 2, 1].find(step => step * power <= x * 1.0001);
+}
