@@ -6,5 +6,5 @@ status. To keep `jointplay --help` quick, modules import what they need inside `
 
 from __future__ import annotations
 
-MODULES = ("init", "check", "schema", "report", "robots", "urdf", "wear")
+MODULES = ("init", "check", "schema", "play", "report", "robots", "urdf", "wear")
 """Modules with a command of their own, in the order of the help."""

@@ -50,7 +50,9 @@ class CloseUp:
     friction_force: np.ndarray
 
 
-def ideal_part(kind: str, rotation: np.ndarray, centre: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def ideal_part(
+    kind: str, rotation: np.ndarray, centre: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """The pose nearest to (rotation, centre) that the ideal joint could have.
 
     Args:

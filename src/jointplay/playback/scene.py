@@ -169,9 +169,7 @@ class _Case:
         hits = [impacts(sizes[:, j]) for j in range(len(joints))]
         self.records = keep(self.time, hits, budget)
         self.links = [
-            frame.name
-            for frame in self.mechanism.model.frames
-            if frame.type == pin.FrameType.BODY
+            frame.name for frame in self.mechanism.model.frames if frame.type == pin.FrameType.BODY
         ]
         poses = _poses(self.mechanism, self.q[self.records], self.links)
         tool = self.values("tool_position")[self.records]
@@ -217,6 +215,7 @@ class _Case:
         rubbing *= np.divide(held, now, out=np.ones_like(held), where=now > 0.0)
         view = close_up(mechanism, name, self.q, self.v, self.records, acting, held, rubbing)
         largest = float(size.max(initial=0.0))
+        pressing = normal.max(axis=1)
         newton = max(1e-4 * largest, 1e-9)
         n = len(self.records)
         force = peak[strongest(size[:, None], self.records)[:, 0]]
@@ -230,7 +229,8 @@ class _Case:
             "carrier": carrier,
             "placement": fixed.homogeneous.T.ravel().tolist(),
             "largest": largest,
-            "largest_contact": float(normal.max(initial=0.0)),
+            "typical": _typical(size, hits),
+            "typical_contact": _typical(pressing, hits),
             "impacts": {
                 "time": self.time[hits.records].tolist(),
                 "force": [float(f"{value:.4g}") for value in hits.force],
@@ -247,6 +247,13 @@ class _Case:
             "normal": packer.table(view.normal_force.reshape(n, -1), newton),
             "friction": packer.table(view.friction_force.reshape(n, -1), newton),
         }
+
+
+def _typical(force: np.ndarray, hits: Impacts) -> float:
+    """Force that an arrow of ordinary length shows [N]: half of the impacts exceed it."""
+    values = force[hits.records] if len(hits.records) else force
+    values = values[values > 0.0]
+    return float(np.median(values)) if len(values) else 1.0
 
 
 def _poses(mechanism: Mechanism, q: np.ndarray, links: Sequence[str]) -> np.ndarray:
@@ -321,11 +328,10 @@ def _ghost(
     """Tracks of the ideal twin at the moments of `case`: one of `others`, or simulated."""
     wanted = _without_clearance(case)
     for other in others:
-        if not other.result.joints and not other.mechanism.gears and other.time[-1] >= (
-            case.time[-1] - 1e-9
-        ):
-            if _without_clearance(other) == wanted:
-                return _twin_tracks(case, other.mechanism, other.time, other.q, packer)
+        ideal = not (other.result.joints or other.mechanism.gears)
+        long_enough = other.time[-1] >= case.time[-1] - 1e-9
+        if ideal and long_enough and _without_clearance(other) == wanted:
+            return _twin_tracks(case, other.mechanism, other.time, other.q, packer)
     try:
         simulation = replace(
             case.simulation,
@@ -374,13 +380,13 @@ def _twin_tracks(
 
 
 def _magnification(cases: Sequence[_Case]) -> float:
-    """A round factor with which the widest gap is about half as wide as its journal."""
+    """A round factor with which the widest gap is about as wide as its journal's radius."""
     wanted = []
     for case in cases:
         for joint in case.mechanism.clearance.values():
             shape = shape_of(joint)
             pairs = zip(shape["size"], shape["room"], strict=True)  # type: ignore[call-overload]
-            wanted += [0.6 * size / room for size, room in pairs if room > 0.0]
+            wanted += [1.1 * size / room for size, room in pairs if room > 0.0]
     factor = max(min(wanted, default=1.0), 1.0)
     power = 10.0 ** math.floor(math.log10(factor))
     return float(max(step * power for step in (1, 2, 5) if step * power <= factor * 1.0001))

@@ -3,6 +3,7 @@
 
 const SHELL = 1.16;   // outer radius of the drawn bearing, inner one being 1
 const GUIDE = 1.5;    // length of a guide that is drawn, relative to its slider
+const CUT = 3;        // longest arrow, relative to the journal's radius
 
 function lineOf(points, colour, opacity = 1) {
     const geometry = new THREE.BufferGeometry().setFromPoints(points.map(p => new THREE.Vector3(...p)));
@@ -44,7 +45,7 @@ function journalOf({kind, size}) {
     if (kind === "block") geometry = new THREE.BoxGeometry(2 * a, 2 * b, 2 * c);
     else if (kind === "ball") geometry = twoTone(new THREE.SphereGeometry(a, 64, 32).rotateX(Math.PI / 2), true);
     else geometry = twoTone(new THREE.CylinderGeometry(a, a, 2 * c, 96, 1).rotateX(Math.PI / 2), false);
-    const material = new THREE.MeshPhongMaterial({vertexColors: kind !== "block", shininess: 20, side: THREE.DoubleSide});
+    const material = new THREE.MeshPhongMaterial({vertexColors: kind !== "block", shininess: 5, specular: 0x111111, side: THREE.DoubleSide});
     group.add(new THREE.Mesh(geometry, material));
     const edges = new THREE.LineBasicMaterial({color: 0x1d2730});
     if (kind !== "ball") group.add(new THREE.LineSegments(new THREE.EdgesGeometry(geometry, 40), edges));
@@ -152,7 +153,9 @@ class CloseUp {
         c.skew.set(1, -z, y, M * c.away.x, z, 1, -x, M * c.away.y, -y, x, 1, M * c.away.z, 0, 0, 0, 1);
         this.journal.matrix.makeRotationFromQuaternion(c.turn).premultiply(c.skew);
         this.journal.matrixWorldNeedsUpdate = true;
-        this.journal.material.color.setHex(MODES[joint.modeNow].colour);
+        const material = this.journal.material;
+        material.color.setHex(MODES[joint.modeNow].colour);
+        material.emissive.copy(material.color).multiplyScalar(0.25);
         const m = this.contacts.length;
         this.contacts.forEach(({point, normal, friction}, k) => {
             let top = joint.to;
@@ -166,14 +169,13 @@ class CloseUp {
             c.at.fromArray(joint.place.values, at);
             point.position.fromArray(joint.shift.values, at).multiplyScalar(M).add(c.at);
             c.force.fromArray(joint.normal.values, at);
-            const scale = view.closeMetresPerNewton * view.forceFactor, most = 3 * Math.min(...shape.size);
+            const scale = view.closeMetresPerNewton * view.forceFactor, most = CUT * Math.min(...shape.size);
             const length = Math.min(size * scale, most);
             // A push: its head is where it acts.
             c.at.copy(c.force).multiplyScalar(-length / size).add(point.position);
-            aimArrow(normal, c.at, c.force, length, 0.5 * this.dot);
+            aimArrow(normal, c.at, c.force, size * scale, most, 0.5 * this.dot);
             c.force.fromArray(joint.friction.values, at);
-            aimArrow(friction, point.position, c.force,
-                Math.min(c.force.length() * scale, most), 0.5 * this.dot);
+            aimArrow(friction, point.position, c.force, c.force.length() * scale, most, 0.5 * this.dot);
         });
     }
 }

@@ -36,18 +36,18 @@ class Player {
         this.closeups = this.cases.flatMap(c => c.joints.map(joint => new CloseUp(viewer, c, joint)));
         const reach = Math.max(...contents.cases.map(c => c.reach));
         const joints = this.cases.flatMap(c => c.entry.joints);
-        const largest = Math.max(1e-9, ...joints.map(j => j.largest));
-        const largestContact = Math.max(1e-9, ...joints.map(j => j.largest_contact));
+        const typical = Math.max(1e-9, ...joints.map(j => j.typical));
+        const typicalContact = Math.max(1e-9, ...joints.map(j => j.typical_contact));
         const radius = Math.min(0.1, ...joints.map(j => Math.min(...j.shape.size)));
         this.reach = reach;
         this.view = {
             deviation: 1,
             magnification: contents.magnification,
             forceFactor: 1,
-            metresPerNewton: nice(0.35 * reach / largest),
-            closeMetresPerNewton: nice(2.5 * radius / largestContact),
+            metresPerNewton: nice(0.25 * reach / typical),
+            closeMetresPerNewton: nice(2 * radius / typicalContact),
             longest: 0.6 * reach,
-            thickness: 0.009 * reach,
+            thickness: 0.005 * reach,
             ring: 0.075 * reach,
         };
         this.orbit = {azimuth: -1.15, elevation: 0.38, zoom: 1};
@@ -75,6 +75,7 @@ class Player {
         viewer.set_property(["Axes"], "visible", false);
         viewer.camera.near = this.reach / 200;
         viewer.camera.far = this.reach * 500;
+        viewer.camera.fov = 32;
         viewer.gui.domElement.style.display = "none";
         for (const c of this.cases) {
             c.update(c.entry.start, c.entry.start, this.view);
@@ -93,13 +94,6 @@ class Player {
         const size = all.getSize(new THREE.Vector3());
         this.floor = all.min.z;
         this.cell = nice(this.reach / 3);
-        const grid = viewer.scene_tree.find(["Grid"]);
-        const scale = this.cell / 0.5;
-        grid.set_transform([scale, 0, 0, 0, 0, scale, 0, 0, 0, 0, scale, 0, 0, 0, this.floor, 1]);
-        const lines = grid.children["<object>"].object.material;
-        lines.vertexColors = false;
-        lines.color.set(0x9aa7b1);
-        lines.needsUpdate = true;
         this.across = size.x < size.y ? "x" : "y";
         this.spacing = 1.1 * size[this.across] + 0.15 * this.reach;
     }
@@ -113,12 +107,32 @@ class Player {
             c.moveTo(offset);
             if (c.visible) shown++;
         }
+        this.makeGrid();
         this.dirty();
     }
 
-    cameraPreset(name) {
+    shownBox() {
         const box = new THREE.Box3();
         for (const c of this.cases) if (c.visible) box.union(c.box.clone().translate(c.offset));
+        return box;
+    }
+
+    // A floor under what is shown, in squares.
+    makeGrid() {
+        const box = this.shownBox(), {cell, floor} = this;
+        if (box.isEmpty()) return;
+        const [x0, y0, x1, y1] = [box.min.x, box.min.y, box.max.x, box.max.y]
+            .map((v, i) => cell * (i < 2 ? Math.floor(v / cell) - 1 : Math.ceil(v / cell) + 1));
+        const points = [], steps = (a, b) => Array.from({length: Math.round((b - a) / cell) + 1}, (_, i) => a + i * cell);
+        for (const x of steps(x0, x1)) for (const y of steps(y0, y1)) {
+            if (x < x1 - cell / 2) points.push([x, y, floor], [x + cell, y, floor]);
+            if (y < y1 - cell / 2) points.push([x, y, floor], [x, y + cell, floor]);
+        }
+        this.viewer.set_object(["Grid"], lineOf(points, 0x9aa7b1));
+    }
+
+    cameraPreset(name) {
+        const box = this.shownBox();
         if (box.isEmpty()) return;
         const centre = box.getCenter(new THREE.Vector3());
         const side = this.across === "y";
@@ -129,7 +143,6 @@ class Player {
         }[name];
         const direction = new THREE.Vector3(...from).normalize();
         const rect = this.rects().robot;
-        const half = Math.tan(this.viewer.camera.fov * Math.PI / 360) * Math.min(1, rect ? rect.w / rect.h : 1);
         // Far enough for the corners of the box.
         let distance = 0;
         const right = new THREE.Vector3().crossVectors(direction, UP).normalize().negate();
@@ -142,7 +155,7 @@ class Player {
             distance = Math.max(distance, depth + Math.abs(p.dot(right)) / (tangent * aspect),
                 depth + Math.abs(p.dot(up)) / tangent);
         }
-        const at = direction.multiplyScalar(1.12 * distance).add(centre);
+        const at = direction.multiplyScalar(1.08 * distance).add(centre);
         // Meshcat's camera has y up.
         this.viewer.camera.position.set(at.x, at.z, -at.y);
         this.viewer.controls.target.set(centre.x, centre.z, -centre.y);

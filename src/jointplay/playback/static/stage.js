@@ -21,23 +21,30 @@ function makeArrow(colour) {
     const shaft = new THREE.Mesh(new THREE.CylinderGeometry(1, 1, 1, 12), material);
     const head = new THREE.Mesh(new THREE.ConeGeometry(2.6, 1, 16), material);
     const arrow = new THREE.Group();
-    arrow.add(shaft, head);
+    arrow.add(shaft, head, head.clone());
     arrow.material = material;
-    shaft.rotation.x = head.rotation.x = Math.PI / 2;
-    shaft.renderOrder = head.renderOrder = 10;
+    for (const part of arrow.children) {
+        part.rotation.x = Math.PI / 2;
+        part.renderOrder = 10;
+    }
     arrow.visible = false;
     return arrow;
 }
 
-// Aim an arrow: from `tail`, along `force`, so long and so thick.
+// Aim an arrow: from `tail`, along `force`, so long and so thick. One longer than `most` is cut, and
+// has a second head to say so.
 const UP = new THREE.Vector3(0, 0, 1);
-function aimArrow(arrow, tail, force, length, thickness) {
-    arrow.visible = length > 0.5 * thickness;
+function aimArrow(arrow, tail, force, wanted, most, thickness) {
+    arrow.visible = wanted > 0.5 * thickness;
     if (!arrow.visible) return;
-    const [shaft, head] = arrow.children;
+    const length = Math.min(wanted, most);
+    const [shaft, head, second] = arrow.children;
     const tip = Math.min(7 * thickness, 0.6 * length);
     head.scale.set(thickness, tip, thickness);
     head.position.z = length - tip / 2;
+    second.visible = wanted > most;
+    second.scale.copy(head.scale);
+    second.position.z = length - 1.6 * tip;
     shaft.scale.set(thickness, length - tip, thickness);
     shaft.position.z = (length - tip) / 2;
     arrow.position.copy(tail);
@@ -174,12 +181,13 @@ class Case {
                 vectorAt(this.ideal.position, place, 3 * link, g);
                 turnAt(this.ideal.turn, place, 4 * link, h);
                 idealMatrices[link].compose(g, h, Case.one);
-                if (view.deviation !== 1) {
-                    p.sub(g).multiplyScalar(view.deviation).add(g);
-                    magnifyTurn(q, h, view.deviation);
-                }
             }
             matrices[link].compose(p, q, Case.one);
+            // The displacement of every point is magnified, so bodies stay joined, but are sheared.
+            if (this.ideal && view.deviation !== 1) {
+                const real = matrices[link].elements, ideal = idealMatrices[link].elements;
+                for (let k = 0; k < 16; k++) real[k] = ideal[k] + view.deviation * (real[k] - ideal[k]);
+            }
         }
         for (const {node, at, fixed, twin} of this.bodies) {
             node.matrix.multiplyMatrices((twin ? idealMatrices : matrices)[at], fixed);
@@ -210,7 +218,7 @@ class Case {
         // The peak may have come and gone between two records: then there was contact.
         if (joint.size[top] > 0 && joint.mode.values[top] === 0) joint.arrow.material.color.setHex(MODES[2].colour);
         aimArrow(joint.arrow, Case.other.setFromMatrixPosition(matrix), force,
-            Math.min(wanted, view.longest), view.thickness);
+            wanted, view.longest, view.thickness);
     }
 
     show(visible) {
@@ -229,15 +237,3 @@ Case.other = new THREE.Vector3();
 Case.turn = new THREE.Quaternion();
 Case.otherTurn = new THREE.Quaternion();
 Case.one = new THREE.Vector3(1, 1, 1);
-
-// Turn q away from the ideal one by a multiple of what it is.
-const _difference = new THREE.Quaternion();
-function magnifyTurn(q, ideal, factor) {
-    _difference.copy(ideal).invert().premultiply(q);
-    if (_difference.w < 0) _difference.set(-_difference.x, -_difference.y, -_difference.z, -_difference.w);
-    const sine = Math.hypot(_difference.x, _difference.y, _difference.z);
-    if (sine < 1e-12) return;
-    const half = Math.atan2(sine, _difference.w) * factor, scale = Math.sin(half) / sine;
-    _difference.set(_difference.x * scale, _difference.y * scale, _difference.z * scale, Math.cos(half));
-    q.copy(ideal).premultiply(_difference);
-}
