@@ -110,7 +110,7 @@ def close_up(
     for i, k in zip(*np.nonzero(acts), strict=True):
         at = then[i, k]
         found = touch(
-            int(clearance.shape), dimensions, 0, int(k), *centre[at], rotation[at].reshape(9)
+            int(clearance.shape), dimensions, 0, int(k), *centre[at], rotation[at].reshape(9), 0
         )
         offset[i, k], direction[i, k] = found[1:4], found[4:7]
     place = _turned(ideal[then] @ np.swapaxes(rotation[then], -1, -2), offset)

@@ -26,7 +26,7 @@ from jointplay.kernel import Status
 from jointplay.mechanism import Mechanism
 from jointplay.playback.closeup import close_up, continuous, shape_of
 from jointplay.playback.tracks import Impacts, Packer, impacts, keep, strongest
-from jointplay.playback.visuals import Visuals, visuals
+from jointplay.visuals import Visuals, visuals
 from jointplay.plots import COLOURS
 from jointplay.result import Result
 

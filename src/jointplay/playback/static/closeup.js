@@ -115,9 +115,7 @@ class CloseUp {
         const radius = Math.min(...this.shape.size);
         this.dot = 0.06 * radius;
         this.contacts = joint.entry.contacts.map(name => {
-            const point = new THREE.Mesh(new THREE.SphereGeometry(this.dot, 16, 12),
-                new THREE.MeshBasicMaterial({color: 0x000000, depthTest: false, transparent: true}));
-            point.renderOrder = 11;
+            const point = seenThrough(new THREE.SphereGeometry(this.dot, 16, 12), 0x000000);
             const normal = makeArrow(MODES[2].colour), friction = makeArrow(FRICTION);
             point.name = `${name} point`;
             normal.name = `${name} normal force`;
@@ -155,7 +153,8 @@ class CloseUp {
         this.journal.matrixWorldNeedsUpdate = true;
         const material = this.journal.material;
         material.color.setHex(MODES[joint.modeNow].colour);
-        material.emissive.copy(material.color).multiplyScalar(0.25);
+        material.emissive.copy(material.color).multiplyScalar(0.2);
+        material.color.multiplyScalar(0.75);
         const m = this.contacts.length;
         this.contacts.forEach(({point, normal, friction}, k) => {
             let top = joint.to;

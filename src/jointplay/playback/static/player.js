@@ -77,16 +77,18 @@ class Player {
         viewer.camera.far = this.reach * 500;
         viewer.camera.fov = 32;
         viewer.gui.domElement.style.display = "none";
-        for (const c of this.cases) {
-            c.update(c.entry.start, c.entry.start, this.view);
-            c.drawTraces(1);
-        }
         viewer.scene.updateMatrixWorld(true);
-        // Extent of each case in scene axes, its bodies included.
         const back = viewer.scene.matrixWorld.clone().invert();
         for (const c of this.cases) {
-            const box = new THREE.Box3();
-            for (const {node, twin} of c.bodies) if (!twin) box.expandByObject(node);
+            c.drawTraces(1);
+            // Room that the case takes while it moves, in scene axes.
+            const box = new THREE.Box3(), moments = 24;
+            for (let i = 0; i <= moments; i++) {
+                const t = c.entry.start + i / moments * (c.entry.end - c.entry.start);
+                c.update(t, t, this.view);
+                c.group.updateMatrixWorld(true);
+                for (const {node, twin} of c.bodies) if (!twin) box.expandByObject(node);
+            }
             box.applyMatrix4(back);
             c.box = box.union(new THREE.Box3(new THREE.Vector3(...c.entry.low), new THREE.Vector3(...c.entry.high)));
         }
@@ -350,7 +352,10 @@ class Player {
         this.show(t, this.playing ? t - HOLD * (this.speedNow || this.speed) : t);
     }
 
-    seek(t) { this.show(Math.min(Math.max(t, this.start), this.end)); }
+    seek(t) {
+        $("status").textContent = "";
+        this.show(Math.min(Math.max(t, this.start), this.end));
+    }
 
     // Show time t; forces of the time since `held`.
     show(t, held = t) {
@@ -396,9 +401,8 @@ class Player {
         if (!ahead) { $("status").textContent = stops.length ? "no further impact" : "no impacts"; return; }
         if (this.speed > 1 / 200) this.setSpeed(1 / 1000);
         this.seek(Math.max(ahead.t - LEAD, this.start));
-        this.jumped = ahead;
-        $("status").textContent = `impact ${stops.indexOf(ahead) + 1} of ${stops.length} in `
-            + `${quantity(LEAD, "s")}: ${quantity(ahead.force, "N")} at ${ahead.t.toFixed(5)} s, ${ahead.label}`;
+        $("status").textContent = `impact ${stops.indexOf(ahead) + 1} of ${stops.length}: `
+            + `${quantity(ahead.force, "N")} at ${ahead.t.toFixed(5)} s, ${ahead.label}`;
     }
 
     collectImpacts() {

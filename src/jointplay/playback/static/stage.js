@@ -15,18 +15,26 @@ function nodeAt(viewer, path) {
     return node;
 }
 
-// An arrow along +z of length 1, to be scaled. It is drawn over whatever hides it.
+// A mesh that is solid where it is seen, and shines through faintly where something hides it.
+function seenThrough(geometry, colour) {
+    const solid = new THREE.Mesh(geometry, new THREE.MeshBasicMaterial({color: colour}));
+    const faint = new THREE.Mesh(geometry, new THREE.MeshBasicMaterial(
+        {color: colour, transparent: true, opacity: 0.3, depthTest: false, depthWrite: false}));
+    faint.renderOrder = 10;
+    solid.add(faint);
+    return solid;
+}
+
+function paint(mesh, colour) {
+    mesh.traverse(part => { if (part.material) part.material.color.setHex(colour); });
+}
+
+// An arrow along +z of length 1, to be scaled.
 function makeArrow(colour) {
-    const material = new THREE.MeshBasicMaterial({color: colour, depthTest: false, transparent: true});
-    const shaft = new THREE.Mesh(new THREE.CylinderGeometry(1, 1, 1, 12), material);
-    const head = new THREE.Mesh(new THREE.ConeGeometry(2.6, 1, 16), material);
     const arrow = new THREE.Group();
-    arrow.add(shaft, head, head.clone());
-    arrow.material = material;
-    for (const part of arrow.children) {
-        part.rotation.x = Math.PI / 2;
-        part.renderOrder = 10;
-    }
+    const head = new THREE.ConeGeometry(2.6, 1, 16).rotateX(Math.PI / 2);
+    arrow.add(seenThrough(new THREE.CylinderGeometry(1, 1, 1, 12).rotateX(Math.PI / 2), colour),
+        seenThrough(head, colour), seenThrough(head, colour));
     arrow.visible = false;
     return arrow;
 }
@@ -40,12 +48,12 @@ function aimArrow(arrow, tail, force, wanted, most, thickness) {
     const length = Math.min(wanted, most);
     const [shaft, head, second] = arrow.children;
     const tip = Math.min(7 * thickness, 0.6 * length);
-    head.scale.set(thickness, tip, thickness);
+    head.scale.set(thickness, thickness, tip);
     head.position.z = length - tip / 2;
     second.visible = wanted > most;
     second.scale.copy(head.scale);
     second.position.z = length - 1.6 * tip;
-    shaft.scale.set(thickness, length - tip, thickness);
+    shaft.scale.set(thickness, thickness, length - tip);
     shaft.position.z = (length - tip) / 2;
     arrow.position.copy(tail);
     arrow.quaternion.setFromUnitVectors(UP, force.clone().normalize());
@@ -98,6 +106,9 @@ class Case {
         for (const {name, link, matrix} of entry.objects) {
             const path = ["meshcat", own, "visuals", name];
             const source = viewer.scene_tree.find(["meshcat", first, "visuals", name, "<object>"]).object;
+            // A part with several materials comes with a list of its own from meshcat, which three.js
+            // does not draw.
+            if (Array.isArray(source.material)) source.material = source.material.map(m => [m].flat()[0]);
             if (entry.drawn !== index) viewer.set_object(path, source.clone());
             const at = entry.links.indexOf(link), fixed = new THREE.Matrix4().fromArray(matrix);
             bodies.push({node: nodeAt(viewer, path), at, fixed, twin: false});
@@ -156,9 +167,7 @@ class Case {
             "place", "shift", "normal", "friction"]) joint[name] = table(entry[name]);
         joint.size = norms(joint.force);
         joint.pressing = norms(joint.normal);
-        const ring = new THREE.Mesh(new THREE.TorusGeometry(1, 0.13, 12, 48),
-            new THREE.MeshBasicMaterial({color: MODES[0].colour, depthTest: false, transparent: true, opacity: 0.85}));
-        ring.renderOrder = 9;
+        const ring = seenThrough(new THREE.TorusGeometry(1, 0.1, 12, 48), MODES[0].colour);
         const path = ["meshcat", `case${this.index}`, "joints", entry.name];
         this.viewer.set_object([...path, "mode"], ring);
         joint.ringNode = nodeAt(this.viewer, [...path, "mode"]);
@@ -211,12 +220,11 @@ class Case {
         matrix.multiplyMatrices(this.matrices[joint.entry.carrier], joint.placement);
         joint.ringNode.matrixWorldNeedsUpdate = true;
         joint.ring.scale.setScalar(view.ring);
-        joint.ring.material.color.setHex(MODES[joint.modeNow].colour);
+        paint(joint.ring, MODES[joint.modeNow].colour);
         const force = Case.vector.fromArray(joint.force.values, 3 * top);
         const wanted = joint.size[top] * view.metresPerNewton * view.forceFactor;
-        joint.arrow.material.color.setHex(MODES[joint.size[top] > 0 ? joint.mode.values[top] : 0].colour);
-        // The peak may have come and gone between two records: then there was contact.
-        if (joint.size[top] > 0 && joint.mode.values[top] === 0) joint.arrow.material.color.setHex(MODES[2].colour);
+        // A peak may have come and gone between two records: while it lasted, bodies penetrated.
+        paint(joint.arrow, MODES[joint.mode.values[top] || 2].colour);
         aimArrow(joint.arrow, Case.other.setFromMatrixPosition(matrix), force,
             wanted, view.longest, view.thickness);
     }
