@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from dataclasses import asdict, dataclass, field, fields
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
 
@@ -70,6 +70,21 @@ class Material:
     def wave_speed(self) -> float:
         """Speed of longitudinal waves in a rod, sqrt(E/rho) [m/s]; infinite without a density."""
         return math.inf if self.density is None else math.sqrt(self.young / self.density)
+
+
+@dataclass(frozen=True)
+class Outline:
+    """What a joint looks like: a journal with room around it, all along the bearing's axes."""
+
+    form: Literal["cylinder", "ball", "block"]
+    size: tuple[float, float, float]
+    """Half extents of the journal [m]."""
+    room: tuple[float, float, float]
+    """Clearance on each side [m]; zero where nothing limits the journal."""
+    walls: bool
+    """Whether a cylinder's bearing has end walls; a block's guide, walls across y."""
+    worn: tuple[tuple[float, ...], ...] = ()
+    """Depth of wear of a bore at equal azimuths from the x axis, at ends A and B (or one) [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -168,6 +183,23 @@ class Clearance(ABC):
         """Unit contact forces and their moments about the journal's centre, shape (n, 6).
 
         In bearing axes, for a centred journal; a sample of all that is possible.
+        """
+
+    @property
+    @abstractmethod
+    def outline(self) -> Outline:
+        """How to draw bearing and journal."""
+
+    @abstractmethod
+    def ideal_part(self, rotation: np.ndarray, centre: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The pose nearest to a given one that the journal could have without clearance.
+
+        Args:
+            rotation: of the journal in the bearing frame, shape (3, 3).
+            centre: of the journal in the bearing frame, shape (3,) [m].
+
+        Returns:
+            Rotation (3, 3) and translation (3,) [m].
         """
 
     @property

@@ -12,7 +12,7 @@ import numpy as np
 from jointplay.contact import ContactProperties
 from jointplay.errors import JointplayError, require_positive
 from jointplay.geometry import Shape
-from jointplay.joints.base import VIRTUAL_LINK, Clearance
+from jointplay.joints.base import VIRTUAL_LINK, Clearance, Outline
 
 _SIGNS = (1.0, -1.0)
 _ENDS = {1.0: "A", -1.0: "B"}
@@ -152,6 +152,16 @@ class PrismaticJoint(Clearance):
     def depth_limit(self) -> float:
         """A twentieth of the slider's smaller side."""
         return 0.05 * min(self.width, self.height)
+
+    @property
+    def outline(self) -> Outline:
+        """A block in a guide."""
+        size = (self.width / 2, self.height / 2, self.length / 2)
+        return Outline("block", size, (self.clearance, self.cy, 0.0), not self.planar)
+
+    def ideal_part(self, rotation: np.ndarray, centre: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Translation along z."""
+        return np.eye(3), np.array([0.0, 0.0, centre[2]])
 
     def directions(self) -> np.ndarray:
         """At each contact, along its wall's normal."""

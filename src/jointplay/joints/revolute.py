@@ -8,11 +8,12 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
+import pinocchio as pin
 
 from jointplay.contact import ContactProperties, FilmLaw, FilmProperties
 from jointplay.errors import JointplayError, require_positive
 from jointplay.geometry import Shape, worn_bore
-from jointplay.joints.base import VIRTUAL_LINK, Clearance, complete
+from jointplay.joints.base import VIRTUAL_LINK, Clearance, Outline, complete
 
 SAMPLES = 72
 """Azimuths at which contact directions are sampled."""
@@ -306,6 +307,25 @@ class ClearanceJoint(Clearance):
     def depth_limit(self) -> float:
         """A tenth of the journal's radius: far beyond what any contact law means."""
         return 0.1 * self.rj
+
+    @property
+    def outline(self) -> Outline:
+        """A cylinder in a bore."""
+        play = 0.0 if self.lock_axial else self.ca
+        worn = () if self.worn is None else tuple(map(tuple, np.array(self.worn).tolist()))
+        return Outline(
+            "cylinder",
+            (self.rj, self.rj, self.lj / 2),
+            (self.cr, self.cr, play),
+            self.walls,
+            worn,
+        )
+
+    def ideal_part(self, rotation: np.ndarray, centre: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The axis is turned back by the shortest way; along the axis, only what nothing limits."""
+        swing = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), rotation[:, 2])
+        slide = np.array([0.0, 0.0, 0.0 if self.walls else centre[2]])
+        return swing.toRotationMatrix().T @ rotation, slide
 
     def directions(self) -> np.ndarray:
         """Radial at both ends (or in the middle, without tilt), axial at the rims."""

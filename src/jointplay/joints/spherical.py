@@ -10,7 +10,7 @@ import numpy as np
 from jointplay.contact import ContactProperties
 from jointplay.errors import require_positive
 from jointplay.geometry import Shape
-from jointplay.joints.base import VIRTUAL_LINK, Clearance, complete
+from jointplay.joints.base import VIRTUAL_LINK, Clearance, Outline, complete
 
 _NUMBER = 200
 
@@ -128,6 +128,15 @@ class SphericalJoint(Clearance):
     def depth_limit(self) -> float:
         """A tenth of the ball's radius."""
         return 0.1 * self.rj
+
+    @property
+    def outline(self) -> Outline:
+        """A ball in a socket."""
+        return Outline("ball", (self.rj,) * 3, (self.cr,) * 3, False)
+
+    def ideal_part(self, rotation: np.ndarray, centre: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Any rotation, no translation."""
+        return rotation, np.zeros(3)
 
     def directions(self) -> np.ndarray:
         """Evenly over the sphere (Fibonacci lattice); the force passes through the ball's centre.

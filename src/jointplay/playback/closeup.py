@@ -19,9 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from jointplay.errors import JointplayError
 from jointplay.geometry import touch
-from jointplay.joints import Clearance, ClearanceJoint, PrismaticJoint, SphericalJoint
 from jointplay.mechanism import Mechanism
 
 
@@ -48,29 +46,6 @@ class CloseUp:
     shift: np.ndarray
     normal_force: np.ndarray
     friction_force: np.ndarray
-
-
-def ideal_part(
-    kind: str, rotation: np.ndarray, centre: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """The pose nearest to (rotation, centre) that the ideal joint could have.
-
-    Args:
-        kind: of joint.
-        rotation: of the journal in the bearing frame, shape (3, 3).
-        centre: of the journal in the bearing frame, shape (3,) [m].
-
-    Returns:
-        Rotation (3, 3) and translation (3) [m]: about z for a revolute joint, what remains when the
-        axis is turned back by the shortest way; any rotation for a ball; along z for a slider.
-    """
-    if kind == "spherical":
-        return rotation, np.zeros(3)
-    if kind == "prismatic":
-        return np.eye(3), np.array([0.0, 0.0, centre[2]])
-    axis = rotation[:, 2]
-    swing = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), axis).toRotationMatrix()
-    return swing.T @ rotation, np.zeros(3)
 
 
 def close_up(
@@ -101,7 +76,7 @@ def close_up(
     rotation, centre, speed = _relative_motion(mechanism, joint, q[needed], v[needed])
     ideal, slide, tilt = np.empty_like(rotation), np.empty_like(centre), np.empty_like(centre)
     for i in range(len(needed)):
-        ideal[i], slide[i] = ideal_part(clearance.kind, rotation[i], centre[i])
+        ideal[i], slide[i] = clearance.ideal_part(rotation[i], centre[i])
         tilt[i] = pin.log3(rotation[i] @ ideal[i].T)
     displacement = centre - slide
     offset, direction = (np.zeros((n, m, 3)) for _ in range(2))
@@ -184,23 +159,3 @@ def continuous(quaternions: np.ndarray) -> None:
     """Choose the signs of quaternions, shape (n, 4), so that neighbours are close."""
     flips = np.sum(quaternions[1:] * quaternions[:-1], axis=1) < 0.0
     quaternions[1:] *= np.where(np.cumsum(flips) % 2, -1.0, 1.0)[:, None]
-
-
-def shape_of(clearance: Clearance) -> dict[str, object]:
-    """What the player needs to draw bearing and journal.
-
-    ``size`` has the journal's half extents along x, y and z of the bearing frame [m], ``room`` the
-    clearance that the bearing leaves on each side of it [m].
-    """
-    if isinstance(clearance, SphericalJoint):
-        size, room = [clearance.rj] * 3, [clearance.cr] * 3
-        return {"kind": "ball", "size": size, "room": room, "walls": False}
-    if isinstance(clearance, PrismaticJoint):
-        size = [clearance.width / 2, clearance.height / 2, clearance.length / 2]
-        room = [clearance.clearance, clearance.cy, 0.0]
-        return {"kind": "block", "size": size, "room": room, "walls": not clearance.planar}
-    if isinstance(clearance, ClearanceJoint):
-        size, room = [clearance.rj, clearance.rj, clearance.lj / 2], [clearance.cr] * 2
-        room.append(clearance.ca)
-        return {"kind": "cylinder", "size": size, "room": room, "walls": clearance.walls}
-    raise JointplayError(f"no close-up can be drawn of joints of the kind {clearance.kind!r}")

@@ -11,7 +11,7 @@ import json
 import math
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -24,11 +24,11 @@ from pinocchio.visualize import MeshcatVisualizer
 from jointplay.errors import JointplayError, MissingName
 from jointplay.kernel import Status
 from jointplay.mechanism import Mechanism
-from jointplay.playback.closeup import close_up, continuous, shape_of
+from jointplay.playback.closeup import close_up, continuous
 from jointplay.playback.tracks import Impacts, Packer, impacts, keep, strongest
-from jointplay.visuals import Visuals, visuals
 from jointplay.plots import COLOURS
 from jointplay.result import Result
+from jointplay.visuals import Visuals, visuals
 
 BUDGET = 60_000
 """Most moments of all cases together, which bounds memory and file alike.
@@ -224,7 +224,7 @@ class _Case:
         return {
             "name": name,
             "kind": clearance.kind,
-            "shape": shape_of(clearance),
+            "shape": asdict(clearance.outline),
             "contacts": list(clearance.contacts),
             "carrier": carrier,
             "placement": fixed.homogeneous.T.ravel().tolist(),
@@ -384,8 +384,7 @@ def _magnification(cases: Sequence[_Case]) -> float:
     wanted = []
     for case in cases:
         for joint in case.mechanism.clearance.values():
-            shape = shape_of(joint)
-            pairs = zip(shape["size"], shape["room"], strict=True)  # type: ignore[call-overload]
+            pairs = zip(joint.outline.size, joint.outline.room, strict=True)
             wanted += [1.1 * size / room for size, room in pairs if room > 0.0]
     factor = max(min(wanted, default=1.0), 1.0)
     power = 10.0 ** math.floor(math.log10(factor))

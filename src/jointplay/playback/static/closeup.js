@@ -38,31 +38,31 @@ function twoTone(geometry, ball) {
     return plain;
 }
 
-function journalOf({kind, size}) {
+function journalOf({form, size}) {
     const [a, b, c] = size;
     const group = new THREE.Group();
     let geometry;
-    if (kind === "block") geometry = new THREE.BoxGeometry(2 * a, 2 * b, 2 * c);
-    else if (kind === "ball") geometry = twoTone(new THREE.SphereGeometry(a, 64, 32).rotateX(Math.PI / 2), true);
+    if (form === "block") geometry = new THREE.BoxGeometry(2 * a, 2 * b, 2 * c);
+    else if (form === "ball") geometry = twoTone(new THREE.SphereGeometry(a, 64, 32).rotateX(Math.PI / 2), true);
     else geometry = twoTone(new THREE.CylinderGeometry(a, a, 2 * c, 96, 1).rotateX(Math.PI / 2), false);
-    const material = new THREE.MeshPhongMaterial({vertexColors: kind !== "block", shininess: 5, specular: 0x111111, side: THREE.DoubleSide});
+    const material = new THREE.MeshPhongMaterial({vertexColors: form !== "block", shininess: 5, specular: 0x111111, side: THREE.DoubleSide});
     group.add(new THREE.Mesh(geometry, material));
     const edges = new THREE.LineBasicMaterial({color: 0x1d2730});
-    if (kind !== "ball") group.add(new THREE.LineSegments(new THREE.EdgesGeometry(geometry, 40), edges));
-    if (kind !== "ball") group.add(lineOf([[0, 0, -1.35 * c], [0, 0, 1.35 * c]], 0x1d2730));
+    if (form !== "ball") group.add(new THREE.LineSegments(new THREE.EdgesGeometry(geometry, 40), edges));
+    if (form !== "ball") group.add(lineOf([[0, 0, -1.35 * c], [0, 0, 1.35 * c]], 0x1d2730));
     group.matrixAutoUpdate = false;
     group.material = material;
     return group;
 }
 
 // A bearing whose inner half extents are 1, its half towards -y taken away.
-function bearingOf({kind, walls}) {
+function bearingOf({form, walls}) {
     const material = new THREE.MeshPhongMaterial({
         color: 0x78909c, transparent: true, opacity: 0.3, side: THREE.DoubleSide, depthWrite: false,
     });
     const group = new THREE.Group(), add = geometry => group.add(new THREE.Mesh(geometry, material));
     const dark = 0x37474f;
-    if (kind === "block") {
+    if (form === "block") {
         const thick = SHELL - 1, spanY = walls ? SHELL : 1;
         for (const side of [1, -1]) {
             add(new THREE.BoxGeometry(thick, 2 * spanY, 2 * GUIDE).translate(side * (1 + thick / 2), 0, 0));
@@ -78,7 +78,7 @@ function bearingOf({kind, walls}) {
         group.add(lineOf(outline, dark, 0.8));
         group.ticks = lineOf([-1, -0.6, -0.2, 0.2, 0.6, 1].flatMap(z => [[-1, 1, z], [1, 1, z]]), dark, 0.5);
         group.add(group.ticks);
-    } else if (kind === "ball") {
+    } else if (form === "ball") {
         for (const radius of [1, SHELL]) add(new THREE.SphereGeometry(radius, 64, 32, Math.PI, Math.PI).rotateX(Math.PI / 2));
         add(new THREE.RingGeometry(1, SHELL, 64).rotateX(Math.PI / 2));
         const upright = circleAt(0).map(([x, y]) => [x, 0, y]);

@@ -231,7 +231,7 @@ class Player {
 
     closeCamera(view, {w, h}) {
         const [ex, ey, ez] = view.extent(this.view.magnification);
-        const radius = SHELL * Math.hypot(Math.max(ex, ey), view.shape.kind === "block" ? GUIDE * ez : ez);
+        const radius = SHELL * Math.hypot(Math.max(ex, ey), view.shape.form === "block" ? GUIDE * ez : ez);
         const span = 1.25 * radius / this.orbit.zoom;
         const {azimuth, elevation} = this.orbit;
         // Scene axes have y up, too: (x, y, z) here is (x, z, -y) there.
