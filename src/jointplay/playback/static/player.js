@@ -248,7 +248,7 @@ class Player {
 
     // Words over the pictures.
     label(robot, close) {
-        const key = JSON.stringify([robot, close.map(r => [r.x, r.y, r.w, r.h, r.view.owner.index])]);
+        const key = JSON.stringify([robot, close.map(r => [r.x, r.y, r.w, r.h, r.view.owner.index, r.view.joint.name])]);
         if (key !== this.labelled) {
             this.labelled = key;
             $("views").replaceChildren(...close.map(rect => {

@@ -1,0 +1,325 @@
+"""Playback: what the page holds, how it is served, and in a real browser."""
+
+import shutil
+import subprocess
+import sys
+import threading
+import time
+import urllib.request
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import body, joint
+from hypothesis import given
+from hypothesis import strategies as st
+
+import jointplay as jp
+from jointplay import playback
+from jointplay.playback.server import Server
+from jointplay.playback.tracks import Packer, impacts, keep, strongest, unpack
+from jointplay.study import scara
+
+COMMAND = Path(sys.executable).parent / "jointplay"
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+GL = ("--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
+
+
+def run(clearance, duration=0.4):
+    made = scara(clearance)
+    return jp.simulate(made.mechanism, made.motion, duration=duration)
+
+
+@pytest.fixture(scope="module")
+def cases():
+    return {"ideal": run(None), "0.2 mm": run(0.2e-3), "0.5 mm": run(0.5e-3)}
+
+
+@pytest.fixture(scope="module")
+def page(cases):
+    return playback.page(cases)
+
+
+# What is kept of the records.
+
+
+def test_impacts_are_the_peaks_that_stand_out():
+    force = np.zeros(1000)
+    force[100], force[300:310], force[500] = 50.0, 100.0, 1.0
+    found = impacts(force)
+    assert len(found.records) == 2  # 1 N does not stand out
+    assert found.force.tolist() == [50.0, 100.0]
+    assert not len(impacts(np.zeros(10)).records)
+
+
+@given(st.integers(0, 5), st.integers(20, 400), st.integers(500, 3000))
+def test_decimation_keeps_impacts_and_the_budget(number, budget, n):
+    moments = np.arange(n) * 1e-4
+    random = np.random.default_rng(number)
+    at = np.sort(random.choice(np.arange(1, n), number, replace=False))
+    force = np.zeros(n)
+    force[at] = random.uniform(50, 100, number)
+    kept = keep(moments, [impacts(force)], budget)
+    assert len(kept) <= max(budget, 4) + 2
+    assert (np.diff(kept) > 0).all()
+    assert {0, n - 1} <= set(kept)
+    assert set(impacts(force).records) <= set(kept)
+    held = force[strongest(force[:, None], kept)[:, 0]]
+    assert held.max() == force[: kept[-1] + 1].max()
+
+
+@given(st.integers(1, 50), st.floats(1e-9, 1e-3), st.integers(0, 9))
+def test_packed_numbers_come_back(rows, quantum, seed):
+    values = np.random.default_rng(seed).normal(size=(rows, 3)).cumsum(axis=0)
+    packer = Packer()
+    packer.raw(b"before")
+    entry = packer.table(values, quantum)
+    import zlib
+
+    again = unpack(zlib.decompress(packer.deflated()), entry)
+    assert np.abs(again - values).max() <= 0.51 * entry["quantum"]
+
+
+def test_a_minute_of_motion_fits(cases):
+    """60 s of records are thinned to the budget; the strongest impacts stay."""
+    parts = [cases["0.5 mm"].dataset]
+    long = parts[0].isel(time=np.tile(np.arange(4001), 150)[:600_000])
+    long = long.assign_coords(time=np.arange(600_000) * 1e-4)
+    content, _ = playback.page({"long": jp.Result(long)}, ghosts=False)
+    assert len(content) < 15e6
+
+
+# The page and its server.
+
+
+def test_page_is_whole_and_has_no_addresses(page):
+    content, _ = page
+    text = content.decode("utf-8")
+    assert len(content) < 15e6
+    assert "default-src" in text or "http-equiv" in text
+    assert "window.jointplay = new Player" in text
+
+
+def test_html_is_written_once(page, cases, tmp_path):
+    path = playback.save_html({"0.2 mm": cases["0.2 mm"]}, tmp_path / "a.html", ghosts=False)
+    assert path.read_bytes().lstrip().lower().startswith(b"<!doctype html")
+    with pytest.raises(jp.JointplayError, match="exists"):
+        playback.save_html(cases, path)
+
+
+def test_server_gives_the_page_on_the_loopback_only():
+    with Server(b"<!doctype html>x", port=0) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        assert server.server_address[0] == "127.0.0.1"
+        with urllib.request.urlopen(server.url) as answer:
+            assert answer.read() == b"<!doctype html>x"
+        with pytest.raises(urllib.error.HTTPError):
+            urllib.request.urlopen(server.url + "etc/passwd")
+        with Server(b"", port=server.port) as other:  # taken: the next one
+            assert other.port != server.port
+        server.shutdown()
+
+
+def test_command_serves_and_says_where(cases, tmp_path):
+    cases["0.2 mm"].save(tmp_path / "a.nc")
+    command = [str(COMMAND), "play", "a.nc", "--no-browser", "--port", "0", "--no-ghost", "--quiet"]
+    process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, text=True)
+    try:
+        line = process.stdout.readline()
+        assert "playing at http://127.0.0.1:" in line
+        with urllib.request.urlopen(line.split()[2]) as answer:
+            assert b"jointplay" in answer.read()
+    finally:
+        import signal
+
+        process.send_signal(signal.SIGINT)
+        assert process.wait(20) == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "text"),
+    [
+        (["none.nc"], "no result file"),
+        (["bad.nc"], "damaged or not a result"),
+        (["a.nc", "a.nc"], "given twice"),
+        (["a.nc", "--joint", "elbow"], "joint_b"),
+        (["a.nc", "--port", "99999"], "between 0 and 65535"),
+        (["a.nc", "--host", "no.such.host.invalid"], "no host"),
+        (["a.nc", "--magnify", "-1"], "-1"),
+        (["a.nc", "--html", "bad.nc"], "exists"),
+    ],
+)
+def test_wrong_input_is_named(arguments, text, cases, tmp_path):
+    cases["0.2 mm"].save(tmp_path / "a.nc")
+    (tmp_path / "bad.nc").write_bytes(b"nothing")
+    command = [str(COMMAND), "play", *arguments, "--no-browser", "--quiet", "--no-ghost"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 2
+    assert text in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+
+
+def test_missing_meshes_are_stood_in_for(urdf):
+    mesh = '<visual><geometry><mesh filename="package://gone/arm.stl"/></geometry></visual>'
+    link = body("a").replace("</link>", f"{mesh}</link>")
+    bearing = jp.ClearanceJoint(radial_clearance=1e-4, axial_clearance=1e-4)
+    robot = jp.Mechanism(urdf(link, joint("one", "base", "a")), {"one": bearing})
+    result = jp.simulate(robot, duration=0.02, drive=jp.Free(), joint_friction={})
+    _, scene = playback.page({"a": result})
+    assert any("arm.stl" in note for note in scene.notes)
+
+
+# In a browser.
+
+
+@pytest.fixture(scope="module")
+def browser():
+    if CHROMIUM is None:
+        pytest.skip("no chromium is installed")
+    sync = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    with sync.sync_playwright() as tools:
+        chromium = tools.chromium.launch(executable_path=CHROMIUM, args=list(GL))
+        yield chromium
+        chromium.close()
+
+
+def open_page(browser, address):
+    tab = browser.new_page(viewport={"width": 1100, "height": 700})
+    tab.troubles, tab.requests = [], []
+    tab.on(
+        "console",
+        lambda message: (
+            tab.troubles.append(message.text)
+            if message.type in ("error", "warning") and "GPU stall" not in message.text
+            else None
+        ),
+    )
+    tab.on("pageerror", lambda error: tab.troubles.append(f"{error} {error.stack}"))
+    tab.on("request", lambda request: tab.requests.append(request.url))
+    tab.goto(address)
+    tab.wait_for_selector("body.ready", timeout=60_000)
+    return tab
+
+
+def until(tab, script, seconds=60.0):
+    """Wait; playwright's own waiting would evaluate text, which the page forbids."""
+    end = time.monotonic() + seconds
+    while not tab.evaluate(script):
+        assert time.monotonic() < end, script
+        tab.wait_for_timeout(50)
+
+
+def picture(tab):
+    from matplotlib.image import imread
+
+    tab.wait_for_timeout(400)
+    return imread(BytesIO(tab.screenshot()))[..., :3]
+
+
+NAMES = """() => {
+    const names = [];
+    window.jointplay.viewer.scene.traverse(thing => {
+        let shown = true;
+        for (let at = thing; at; at = at.parent) shown = shown && at.visible;
+        names.push([thing.type, thing.name, shown]);
+    });
+    return names;
+}"""
+
+
+def check(tab, address):
+    things = tab.evaluate(NAMES)
+    meshes = [name for kind, name, shown in things if kind == "Mesh" and shown]
+    assert len(meshes) > 20
+    paths = " ".join(name for _, name, _ in things)
+    for part in ("ghost", "trace", "joints"):
+        assert part in paths
+    begin = picture(tab)
+    tab.evaluate("window.jointplay.seek(0.2)")
+    scrubbed = picture(tab)
+    assert tab.evaluate("window.jointplay.t") == pytest.approx(0.2)
+    tab.evaluate("window.jointplay.setSpeed(1)")
+    tab.keyboard.press(" ")
+    until(tab, "window.jointplay.t > 0.25")
+    tab.keyboard.press(" ")
+    played = picture(tab)
+    assert tab.evaluate("window.jointplay.t") > 0.25
+    tab.evaluate("window.jointplay.seek(0)")
+    tab.keyboard.press("n")  # to the first impact
+    assert "impact 1 of" in tab.inner_text("#status")
+    impact = picture(tab)
+    for image in (begin, scrubbed, played, impact):
+        assert image.std() > 0.05
+    for one, two in ((begin, scrubbed), (scrubbed, played), (begin, impact)):
+        assert np.abs(one - two).mean() > 1e-4
+    assert not tab.troubles
+    assert {request.split("#")[0] for request in tab.requests} <= {address, address + "favicon.ico"}
+
+
+def test_file_plays_in_a_browser(browser, page, tmp_path):
+    path = tmp_path / "scara.html"
+    path.write_bytes(page[0])
+    tab = open_page(browser, path.as_uri())
+    check(tab, path.as_uri())
+    # The close-up: contact forces where they act, at the strongest moment of all.
+    tab.evaluate("""() => {
+        const p = window.jointplay;
+        const hit = p.impacts.reduce((a, b) => a.force > b.force ? a : b);
+        p.setLayout("closeup");
+        p.seek(hit.t);
+    }""")
+    assert picture(tab).std() > 0.05
+    # One frame of playing: what JavaScript takes of it, drawing by software left aside.
+    spent = tab.evaluate("""() => {
+        const p = window.jointplay, from = performance.now();
+        for (let i = 0; i < 100; i++) p.seek(0.4 * i / 100);
+        return (performance.now() - from) / 100;
+    }""")
+    assert spent < 33.0
+    tab.close()
+
+
+def test_served_page_plays_in_a_browser(browser, page):
+    with Server(page[0], port=0) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        tab = open_page(browser, server.url)
+        check(tab, server.url)
+        tab.close()
+        server.shutdown()
+
+
+@pytest.mark.parametrize("name", ["slider_crank", "four_bar"])
+def test_loops_play_in_a_browser(browser, name, tmp_path):
+    scenario = jp.Scenario.load(f"jointplay:{name}.toml")
+    results = {}
+    for case in (scenario.cases[0], scenario.cases[-1]):
+        results[case] = scenario.simulation(case, {"integration": {"duration": "0.012 s"}}).run()
+    path = playback.save_html(results, tmp_path / "a.html")
+    tab = open_page(browser, path.as_uri())
+    begin = picture(tab)
+    tab.evaluate("window.jointplay.seek(0.006)")
+    assert np.abs(begin - picture(tab)).mean() > 1e-4
+    assert not tab.troubles
+    tab.close()
+
+
+def test_balls_and_sliders_have_close_ups(browser, urdf, tmp_path):
+    path = urdf(
+        body("a"), body("b", com="0.1 0 0"), joint("one", "base", "a", "prismatic"),
+        joint("two", "a", "b", "floating", at="0.2 0 0"),
+    )  # fmt: skip
+    joints = {
+        "one": jp.PrismaticJoint(clearance=1e-4),
+        "two": jp.SphericalJoint(radial_clearance=1e-4),
+    }
+    robot = jp.Mechanism(path, joints, gravity=(0, -9.81, 0))
+    result = jp.simulate(robot, duration=0.05, drive=jp.Free(), joint_friction={}, step=5e-6)
+    tab = open_page(browser, playback.save_html({"a": result}, tmp_path / "a.html").as_uri())
+    shots = []
+    for name in joints:
+        tab.evaluate(f"window.jointplay.setJoint({name!r}); window.jointplay.setLayout('closeup')")
+        shots.append(picture(tab))
+    assert np.abs(shots[0] - shots[1]).mean() > 1e-3
+    assert not tab.troubles
+    tab.close()
