@@ -18,7 +18,7 @@ from validation.mechanisms import FREE, body, joint, urdf
 
 MASS, INERTIA, ARM = 2.0, 1e-2, 0.1  # kg, kg m^2 about the centre of mass, m
 GRAVITY = 9.81  # m/s^2, along +x
-PLAY, BORE = 2e-4, 10e-3  # m
+BORE = 10e-3  # m
 
 
 @dataclass(frozen=True)
@@ -31,10 +31,11 @@ class Pendulum:
     v0: float = 1e-4
     v1: float = 1e-3
     gravity: float = GRAVITY
+    play: float = 2e-4
 
     def mechanism(self) -> jp.Mechanism:
         bearing = jp.ClearanceJoint.planar(
-            radial_clearance=PLAY, bearing_radius=BORE, stiffness=self.stiffness,
+            radial_clearance=self.play, bearing_radius=BORE, stiffness=self.stiffness,
             restitution=self.restitution, friction=jp.Ambrosio(self.mu, self.v0, self.v1),
         )  # fmt: skip
         path = urdf(body("arm", MASS, f"{ARM} 0 0", INERTIA), joint("pin", "base", "arm"))
@@ -51,31 +52,46 @@ class Pendulum:
         return run
 
     def slope(self, y: np.ndarray, approach: float) -> list[float]:
-        """Right-hand side; `approach` is ddelta0 of this contact [m/s], 0 in free flight."""
+        """Right-hand side; `approach` is ddelta0 of this contact [m/s], 0 in free flight.
+
+        Infinite stands for the present rate: it is still rising.
+        """
         x, z, angle, vx, vz, turning = y
         c, s = math.cos(angle), math.sin(angle)
         fx = fz = moment = 0.0
         away = math.hypot(x, z)
-        if approach > 0.0 and away > PLAY:
+        if approach > 0.0 and away > self.play:
             nx, nz = x / away, z / away  # outwards
-            depth, rate = away - PLAY, nx * vx + nz * vz
-            slip = nx * vz - nz * vx + turning * (BORE - PLAY)
+            depth, rate = away - self.play, nx * vx + nz * vz
+            ratio = math.copysign(1.0, rate) if math.isinf(approach) else rate / approach
+            slip = nx * vz - nz * vx + turning * (BORE - self.play)
             a = 0.75 * (1.0 - self.restitution**2)
-            normal = self.stiffness * depth**1.5 * (1.0 + a * rate / approach)
+            normal = self.stiffness * depth**1.5 * (1.0 + a * ratio)
             ramp = min(max((abs(slip) - self.v0) / (self.v1 - self.v0), 0.0), 1.0)
             rub = -self.mu * ramp * normal * math.copysign(1.0, slip)
             fx, fz = -normal * nx - rub * nz, -normal * nz + rub * nx
-            moment = rub * (BORE - PLAY)
-        # About the centre of mass, c + ARM (c, s).
+            moment = rub * (BORE - self.play)
+        # About the centre of mass, which is ARM (c, s) from the journal's.
         spin = (moment - ARM * (c * fz - s * fx)) / INERTIA
         ax = fx / MASS + self.gravity + ARM * (s * spin + c * turning**2)
         az = fz / MASS - ARM * (c * spin - s * turning**2)
         return [vx, vz, turning, ax, az, spin]
 
+    def rise(self, y: np.ndarray, approach: float) -> float:
+        """Rate of change of |ddelta| [m/s^2]."""
+        away = math.hypot(y[0], y[1])
+        rate = (y[0] * y[3] + y[1] * y[4]) / away
+        a = self.slope(y, approach)
+        bend = (y[0] * a[3] + y[1] * a[4] + y[3] ** 2 + y[4] ** 2 - rate**2) / away
+        return math.copysign(1.0, rate) * bend
+
     def solve(
         self, state, duration: float, method: str, tolerance: float, times=None, approach=0.0
     ) -> Solution:
-        """Integrate by scipy from one touch to the next, each located as an event."""
+        """Integrate by scipy; touches, and ends of a rise of ddelta0, are located as events.
+
+        `approach` is ddelta0 if the journal is in contact at the start [m/s].
+        """
         y, now, calls, impacts = np.array(state, float), 0.0, 0, 0
         wanted = np.array([duration]) if times is None else np.asarray(times)
         found = np.full((len(wanted), 6), np.nan)
@@ -87,11 +103,21 @@ class Pendulum:
                 return self.slope(y, inside)
 
             def touch(_, y):
-                return math.hypot(y[0], y[1]) - PLAY
+                return math.hypot(y[0], y[1]) - self.play
 
-            touch.terminal, touch.direction = True, -1.0 if inside else 1.0
+            def risen(_, y, inside=inside):
+                return self.rise(y, inside)
+
+            def exceeds(_, y, inside=inside):
+                return abs(y[0] * y[3] + y[1] * y[4]) / math.hypot(y[0], y[1]) - inside
+
+            touch.direction = -1.0 if inside else 1.0
+            risen.direction, exceeds.direction = -1.0, 1.0
+            events = [touch] + ([risen if math.isinf(inside) else exceeds] if inside else [])
+            for event in events:
+                event.terminal = True
             part = solve_ivp(
-                slope, (now, duration), y, method=method, rtol=tolerance, events=touch,
+                slope, (now, duration), y, method=method, rtol=tolerance, events=events,
                 atol=tolerance * np.array([1e-4, 1e-4, 1.0, 1.0, 1.0, 10.0]), dense_output=True,
             )  # fmt: skip
             calls += part.nfev
@@ -102,10 +128,15 @@ class Pendulum:
             if part.status != 1:
                 break
             rate = float(y[:2] @ y[3:5]) / math.hypot(y[0], y[1])
-            # The next touch must not be this one again.
-            y[:2] *= (PLAY * (1.0 + math.copysign(1e-13, rate))) / math.hypot(y[0], y[1])
-            approach = rate if rate > 0.0 else 0.0
-            impacts += rate > 0.0
+            if len(part.t_events[0]):
+                # The next touch must not be this one again.
+                y[:2] *= (self.play * (1.0 + math.copysign(1e-13, rate))) / math.hypot(y[0], y[1])
+                approach = rate if rate > 0.0 else 0.0
+                if approach and self.rise(y, math.inf) > 0.0:
+                    approach = math.inf
+                impacts += rate > 0.0
+            else:
+                approach = abs(rate) if math.isinf(inside) else math.inf
         return Solution(found, calls, impacts, time.process_time() - begun)
 
 
@@ -123,5 +154,5 @@ class Solution:
 def resting(pendulum: Pendulum, angle: float = 0.0) -> np.ndarray:
     """Journal on its bore under the weight of the arm at `angle`, at rest."""
     depth = (MASS * pendulum.gravity / pendulum.stiffness) ** (2 / 3)
-    return np.array([PLAY + depth, 0.0, angle, 0.0, 0.0, 0.0])
+    return np.array([pendulum.play + depth, 0.0, angle, 0.0, 0.0, 0.0])
 
