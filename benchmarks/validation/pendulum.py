@@ -18,7 +18,6 @@ from validation.mechanisms import FREE, body, joint, urdf
 
 MASS, INERTIA, ARM = 2.0, 1e-2, 0.1  # kg, kg m^2 about the centre of mass, m
 GRAVITY = 9.81  # m/s^2, along +x
-BORE = 10e-3  # m
 
 
 @dataclass(frozen=True)
@@ -32,10 +31,11 @@ class Pendulum:
     v1: float = 1e-3
     gravity: float = GRAVITY
     play: float = 2e-4
+    bore: float = 10e-3
 
     def mechanism(self) -> jp.Mechanism:
         bearing = jp.ClearanceJoint.planar(
-            radial_clearance=self.play, bearing_radius=BORE, stiffness=self.stiffness,
+            radial_clearance=self.play, bearing_radius=self.bore, stiffness=self.stiffness,
             restitution=self.restitution, friction=jp.Ambrosio(self.mu, self.v0, self.v1),
         )  # fmt: skip
         path = urdf(body("arm", MASS, f"{ARM} 0 0", INERTIA), joint("pin", "base", "arm"))
@@ -64,13 +64,13 @@ class Pendulum:
             nx, nz = x / away, z / away  # outwards
             depth, rate = away - self.play, nx * vx + nz * vz
             ratio = math.copysign(1.0, rate) if math.isinf(approach) else rate / approach
-            slip = nx * vz - nz * vx + turning * (BORE - self.play)
+            slip = nx * vz - nz * vx + turning * (self.bore - self.play)
             a = 0.75 * (1.0 - self.restitution**2)
             normal = self.stiffness * depth**1.5 * (1.0 + a * ratio)
             ramp = min(max((abs(slip) - self.v0) / (self.v1 - self.v0), 0.0), 1.0)
             rub = -self.mu * ramp * normal * math.copysign(1.0, slip)
             fx, fz = -normal * nx - rub * nz, -normal * nz + rub * nx
-            moment = rub * (BORE - self.play)
+            moment = rub * (self.bore - self.play)
         # About the centre of mass, which is ARM (c, s) from the journal's.
         spin = (moment - ARM * (c * fz - s * fx)) / INERTIA
         ax = fx / MASS + self.gravity + ARM * (s * spin + c * turning**2)
