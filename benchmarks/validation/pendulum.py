@@ -155,4 +155,3 @@ def resting(pendulum: Pendulum, angle: float = 0.0) -> np.ndarray:
     """Journal on its bore under the weight of the arm at `angle`, at rest."""
     depth = (MASS * pendulum.gravity / pendulum.stiffness) ** (2 / 3)
     return np.array([pendulum.play + depth, 0.0, angle, 0.0, 0.0, 0.0])
-

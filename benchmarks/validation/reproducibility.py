@@ -61,7 +61,7 @@ def elsewhere(file: Path, out: Path, **environment: str) -> xr.Dataset:
     wrong="the run to compare with has a friction coefficient larger by one part in 10^15",
 )
 def same_bits(quick: bool = False, wrong: bool = False) -> Outcome:
-    duration = 0.1 if quick else 3.0
+    duration = 0.05 if quick else 1.5
     friction = 0.1 * (1.0 + 1e-15) if wrong else 0.1
     case_of = Case(radial=0.5e-3, axial=0.5e-3)
     first = case_of.simulation(1, duration=duration).run()
@@ -86,9 +86,7 @@ def same_bits(quick: bool = False, wrong: bool = False) -> Outcome:
             away = np.abs(other["tool_position"].values - first["tool_position"].values).max(axis=1)
             unlike = int(np.argmax(away > 0.0)) if away.any() else -1
             figure, axes = new_figure(1, 1, 6.0, 3.0)
-            axes[0, 0].semilogy(
-                first.time, np.maximum(1e3 * away, 1e-14), color=COLOURS[0], lw=0.8
-            )
+            axes[0, 0].semilogy(first.time, np.maximum(1e3 * away, 1e-14), color=COLOURS[0], lw=0.8)
             axes[0, 0].set(xlabel="time [s]", ylabel="tools apart [mm]")
             if unlike < 0:
                 notes.append(

@@ -262,9 +262,7 @@ def incline(quick: bool = False, wrong: bool = False) -> Outcome:
             clearance=1e-4, friction=friction, restitution=0.5, stiffness=1e10
         )
         # z of the guide points downhill and x into the ground.
-        element = joint(
-            "guide", "base", "block", "prismatic", rpy=f"0 {math.pi / 2 + alpha!r} 0"
-        )
+        element = joint("guide", "base", "block", "prismatic", rpy=f"0 {math.pi / 2 + alpha!r} 0")
         robot = jp.Mechanism(
             urdf(body("block", mass), element), {"guide": bearing}, gravity=(0, 0, -GRAVITY)
         )
@@ -345,9 +343,7 @@ def period_of(times: np.ndarray, force: np.ndarray) -> tuple[float, float]:
 def stick_slip(quick: bool = False, wrong: bool = False) -> Outcome:
     mass, rate = 2.0, 20.0
     speeds = (0.03,) if quick else (0.02, 0.03, 0.05)
-    rows = [
-        ["speed [mm/s]", "period [s]", "reference", "stiction", "amplitude [N]", "reference"]
-    ]
+    rows = [["speed [mm/s]", "period [s]", "reference", "stiction", "amplitude [N]", "reference"]]
     errors = []
     figure, axes = new_figure(1, 1, 6.5, 3.2)
     for speed in speeds:
@@ -401,9 +397,7 @@ def stick_slip(quick: bool = False, wrong: bool = False) -> Outcome:
 def top(quick: bool = False, wrong: bool = False) -> Outcome:
     mass, arm, across, along, theta = 1.0, 0.05, 8e-4, 5e-4, 0.4
     play = 2e-4
-    bearing = jp.SphericalJoint(
-        radial_clearance=play, friction=jp.Ambrosio(0.0), restitution=0.5
-    )
+    bearing = jp.SphericalJoint(radial_clearance=play, friction=jp.Ambrosio(0.0), restitution=0.5)
     ball = joint("ball", "base", "top", "floating")
     path = urdf(body("top", mass, f"0 0 {arm}", (across, across, along)), ball)
     robot = jp.Mechanism(path, {"ball": bearing}, gravity=(0, 0, -GRAVITY))
@@ -568,9 +562,7 @@ def self_locking(quick: bool = False, wrong: bool = False) -> Outcome:
 
         def fall(x, guide=guide, tilt=tilt, lever=lever, support=support):
             """How far it has slid at the end [m]."""
-            path = urdf(
-                body("arm", mass, f"{x} 0 0", 0.1), joint("g", "base", "arm", "prismatic")
-            )
+            path = urdf(body("arm", mass, f"{x} 0 0", 0.1), joint("g", "base", "arm", "prismatic"))
             robot = jp.Mechanism(path, {"g": guide}, gravity=(0, 0, -GRAVITY))
             run = jp.Simulation(
                 robot, drive={"g": support}, joint_friction={}, duration=duration, record_every=50
@@ -596,9 +588,7 @@ def self_locking(quick: bool = False, wrong: bool = False) -> Outcome:
             label=f"mu = {mu:g}",
         )  # fmt: skip
     axes[0, 0].axvline(1.0, color="0.3", lw=1, ls="--")
-    axes[0, 0].set(
-        xlabel="overhang relative to theory [-]", ylabel=f"slid in {duration:g} s [mm]"
-    )
+    axes[0, 0].set(xlabel="overhang relative to theory [-]", ylabel=f"slid in {duration:g} s [mm]")
     axes[0, 0].legend()
     note = (
         "The bristles are well damped (sigma1 = 300 s/m). With 30 s/m a jammed slider's own "
@@ -697,7 +687,9 @@ def clearance_limit(quick: bool = False, wrong: bool = False) -> Outcome:
         ]
         period = (at[-1] - at[0]) / (len(at) - 1)
         link = play + (mass * GRAVITY / bearing.hertz_stiffness) ** (2 / 3)
-        theory = linked_period(mass, inertia, length, link / (2 if wrong else 1), amplitude, periods)
+        theory = linked_period(
+            mass, inertia, length, link / (2 if wrong else 1), amplitude, periods
+        )
         shifts.append((period / ideal - 1.0, theory / ideal - 1.0))
         errors.append(abs(shifts[-1][0] / shifts[-1][1] - 1.0))
         rows.append(
