@@ -116,10 +116,11 @@ class Pendulum:
             events = [touch] + ([risen if math.isinf(inside) else exceeds] if inside else [])
             for event in events:
                 event.terminal = True
-            part = solve_ivp(
-                slope, (now, duration), y, method=method, rtol=tolerance, events=events,
-                atol=tolerance * np.array([1e-4, 1e-4, 1.0, 1.0, 1.0, 10.0]), dense_output=True,
-            )  # fmt: skip
+            with np.errstate(over="ignore", invalid="ignore"):  # of steps tried and rejected
+                part = solve_ivp(
+                    slope, (now, duration), y, method=method, rtol=tolerance, events=events,
+                    atol=tolerance * np.array([1e-4, 1e-4, 1.0, 1.0, 1.0, 10.0]), dense_output=True,
+                )  # fmt: skip
             calls += part.nfev
             here = (wanted >= now) & (wanted <= part.t[-1])
             if here.any():

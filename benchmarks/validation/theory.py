@@ -380,7 +380,8 @@ def stick_slip(quick: bool = False, wrong: bool = False) -> Outcome:
     note = (
         "*Stiction* is the closed form for friction that falls from mu_s to mu_d at once: 2 J/V + "
         "(2/omega)(pi - arctan(J omega/V)), J = (mu_s - mu_d) g/omega^2. LuGre approaches it as "
-        "its bristles stiffen; the difference is the law's, and the same in the reference."
+        "its bristles stiffen; the difference is the law's, and the same in the reference. In the "
+        "figure the run lags by a few milliseconds: the block falls onto its wall first."
     )
     return Outcome(max(errors), 5e-3, rows, figure, (note,))
 
