@@ -403,8 +403,8 @@ def energy(quick: bool = False, wrong: bool = False) -> Outcome:
     axes[-1, 0].set_xlabel("time [s]")
     note = (
         "The SCARA's error grows evenly with the cycles: it is that of friction in a jammed "
-        "journal, which the step does not follow (docs/integrators.md). The pendulum's rises and falls "
-        "with its speed and does not grow."
+        "journal, which the step does not follow (docs/integrators.md). The pendulum's rises "
+        "and falls with its speed and does not grow."
     )
     return Outcome(max(errors), 2e-3 if quick else 2e-2, rows, figure, () if quick else (note,))
 
@@ -525,8 +525,8 @@ def lyapunov(quick: bool = False, wrong: bool = False) -> Outcome:
                 f"{1e3 * math.log(10) / mean:.0f} ms on the average; rounding (1e-16 of a metre) "
                 f"has grown to 1 um after about {math.log(1e10) / mean:.1f} s."
                 if mean - half > 0
-                else f"SCARA, {label}: {mean:.1f} per second; the interval holds zero or less: a journal "
-                "that each stroke wedges anew forgets at least as much as impacts magnify."
+                else f"SCARA, {label}: {mean:.1f} per second; the interval holds zero or less: "
+                "a journal that each stroke wedges anew forgets at least as much as impacts magnify."
             )
         axes[0, 0].set(xlabel="time averaged over [s]", ylabel="mean growth [1/s]")
         axes[0, 1].set(xlabel="time in the cycle [s]", ylabel="growth, mean of the cycles [1/s]")

@@ -112,7 +112,8 @@ def same_bits(quick: bool = False, wrong: bool = False) -> Outcome:
         "Another processor, operating system or version of numba, Pinocchio or the C library may "
         "round a last bit otherwise (fused multiply-add, sin and cos). Impacts may then part the "
         "trajectories: on the average at the rate of the Lyapunov exponents above, but very "
-        "unevenly. Across machines compare what is compared here: energies, ensembles, limits, not samples."
+        "unevenly. Across machines compare what is compared here: energies, ensembles, limits, not "
+        "samples."
     )
     return Outcome(float(len(different)), 0.0, rows, figure, notes)
 
