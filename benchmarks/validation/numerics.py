@@ -526,7 +526,7 @@ def lyapunov(quick: bool = False, wrong: bool = False) -> Outcome:
                 f"has grown to 1 um after about {math.log(1e10) / mean:.1f} s."
                 if mean - half > 0
                 else f"SCARA, {label}: {mean:.1f} per second; the interval holds zero or less: "
-                "a journal that each stroke wedges anew forgets at least as much as impacts magnify."
+                "a journal that each stroke wedges anew forgets at least what impacts magnify."
             )
         axes[0, 0].set(xlabel="time averaged over [s]", ylabel="mean growth [1/s]")
         axes[0, 1].set(xlabel="time in the cycle [s]", ylabel="growth, mean of the cycles [1/s]")
