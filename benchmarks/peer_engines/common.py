@@ -488,13 +488,7 @@ def siconos_python() -> str:
 def missing(engine: str) -> str:
     """Why an engine cannot run, or an empty string."""
     if engine == "siconos":
-        return (
-            ""
-            if siconos_python()
-            else (
-                "Siconos is not installed: apt-get install python3-siconos, or name a Python that has "
-                "it in JOINTPLAY_SICONOS_PYTHON"
-            )
-        )
+        remedy = "apt-get install python3-siconos, or name its Python in JOINTPLAY_SICONOS_PYTHON"
+        return "" if siconos_python() else f"siconos is not installed: {remedy}"
     found = importlib.util.find_spec(engine) is not None
     return "" if found else f"{engine} is not installed: pip install {engine}"
