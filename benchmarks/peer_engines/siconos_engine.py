@@ -77,10 +77,10 @@ def _simulate(given: dict, out: str) -> None:
 
     r, length, moment, h = (given[key] for key in ("r", "length", "moment", "step"))
     system = sk.LagrangianLinearTIDS(given["q"], given["v"], np.diag(given["inertia"]))
-    push = np.zeros(3)
-    system.setFExtPtr(push)
+    system.setFExtPtr(np.zeros(3))
+    push = system.fExt()
     relation = sk.LagrangianLinearTIR(np.zeros((1, 3)), np.ones(1))
-    normal, rest = relation.C(), relation.e()  # views of Siconos's memory
+    normal, rest = relation.C(), relation.e()  # views of Siconos's memory, as is push
     contact = sk.Interaction(sk.NewtonImpactNSL(given["restitution"]), relation)
     dynamics = sk.NonSmoothDynamicalSystem(0.0, (given["steps"] + 2) * h)
     dynamics.insertDynamicalSystem(system)
