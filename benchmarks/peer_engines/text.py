@@ -58,7 +58,11 @@ TEXT = {
     ],
     "models": [
         "Each engine with the contact that it has itself, on the slider-crank, as far as "
-        "possible with the same restitution. The first impacts at a step of 0.1 µs:",
+        "possible with the same restitution. A rigid impact has a smaller impulse than a soft "
+        "one, which carries the load of the moving crank as long as it lasts. MuJoCo's limit "
+        "carries that load without giving way. Eccentricities of Siconos above 1 are drift: its "
+        "scheme keeps the speed of a lasting contact, not its gap. The first impacts at a step of "
+        "0.1 µs:",
     ],
     "cost": [
         "Slider-crank without friction. Error: largest distance of the journal's centre, in "
@@ -70,8 +74,8 @@ TEXT = {
         "step; jointplay, Exudyn and MuJoCo's own limit do not.",
     ],
     "better": [
-        "- Not measured here, but true: MuJoCo, Exudyn and Siconos simulate any contact between any "
-        "bodies; Exudyn has flexible bodies, implicit and adaptive integrators; Siconos has "
+        "- Not measured here: MuJoCo, Exudyn and Siconos simulate contacts between bodies of any "
+        "kind; Exudyn has flexible bodies, implicit and adaptive integrators; Siconos has "
         "set-valued Coulomb friction, which holds a body at rest exactly, and event-driven "
         "integration. jointplay has joints with clearance and nothing else.",
     ],
