@@ -10,6 +10,7 @@ import argparse
 import dataclasses
 import os
 import platform
+import re
 import sys
 import warnings
 from collections.abc import Callable, Sequence
@@ -50,6 +51,9 @@ COLOURS = {
     "Siconos": "#CC79A7",
 }
 """Okabe and Ito's, told apart by colour-blind readers."""
+
+ROUNDS = 8
+"""Times that the cost of a step is measured."""
 
 Table = tuple[list[str], list[list[str]]]
 
@@ -190,7 +194,7 @@ def figures(trace: Trace, task: Problem, rigid: bool) -> dict[str, float]:
         "mean force [N]": float(np.mean(trace.force)),
         "mean eccentricity / C_r": float(np.mean(away)),
         "largest eccentricity / C_r": float(np.max(away)),
-        "impulse of the hardest impact [N s]": max(i.impulse for i in impacts(trace, task, rigid)),
+        "largest impulse of a contact [N s]": max(i.impulse for i in impacts(trace, task, rigid)),
     }
 
 
@@ -210,7 +214,7 @@ def ensemble(run: Callable[[Problem], Trace], task: Problem, count: int, rigid: 
 def statistics_table(found: dict[str, dict[str, tuple[float, float]]]) -> Table:
     names = list(next(iter(found.values())))
     return ["", *names], [
-        [engine, *(f"{mean:.3g} ± {spread:.2g}" for mean, spread in values.values())]
+        [engine, *(f"{mean:.4g} ± {spread:.2g}" for mean, spread in values.values())]
         for engine, values in found.items()
     ]
 
@@ -233,6 +237,12 @@ def work_precision(
     jointplay's.
     """
     times = np.linspace(0.0, 0.98 * duration, 60)
+    # In turns, and the fastest of each: what else the machine does then hits all alike.
+    seconds = {name: np.inf for name in runs}
+    for _ in range(ROUNDS):
+        for name, run in runs.items():
+            trace = run(task, 1e-6, cost_duration, 10)
+            seconds[name] = min(seconds[name], trace.seconds / trace.steps)
 
     def path(run, step):
         trace = run(task, step, duration, 1)
@@ -244,8 +254,7 @@ def work_precision(
         limit = best if limit is None else limit
         apart = float(np.abs(best - limit).max())
         errors = np.array([np.abs(path(run, step) - best).max() for step in steps])
-        trace = min((run(task, 1e-6, cost_duration, 10) for _ in range(3)), key=lambda t: t.seconds)
-        per_step = trace.seconds / trace.steps
+        per_step = seconds[name]
         found[name] = errors, per_step / np.array(steps), per_step, apart
     return found
 
@@ -429,7 +438,7 @@ def compare(engines: Engines, quick: bool, images: Path) -> dict[str, object]:
     horizon = 6e-4
     out["horizon"] = horizon
     out["work"] = work_precision(
-        law, smooth, horizon, steps, 2e-7 if quick else 2e-8, 2e-3 if quick else 2e-2
+        law, smooth, horizon, steps, 2e-7 if quick else 2e-8, 2e-3 if quick else 6e-3
     )
     out["steps"] = steps
     draw_work(out["work"], steps, images / "work.png")
@@ -597,7 +606,7 @@ def page(engines: Engines, out: dict, images: str) -> str:
             f"MuJoCo's limit has solref = (-{stiffness:.4g}, -{damping:.4g}): an impact of "
             f"{1e6 * duration:.1f} µs, the duration of jointplay's first, with that restitution.",
         ]
-    lines += ["", markdown(out["model_first"]), ""]
+    lines += ["", "The first contacts at a step of 0.1 µs:", "", markdown(out["model_first"]), ""]
     lines += [
         "Five turns at a step of 1 µs, "
         f"mean ± standard deviation over {out['members']} starts displaced by up to 0.4 C_r:",
@@ -613,7 +622,7 @@ def page(engines: Engines, out: dict, images: str) -> str:
         for wanted in (1e-1, 1e-2, 1e-3)
     ]
     lines += ["", "## Where a peer is better", "", *better(out), *TEXT["better"], ""]
-    return "\n".join(lines)
+    return re.sub(r"\n{3,}", "\n\n", "\n".join(lines))
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
