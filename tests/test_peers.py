@@ -14,7 +14,11 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
 
 import peers
 from peer_engines import common
-from peer_engines.common import impacts, missing, offset, run_jointplay, slider_crank
+from peer_engines.common import missing, slider_crank
+from peer_engines.jointplay_engine import run_jointplay
+from peer_engines.trace import Trace, impacts, offset
+
+import jointplay as jp
 
 STEP, SHORT = 5e-7, 2.2e-4
 """Of single impacts: the first is over at 0.2 ms [s]."""
@@ -162,8 +166,23 @@ def test_impacts_of_a_trace_with_a_known_impulse():
     inside = (time > 3e-4) & (time < 4e-4)
     q = np.zeros((1001, 3))
     q[:, 2] = 0.17 + np.where(inside, task.clearance + depth, task.clearance - 1e-6)
-    trace = common.Trace(time, q, 0.0 * q, np.where(inside, 100.0 * depth / 1e-5, 0.0), 0.0, 1000)
+    trace = Trace(time, q, 0.0 * q, np.where(inside, 100.0 * depth / 1e-5, 0.0), 0.0, 1000)
     (one,) = impacts(trace, task)
     assert one.time == pytest.approx(3e-4, abs=1e-6)
     assert one.duration == pytest.approx(1e-4, abs=2e-6)
     assert one.impulse == pytest.approx(100.0 * 1e-4 * 2.0 / np.pi, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("scenario", "task"),
+    [("slider_crank.toml", slider_crank), ("scara.toml", common.scara)],
+)
+def test_joint_is_the_shipped_one(scenario, task):
+    shipped = jp.Scenario.load(jp.shipped(scenario)).simulation("0.2 mm").mechanism.clearance
+    ours = task().simulation.mechanism.clearance
+    assert list(shipped) == list(ours)
+    for name, joint in shipped.items():
+        for field in ("ri", "rj", "li", "lj", "restitution", "hertz_stiffness", "lock_tilt"):
+            assert getattr(ours[name], field) == getattr(joint, field)
+        assert type(ours[name].normal) is type(joint.normal)
+        assert ours[name].friction.mu_d == joint.friction.mu_d

@@ -15,7 +15,9 @@ import exudyn as exu
 import exudyn.itemInterface as items
 import numpy as np
 
-from peer_engines.common import ARMATURE, Problem, Trace, drive_effort, spatial_wrench
+from peer_engines.common import ARMATURE, Problem
+from peer_engines.contact import drive_effort, spatial_wrench
+from peer_engines.trace import Trace
 
 VERSION = exu.config.Version() if hasattr(exu, "config") else exu.GetVersionString()
 

@@ -13,13 +13,9 @@ import time
 import mujoco
 import numpy as np
 
-from peer_engines.common import (
-    ARMATURE,
-    Problem,
-    Trace,
-    drive_effort,
-    world_wrench,
-)
+from peer_engines.common import ARMATURE, Problem
+from peer_engines.contact import drive_effort, world_wrench
+from peer_engines.trace import Trace
 
 VERSION = mujoco.__version__
 IMPEDANCE = 0.9999
@@ -153,7 +149,7 @@ def run_law(task: Problem, step: float, duration: float, every: int = 1) -> Trac
     count = steps // every
     q, v = np.zeros((2, count + 1, made.nv))
     force = np.zeros(count + 1)
-    driven = task.prescribed < 0 and bool(np.any(task.drive[0]) or np.any(task.drive[2]))
+    driven = task.driven
     spent = time.process_time()
     for i in range(steps + 1):
         mujoco.mj_step1(made, data)

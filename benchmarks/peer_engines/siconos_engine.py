@@ -26,8 +26,9 @@ import numpy as np
 
 
 def run(task, step: float, duration: float, every: int, restitution: float):
-    """Simulate a planar `common.Problem`; returns a `common.Trace`, force = impulse / step."""
-    from peer_engines.common import ARMATURE, Trace, siconos_python
+    """Simulate a planar `common.Problem`; returns a `trace.Trace`, force = impulse / step."""
+    from peer_engines.common import ARMATURE, siconos_python
+    from peer_engines.trace import Trace
 
     _, rod, slider = task.links
     q, v = task.start

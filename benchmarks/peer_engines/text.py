@@ -62,16 +62,17 @@ TEXT = {
         "Each engine with the contact that it has itself, on the slider-crank, as far as "
         "possible with the same restitution. A rigid impact has a smaller impulse than a soft "
         "one, which carries the load of the moving crank as long as it lasts. MuJoCo's limit "
-        "carries that load without giving way: a bounce there always ends in flight, where a "
-        "loaded Hertzian contact comes to rest, so it has many more contacts. Siconos keeps the "
+        "carries that load without giving way, so that small bounces still end in flight where a "
+        "loaded Hertzian contact stays closed: it has many more contacts. Siconos keeps the "
         "speed of a lasting contact, not its gap: eccentricities above 1 are its drift.",
     ],
     "cost": [
         "Slider-crank without friction. Error: largest distance of the journal's centre, in "
         "the first 0.6 ms (two or three impacts), from the *same engine's* own path at a "
         "step of 0.02 µs, for their limits differ (last column). Cost: CPU time of a step, "
-        "over 6 ms at 1 µs, all engines in turns, the fastest of eight, over the largest step (in brackets, µs) from which on "
-        "all smaller ones have that error: CPU seconds per simulated second. Steps tried: 8 "
+        "over 6 ms at 1 µs, all engines in turns, the fastest of eight, over the largest step (in "
+        "brackets, µs) from which on all smaller ones have that error: CPU seconds per simulated "
+        "second. Steps tried: 8 "
         "to 0.25 µs, halved. MuJoCo with the same law and Siconos pay for Python in every "
         "step (Siconos for the gap, which a compiled plugin would make cheaper); jointplay, Exudyn "
         "and MuJoCo's own limit do not.",
