@@ -109,7 +109,8 @@ class Problem:
     sizes: np.ndarray
     """R_i, R_j, L_i/2, L_j/2 [m]."""
     law: np.ndarray
-    """k [N/m^1.5] and a of F = k d^1.5 (1 + a d'/d'_0); mu, v0, v1 of the friction ramp."""
+    """k [N/m^1.5] and a of F = k d^1.5 (1 + a d'/d'_0); mu, v0, v1 of the friction ramp; then
+    0 if d'_0 is the largest speed since the onset, 1 if it is that at the onset (Exudyn's)."""
     bearing: tuple[int, tuple[float, float, float]]
     """Link of the bearing and the bearing's centre on it."""
     journal: tuple[int, tuple[float, float, float]]
@@ -137,6 +138,10 @@ class Problem:
         links = list(self.links)
         links[index] = dataclasses.replace(links[index], **changes)
         return dataclasses.replace(self, links=tuple(links))
+
+    def with_onset_speed(self) -> Problem:
+        """The same with Exudyn's rule for d'_0."""
+        return dataclasses.replace(self, law=np.array([*self.law[:5], 1.0]))
 
     def with_start(self, q: np.ndarray, v: np.ndarray | None = None) -> Problem:
         """The same from another state."""
@@ -169,7 +174,7 @@ def problem(simulation: jp.Simulation) -> Problem:
         tuple(links),
         planar,
         np.array([joint.ri, joint.rj, 0.5 * joint.li, 0.5 * joint.lj]),
-        np.array([*normal, *ramp], float),
+        np.array([*normal, *ramp, 0.0], float),
         sites[0],
         sites[1],
         np.array([run.workspace.q, run.workspace.v]),

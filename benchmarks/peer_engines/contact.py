@@ -30,6 +30,8 @@ def drive_effort(t, q, v, table, column, kp, kd, out):
 def _forces(gap, rate, speed, law, memory, k, commit):
     """Normal force and friction over sliding speed of one contact; `memory` has d'_0, or 0."""
     approach = max(abs(rate), 1e-9, memory[k])
+    if law[5] != 0.0 and memory[k] > 0.0:
+        approach = memory[k]
     if commit:
         memory[k] = approach
     normal = max(law[0] * (-gap) ** 1.5 * (1.0 + law[1] * rate / approach), 0.0)
