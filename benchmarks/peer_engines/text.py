@@ -74,8 +74,8 @@ TEXT = {
         "step of 0.02 µs, for their limits differ (last column). Cost: CPU time of a step, "
         "over 6 ms at 1 µs, all engines in turns, the fastest of eight, over the largest step (in "
         "brackets, µs) from which on all smaller ones have that error: CPU seconds per simulated "
-        "second. Steps tried: 8 "
-        "to 0.25 µs, halved. MuJoCo with the same law and Siconos pay for Python in every "
+        "second. Steps tried: 16 to 0.25 µs, halved. MuJoCo with the same law and Siconos pay "
+        "for Python in every "
         "step (Siconos for the gap, which a compiled plugin would make cheaper); jointplay, Exudyn "
         "and MuJoCo's own limit do not.",
     ],
