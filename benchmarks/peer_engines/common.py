@@ -1,0 +1,253 @@
+"""What all engines are given.
+
+The mechanism is read here from the URDF's text, and the contact forces are written down once more,
+so that an engine and jointplay share numbers but not code. One exception: the gaps of the tilting
+cylinder are those of `jointplay.geometry` for all.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib.util
+import os
+import shutil
+import subprocess
+from dataclasses import dataclass
+from xml.etree import ElementTree
+
+import numpy as np
+
+import jointplay as jp
+from jointplay import kernel
+from jointplay.joints import VIRTUAL_LINK
+
+ARMATURE = 1e8
+"""Inertia that keeps a crank turning at constant speed where an engine cannot prescribe motion."""
+
+
+@dataclass(frozen=True)
+class Link:
+    """A moving body and the one coordinate by which it hangs on its parent."""
+
+    name: str
+    parent: int
+    """Index of the parent, -1 for the ground."""
+    slides: bool
+    axis: tuple[float, float, float]
+    offset: tuple[float, float, float]
+    """Joint's origin in the parent's frame [m]."""
+    mass: float = 0.0
+    com: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    inertia: tuple[float, ...] = (0.0,) * 6
+    """About the centre of mass: xx, yy, zz, xy, xz, yz [kg m^2]."""
+
+    @property
+    def tensor(self) -> np.ndarray:
+        """Inertia tensor, shape (3, 3)."""
+        xx, yy, zz, xy, xz, yz = self.inertia
+        return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+
+def read_links(text: str, clearance: str = "") -> list[Link]:
+    """Moving links of a URDF; the joint `clearance` becomes six coordinates.
+
+    Only what the shipped mechanisms need: joints along x, y or z, no rotated frames.
+    """
+    robot = ElementTree.fromstring(text)
+    bodies = {link.get("name"): link.find("inertial") for link in robot.iter("link")}
+    found: list[Link] = []
+    at = {joint.find("parent").get("link") for joint in robot.iter("joint")}
+    index = {name: -1 for name in at - {j.find("child").get("link") for j in robot.iter("joint")}}
+    for joint in robot.iter("joint"):
+        parent, child = joint.find("parent").get("link"), joint.find("child").get("link")
+        if joint.get("type") == "fixed":
+            continue
+        origin = joint.find("origin")
+        assert origin is None or origin.get("rpy") in (None, "0 0 0"), "rotated frames"
+        offset = _numbers(origin.get("xyz")) if origin is not None else (0.0, 0.0, 0.0)
+        own = {}
+        inertial = bodies[child]
+        if inertial is not None:
+            at = inertial.find("origin")
+            tensor = inertial.find("inertia")
+            own = {
+                "mass": float(inertial.find("mass").get("value")),
+                "com": _numbers(at.get("xyz")) if at is not None else (0.0, 0.0, 0.0),
+                "inertia": tuple(
+                    float(tensor.get("i" + part)) for part in ("xx", "yy", "zz", "xy", "xz", "yz")
+                ),
+            }
+        name, before = joint.get("name"), index[parent]
+        if name == clearance:
+            axes = np.vstack([np.eye(3), np.eye(3)[::-1]])
+            for k, (part, axis) in enumerate(zip(VIRTUAL_LINK, axes, strict=True)):
+                last = own if k == 5 else {}
+                found.append(Link(f"{name}.{part}", before, k < 3, tuple(axis), offset, **last))
+                before, offset = len(found) - 1, (0.0, 0.0, 0.0)
+        else:
+            slides = joint.get("type") == "prismatic"
+            found.append(
+                Link(name, before, slides, _numbers(joint.find("axis").get("xyz")), offset, **own)
+            )
+        index[child] = len(found) - 1
+    return found
+
+
+def _numbers(text: str) -> tuple[float, float, float]:
+    x, y, z = (float(word) for word in text.split())
+    return x, y, z
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A mechanism with one joint with clearance, its contact law, its drives, its start."""
+
+    simulation: jp.Simulation
+    links: tuple[Link, ...]
+    planar: bool
+    """One contact of parallel axes in a loop, else the four of a virtual link."""
+    sizes: np.ndarray
+    """R_i, R_j, L_i/2, L_j/2 [m]."""
+    law: np.ndarray
+    """k [N/m^1.5] and a of F = k d^1.5 (1 + a d'/d'_0); mu, v0, v1 of the friction ramp; then
+    0 if d'_0 is the largest speed since the onset, 1 if it is that at the onset (Exudyn's)."""
+    bearing: tuple[int, tuple[float, float, float]]
+    """Link of the bearing and the bearing's centre on it."""
+    journal: tuple[int, tuple[float, float, float]]
+    start: np.ndarray
+    """q and v at the start, shape (2, nv)."""
+    prescribed: int
+    """Coordinate that turns at constant speed, or -1."""
+    drive: tuple[np.ndarray, ...]
+    """Table (nodes, 3 nu) of q, v, effort; driven column, kp, kd by coordinate (nv,)."""
+
+    @property
+    def clearance(self) -> float:
+        """C_r [m]."""
+        return float(self.sizes[0] - self.sizes[1])
+
+    @property
+    def driven(self) -> bool:
+        """Whether drives have torques or gains."""
+        table, _, kp, kd = self.drive
+        torques = table[:, 2 * (table.shape[1] // 3) :]
+        return bool(torques.any() or kp.any() or kd.any())
+
+    def with_links(self, index: int, **changes: object) -> Problem:
+        """The same with another link `index`: a deliberate mistake."""
+        links = list(self.links)
+        links[index] = dataclasses.replace(links[index], **changes)
+        return dataclasses.replace(self, links=tuple(links))
+
+    def with_onset_speed(self) -> Problem:
+        """The same with Exudyn's rule for d'_0."""
+        return dataclasses.replace(self, law=np.array([*self.law[:5], 1.0]))
+
+    def with_start(self, q: np.ndarray, v: np.ndarray | None = None) -> Problem:
+        """The same from another state."""
+        return dataclasses.replace(
+            self, start=np.array([q, self.start[1] if v is None else v], float)
+        )
+
+
+def problem(simulation: jp.Simulation) -> Problem:
+    """Everything an engine needs of a simulation with one joint with clearance."""
+    mechanism = simulation.mechanism
+    ((name, joint),) = mechanism.clearance.items()
+    planar = name in mechanism.loops
+    links = read_links(mechanism.description.text, "" if planar else name)
+    assert [link.name for link in links] == list(mechanism.coordinates)
+    run = simulation.prepare()
+    rows = run.workspace.coordinates
+    if planar:
+        frames = (mechanism.bearing_frame(name), mechanism.journal_frame(name))
+        sites = [(i - 1, tuple(placement.translation)) for i, placement in frames]
+    else:
+        first = mechanism.virtual_link(name)
+        sites = [(links[first].parent, links[first].offset), (first + 5, (0.0, 0.0, 0.0))]
+    normal = joint.normal.parameters(joint.contact_properties(0))
+    friction = joint.friction.parameters()
+    ramp = friction if len(friction) == 3 else (friction[0], 0.0, friction[1])  # Coulomb's
+    prescribed = np.flatnonzero(rows[kernel._ARMATURE])
+    return Problem(
+        simulation,
+        tuple(links),
+        planar,
+        np.array([joint.ri, joint.rj, 0.5 * joint.li, 0.5 * joint.lj]),
+        np.array([*normal, *ramp, 0.0], float),
+        sites[0],
+        sites[1],
+        np.array([run.workspace.q, run.workspace.v]),
+        int(prescribed[0]) if prescribed.size else -1,
+        (run.workspace.reference, rows[kernel._DRIVEN_BY], rows[kernel._KP], rows[kernel._KD]),
+    )
+
+
+def slider_crank(
+    clearance: float = 0.2e-3, mu: float = 0.01, ramp: float = 0.01, **joint: object
+) -> Problem:
+    """The shipped slider-crank, restitution and stiffness as shipped, the ramp from zero speed.
+
+    Args:
+        clearance: C_r [m].
+        mu: friction coefficient.
+        ramp: sliding speed at which it is reached [m/s].
+        joint: other fields of the joint.
+    """
+    shipped = jp.Scenario.load(jp.shipped("slider_crank.toml")).simulation("0.2 mm")
+    old = shipped.mechanism
+    fields = {
+        "radial_clearance": clearance,
+        "restitution": 0.9,
+        "bearing_radius": 0.01,
+        "bearing_length": 0.02,
+        "friction": jp.Coulomb(mu, ramp),
+    } | joint
+    mechanism = jp.Mechanism(
+        jp.shipped("slider_crank.urdf"),
+        {"piston_pin": jp.ClearanceJoint.planar(**fields)},
+        loops=old.loops,
+        gravity=(0.0, 0.0, 0.0),
+    )
+    return problem(dataclasses.replace(shipped, mechanism=mechanism))
+
+
+def scara(clearance: float = 0.2e-3, **options: object) -> Problem:
+    """The shipped SCARA, weight balanced, C_r = C_a = `clearance`; `options` of the simulation."""
+    shipped = jp.Scenario.load(jp.shipped("scara.toml")).simulation("0.2 mm")
+    joint = dataclasses.replace(
+        jp.ClearanceJoint(radial_clearance=clearance, axial_clearance=clearance),
+        friction=jp.Ambrosio(0.1),
+    )
+    mechanism = jp.Mechanism(jp.shipped("scara.urdf"), {"joint_b": joint}, gravity=(0, 0, 0))
+    return problem(dataclasses.replace(shipped, mechanism=mechanism, **options))
+
+
+def undriven(task: Problem) -> Problem:
+    """The same with all drives off."""
+    table, column, kp, kd = task.drive
+    return dataclasses.replace(
+        task, drive=(np.zeros_like(table), column, np.zeros_like(kp), np.zeros_like(kd))
+    )
+
+
+def siconos_python() -> str:
+    """The Python that can import Siconos, or an empty string."""
+    candidates = [os.environ.get("JOINTPLAY_SICONOS_PYTHON", ""), "/usr/bin/python3"]
+    for candidate in filter(None, candidates):
+        if shutil.which(candidate):
+            answer = subprocess.run(
+                [candidate, "-c", "import siconos.kernel"], capture_output=True, check=False
+            )
+            if answer.returncode == 0:
+                return candidate
+    return ""
+
+
+def missing(engine: str) -> str:
+    """Why an engine cannot run, or an empty string."""
+    if engine == "siconos":
+        remedy = "apt-get install python3-siconos, or name its Python in JOINTPLAY_SICONOS_PYTHON"
+        return "" if siconos_python() else f"siconos is not installed: {remedy}"
+    found = importlib.util.find_spec(engine) is not None
+    return "" if found else f"{engine} is not installed: pip install {engine}"

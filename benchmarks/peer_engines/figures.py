@@ -1,0 +1,64 @@
+"""Figures of the page."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from peer_engines.common import Problem
+from peer_engines.trace import Trace, offset
+
+COLOURS = {
+    "jointplay": "#0072B2",
+    "jointplay, rk4": "#56B4E9",
+    "MuJoCo, same law": "#D55E00",
+    "MuJoCo, own limit": "#E69F00",
+    "Exudyn, own contact": "#009E73",
+    "Exudyn, same law": "#009E73",
+    "Siconos": "#CC79A7",
+}
+"""Okabe and Ito's, told apart by colour-blind readers."""
+
+DPI = 95
+
+
+def draw_orbits(traces: dict[str, Trace], task: Problem, path: Path) -> None:
+    figure = Figure(figsize=(1.9 * len(traces), 2.2), layout="constrained")
+    around = np.linspace(0.0, 2.0 * np.pi, 200)
+    axes = figure.subplots(1, len(traces), sharex=True, sharey=True, squeeze=False)[0]
+    for axis, (name, trace) in zip(axes, traces.items(), strict=True):
+        turn = trace.time < 0.012
+        x, y = 1e3 * offset(task, trace.q[turn])[:, :2].T
+        axis.plot(x, y, lw=0.4, color=COLOURS[name])
+        radius = 1e3 * task.clearance
+        axis.plot(radius * np.cos(around), radius * np.sin(around), color="0.3", lw=0.7)
+        axis.set(title=name, xlabel="x [mm]", aspect="equal")
+        axis.title.set_fontsize(8)
+    axes[0].set_ylabel("y [mm]")
+    figure.savefig(path, dpi=DPI)
+
+
+def draw_work(found: dict, steps: Sequence[float], path: Path) -> None:
+    figure = Figure(figsize=(6.0, 3.4), layout="constrained")
+    axis = figure.subplots()
+    for marker, (name, (errors, cost, _, _)) in zip("osvD^P", found.items(), strict=False):
+        axis.loglog(cost, errors, marker=marker, ms=4, lw=1, color=COLOURS[name], label=name)
+    for level in (1e-2, 1e-1):
+        axis.axhline(level, color="0.7", lw=0.7, zorder=0)
+    axis.set(xlabel="CPU time per simulated second [s/s]", ylabel="error of the journal / $C_r$")
+    axis.legend(fontsize=7)
+    figure.savefig(path, dpi=DPI)
+
+
+def draw_growth(apart: dict[str, tuple[np.ndarray, np.ndarray]], path: Path) -> None:
+    figure = Figure(figsize=(6.0, 2.6), layout="constrained")
+    axis = figure.subplots()
+    for name, (times, values) in apart.items():
+        engine = name.split(" against")[0]
+        axis.semilogy(times, np.maximum(values, 1e-17), lw=0.8, color=COLOURS[engine], label=name)
+    axis.set(xlabel="time [s]", ylabel="difference of the\njournal's centre / $C_r$")
+    axis.legend(fontsize=7)
+    figure.savefig(path, dpi=DPI)

@@ -1,0 +1,45 @@
+"""This package."""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+
+import numpy as np
+
+from jointplay import kernel
+from peer_engines.common import Problem
+from peer_engines.trace import Trace
+
+
+def run_jointplay(
+    task: Problem,
+    step: float,
+    duration: float,
+    every: int = 1,
+    integrator: str = "semi-implicit-euler",
+) -> Trace:
+    """Simulate `duration` seconds, a record every `every` steps."""
+    simulation = dataclasses.replace(
+        task.simulation, step=step, duration=duration, record_every=every, integrator=integrator
+    )
+    run = simulation.prepare()
+    run.workspace.q[:], run.workspace.v[:] = task.start
+    if not task.driven and task.prescribed < 0:
+        run.workspace.reference[:] = 0.0
+        run.workspace.coordinates[[kernel._KP, kernel._KD]] = 0.0
+    started = time.process_time()
+    status = run.loop()
+    spent = time.process_time() - started
+    if status != 0:
+        raise RuntimeError(run.message(status))
+    recorded = run.workspace.recorded
+    force = np.linalg.norm(recorded("force"), axis=1)
+    return Trace(
+        recorded("time")[:, 0].copy(),
+        recorded("q").copy(),
+        recorded("v").copy(),
+        force,
+        spent,
+        run.steps,
+    )
