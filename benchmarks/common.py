@@ -122,11 +122,15 @@ def ensembles(cases: Sequence[Any], runs: int, jobs: int, how: Measure = measure
         for seed in ([None] if case.ideal else range(runs))
     ]
     found: list[list[dict[str, Any]]] = [[] for _ in cases]
-    with ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn")) as pool:
-        pending = [pool.submit(_measure, job) for job in work]
-        for done in tqdm(as_completed(pending), total=len(pending), unit="run", smoothing=0.05):
-            index, figures = done.result()
+    bar = functools.partial(tqdm, total=len(work), unit="run", smoothing=0.05)
+    if jobs == 1:
+        for index, figures in bar(map(_measure, work)):
             found[index].append(figures)
+    else:
+        with ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn")) as pool:
+            for done in bar(as_completed([pool.submit(_measure, job) for job in work])):
+                index, figures = done.result()
+                found[index].append(figures)
     for group in found:
         group.sort(key=lambda figures: figures["seed"])
     return [{name: np.array([run[name] for run in group]) for name in group[0]} for group in found]

@@ -10,6 +10,8 @@ law, and the data of every run of the mechanisms (law_cards.csv).
 """
 
 import csv
+import functools
+import io
 import warnings
 from pathlib import Path
 from typing import NamedTuple
@@ -37,6 +39,7 @@ from law_probes import (
     sliding,
     steady,
 )
+from PIL import Image
 from scipy.stats import ttest_ind
 from tqdm import tqdm
 
@@ -46,7 +49,7 @@ RESTITUTIONS = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)
 ROUGH = (0.3, 0.5, 0.9)
 """Nominal restitutions: of the hysteresis loops, of the dots, of the dots with --quick."""
 ECCENTRICITIES = np.append(np.linspace(0.01, 0.95, 95), (0.96, 0.97))
-GREY, PAPER_STYLE = "0.55", {"color": "0.55", "lw": 1.2}
+PAPER_STYLE = {"color": "0.6", "lw": 1.8}
 NEAR_REST = 3.0
 """Speed to which friction's second panel looks [mm/s]."""
 DPI = 100
@@ -106,17 +109,29 @@ def label(panel, x, y, title=None):
 # ---- one law by itself -------------------------------------------------------------------------
 
 
+@functools.cache
+def paper_impact(c_e):
+    """That of the paper's law, behind every other."""
+    return impact(build(*PAPER), c_e, LOOP_SPEED)
+
+
+@functools.cache
+def paper_sliding():
+    """That of eq. 21."""
+    return sliding(build("friction", "ambrosio"))
+
+
 def normal_probe(card, panels, quick):
     """Hysteresis loops and restitutions; returns the page's section."""
-    law, paper = build(*card), build(*PAPER)
+    law = build(*card)
     loops, dots = panels
-    for c_e, colour, marker in zip(LOOPS, COLOURS, "os", strict=False):
-        grey = impact(paper, c_e, LOOP_SPEED)
+    for c_e, colour in zip(LOOPS, COLOURS, strict=False):
+        grey = paper_impact(c_e)
         own = impact(law, c_e, LOOP_SPEED)
         style = "-" if c_e == LOOPS[0] else "--"
         loops.plot(1e6 * grey.depth, 1e-3 * grey.force, ls=style, **PAPER_STYLE)
         loops.plot(
-            1e6 * own.depth, 1e-3 * own.force, style, color=colour, lw=1.6, label=f"c_e = {c_e:g}"
+            1e6 * own.depth, 1e-3 * own.force, style, color=colour, lw=1.6, label=f"$c_e$ = {c_e:g}"
         )
     loops.plot([], [], label="paper's law", **PAPER_STYLE)
     loops.set_xlim(left=0)
@@ -139,7 +154,7 @@ def normal_probe(card, panels, quick):
     dots.set_xlim(0, 1.02)
     dots.set_ylim(0, 1.05)
     dots.legend(frameon=False, fontsize=8)
-    label(dots, "nominal restitution c_e [-]", "restitution of an impact [-]", "restitution")
+    label(dots, "nominal restitution $c_e$ [-]", "restitution of an impact [-]", "restitution")
 
     rows = [
         [f"{c_e:g}", *(f"{v:.3f}" for v in found[:, i]), "-" if exact is None else f"{exact:.3f}"]
@@ -149,8 +164,8 @@ def normal_probe(card, panels, quick):
     header = ["c_e", *(f"run, {speed:g} m/s" for speed in SPEEDS), "closed form"]
     return f"""## Alone
 
-A free body of {MASS:g} kg hits the bore of a planar joint once (C_r = {1e3 * RADIAL:g} mm, R_i = 10 mm,
-{1e3 * LENGTH:g} mm long, the paper's steel), {parameters(law)}.
+A free body of {MASS:g} kg hits the bore of a planar joint once (C_r = {1e3 * RADIAL:g} mm,
+R_i = 10 mm, {1e3 * LENGTH:g} mm long, the paper's steel). Parameters: {parameters(law)}.
 Restitution of the impact against the one asked for:
 
 {table(header, rows)}
@@ -159,8 +174,8 @@ Restitution of the impact against the one asked for:
 
 def friction_probe(card, panels, quick):
     """Friction over speed, whole and near rest; returns the page's section."""
-    law, paper = build(*card), build("friction", "ambrosio")
-    own, grey = sliding(law), sliding(paper)
+    law = build(*card)
+    own, grey = sliding(law), paper_sliding()
     fine = np.linspace(0.0, AMPLITUDE, 1201)
     lasting = steady(law, fine)
     whole, near = panels
@@ -190,8 +205,9 @@ def friction_probe(card, panels, quick):
     ]
     return f"""## Alone
 
-A block of {BLOCK:g} kg is drawn along a wall on which it lies by its weight; its speed is a sinusoid of
-{1e3 * AMPLITUDE:g} mm/s and {FREQUENCY:g} Hz. Parameters: {parameters(law)}. Friction over normal force, along the speed:
+A block of {BLOCK:g} kg is drawn along a wall on which it lies by its weight; its speed is a
+sinusoid of {1e3 * AMPLITUDE:g} mm/s and {FREQUENCY:g} Hz. Parameters: {parameters(law)}.
+Friction against the speed, over the normal force:
 
 {table(["", "friction / normal force"], rows)}
 """
@@ -267,16 +283,20 @@ def film_probe(card, panels, quick):
         "squeeze", "Reynolds, half", "Reynolds, all",
     ]  # fmt: skip
     c, radius, length, _ = properties
+    kind = "a short" if short else "a long"
+    slenderness = length / (2 * radius)
     return f"""## Alone
 
-A journal of R = {1e3 * radius:g} mm, L = {1e3 * length:g} mm (L/D = {length / (2 * radius):.3g}), c = {1e6 * c:g} µm. S is the Sommerfeld number
-µ n L D/W (R/c)², n in turns per second; squeeze is force over {scale} dε/dt at dε/dt > 0. Reynolds: the pressure of
-{"a short" if short else "a long"} bearing, integrated; only where it is positive (half), and everywhere (all).
+A journal of R = {1e3 * radius:g} mm, L = {1e3 * length:g} mm (L/D = {slenderness:.3g}),
+c = {1e6 * c:g} µm. S is the Sommerfeld number µ n L D/W (R/c)², n in turns per second; squeeze is
+force over {scale} dε/dt at dε/dt > 0. Reynolds: the pressure of {kind} bearing, integrated;
+only where it is positive (half), and everywhere (all).
 
 {table(header, rows)}
 
-From ε = {e[0]:g} to {e[-1]:g} the load of steady turning is within {100 * rotation:.1g} % of {theory}'s, and the squeeze force of this law between
-{squeezed.min():.3f} and {squeezed.max():.3f} times Reynolds' half film, furthest from it at ε = {e[worst]:.2f}.
+From ε = {e[0]:g} to {e[-1]:g} the load of steady turning is within {100 * rotation:.1g} % of
+{theory}'s, and the squeeze force of this law between {squeezed.min():.3f} and
+{squeezed.max():.3f} times Reynolds' half film, furthest from it at ε = {e[worst]:.2f}.
 """
 
 
@@ -331,7 +351,10 @@ def figures_of(ensemble, mechanism, beside=None):
     """Cells of a table, bold where they differ from those of `beside`."""
     cells = []
     for key in FIGURES[mechanism]:
-        text = spread(ensemble[key])
+        values = ensemble[key]
+        if values.std() < 1e-4 * abs(values.mean()):
+            values = np.full(1, values.mean())  # they agree to all the digits that are shown
+        text = spread(values)
         bold = beside is not None and differs(ensemble[key], beside[key])
         cells.append(f"**{text}**" if bold else text)
     return cells
@@ -344,7 +367,7 @@ def law_warnings(ensemble):
 
 def work_section(card, found, quick):
     """Both mechanisms' tables, parameters and warnings."""
-    parts = ["## At work\n"]
+    parts = ["## At work"]
     oily = card.family == "film"
     for mechanism in FIGURES:
         trial, other = card.trial(mechanism, quick), card.beside(mechanism, quick)
@@ -387,18 +410,24 @@ def write_card(card, found, folder, quick):
     panels = list(axes.flat)
     alone = PROBES[card.family](card, panels[: axes.shape[1]], quick)
     draw_histories(card, found, panels[axes.shape[1] :], quick)
-    figure.savefig(folder / f"{card.stem}.png", dpi=DPI)
+    drawn = io.BytesIO()
+    figure.savefig(drawn, dpi=DPI)
+    # A palette instead of 24 bits: a third of the size, for the same picture.
+    small = Image.open(drawn).convert("RGB").quantize(64, dither=Image.Dither.NONE)
+    small.save(folder / f"{card.stem}.png", optimize=True)
     law = card.law
     at_work = work_section(card, found, quick)
+    more = "lubrication.md" if card.family == "film" else "theory.md"
     page = f"""# {TITLES[card.family]}: `{card.name}`
 
-`{law.__module__}.{law.__name__}`; [all laws](README.md), [laws.md](../laws.md), [theory.md](../theory.md).
+`{law.__module__}.{law.__name__}`; [all laws](README.md), [laws.md](../laws.md),
+[{more}](../{more}).
 
 $${law.formula}$$
 
 - **Reference:** {law.reference}.
 - **Valid for:** {law.validity}.
-- **Cost:** `python benchmarks/law_cost.py` measures it.
+- **Cost:** [law_cost.py](../../benchmarks/README.md#law_costpy) measures it.
 
 ![{card.name}]({card.stem}.png)
 
@@ -412,25 +441,34 @@ $${law.formula}$$
 
 def index(cards, found, runs, quick):
     """README.md: every law with its card, and the comparison."""
+    command = "python benchmarks/law_cards.py --force" + (" --quick" if quick else "")
+    cycle = "half a second" if quick else "one cycle of 3 s"
+    turns = Trial(CRANK, *PAPER, quick).turns
     parts = [
         f"""# Law cards
 
-Written by `python benchmarks/law_cards.py --force`{" --quick" if quick else ""}; not edited by hand. A card has a law's formula, reference and
-validity, what it does alone, and what it does in two mechanisms beside the paper's laws.
+Written by `{command}`; not edited by hand. A card has a law's formula, reference
+and validity, what it does alone, and what it does in two mechanisms beside the paper's laws.
 
-- **SCARA**: joint B with C_r = C_a = 0.2 mm, weight balanced, {"half a second" if quick else "one cycle of 3 s"}, step 10 µs; restitution 0.9, friction 0.1.
-- **Slider-crank**: 5000 rpm, planar piston pin with C_r = 0.5 mm, {Trial(CRANK, *PAPER, quick).turns} turns, step 1 µs; restitution 0.9, friction 0.01. Impacts
-  are counted over all turns, all else from the second turn on.
-- **The paper's laws**: `lankarani-nikravesh` and `ambrosio`. A law of normal force works with the latter, a law of friction with the
-  former, a film with both where the journal touches.
-- **Parameters** are the defaults, and on the card. Of friction laws in the slider-crank, coefficients and bristle stiffness are a tenth of
-  the defaults and speeds ten times as high, as slider_crank.toml has it for eq. 21. `hunt-crossley` has p = 1, for with its defaults
-  it is `lankarani-nikravesh`.
-- **Films** stand in bearings of a slenderness they are made for, beside the same joints without oil.
-- **Steel**: the paper's, with a density of 7800 kg/m³, so that fast approaches are warned of; no yield strength, so that pressures are not.
-- **Figures** are mean ± standard deviation of {runs} runs whose journals start displaced. **Bold** ones differ from those of the paper's
-  laws, or of the dry joint, by more than chance (Welch's test at {100 * SIGNIFICANT:g} %: of a hundred equal ones one is bold).
-  Warnings: kinds of warnings of the law's range in the first runs of SCARA and slider-crank.
+- **SCARA**: joint B with C_r = C_a = 0.2 mm, weight balanced, {cycle}, step 10 µs;
+  restitution 0.9, friction 0.1.
+- **Slider-crank**: 5000 rpm, planar piston pin with C_r = 0.5 mm, {turns} turns, step 1 µs;
+  restitution 0.9, friction 0.01. Impacts are counted over all turns, all else from the second on.
+- **The paper's laws**: `lankarani-nikravesh` and `ambrosio`. A law of normal force works with the
+  latter, a law of friction with the former, a film with both where the journal touches.
+- **Parameters** are the defaults, and on the card. Of friction laws in the slider-crank,
+  coefficients and bristle stiffness are a tenth of the defaults and speeds ten times as high, as
+  slider_crank.toml has it for eq. 21. `hunt-crossley` has p = 1, for with its defaults it is
+  `lankarani-nikravesh`. `kelvin-voigt` has one damping everywhere, `anagnostopoulos` the effective
+  mass of the place.
+- **Films** stand in bearings of a slenderness they are made for, beside the same joints without
+  oil. End walls stay dry.
+- **Steel**: the paper's, with a density of 7800 kg/m³, so that fast approaches are warned of; no
+  yield strength, so that pressures are not.
+- **Figures** are mean ± standard deviation of {runs} runs whose journals start displaced.
+  **Bold** ones differ from those of the paper's laws, or of the dry joint, by more than chance
+  (Welch's test at {100 * SIGNIFICANT:g} %: of a hundred equal ones, one is bold). Warnings: how many of the
+  law's range the first run raised; the card has them.
 """
     ]
     for family, title in TITLES.items():
@@ -453,7 +491,7 @@ validity, what it does alone, and what it does in two mechanisms beside the pape
                 if family == "film":
                     dry = len(law_warnings(beside))
                     rows.append(["the same, dry", *figures_of(beside, mechanism), dry])
-            parts.append(f"{mechanism}:\n")
+            parts.append(f"{mechanism}, {title.lower()}:\n")
             parts.append(table([title.lower(), *labels.values(), "warnings"], rows) + "\n")
     return "\n".join(parts)
 

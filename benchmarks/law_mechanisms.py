@@ -19,6 +19,8 @@ DRY = "dry"
 
 TURNS, TURN = 5, 2 * np.pi / SPEED
 """Turns of the crank, the first of which is start-up, and the duration of one [s]."""
+QUICK = 0.5
+"""Duration of a quick run of the SCARA [s]."""
 BINS = 400
 """Places in time at which a card's histories are kept."""
 
@@ -89,7 +91,7 @@ class Trial:
     family: str
     name: str
     quick: bool = False
-    """Half a second of the SCARA's cycle, two turns of the crank."""
+    """The first `QUICK` of the SCARA's cycle, two turns of the crank."""
 
     ideal = False
     """For `common.ensembles`: a journal can be displaced."""
@@ -124,7 +126,7 @@ class Trial:
         robot, reference, options = self._robot(self.bearing())
         if self.mechanism == SCARA:
             options |= {"step": 1e-5, "record_every": round(RECORD_INTERVAL / 1e-5)}
-            options |= {"duration": 0.5} if self.quick else {}
+            options |= {"duration": QUICK} if self.quick else {}
         else:
             options |= {"step": 1e-6, "record_every": 4, "duration": self.turns * TURN}
         return jp.Simulation(robot, reference, seed=seed, **options)
