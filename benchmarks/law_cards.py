@@ -442,6 +442,7 @@ $${law.formula}$$
 def index(cards, found, runs, quick):
     """README.md: every law with its card, and the comparison."""
     command = "python benchmarks/law_cards.py --force" + (" --quick" if quick else "")
+    level = f"{100 * SIGNIFICANT:g}"
     cycle = "half a second" if quick else "one cycle of 3 s"
     turns = Trial(CRANK, *PAPER, quick).turns
     parts = [
@@ -467,8 +468,8 @@ and validity, what it does alone, and what it does in two mechanisms beside the 
   yield strength, so that pressures are not.
 - **Figures** are mean ± standard deviation of {runs} runs whose journals start displaced.
   **Bold** ones differ from those of the paper's laws, or of the dry joint, by more than chance
-  (Welch's test at {100 * SIGNIFICANT:g} %: of a hundred equal ones, one is bold). Warnings: how many of the
-  law's range the first run raised; the card has them.
+  (Welch's test at {level} %: of a hundred equal ones, one is bold). Warnings: how many
+  of the law's range the first run raised; the card has them.
 """
     ]
     for family, title in TITLES.items():
@@ -528,7 +529,7 @@ def main():
         for family, laws in REGISTRIES.items()
         for name in laws
     }
-    benchmark = Benchmark("law_cards", __doc__, runs=6)
+    benchmark = Benchmark("law_cards", __doc__, runs=4)
     benchmark.parser.set_defaults(out=Path(__file__).resolve().parents[1] / "docs" / "law_cards")
     benchmark.parser.add_argument(
         "--law",

@@ -85,7 +85,14 @@ def test_generator_writes_a_card_of_each_family(written):
     for family, name in CHOSEN.items():
         path = written / f"{family}_{name.replace('-', '_')}"
         page = path.with_suffix(".md").read_text(encoding="utf-8")
-        for part in ("**Reference:**", "**Valid for:**", "## Alone", "## At work", "SCARA", "warn"):
+        for part in (
+            "**Reference:**",
+            "**Valid for:**",
+            "## Alone",
+            "## At work",
+            "SCARA",
+            "arning",
+        ):
             assert part in page
         picture = np.asarray(Image.open(path.with_suffix(".png")).convert("RGB"), float)
         height, width, _ = picture.shape
@@ -109,7 +116,9 @@ def test_normal_card_shows_what_its_law_delivers(written):
 
 def test_friction_card_shows_hysteresis(written):
     """Dahl's friction is still that of sliding back when the speed turns its sign."""
-    largest, turning, top, lasting = (float(row[1]) for row in rows(written, "friction", "## Alone"))
+    largest, turning, top, lasting = (
+        float(row[1]) for row in rows(written, "friction", "## Alone")
+    )
     assert (largest, top, lasting) == pytest.approx((0.1, 0.1, 0.1), abs=1e-3)
     assert turning == pytest.approx(-0.1, abs=2e-3)
 
