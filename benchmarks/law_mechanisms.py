@@ -19,7 +19,7 @@ DRY = "dry"
 
 TURNS, TURN = 5, 2 * np.pi / SPEED
 """Turns of the crank, the first of which is start-up, and the duration of one [s]."""
-QUICK = 0.5
+QUICK = 0.2
 """Duration of a quick run of the SCARA [s]."""
 BINS = 400
 """Places in time at which a card's histories are kept."""
@@ -206,6 +206,7 @@ def measure(trial, seed):
     return figures | {
         "relative_energy_residual": audit.relative_energy_residual,
         "audit_warnings": float(len(audit.warnings) - len(audit.law_warnings)),
+        "other_warnings": "\n".join(x for x in audit.warnings if x not in audit.law_warnings),
         "history": _binned(time[within], history[within], span),
         "eccentricity": _binned(time[within], ratio[within], span),
         "law_warnings": "\n".join(audit.law_warnings),
