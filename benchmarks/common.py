@@ -8,10 +8,11 @@ import functools
 import multiprocessing
 import os
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -73,7 +74,8 @@ def motion() -> jp.Motion:
 
 
 @functools.cache
-def _ideal_tool(loaded: bool) -> np.ndarray:
+def ideal_tool(loaded: bool) -> np.ndarray:
+    """Where the ideal robot's tool is at each record [m]."""
     return Case(radial=0.0, loaded=loaded).simulation().run()["tool_position"].values
 
 
@@ -82,7 +84,7 @@ def measure(case: Case, seed: int | None) -> dict[str, float]:
     with warnings.catch_warnings():
         warnings.simplefilter("error", RuntimeWarning)  # a run that fails must not enter a mean
         result = case.simulation(seed).run()
-    away = 1e3 * np.linalg.norm(result["tool_position"].values - _ideal_tool(case.loaded), axis=1)
+    away = 1e3 * np.linalg.norm(result["tool_position"].values - ideal_tool(case.loaded), axis=1)
     force = "reaction_force" if case.ideal else "joint_force_peak"
     at = {"moving_joint" if case.ideal else "joint": JOINT}
     audit = result.audit
@@ -103,25 +105,32 @@ def measure(case: Case, seed: int | None) -> dict[str, float]:
 Ensemble = dict[str, np.ndarray]
 """Each figure of `measure` for every run of a case."""
 
-
-def _measure(job: tuple[int, Case, int | None]) -> tuple[int, dict[str, float]]:
-    index, case, seed = job
-    return index, measure(case, seed) | {"seed": -1 if seed is None else seed}
+Measure = Callable[[Any, int | None], dict[str, Any]]
+"""What runs a case once, with a seed; at module level, for other processes to find it."""
 
 
-def ensembles(cases: Sequence[Case], runs: int, jobs: int) -> list[Ensemble]:
+def _measure(job: tuple[int, Measure, Any, int | None]) -> tuple[int, dict[str, Any]]:
+    index, how, case, seed = job
+    return index, how(case, seed) | {"seed": -1 if seed is None else seed}
+
+
+def ensembles(cases: Sequence[Any], runs: int, jobs: int, how: Measure = measure) -> list[Ensemble]:
     """Measure every case in `runs` runs of slightly displaced journals (an ideal robot in one)."""
     work = [
-        (index, case, seed)
+        (index, how, case, seed)
         for index, case in enumerate(cases)
         for seed in ([None] if case.ideal else range(runs))
     ]
-    found: list[list[dict[str, float]]] = [[] for _ in cases]
-    with ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn")) as pool:
-        pending = [pool.submit(_measure, job) for job in work]
-        for done in tqdm(as_completed(pending), total=len(pending), unit="run", smoothing=0.05):
-            index, figures = done.result()
+    found: list[list[dict[str, Any]]] = [[] for _ in cases]
+    bar = functools.partial(tqdm, total=len(work), unit="run", smoothing=0.05)
+    if jobs == 1:
+        for index, figures in bar(map(_measure, work)):
             found[index].append(figures)
+    else:
+        with ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn")) as pool:
+            for done in bar(as_completed([pool.submit(_measure, job) for job in work])):
+                index, figures = done.result()
+                found[index].append(figures)
     for group in found:
         group.sort(key=lambda figures: figures["seed"])
     return [{name: np.array([run[name] for run in group]) for name in group[0]} for group in found]

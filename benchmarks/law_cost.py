@@ -5,7 +5,8 @@ The SCARA with 0.2 mm clearance in joint B goes through its cycle with the paper
 reached, approach speeds included, and takes 100 steps of the real loop (drive, contact, ABA,
 integration, a record every 10 steps) that are too short to change it. So all laws meet the same
 contacts on the same machine. The table gives medians of the ratios to the paper's laws in the same
-state, over all states and over those with at least one contact. Times are CPU times.
+state, over all states and over those with at least one contact. Times are CPU times. A film is
+computed whether the journal touches or not, in addition to the paper's laws.
 
 "own" are users' functions in this file, copies of the paper's laws.
 """
@@ -22,10 +23,12 @@ from tqdm import tqdm
 
 import jointplay as jp
 from jointplay import kernel
-from jointplay.contact import FRICTION_LAWS, NORMAL_LAWS
+from jointplay.contact import FILM_LAWS, FRICTION_LAWS, NORMAL_LAWS
 from jointplay.contact.line_contact import LineContactLaw
 
 PAPER = "lankarani-nikravesh, ambrosio"
+VISCOSITY = 0.05
+"""Of the films' oil [Pa s]; the cost of a film does not depend on it, nor on the slenderness."""
 EXPLICIT, IMPLICIT = 1.3, 2.0
 """Largest ratios: of laws that are formulas, of those that solve for the force."""
 
@@ -59,6 +62,8 @@ def bearings():
     for name, law in FRICTION_LAWS.items():
         if name != paper.friction.name:
             made[f"{name} friction"] = dataclasses.replace(paper, friction=law()), EXPLICIT
+    for name, law in FILM_LAWS.items():
+        made[f"{name} film"] = dataclasses.replace(paper, lubricant=law(VISCOSITY)), EXPLICIT
     own = jp.CustomFriction(own_friction, paper.friction.parameters())
     made["own friction"] = dataclasses.replace(paper, friction=own), EXPLICIT
     return made
