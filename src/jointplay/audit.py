@@ -143,7 +143,8 @@ class Audit:
             found.append(
                 f"the step of {self.step:.2g} s does not follow friction under the largest normal "
                 f"force, which needs {self.friction_step_limit:.1g} s: forces of a jammed journal "
-                "may be off by some per cent; reduce the step or widen the friction law's ramp"
+                "may be off by tens of per cent; reduce the step, widen the friction law's ramp, "
+                "or take a law with bristles"
             )
         if self.loop_drift > DRIFT_WARNING_M:
             found.append(

@@ -41,8 +41,8 @@ from jointplay.workspace import ContactSite, Workspace, film_numbers
 MIN_CONTACT_STEPS = 4.0
 """Fewer steps in an impact than this and the step is refused.
 
-At 4 steps the restitution of an impact scatters by 0.03 (0.07 at c_e = 0.5), at 2 an impact can gain
-energy (docs/validation.md).
+At 4 steps the restitution of an impact scatters by 0.03 (0.07 at c_e = 0.5), at 2 an impact can
+gain energy (docs/validation.md).
 """
 
 PERTURBATION = 0.5

@@ -63,7 +63,10 @@ class PinkusSternlicht(FilmLaw):
         "O. Pinkus, B. Sternlicht, Theory of Hydrodynamic Lubrication (1961); P. Flores, "
         "H. M. Lankarani, J. Ambrosio, J. C. P. Claro, Proc. IMechE K 218 (2004) 183-190"
     )
-    validity = "bearings at least about twice as long as their diameter"
+    validity = (
+        "bearings at least about twice as long as their diameter; a pure squeeze is up to 13 % above "
+        "Reynolds' half film"
+    )
     slenderness = (2.0, math.inf)
     section = 1.0 / (2.0 * math.sqrt(3.0))
     """Gauss points for a pressure that is constant along the axis."""
