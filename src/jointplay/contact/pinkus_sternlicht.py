@@ -64,7 +64,7 @@ class PinkusSternlicht(FilmLaw):
         "H. M. Lankarani, J. Ambrosio, J. C. P. Claro, Proc. IMechE K 218 (2004) 183-190"
     )
     validity = (
-        "bearings at least about twice as long as their diameter; a pure squeeze is up to 13 % above "
+        "bearings at least twice as long as their diameter or so; a pure squeeze is up to 13 % above "
         "Reynolds' half film"
     )
     slenderness = (2.0, math.inf)
