@@ -64,8 +64,8 @@ class PinkusSternlicht(FilmLaw):
         "H. M. Lankarani, J. Ambrosio, J. C. P. Claro, Proc. IMechE K 218 (2004) 183-190"
     )
     validity = (
-        "bearings at least twice as long as their diameter or so; a pure squeeze is up to 13 % above "
-        "Reynolds' half film"
+        "bearings at least about twice as long as their diameter; a pure squeeze is up to 13 % "
+        "above Reynolds' half film"
     )
     slenderness = (2.0, math.inf)
     section = 1.0 / (2.0 * math.sqrt(3.0))
