@@ -24,8 +24,10 @@ from jointplay.errors import (
     require_positive,
 )
 from jointplay.ideal import ideal_motion
+from jointplay.kernel import layout
 from jointplay.mechanism import Mechanism
 from jointplay.motion import Motion
+from jointplay.workspace import Tables
 
 REFERENCE_NODE_S = 1e-4
 """Interval at which the reference is tabulated; between nodes it is linear [s].
@@ -252,22 +254,6 @@ def assign(
     return drives
 
 
-@dataclass(frozen=True)
-class Tables:
-    """What `Workspace` needs of the drives."""
-
-    rows: np.ndarray
-    """`workspace.coordinate_rows`."""
-    reference: np.ndarray
-    """Shape (nodes, 3 nu), at intervals of `REFERENCE_NODE_S`."""
-    frictions: np.ndarray
-    """`workspace.friction_row` of each joint with friction."""
-    gears: np.ndarray
-    """`workspace.gear_row` of each gear."""
-    armature: dict[int, float]
-    """Armature that the model needs, by coordinate [kg m^2 or kg]."""
-
-
 def tabulate(
     mechanism: Mechanism,
     motion: Motion | None,
@@ -275,7 +261,7 @@ def tabulate(
     duration: float,
     friction: Mapping[str, JointFriction],
     start: np.ndarray,
-) -> Tables:
+) -> tuple[Tables, dict[int, float]]:
     """Tabulate all drives.
 
     Args:
@@ -285,12 +271,15 @@ def tabulate(
         duration: until when the table must reach [s].
         friction: friction by joint.
         start: configuration of `mechanism` at the start, loops closed, shape (nq,).
+
+    Returns:
+        The tables, and the armature that the model needs, by coordinate [kg m^2 or kg].
     """
     nodes = max(math.ceil(duration / REFERENCE_NODE_S - 1e-9) + 1, 2)
     times = np.arange(nodes) * REFERENCE_NODE_S
     driven = [name for name, drive in drives.items() if drive.kind != "free"]
     follows = [name for name in driven if drives[name].follows]
-    rows = workspace.coordinate_rows(mechanism.model.nv)
+    rows = []
     columns = np.zeros((3, nodes, max(len(driven), 1)))
     if follows:
         assert motion is not None
@@ -307,13 +296,13 @@ def tabulate(
         losses = friction.get(name, JointFriction())
         if isinstance(drive, Torque):
             columns[2, :, u] = np.interp(times, drive.times, drive.values)
-            entries = workspace.drive_column(u, at)
+            row = workspace.drive_row(u, at)
         else:
             k = follows.index(name)
             columns[0, :, u], columns[1, :, u] = position[:, k], velocity[:, k]
         if isinstance(drive, Prescribed):
             armature[at] = PRESCRIBED_ARMATURE * own[at]
-            entries = workspace.drive_column(u, at, armature=armature[at])
+            row = workspace.drive_row(u, at, armature=armature[at])
         if isinstance(drive, ComputedTorque):
             rotor = gear.rotor_inertia if gear else 0.0
             inertia = carried[k] + rotor
@@ -323,9 +312,8 @@ def tabulate(
             seen = at if drive.encoder == "motor" else mechanism.coordinate(name)
             kp = drive.bandwidth**2 * inertia
             kd = 2.0 * drive.damping_ratio * drive.bandwidth * inertia
-            entries = workspace.drive_column(u, seen, kp, kd)
-        for row, value in entries.items():
-            rows[row, at] = value
+            row = workspace.drive_row(u, at, seen, kp, kd)
+        rows.append(row)
     frictions = [
         workspace.friction_row(
             mechanism.coordinate(name),
@@ -347,4 +335,11 @@ def tabulate(
         )
         for name, gear in mechanism.gears.items()
     ]
-    return Tables(rows, np.hstack(list(columns)), np.array(frictions), np.array(gears), armature)
+    tables = Tables(
+        workspace.stacked(rows, layout.DRIVE_ROW),
+        workspace.stacked(frictions, layout.FRICTION_ROW),
+        workspace.stacked(gears, layout.GEAR_ROW),
+        np.hstack(list(columns)),
+        REFERENCE_NODE_S,
+    )
+    return tables, armature

@@ -1,17 +1,14 @@
-"""Fixed-step integrators of eqs 22 and 23.
+"""Integrators of eqs 22 and 23: what they are called, and the loop that each goes through.
 
-Each is a kernel of `jointplay.kernel` that prepares the next evaluation of the acceleration, and
-the number of evaluations that make a step. docs/integrators.md has the measurement behind the
-default.
+docs/integrators.md has the measurement behind the default.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
-from jointplay import kernel
 from jointplay.errors import MissingName
+from jointplay.kernel import Command
 
 
 @dataclass(frozen=True)
@@ -22,19 +19,27 @@ class Integrator:
     order: int
     """Order of convergence in smooth motion."""
     stages: int
-    """Evaluations of the acceleration in a step."""
-    advance: Any
-    """Kernel called before each evaluation, with the table of a `workspace.Workspace`."""
+    """Evaluations of the acceleration by Pinocchio in a step; 0: once in many steps."""
+    command: Command
+    """What the kernels do for each evaluation."""
+
+    @property
+    def single_rate(self) -> bool:
+        """Whether the arm is evaluated as often as the contact."""
+        return self.stages > 0
 
 
-SEMI_IMPLICIT_EULER = Integrator("semi-implicit-euler", 1, 1, kernel.semi_implicit_euler)
-"""v += a dt, then q += v dt: one evaluation."""
+MULTI_RATE = Integrator("multi-rate", 2, 0, Command.MACRO_STEP)
+"""Leapfrog on an inertia that changes slowly; implicit in velocity: see `kernel.multirate`."""
 
-RUNGE_KUTTA_4 = Integrator("rk4", 4, 4, kernel.runge_kutta_4)
-"""Classical Runge-Kutta. Reference: Hairer, Norsett, Wanner, Solving ODEs I, Table II.1.2."""
+SEMI_IMPLICIT_EULER = Integrator("semi-implicit-euler", 1, 1, Command.SEMI_IMPLICIT_EULER)
+"""Explicit: v += a dt, then q += v dt: one evaluation."""
 
-INTEGRATORS = {method.name: method for method in (SEMI_IMPLICIT_EULER, RUNGE_KUTTA_4)}
-DEFAULT = SEMI_IMPLICIT_EULER.name
+RUNGE_KUTTA_4 = Integrator("rk4", 4, 4, Command.RUNGE_KUTTA_4)
+"""Explicit: classical Runge-Kutta. Hairer, Norsett, Wanner, Solving ODEs I, Table II.1.2."""
+
+INTEGRATORS = {m.name: m for m in (MULTI_RATE, SEMI_IMPLICIT_EULER, RUNGE_KUTTA_4)}
+DEFAULT = MULTI_RATE.name
 
 
 def integrator(name: str) -> Integrator:

@@ -17,7 +17,6 @@ from tqdm import tqdm
 from jointplay import kernel
 from jointplay.contact.law import address, check_parameters
 from jointplay.drive import (
-    REFERENCE_NODE_S,
     ComputedTorque,
     Drive,
     JointFriction,
@@ -31,12 +30,13 @@ from jointplay.impact import REFERENCE_SPEED, contact_duration, effective_mass
 from jointplay.integrators import DEFAULT, Integrator, integrator
 from jointplay.joints import VIRTUAL_LINK
 from jointplay.kernel import Status
-from jointplay.loops import PROXIMAL, assemble, closing_rows, consistent_velocity
+from jointplay.loop import LOOP_CORRECTION, MultiRate, SingleRate
+from jointplay.loops import assemble, closing_rows, consistent_velocity
 from jointplay.mechanism import Mechanism
 from jointplay.motion import Motion
 from jointplay.payload import Payload, velocity_after_pick
 from jointplay.result import Result
-from jointplay.workspace import ContactSite, Workspace, film_numbers
+from jointplay.workspace import ContactSite, FilmSite, Workspace
 
 MIN_CONTACT_STEPS = 4.0
 """Fewer steps in an impact than this and the step is refused.
@@ -57,9 +57,6 @@ NO_MASS = 1e-9
 
 FILM_LAG = 0.5
 """Part of the effective mass that a film's lag reckons with: it may fall on the way."""
-
-LOOP_CORRECTION = 0.1
-"""Frequency of Baumgarte's stabilisation of ideal loops, times the step."""
 
 _RELATIVE = ("x", "y", "z", "roll", "pitch", "yaw")
 """Freedoms in the order of the rows of `Mechanism.relative_jacobian`."""
@@ -180,31 +177,32 @@ class Run:
         drives = assign(mechanism, simulation.motion, simulation.drive)
         followed = [name for name, drive in drives.items() if drive.follows]
         q, v = self._initial_state(followed)
-        tables = tabulate(mechanism, simulation.motion, drives, duration, self.friction, q)
+        tables, armature = tabulate(
+            mechanism, simulation.motion, drives, duration, self.friction, q
+        )
         self.phases = [Phase(0, mechanism.model.copy())]
         # The run's own, for payloads and prescribed motion change its inertias.
         self.model = mechanism.model.copy()
-        for at, armature in tables.armature.items():
-            self.model.armature[at] = armature
+        for at, value in armature.items():
+            self.model.armature[at] = value
         self.data = self.model.createData()
         self.workspace = Workspace(
-            self.data.ddq,
-            self.data.J.reshape(6, -1),
+            self.data,
+            self.model.nv,
             [self._site(name, q) for name in mechanism.clearance],
-            tables.rows,
-            tables.frictions,
-            tables.gears,
-            tables.reference,
-            REFERENCE_NODE_S,
+            tables,
             step,
             every,
             self.steps // every + 2,
+            own_acceleration=not self.method.single_rate,
         )
         self.workspace.q[:], self.workspace.v[:] = q, v
         self._events = self._plan(step)
         self._check_locks(q)
         self._check_step(step, q)
-        self._dynamics, self._state = self._choose_dynamics(step, q)
+        kind = SingleRate if self.method.single_rate else MultiRate
+        constraints = mechanism.constraints(q, LOOP_CORRECTION / step)
+        self._loop = kind(self.model, self.data, self.workspace, self.method, constraints)
 
     def _duration(self) -> float:
         duration, motion = self.simulation.duration, self.simulation.motion
@@ -305,19 +303,17 @@ class Run:
             }
         if joint.film is not None:
             law, properties = joint.film
-            reach |= {
-                "film": address(law),
-                "film_numbers": film_numbers(
-                    properties.contacts,
-                    law.section * properties.length if properties.tilts else 0.0,
-                    properties.clearance,
-                    law.thickest(properties.clearance),
-                    law.transition,
-                    FILM_LAG * effective_mass(mechanism, name, q),
-                    check_parameters(law.parameters(properties), law.name),
-                ),
-                "must_not_touch": 0 if law.hybrid else properties.contacts,
-            }
+            reach["film"] = FilmSite(
+                address(law),
+                properties.contacts,
+                law.section * properties.length if properties.tilts else 0.0,
+                properties.clearance,
+                law.thickest(properties.clearance),
+                law.transition,
+                FILM_LAG * effective_mass(mechanism, name, q),
+                check_parameters(law.parameters(properties), law.name),
+            )
+            reach["must_not_touch"] = 0 if law.hybrid else properties.contacts
         reach["wearing"] = len(joint.worn_widths) if joint.wears else 0
         return ContactSite(
             int(joint.shape),
@@ -373,24 +369,6 @@ class Run:
                     f"{duration / kernel.WELL_RESOLVED_STEPS:.2g} s"
                 )
 
-    def _choose_dynamics(self, step: float, q: np.ndarray) -> tuple[Any, tuple[Any, ...]]:
-        """What gives the acceleration, and what it is called with."""
-        model, w = self.model, self.workspace
-        state = (model, self.data, w.q, w.v, w.tau)
-        constraints = self.mechanism.constraints(q, LOOP_CORRECTION / step)
-        if not constraints:
-            # The Python binding of pin.aba tries the form with external forces first: to give it
-            # none costs less than to leave them out.
-            none = pin.StdVec_Force()
-            none.extend([pin.Force.Zero()] * model.njoints)
-            return pin.aba, (*state, none, pin.Convention.WORLD)
-        models = pin.StdVec_RigidConstraintModel()
-        models.extend(constraints)
-        datas = pin.StdVec_RigidConstraintData()
-        datas.extend([constraint.createData() for constraint in constraints])
-        pin.initConstraintDynamics(model, self.data, models, datas)
-        return pin.constraintDynamics, (*state, models, datas, PROXIMAL)
-
     def execute(self, progress: bool = False) -> Result:
         """Simulate; once only, for the workspace holds the state.
 
@@ -422,22 +400,18 @@ class Run:
     def loop(self, progress: bool = False) -> Status:
         """Step until the end, a failure, or Ctrl-C; returns why it stopped."""
         workspace = self.workspace
-        if progress and not self.method.advance.signatures:
+        if progress and not kernel.enter.signatures:
             note = "loading compiled kernels (the first start ever compiles them, ~20 s)"
             tqdm.write(note, file=sys.stderr)
-        functions = [kernel.begin, kernel.record, self.method.advance]
-        functions += [kernel.load] if self.workspace.needs_jacobians else []
-        functions += [kernel.settle, kernel.refresh] if self._events else []
-        for function in functions:
-            kernel.compiled(function)
+        kernel.compiled()
         bar = _Bar(self.steps * self.simulation.step, progress)
         try:
             self.begin()
             while workspace.steps < self.steps:
-                if not self.advance(min(_CHUNK, self.steps - workspace.steps)):
+                if not self.stretch():
                     return workspace.status
                 bar.update(workspace.time)
-            kernel.record(workspace.table)
+            self._loop.finish()
             return workspace.status
         except KeyboardInterrupt:
             return Status.INTERRUPTED
@@ -447,50 +421,28 @@ class Run:
     def begin(self) -> None:
         """Evaluate forces and acceleration of the initial state, payloads picked at 0 in hand."""
         self._happen()
-        kernel.begin(self.workspace.table)
-        self._accelerate()
+        self._loop.begin()
 
-    def _accelerate(self) -> None:
-        """Acceleration of the state that a kernel prepared."""
-        if self.workspace.needs_jacobians:
-            pin.computeJointJacobians(*self._state[:3])
-            kernel.load(self.workspace.table)
-        self._dynamics(*self._state)
+    def stretch(self, most: int = _CHUNK) -> bool:
+        """Do some steps, up to `most`, then what is due; returns whether all is well."""
+        w = self.workspace
+        steps = min(most, self.steps - w.steps)
+        if self._events:
+            steps = min(steps, self._events[-1][0] - w.steps)
+        if not self._loop.stretch(steps):
+            return False
+        if self._events and self._events[-1][0] == w.steps:
+            self._loop.settle()
+            self._happen()
+            self._loop.begin()
+        return True
 
     def advance(self, steps: int) -> bool:
         """Do `steps` steps, or fewer if the run fails; returns whether all is well."""
-        while steps > 0:
-            stretch = steps
-            if self._events:
-                stretch = min(steps, self._events[-1][0] - self.workspace.steps)
-            if not self._stretch(stretch):
+        end = self.workspace.steps + steps
+        while self.workspace.steps < end:
+            if not self.stretch(end - self.workspace.steps):
                 return False
-            steps -= stretch
-            if self._events and self._events[-1][0] == self.workspace.steps:
-                kernel.settle(self.workspace.table)
-                self._happen()
-                kernel.refresh(self.workspace.table)
-                self._accelerate()
-        return True
-
-    def _stretch(self, steps: int) -> bool:
-        """Do `steps` steps in which nothing happens."""
-        table, advance = self.workspace.table, kernel.compiled(self.method.advance)
-        dynamics, state = self._dynamics, self._state
-        if not self.workspace.needs_jacobians:
-            for _ in range(steps * self.method.stages):
-                if advance(table):
-                    return False
-                dynamics(*state)
-            return True
-        jacobians, load, place = pin.computeJointJacobians, kernel.compiled(kernel.load), state[:3]
-        for _ in range(steps * self.method.stages):
-            if advance(table):
-                return False
-            jacobians(*place)
-            if load(table):
-                return False
-            dynamics(*state)
         return True
 
     def _happen(self) -> None:

@@ -1,8 +1,4 @@
-"""The arrays of one run, and the table through which the kernels reach them.
-
-What stands where in the table is said in `kernel`, beside the compiled code that reads it: numba
-notices changes of a constant only in the file of the function that uses it.
-"""
+"""The arrays of one run, and the record through which the kernels reach them (`kernel.layout`)."""
 
 from __future__ import annotations
 
@@ -10,10 +6,31 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import pinocchio as pin
 
-from jointplay import kernel as k
-from jointplay.contact.law import BRISTLE_NUMBERS, FILM_NUMBERS, MAX_PARAMETERS
-from jointplay.kernel import Status
+from jointplay.kernel import Command, Status, enter, layout
+
+
+@dataclass(frozen=True)
+class FilmSite:
+    """What the kernels know of a film."""
+
+    law: int
+    """Address of the law."""
+    sections: int
+    """1, or 2 for a journal that can tilt."""
+    section: float
+    """Their distance from the journal's centre [m]."""
+    clearance: float
+    """c [m]."""
+    thinnest: float
+    """Eccentricity ratio at which the film is thinnest."""
+    transition: float
+    """Depth at which nothing of it is left [m]."""
+    lag_mass: float
+    """No more than the smallest mass that the film meets; of explicit methods [kg]."""
+    parameters: tuple[float, ...]
+    """Of the film law."""
 
 
 @dataclass(frozen=True)
@@ -33,8 +50,7 @@ class ContactSite:
             bearing and journal.
         placements: of the bearing in its joint's frame and of the journal in its, rotation row by
             row and translation each, shape (24,).
-        film: address of the film law, or 0 for a dry joint; then are needed
-        film_numbers: see `film_numbers`.
+        film: None for a dry joint.
         wearing: this many contacts, from the first, count their sliding work.
         must_not_touch: this many contacts, from the first, end the run when they touch.
         signs: +1 for coordinates that move the journal only, -1 for those that move the bearing
@@ -53,177 +69,203 @@ class ContactSite:
     frames: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray] | None = None
     placements: np.ndarray | None = None
     signs: np.ndarray | None = None
-    film: int = 0
-    film_numbers: np.ndarray | None = None
+    film: FilmSite | None = None
     must_not_touch: int = 0
     wearing: int = 0
 
 
 class Workspace:
-    """The arrays of one run and the table through which the kernels reach them.
+    """The arrays of one run and the record through which the kernels reach them.
 
     Args:
-        acceleration: Pinocchio's `data.ddq`, a view of its memory, shape (nv,).
-        jacobian: Pinocchio's `data.J`, a view of its memory, shape (6, nv).
+        data: Pinocchio's data of the run, whose results the kernels read in place.
+        nv: number of coordinates.
         sites: one for each joint with clearance.
-        coordinates: `coordinate_rows`.
-        frictions: `friction_row` for each joint with friction, shape (nf, ...).
-        gears: `gear_row` for each gear, shape (ng, ...).
-        reference: rows of q, v and feed-forward effort of the nu driven coordinates at intervals
-            of `node` seconds, shape (nref, 3 nu), nref >= 2.
-        node: interval of `reference` [s].
+        tables: drives, friction, gears and reference.
         dt: time step [s].
         every: steps between records.
         rows: room for records.
+        own_acceleration: the kernels reckon the acceleration; else it is Pinocchio's.
+
+    Attributes:
+        q, v: state, shape (nv,).
+        drives, frictions, gears: records of what acts on single coordinates.
+        contacts: records of the contacts, shape (nj, width).
+        record: what was recorded, a row each.
+        inverse_mass, free: what the multi-rate method takes from Pinocchio; shapes (nv, nv) - the
+            upper triangle - and (nv,).
     """
 
     def __init__(
         self,
-        acceleration: np.ndarray,
-        jacobian: np.ndarray,
+        data: pin.Data,
+        nv: int,
         sites: Sequence[ContactSite],
-        coordinates: np.ndarray,
-        frictions: np.ndarray,
-        gears: np.ndarray,
-        reference: np.ndarray,
-        node: float,
+        tables: Tables,
         dt: float,
         every: int,
         rows: int,
+        own_acceleration: bool,
     ) -> None:
-        """Allocate, and write the table."""
-        nv, nj = len(acceleration), len(sites)
+        """Allocate, and fill in the record."""
+        nj = len(sites)
         width = max((len(site.parameters) for site in sites), default=0)
         self.fields, columns = _layout(nv, nj, width)
-        self.acceleration = acceleration
-        self.q = np.zeros(nv)
-        self.v = np.zeros(nv)
-        self.tau = np.zeros(nv)
-        self.drive = np.zeros(nv)
-        self.forces = np.zeros((nj, k._FORCE_SIZE))
-        self.memory = np.zeros((nj, width, k._MEMORY_SIZE))
-        self.memory[:, :, [k._SHORTEST, k._GAP_MIN, k._DEEPEST]] = np.inf
+        self._kept: list[np.ndarray] = []  # what the record points to must live as long
+        self.run = np.zeros(1, layout.RUN)
+        self.q, self.v, self.tau = (self._room(name, nv) for name in ("q", "v", "tau"))
+        self.half, self.drive = self._room("half", nv), self._room("drive", nv)
+        for name in ("contact_push", "free", "free_rate", "free_middle"):
+            self._room(name, nv)
+        for name in ("minv", "minv_rate", "minv_middle", "slope"):
+            self._room(name, nv, nv)
+        self._room("system", nv, nv + 1)
+        self._room("trial", 4, nv)
+        self._room("scratch", 4 * nv + len(layout.POWERS))
+        self.path = self._room("path", 10, nv)
+        self._point("touched", np.zeros(nv, np.int64))
+        self.inverse_mass = self._point("found_minv", data.Minv)
+        self.free = self._point("found_free", data.ddq)
+        self._point("jacobian", data.J)
+        if own_acceleration:
+            self.acceleration = self._room("a", nv)
+        else:
+            self.acceleration = self._point("a", data.ddq)
+        self.joints = self._point("joints", np.zeros(nj, layout.JOINT))
+        self.contacts = self._point("contacts", np.zeros((nj, width), layout.CONTACT))
+        for name in ("shortest", "gap_min", "deepest"):
+            self.contacts[name] = np.inf
+        self.drives = self._point("drives", tables.drives)
+        self.frictions = self._point("frictions", tables.frictions)
+        self.gears = self._point("gears", tables.gears)
+        self.reference = self._point("reference", np.ascontiguousarray(tables.reference, float))
+        self.windows = np.zeros((0, 2))
         self.record = np.zeros((rows, columns))
-        self.power = np.zeros(3 * k._NP)  # works, powers at the start of the step, powers now
-        self.clock = np.zeros(k._CLOCK_SIZE)
-        self.clock[k._DT], self.clock[k._NODE] = dt, node
-        self.law_numbers = np.zeros(max(BRISTLE_NUMBERS, FILM_NUMBERS))
-        self.scratch = np.zeros(4 * nv + k._NP)
-        self.coordinates = np.ascontiguousarray(coordinates, float)
-        self.frictions = np.ascontiguousarray(frictions, float).reshape(-1, k._FRICTION_SIZE)
-        self.gears = np.ascontiguousarray(gears, float).reshape(-1, k._GEAR_SIZE)
-        self.reference = np.ascontiguousarray(reference, float)
         self.sliding_work: list[np.ndarray] = []
         """For each joint, normal force x sliding distance by contact and azimuth [N m]."""
-        self._kept: list[np.ndarray] = [jacobian]  # what the table points to must live as long
-        table = np.zeros(k._BLOCKS + nj * k._BLOCK_SIZE, np.int64)
-        for entry, array in (
-            (k._Q, self.q),
-            (k._V, self.v),
-            (k._A, acceleration),
-            (k._J, jacobian),
-            (k._TAU, self.tau),
-            (k._DRIVE, self.drive),
-            (k._SCRATCH, self.scratch),
-            (k._COORDINATES, self.coordinates),
-            (k._FRICTIONS, self.frictions),
-            (k._GEARS, self.gears),
-            (k._REFERENCE, self.reference),
-            (k._RECORD, self.record),
-            (k._POWER, self.power),
-            (k._CLOCK, self.clock),
-            (k._LAW_NUMBERS, self.law_numbers),
-        ):
-            table[entry] = array.ctypes.data
-        table[k._NV], table[k._NJ], table[k._NU] = nv, nj, reference.shape[1] // 3
-        table[k._NF], table[k._NG], table[k._WIDTH] = len(self.frictions), len(self.gears), width
-        table[k._NREF], table[k._COLUMNS], table[k._EVERY] = len(reference), columns, every
-        table[k._HAS_PRESCRIBED] = int(np.any(self.coordinates[k._ARMATURE] != 0.0))
         for j, site in enumerate(sites):
-            block = table[k._BLOCKS + j * k._BLOCK_SIZE :][: k._BLOCK_SIZE]
-            self._write(block, j, site)
-            table[k._FRAMES] |= int(site.first is None)
-        self.table = table
-
-    def _write(self, block: np.ndarray, j: int, site: ContactSite) -> None:
-        numbers = np.zeros(k._DIMENSIONS + max(len(site.dimensions), 4))
-        numbers[k._LIMIT] = -site.depth_limit
-        numbers[k._P_FRICTION : k._P_FRICTION + len(site.friction_parameters)] = (
-            site.friction_parameters
+            self._write(j, site, nv)
+        self._set(
+            nv=nv,
+            nj=nj,
+            width=width,
+            nu=self.reference.shape[1] // 3,
+            nd=len(self.drives),
+            nf=len(self.frictions),
+            ng=len(self.gears),
+            nref=len(self.reference),
+            record_columns=columns,
+            every=every,
+            dt=dt,
+            dt_before=dt,
+            reference_interval=tables.interval,
+            through_frames=int(any(site.first is None for site in sites)),
+            prescribed=int(np.any(self.drives["armature"] > 0.0)),
+            record=self.record.ctypes.data,
         )
-        numbers[k._DIMENSIONS : k._DIMENSIONS + len(site.dimensions)] = site.dimensions
-        parameters = np.zeros((len(site.parameters), MAX_PARAMETERS))
-        for row, values in zip(parameters, site.parameters, strict=True):
+
+    def _set(self, **fields: float) -> None:
+        for name, value in fields.items():
+            self.run[name] = value
+
+    def _point(self, name: str, array: np.ndarray) -> np.ndarray:
+        """Let the record's field `name` point to an array."""
+        self.run[name] = array.ctypes.data
+        self._kept.append(array)
+        return array
+
+    def _room(self, name: str, *shape: int) -> np.ndarray:
+        return self._point(name, np.zeros(shape))
+
+    def _write(self, j: int, site: ContactSite, nv: int) -> None:
+        joint = self.joints[j]
+        parameters = self.contacts["parameters"][j]
+        for row, values in zip(parameters, site.parameters, strict=False):
             row[: len(values)] = values
-        pose = np.zeros(k._POSE_SIZE)
-        arrays = {
-            k._NUMBERS: numbers,
-            k._PARAMETERS: parameters,
-            k._MEMORY: self.memory[j],
-            k._FORCE: self.forces[j],
-            k._POSE: pose,
-        }
-        block[k._WEARING] = site.wearing
-        self.sliding_work.append(np.zeros((site.wearing, k.AZIMUTHS)))
-        arrays[k._SLIDING_WORK] = self.sliding_work[-1]
-        if site.film_numbers is not None:
-            arrays |= {
-                k._FILM: site.film_numbers,
-                k._FILM_MEMORY: np.zeros(2 * k._SECTION_SIZE),
-            }
+        self.sliding_work.append(np.zeros((site.wearing, layout.AZIMUTHS)))
         if site.first is None:
             assert site.frames is not None
             assert site.placements is not None
             assert site.signs is not None
-            places = (k._BEARING_R, k._BEARING_P, k._JOURNAL_R, k._JOURNAL_P)
-            arrays |= dict(zip(places, site.frames, strict=True))
-            arrays |= {
-                k._PLACEMENTS: np.ascontiguousarray(site.placements, float),
-                k._SIGNS: np.ascontiguousarray(site.signs, float),
-            }
-        block[k._NORMAL_LAW], block[k._FRICTION_LAW] = site.normal, site.friction
-        block[k._BRISTLES] = int(site.bristles)
-        block[k._FILM_LAW], block[k._MUST_NOT_TOUCH] = site.film, site.must_not_touch
-        block[k._SHAPE], block[k._COUNT] = site.shape, len(site.parameters)
-        block[k._FIRST] = k._NO_VIRTUAL_LINK if site.first is None else site.first
-        for entry, array in arrays.items():
-            block[entry] = array.ctypes.data
+            support = np.flatnonzero(site.signs)
+            signs = site.signs[support].astype(np.int64)
+            places = ("bearing_rotation", "bearing_translation")
+            places += ("journal_rotation", "journal_translation")
+            for name, frame in zip(places, site.frames, strict=True):
+                joint[name] = frame.ctypes.data
+                self._kept.append(frame)
+            joint["bearing_placement"], joint["journal_placement"] = np.split(site.placements, 2)
+        else:
+            support = site.first + np.arange(6)
+            signs = np.ones(6, np.int64)
+        n = len(support)
+        arrays = {
+            "dimensions": np.array([*site.dimensions, *(0.0,) * 4]),
+            "support": support.astype(np.int64),
+            "signs": signs,
+            "reach": np.zeros((6, n)),
+            "nodes": np.zeros((layout.NODES, 2 * layout.POSE + 6 * n)),
+            "sliding_work": self.sliding_work[j],
+        }
+        for name, array in arrays.items():
+            joint[name] = array.ctypes.data
             self._kept.append(array)
+        joint["friction_parameters"][: len(site.friction_parameters)] = site.friction_parameters
+        joint["first"] = layout.NO_VIRTUAL_LINK if site.first is None else site.first
+        joint["nsupport"], joint["shape"] = n, site.shape
+        joint["normal_law"], joint["friction_law"] = site.normal, site.friction
+        joint["bristles"], joint["count"] = int(site.bristles), len(site.parameters)
+        joint["limit"], joint["wearing"] = -site.depth_limit, site.wearing
+        joint["must_not_touch"] = site.must_not_touch
+        if site.film is not None:
+            joint["film_law"] = site.film.law
+            for name in ("sections", "section", "clearance", "thinnest", "transition", "lag_mass"):
+                joint[name] = getattr(site.film, name)
+            joint["film_parameters"][: len(site.film.parameters)] = site.film.parameters
 
     def make_room(self, rows: int) -> None:
         """Have room for `rows` records, before the first of them is written."""
         self.record = np.zeros((rows, self.record.shape[1]))
-        self.table[k._RECORD] = self.record.ctypes.data
+        self._set(record=self.record.ctypes.data)
+
+    def watch(self, windows: Sequence[tuple[int, int]]) -> None:
+        """Record every step from the first to the last of each of these pairs of steps, too."""
+        self.windows = np.array(windows, float).reshape(-1, 2)
+        self._set(windows=self.windows.ctypes.data, nwindows=len(self.windows))
+
+    def do(self, command: Command) -> Status:
+        """Let the kernels carry out a command; returns the run's status."""
+        return Status(enter(self.run, int(command)))
 
     @property
     def needs_jacobians(self) -> bool:
-        """Whether `pin.computeJointJacobians` and `load` must come before `pin.aba`."""
-        return bool(self.table[k._FRAMES])
+        """Whether a joint is reached through Pinocchio's frames and Jacobians."""
+        return bool(self.run["through_frames"][0])
 
     @property
     def rows(self) -> int:
         """Records written so far."""
-        return int(self.table[k._ROW])
+        return int(self.run["row"][0])
 
     @property
     def steps(self) -> int:
         """Steps done so far."""
-        return int(self.table[k._STEP])
+        return int(self.run["step"][0])
 
     @property
     def time(self) -> float:
         """Time of the current state [s]."""
-        return float(self.clock[k._TIME])
+        return float(self.run["time"][0])
 
     @property
     def status(self) -> Status:
         """Status of the run."""
-        return Status(int(self.table[k._STATUS]))
+        return Status(int(self.run["status"][0]))
 
     @property
     def bad_contact(self) -> tuple[int, int]:
         """(joint, contact) that stopped the run with `BROKE_OUT` or `BAD_FORCE`."""
-        joint, contact = divmod(int(self.table[k._BAD_CONTACT]), max(self.memory.shape[1], 1))
+        joint, contact = divmod(int(self.run["bad_contact"][0]), max(self.contacts.shape[1], 1))
         return joint, contact
 
     def recorded(self, name: str) -> np.ndarray:
@@ -236,17 +278,17 @@ class Workspace:
         Counts, steps, impulses [N s], smallest gap [m], fastest approach [m/s].
         """
         names = {
-            "onsets": k._ONSETS,
-            "ended": k._ENDED,
-            "shortest_steps": k._SHORTEST,
-            "under_resolved": k._UNDER,
-            "impulse": k._IMPULSE,
-            "under_resolved_impulse": k._IMPULSE_UNDER,
-            "smallest_gap": k._DEEPEST,
+            "onsets": "onsets",
+            "ended": "ended",
+            "shortest_steps": "shortest",
+            "under_resolved": "under",
+            "impulse": "impulse",
+            "under_resolved_impulse": "impulse_under",
+            "smallest_gap": "deepest",
         }
-        found = {name: self.memory[:, :, index].copy() for name, index in names.items()}
+        found = {name: self.contacts[field].copy() for name, field in names.items()}
         # A contact that has not ended keeps its approach to itself.
-        fastest = np.maximum(self.memory[:, :, k._FASTEST], self.memory[:, :, k._DDELTA0])
+        fastest = np.maximum(self.contacts["fastest"], self.contacts["ddelta0"])
         return found | {"fastest_approach": fastest}
 
 
@@ -257,7 +299,7 @@ def _layout(nv: int, nj: int, width: int) -> tuple[dict[str, slice], int]:
         "q": nv,
         "v": nv,
         "drive": nv,
-        "work": k._NP,
+        "work": len(layout.POWERS),
         "force": 3 * nj,
         "force_peak": 3 * nj,
         "film_force": 3 * nj,
@@ -273,69 +315,58 @@ def _layout(nv: int, nj: int, width: int) -> tuple[dict[str, slice], int]:
     return fields, at
 
 
-def coordinate_rows(nv: int) -> np.ndarray:
-    """Rows of `Workspace.coordinates` for nv coordinates, shape (..., nv); nothing driven."""
-    rows = np.zeros((k._COORDINATE_ROWS, nv))
-    rows[k._DRIVEN_BY] = -1.0
-    rows[k._MEASURED] = np.arange(nv)
-    return rows
+@dataclass(frozen=True)
+class Tables:
+    """What acts on single coordinates."""
+
+    drives: np.ndarray
+    """Of `layout.DRIVE_ROW`, see `drive_row`."""
+    frictions: np.ndarray
+    """Of `layout.FRICTION_ROW`."""
+    gears: np.ndarray
+    """Of `layout.GEAR_ROW`."""
+    reference: np.ndarray
+    """Rows of q, v and feed-forward effort of the nu driven coordinates, shape (nref, 3 nu),
+    nref >= 2."""
+    interval: float
+    """Between the rows of `reference` [s]."""
 
 
-def drive_column(
-    driven_by: int, measured: int, kp: float = 0.0, kd: float = 0.0, armature: float = 0.0
-) -> dict[int, float]:
-    """Entries of one coordinate in `coordinate_rows`.
+def drive_row(
+    column: int,
+    coordinate: int,
+    seen: int | None = None,
+    kp: float = 0.0,
+    kd: float = 0.0,
+    armature: float = 0.0,
+) -> np.ndarray:
+    """Record of the drive of one coordinate, shape (1,).
 
     Args:
-        driven_by: column of the reference.
-        measured: coordinate that its encoder sees.
+        column: of the reference.
+        coordinate: that it acts on.
+        seen: coordinate that its encoder sees; None takes its own.
         kp, kd: gains [N m/rad, N m s/rad, or N/m, N s/m].
         armature: > 0 prescribes the motion; the model must have this armature [kg m^2 or kg].
     """
-    return {
-        k._DRIVEN_BY: driven_by,
-        k._MEASURED: measured,
-        k._KP: kp,
-        k._KD: kd,
-        k._ARMATURE: armature,
-    }
+    seen = coordinate if seen is None else seen
+    return np.array([(column, coordinate, seen, kp, kd, armature)], layout.DRIVE_ROW)
 
 
 def friction_row(
     coordinate: int, coulomb: float, stiction: float, stribeck: float, viscous: float
 ) -> np.ndarray:
-    """Row of `Workspace.frictions`; see `drive.JointFriction`."""
-    return np.array([coordinate, coulomb, stiction, stribeck, viscous])
+    """Record of a joint's friction, shape (1,); see `drive.JointFriction`."""
+    return np.array([(coordinate, coulomb, stiction, stribeck, viscous)], layout.FRICTION_ROW)
 
 
 def gear_row(
     motor: int, link: int, half_play: float, stiffness: float, damping: float
 ) -> np.ndarray:
-    """Row of `Workspace.gears`: coordinates, half the play [rad], stiffness and damping."""
-    return np.array([motor, link, half_play, stiffness, damping])
+    """Record of a gear, shape (1,): coordinates, half the play [rad], stiffness and damping."""
+    return np.array([(motor, link, half_play, stiffness, damping)], layout.GEAR_ROW)
 
 
-def film_numbers(
-    sections: int,
-    section: float,
-    clearance: float,
-    thinnest: float,
-    transition: float,
-    lag_mass: float,
-    parameters: tuple[float, ...],
-) -> np.ndarray:
-    """Array `ContactSite.film_numbers`.
-
-    Args:
-        sections: 1, or 2 for a journal that can tilt.
-        section: their distance from the journal's centre [m].
-        clearance: c [m].
-        thinnest: eccentricity ratio at which the film is thinnest.
-        transition: depth at which nothing of it is left [m].
-        lag_mass: no more than the smallest mass that the film meets [kg].
-        parameters: of the film law.
-    """
-    numbers = np.zeros(k._FILM_SIZE)
-    numbers[: k._P_FILM] = sections, section, clearance, thinnest, transition, lag_mass
-    numbers[k._P_FILM : k._P_FILM + len(parameters)] = parameters
-    return numbers
+def stacked(rows: Sequence[np.ndarray], kind: np.dtype) -> np.ndarray:
+    """All rows of one kind, an empty array if there are none."""
+    return np.concatenate(rows) if rows else np.zeros(0, kind)

@@ -1,0 +1,321 @@
+"""One joint's contacts: where they touch, what they answer to a velocity, what they remember.
+
+`touch` finds the gaps (eqs 4-9) of a pose. `respond` gives the joint's wrench for the twist that it
+meets (eqs 18-21) and, for the velocity solve, how the wrench changes with the twist. `remember`
+then makes the state one of the trajectory.
+"""
+
+from __future__ import annotations
+
+import math
+
+from jointplay.contact.law import call_bristle, call_friction, call_normal, pointer
+from jointplay.geometry import Shape, touch_cylinder
+from jointplay.geometry import touch as touch_shape
+from jointplay.kernel.layout import (
+    AZIMUTHS,
+    FRICTION,
+    MIN_APPROACH_SPEED,
+    NORMAL,
+    WELL_RESOLVED_STEPS,
+    Status,
+    address_of,
+    contacts,
+    fail,
+    internal,
+    matrix,
+)
+from jointplay.kernel.vectors import add, along, cross, dot, length, put, scale, vector
+
+_CYLINDER = int(Shape.CYLINDER)
+_BROKE_OUT, _FILM_BROKE = int(Status.BROKE_OUT), int(Status.FILM_BROKE)
+_BAD_FORCE = int(Status.BAD_FORCE)
+
+_DIFFERENCE = 1e-5
+"""Relative difference of a speed by which laws are differentiated."""
+_LEAST_DIFFERENCE = 1e-9
+"""The same where nothing moves [m/s]."""
+
+
+@internal
+def touch(run, j, joint):
+    """Find gap, place and normal of each contact of joint j; returns whether any touches.
+
+    Elastic forces follow, for they depend on the depth alone.
+    """
+    touching = False
+    pose, width = joint.pose, run.width
+    dimensions = pointer(joint.dimensions)
+    d0, d1, d2, d3 = dimensions[0], dimensions[1], dimensions[2], dimensions[3]
+    for k in range(joint.count):
+        contact = contacts(run, j)[k]
+        if joint.shape == _CYLINDER:
+            gap, rx, ry, rz, nx, ny, nz = touch_cylinder(
+                k, pose[0], pose[1], pose[2], pose[5], pose[8], pose[11], d0, d1, d2, d3
+            )
+        else:
+            gap, rx, ry, rz, nx, ny, nz = touch_shape(
+                joint.shape, dimensions, 0, k, pose[0], pose[1], pose[2], pose, 3
+            )
+        contact.gap = gap
+        contact.touching = 0
+        if gap >= 0.0:
+            continue
+        if gap < joint.limit:
+            fail(run, _BROKE_OUT, width * j + k)
+            continue
+        if k < joint.must_not_touch:
+            fail(run, _FILM_BROKE, width * j + k)
+            continue
+        contact.touching = 1
+        touching = True
+        put(contact.arm, 0, (rx, ry, rz))
+        put(contact.direction, 0, (nx, ny, nz))
+        law = address_of(contact.parameters)
+        contact.elastic = call_normal(joint.normal_law, -gap, 0.0, 1.0, law)
+    return touching
+
+
+@internal
+def _meet(joint, contact):
+    """Rate of penetration, sliding velocity and its magnitude at a contact, from the twist."""
+    arm, normal = vector(contact.arm, 0), vector(contact.direction, 0)
+    velocity = add(vector(joint.twist, 0), cross(vector(joint.twist, 3), arm))
+    rate = -dot(normal, velocity)
+    slip = along(velocity, rate, normal)
+    return rate, slip, length(slip)
+
+
+@internal
+def _normal_force(joint, contact, rate):
+    """Normal force, and the approach speed that belongs to it.
+
+    The approach speed is the largest since the contact began. For an impact that is the speed at
+    its onset (eq. 14), for |ddelta| only falls from there; a contact that began slowly cannot make
+    the damping of eq. 19 grow without bound when it is loaded later.
+    """
+    approach = max(abs(rate), MIN_APPROACH_SPEED)
+    if contact.steps > 0.0:
+        approach = max(approach, contact.ddelta0)
+    law = address_of(contact.parameters)
+    force = call_normal(joint.normal_law, -contact.gap, rate, approach, law)
+    return max(force, 0.0), approach  # a dry contact never pulls
+
+
+@internal
+def bend(run, j, joint, elapsed):
+    """Bend the bristles of joint j for `elapsed` seconds at the velocities of its twist.
+
+    They bend from where the last step left them: dz/dt = A v - r z, exactly for constant v.
+    """
+    for k in range(joint.count):
+        contact = contacts(run, j)[k]
+        if contact.touching == 0:
+            continue
+        out = run.law_numbers
+        rate, slip, speed = _meet(joint, contact)
+        normal, _ = _normal_force(joint, contact, rate)
+        call_bristle(
+            joint.friction_law,
+            speed,
+            normal,
+            contact.dwell,
+            address_of(joint.friction_parameters),
+            address_of(run.law_numbers),
+        )
+        contact.share, contact.letting_go = out[0], out[1]
+        contact.stiffness, contact.damping, contact.viscous = out[2], out[3], out[4]
+        contact.cap = out[5]
+        contact.dwell_now = out[6] + (contact.dwell - out[6]) * math.exp(-out[7] * elapsed)
+        direction = vector(contact.direction, 0)
+        z = vector(contact.bend, 0)
+        z = along(z, -dot(direction, z), direction)
+        left = math.exp(-out[1] * elapsed)
+        gain = out[0] * (elapsed if out[1] * elapsed < 1e-9 else (1.0 - left) / out[1])
+        put(contact.bent, 0, add(scale(left, z), scale(gain, slip)))
+
+
+@internal
+def _bristles_hold(contact, slip):
+    """Force of the bristles and its slopes: -a along the force's direction, -b across it.
+
+    F = -(k z + d (A v - r z)), no longer than the cap, and - c v.
+    """
+    bent = vector(contact.bent, 0)
+    pull = contact.stiffness - contact.damping * contact.letting_go
+    damper = contact.damping * contact.share
+    force = add(scale(-pull, bent), scale(-damper, slip))
+    size = length(force)
+    along_force = across_force = damper
+    if size > contact.cap:
+        force = scale(contact.cap / size, force)
+        along_force, across_force = 0.0, damper * contact.cap / size
+    direction = scale(1.0 / size if size > 0.0 else 0.0, force)
+    viscous = contact.viscous
+    force = along(force, -viscous, slip)
+    return force, direction, along_force + viscous, across_force + viscous
+
+
+@internal
+def _rub(joint, contact, normal, slip, speed):
+    """Friction force of a law without bristles, its direction and slopes (eqs 20, 21)."""
+    law = address_of(joint.friction_parameters)
+    mu = call_friction(joint.friction_law, speed, law)
+    more = speed * _DIFFERENCE + _LEAST_DIFFERENCE
+    rise = (call_friction(joint.friction_law, speed + more, law) - mu) / more
+    turn = mu / speed if speed > 0.0 else rise
+    direction = scale(1.0 / speed if speed > 0.0 else 0.0, slip)
+    return scale(-mu * normal, direction), direction, rise * normal, turn * normal, mu
+
+
+@internal
+def _stiffen(joint, contact, b):
+    """Add the slope of a force at a contact, matrix `b` (3 columns), to the joint's: X^T b X."""
+    arm, stiff = vector(contact.arm, 0), joint.stiff
+    for c in range(3):
+        turned = cross(arm, b[c])
+        for r in range(3):
+            stiff[r, c] += b[c][r]
+            stiff[3 + r, c] += turned[r]
+    # The velocity of the point is u + w x r: columns of b (-[r]).
+    x, y, z = arm
+    columns = (
+        along(scale(-z, b[1]), y, b[2]),
+        along(scale(z, b[0]), -x, b[2]),
+        along(scale(-y, b[0]), x, b[1]),
+    )
+    for c in range(3):
+        turned = cross(arm, columns[c])
+        for r in range(3):
+            stiff[r, 3 + c] += columns[c][r]
+            stiff[3 + r, 3 + c] += turned[r]
+
+
+@internal
+def _steepen(joint, contact, normal, slip, rubbing):
+    """Add how a contact's force changes with the velocity that it meets to the joint's slope.
+
+    `rubbing`: direction of friction, its slopes along and across it, and the coefficient.
+    """
+    rate, n = contact.rate, vector(contact.direction, 0)
+    more = contact.approach * _DIFFERENCE
+    higher, _ = _normal_force(joint, contact, rate + more)
+    damping = (higher - normal) / more
+    t, rise, turn, mu = rubbing
+    s0, s1, s2 = (
+        along(scale(-damping * n[0], n), mu * damping * n[0], t),
+        along(scale(-damping * n[1], n), mu * damping * n[1], t),
+        along(scale(-damping * n[2], n), mu * damping * n[2], t),
+    )
+    # -(turn (1 - n n^T - t t^T) + rise t t^T), column by column
+    columns = (
+        add(s0, along(along((-turn, 0.0, 0.0), turn * n[0], n), (turn - rise) * t[0], t)),
+        add(s1, along(along((0.0, -turn, 0.0), turn * n[1], n), (turn - rise) * t[1], t)),
+        add(s2, along(along((0.0, 0.0, -turn), turn * n[2], n), (turn - rise) * t[2], t)),
+    )
+    _stiffen(joint, contact, columns)
+
+
+@internal
+def respond(run, j, joint, slopes):
+    """Add the contacts' answer to the joint's twist to its wrench, and their slope to `stiff`."""
+    wrench = joint.wrench
+    for k in range(joint.count):
+        contact = contacts(run, j)[k]
+        if contact.touching == 0:
+            continue
+        rate, slip, speed = _meet(joint, contact)
+        normal, approach = _normal_force(joint, contact, rate)
+        contact.rate, contact.speed, contact.approach = rate, speed, approach
+        if joint.bristles != 0:
+            friction, t, rise, turn = _bristles_hold(contact, slip)
+            mu = 0.0  # what the normal force does to the bristles is left to the next step
+        else:
+            friction, t, rise, turn, mu = _rub(joint, contact, normal, slip, speed)
+        contact.normal_now = normal
+        contact.tangential_now = length(friction)
+        contact.rubbed = -dot(friction, slip)
+        force = along(friction, normal, vector(contact.direction, 0))
+        put(contact.force, 0, force)
+        moment = cross(vector(contact.arm, 0), force)
+        for r in range(3):
+            wrench[r] += force[r]
+            wrench[3 + r] += moment[r]
+        if slopes:
+            _steepen(joint, contact, normal, slip, (t, rise, turn, mu))
+
+
+@internal
+def lose(run, j, joint):
+    """Add what the contacts of joint j lose to the powers, and stop where a law has failed."""
+    for k in range(joint.count):
+        contact = contacts(run, j)[k]
+        if contact.touching == 0:
+            continue
+        run.power[NORMAL] += (contact.normal_now - contact.elastic) * contact.rate
+        run.power[FRICTION] += contact.rubbed
+        if not math.isfinite(contact.normal_now + contact.elastic + contact.tangential_now):
+            fail(run, _BAD_FORCE, run.width * j + k)
+        elif joint.bristles == 0 and contact.rubbed < 0.0:
+            fail(run, _BAD_FORCE, run.width * j + k)
+
+
+@internal
+def remember(run, j, joint, duration):
+    """Make the contacts' state one of the trajectory, that lasts for `duration` [s]."""
+    for k in range(joint.count):
+        contact = contacts(run, j)[k]
+        contact.gap_min = min(contact.gap_min, contact.gap)
+        contact.deepest = min(contact.deepest, contact.gap)
+        if contact.touching == 0:
+            contact.normal = contact.tangential = 0.0
+            if contact.gap >= 0.0 and contact.steps > 0.0:
+                _end(contact)
+            continue
+        if contact.steps == 0.0:
+            contact.onsets += 1.0
+            contact.own_impulse = 0.0
+        impulse = contact.normal_now * duration
+        contact.ddelta0 = contact.approach
+        contact.steps += 1.0
+        contact.own_impulse += impulse
+        contact.impulse += impulse
+        contact.normal = contact.normal_now
+        contact.tangential = contact.tangential_now
+        contact.normal_peak = max(contact.normal_peak, contact.normal)
+        if joint.bristles != 0:
+            put(contact.bend, 0, vector(contact.bent, 0))
+            contact.dwell = contact.dwell_now
+        if k < joint.wearing:
+            _count_sliding(joint, k, vector(contact.direction, 0), impulse * contact.speed)
+    wrench, peak = joint.wrench, joint.peak
+    square = wrench[0] * wrench[0] + wrench[1] * wrench[1] + wrench[2] * wrench[2]
+    if square > joint.peak_square:
+        joint.peak_square = square
+        put(peak, 0, vector(wrench, 0))
+
+
+@internal
+def _end(contact):
+    """Count a contact that has ended, and how well it was resolved."""
+    contact.ended += 1.0
+    contact.fastest = max(contact.fastest, contact.ddelta0)
+    contact.shortest = min(contact.shortest, contact.steps)
+    if contact.steps < WELL_RESOLVED_STEPS:
+        contact.under += 1.0
+        contact.impulse_under += contact.own_impulse
+    contact.steps = 0.0
+    contact.dwell = 0.0
+    put(contact.bend, 0, (0.0, 0.0, 0.0))
+
+
+@internal
+def _count_sliding(joint, k, direction, work):
+    """Add normal force times sliding distance to the two azimuths beside the contact's place."""
+    counted = matrix(joint.sliding_work, k + 1, AZIMUTHS)
+    place = math.atan2(-direction[1], -direction[0]) * (AZIMUTHS / (2.0 * math.pi))
+    whole = math.floor(place)
+    part = place - whole
+    at = int(whole) % AZIMUTHS
+    counted[k, at] += (1.0 - part) * work
+    counted[k, (at + 1) % AZIMUTHS] += part * work

@@ -1,0 +1,246 @@
+"""Pose and motion of a journal in its bearing, and the way back: forces on the coordinates.
+
+Where bearing and journal are neighbours in the tree, joined by the six coordinates of the virtual
+link, both are known from these coordinates. Otherwise - a loop cut at the joint, a locked freedom,
+bearing and journal exchanged - they come from Pinocchio's frames and Jacobians: at every step for
+single-rate methods, at three nodes of a predicted path (`nodes`) for the multi-rate one.
+
+A contact wrench needs no external force: the force F on the journal and its reaction -F on the
+bearing, at the same point, *are* a generalised force tau += J^T w, J being the motion of the
+journal relative to the bearing: the F_C of eq. 23 "projected on q".
+"""
+
+from __future__ import annotations
+
+import math
+
+from jointplay.kernel.layout import POSE, floats, internal, joints, matrix, wholes
+from jointplay.kernel.vectors import add, along, cross, put, scale, vector
+
+
+@internal
+def pose_of_virtual_link(q, joint):
+    """Pose of the journal from the six coordinates of the virtual link: Rz(yaw) Ry(p) Rx(roll)."""
+    first = joint.first
+    cy, sy = math.cos(q[first + 3]), math.sin(q[first + 3])
+    cp, sp = math.cos(q[first + 4]), math.sin(q[first + 4])
+    cr, sr = math.cos(q[first + 5]), math.sin(q[first + 5])
+    pose, swing = joint.pose, joint.swing
+    pose[0], pose[1], pose[2] = q[first], q[first + 1], q[first + 2]
+    pose[3], pose[4], pose[5] = cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr
+    pose[6], pose[7], pose[8] = sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr
+    pose[9], pose[10], pose[11] = -sp, cp * sr, cp * cr
+    swing[0], swing[1], swing[2], swing[3] = sy, cy, sp, cp
+
+
+@internal
+def _world(rotation, translation, placement):
+    """World orientation (9, row by row) and place (3) of a placement in a joint's frame.
+
+    Pinocchio's rotations are stored column by column.
+    """
+    r0 = (rotation[0], rotation[3], rotation[6])
+    r1 = (rotation[1], rotation[4], rotation[7])
+    r2 = (rotation[2], rotation[5], rotation[8])
+    p0, p1, p2 = vector(placement, 0), vector(placement, 3), vector(placement, 6)
+    place = vector(placement, 9)
+    rows = (
+        add(add(scale(r0[0], p0), scale(r0[1], p1)), scale(r0[2], p2)),
+        add(add(scale(r1[0], p0), scale(r1[1], p1)), scale(r1[2], p2)),
+        add(add(scale(r2[0], p0), scale(r2[1], p1)), scale(r2[2], p2)),
+    )
+    at = (
+        translation[0] + r0[0] * place[0] + r0[1] * place[1] + r0[2] * place[2],
+        translation[1] + r1[0] * place[0] + r1[1] * place[1] + r1[2] * place[2],
+        translation[2] + r2[0] * place[0] + r2[1] * place[1] + r2[2] * place[2],
+    )
+    return rows, at
+
+
+@internal
+def _in_axes(rows, a):
+    """R^T a for a matrix R given by its rows."""
+    return add(add(scale(a[0], rows[0]), scale(a[1], rows[1])), scale(a[2], rows[2]))
+
+
+@internal
+def pose_of_frames(run, joint, pose, reach):
+    """Pose of the journal (12) and `reach` (6 n) from Pinocchio's frames and Jacobian.
+
+    Only coordinates that move one of both and not the other enter, so that a common motion cannot
+    blur what they do.
+    """
+    bearing, origin = _world(
+        floats(joint.bearing_rotation, 9),
+        floats(joint.bearing_translation, 3),
+        joint.bearing_placement,
+    )
+    journal, place = _world(
+        floats(joint.journal_rotation, 9),
+        floats(joint.journal_translation, 3),
+        joint.journal_placement,
+    )
+    put(pose, 0, _in_axes(bearing, along(place, -1.0, origin)))
+    for i in range(3):
+        row = (0.0, 0.0, 0.0)
+        for k in range(3):
+            row = along(row, bearing[k][i], journal[k])
+        put(pose, 3 + 3 * i, row)
+    n = joint.nsupport
+    columns = floats(run.jacobian, 6 * run.nv)
+    support, signs = wholes(joint.support, n), wholes(joint.signs, n)
+    for k in range(n):
+        i = 6 * support[k]
+        turning = scale(1.0 * signs[k], vector(columns, i + 3))
+        moving = add(scale(1.0 * signs[k], vector(columns, i)), cross(turning, place))
+        moving, turning = _in_axes(bearing, moving), _in_axes(bearing, turning)
+        for r in range(3):
+            reach[r * n + k] = moving[r]
+            reach[(3 + r) * n + k] = turning[r]
+
+
+@internal
+def nodes(run):
+    """Fill node `run.node` of the path of every joint that is reached through frames."""
+    for joint in joints(run):
+        if joint.first >= 0:
+            continue
+        n = joint.nsupport
+        size = 2 * POSE + 6 * n
+        at = joint.nodes + 8 * size * run.node
+        pose, rate = floats(at, POSE), floats(at + 8 * POSE, POSE)
+        reach = floats(at + 16 * POSE, 6 * n)
+        pose_of_frames(run, joint, pose, reach)
+        v = floats(run.path + 8 * (4 + 2 * run.node) * run.nv, run.nv)
+        _twist(joint, reach, v, joint.twist)
+        put(rate, 0, vector(joint.twist, 0))
+        omega = vector(joint.twist, 3)
+        for k in range(3):
+            column = cross(omega, (pose[3 + k], pose[6 + k], pose[9 + k]))
+            rate[3 + k], rate[6 + k], rate[9 + k] = column
+
+
+@internal
+def pose_on_path(run, joint, q):
+    """Pose of the journal and `reach` at the run's time, from the nodes of the path.
+
+    Between nodes the pose follows cubics through poses and rates, `reach` a parabola; what
+    the coordinates differ from the predicted ones is added to first order.
+    """
+    n = joint.nsupport
+    size = 2 * POSE + 6 * n
+    data = matrix(joint.nodes, 3, size)
+    span = 0.5 * run.macro * run.dt
+    elapsed = run.time - run.path_start
+    s = elapsed / span if span > 0.0 else 0.0
+    e = 1 if s >= 1.0 else 0
+    x = s - e
+    y = 1.0 - x
+    here, there = (1.0 + 2.0 * x) * y * y, x * x * (3.0 - 2.0 * x)
+    leave, come = span * x * y * y, -span * x * x * y
+    pose, reach = joint.pose, floats(joint.reach, 6 * n)
+    for i in range(POSE):
+        pose[i] = (
+            here * data[e, i]
+            + there * data[e + 1, i]
+            + leave * data[e, POSE + i]
+            + come * data[e + 1, POSE + i]
+        )
+    w0, w1, w2 = 0.5 * (s - 1.0) * (s - 2.0), s * (2.0 - s), 0.5 * s * (s - 1.0)
+    for i in range(6 * n):
+        k = 2 * POSE + i
+        reach[i] = w0 * data[0, k] + w1 * data[1, k] + w2 * data[2, k]
+    path, support = matrix(run.path, 10, run.nv), wholes(joint.support, n)
+    shift, turn = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    for k in range(n):
+        i = support[k]
+        off = q[i] - (path[0, i] + elapsed * (path[1, i] + 0.5 * elapsed * path[2, i]))
+        shift = along(shift, off, (reach[k], reach[n + k], reach[2 * n + k]))
+        turn = along(turn, off, (reach[3 * n + k], reach[4 * n + k], reach[5 * n + k]))
+    put(pose, 0, add(vector(pose, 0), shift))
+    for k in range(3):
+        column = (pose[3 + k], pose[6 + k], pose[9 + k])
+        pose[3 + k], pose[6 + k], pose[9 + k] = add(column, cross(turn, column))
+
+
+@internal
+def _twist(joint, reach, v, out):
+    n = joint.nsupport
+    support = wholes(joint.support, n)
+    for r in range(6):
+        total = 0.0
+        for k in range(n):
+            total += reach[r * n + k] * v[support[k]]
+        out[r] = total
+
+
+@internal
+def twist(joint, v):
+    """Put velocity of the journal's centre and angular velocity, in bearing axes, into `twist`."""
+    out = joint.twist
+    if joint.first < 0:
+        _twist(joint, floats(joint.reach, 6 * joint.nsupport), v, out)
+        return
+    first, swing = joint.first, joint.swing
+    sy, cy, sp, cp = swing[0], swing[1], swing[2], swing[3]
+    out[0], out[1], out[2] = v[first], v[first + 1], v[first + 2]
+    # The axes of yaw, pitch and roll are e_z, (-sy, cy, 0) and (cy cp, sy cp, -sp).
+    out[3] = -sy * v[first + 4] + cy * cp * v[first + 5]
+    out[4] = cy * v[first + 4] + sy * cp * v[first + 5]
+    out[5] = v[first + 3] - sp * v[first + 5]
+
+
+@internal
+def push(joint, tau):
+    """Project the joint's wrench on the coordinates: tau += J^T w."""
+    wrench = joint.wrench
+    if joint.first < 0:
+        n = joint.nsupport
+        reach, support = floats(joint.reach, 6 * n), wholes(joint.support, n)
+        for k in range(n):
+            total = 0.0
+            for r in range(6):
+                total += reach[r * n + k] * wrench[r]
+            tau[support[k]] += total
+        return
+    first, swing = joint.first, joint.swing
+    sy, cy, sp, cp = swing[0], swing[1], swing[2], swing[3]
+    tau[first] += wrench[0]
+    tau[first + 1] += wrench[1]
+    tau[first + 2] += wrench[2]
+    tau[first + 3] += wrench[5]
+    tau[first + 4] += cy * wrench[4] - sy * wrench[3]
+    tau[first + 5] += cy * cp * wrench[3] + sy * cp * wrench[4] - sp * wrench[5]
+
+
+@internal
+def push_slope(run, joint):
+    """Project the slope of the joint's wrench on the coordinates: slope += J^T K J."""
+    nv = run.nv
+    slope, stiff = matrix(run.slope, nv, nv), joint.stiff
+    if joint.first < 0:
+        n = joint.nsupport
+        reach, support = matrix(joint.reach, 6, n), wholes(joint.support, n)
+        for k in range(n):
+            for r in range(6):
+                total = 0.0
+                for c in range(6):
+                    total += stiff[r, c] * reach[c, k]
+                if total != 0.0:
+                    for m in range(n):
+                        slope[support[m], support[k]] += reach[r, m] * total
+        return
+    first, swing = joint.first, joint.swing
+    sy, cy, sp, cp = swing[0], swing[1], swing[2], swing[3]
+    # Turn the columns, then the rows, of the part that belongs to rotations.
+    for r in range(6):
+        a, b, c = stiff[r, 3], stiff[r, 4], stiff[r, 5]
+        stiff[r, 3], stiff[r, 4] = c, cy * b - sy * a
+        stiff[r, 5] = cy * cp * a + sy * cp * b - sp * c
+    for k in range(6):
+        a, b, c = stiff[3, k], stiff[4, k], stiff[5, k]
+        stiff[3, k], stiff[4, k] = c, cy * b - sy * a
+        stiff[5, k] = cy * cp * a + sy * cp * b - sp * c
+    for r in range(6):
+        for k in range(6):
+            slope[first + r, first + k] += stiff[r, k]

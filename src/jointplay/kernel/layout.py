@@ -1,0 +1,360 @@
+"""What the compiled code knows of a run: records of named fields.
+
+A compiled call costs about 0.1 us for every array it is given. The kernels are therefore given one
+record, `RUN`, which holds numbers, and addresses of the arrays and of the other records;
+`Workspace` fills it in, and the functions at the end of this module open what it points to.
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from typing import Any
+
+import numba
+import numpy as np
+from llvmlite import ir
+from numba import carray, from_dtype, njit, types
+from numba.extending import intrinsic
+
+from jointplay.contact.law import BRISTLE_NUMBERS, FILM_NUMBERS, MAX_PARAMETERS, pointer
+
+
+class Status(IntEnum):
+    """Why the time loop stopped."""
+
+    COMPLETED = 0
+    INTERRUPTED = 1
+    RUN_AWAY = 2
+    BROKE_OUT = 3
+    BAD_FORCE = 4
+    FILM_BROKE = 5
+
+
+POWERS = (
+    "drive",
+    "normal_dissipation",
+    "friction_dissipation",
+    "joint_friction",
+    "gear_dissipation",
+    "film_dissipation",
+)
+DRIVE, NORMAL, FRICTION, JOINT_FRICTION, GEAR, FILM = range(len(POWERS))
+"""Places of the powers in `RUN`'s arrays."""
+
+AZIMUTHS = 72
+"""Places around the bore at which sliding work is counted, the first on the bearing's x axis."""
+
+JOINT_FRICTION_SPEED = 1e-3
+"""Speed over which dry joint friction turns its sign [rad/s or m/s]."""
+
+WELL_RESOLVED_STEPS = 10
+"""A contact of fewer steps than this is not resolved."""
+
+MIN_APPROACH_SPEED = 1e-9
+"""Keeps ddelta/ddelta0 defined for a contact that begins at rest [m/s]."""
+
+SPEED_LIMIT = 1e4
+"""Generalised speed at which a run has run away [m/s or rad/s]."""
+
+NO_VIRTUAL_LINK = -1
+"""`first` of a joint whose bearing and journal are reached through their frames."""
+
+NODES = 3
+"""Places of a macro step at which frames are evaluated: its start, middle and end."""
+
+POSE = 12
+"""Numbers of a pose: the journal's centre and its orientation row by row, in the bearing frame."""
+
+_INT, _FLOAT = np.int64, np.float64
+
+
+def _record(**fields: Any) -> np.dtype:
+    kinds = [
+        (name, kind) if not isinstance(kind, tuple) else (name, *kind)
+        for name, kind in fields.items()
+    ]
+    return np.dtype(kinds, align=True)
+
+
+RUN = _record(
+    # Addresses of arrays of floats, their shapes behind them.
+    q=_INT,  # (nv,)
+    v=_INT,  # (nv,)
+    half=_INT,  # (nv,) velocities half a step ago
+    a=_INT,  # (nv,) accelerations; for single-rate methods Pinocchio's
+    tau=_INT,  # (nv,)
+    drive=_INT,  # (nv,) efforts of the drives
+    contact_push=_INT,  # (nv,) generalised forces of what depends on velocity
+    minv=_INT,  # (nv, nv) inverse of the mass matrix now; then
+    free=_INT,  # (nv,) acceleration without any of the forces reckoned here
+    minv_rate=_INT,
+    free_rate=_INT,  # their rates; then as of the middle of the last macro step
+    minv_middle=_INT,
+    free_middle=_INT,
+    found_minv=_INT,  # (nv, nv) Pinocchio's, its upper triangle
+    found_free=_INT,  # (nv,) Pinocchio's
+    path=_INT,  # (10, nv): q, v, a of the predicted path; q and v at its nodes; `half` at its start
+    slope=_INT,  # (nv, nv) d(contact_push)/dv
+    system=_INT,  # (nv, nv + 1) of the velocity solve
+    trial=_INT,  # (4, nv) work space of the velocity solve
+    scratch=_INT,  # (4 nv + powers,) of Runge-Kutta
+    jacobian=_INT,  # (6, nv) Pinocchio's data.J
+    reference=_INT,  # (nref, 3 nu)
+    record=_INT,  # (rows, columns)
+    windows=_INT,  # (nwindows, 2) steps from which and to which every step is recorded
+    # Addresses of whole numbers and records.
+    touched=_INT,  # (nv,) coordinates of the velocity solve
+    joints=_INT,
+    contacts=_INT,
+    drives=_INT,
+    frictions=_INT,
+    gears=_INT,
+    # Sizes.
+    nv=_INT,
+    nj=_INT,
+    width=_INT,
+    nu=_INT,
+    nd=_INT,
+    nf=_INT,
+    ng=_INT,
+    nref=_INT,
+    record_columns=_INT,
+    nwindows=_INT,
+    # How to go on.
+    every=_INT,
+    macro=_INT,  # micro steps of the macro step
+    through_frames=_INT,  # whether any joint is reached through frames
+    prescribed=_INT,  # whether any coordinate's motion is prescribed
+    node=_INT,  # which of the path's nodes `frames` fills
+    dt=_FLOAT,  # of the step that follows; then of the one before
+    dt_before=_FLOAT,
+    reference_interval=_FLOAT,
+    # Where the run is.
+    step=_INT,
+    row=_INT,
+    stage=_INT,
+    status=_INT,
+    bad_contact=_INT,
+    pending=_INT,  # whether the works of the last step are not complete
+    commit=_INT,  # whether `load` completes a step or a stage
+    known_middles=_INT,  # middles of macro steps known so far, up to 2
+    touching=_INT,
+    active=_INT,  # coordinates of the velocity solve
+    unsolved=_INT,  # velocity solves that did not converge
+    iterations=_INT,
+    solves=_INT,
+    time=_FLOAT,
+    load_time=_FLOAT,
+    path_start=_FLOAT,
+    middle_time=_FLOAT,
+    path_error=_FLOAT,  # of the acceleration at the end of the last path, relative
+    work=(_FLOAT, (len(POWERS),)),  # since the start [J]
+    before=(_FLOAT, (len(POWERS),)),  # powers at the start of the step [W]
+    power=(_FLOAT, (len(POWERS),)),  # powers now [W]
+    law_numbers=(_FLOAT, (max(BRISTLE_NUMBERS, FILM_NUMBERS),)),
+)
+"""Everything about one run."""
+
+JOINT = _record(
+    # Addresses.
+    normal_law=_INT,
+    friction_law=_INT,
+    film_law=_INT,
+    dimensions=_INT,
+    support=_INT,  # (nsupport,) coordinates that move journal and bearing against each other
+    signs=_INT,  # (nsupport,) +1 for those that move the journal, -1 for the bearing
+    reach=_INT,  # (6, nsupport) motion of the journal per velocity of these coordinates
+    nodes=_INT,  # (3, 24 + 6 nsupport) poses, their rates and `reach` along the path
+    bearing_rotation=_INT,
+    bearing_translation=_INT,
+    journal_rotation=_INT,
+    journal_translation=_INT,
+    sliding_work=_INT,
+    # What it is.
+    bristles=_INT,
+    shape=_INT,
+    count=_INT,
+    first=_INT,
+    nsupport=_INT,
+    must_not_touch=_INT,
+    wearing=_INT,
+    sections=_INT,  # of the film; 0 for none
+    limit=_FLOAT,  # gap at which the journal has broken out [m]
+    friction_parameters=(_FLOAT, (MAX_PARAMETERS,)),
+    bearing_placement=(_FLOAT, (12,)),  # rotation row by row, translation
+    journal_placement=(_FLOAT, (12,)),
+    # Film.
+    section=_FLOAT,  # distance of the sections from the journal's centre [m]
+    clearance=_FLOAT,
+    thinnest=_FLOAT,  # eccentricity ratio at which the film is thinnest
+    transition=_FLOAT,  # depth over which it fades [m]
+    lag_mass=_FLOAT,  # of the explicit methods [kg]
+    film_parameters=(_FLOAT, (MAX_PARAMETERS,)),
+    film_memory=(_FLOAT, (2, 5)),  # by section: force and velocity at the last step; whether known
+    # Now.
+    touching=_INT,  # whether it takes part in the velocity solve
+    pose=(_FLOAT, (POSE,)),
+    swing=(_FLOAT, (4,)),  # sine and cosine of yaw, of pitch
+    twist=(_FLOAT, (6,)),
+    wrench=(_FLOAT, (6,)),  # force and moment about the journal's centre, in the bearing frame
+    film_wrench=(_FLOAT, (6,)),  # its part that is the film's
+    stiff=(_FLOAT, (6, 6)),  # d(wrench)/d(twist)
+    peak=(_FLOAT, (3,)),
+    peak_square=_FLOAT,
+)
+"""One joint with clearance."""
+
+CONTACT = _record(
+    parameters=(_FLOAT, (MAX_PARAMETERS,)),
+    # Now: geometry, then what the contact answers to the velocity it meets.
+    touching=_INT,
+    gap=_FLOAT,
+    direction=(_FLOAT, (3,)),  # from the bearing into the journal
+    arm=(_FLOAT, (3,)),  # of the contact point from the journal's centre
+    elastic=_FLOAT,
+    rate=_FLOAT,
+    speed=_FLOAT,
+    normal_now=_FLOAT,
+    tangential_now=_FLOAT,
+    rubbed=_FLOAT,  # power of friction
+    force=(_FLOAT, (3,)),
+    approach=_FLOAT,
+    # Bristles now, and numbers of their law.
+    bent=(_FLOAT, (3,)),
+    share=_FLOAT,
+    letting_go=_FLOAT,
+    stiffness=_FLOAT,
+    damping=_FLOAT,
+    viscous=_FLOAT,
+    cap=_FLOAT,
+    dwell_now=_FLOAT,
+    # Memory of the contact that lasts.
+    ddelta0=_FLOAT,
+    steps=_FLOAT,
+    own_impulse=_FLOAT,
+    bend=(_FLOAT, (3,)),
+    dwell=_FLOAT,
+    # For record and audit.
+    normal=_FLOAT,
+    tangential=_FLOAT,
+    normal_peak=_FLOAT,
+    gap_min=_FLOAT,
+    onsets=_FLOAT,
+    ended=_FLOAT,
+    shortest=_FLOAT,
+    under=_FLOAT,
+    impulse=_FLOAT,
+    impulse_under=_FLOAT,
+    deepest=_FLOAT,
+    fastest=_FLOAT,
+)
+"""One place where a joint's journal and bearing can touch."""
+
+DRIVE_ROW = _record(
+    column=_INT,  # of the reference
+    coordinate=_INT,  # that it acts on
+    seen=_INT,  # coordinate that its encoder sees
+    kp=_FLOAT,
+    kd=_FLOAT,
+    armature=_FLOAT,  # > 0 prescribes the motion
+)
+FRICTION_ROW = _record(
+    coordinate=_INT, coulomb=_FLOAT, stiction=_FLOAT, stribeck=_FLOAT, viscous=_FLOAT
+)
+GEAR_ROW = _record(motor=_INT, link=_INT, half_play=_FLOAT, stiffness=_FLOAT, damping=_FLOAT)
+
+_CONTACT_SIZE = CONTACT.itemsize
+
+internal = njit(error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
+"""For functions that only kernels call: without wrappers they compile faster."""
+
+
+def _pointer_to(element: Any) -> Any:
+    """Compiled function that reinterprets an integer address as a pointer to `element`."""
+
+    @intrinsic
+    def reinterpret(typingctx: Any, at: Any) -> Any:
+        def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+            return builder.inttoptr(args[0], context.get_value_type(signature.return_type))
+
+        return types.CPointer(element)(at), codegen
+
+    return reinterpret
+
+
+_whole = _pointer_to(types.int64)
+_joint, _contact = _pointer_to(from_dtype(JOINT)), _pointer_to(from_dtype(CONTACT))
+_drive, _friction = _pointer_to(from_dtype(DRIVE_ROW)), _pointer_to(from_dtype(FRICTION_ROW))
+_gear = _pointer_to(from_dtype(GEAR_ROW))
+
+
+@intrinsic
+def address_of(typingctx: Any, array: Any) -> Any:
+    """Pointer to the first element of an array of floats within a record."""
+
+    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        kind = signature.args[0]
+        value = context.make_array(kind)(context, builder, args[0])
+        return builder.bitcast(value.data, ir.PointerType(ir.DoubleType()))
+
+    return types.CPointer(types.float64)(array), codegen
+
+
+@internal
+def floats(at, size):
+    """Array of `size` floats at an address."""
+    return carray(pointer(at), (size,))
+
+
+@internal
+def matrix(at, rows, columns):
+    """Array (rows, columns) of floats at an address."""
+    return carray(pointer(at), (rows, columns))
+
+
+@internal
+def wholes(at, size):
+    """Array of `size` whole numbers at an address."""
+    return carray(_whole(at), (size,))
+
+
+@internal
+def joints(run):
+    """Records of the joints with clearance."""
+    return carray(_joint(run.joints), (run.nj,))
+
+
+@internal
+def contacts(run, j):
+    """Records of the contacts of joint j."""
+    return carray(_contact(run.contacts + _CONTACT_SIZE * run.width * j), (run.width,))
+
+
+@internal
+def drives(run):
+    """Records of the drives."""
+    return carray(_drive(run.drives), (run.nd,))
+
+
+@internal
+def frictions(run):
+    """Records of the joints' friction."""
+    return carray(_friction(run.frictions), (run.nf,))
+
+
+@internal
+def gears(run):
+    """Records of the gears."""
+    return carray(_gear(run.gears), (run.ng,))
+
+
+@internal
+def fail(run, status, contact):
+    """Keep the first failure: what follows it only echoes it."""
+    if run.status == 0:
+        run.status = status
+        run.bad_contact = contact
+
+
+TABLE = (numba.from_dtype(RUN)[::1], types.int64)
+"""Signature of `kernel.enter`."""

@@ -1,0 +1,277 @@
+"""The multi-rate method: the arm at its own pace, the contact at its own.
+
+Once a macro step Pinocchio gives the inverse mass matrix and the acceleration without forces at
+the predicted middle of the step. Between, micro steps run here alone, on these two, which change
+in time along the line through this macro step's middle and the last one's:
+
+    solve for v_n:   v_n = v_half + dt/2 (a_free + M^-1 [tau(q_n, t_n) + tau_c(q_n, v_n)])
+    v_half <- 2 v_n - v_half,      q_{n+1} = q_n + dt v_half
+
+The leapfrog method in positions: symplectic for elastic forces, second order; what depends on
+velocity is taken at v_n, half way between the two half-step velocities, so that the work of every
+force in a step is dt times its power at v_n, exactly. Records hold the state (q_n, v_n) and the
+forces at it.
+"""
+
+from __future__ import annotations
+
+from jointplay.kernel.contact import lose, remember
+from jointplay.kernel.drive import drive, lose_in_joints, prescribe, work_of_drives
+from jointplay.kernel.film import lose_to_film
+from jointplay.kernel.layout import (
+    DRIVE,
+    POWERS,
+    SPEED_LIMIT,
+    Status,
+    drives,
+    fail,
+    floats,
+    internal,
+    joints,
+    matrix,
+    wholes,
+)
+from jointplay.kernel.record import due, record
+from jointplay.kernel.solve import answer, find_touching, solve
+
+_NP = len(POWERS)
+_RUN_AWAY = int(Status.RUN_AWAY)
+
+
+@internal
+def predict(run):
+    """Predict the path of the next macro step, `run.macro` micro steps long."""
+    nv = run.nv
+    path = matrix(run.path, 10, nv)
+    q, half, a = floats(run.q, nv), floats(run.half, nv), floats(run.a, nv)
+    done = run.time - run.path_start
+    span = run.macro * run.dt
+    for i in range(nv):
+        # The acceleration of a contact that lasts swings; its mean is what moves the arm.
+        mean = (half[i] - path[9, i]) / done if run.touching > 0 and done > 0.0 else a[i]
+        path[0, i], path[1, i], path[2, i] = q[i], half[i] + 0.5 * run.dt_before * mean, mean
+        path[9, i] = half[i]
+        for node in range(3):
+            s = 0.5 * node * span
+            path[3 + 2 * node, i] = q[i] + s * (path[1, i] + 0.5 * s * mean)
+            path[4 + 2 * node, i] = path[1, i] + s * mean
+    run.path_start = run.time
+
+
+@internal
+def take_middle(run):
+    """Take Pinocchio's answer at the predicted middle, and draw the line through the last one's."""
+    nv = run.nv
+    span = run.macro * run.dt
+    now = run.path_start + 0.5 * span
+    apart = now - run.middle_time
+    slope = 1.0 / apart if run.known_middles > 0 and apart > 0.0 else 0.0
+    minv, found = matrix(run.minv, nv, nv), matrix(run.found_minv, nv, nv)
+    rate, middle = matrix(run.minv_rate, nv, nv), matrix(run.minv_middle, nv, nv)
+    tau, drive_effort = floats(run.contact_push, nv), floats(run.drive, nv)
+    free, found_free = floats(run.free, nv), floats(run.found_free, nv)
+    free_rate, free_middle = floats(run.free_rate, nv), floats(run.free_middle, nv)
+    wrong = whole = 0.0
+    for i in range(nv):
+        miss = found_free[i] - free_middle[i] - apart * free_rate[i]
+        acceleration = found_free[i]
+        free_rate[i] = slope * (found_free[i] - free_middle[i])
+        free_middle[i] = found_free[i]
+        free[i] = found_free[i] - 0.5 * span * free_rate[i]
+        for k in range(nv):
+            value = found[i, k] if i <= k else found[k, i]
+            push = tau[k] + drive_effort[k]
+            miss += (value - middle[i, k] - apart * rate[i, k]) * push
+            acceleration += value * push
+            rate[i, k] = slope * (value - middle[i, k])
+            middle[i, k] = value
+            minv[i, k] = value - 0.5 * span * rate[i, k]
+        wrong += miss * miss / middle[i, i]
+        whole += acceleration * acceleration / middle[i, i]
+    run.path_error = (wrong / whole) ** 0.5 if run.known_middles > 1 and whole > 0.0 else -1.0
+    run.middle_time = now
+    run.known_middles = min(run.known_middles + 1, 2)
+
+
+@internal
+def _base(run, q, half, v, base, h):
+    """Velocity without what depends on it: drives at an extrapolated v, inertia, gravity."""
+    nv = run.nv
+    a, tau = floats(run.a, nv), floats(run.tau, nv)
+    free, minv = floats(run.free, nv), matrix(run.minv, nv, nv)
+    for i in range(nv):
+        v[i] = half[i] + h * a[i]
+        tau[i] = 0.0
+    if run.prescribed != 0:
+        for one in drives(run):
+            if one.armature > 0.0:
+                half[one.coordinate] -= q[one.coordinate] / run.dt_before
+        prescribe(run, q, v, run.time)
+        for one in drives(run):
+            if one.armature > 0.0:
+                half[one.coordinate] += q[one.coordinate] / run.dt_before
+    drive(run, q, v, run.time, tau)
+    for i in range(nv):
+        base[i] = half[i] + h * free[i]
+    for one in drives(run):
+        k = one.coordinate
+        for i in range(nv):
+            base[i] += h * minv[i, k] * tau[k]
+    if run.prescribed != 0:
+        for one in drives(run):
+            if one.armature > 0.0:
+                base[one.coordinate] = v[one.coordinate]
+
+
+@internal
+def _complete(run, half, v, base, h):
+    """Velocities that the solve left out, and all accelerations."""
+    nv = run.nv
+    a, push, minv = floats(run.a, nv), floats(run.contact_push, nv), matrix(run.minv, nv, nv)
+    touched = wholes(run.touched, nv)
+    size = 0.0
+    for i in range(nv):
+        total = 0.0
+        for k in range(run.active):
+            total += minv[i, touched[k]] * push[touched[k]]
+        v[i] = base[i] + h * total
+        a[i] = (v[i] - half[i]) / h
+        size += abs(v[i])
+    if not size < SPEED_LIMIT:  # true for NaN as well
+        fail(run, _RUN_AWAY, 0)
+
+
+@internal
+def _powers(run, q, v):
+    """Powers of all forces at the state, and the effort of prescribed motion."""
+    nv = run.nv
+    for i in range(_NP):
+        run.power[i] = 0.0
+    work_of_drives(run, v)
+    lose_in_joints(run, q, v)
+    for j in range(run.nj):
+        joint = joints(run)[j]
+        if joint.touching != 0:
+            lose(run, j, joint)
+            if joint.sections > 0:
+                lose_to_film(run, j, joint)
+    if run.prescribed == 0:
+        return
+    effort, minv = floats(run.drive, nv), matrix(run.minv, nv, nv)
+    free, tau, push = floats(run.free, nv), floats(run.tau, nv), floats(run.contact_push, nv)
+    for one in drives(run):
+        if one.armature > 0.0:
+            i = one.coordinate
+            acceleration = free[i]
+            for k in range(nv):
+                acceleration += minv[i, k] * (tau[k] + push[k])
+            effort[i] -= one.armature * acceleration
+            run.power[DRIVE] += effort[i] * v[i]
+
+
+@internal
+def evaluate(run):
+    """State and forces at the present instant: the velocity solve and all that follows from it."""
+    nv = run.nv
+    q, v, half = floats(run.q, nv), floats(run.v, nv), floats(run.half, nv)
+    base = floats(run.scratch, nv)
+    push = floats(run.contact_push, nv)
+    h = 0.5 * run.dt_before
+    _base(run, q, half, v, base, h)
+    find_touching(run, q, half)
+    if run.active > 0:
+        solve(run, q, base, v, h)
+    else:
+        for i in range(nv):
+            push[i] = 0.0
+    _complete(run, half, v, base, h)
+    _powers(run, q, v)
+
+
+@internal
+def remember_all(run, duration):
+    """Make the state just evaluated one of the trajectory."""
+    for j in range(run.nj):
+        remember(run, j, joints(run)[j], duration)
+
+
+@internal
+def _step(run):
+    """Go from the state just evaluated to the next instant."""
+    nv = run.nv
+    q, v, half = floats(run.q, nv), floats(run.v, nv), floats(run.half, nv)
+    free, free_rate = floats(run.free, nv), floats(run.free_rate, nv)
+    minv, minv_rate = floats(run.minv, nv * nv), floats(run.minv_rate, nv * nv)
+    dt, ratio = run.dt, run.dt / run.dt_before
+    for i in range(nv):
+        half[i] = v[i] + ratio * (v[i] - half[i])
+        q[i] += dt * half[i]
+        free[i] += dt * free_rate[i]
+    for i in range(nv * nv):
+        minv[i] += dt * minv_rate[i]
+    run.step += 1
+    run.time = run.step * dt
+    run.dt_before = dt
+
+
+@internal
+def macro_step(run):
+    """All micro steps of a macro step; its path predicted, its middle evaluated by Pinocchio."""
+    take_middle(run)
+    for _ in range(run.macro):
+        evaluate(run)
+        remember_all(run, 0.5 * (run.dt_before + run.dt))
+        for i in range(_NP):
+            run.work[i] += 0.5 * run.dt_before * run.power[i]
+        if due(run):
+            record(run)
+        for i in range(_NP):
+            run.work[i] += 0.5 * run.dt * run.power[i]
+        if run.status != 0:
+            return
+        _step(run)
+
+
+@internal
+def finish(run):
+    """Record the state at the end of the last macro step."""
+    evaluate(run)
+    remember_all(run, run.dt_before)
+    for i in range(_NP):
+        run.work[i] += 0.5 * run.dt_before * run.power[i]
+    record(run)
+
+
+@internal
+def restart(run):
+    """Forget the past: something outside has set q and v."""
+    nv = run.nv
+    v, half, a = floats(run.v, nv), floats(run.half, nv), floats(run.a, nv)
+    run.touching = run.known_middles = 0
+    run.path_start = run.time
+    run.dt_before = run.dt
+    for i in range(nv):
+        half[i], a[i] = v[i], 0.0
+
+
+@internal
+def set_off(run):
+    """Put `half` half a step before the state (q, v), with the forces at it."""
+    nv = run.nv
+    q, v, half = floats(run.q, nv), floats(run.v, nv), floats(run.half, nv)
+    a, tau, push = floats(run.a, nv), floats(run.tau, nv), floats(run.contact_push, nv)
+    free, minv = floats(run.found_free, nv), matrix(run.found_minv, nv, nv)
+    if run.prescribed != 0:
+        prescribe(run, q, v, run.time)
+    for i in range(nv):
+        tau[i] = 0.0
+    drive(run, q, v, run.time, tau)
+    find_touching(run, q, v)
+    answer(run, q, v, False)
+    path = matrix(run.path, 10, nv)
+    for i in range(nv):
+        a[i] = free[i]
+        for k in range(nv):
+            a[i] += (minv[i, k] if i <= k else minv[k, i]) * (tau[k] + push[k])
+        half[i] = v[i] - 0.5 * run.dt * a[i]
+        path[9, i] = half[i]

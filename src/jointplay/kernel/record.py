@@ -1,0 +1,74 @@
+"""Records of a run, and the works that belong to them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from jointplay.kernel.drive import work_of_prescribed
+from jointplay.kernel.layout import POWERS, contacts, floats, internal, joints, matrix
+
+_NP = len(POWERS)
+
+
+@internal
+def due(run):
+    """Whether the present step is to be recorded."""
+    if run.step % run.every == 0:
+        return True
+    windows = matrix(run.windows, run.nwindows, 2)
+    for w in range(run.nwindows):
+        if windows[w, 0] <= run.step <= windows[w, 1]:
+            return True
+    return False
+
+
+@internal
+def settle(run):
+    """Complete what a single-rate method could not know before the acceleration was.
+
+    That is the effort of prescribed motion, and with it the work of the last step by the
+    trapezoidal rule, if that is pending.
+    """
+    if run.prescribed != 0:
+        work_of_prescribed(run, floats(run.v, run.nv), floats(run.a, run.nv))
+    for i in range(_NP):
+        if run.pending != 0:
+            run.work[i] += 0.5 * run.dt * (run.before[i] + run.power[i])
+        run.before[i] = run.power[i]
+    run.pending = 0
+
+
+@internal
+def record(run):
+    """Write the current state and the peaks since the last record, and begin new peaks."""
+    nv, nj, width = run.nv, run.nj, run.width
+    columns = run.record_columns
+    row = floats(run.record + 8 * columns * run.row, columns)
+    q, v, drive = floats(run.q, nv), floats(run.v, nv), floats(run.drive, nv)
+    row[0] = run.time
+    for i in range(nv):
+        row[1 + i] = q[i]
+        row[1 + nv + i] = v[i]
+        row[1 + 2 * nv + i] = drive[i]
+    at = 1 + 3 * nv
+    for i in range(_NP):
+        row[at + i] = run.work[i]
+    at += _NP
+    for j in range(nj):
+        joint = joints(run)[j]
+        for i in range(3):
+            row[at + 3 * j + i] = joint.wrench[i]
+            row[at + 3 * nj + 3 * j + i] = joint.peak[i]
+            row[at + 6 * nj + 3 * j + i] = joint.film_wrench[i]
+            joint.peak[i] = 0.0
+        joint.peak_square = 0.0
+        for k in range(width):
+            contact = contacts(run, j)[k]
+            c = at + 9 * nj + j * width + k
+            row[c] = contact.normal
+            row[c + width * nj] = contact.tangential
+            row[c + 2 * width * nj] = contact.normal_peak
+            row[c + 3 * width * nj] = contact.gap_min
+            contact.normal_peak = 0.0
+            contact.gap_min = np.inf
+    run.row += 1

@@ -1,0 +1,181 @@
+"""Single-rate methods: explicit, with Pinocchio's acceleration at every stage.
+
+A stage is one compiled call and one `pin.aba` call:
+
+    record state n, integrate to n+1, drive efforts and contact forces at n+1  -> tau
+    pin.aba(model, data, q, v, tau)                                            -> data.ddq
+
+Where joints are reached through frames, Pinocchio's Jacobians come between, and `load` after them.
+"""
+
+from __future__ import annotations
+
+from jointplay.kernel.contact import bend, lose, remember, respond, touch
+from jointplay.kernel.drive import (
+    drive,
+    lose_in_joints,
+    prescribe,
+    rub_joints,
+    turn_gears,
+    work_of_drives,
+)
+from jointplay.kernel.film import carry, lose_to_film, remember_film
+from jointplay.kernel.frames import pose_of_frames, pose_of_virtual_link, push, twist
+from jointplay.kernel.layout import (
+    POWERS,
+    SPEED_LIMIT,
+    Status,
+    fail,
+    floats,
+    internal,
+    joints,
+)
+from jointplay.kernel.record import due, record, settle
+
+_NP = len(POWERS)
+_RUN_AWAY = int(Status.RUN_AWAY)
+
+
+@internal
+def _contact(run, j, q, v, tau, elapsed):
+    """Add the forces of joint j at state (q, v) to tau and its losses to the powers.
+
+    `elapsed` is the time since its bristles were last bent [s].
+    """
+    joint = joints(run)[j]
+    if joint.first >= 0:
+        pose_of_virtual_link(q, joint)
+    else:
+        pose_of_frames(run, joint, joint.pose, floats(joint.reach, 6 * joint.nsupport))
+    for r in range(6):
+        joint.wrench[r] = 0.0
+    touching = touch(run, j, joint)
+    if not touching and joint.sections == 0:
+        return
+    twist(joint, v)
+    if joint.sections > 0:
+        carry(run, joint, False, True)
+        lose_to_film(run, j, joint)
+    if joint.bristles != 0:
+        bend(run, j, joint, elapsed)
+    respond(run, j, joint, False)
+    lose(run, j, joint)
+    push(joint, tau)
+
+
+@internal
+def _load(run, q, v, time):
+    """Generalised forces tau and powers at state (q, v).
+
+    With `run.commit` the state is one of the trajectory, not an intermediate stage: the contacts'
+    memories are then updated.
+    """
+    nv = run.nv
+    tau = floats(run.tau, nv)
+    size = 0.0
+    for i in range(nv):
+        tau[i] = 0.0
+        size += abs(v[i])
+    for i in range(_NP):
+        run.power[i] = 0.0
+    drive(run, q, v, time, tau)
+    work_of_drives(run, v)
+    rub_joints(run, v, tau, False)
+    turn_gears(run, q, v, tau, False)
+    lose_in_joints(run, q, v)
+    if not size < SPEED_LIMIT:  # true for NaN as well
+        fail(run, _RUN_AWAY, 0)
+    committed = run.commit != 0
+    elapsed = run.dt if committed and run.step > 0 else time - run.time
+    for j in range(run.nj):
+        _contact(run, j, q, v, tau, elapsed)
+        if committed:
+            remember(run, j, joints(run)[j], run.dt)
+            if joints(run)[j].sections > 0:
+                remember_film(run, joints(run)[j])
+
+
+@internal
+def load(run):
+    """Forces at the state that a method prepared, Jacobians given."""
+    _load(run, floats(run.q, run.nv), floats(run.v, run.nv), run.load_time)
+
+
+@internal
+def _evaluate(run, q, v, time, commit):
+    """Prepare the evaluation of the acceleration at state (q, v), or leave that to `load`."""
+    run.commit = 1 if commit else 0
+    if run.prescribed != 0:
+        prescribe(run, q, v, time)
+    if run.through_frames != 0:
+        run.load_time = time
+    else:
+        _load(run, q, v, time)
+
+
+@internal
+def begin(run, commit):
+    """Forces at the current state."""
+    _evaluate(run, floats(run.q, run.nv), floats(run.v, run.nv), run.time, commit)
+
+
+@internal
+def semi_implicit_euler(run):
+    """Step by v += a dt, q += v dt (first order)."""
+    nv = run.nv
+    q, v, a = floats(run.q, nv), floats(run.v, nv), floats(run.a, nv)
+    settle(run)
+    if due(run):
+        record(run)
+    for i in range(nv):
+        v[i] += run.dt * a[i]
+        q[i] += run.dt * v[i]
+    run.pending = 1
+    run.step += 1
+    run.time = run.step * run.dt
+    _evaluate(run, q, v, run.time, True)
+
+
+@internal
+def runge_kutta_4(run):
+    """One stage of the classical Runge-Kutta method.
+
+    The works are integrated with the state, as further components.
+    """
+    nv = run.nv
+    q, v, a = floats(run.q, nv), floats(run.v, nv), floats(run.a, nv)
+    # State at the start of the step, weighted sums of its slopes, and those of the works.
+    scratch = floats(run.scratch, 4 * nv + _NP)
+    dt, stage = run.dt, run.stage
+    settle(run)
+    if stage == 0 and due(run):
+        record(run)
+    weight = dt / 6.0 if stage == 0 or stage == 3 else dt / 3.0
+    for i in range(_NP):
+        done = 0.0 if stage == 0 else scratch[4 * nv + i]
+        scratch[4 * nv + i] = done + weight * run.power[i]
+    ahead = dt if stage == 2 else 0.5 * dt
+    for i in range(nv):
+        if stage == 0:
+            scratch[i] = q[i]
+            scratch[nv + i] = v[i]
+            scratch[2 * nv + i] = 0.0
+            scratch[3 * nv + i] = 0.0
+        scratch[2 * nv + i] += weight * v[i]
+        scratch[3 * nv + i] += weight * a[i]
+        if stage == 3:
+            q[i] = scratch[i] + scratch[2 * nv + i]
+            v[i] = scratch[nv + i] + scratch[3 * nv + i]
+        else:
+            q[i] = scratch[i] + ahead * v[i]
+            v[i] = scratch[nv + i] + ahead * a[i]
+    if stage < 3:
+        run.stage = stage + 1
+        _evaluate(run, q, v, run.time + ahead, False)
+        return
+    run.stage = 0
+    for i in range(_NP):
+        run.work[i] += scratch[4 * nv + i]
+    run.step += 1
+    run.time = run.step * dt
+    _evaluate(run, q, v, run.time, True)

@@ -1,0 +1,36 @@
+"""One cache stamp for all compiled code of the time loop.
+
+numba keeps compiled code beside its source and compiles again when the file of the function
+changed - that file only, not those of the functions that it calls. The kernel's one entry is
+therefore stamped with all sources that go into it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+from typing import Any
+
+_PACKAGE = Path(__file__).parent
+SOURCES = (
+    *sorted(_PACKAGE.glob("*.py")),
+    _PACKAGE.parent / "geometry.py",
+    _PACKAGE.parent / "contact" / "law.py",
+)
+"""Files whose change must compile the kernel again."""
+
+
+def fingerprint() -> str:
+    """Hash of all `SOURCES`."""
+    digest = hashlib.sha256()
+    for source in SOURCES:
+        digest.update(source.read_bytes())
+    return digest.hexdigest()
+
+
+def stamp(dispatcher: Any) -> None:
+    """Let numba's cache of a compiled function be valid for exactly these sources.
+
+    The attributes are numba's own and private; a test guards them.
+    """
+    dispatcher._cache._cache_file._source_stamp = fingerprint()
