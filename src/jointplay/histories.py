@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from jointplay.geometry import Form, Mode, classify_many
 from jointplay.impact import elastic_energy
 from jointplay.joints import VIRTUAL_LINK
 from jointplay.kernel import AZIMUTHS, POWERS, Status
-from jointplay.loops import ANGLE_ARM_M, PROXIMAL
+from jointplay.loops import ANGLE_ARM_M
 from jointplay.mechanism import Mechanism
 from jointplay.result import AXES, FORMAT, Result
 from jointplay.tree import Motion, Tree
@@ -167,6 +168,12 @@ def histories(
 
 def versions() -> dict[str, str]:
     """Versions of this package, Python and the libraries that enter a result."""
+    return dict(_versions())
+
+
+@cache
+def _versions() -> dict[str, str]:
+    """The same, looked up once: that takes milliseconds."""
     import platform
     from importlib.metadata import PackageNotFoundError, version
 
@@ -336,7 +343,7 @@ def _reactions(
     for first, end, phase in stretches:
         joints = [int(phase.model.getJointId(name)) for name in tree]
         held = mechanism.constraints(q[first], 0.0)
-        found, holds = Tree(phase.model).reactions(first, end, q, v, effort, joints, held, PROXIMAL)
+        found, holds = Tree(phase.model).reactions(first, end, q, v, effort, joints, held)
         forces[first:end, : len(tree)] = found
         for k, constraint in enumerate(held):
             forces[first:end, len(tree) + loops.index(constraint.name)] += holds[:, k]

@@ -66,7 +66,7 @@ class Tree:
     """The bodies of a model whose joints turn about axes, slide along them, or both in turn.
 
     Args:
-        model: of `model.build`; its coordinates are their own derivatives.
+        model: of `model.build`, without armature.
     """
 
     def __init__(self, model: pin.Model) -> None:
@@ -134,7 +134,6 @@ class Tree:
         effort: np.ndarray,
         joints: Sequence[int],
         constraints: Sequence[pin.RigidConstraintModel],
-        settings: pin.ProximalSettings,
     ) -> tuple[np.ndarray, np.ndarray]:
         """Forces that the joints transmit while the bodies move freely under `effort`.
 
@@ -142,8 +141,8 @@ class Tree:
             first, end: records that are wanted.
             q, v, effort: of all records, C-contiguous, shape (n, nv).
             joints: Pinocchio joints whose forces are wanted.
-            constraints: points held together, of the kind CONTACT_3D, not stabilised.
-            settings: how constraints are solved that may be redundant, as Pinocchio does.
+            constraints: points held together, of the kind CONTACT_3D, not stabilised; of those
+                that may be redundant, the smallest forces that do it.
 
         Returns:
             Force of the parent on the child by joint (end - first, joints, 3), and that of the
@@ -161,10 +160,7 @@ class Tree:
         wanted = np.array([self._bodies[index] for index in joints], dtype=np.int64)
         forces = np.empty((end - first, len(wanted), 3))
         holds = np.empty((end - first, len(constraints), 3))
-        numbers = (float(settings.mu), float(settings.absolute_accuracy), int(settings.max_iter))
-        _react(
-            self._data, q, v, effort, first, end, wanted, carriers, places, *numbers, forces, holds
-        )
+        _react(self._data, q, v, effort, first, end, wanted, carriers, places, forces, holds)
         return forces, holds
 
     def _frames(self, frames: Sequence[Frame]) -> tuple[np.ndarray, np.ndarray]:
@@ -176,6 +172,11 @@ class Tree:
             row[:9], row[9:] = place.rotation.ravel(), place.translation
         return carriers, places
 
+
+_REGULAR = 1e-8
+"""What is added to the matrix of held points, relative to its mean diagonal."""
+_ACCURACY, _ITERATIONS = 1e-15, 10
+"""Acceleration that is left, relative to what is to be held, and the most iterations."""
 
 _compiled = njit(cache=True, error_model="numpy")
 _internal = njit(cache=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
@@ -467,8 +468,8 @@ def _effort(slides, turn, origin, b, px, py, pz, lx, ly, lz):
 
 
 @_internal
-def _hold(bodies, i, carriers, turn, origin, omega, alpha, grow, at, rows, drift):
-    """Motion of one held point against the other: its Jacobian's rows, and its acceleration.
+def _hold(bodies, carriers, turn, origin, omega, alpha, grow, at, rows, drift):
+    """Motion of held points against each other: Jacobian, and acceleration at constant speeds.
 
     `at` has the points from the origins of the bodies that carry them.
     """
@@ -499,10 +500,10 @@ def _hold(bodies, i, carriers, turn, origin, omega, alpha, grow, at, rows, drift
 
 
 @_internal
-def _close(mass, rows, drift, solved, square, mu, accuracy, most, acceleration, push):
+def _close(mass, rows, drift, solved, square, acceleration, push):
     """Forces `push` that hold all points, and the acceleration with them, which is changed.
 
-    The proximal iteration of Pinocchio: of redundant constraints the smallest forces.
+    The matrix may be singular; the proximal iteration, as in Pinocchio, finds the smallest forces.
     """
     size, nv = rows.shape
     for r in range(size):
@@ -511,24 +512,28 @@ def _close(mass, rows, drift, solved, square, mu, accuracy, most, acceleration, 
         _solve(mass, nv, solved[r])
         for k in range(nv):
             drift[r] += rows[r, k] * acceleration[k]
+    mu = 1e-100  # points that nothing can move need no force
     for r in range(size):
-        for s in range(r + 1):
-            total = mu if s == r else 0.0
-            for k in range(nv):
-                total += rows[r, k] * solved[s, k]
-            square[r, s] = total
         push[r] = 0.0
+        for s in range(r + 1):
+            square[r, s] = 0.0
+            for k in range(nv):
+                square[r, s] += rows[r, k] * solved[s, k]
+        mu += _REGULAR * square[r, r] / size
+    for r in range(size):
+        square[r, r] += mu
     _factor(square, size)
     guess = solved[size]
-    for _ in range(most):
+    for _ in range(_ITERATIONS):
         for r in range(size):
             guess[r] = mu * push[r] - drift[r]
         _solve(square, size, guess)
-        change = 0.0
+        change = largest = 0.0
         for r in range(size):
             change = max(change, abs(guess[r] - push[r]))
+            largest = max(largest, abs(drift[r]))
             push[r] = guess[r]
-        if change <= accuracy:
+        if mu * change <= _ACCURACY * largest:
             break
     for r in range(size):
         for k in range(nv):
@@ -546,9 +551,6 @@ def _react(
     wanted,
     carriers,
     places,
-    mu,
-    accuracy,
-    most,
     forces,
     holds,
 ):
@@ -595,8 +597,8 @@ def _react(
                 at[f, 0], at[f, 1], at[f, 2] = _turned(
                     turn, carriers[f], places[f, 9], places[f, 10], places[f, 11]
                 )
-            _hold(bodies, i, carriers, turn, origin, omega, alpha, grow, at, rows, drift)
-            _close(mass, rows, drift, solved, square, mu, accuracy, most, acceleration, push)
+            _hold(bodies, carriers, turn, origin, omega, alpha, grow, at, rows, drift)
+            _close(mass, rows, drift, solved, square, acceleration, push)
         _accelerate(bodies, v, i, acceleration, turn, origin, omega, alpha, grow)
         for b in range(1, count):
             fx, fy, fz, _, _, _ = _pushed(bodies, b, turn, origin, omega, alpha, grow)
