@@ -8,7 +8,9 @@ import pytest
 from conftest import joint
 
 import jointplay as jp
+from jointplay.histories import histories
 from jointplay.joints import PrismaticJoint, SphericalJoint
+from jointplay.kernel import Status
 from jointplay.loops import PROXIMAL, Loop, misfit
 from jointplay.tree import Motion, Tree
 
@@ -265,3 +267,12 @@ def test_a_result_has_what_pinocchio_says_of_its_states(make):
     if "loop_drift" in result.dataset:
         assert np.abs(result["loop_drift"].values - drift).max() < 1e-15
         assert result.audit.loop_drift == result["loop_drift"].values.max()
+
+
+@pytest.mark.parametrize("make", RUNS.values(), ids=RUNS.keys())
+def test_a_run_without_records_gives_an_empty_result(make):
+    run = make().prepare()
+    made = histories(run.mechanism, run.simulation.describe(), run.workspace, run.friction,
+                     run.phases, Status.INTERRUPTED, "interrupted", 0.0)  # fmt: skip
+    assert len(made.time) == 0
+    assert made.audit.loop_drift == 0.0

@@ -238,7 +238,7 @@ def _kinematics(
         "velocity": motion.tool[:, 3:],
         "kinetic": motion.energy[:, 0],
         "potential": motion.energy[:, 1],
-        "bearings": dict(zip(names, motion.bearings.reshape(-1, n, 3, 3), strict=True)),
+        "bearings": dict(zip(names, motion.bearings.reshape(len(pairs), n, 3, 3), strict=True)),
         "poses": dict(zip(names, motion.poses, strict=True)),
     }
 
