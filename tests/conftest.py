@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, Phase, settings
 
-from jointplay import ClearanceJoint, ComputedTorque, Mechanism, Motion, Simulation, kernel
+from jointplay import ClearanceJoint, ComputedTorque, Mechanism, Motion, Simulation
 from jointplay.simulation import Run
 
 # A simulation in each example: slow machines must not fail, and a failure must not be shrunk for
@@ -58,7 +58,7 @@ def still(mechanism: Mechanism, duration: float) -> Motion:
 
 def release(run: Run) -> Run:
     """Switch all drives off."""
-    run.workspace.coordinates[[kernel._KP, kernel._KD]] = 0.0
+    run.workspace.drives["kp"] = run.workspace.drives["kd"] = 0.0
     run.workspace.reference[:] = 0.0
     return run
 

@@ -266,7 +266,7 @@ def _contact(
     mechanism: Mechanism, workspace: Workspace, body: dict[str, Any]
 ) -> tuple[dict[str, Any], np.ndarray]:
     """Variables of the joints with clearance, and the energy stored in their contacts."""
-    n, nj, width = workspace.rows, len(mechanism.clearance), workspace.memory.shape[1]
+    n, nj, width = workspace.rows, len(mechanism.clearance), workspace.contacts.shape[1]
     names = contact_names(mechanism)
     centre, tilt = np.empty((n, nj, 3)), np.empty((n, nj))
     mode, form = np.empty((n, nj), np.int8), np.empty((n, nj), np.int8)

@@ -22,7 +22,7 @@ from jointplay.contact import (
 from jointplay.drive import DRIVES, JointFriction
 from jointplay.errors import MissingName
 from jointplay.gear import Gear
-from jointplay.integrators import INTEGRATORS
+from jointplay.integrators import DEFAULT, INTEGRATORS
 from jointplay.joints import JOINT_KINDS, ClearanceJoint, Material
 from jointplay.materials import material, materials
 from jointplay.mechanism import STANDARD_GRAVITY
@@ -320,7 +320,7 @@ class Integration(Written):
 
     step: quantity("s") = 1e-5  # type: ignore[valid-type]
     """Time step."""
-    integrator: _word("integrator", INTEGRATORS) = "semi-implicit-euler"  # type: ignore[valid-type]
+    integrator: _word("integrator", INTEGRATORS) = DEFAULT  # type: ignore[valid-type]
     """Method."""
     duration: quantity("s") | None = None  # type: ignore[valid-type]
     """Simulated time; the motion's if not given."""
