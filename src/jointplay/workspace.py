@@ -117,13 +117,14 @@ class Workspace:
         self.half, self.drive = self._room("half", nv), self._room("drive", nv)
         for name in ("contact_push", "free", "free_rate", "free_middle"):
             self._room(name, nv)
-        for name in ("minv", "minv_rate", "minv_middle", "slope"):
+        for name in ("minv", "minv_rate", "minv_middle", "slope", "compliance"):
             self._room(name, nv, nv)
         self._room("system", nv, nv + 1)
-        self._room("trial", 4, nv)
+        self._room("trial", 7, nv)
         self._room("scratch", 4 * nv + len(layout.POWERS))
         self.path = self._room("path", 10, nv)
-        self._point("touched", np.zeros(nv, np.int64))
+        for name in ("touched", "place"):
+            self._point(name, np.zeros(nv, np.int64))
         self.inverse_mass = self._point("found_minv", data.Minv)
         self.free = self._point("found_free", data.ddq)
         self._point("jacobian", data.J)

@@ -137,35 +137,44 @@ def bend(run, j, joint, elapsed):
 
 @internal
 def _bristles_hold(contact, slip):
-    """Force of the bristles and its slopes: -a along the force's direction, -b across it.
+    """Force of the bristles: -(k z + d (A v - r z)), no longer than the cap, and - c v."""
+    bent = vector(contact.bent, 0)
+    pull = contact.stiffness - contact.damping * contact.letting_go
+    force = add(scale(-pull, bent), scale(-contact.damping * contact.share, slip))
+    size = length(force)
+    if size > contact.cap:
+        force = scale(contact.cap / size, force)
+    return along(force, -contact.viscous, slip)
 
-    F = -(k z + d (A v - r z)), no longer than the cap, and - c v.
-    """
+
+@internal
+def _bristles_slope(contact, slip):
+    """Direction of the bristles' force, and how it falls with velocities along and across it."""
     bent = vector(contact.bent, 0)
     pull = contact.stiffness - contact.damping * contact.letting_go
     damper = contact.damping * contact.share
     force = add(scale(-pull, bent), scale(-damper, slip))
     size = length(force)
-    along_force = across_force = damper
-    if size > contact.cap:
-        force = scale(contact.cap / size, force)
-        along_force, across_force = 0.0, damper * contact.cap / size
     direction = scale(1.0 / size if size > 0.0 else 0.0, force)
-    viscous = contact.viscous
-    force = along(force, -viscous, slip)
-    return force, direction, along_force + viscous, across_force + viscous
+    if size > contact.cap:
+        return direction, contact.viscous, damper * contact.cap / size + contact.viscous
+    return direction, damper + contact.viscous, damper + contact.viscous
 
 
 @internal
-def _rub(joint, contact, normal, slip, speed):
-    """Friction force of a law without bristles, its direction and slopes (eqs 20, 21)."""
+def _rub_slope(joint, contact, slip):
+    """Direction of sliding, and how friction (eqs 20, 21) rises along and across it.
+
+    Returns the coefficient as well, by which friction follows the normal force.
+    """
     law = address_of(joint.friction_parameters)
-    mu = call_friction(joint.friction_law, speed, law)
+    speed, normal = contact.speed, contact.normal_now
     more = speed * _DIFFERENCE + _LEAST_DIFFERENCE
+    mu = contact.mu
     rise = (call_friction(joint.friction_law, speed + more, law) - mu) / more
     turn = mu / speed if speed > 0.0 else rise
     direction = scale(1.0 / speed if speed > 0.0 else 0.0, slip)
-    return scale(-mu * normal, direction), direction, rise * normal, turn * normal, mu
+    return direction, rise * normal, turn * normal, mu
 
 
 @internal
@@ -192,33 +201,41 @@ def _stiffen(joint, contact, b):
 
 
 @internal
-def _steepen(joint, contact, normal, slip, rubbing):
-    """Add how a contact's force changes with the velocity that it meets to the joint's slope.
-
-    `rubbing`: direction of friction, its slopes along and across it, and the coefficient.
-    """
-    rate, n = contact.rate, vector(contact.direction, 0)
-    more = contact.approach * _DIFFERENCE
-    higher, _ = _normal_force(joint, contact, rate + more)
-    damping = (higher - normal) / more
-    t, rise, turn, mu = rubbing
-    s0, s1, s2 = (
-        along(scale(-damping * n[0], n), mu * damping * n[0], t),
-        along(scale(-damping * n[1], n), mu * damping * n[1], t),
-        along(scale(-damping * n[2], n), mu * damping * n[2], t),
-    )
-    # -(turn (1 - n n^T - t t^T) + rise t t^T), column by column
-    columns = (
-        add(s0, along(along((-turn, 0.0, 0.0), turn * n[0], n), (turn - rise) * t[0], t)),
-        add(s1, along(along((0.0, -turn, 0.0), turn * n[1], n), (turn - rise) * t[1], t)),
-        add(s2, along(along((0.0, 0.0, -turn), turn * n[2], n), (turn - rise) * t[2], t)),
-    )
-    _stiffen(joint, contact, columns)
+def steepen(run, j, joint):
+    """Add how the contacts' answer changes with the joint's twist to `stiff`; after `respond`."""
+    for k in range(joint.count):
+        contact = contacts(run, j)[k]
+        if contact.touching == 0:
+            continue
+        rate, slip, _ = _meet(joint, contact)
+        if joint.bristles != 0:
+            t, rise, turn = _bristles_slope(contact, slip)
+            mu = 0.0  # what the normal force does to the bristles is left to the next step
+        else:
+            t, rise, turn, mu = _rub_slope(joint, contact, slip)
+        more = contact.approach * _DIFFERENCE
+        higher, _ = _normal_force(joint, contact, rate + more)
+        damping = (higher - contact.normal_now) / more
+        n = vector(contact.direction, 0)
+        s = along(scale(-damping, n), mu * damping, t)
+        # s n^T - turn (1 - n n^T - t t^T) - rise t t^T, column by column
+        columns = (
+            along(
+                along(along((-turn, 0.0, 0.0), n[0], s), turn * n[0], n), (turn - rise) * t[0], t
+            ),
+            along(
+                along(along((0.0, -turn, 0.0), n[1], s), turn * n[1], n), (turn - rise) * t[1], t
+            ),
+            along(
+                along(along((0.0, 0.0, -turn), n[2], s), turn * n[2], n), (turn - rise) * t[2], t
+            ),
+        )
+        _stiffen(joint, contact, columns)
 
 
 @internal
-def respond(run, j, joint, slopes):
-    """Add the contacts' answer to the joint's twist to its wrench, and their slope to `stiff`."""
+def respond(run, j, joint):
+    """Add the contacts' answer to the joint's twist to its wrench."""
     wrench = joint.wrench
     for k in range(joint.count):
         contact = contacts(run, j)[k]
@@ -228,10 +245,11 @@ def respond(run, j, joint, slopes):
         normal, approach = _normal_force(joint, contact, rate)
         contact.rate, contact.speed, contact.approach = rate, speed, approach
         if joint.bristles != 0:
-            friction, t, rise, turn = _bristles_hold(contact, slip)
-            mu = 0.0  # what the normal force does to the bristles is left to the next step
+            friction = _bristles_hold(contact, slip)
         else:
-            friction, t, rise, turn, mu = _rub(joint, contact, normal, slip, speed)
+            law = address_of(joint.friction_parameters)
+            contact.mu = call_friction(joint.friction_law, speed, law)
+            friction = scale(-contact.mu * normal / speed if speed > 0.0 else 0.0, slip)
         contact.normal_now = normal
         contact.tangential_now = length(friction)
         contact.rubbed = -dot(friction, slip)
@@ -241,8 +259,6 @@ def respond(run, j, joint, slopes):
         for r in range(3):
             wrench[r] += force[r]
             wrench[3 + r] += moment[r]
-        if slopes:
-            _steepen(joint, contact, normal, slip, (t, rise, turn, mu))
 
 
 @internal
@@ -254,9 +270,7 @@ def lose(run, j, joint):
             continue
         run.power[NORMAL] += (contact.normal_now - contact.elastic) * contact.rate
         run.power[FRICTION] += contact.rubbed
-        if not math.isfinite(contact.normal_now + contact.elastic + contact.tangential_now):
-            fail(run, _BAD_FORCE, run.width * j + k)
-        elif joint.bristles == 0 and contact.rubbed < 0.0:
+        if not math.isfinite(contact.normal_now + contact.elastic + contact.tangential_now) or (joint.bristles == 0 and contact.rubbed < 0.0):
             fail(run, _BAD_FORCE, run.width * j + k)
 
 

@@ -15,6 +15,7 @@ from jointplay.kernel.layout import (
     gears,
     internal,
     matrix,
+    wholes,
 )
 
 
@@ -101,37 +102,52 @@ def _joint_friction(row, speed):
 
 
 @internal
-def rub_joints(run, v, tau, slopes):
-    """Subtract the joints' own friction from tau, and its slope from the run's."""
+def rub_joints(run, v, tau):
+    """Subtract the joints' own friction from tau."""
     for row in frictions(run):
         i = row.coordinate
-        friction, slope = _joint_friction(row, v[i])
+        friction, _ = _joint_friction(row, v[i])
         tau[i] -= friction
-        if slopes:
-            matrix(run.slope, run.nv, run.nv)[i, i] -= slope
 
 
 @internal
-def turn_gears(run, q, v, tau, slopes):
+def _torque(gear, q, v):
+    """Torque that a gear passes, the part of it that is elastic, its side, and the teeth's rate."""
+    twist = q[gear.motor] - q[gear.link]
+    depth = abs(twist) - gear.half_play
+    if depth <= 0.0:
+        return 0.0, 0.0, 0.0, 0.0
+    side = math.copysign(1.0, twist)
+    rate = side * (v[gear.motor] - v[gear.link])
+    elastic = gear.stiffness * depth
+    return max(elastic + gear.damping * rate, 0.0), elastic, side, rate  # teeth never pull
+
+
+@internal
+def turn_gears(run, q, v, tau):
     """Add the torque of all gears: none within their play, a spring and a damper beyond."""
     for gear in gears(run):
-        motor, link = gear.motor, gear.link
-        twist = q[motor] - q[link]
-        depth = abs(twist) - gear.half_play
-        if depth <= 0.0:
-            continue
-        side = math.copysign(1.0, twist)
-        torque = gear.stiffness * depth + gear.damping * side * (v[motor] - v[link])
-        if torque <= 0.0:  # teeth never pull
-            continue
-        tau[motor] -= side * torque
-        tau[link] += side * torque
-        if slopes:
-            slope = matrix(run.slope, run.nv, run.nv)
-            slope[motor, motor] -= gear.damping
-            slope[link, link] -= gear.damping
-            slope[motor, link] += gear.damping
-            slope[link, motor] += gear.damping
+        torque, _, side, _ = _torque(gear, q, v)
+        tau[gear.motor] -= side * torque
+        tau[gear.link] += side * torque
+
+
+@internal
+def steepen_joints(run, q, v):
+    """Add how joint friction and gears change with the velocity to the run's slope."""
+    slope, place = matrix(run.slope, run.active, run.active), wholes(run.place, run.nv)
+    for row in frictions(run):
+        i = place[row.coordinate]
+        _, rise = _joint_friction(row, v[row.coordinate])
+        slope[i, i] -= rise
+    for gear in gears(run):
+        torque, _, _, _ = _torque(gear, q, v)
+        if torque > 0.0:
+            m, k = place[gear.motor], place[gear.link]
+            slope[m, m] -= gear.damping
+            slope[k, k] -= gear.damping
+            slope[m, k] += gear.damping
+            slope[k, m] += gear.damping
 
 
 @internal
@@ -141,10 +157,5 @@ def lose_in_joints(run, q, v):
         friction, _ = _joint_friction(row, v[row.coordinate])
         run.power[JOINT_FRICTION] += friction * v[row.coordinate]
     for gear in gears(run):
-        twist = q[gear.motor] - q[gear.link]
-        depth = abs(twist) - gear.half_play
-        if depth > 0.0:
-            rate = math.copysign(1.0, twist) * (v[gear.motor] - v[gear.link])
-            elastic = gear.stiffness * depth
-            torque = max(elastic + gear.damping * rate, 0.0)
-            run.power[GEAR] += (torque - elastic) * rate
+        torque, elastic, _, rate = _torque(gear, q, v)
+        run.power[GEAR] += (torque - elastic) * rate

@@ -106,8 +106,8 @@ def _stiffen(run, joint, place, velocity, arm, force):
 
 
 @internal
-def carry(run, joint, slopes, lag):
-    """Add the film's answer to the joint's twist to its wrench, and its slope to `stiff`.
+def carry(run, joint, lag):
+    """Add the film's answer to the joint's twist to its wrench.
 
     With `lag` the force is that of an explicit step.
     """
@@ -124,8 +124,6 @@ def carry(run, joint, slopes, lag):
             fx, fy, turn = _lagged(run, joint, section, place, velocity)
         else:
             fx, fy, turn, _ = _law(run, joint, e, part, direction, velocity)
-        if slopes:
-            _stiffen(run, joint, place, velocity, arm, (fx, fy))
         force = (fx, fy, 0.0)
         moment = along(cross(arm, force), turn, (0.0, 0.0, 1.0))
         for r in range(3):
@@ -133,6 +131,19 @@ def carry(run, joint, slopes, lag):
             film[3 + r] += moment[r]
     for r in range(6):
         wrench[r] += film[r]
+
+
+@internal
+def steepen_film(run, joint):
+    """Add how the film's answer changes with the joint's twist to `stiff`."""
+    for section in range(joint.sections):
+        arm, e, direction, part = _section(joint, section)
+        if part <= 0.0:
+            continue
+        at = add(vector(joint.twist, 0), cross(vector(joint.twist, 3), arm))
+        velocity = (at[0], at[1])
+        fx, fy, _, _ = _law(run, joint, e, part, direction, velocity)
+        _stiffen(run, joint, (e, part, direction), velocity, arm, (fx, fy))
 
 
 @internal

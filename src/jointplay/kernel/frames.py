@@ -216,11 +216,11 @@ def push(joint, tau):
 @internal
 def push_slope(run, joint):
     """Project the slope of the joint's wrench on the coordinates: slope += J^T K J."""
-    nv = run.nv
-    slope, stiff = matrix(run.slope, nv, nv), joint.stiff
+    slope, stiff = matrix(run.slope, run.active, run.active), joint.stiff
+    n, support = joint.nsupport, wholes(joint.support, joint.nsupport)
+    place = wholes(run.place, run.nv)
     if joint.first < 0:
-        n = joint.nsupport
-        reach, support = matrix(joint.reach, 6, n), wholes(joint.support, n)
+        reach = matrix(joint.reach, 6, n)
         for k in range(n):
             for r in range(6):
                 total = 0.0
@@ -228,9 +228,9 @@ def push_slope(run, joint):
                     total += stiff[r, c] * reach[c, k]
                 if total != 0.0:
                     for m in range(n):
-                        slope[support[m], support[k]] += reach[r, m] * total
+                        slope[place[support[k]], place[support[m]]] += reach[r, m] * total
         return
-    first, swing = joint.first, joint.swing
+    at, swing = place[joint.first], joint.swing
     sy, cy, sp, cp = swing[0], swing[1], swing[2], swing[3]
     # Turn the columns, then the rows, of the part that belongs to rotations.
     for r in range(6):
@@ -243,4 +243,4 @@ def push_slope(run, joint):
         stiff[5, k] = cy * cp * a + sy * cp * b - sp * c
     for r in range(6):
         for k in range(6):
-            slope[first + r, first + k] += stiff[r, k]
+            slope[at + k, at + r] += stiff[r, k]

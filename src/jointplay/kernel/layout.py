@@ -94,9 +94,11 @@ RUN = _record(
     found_minv=_INT,  # (nv, nv) Pinocchio's, its upper triangle
     found_free=_INT,  # (nv,) Pinocchio's
     path=_INT,  # (10, nv): q, v, a of the predicted path; q and v at its nodes; `half` at its start
-    slope=_INT,  # (nv, nv) d(contact_push)/dv
-    system=_INT,  # (nv, nv + 1) of the velocity solve
-    trial=_INT,  # (4, nv) work space of the velocity solve
+    # The velocity solve, its arrays used as far as the n coordinates reach that take part.
+    slope=_INT,  # (n, n) of d(contact_push)/dv, transposed
+    compliance=_INT,  # (n, n) of `minv`
+    system=_INT,  # (n, n + 1)
+    trial=_INT,  # (7, nv) see `solve`
     scratch=_INT,  # (4 nv + powers,) of Runge-Kutta
     jacobian=_INT,  # (6, nv) Pinocchio's data.J
     reference=_INT,  # (nref, 3 nu)
@@ -104,6 +106,7 @@ RUN = _record(
     windows=_INT,  # (nwindows, 2) steps from which and to which every step is recorded
     # Addresses of whole numbers and records.
     touched=_INT,  # (nv,) coordinates of the velocity solve
+    place=_INT,  # (nv,) places of the coordinates among them
     joints=_INT,
     contacts=_INT,
     drives=_INT,
@@ -217,6 +220,7 @@ CONTACT = _record(
     normal_now=_FLOAT,
     tangential_now=_FLOAT,
     rubbed=_FLOAT,  # power of friction
+    mu=_FLOAT,
     force=(_FLOAT, (3,)),
     approach=_FLOAT,
     # Bristles now, and numbers of their law.

@@ -29,7 +29,6 @@ from jointplay.kernel.layout import (
     internal,
     joints,
     matrix,
-    wholes,
 )
 from jointplay.kernel.record import due, record
 from jointplay.kernel.solve import answer, find_touching, solve
@@ -128,12 +127,11 @@ def _complete(run, half, v, base, h):
     """Velocities that the solve left out, and all accelerations."""
     nv = run.nv
     a, push, minv = floats(run.a, nv), floats(run.contact_push, nv), matrix(run.minv, nv, nv)
-    touched = wholes(run.touched, nv)
     size = 0.0
     for i in range(nv):
         total = 0.0
-        for k in range(run.active):
-            total += minv[i, touched[k]] * push[touched[k]]
+        for k in range(nv):
+            total += minv[i, k] * push[k]
         v[i] = base[i] + h * total
         a[i] = (v[i] - half[i]) / h
         size += abs(v[i])
@@ -267,7 +265,7 @@ def set_off(run):
         tau[i] = 0.0
     drive(run, q, v, run.time, tau)
     find_touching(run, q, v)
-    answer(run, q, v, False)
+    answer(run, q, v)
     path = matrix(run.path, 10, nv)
     for i in range(nv):
         a[i] = free[i]

@@ -54,11 +54,11 @@ def _contact(run, j, q, v, tau, elapsed):
         return
     twist(joint, v)
     if joint.sections > 0:
-        carry(run, joint, False, True)
+        carry(run, joint, True)
         lose_to_film(run, j, joint)
     if joint.bristles != 0:
         bend(run, j, joint, elapsed)
-    respond(run, j, joint, False)
+    respond(run, j, joint)
     lose(run, j, joint)
     push(joint, tau)
 
@@ -80,8 +80,8 @@ def _load(run, q, v, time):
         run.power[i] = 0.0
     drive(run, q, v, time, tau)
     work_of_drives(run, v)
-    rub_joints(run, v, tau, False)
-    turn_gears(run, q, v, tau, False)
+    rub_joints(run, v, tau)
+    turn_gears(run, q, v, tau)
     lose_in_joints(run, q, v)
     if not size < SPEED_LIMIT:  # true for NaN as well
         fail(run, _RUN_AWAY, 0)

@@ -19,9 +19,9 @@ from __future__ import annotations
 
 import math
 
-from jointplay.kernel.contact import bend, respond, touch
-from jointplay.kernel.drive import rub_joints, turn_gears
-from jointplay.kernel.film import carry
+from jointplay.kernel.contact import bend, respond, steepen, touch
+from jointplay.kernel.drive import rub_joints, steepen_joints, turn_gears
+from jointplay.kernel.film import carry, steepen_film
 from jointplay.kernel.frames import (
     pose_of_virtual_link,
     pose_on_path,
@@ -38,12 +38,21 @@ from jointplay.kernel.layout import (
     matrix,
     wholes,
 )
+from jointplay.kernel.vectors import inlined
 
 TOLERANCE = 1e-9
 """Error of the velocity solve, as the root of twice its kinetic energy [kg^0.5 m/s]."""
 
 RELATIVE_TOLERANCE = 1e-11
 """The same relative to the state's own."""
+
+LEAST_COMPLIANCE = 1e-14
+"""Inverse inertia of a coordinate that is held, relative to the largest: it must not be zero."""
+
+(
+    SPEED, PUSH, BASE, ERROR, STEP, LAST, MARKS, TRIALS,
+) = range(8)  # fmt: skip
+"""Rows of `trial`."""
 
 MOST_TRIALS = 40
 """Velocities tried before the best of them is taken."""
@@ -56,7 +65,8 @@ LEAST_PART = 1.0 / 64.0
 def find_touching(run, q, half):
     """Find what depends on the velocity at q, and list the coordinates that it moves."""
     nv = run.nv
-    touched, marks = wholes(run.touched, nv), matrix(run.trial, 4, nv)[3]
+    touched, place = wholes(run.touched, nv), wholes(run.place, nv)
+    marks = matrix(run.trial, TRIALS, nv)[MARKS]
     for i in range(nv):
         marks[i] = 0.0
     run.touching = 0
@@ -88,22 +98,17 @@ def find_touching(run, q, half):
     for i in range(nv):
         if marks[i] != 0.0:
             touched[n] = i
+            place[i] = n
             n += 1
     run.active = n
 
 
 @internal
-def answer(run, q, v, slopes):
-    """Put tau_c at state (q, v) into `contact_push` and, if wanted, its slope into `slope`."""
-    nv, n = run.nv, run.active
-    touched, tau = wholes(run.touched, nv), floats(run.contact_push, nv)
-    slope = matrix(run.slope, nv, nv)
-    for i in range(nv):
+def answer(run, q, v):
+    """Put tau_c at state (q, v) into `contact_push`."""
+    tau = floats(run.contact_push, run.nv)
+    for i in range(run.nv):
         tau[i] = 0.0
-    if slopes:
-        for a in range(n):
-            for b in range(n):
-                slope[touched[a], touched[b]] = 0.0
     for j in range(run.nj):
         joint = joints(run)[j]
         if joint.touching == 0:
@@ -111,133 +116,153 @@ def answer(run, q, v, slopes):
         twist(joint, v)
         for r in range(6):
             joint.wrench[r] = 0.0
-            for c in range(6):
-                joint.stiff[r, c] = 0.0
         if joint.sections > 0:
-            carry(run, joint, slopes, False)
-        respond(run, j, joint, slopes)
+            carry(run, joint, False)
+        respond(run, j, joint)
         push(joint, tau)
-        if slopes:
-            push_slope(run, joint)
-    rub_joints(run, v, tau, slopes)
-    turn_gears(run, q, v, tau, slopes)
+    rub_joints(run, v, tau)
+    turn_gears(run, q, v, tau)
 
 
 @internal
-def _error(run, base, v, h):
-    """Write what v lacks of solving the equation into `trial`[0]; returns its size squared."""
-    nv, n = run.nv, run.active
-    touched, tau = wholes(run.touched, nv), floats(run.contact_push, nv)
-    minv, wrong = matrix(run.minv, nv, nv), matrix(run.trial, 4, nv)[0]
+def _slopes(run, q, v):
+    """Put the slope of tau_c at the state of the last `answer` into `slope`."""
+    n = run.active
+    slope = floats(run.slope, n * n)
+    for i in range(n * n):
+        slope[i] = 0.0
+    for j in range(run.nj):
+        joint = joints(run)[j]
+        if joint.touching == 0:
+            continue
+        for r in range(6):
+            for c in range(6):
+                joint.stiff[r, c] = 0.0
+        if joint.sections > 0:
+            steepen_film(run, joint)
+        steepen(run, j, joint)
+        push_slope(run, joint)
+    steepen_joints(run, q, v)
+
+
+@inlined
+def _misfit(run, h, n):
+    """Write what the velocities lack of solving the equation; returns its size squared."""
+    trial, compliance = matrix(run.trial, TRIALS, run.nv), matrix(run.compliance, n, n)
     size = 0.0
     for a in range(n):
-        i = touched[a]
         total = 0.0
         for b in range(n):
-            total += minv[i, touched[b]] * tau[touched[b]]
-        wrong[a] = v[i] - base[i] - h * total
-        size += wrong[a] * wrong[a] / minv[i, i]
+            total += compliance[a, b] * trial[PUSH, b]
+        wrong = trial[SPEED, a] - trial[BASE, a] - h * total
+        trial[ERROR, a] = wrong
+        size += wrong * wrong / compliance[a, a]
     return size
 
 
 @internal
-def _newton_step(run, h):
-    """Solve (I - h M^-1 slope) step = -error into `trial`[1], by elimination with pivots."""
-    nv, n = run.nv, run.active
-    touched, trial = wholes(run.touched, nv), matrix(run.trial, 4, nv)
-    minv, slope = matrix(run.minv, nv, nv), matrix(run.slope, nv, nv)
-    system = matrix(run.system, n, n + 1)
+def _try(run, q, v, h):
+    """Evaluate tau_c at the velocities in `trial`; returns the error squared."""
+    n, touched = run.active, wholes(run.touched, run.nv)
+    trial, tau = matrix(run.trial, TRIALS, run.nv), floats(run.contact_push, run.nv)
+    for a in range(n):
+        v[touched[a]] = trial[SPEED, a]
+    answer(run, q, v)
+    for a in range(n):
+        trial[PUSH, a] = tau[touched[a]]
+    return _misfit(run, h, 6) if n == 6 else _misfit(run, h, n)
+
+
+@inlined
+def _eliminate(run, h, n):
+    """Solve (I - h M^-1 slope) step = -error for n coordinates, by elimination with pivots."""
+    trial, system = matrix(run.trial, TRIALS, run.nv), matrix(run.system, n, n + 1)
+    compliance, slope = matrix(run.compliance, n, n), matrix(run.slope, n, n)
     for a in range(n):
         for b in range(n):
-            system[a, b] = 1.0 if a == b else 0.0
-        system[a, n] = -trial[0, a]
-    for b in range(n):
-        for c in range(n):
-            value = h * slope[touched[c], touched[b]]
-            if value != 0.0:
-                for a in range(n):
-                    system[a, b] -= minv[touched[a], touched[c]] * value
+            total = 0.0
+            for c in range(n):
+                total += compliance[a, c] * slope[b, c]
+            system[a, b] = -h * total
+        system[a, a] += 1.0
+        system[a, n] = -trial[ERROR, a]
     for k in range(n):
         best = k
         for a in range(k + 1, n):
             if abs(system[a, k]) > abs(system[best, k]):
                 best = a
         if best != k:
-            for b in range(k, n + 1):
+            for b in range(n + 1):
                 system[k, b], system[best, b] = system[best, b], system[k, b]
         pivot = 1.0 / system[k, k]
         for a in range(k + 1, n):
             factor = system[a, k] * pivot
-            if factor != 0.0:
-                for b in range(k + 1, n + 1):
-                    system[a, b] -= factor * system[k, b]
+            for b in range(n + 1):
+                system[a, b] -= factor * system[k, b]
     for a in range(n - 1, -1, -1):
         total = system[a, n]
         for b in range(a + 1, n):
-            total -= system[a, b] * trial[1, b]
-        trial[1, a] = total / system[a, a]
+            total -= system[a, b] * trial[STEP, b]
+        trial[STEP, a] = total / system[a, a]
 
 
 @internal
-def _start(run, base, v, h):
-    """Begin with the forces of the last step."""
-    nv, n = run.nv, run.active
-    touched, tau = wholes(run.touched, nv), floats(run.contact_push, nv)
-    minv = matrix(run.minv, nv, nv)
+def _newton_step(run, h):
+    """Put a Newton step into `trial`[1]; loops over the six of one journal are unrolled."""
+    if run.active == 6:
+        _eliminate(run, h, 6)
+    else:
+        _eliminate(run, h, run.active)
+
+
+@internal
+def _start(run, base, h):
+    """Begin with the forces of the last step; returns the error squared that is good enough."""
+    n, touched = run.active, wholes(run.touched, run.nv)
+    minv, compliance = matrix(run.minv, run.nv, run.nv), matrix(run.compliance, n, n)
+    trial, tau = matrix(run.trial, TRIALS, run.nv), floats(run.contact_push, run.nv)
+    least = 0.0
     for a in range(n):
         i = touched[a]
+        least = max(least, LEAST_COMPLIANCE * minv[i, i])
+        trial[BASE, a], trial[PUSH, a] = base[i], tau[i]
+    size = 0.0
+    for a in range(n):
         total = 0.0
         for b in range(n):
-            total += minv[i, touched[b]] * tau[touched[b]]
-        v[i] = base[i] + h * total
-
-
-@internal
-def _limit(run, base, minv):
-    """Error squared at which the solve is content."""
-    touched = wholes(run.touched, run.nv)
-    scale = 0.0
-    for a in range(run.active):
-        i = touched[a]
-        scale += base[i] * base[i] / minv[i, i]
-    return TOLERANCE * TOLERANCE + RELATIVE_TOLERANCE * RELATIVE_TOLERANCE * scale
+            compliance[a, b] = minv[touched[a], touched[b]]
+            total += compliance[a, b] * trial[PUSH, b]
+        compliance[a, a] = max(compliance[a, a], least)
+        size += trial[BASE, a] * trial[BASE, a] / compliance[a, a]
+        trial[SPEED, a] = trial[BASE, a] + h * total
+    return TOLERANCE * TOLERANCE + RELATIVE_TOLERANCE * RELATIVE_TOLERANCE * size
 
 
 @internal
 def solve(run, q, base, v, h):
     """Find v on the coordinates that `find_touching` listed, by Newton's method.
 
-    Where it does not get there the best velocity that was met is taken, and counted.
+    Where it does not get there the last velocity is taken, and counted.
     """
-    nv, n = run.nv, run.active
-    touched, trial = wholes(run.touched, nv), matrix(run.trial, 4, nv)
-    step, best = trial[1], trial[2]
-    _start(run, base, v, h)
-    limit = _limit(run, base, matrix(run.minv, nv, nv))
-    answer(run, q, v, True)
-    error = _error(run, base, v, h)
-    least, part, trials = error, 0.0, 1
-    for a in range(n):
-        best[a] = v[touched[a]]
-    run.solves += 1
+    n, trial = run.active, matrix(run.trial, TRIALS, run.nv)
+    limit = _start(run, base, h)
+    error, trials = _try(run, q, v, h), 1
     while not error <= limit:
         if trials >= MOST_TRIALS or not math.isfinite(error):
             run.unsolved += 1
             break
+        _slopes(run, q, v)
         _newton_step(run, h)
-        part = 1.0
+        for a in range(n):
+            trial[LAST, a] = trial[SPEED, a]
+        least, part = error, 1.0
         while True:
             for a in range(n):
-                v[touched[a]] = best[a] + part * step[a]
-            answer(run, q, v, True)
-            error = _error(run, base, v, h)
+                trial[SPEED, a] = trial[LAST, a] + part * trial[STEP, a]
+            error = _try(run, q, v, h)
             trials += 1
             if error < least or part <= LEAST_PART or trials >= MOST_TRIALS:
                 break
             part *= 0.5
-        if not math.isfinite(error):
-            break
-        least = error
-        for a in range(n):
-            best[a] = v[touched[a]]
+    run.solves += 1
     run.iterations += trials
