@@ -82,7 +82,7 @@ class Audit:
         impulse = float(statistics["impulse"].sum())
         depth, relative, limit = 0.0, 0.0, math.inf
         peaks = workspace.recorded("normal_peak")
-        peaks = peaks.reshape(workspace.rows, *workspace.contacts.shape)
+        peaks = peaks.reshape(workspace.rows, *workspace.contacts.shape[:2])
         largest = peaks.max(axis=(0, 2), initial=0.0)
         for name, gaps, force in zip(
             mechanism.clearance, statistics["smallest_gap"], largest, strict=True

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -17,9 +18,10 @@ from jointplay.geometry import Form, Mode, classify_many
 from jointplay.impact import elastic_energy
 from jointplay.joints import VIRTUAL_LINK
 from jointplay.kernel import AZIMUTHS, POWERS, Status
-from jointplay.loops import PROXIMAL, misfit
+from jointplay.loops import ANGLE_ARM_M
 from jointplay.mechanism import Mechanism
 from jointplay.result import AXES, FORMAT, Result
+from jointplay.tree import Motion, Tree
 from jointplay.workspace import Workspace
 
 
@@ -56,7 +58,7 @@ def histories(
         wall_time: what it took [s].
     """
     n = workspace.rows
-    q, v = workspace.recorded("q"), workspace.recorded("v")
+    q, v = (np.ascontiguousarray(workspace.recorded(name)) for name in ("q", "v"))
     stretches = _stretches(phases, n)
     body = _kinematics(mechanism, q, v, stretches)
     variables: dict[str, tuple[tuple[str, ...], np.ndarray, str, str]] = {
@@ -93,7 +95,8 @@ def histories(
         )
     closed = [name for name in mechanism.loops if name not in mechanism.clearance]
     if closed:
-        drift = np.array([[np.abs(m[name]).max() for name in closed] for m in body["misfits"]])
+        gaps = [_drift(mechanism, name, body["poses"][name]) for name in closed]
+        drift = np.stack(gaps, axis=1)
         variables["loop_drift"] = (("time", "loop"), drift, "m", "gap of the ideal loop")
     variables["contact_elastic_energy"] = (("time",), elastic, "J", "stored in the contacts")
     if mechanism.gears:
@@ -165,6 +168,12 @@ def histories(
 
 def versions() -> dict[str, str]:
     """Versions of this package, Python and the libraries that enter a result."""
+    return dict(_versions())
+
+
+@cache
+def _versions() -> dict[str, str]:
+    """The same, looked up once: that takes milliseconds."""
     import platform
     from importlib.metadata import PackageNotFoundError, version
 
@@ -213,53 +222,33 @@ def _kinematics(
     v: np.ndarray,
     stretches: Sequence[tuple[int, int, Phase]],
 ) -> dict[str, Any]:
-    """Tool motion, energies, frames of bearings and journals, gaps of ideal loops, by record."""
-    n = len(q)
-    tool = mechanism.model.frames[mechanism.tool_frame]
-    carriers = {
-        name: (mechanism.bearing_frame(name), mechanism.journal_frame(name))
-        for name in mechanism.clearance
-    }
-    wanted = {tool.parentJoint}
-    wanted |= {index for pair in carriers.values() for index, _ in pair}
-    kinetic, potential, twist = np.empty(n), np.empty(n), np.empty((n, 6))
-    places = {index: (np.empty((n, 3, 3)), np.empty((n, 3))) for index in wanted}
-    misfits = []
-    ideal_loops = any(name not in mechanism.clearance for name in mechanism.loops)
+    """Tool motion and energies by record; for each joint with clearance and each loop `Motion`'s.
+
+    `bearings` (n, 3, 3) and `poses` (n, 12), by name.
+    """
+    names = list(dict.fromkeys([*mechanism.clearance, *mechanism.loops]))
+    pairs = [(mechanism.bearing_frame(name), mechanism.journal_frame(name)) for name in names]
+    frame = mechanism.model.frames[mechanism.tool_frame]
+    tool = int(frame.parentJoint), frame.placement
+    motion, n = Motion.of(len(q), len(pairs)), len(q)
     for first, end, phase in stretches:
-        model, data = phase.model, phase.model.createData()
-        speed = data.v[tool.parentJoint].vector
-        views = [(places[i], data.oMi[i].rotation, data.oMi[i].translation) for i in wanted]
-        for i in range(first, end):
-            pin.forwardKinematics(model, data, q[i], v[i])
-            kinetic[i] = pin.computeKineticEnergy(model, data)
-            potential[i] = pin.computePotentialEnergy(model, data)
-            twist[i] = speed
-            for (rotations, translations), rotation, translation in views:
-                rotations[i], translations[i] = rotation, translation
-            if ideal_loops:
-                misfits.append(misfit(mechanism, q[i]))
-    rotation, translation = places[tool.parentJoint]
-    arm = tool.placement.translation
-    local = twist[:, :3] + np.cross(twist[:, 3:], arm)
-
-    def frame(index: int, placement: pin.SE3) -> tuple[np.ndarray, np.ndarray]:
-        turn, shift = places[index]
-        return turn @ placement.rotation, shift + turn @ placement.translation
-
-    joints = {}
-    for name, (bearing, journal) in carriers.items():
-        (turn, origin), (turn_j, origin_j) = frame(*bearing), frame(*journal)
-        centre = np.einsum("nki,nk->ni", turn, origin_j - origin)
-        joints[name] = turn, centre, np.einsum("nki,nkj->nij", turn, turn_j)
+        Tree(phase.model).move(motion, first, end, q, v, tool, pairs)
     return {
-        "position": translation + rotation @ arm,
-        "velocity": np.einsum("nij,nj->ni", rotation, local),
-        "kinetic": kinetic,
-        "potential": potential,
-        "joints": joints,
-        "misfits": misfits,
+        "position": motion.tool[:, :3],
+        "velocity": motion.tool[:, 3:],
+        "kinetic": motion.energy[:, 0],
+        "potential": motion.energy[:, 1],
+        "bearings": dict(zip(names, motion.bearings.reshape(len(pairs), n, 3, 3), strict=True)),
+        "poses": dict(zip(names, motion.poses, strict=True)),
     }
+
+
+def _drift(mechanism: Mechanism, name: str, poses: np.ndarray) -> np.ndarray:
+    """Largest part of the `misfit` of an ideal loop, by the journal's poses (n, 12): (n,) [m]."""
+    parts = [poses[:, :3]]
+    if mechanism.loop_kind(name) != "spherical":  # an ideal slider closes no loop
+        parts.append(ANGLE_ARM_M * poses[:, [5, 8]])
+    return np.abs(np.concatenate(parts, axis=1)).max(axis=1)
 
 
 def _contact(
@@ -280,13 +269,13 @@ def _contact(
     }
     elastic = np.zeros(n)
     for j, (name, joint) in enumerate(mechanism.clearance.items()):
-        bearing, centre[:, j], turn = body["joints"][name]
-        tilt[:, j] = np.arctan2(np.hypot(turn[:, 0, 2], turn[:, 1, 2]), turn[:, 2, 2])
-        poses = np.concatenate([centre[:, j], turn.reshape(n, 9)], axis=1)
+        bearing, poses = body["bearings"][name], body["poses"][name]
+        centre[:, j] = poses[:, :3]
+        tilt[:, j] = np.arctan2(np.hypot(poses[:, 5], poses[:, 8]), poses[:, 11])
         count = len(joint.contacts)
         at = [names.index(contact) for contact in joint.contacts]
         gap[:, j, at], mode[:, j], form[:, j] = classify_many(
-            int(joint.shape), np.array(joint.dimensions), count, np.ascontiguousarray(poses)
+            int(joint.shape), np.array(joint.dimensions), count, poses
         )
         for recorded, values in by_contact.values():
             values[:, j, at] = recorded[:, j, :count]
@@ -352,34 +341,10 @@ def _reactions(
         at = mechanism.coordinate(name)
         effort[:, at] -= joint.torque(v[:, at])
     for first, end, phase in stretches:
-        model = phase.model
-        data = model.createData()
-        indices = [model.getJointId(name) for name in tree]
-        models = pin.StdVec_RigidConstraintModel()
-        models.extend(mechanism.constraints(q[first], 0.0))
-        datas = pin.StdVec_RigidConstraintData()
-        datas.extend([constraint.createData() for constraint in models])
-        pin.initConstraintDynamics(model, data, models, datas)
-        for i in range(first, end):
-            external = pin.StdVec_Force()
-            external.extend([pin.Force.Zero()] * model.njoints)
-            if loops:
-                acceleration = pin.constraintDynamics(
-                    model, data, q[i], v[i], effort[i], models, datas, PROXIMAL
-                ).copy()
-                pin.forwardKinematics(model, data, q[i])
-                for constraint, found in zip(models, datas, strict=True):
-                    one, two = constraint.joint1_id, constraint.joint2_id
-                    push = constraint.joint1_placement.act(found.contact_force)
-                    external[one] += push
-                    world = data.oMi[one].act(push)
-                    external[two] -= data.oMi[two].actInv(world)
-                    k = len(tree) + loops.index(constraint.name)
-                    forces[i, k] += world.linear
-            else:
-                acceleration = pin.aba(model, data, q[i], v[i], effort[i])
-            pin.rnea(model, data, q[i], v[i], acceleration, external)
-            pin.forwardKinematics(model, data, q[i])  # rnea leaves the orientations oMi alone
-            for k, index in enumerate(indices):
-                forces[i, k] = data.oMi[index].rotation @ data.f[index].linear
+        joints = [int(phase.model.getJointId(name)) for name in tree]
+        held = mechanism.constraints(q[first], 0.0)
+        found, holds = Tree(phase.model).reactions(first, end, q, v, effort, joints, held)
+        forces[first:end, : len(tree)] = found
+        for k, constraint in enumerate(held):
+            forces[first:end, len(tree) + loops.index(constraint.name)] += holds[:, k]
     return forces

@@ -14,7 +14,25 @@ from jointplay.loops import PROXIMAL
 from jointplay.workspace import Workspace
 
 LOOP_CORRECTION = 0.1
-"""Frequency of Baumgarte's stabilisation of ideal loops, times the interval of its evaluation."""
+"""Frequency of Baumgarte's stabilisation of ideal loops, times the step; of single-rate methods."""
+
+LOOP_CORRECTION_PER_MACRO = 0.5
+"""The same times the macro step, at whose pace the multi-rate method evaluates it."""
+
+LONGEST_MACRO_STEP_S = 5e-4
+"""Macro steps that an error estimate chooses are no longer than this [s]."""
+
+MACRO_TOLERANCE = 1e-3
+"""Error of the acceleration drawn along a line through two macro steps, relative: what the third
+says differs from it by no more, or the next macro step is shorter.
+
+The error between the middles is a small part of that. Measured: docs/integrators.md.
+"""
+
+LOOP_TOLERANCE = 3e-5
+"""The same with ideal loops, which drift apart by what the line is off."""
+
+_PREDICT, _MACRO_STEP = int(Command.PREDICT), int(Command.MACRO_STEP)
 
 
 class Loop(ABC):
@@ -37,6 +55,7 @@ class Loop(ABC):
     ) -> None:
         """Keep what the loop works on."""
         self.model, self.data, self.workspace, self.method = model, data, workspace, method
+        self._enter = compiled()
         self._models = pin.StdVec_RigidConstraintModel()
         self._models.extend(constraints)
         self._datas = pin.StdVec_RigidConstraintData()
@@ -100,7 +119,7 @@ class SingleRate(Loop):
 
     def stretch(self, steps: int) -> bool:
         """Do `steps` steps."""
-        enter, run = compiled(), self.workspace.run
+        enter, run = self._enter, self.workspace.run
         command, load = int(self.method.command), int(Command.LOAD)
         dynamics, state = self._call
         jacobians, place = pin.computeJointJacobians, (self.model, self.data, self.workspace.q)
@@ -121,21 +140,69 @@ class SingleRate(Loop):
 
 
 class MultiRate(Loop):
-    """Pinocchio once a macro step; the micro steps in compiled code."""
+    """Pinocchio once a macro step; the micro steps in compiled code.
 
-    def __init__(self, *args: Any) -> None:
+    Args:
+        macro_step: length of macro steps [s]; None lets an error estimate choose.
+    """
+
+    def __init__(self, *args: Any, macro_step: float | None = None) -> None:
         """Prepare the calls."""
         super().__init__(*args)
-        path = self.workspace.path
-        self._nodes = [(path[3 + 2 * k], path[4 + 2 * k]) for k in range(3)]
-        self._zero = np.zeros(self.model.nv)
-        self.macro = 50
+        w, nv = self.workspace, self.model.nv
+        self._dt = dt = float(w.run["dt"][0])
+        self._nodes = [(w.path[3 + 2 * k], w.path[4 + 2 * k]) for k in range(3)]
+        self._zero = np.zeros(nv)
+        self._fixed = macro_step is not None
+        longest = LONGEST_MACRO_STEP_S if macro_step is None else macro_step
+        self._longest = max(round(longest / dt), 1)
+        self._macro = self._longest if self._fixed else max(self._longest // 10, 1)
+        self._tolerance = LOOP_TOLERANCE if len(self._models) else MACRO_TOLERANCE
+        if len(self._models):
+            # What Pinocchio's data hold is of one call; here an answer is made of several.
+            self._tau = np.zeros(nv)
+            self._other = self.model.createData()
+            w.own_inertia()
 
     def _inertia(self, q: np.ndarray, v: np.ndarray) -> None:
         """Inverse mass matrix, and acceleration without forces, of this state."""
-        dynamics, state = self._dynamics(q, v, self._zero)
-        dynamics(*state)
+        if len(self._models):
+            self._inertia_of_loops(q, v)
+            return
+        pin.aba(self.model, self.data, q, v, self._zero, self._none, pin.Convention.WORLD)
         pin.computeMinverse(self.model, self.data)
+
+    def _inertia_of_loops(self, q: np.ndarray, v: np.ndarray) -> None:
+        """The same with ideal loops: accelerations per force, the constraints' forces included."""
+        w = self.workspace
+        self._correct(0.0)
+        dynamics, state = self._dynamics(q, v, self._tau)
+        dynamics(*state)
+        w.free[:] = self.data.ddq
+        pin.computeMinverse(self.model, self._other, q)
+        # Forces large enough for their effect not to drown in the acceleration there is.
+        sizes = (1.0 + np.abs(w.free).max()) / self._other.Minv.diagonal()
+        for i, size in enumerate(sizes):
+            self._tau[i] = size
+            dynamics(*state)
+            w.inverse_mass[:, i] = (self.data.ddq - w.free) / size
+            self._tau[i] = 0.0
+
+    def _correct(self, frequency: float) -> None:
+        """Set the frequency of Baumgarte's stabilisation [rad/s]."""
+        for constraint in self._models:
+            constraint.m_baumgarte_parameters.Kp = frequency**2
+            constraint.m_baumgarte_parameters.Kd = 2.0 * frequency
+
+    def _close_loops(self, span: float, q: np.ndarray, v: np.ndarray) -> None:
+        """Add what Baumgarte's stabilisation does in a macro step of `span` seconds to the speeds.
+
+        At once, for within the step it would spoil the line that the acceleration follows.
+        """
+        self._correct(LOOP_CORRECTION_PER_MACRO / span)
+        dynamics, state = self._dynamics(q, v, self._tau)
+        dynamics(*state)
+        self.workspace.half += span * (self.data.ddq - self.workspace.free)
 
     def begin(self) -> None:
         """Evaluate forces and acceleration, and set off half a step before."""
@@ -162,12 +229,22 @@ class MultiRate(Loop):
 
     def stretch(self, steps: int) -> bool:
         """Do one macro step."""
-        w = self.workspace
-        w.run["macro"] = min(steps, self.macro)
-        w.do(Command.PREDICT)
+        w, enter = self.workspace, self._enter
+        macro = min(steps, self._macro)
+        w.run["macro"] = macro
+        enter(w.run, _PREDICT)
         self._frames(3)
         self._inertia(*self._nodes[1])
-        return w.do(Command.MACRO_STEP) == 0
+        if len(self._models):
+            self._close_loops(macro * self._dt, *self._nodes[1])
+        status = enter(w.run, _MACRO_STEP)
+        if not self._fixed:
+            error = float(w.run["path_error"][0])
+            if error >= 0.0:
+                factor = (self._tolerance / max(error, 1e-12)) ** 0.5
+                best = int(macro * min(max(factor, 0.25), 2.0) + 0.5)
+                self._macro = min(max(best, 1), self._longest)
+        return bool(status == 0)
 
     def finish(self) -> None:
         """Record the last state."""

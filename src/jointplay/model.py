@@ -78,7 +78,7 @@ def build(
         axis, slides = _axis(source, data, old, given)
         turned[old] = pin.SE3.Identity()
         if given is not None and (given.kind == "spherical" or not given.ideal):
-            turn = pin.SE3(_z_to(axis), np.zeros(3))
+            turn = pin.SE3(z_to(axis), np.zeros(3))
             freedoms = VIRTUAL_LINK[3:] if given.ideal else given.freedoms
             new = _virtual_link(model, parent, placement * turn, name, freedoms)
             coordinates += [f"{name}.{coordinate}" for coordinate in freedoms]
@@ -157,7 +157,7 @@ def _revolute(axis: np.ndarray) -> Any:
     return pin.JointModelRevoluteUnaligned(axis)
 
 
-def _z_to(axis: np.ndarray) -> np.ndarray:
+def z_to(axis: np.ndarray) -> np.ndarray:
     """Rotation matrix that turns e_z into the unit vector `axis` by the shortest way."""
     x, y, z = axis
     if z < -1.0 + 1e-12:

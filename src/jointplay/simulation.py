@@ -30,7 +30,7 @@ from jointplay.impact import REFERENCE_SPEED, contact_duration, effective_mass
 from jointplay.integrators import DEFAULT, Integrator, integrator
 from jointplay.joints import VIRTUAL_LINK
 from jointplay.kernel import Status
-from jointplay.loop import LOOP_CORRECTION, MultiRate, SingleRate
+from jointplay.loop import LOOP_CORRECTION, Loop, MultiRate, SingleRate
 from jointplay.loops import assemble, closing_rows, consistent_velocity
 from jointplay.mechanism import Mechanism
 from jointplay.motion import Motion
@@ -83,6 +83,9 @@ class Simulation:
     step: float = 1e-5
     """Time step [s]."""
     integrator: str = DEFAULT
+    macro_step: float | None = None
+    """Interval at which the multi-rate method asks Pinocchio for the arm's inertia [s]; None lets
+    an error estimate choose it."""
     record_every: int = 10
     """Steps between two records; peaks in between are held."""
     joint_friction: Mapping[str, JointFriction] | None = None
@@ -106,6 +109,7 @@ class Simulation:
             "duration": self.duration,
             "step": self.step,
             "integrator": self.integrator,
+            "macro_step": self.macro_step,
             "record_every": self.record_every,
             "joint_friction": None
             if self.joint_friction is None
@@ -166,6 +170,8 @@ class Run:
         self.mechanism = mechanism
         self.method: Integrator = integrator(simulation.integrator)
         step = require_positive("step", simulation.step, "s")
+        if simulation.macro_step is not None:
+            require_positive("macro step", simulation.macro_step, "s")
         duration = self._duration()
         every = simulation.record_every
         if not isinstance(every, int) or every < 1:
@@ -200,9 +206,13 @@ class Run:
         self._events = self._plan(step)
         self._check_locks(q)
         self._check_step(step, q)
-        kind = SingleRate if self.method.single_rate else MultiRate
         constraints = mechanism.constraints(q, LOOP_CORRECTION / step)
-        self._loop = kind(self.model, self.data, self.workspace, self.method, constraints)
+        parts = (self.model, self.data, self.workspace, self.method, constraints)
+        self._loop: Loop
+        if self.method.single_rate:
+            self._loop = SingleRate(*parts)
+        else:
+            self._loop = MultiRate(*parts, macro_step=simulation.macro_step)
 
     def _duration(self) -> float:
         duration, motion = self.simulation.duration, self.simulation.motion

@@ -224,6 +224,11 @@ class Workspace:
                 joint[name] = getattr(site.film, name)
             joint["film_parameters"][: len(site.film.parameters)] = site.film.parameters
 
+    def own_inertia(self) -> None:
+        """Have `inverse_mass` and `free` apart from Pinocchio's data, to be filled in."""
+        self.inverse_mass = self._room("found_minv", *self.inverse_mass.shape)
+        self.free = self._room("found_free", *self.free.shape)
+
     def make_room(self, rows: int) -> None:
         """Have room for `rows` records, before the first of them is written."""
         self.record = np.zeros((rows, self.record.shape[1]))
