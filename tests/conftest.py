@@ -7,6 +7,7 @@ import pytest
 from hypothesis import HealthCheck, Phase, settings
 
 from jointplay import ClearanceJoint, ComputedTorque, Mechanism, Motion, Simulation
+from jointplay.integrators import DEFAULT
 from jointplay.simulation import Run
 
 # A simulation in each example: slow machines must not fail, and a failure must not be shrunk for
@@ -80,7 +81,7 @@ def free_mass(urdf):
         inertia=1e-2,
         gravity=(0.0, 0.0, 0.0),
         step=1e-6,
-        integrator="semi-implicit-euler",
+        integrator=DEFAULT,
         record_every=1,
         **bearing,
     ) -> Run:
