@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from typing import Any
 
@@ -31,6 +32,9 @@ The error between the middles is a small part of that. Measured: docs/integrator
 
 LOOP_TOLERANCE = 3e-5
 """The same with ideal loops, which drift apart by what the line is off."""
+
+SHORTEST_MICRO_STEP_S = 2e-8
+"""Adaptive micro steps are halved down to this [s]."""
 
 _PREDICT, _MACRO_STEP = int(Command.PREDICT), int(Command.MACRO_STEP)
 
@@ -216,7 +220,7 @@ class MultiRate(Loop):
 
     def settle(self) -> None:
         """Find the velocity at the present instant."""
-        self.workspace.do(Command.EVALUATE)
+        self.workspace.do(Command.SETTLE_MACRO)
 
     def _frames(self, nodes: int) -> None:
         """Frames and Jacobians at the first `nodes` nodes of the predicted path."""
@@ -229,23 +233,112 @@ class MultiRate(Loop):
 
     def stretch(self, steps: int) -> bool:
         """Do one macro step."""
-        w, enter = self.workspace, self._enter
         macro = min(steps, self._macro)
+        self._prepare(macro)
+        status = self._enter(self.workspace.run, _MACRO_STEP)
+        self._adapt(macro)
+        return bool(status == 0)
+
+    def _prepare(self, macro: int) -> None:
+        """Ask Pinocchio for all that a macro step of so many steps needs."""
+        w = self.workspace
         w.run["macro"] = macro
-        enter(w.run, _PREDICT)
+        self._enter(w.run, _PREDICT)
         self._frames(3)
         self._inertia(*self._nodes[1])
         if len(self._models):
             self._close_loops(macro * self._dt, *self._nodes[1])
-        status = enter(w.run, _MACRO_STEP)
-        if not self._fixed:
-            error = float(w.run["path_error"][0])
-            if error >= 0.0:
-                factor = (self._tolerance / max(error, 1e-12)) ** 0.5
-                best = int(macro * min(max(factor, 0.25), 2.0) + 0.5)
-                self._macro = min(max(best, 1), self._longest)
-        return bool(status == 0)
+
+    def _adapt(self, macro: int) -> None:
+        """Choose the length of the next macro step from the error of the last path."""
+        error = float(self.workspace.run["path_error"][0])
+        if not self._fixed and error >= 0.0:
+            factor = (self._tolerance / max(error, 1e-12)) ** 0.5
+            best = int(macro * min(max(factor, 0.25), 2.0) + 0.5)
+            self._macro = min(max(best, 1), self._longest)
 
     def finish(self) -> None:
         """Record the last state."""
         self.workspace.do(Command.FINISH)
+
+
+class Adaptive(MultiRate):
+    """The multi-rate method with micro steps of its own choice.
+
+    A macro step is done twice, the second time with micro steps half as long, until both agree: no
+    call of Pinocchio is repeated. Steps are divided at the onsets of contacts.
+
+    Args:
+        macro_step: see `MultiRate`.
+        tolerance: difference of the momenta at the end of the macro step, relative to what contacts
+            and inertia have moved in it; likewise of the positions.
+    """
+
+    def __init__(self, *args: Any, macro_step: float | None, tolerance: float) -> None:
+        """Prepare the calls, and the room for states to come back to."""
+        super().__init__(*args, macro_step=macro_step)
+        w = self.workspace
+        self._tolerated = tolerance
+        self._state = w.state()
+        self._kept = [array.copy() for array in self._state]
+        self._every = int(w.run["every"][0])
+        # Macro steps go from record to record, or divide the way between them.
+        fitting = (n for n in range(min(self._every, self._longest), 0, -1) if self._every % n == 0)
+        self._unit = next(fitting)
+        self._micro_step = self._dt
+
+    def stretch(self, steps: int) -> bool:
+        """Do one macro step as finely as it needs."""
+        macro = min(steps, max(self._macro // self._unit, 1) * self._unit)
+        span = macro * self._dt
+        self._prepare(macro)
+        self._enter(self.workspace.run, int(Command.TAKE_MIDDLE))
+        for kept, array in zip(self._kept, self._state, strict=True):
+            np.copyto(kept, array)
+        self._begun = self.workspace.half.copy()
+        records = macro // self._every if macro % self._every == 0 else 1
+        halvings = math.ceil(math.log2(max(0.5 * span / (self._micro_step * records), 1.0)) - 1e-9)
+        micro = records * 2**halvings
+        coarse = self._try(micro)
+        while True:
+            for kept, array in zip(self._kept, self._state, strict=True):
+                np.copyto(array, kept)
+            micro *= 2
+            fine = self._try(micro)
+            error = self._difference(coarse, fine, span)
+            if not error > self._tolerated:
+                break
+            if 0.5 * span / micro < SHORTEST_MICRO_STEP_S:
+                self.workspace.unresolved += 1
+                break
+            coarse = fine
+        # The error falls by four when steps are halved; less where a contact begins or ends.
+        self._micro_step = span / micro * (2.0 if error < 0.1 * self._tolerated else 1.0)
+        self._adapt(macro)
+        return self.workspace.status == 0
+
+    def _try(self, micro: int) -> tuple[np.ndarray, np.ndarray]:
+        """Do the macro step with so many micro steps; returns q and v at its end."""
+        w = self.workspace
+        w.run["micro"] = micro
+        self._enter(w.run, int(Command.ADAPTIVE_STEP))
+        # From half a step ago to now, with the acceleration of the last state.
+        v = w.half + 0.5 * float(w.run["dt_before"][0]) * w.acceleration
+        return w.q.copy(), v
+
+    def _difference(
+        self, one: tuple[np.ndarray, np.ndarray], other: tuple[np.ndarray, np.ndarray], span: float
+    ) -> float:
+        """Difference of two ends, relative to what was moved in the macro step; 0 if it failed."""
+        w = self.workspace
+        if w.status != 0:
+            return 0.0
+        mass = 1.0 / np.maximum(w.inverse_mass.diagonal(), 1e-300)
+
+        def size(v: np.ndarray) -> float:
+            return float(np.sqrt(mass @ (v * v)))
+
+        moved = float(w.run["pushed"][0]) + size(other[1] - self._begun)
+        if moved == 0.0:
+            return 0.0
+        return max(size(one[1] - other[1]), size(one[0] - other[0]) / span) / moved

@@ -30,7 +30,7 @@ from jointplay.impact import REFERENCE_SPEED, contact_duration, effective_mass
 from jointplay.integrators import DEFAULT, Integrator, integrator
 from jointplay.joints import VIRTUAL_LINK
 from jointplay.kernel import Status
-from jointplay.loop import LOOP_CORRECTION, Loop, MultiRate, SingleRate
+from jointplay.loop import LOOP_CORRECTION, Adaptive, Loop, MultiRate, SingleRate
 from jointplay.loops import assemble, closing_rows, consistent_velocity
 from jointplay.mechanism import Mechanism
 from jointplay.motion import Motion
@@ -86,6 +86,10 @@ class Simulation:
     macro_step: float | None = None
     """Interval at which the multi-rate method asks Pinocchio for the arm's inertia [s]; None lets
     an error estimate choose it."""
+    tolerance: float | None = None
+    """Error of a macro step relative to the momentum that contacts and inertia move in it, by which
+    the multi-rate method chooses its micro steps; None: all as long as `step`, which otherwise
+    sets the times of records only."""
     record_every: int = 10
     """Steps between two records; peaks in between are held."""
     joint_friction: Mapping[str, JointFriction] | None = None
@@ -110,6 +114,7 @@ class Simulation:
             "step": self.step,
             "integrator": self.integrator,
             "macro_step": self.macro_step,
+            "tolerance": self.tolerance,
             "record_every": self.record_every,
             "joint_friction": None
             if self.joint_friction is None
@@ -172,6 +177,14 @@ class Run:
         step = require_positive("step", simulation.step, "s")
         if simulation.macro_step is not None:
             require_positive("macro step", simulation.macro_step, "s")
+        if simulation.tolerance is not None:
+            require_positive("tolerance", simulation.tolerance, "")
+        for option in ("macro_step", "tolerance"):
+            if getattr(simulation, option) is not None and self.method.single_rate:
+                raise JointplayError(
+                    f"{option} belongs to the integrator {DEFAULT!r}; "
+                    f"{self.method.name!r} has a fixed step"
+                )
         duration = self._duration()
         every = simulation.record_every
         if not isinstance(every, int) or every < 1:
@@ -211,8 +224,12 @@ class Run:
         self._loop: Loop
         if self.method.single_rate:
             self._loop = SingleRate(*parts)
-        else:
+        elif simulation.tolerance is None:
             self._loop = MultiRate(*parts, macro_step=simulation.macro_step)
+        else:
+            self._loop = Adaptive(
+                *parts, macro_step=simulation.macro_step, tolerance=simulation.tolerance
+            )
 
     def _duration(self) -> float:
         duration, motion = self.simulation.duration, self.simulation.motion

@@ -113,11 +113,16 @@ class Workspace:
         self.fields, columns = _layout(nv, nj, width)
         self._kept: list[np.ndarray] = []  # what the record points to must live as long
         self.run = np.zeros(1, layout.RUN)
+        self.unresolved = 0
+        """Macro steps in which the shortest adaptive micro steps did not reach the tolerance."""
         self.q, self.v, self.tau = (self._room(name, nv) for name in ("q", "v", "tau"))
         self.half, self.drive = self._room("half", nv), self._room("drive", nv)
-        for name in ("contact_push", "free", "free_rate", "free_middle"):
+        self._changing = [self.q, self.v, self.half, self.drive, self.tau]
+        self._changing += [self._room(name, nv) for name in ("contact_push", "free")]
+        self._changing.append(self._room("minv", nv, nv))
+        for name in ("free_rate", "free_middle"):
             self._room(name, nv)
-        for name in ("minv", "minv_rate", "minv_middle", "slope", "compliance"):
+        for name in ("minv_rate", "minv_middle", "slope", "compliance"):
             self._room(name, nv, nv)
         self._room("system", nv, nv + 1)
         self._room("trial", 7, nv)
@@ -130,6 +135,7 @@ class Workspace:
         self._point("jacobian", data.J)
         if own_acceleration:
             self.acceleration = self._room("a", nv)
+            self._changing.append(self.acceleration)
         else:
             self.acceleration = self._point("a", data.ddq)
         self.joints = self._point("joints", np.zeros(nj, layout.JOINT))
@@ -163,6 +169,7 @@ class Workspace:
             through_frames=int(any(site.first is None for site in sites)),
             prescribed=int(np.any(self.drives["armature"] > 0.0)),
             record=self.record.ctypes.data,
+            rows=rows,
         )
 
     def _set(self, **fields: float) -> None:
@@ -229,10 +236,14 @@ class Workspace:
         self.inverse_mass = self._room("found_minv", *self.inverse_mass.shape)
         self.free = self._room("found_free", *self.free.shape)
 
+    def state(self) -> list[np.ndarray]:
+        """All arrays that a macro step changes, but for the records: to come back to a state."""
+        return [self.run, self.joints, self.contacts, *self._changing, *self.sliding_work]
+
     def make_room(self, rows: int) -> None:
         """Have room for `rows` records, before the first of them is written."""
         self.record = np.zeros((rows, self.record.shape[1]))
-        self._set(record=self.record.ctypes.data)
+        self._set(record=self.record.ctypes.data, rows=rows)
 
     def watch(self, windows: Sequence[tuple[int, int]]) -> None:
         """Record every step from the first to the last of each of these pairs of steps, too."""

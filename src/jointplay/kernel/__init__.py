@@ -36,7 +36,7 @@ class Command(IntEnum):
     NODES = 2
     RESTART = 3
     SET_OFF = 4
-    EVALUATE = 5
+    SETTLE_MACRO = 5
     FINISH = 6
     BEGIN = 7
     REFRESH = 8
@@ -45,11 +45,13 @@ class Command(IntEnum):
     RECORD = 11
     SEMI_IMPLICIT_EULER = 12
     RUNGE_KUTTA_4 = 13
+    TAKE_MIDDLE = 14
+    ADAPTIVE_STEP = 15
 
 
 (
-    _MACRO_STEP, _PREDICT, _NODES, _RESTART, _SET_OFF, _EVALUATE, _FINISH, _BEGIN, _REFRESH, _LOAD,
-    _SETTLE, _RECORD, _EULER, _RUNGE_KUTTA,
+    _MACRO_STEP, _PREDICT, _NODES, _RESTART, _SET_OFF, _SETTLE_MACRO, _FINISH, _BEGIN, _REFRESH,
+    _LOAD, _SETTLE, _RECORD, _EULER, _RUNGE_KUTTA, _TAKE_MIDDLE, _ADAPTIVE_STEP,
 ) = (int(command) for command in Command)  # fmt: skip
 
 
@@ -58,7 +60,14 @@ def enter(table, command) -> int:
     """Carry out a `Command` on a run (`layout.RUN`, an array of one); returns its status."""
     run = table[0]
     if command == _MACRO_STEP:
+        multirate.take_middle(run)
         multirate.macro_step(run)
+    elif command == _TAKE_MIDDLE:
+        multirate.take_middle(run)
+    elif command == _ADAPTIVE_STEP:
+        multirate.adaptive_step(run)
+    elif command == _SETTLE_MACRO:
+        multirate.settle_macro(run)
     elif command == _EULER:
         singlerate.semi_implicit_euler(run)
     elif command == _RUNGE_KUTTA:
@@ -73,11 +82,9 @@ def enter(table, command) -> int:
         multirate.restart(run)
     elif command == _SET_OFF:
         multirate.set_off(run)
-    elif command == _EVALUATE:
-        multirate.evaluate(run)
     elif command == _FINISH:
         multirate.finish(run)
-    elif command == _BEGIN or command == _REFRESH:
+    elif command in (_BEGIN, _REFRESH):
         singlerate.begin(run, command == _BEGIN)
     elif command == _SETTLE:
         records.settle(run)

@@ -38,34 +38,42 @@ _LEAST_DIFFERENCE = 1e-9
 
 
 @internal
+def _place(joint, k):
+    """Gap of contact k at the joint's pose, its arm (3) and direction (3)."""
+    pose, dimensions = joint.pose, pointer(joint.dimensions)
+    if joint.shape == _CYLINDER:
+        d0, d1, d2, d3 = dimensions[0], dimensions[1], dimensions[2], dimensions[3]
+        return touch_cylinder(
+            k, pose[0], pose[1], pose[2], pose[5], pose[8], pose[11], d0, d1, d2, d3
+        )
+    return touch_shape(joint.shape, dimensions, 0, k, pose[0], pose[1], pose[2], pose, 3)
+
+
+@internal
+def gap_of(joint, k):
+    """Gap of contact k at the joint's pose."""
+    return _place(joint, k)[0]
+
+
+@internal
 def touch(run, j, joint):
     """Find gap, place and normal of each contact of joint j; returns whether any touches.
 
     Elastic forces follow, for they depend on the depth alone.
     """
     touching = False
-    pose, width = joint.pose, run.width
-    dimensions = pointer(joint.dimensions)
-    d0, d1, d2, d3 = dimensions[0], dimensions[1], dimensions[2], dimensions[3]
     for k in range(joint.count):
         contact = contacts(run, j)[k]
-        if joint.shape == _CYLINDER:
-            gap, rx, ry, rz, nx, ny, nz = touch_cylinder(
-                k, pose[0], pose[1], pose[2], pose[5], pose[8], pose[11], d0, d1, d2, d3
-            )
-        else:
-            gap, rx, ry, rz, nx, ny, nz = touch_shape(
-                joint.shape, dimensions, 0, k, pose[0], pose[1], pose[2], pose, 3
-            )
+        gap, rx, ry, rz, nx, ny, nz = _place(joint, k)
         contact.gap = gap
         contact.touching = 0
         if gap >= 0.0:
             continue
         if gap < joint.limit:
-            fail(run, _BROKE_OUT, width * j + k)
+            fail(run, _BROKE_OUT, run.width * j + k)
             continue
         if k < joint.must_not_touch:
-            fail(run, _FILM_BROKE, width * j + k)
+            fail(run, _FILM_BROKE, run.width * j + k)
             continue
         contact.touching = 1
         touching = True
@@ -270,7 +278,8 @@ def lose(run, j, joint):
             continue
         run.power[NORMAL] += (contact.normal_now - contact.elastic) * contact.rate
         run.power[FRICTION] += contact.rubbed
-        if not math.isfinite(contact.normal_now + contact.elastic + contact.tangential_now) or (joint.bristles == 0 and contact.rubbed < 0.0):
+        finite = math.isfinite(contact.normal_now + contact.elastic + contact.tangential_now)
+        if not finite or (joint.bristles == 0 and contact.rubbed < 0.0):
             fail(run, _BAD_FORCE, run.width * j + k)
 
 

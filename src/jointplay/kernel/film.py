@@ -93,10 +93,7 @@ def _stiffen(run, joint, place, velocity, arm, force):
         column = ((fx - force[0]) / more, (fy - force[1]) / more, 0.0)
         turned = cross(arm, column)
         # Velocity of the section per angular velocity: row c of -[arm].
-        if c == 0:
-            lever = (0.0, arm[2], -arm[1])
-        else:
-            lever = (-arm[2], 0.0, arm[0])
+        lever = (0.0, arm[2], -arm[1]) if c == 0 else (-arm[2], 0.0, arm[0])
         for r in range(3):
             stiff[r, c] += column[r]
             stiff[3 + r, c] += turned[r]

@@ -15,7 +15,11 @@ forces at it.
 
 from __future__ import annotations
 
-from jointplay.kernel.contact import lose, remember
+import math
+
+import numpy as np
+
+from jointplay.kernel.contact import gap_of, lose, remember
 from jointplay.kernel.drive import drive, lose_in_joints, prescribe, work_of_drives
 from jointplay.kernel.film import lose_to_film
 from jointplay.kernel.layout import (
@@ -23,6 +27,7 @@ from jointplay.kernel.layout import (
     POWERS,
     SPEED_LIMIT,
     Status,
+    contacts,
     drives,
     fail,
     floats,
@@ -31,10 +36,16 @@ from jointplay.kernel.layout import (
     matrix,
 )
 from jointplay.kernel.record import due, record
-from jointplay.kernel.solve import answer, find_touching, solve
+from jointplay.kernel.solve import SPEED, TRIALS, answer, find_pose, find_touching, solve
 
 _NP = len(POWERS)
 _RUN_AWAY = int(Status.RUN_AWAY)
+
+ONSET_HALVINGS = 20
+"""Halvings by which the onset of a contact is located in an adaptive step."""
+
+LEAST_PART_OF_STEP = 1e-3
+"""A step is not divided nearer to its ends than this."""
 
 
 @internal
@@ -124,7 +135,7 @@ def _base(run, q, half, v, base, h):
 
 @internal
 def _complete(run, half, v, base, h):
-    """Velocities that the solve left out, and all accelerations."""
+    """Velocities that the solve left out, and all accelerations; returns their size."""
     nv = run.nv
     a, push, minv = floats(run.a, nv), floats(run.contact_push, nv), matrix(run.minv, nv, nv)
     size = 0.0
@@ -135,8 +146,7 @@ def _complete(run, half, v, base, h):
         v[i] = base[i] + h * total
         a[i] = (v[i] - half[i]) / h
         size += abs(v[i])
-    if not size < SPEED_LIMIT:  # true for NaN as well
-        fail(run, _RUN_AWAY, 0)
+    return size
 
 
 @internal
@@ -182,62 +192,148 @@ def evaluate(run):
     else:
         for i in range(nv):
             push[i] = 0.0
-    _complete(run, half, v, base, h)
+    size = _complete(run, half, v, base, h)
     _powers(run, q, v)
+    if not size < SPEED_LIMIT:  # true for NaN as well
+        fail(run, _RUN_AWAY, 0)
 
 
 @internal
-def remember_all(run, duration):
-    """Make the state just evaluated one of the trajectory."""
-    for j in range(run.nj):
-        remember(run, j, joints(run)[j], duration)
-
-
-@internal
-def _step(run):
-    """Go from the state just evaluated to the next instant."""
+def _step(run, dt):
+    """Go from the state just evaluated to the one `dt` later."""
     nv = run.nv
     q, v, half = floats(run.q, nv), floats(run.v, nv), floats(run.half, nv)
     free, free_rate = floats(run.free, nv), floats(run.free_rate, nv)
     minv, minv_rate = floats(run.minv, nv * nv), floats(run.minv_rate, nv * nv)
-    dt, ratio = run.dt, run.dt / run.dt_before
+    ratio = dt / run.dt_before
     for i in range(nv):
         half[i] = v[i] + ratio * (v[i] - half[i])
         q[i] += dt * half[i]
         free[i] += dt * free_rate[i]
     for i in range(nv * nv):
         minv[i] += dt * minv_rate[i]
-    run.step += 1
-    run.time = run.step * dt
     run.dt_before = dt
 
 
 @internal
+def _pass(run, dt, recorded):
+    """Let the state just evaluated be one of the trajectory, `dt` before the next; record it."""
+    before = 0.5 * run.dt_before if run.fresh == 0 else 0.0
+    for i in range(_NP):
+        run.work[i] += before * run.power[i]
+    for j in range(run.nj):
+        remember(run, j, joints(run)[j], before + 0.5 * dt)
+    if recorded:
+        record(run)
+    for i in range(_NP):
+        run.work[i] += 0.5 * dt * run.power[i]
+    run.fresh = 0
+
+
+@internal
+def _least_gap(run, part, dt):
+    """Least gap of contacts that do not touch now, at a part of the way to the next state."""
+    nv = run.nv
+    q, v, half = floats(run.q, nv), floats(run.v, nv), floats(run.half, nv)
+    there, ratio = matrix(run.trial, TRIALS, nv)[SPEED], dt / run.dt_before
+    for i in range(nv):
+        there[i] = q[i] + part * dt * (v[i] + ratio * (v[i] - half[i]))
+    now = run.time
+    run.time = now + part * dt
+    least = np.inf
+    for j in range(run.nj):
+        joint = joints(run)[j]
+        find_pose(run, joint, there)
+        for k in range(joint.count):
+            if contacts(run, j)[k].touching == 0:
+                least = min(least, gap_of(joint, k))
+    run.time = now
+    return least
+
+
+@internal
+def _onset(run, dt):
+    """Part of the way to the next state at which a contact begins; 1 if none does."""
+    if _least_gap(run, 1.0, dt) >= 0.0:
+        return 1.0
+    low, high = 0.0, 1.0
+    for _ in range(ONSET_HALVINGS):
+        middle = 0.5 * (low + high)
+        if _least_gap(run, middle, dt) >= 0.0:
+            low = middle
+        else:
+            high = middle
+    return max(high, 2.0 * LEAST_PART_OF_STEP) if high < 1.0 - LEAST_PART_OF_STEP else 1.0
+
+
+@internal
 def macro_step(run):
-    """All micro steps of a macro step; its path predicted, its middle evaluated by Pinocchio."""
-    take_middle(run)
+    """All micro steps of a macro step of the given length, each `run.dt` long."""
     for _ in range(run.macro):
         evaluate(run)
-        remember_all(run, 0.5 * (run.dt_before + run.dt))
-        for i in range(_NP):
-            run.work[i] += 0.5 * run.dt_before * run.power[i]
-        if due(run):
-            record(run)
-        for i in range(_NP):
-            run.work[i] += 0.5 * run.dt * run.power[i]
+        _pass(run, run.dt, due(run))
         if run.status != 0:
             return
-        _step(run)
+        _step(run, run.dt)
+        run.step += 1
+        run.time = run.step * run.dt
+
+
+@internal
+def adaptive_step(run):
+    """All micro steps of a macro step, `run.micro` of equal length; onsets are located."""
+    start, first = run.path_start, run.step
+    span = run.macro * run.dt
+    dt = span / run.micro
+    pushed = 0.0
+    for k in range(run.micro):
+        done = 0.0
+        while done < 1.0:
+            evaluate(run)
+            pushed += _pushed(run) * run.dt_before
+            run.step = first + k * run.macro // run.micro
+            recorded = done == 0.0 and k * run.macro % run.micro == 0 and due(run)
+            # A state is what it is however long the next step: look for an onset on the way.
+            remaining = (1.0 - done) * dt
+            part = _onset(run, remaining)
+            _pass(run, part * remaining, recorded)
+            if run.status != 0:
+                return
+            _step(run, part * remaining)
+            done = 1.0 if part == 1.0 else done + part * (1.0 - done)
+            run.time = start + (k + done) * dt
+    run.pushed = pushed
+    run.step = first + run.macro
+    run.time = run.step * run.dt
+
+
+@internal
+def _pushed(run):
+    """Acceleration by what depends on velocity, as the root of twice a kinetic energy."""
+    nv = run.nv
+    push, minv = floats(run.contact_push, nv), matrix(run.minv, nv, nv)
+    total = 0.0
+    for i in range(nv):
+        if push[i] != 0.0:
+            for k in range(nv):
+                total += push[i] * minv[i, k] * push[k]
+    return math.sqrt(max(total, 0.0))
+
+
+@internal
+def settle_macro(run):
+    """Evaluate the state for something that is going to change it, and complete its works."""
+    evaluate(run)
+    if run.fresh == 0:
+        for i in range(_NP):
+            run.work[i] += 0.5 * run.dt_before * run.power[i]
 
 
 @internal
 def finish(run):
     """Record the state at the end of the last macro step."""
     evaluate(run)
-    remember_all(run, run.dt_before)
-    for i in range(_NP):
-        run.work[i] += 0.5 * run.dt_before * run.power[i]
-    record(run)
+    _pass(run, 0.0, True)
 
 
 @internal
@@ -273,3 +369,4 @@ def set_off(run):
             a[i] += (minv[i, k] if i <= k else minv[k, i]) * (tau[k] + push[k])
         half[i] = v[i] - 0.5 * run.dt * a[i]
         path[9, i] = half[i]
+    run.fresh = 1

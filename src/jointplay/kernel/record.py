@@ -16,7 +16,7 @@ def due(run):
     if run.step % run.every == 0:
         return True
     windows = matrix(run.windows, run.nwindows, 2)
-    for w in range(run.nwindows):
+    for w in range(run.nwindows):  # noqa: SIM110 - compiled
         if windows[w, 0] <= run.step <= windows[w, 1]:
             return True
     return False
@@ -41,6 +41,8 @@ def settle(run):
 @internal
 def record(run):
     """Write the current state and the peaks since the last record, and begin new peaks."""
+    if run.row >= run.rows:
+        return
     nv, nj, width = run.nv, run.nj, run.width
     columns = run.record_columns
     row = floats(run.record + 8 * columns * run.row, columns)

@@ -62,6 +62,15 @@ LEAST_PART = 1.0 / 64.0
 
 
 @internal
+def find_pose(run, joint, q):
+    """Pose of the journal of a joint at the coordinates q and the run's time."""
+    if joint.first >= 0:
+        pose_of_virtual_link(q, joint)
+    else:
+        pose_on_path(run, joint, q)
+
+
+@internal
 def find_touching(run, q, half):
     """Find what depends on the velocity at q, and list the coordinates that it moves."""
     nv = run.nv
@@ -72,10 +81,7 @@ def find_touching(run, q, half):
     run.touching = 0
     for j in range(run.nj):
         joint = joints(run)[j]
-        if joint.first >= 0:
-            pose_of_virtual_link(q, joint)
-        else:
-            pose_on_path(run, joint, q)
+        find_pose(run, joint, q)
         touching = touch(run, j, joint)
         run.touching += 1 if touching else 0
         joint.touching = 1 if touching or joint.sections > 0 else 0
