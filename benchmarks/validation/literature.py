@@ -279,7 +279,7 @@ def _begin_nudged(run, transient: int, nudge: float) -> None:
     """Begin, go through the transient, and move the slider."""
     type(run).begin(run)
     run.advance(round(transient * TURN / STEP))
-    run.workspace.do(Command.SETTLE if run.method.single_rate else Command.EVALUATE)
+    run.workspace.do(Command.SETTLE if run.method.single_rate else Command.SETTLE_MACRO)
     run.workspace.q[2] += nudge
     type(run).begin(run)
 

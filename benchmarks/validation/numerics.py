@@ -450,7 +450,7 @@ def stretching(simulation: jp.Simulation, interval: float, place: Callable | Non
             run.begin()
             if not run.advance(steps):
                 raise RuntimeError(run.message(run.workspace.status))
-            run.workspace.do(Command.SETTLE if run.method.single_rate else Command.EVALUATE)
+            run.workspace.do(Command.SETTLE if run.method.single_rate else Command.SETTLE_MACRO)
         apart = np.concatenate([second.q - first.q, second.v - first.v])
         growth.append(math.log(np.linalg.norm(scale * apart) / APART))
     return np.array(growth)
