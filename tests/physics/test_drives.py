@@ -183,12 +183,13 @@ def test_free_pendulum_has_the_period_of_the_elliptic_integral(urdf, amplitude):
 GEAR = Gear(play=0.02, rotor_inertia=0.01, stiffness=2000.0, damping=0.5)
 
 
-def test_gear_passes_no_torque_before_its_play_is_taken_up(urdf):
+@pytest.mark.parametrize("integrator", ["multi-rate", "rk4"])
+def test_gear_passes_no_torque_before_its_play_is_taken_up(urdf, integrator):
     """The motor turns alone by half the play, and exactly so far."""
     torque = 0.5
     robot = rotor(urdf, gears={"a": GEAR})
     result = jp.simulate(
-        robot, drive={"a": Torque((0.0,), (torque,))}, duration=0.05, integrator="rk4",
+        robot, drive={"a": Torque((0.0,), (torque,))}, duration=0.05, integrator=integrator,
         record_every=1, **QUIET,
     )  # fmt: skip
     motor, link = result["q"].values[:, robot.motor("a")], result["q"].values[:, 0]
@@ -201,9 +202,10 @@ def test_gear_passes_no_torque_before_its_play_is_taken_up(urdf):
     assert moving == pytest.approx(crossed, abs=3e-5)
 
 
-def test_gear_balances_energy_and_momentum(urdf):
+@pytest.mark.parametrize("integrator", ["multi-rate", "rk4"])
+def test_gear_balances_energy_and_momentum(urdf, integrator):
     robot = rotor(urdf, gears={"a": GEAR})
-    run = jp.Simulation(robot, drive={}, duration=0.2, integrator="rk4", record_every=1,
+    run = jp.Simulation(robot, drive={}, duration=0.2, integrator=integrator, record_every=1,
                         **QUIET).prepare()  # fmt: skip
     run.workspace.v[robot.motor("a")] = 3.0
     result = run.execute()
