@@ -116,7 +116,7 @@ def order_run(situation, method, step):
     else:
         v[run.mechanism.coordinate("joint_a")] = 0.2
     if situation == LASTING:
-        q[:], run.workspace.memory[:] = wedged()
+        q[:], run.workspace.contacts[:] = wedged()
     before = onsets(run)
     run.loop()
     return q[first : first + 3].copy(), onsets(run) - before
@@ -131,7 +131,7 @@ def wedged():
     """Configuration and memory of contacts of the loaded robot, its journal at rest, tilted."""
     run = held(Case(loaded=True), 0.5).prepare()
     run.loop()
-    return run.workspace.q.copy(), run.workspace.memory.copy()
+    return run.workspace.q.copy(), run.workspace.contacts.copy()
 
 
 def orders(methods):
