@@ -50,6 +50,8 @@ ORDER_STEPS = {
 }
 
 
+MACRO = 10
+"""Steps of a macro step where the order of the multi-rate method is measured."""
 DURATION = {FREE: 0.02, IMPACT: 0.002, LASTING: 0.004}
 """Until when the order is measured [s]."""
 ROOMY = {
@@ -107,7 +109,10 @@ def held(case, duration, bearing=None):
 def order_run(situation, method, step):
     """Journal's position [m] at the end of a short motion, and the contacts begun in it."""
     case = Case(integrator=method, step=step, loaded=situation == LASTING)
-    run = held(case, DURATION[situation], ROOMY if situation == FREE else None).prepare()
+    simulation = held(case, DURATION[situation], ROOMY if situation == FREE else None)
+    if not INTEGRATORS[method].single_rate:
+        simulation = replace(simulation, macro_step=MACRO * step)
+    run = simulation.prepare()
     q, v = run.workspace.q, run.workspace.v
     first = run.mechanism.virtual_link(JOINT)
     if situation == IMPACT:  # tilted, so that one end strikes
