@@ -61,15 +61,17 @@ def enter(table, command) -> int:
     run = table[0]
     if command == _MACRO_STEP:
         multirate.find_path_error(run)
-        if run.path_error <= run.path_limit:
+        if not run.path_error > run.path_limit:
             multirate.take_middle(run)
             multirate.macro_step(run)
+            multirate.leave(run)
     elif command == _TAKE_MIDDLE:
         multirate.find_path_error(run)
-        if run.path_error <= run.path_limit:
+        if not run.path_error > run.path_limit:
             multirate.take_middle(run)
     elif command == _ADAPTIVE_STEP:
         multirate.adaptive_step(run)
+        multirate.leave(run)
     elif command == _SETTLE_MACRO:
         multirate.settle_macro(run)
     elif command == _EULER:

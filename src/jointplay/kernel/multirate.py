@@ -62,10 +62,7 @@ def predict(run):
     q, half, a = floats(run.q, nv), floats(run.half, nv), floats(run.a, nv)
     done = run.time - run.path_start
     span = run.macro * run.dt
-    turning = floats(run.turning, nv)
-    run.fastest = 0.0
     for i in range(nv):
-        run.fastest = max(run.fastest, turning[i] * abs(half[i]))
         # The acceleration of a contact that lasts swings; its mean is what moves the arm.
         mean = (half[i] - path[9, i]) / done if run.touching > 0 and done > 0.0 else a[i]
         if done == 0.0:  # planned anew
@@ -307,6 +304,19 @@ def _onset(run, dt):
 
 
 @internal
+def leave(run):
+    """See how fast angles change at the end of a macro step, and how far off its path it ended."""
+    nv = run.nv
+    path, half, turning = matrix(run.path, 10, nv), floats(run.half, nv), floats(run.turning, nv)
+    done = run.time - run.path_start
+    run.fastest = run.departure = 0.0
+    for i in range(nv):
+        expected = path[1, i] + (done - 0.5 * run.dt_before) * path[2, i]
+        run.fastest = max(run.fastest, turning[i] * abs(half[i]))
+        run.departure = max(run.departure, turning[i] * abs(half[i] - expected) * done)
+
+
+@internal
 def macro_step(run):
     """All micro steps of a macro step, each `run.dt` long, or up to where a contact ends or begins.
 
@@ -394,6 +404,19 @@ def restart(run):
 
 
 @internal
+def _begin_line(run):
+    """Let the line of inverse mass matrix and free acceleration begin at the present instant."""
+    nv = run.nv
+    found, middle = matrix(run.found_minv, nv, nv), matrix(run.minv_middle, nv, nv)
+    free, free_middle = floats(run.found_free, nv), floats(run.free_middle, nv)
+    for i in range(nv):
+        free_middle[i] = free[i]
+        for k in range(nv):
+            middle[i, k] = found[i, k] if i <= k else found[k, i]
+    run.middle_time, run.known_middles, run.departure = run.time, 1, 0.0
+
+
+@internal
 def set_off(run):
     """Put `half` half a step before the state (q, v), with the forces at it."""
     nv = run.nv
@@ -415,4 +438,5 @@ def set_off(run):
         half[i] = v[i] - 0.5 * run.dt * a[i]
         path[9, i] = half[i]
         path[2, i] = a[i]
+    _begin_line(run)
     run.fresh = 1
