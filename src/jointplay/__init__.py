@@ -21,6 +21,7 @@ _HOMES = {
     "Audit": "audit",
     "BengisuAkay": "contact",
     "BrownMcPhee": "contact",
+    "Certificate": "certify",
     "ClearanceJoint": "joints",
     "ComputedTorque": "drive",
     "Coulomb": "contact",
@@ -71,6 +72,7 @@ _HOMES = {
     "ZhangSharf": "contact",
     "ZhiyingQishao": "contact",
     "cartesian_motion": "cartesian",
+    "certify": "certify",
     "material": "materials",
     "oil": "materials",
     "shipped": "urdf",
@@ -84,6 +86,8 @@ __all__ = sorted(_HOMES)
 if TYPE_CHECKING:
     from jointplay.audit import Audit as Audit
     from jointplay.cartesian import cartesian_motion as cartesian_motion
+    from jointplay.certify import Certificate as Certificate
+    from jointplay.certify import certify as certify
     from jointplay.contact import Ambrosio as Ambrosio
     from jointplay.contact import Anagnostopoulos as Anagnostopoulos
     from jointplay.contact import BengisuAkay as BengisuAkay

@@ -9,7 +9,7 @@ from __future__ import annotations
 import dataclasses
 import json
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
@@ -20,10 +20,16 @@ from jointplay.geometry import Form, Mode
 from jointplay.motion import Motion
 from jointplay.result import AXES, Result
 
+if TYPE_CHECKING:
+    from jointplay.simulation import Simulation
+
 COMPONENTS = (*AXES, "total")
 """Columns of accuracies and spectra: x, y, z, and all three together."""
 
-_MAY_DIFFER = ("mechanism", "duration", "step", "integrator", "record_every", "seed")
+_MAY_DIFFER = (
+    *("mechanism", "duration", "step", "integrator", "macro_step", "tolerance"),
+    *("record_every", "seed"),
+)
 """Inputs in which a run and the ideal run that it is measured against may differ."""
 
 
@@ -103,14 +109,22 @@ def twin(result: Result) -> Result:
         JointplayError: the result's simulation cannot be built again, or its ideal mechanism
             cannot be simulated.
     """
+    return ideal_simulation(result).run()
+
+
+def ideal_simulation(result: Result) -> Simulation:
+    """The simulation that `twin` runs."""
     simulation = result.simulation
+    fixed: dict[str, Any] = {}
+    if simulation.mechanism.loops:
+        fixed = {"integrator": "rk4", "macro_step": None, "tolerance": None}
     return dataclasses.replace(
         simulation,
         mechanism=simulation.mechanism.ideal(),
         duration=float(result.time[-1]) or simulation.step,
-        integrator="rk4" if simulation.mechanism.loops else simulation.integrator,
         seed=None,
-    ).run()
+        **fixed,
+    )
 
 
 def deviation(result: Result, ideal: Result, of: str = "tool_position") -> xr.DataArray:

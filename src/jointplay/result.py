@@ -14,6 +14,7 @@ from jointplay.errors import JointplayError
 from jointplay.kernel import Status
 
 if TYPE_CHECKING:
+    from jointplay.certify import Certificate
     from jointplay.plots import Plots
     from jointplay.simulation import Simulation
 
@@ -47,7 +48,26 @@ class Result:
     def __repr__(self) -> str:
         """Status, size and audit, readable."""
         sizes = ", ".join(f"{name}: {size}" for name, size in self.dataset.sizes.items())
-        return f"<jointplay Result: {self.message}>\n  {sizes}\n{self.audit}"
+        return f"<jointplay Result: {self.message}>\n  {sizes}\n{self.judgement}"
+
+    @property
+    def judgement(self) -> str:
+        """The audit and, if there is one, the certificate, one line for each figure."""
+        return f"{self.audit}" + (f"\n{self.certificate}" if self.certificate else "")
+
+    @property
+    def certificate(self) -> Certificate | None:
+        """Headline figures with their numerical errors; None if the run was not certified."""
+        text = self.dataset.attrs.get("certificate")
+        if text is None:
+            return None
+        from jointplay.certify import Certificate
+
+        return Certificate.from_json(text)
+
+    @certificate.setter
+    def certificate(self, certificate: Certificate) -> None:
+        self.dataset.attrs["certificate"] = json.dumps(certificate.describe())
 
     @property
     def time(self) -> np.ndarray:

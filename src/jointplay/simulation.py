@@ -153,16 +153,39 @@ class Simulation:
         """
         return Run(self)
 
-    def run(self, progress: bool = False) -> Result:
-        """`prepare`, then `Run.execute`."""
-        return self.prepare().execute(progress)
+    def run(self, progress: bool = False, certify: bool = False) -> Result:
+        """`prepare`, then `Run.execute`.
+
+        Args:
+            progress: see `Run.execute`.
+            certify: run again more finely, and put the numerical errors of the headline figures
+                into `Result.certificate`.
+        """
+        result = self.prepare().execute(progress)
+        if certify:
+            from jointplay.certify import certify as find_errors
+
+            try:
+                result.certificate = find_errors(result, simulation=self, progress=progress)
+            except KeyboardInterrupt:
+                text = "interrupted while certifying: the result is whole, but not certified"
+                warnings.warn(text, RuntimeWarning, stacklevel=2)
+        return result
 
 
 def simulate(
-    mechanism: Mechanism, motion: Motion | None = None, *, progress: bool = False, **options: Any
+    mechanism: Mechanism,
+    motion: Motion | None = None,
+    *,
+    progress: bool = False,
+    certify: bool = False,
+    **options: Any,
 ) -> Result:
-    """Simulate `mechanism` following `motion`; `options` are the fields of `Simulation`."""
-    return Simulation(mechanism, motion, **options).run(progress)
+    """Simulate `mechanism` following `motion`; `options` are the fields of `Simulation`.
+
+    See `Simulation.run` for `progress` and `certify`.
+    """
+    return Simulation(mechanism, motion, **options).run(progress, certify)
 
 
 class Run:
@@ -171,6 +194,7 @@ class Run:
     def __init__(self, simulation: Simulation) -> None:
         """Check the numbers, place the journals, tabulate the drives."""
         self.simulation = simulation
+        self.label = ""  # what the progress bar calls the run
         mechanism = simulation.mechanism
         self.mechanism = mechanism
         self.method: Integrator = integrator(simulation.integrator)
@@ -396,6 +420,18 @@ class Run:
                     f"{duration / kernel.WELL_RESOLVED_STEPS:.2g} s"
                 )
 
+    def displace(self, distance: float) -> None:
+        """Move every journal aside by `distance` along each axis [m], before the run begins."""
+        q = self.workspace.q
+        for name, joint in self.mechanism.clearance.items():
+            if self.mechanism.has_virtual_link(name):
+                for part in VIRTUAL_LINK[:3]:
+                    if part in joint.freedoms:
+                        q[self.mechanism.coordinates.index(f"{name}.{part}")] += distance
+            else:
+                moves = self.mechanism.relative_jacobian(name, q)[:3]
+                q += np.linalg.pinv(moves) @ np.full(3, distance)
+
     def execute(self, progress: bool = False) -> Result:
         """Simulate; once only, for the workspace holds the state.
 
@@ -431,7 +467,7 @@ class Run:
             note = "loading compiled kernels (the first start ever compiles them, ~20 s)"
             tqdm.write(note, file=sys.stderr)
         kernel.compiled()
-        bar = _Bar(self.steps * self.simulation.step, progress)
+        bar = _Bar(self.steps * self.simulation.step, progress, self.label)
         try:
             self.begin()
             while workspace.steps < self.steps:
@@ -540,11 +576,14 @@ def _energy(model: pin.Model, q: np.ndarray, v: np.ndarray) -> float:
 class _Bar:
     """Progress by simulated time: speed relative to real time, and time left."""
 
-    def __init__(self, total: float, show: bool) -> None:
+    def __init__(self, total: float, show: bool, label: str = "") -> None:
         layout = (
-            "{percentage:3.0f}%|{bar}| {n:.3f}/{total:.3f} s simulated{postfix}, {remaining} left"
+            "{desc}{percentage:3.0f}%|{bar}| {n:.3f}/{total:.3f} s simulated{postfix}, "
+            "{remaining} left"
         )
-        self._bar = tqdm(total=total, disable=not show, bar_format=layout, mininterval=0.2)
+        self._bar = tqdm(
+            total=total, disable=not show, bar_format=layout, mininterval=0.2, desc=label or None
+        )
         self._started = time.perf_counter()
 
     def update(self, now: float) -> None:

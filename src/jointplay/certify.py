@@ -1,0 +1,401 @@
+"""Every headline figure of a run with its numerical error, found by running again more finely.
+
+docs/certificates.md says how, and how often the stated error covers the true one.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from jointplay import analysis
+from jointplay.claims import START_UP, measure
+from jointplay.errors import JointplayError, MissingName
+from jointplay.integrators import DEFAULT, integrator
+from jointplay.kernel import Status
+from jointplay.loop import LARGEST_TURN, LEAST_STEPS
+from jointplay.result import Result
+from jointplay.simulation import Run, Simulation
+
+MARKED = 0.05
+"""A figure whose relative error exceeds this is marked where it stands."""
+
+SAFETY = 2.5
+"""What differences between runs are multiplied by to make an error of them.
+
+Four draws of a chaotic figure, and a fifth that is the truth: it lies within so many times their
+range of the first in 95 to 98 of 100 cases, for normal and for skew distributions.
+"""
+
+CONTRACTS = 0.5
+"""Refinements contract if they differ by no more than this part of what they have moved."""
+
+OWN_CONTRACTS = 0.75
+"""An explicit method contracts if half its step leaves no more than this part of its error."""
+
+OWN_SAFETY = 1.25
+"""If it does not: what the spread of all runs, its own among them, is multiplied by."""
+
+ASIDE_M = 1e-9
+"""How far aside the journals start in the run that shows whether the motion is chaotic [m]."""
+
+MACRO_STEPS_S = (1e-4, 5e-5)
+"""Macro steps of the two refined runs, at most, where an error estimate chose the run's [s]."""
+
+PLAIN = "the run"
+FINER, FINEST, ASIDE, OWN = "finer", "finest", "aside", "own method"
+
+HEADLINE = (
+    "peak joint force",
+    "RMS joint force",
+    "peak tool error",
+    "RMS tool error",
+    "impacts",
+    "dissipated energy",
+)
+"""Beginnings of the names of the figures that are printed."""
+
+CLAIM_UNITS = {
+    "deviation_mm": "mm",
+    "path_mm": "mm",
+    "speed_mm_s": "mm/s",
+    **dict.fromkeys(("free", "continuous", "penetration", "busy"), ""),
+    **dict.fromkeys(("fx", "fy", "fz"), "N"),
+    "peak_time": "s",
+    "rate": "1/s",
+    "impulse": "N s",
+    "crossings": "1/s",
+    "swing_mm": "mm",
+}
+"""Units of what `claims.measure` finds."""
+
+_LOSSES = (
+    "normal_dissipation",
+    "friction_dissipation",
+    "joint_friction_loss",
+    "gear_dissipation",
+    "film_dissipation",
+)
+
+Begin = Callable[[Run], None]
+"""Told of each further run before it begins."""
+
+
+@dataclass(frozen=True)
+class CertifiedFigure:
+    """A figure of a run, and how far it may be from what the model says."""
+
+    name: str
+    value: float
+    error: float
+    """Numerical error, as large as it is expected to be in 9 of 10 cases; inf if unknown."""
+    unit: str
+
+    @property
+    def relative(self) -> float:
+        """Error over magnitude; 0 without error."""
+        if self.error == 0.0:
+            return 0.0
+        return self.error / abs(self.value) if self.value else math.inf
+
+    @property
+    def marked(self) -> bool:
+        """Whether the error exceeds 5 %."""
+        return not self.relative <= MARKED
+
+    def __str__(self) -> str:
+        """Value ± error and unit, the value with no more digits than the error allows."""
+        return f"{plus_minus(self.value, self.error)} {self.unit}".rstrip()
+
+
+def plus_minus(value: float, error: float) -> str:
+    """``677.1 ± 0.3``: the error with one digit (two if it begins with 1), the value as many."""
+    if not math.isfinite(error):
+        return f"{value:.4g} ± unknown"
+    if error == 0.0:
+        return f"{value:.6g} ± 0"
+    size = math.floor(math.log10(error))
+    digits = 1 - size if error < 2.0 * 10.0**size else -size
+    top = math.floor(math.log10(abs(value))) if value else size
+    digits = max(min(digits, 5 - top), 2 - top)  # three to six digits of the value
+    if -4 <= top < 6:
+        places = max(digits, 0)
+        shown = math.ceil(error * 10.0**digits - 1e-9) / 10.0**digits
+        return f"{round(value, digits):.{places}f} ± {shown:.{places}f}"
+    scale = 10.0**top
+    places = max(digits + top, 0)
+    shown = math.ceil(error / scale * 10.0**places - 1e-9) / 10.0**places
+    return f"({value / scale:.{places}f} ± {shown:.{places}f})e{top:d}"
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """The figures of a run with their errors, and the runs from which these come."""
+
+    figures: tuple[CertifiedFigure, ...]
+    runs: tuple[str, ...] = ()
+    """The further runs, in words."""
+    note: str = ""
+    """What else the reader must know."""
+
+    def __getitem__(self, name: str) -> CertifiedFigure:
+        """The figure `name`."""
+        for figure in self.figures:
+            if figure.name == name:
+                return figure
+        raise MissingName("certified figure", name, [figure.name for figure in self.figures])
+
+    @property
+    def headline(self) -> list[CertifiedFigure]:
+        """The figures that are printed; the others are those that the claims use."""
+        return [figure for figure in self.figures if figure.name.startswith(HEADLINE)]
+
+    @property
+    def marked(self) -> list[CertifiedFigure]:
+        """Figures whose error exceeds 5 %."""
+        return [figure for figure in self.figures if figure.marked]
+
+    def describe(self) -> dict[str, Any]:
+        """All as plain data; `from_description` reads it back. An unknown error is None."""
+        found = asdict(self)
+        for figure in found["figures"]:
+            if not math.isfinite(figure["error"]):
+                figure["error"] = None
+        return found
+
+    @classmethod
+    def from_description(cls, description: Mapping[str, Any]) -> Certificate:
+        """Build the certificate that `describe` described."""
+        figures = tuple(
+            CertifiedFigure(**(one | ({"error": math.inf} if one["error"] is None else {})))
+            for one in description["figures"]
+        )
+        return cls(figures, tuple(description["runs"]), description["note"])
+
+    @classmethod
+    def from_json(cls, text: str) -> Certificate:
+        """Build it from a result file's attribute."""
+        return cls.from_description(json.loads(text))
+
+    def __str__(self) -> str:
+        """One figure a line."""
+        lines = [f"  numerical errors, from {len(self.runs)} further runs:"] if self.runs else []
+        width = max((len(figure.name) for figure in self.headline), default=0)
+        for figure in self.headline:
+            mark = "  <- error above 5 %" if figure.marked else ""
+            lines.append(f"    {figure.name:<{width}}  {figure}{mark}")
+        others = [figure for figure in self.marked if figure not in self.headline]
+        if others:
+            names = ", ".join(figure.name for figure in others)
+            lines.append(f"    of the claims' measures above 5 %: {names}")
+        if self.note:
+            lines.append(f"  certificate: {self.note}")
+        return "\n".join(lines)
+
+
+def certify(
+    source: Simulation | Result,
+    *,
+    progress: bool = False,
+    simulation: Simulation | None = None,
+    begin: Begin = lambda _: None,
+) -> Certificate:
+    """Run again more finely and state the numerical error of every headline figure.
+
+    Takes some ten times as long as the run. Further runs: two of the multi-rate method with steps
+    of a half and a quarter and shorter macro steps; the first of them again with the journals 1e-9
+    m aside; and for an explicit method its own with half the step.
+
+    Args:
+        source: what is certified; a simulation is run first.
+        progress: show a bar that names what runs.
+        simulation: what made the result; built from the result if not given.
+        begin: told of each further run before it begins.
+
+    Raises:
+        KeyboardInterrupt: Ctrl-C.
+        JointplayError: the simulation cannot be run.
+    """
+    if isinstance(source, Simulation):
+        simulation, result = source, source.run(progress)
+    else:
+        simulation, result = simulation or source.simulation, source
+    if result.status != Status.COMPLETED:
+        return Certificate((), note=f"none, for the run did not complete ({result.message})")
+    plans = dict(refinements(simulation, result))
+    values = {PLAIN: figures(result, _ideal(result, False, begin))}
+    notes, ideals = [], {}
+    for number, (name, finer) in enumerate(plans.items(), 1):
+        label = f"certifying, {number} of {len(plans)} ({_words(finer)})"
+        found, message = _run(finer, name == ASIDE, label, progress, begin)
+        if found is None:
+            notes.append(f"with {_words(finer)}, {message}")
+            continue
+        key = OWN if name == OWN else FINER if name == ASIDE else name
+        if key not in ideals:
+            ideals[key] = _ideal(found, progress, begin)
+        values[name] = figures(found, ideals[key])
+    certified = tuple(
+        CertifiedFigure(
+            name,
+            value,
+            math.inf
+            if notes
+            else numerical_error({run: of[name][0] for run, of in values.items() if name in of}),
+            unit,
+        )
+        for name, (value, unit) in values[PLAIN].items()
+    )
+    runs = tuple(f"{name}: {_words(finer)}" for name, finer in plans.items())
+    return Certificate(certified, runs, "; ".join(notes))
+
+
+def numerical_error(values: Mapping[str, float]) -> float:
+    """Error of a figure, given its value in the run and in the refined runs, by their names."""
+    value, finer, finest = (values.get(name, math.nan) for name in (PLAIN, FINER, FINEST))
+    if not all(map(math.isfinite, values.values())) or math.isnan(finer + finest):
+        return math.inf
+    aside, moved = values.get(ASIDE, finer), abs(value - finest)
+    uncertain = float(np.ptp([finer, finest, aside]))
+    spread = float(np.ptp(list(values.values())))
+    if uncertain > CONTRACTS * moved:
+        return SAFETY * spread
+    error = moved + SAFETY * uncertain
+    if OWN in values and abs(values[OWN] - finest) > OWN_CONTRACTS * moved:
+        error = max(error, OWN_SAFETY * spread)
+    return error
+
+
+def refinements(simulation: Simulation, result: Result) -> Iterator[tuple[str, Simulation]]:
+    """The further runs that certify `result`, in order."""
+    for name, times, macro in zip((FINER, FINEST), (2, 4), MACRO_STEPS_S, strict=True):
+        step = simulation.step / times
+        if simulation.macro_step is None:
+            # At least as short as the run's own where contacts begin and end, and in fast turns.
+            own = 2.0 * LEAST_STEPS * simulation.step * 2.0 / times
+            turn = LARGEST_TURN / max(_fastest_turn(result), 1e-9) / times
+            macro = min(macro, own, turn)
+        else:
+            macro = simulation.macro_step / times
+        tolerance = simulation.tolerance
+        finer = replace(
+            simulation,
+            integrator=DEFAULT,
+            step=step,
+            record_every=simulation.record_every * times,
+            macro_step=max(macro, step),
+            tolerance=None if tolerance is None else tolerance / times**2,
+            duration=float(result.time[-1]),
+        )
+        yield name, finer
+        if name == FINER and simulation.mechanism.clearance:
+            yield ASIDE, finer
+    if integrator(simulation.integrator).single_rate:
+        yield (
+            OWN,
+            replace(
+                simulation,
+                step=simulation.step / 2,
+                record_every=simulation.record_every * 2,
+                duration=float(result.time[-1]),
+            ),
+        )
+
+
+def _fastest_turn(result: Result) -> float:
+    """Fastest joint that turns, the journals' own freedoms aside [rad/s]."""
+    turns = result.dataset["coordinate_unit"].values == "rad"
+    own = np.array(["." not in str(name) for name in result.dataset["coordinate"].values])
+    return float(np.abs(result["v"].values[:, turns & own]).max(initial=0.0))
+
+
+def _words(simulation: Simulation) -> str:
+    """The settings of a run in a few words."""
+    words = f"{simulation.integrator}, step {1e6 * simulation.step:g} us"
+    if simulation.macro_step is not None:
+        words += f", macro step {1e6 * simulation.macro_step:.3g} us"
+    if simulation.tolerance is not None:
+        words += f", tolerance {simulation.tolerance:g}"
+    return words
+
+
+def _run(
+    simulation: Simulation, aside: bool, label: str, progress: bool, begin: Begin
+) -> tuple[Result | None, str]:
+    """A refined run, or None and why there is none."""
+    try:
+        prepared = simulation.prepare()
+    except JointplayError as error:
+        return None, f"the run is refused: {error}"
+    if aside:
+        prepared.displace(ASIDE_M)
+    prepared.label = label
+    begin(prepared)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # said in the certificate
+        result = prepared.execute(progress)
+    if result.status == Status.INTERRUPTED:
+        raise KeyboardInterrupt
+    if result.status != Status.COMPLETED:
+        return None, f"the run {result.message}"
+    return result, ""
+
+
+def _ideal(result: Result, progress: bool, begin: Begin) -> Result | None:
+    """The ideal mechanism's run with the same settings; None where there is none."""
+    if not analysis.has_play(result):
+        return None
+    try:
+        prepared = analysis.ideal_simulation(result).prepare()
+        prepared.label = "certifying (ideal)"
+        begin(prepared)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)
+            found = prepared.execute(progress)
+    except JointplayError:
+        return None
+    if found.status == Status.INTERRUPTED:
+        raise KeyboardInterrupt
+    return found if found.status == Status.COMPLETED else None
+
+
+def figures(result: Result, ideal: Result | None) -> dict[str, tuple[float, str]]:
+    """Headline figures of a run, and what the claims use: value and unit by name.
+
+    Args:
+        result: the run.
+        ideal: the ideal mechanism's run that its tool is measured against.
+    """
+    found: dict[str, tuple[float, str]] = {}
+    if result.joints:
+        forces = {"peak": result["joint_force_peak"], "RMS": result["joint_force"]}
+        names: Sequence[str] = result.joints
+    else:
+        forces = dict.fromkeys(("peak", "RMS"), result["reaction_force"])
+        names = [str(name) for name in result["moving_joint"].values]
+    for how, force in forces.items():
+        sizes = np.linalg.norm(force.values, axis=2)
+        for k, name in enumerate(names):
+            at = "" if len(names) == 1 else f", {name}"
+            size = sizes[:, k]
+            value = size.max() if how == "peak" else np.sqrt(np.mean(size**2))
+            found[f"{how} joint force{at}"] = float(value), "N"
+    if ideal is not None:
+        start = START_UP if result.time[-1] > 2.0 * START_UP else 0.0
+        error = analysis.accuracy(analysis.deviation(result, ideal), start)
+        found["peak tool error"] = float(error.peak[3]), "m"
+        found["RMS tool error"] = float(error.rms[3]), "m"
+    if result.joints:
+        found["impacts"] = float(result.audit.impacts), ""
+    lost = sum(float(result[name][-1]) for name in _LOSSES if name in result.dataset)
+    found["dissipated energy"] = lost, "J"
+    if ideal is not None and len(result.joints) == 1 and result.time[-1] > 2.0 * START_UP:
+        measures = measure(result, ideal)
+        found |= {name: (float(measures[name]), CLAIM_UNITS[name]) for name in CLAIM_UNITS}
+    return found
