@@ -229,7 +229,7 @@ def certify(
     if result.status != Status.COMPLETED:
         return Certificate((), note=f"none, for the run did not complete ({result.message})")
     plans = dict(refinements(simulation, result))
-    values = {PLAIN: figures(result, _ideal(result, False, begin))}
+    values = {PLAIN: figures(result, _ideal(result, progress, begin))}
     notes, ideals = [], {}
     for number, (name, finer) in enumerate(plans.items(), 1):
         label = f"certifying, {number} of {len(plans)} ({_words(finer)})"
@@ -254,6 +254,14 @@ def certify(
     )
     runs = tuple(f"{name}: {_words(finer)}" for name, finer in plans.items())
     return Certificate(certified, runs, "; ".join(notes))
+
+
+def further_runs(simulation: Simulation) -> int:
+    """How many runs `certify` makes, those of the ideal mechanism included."""
+    mechanism = simulation.mechanism
+    single = integrator(simulation.integrator).single_rate
+    ideals = 3 + single if mechanism.clearance or mechanism.gears else 0
+    return 2 + bool(mechanism.clearance) + single + ideals
 
 
 def numerical_error(values: Mapping[str, float]) -> float:

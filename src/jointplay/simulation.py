@@ -204,10 +204,11 @@ class Run:
         if simulation.tolerance is not None:
             require_positive("tolerance", simulation.tolerance, "")
         for option in ("macro_step", "tolerance"):
-            if getattr(simulation, option) is not None and self.method.single_rate:
+            value = getattr(simulation, option)
+            if value is not None and self.method.single_rate:
                 raise JointplayError(
-                    f"{option} belongs to the integrator {DEFAULT!r}; "
-                    f"{self.method.name!r} has a fixed step"
+                    f"{option} (got {value:g}) belongs to the integrator {DEFAULT!r}; "
+                    f"{self.method.name!r} has a fixed step: leave it out, or take {DEFAULT!r}"
                 )
         duration = self._duration()
         every = simulation.record_every

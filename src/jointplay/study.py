@@ -7,16 +7,17 @@ import os
 import signal
 import sys
 import tempfile
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
 from tqdm import tqdm
 
+from jointplay.certify import certify, figures
 from jointplay.claims import ISOLATED, START_UP, Measures, Verdict, judge, measure
 from jointplay.errors import JointplayError
 from jointplay.histories import versions
@@ -48,6 +49,13 @@ VARIANTS = {"consistent": ("scara.urdf", ()), "as printed": ("scara_as_printed.u
 """URDF and the links whose inertia no rigid body has, used because they were printed."""
 
 ENSEMBLE_RECORD_EVERY = 50
+
+EXPLICIT, EXPLICIT_STEP_S = "semi-implicit-euler", 1e-5
+"""The explicit integration with a fixed step that the cases are run with for comparison."""
+BESIDE = ("peak joint force", "RMS joint force", "dissipated energy")
+"""Figures of it that are shown."""
+DIFFERS = 0.01
+"""A figure differs if it does by more than this part, and by more than its error."""
 
 
 @dataclass(frozen=True)
@@ -128,18 +136,98 @@ def claim_folder(out: str | Path, names: Iterable[str]) -> Path:
 
 
 def run_case(label: str, out: Path, progress: bool) -> Result:
-    """Simulate one of the three cases and save it.
+    """Simulate one of the three cases, save it, and certify it.
 
     Raises:
         KeyboardInterrupt: after Ctrl-C, when the case has been saved as far as it came.
     """
     if progress:
         tqdm.write(f"case {label}:", file=sys.stderr)
-    result = scara(CASES[label]).run(progress)
+    simulation = scara(CASES[label])
+    result = simulation.run(progress)
     result.save(out / FILES[label])
     if result.status == Status.INTERRUPTED:
         raise KeyboardInterrupt
+    result.certificate = certify(result, simulation=simulation, progress=progress)
+    result.save(out / FILES[label], overwrite=True)
     return result
+
+
+def explicit(label: str) -> dict[str, float]:
+    """Figures of the case `label` by the explicit method with the paper's fixed step."""
+    simulation = replace(scara(CASES[label]), integrator=EXPLICIT, step=EXPLICIT_STEP_S)
+    result = simulation.run()
+    if result.status != Status.COMPLETED:
+        raise JointplayError(f"{label}, {EXPLICIT}: {result.message}")
+    return {name: value for name, (value, _) in figures(result, None).items()}
+
+
+def errors_table(
+    cases: Mapping[str, Result], others: Mapping[str, Mapping[str, float]]
+) -> list[tuple[str, ...]]:
+    """Certified figures of the cases, and the explicit method's where they differ.
+
+    Args:
+        cases: results by label.
+        others: what `explicit` found, by label.
+
+    Returns:
+        Rows of case, figure, value ± error and unit, mark, the explicit method's value or nothing.
+    """
+    rows = []
+    for label, result in cases.items():
+        certificate = result.certificate
+        for figure in certificate.headline if certificate else ():
+            other = others.get(label, {}).get(figure.name)
+            beside = ""
+            if other is not None and figure.name in BESIDE:
+                change = other / figure.value - 1.0 if figure.value else 0.0
+                if abs(other - figure.value) > max(figure.error, DIFFERS * abs(figure.value)):
+                    beside = f"{other:.4g} {figure.unit} ({100 * change:+.1f} %)"
+                else:
+                    beside = "the same"
+            mark = "above 5 %" if figure.marked else ""
+            rows.append((label, figure.name, str(figure), mark, beside))
+    return rows
+
+
+ERRORS_HEADER = (
+    "case",
+    "figure",
+    "value ± numerical error",
+    "error",
+    f"{EXPLICIT}, {1e6 * EXPLICIT_STEP_S:g} µs",
+)
+
+
+def write_errors(rows: Sequence[tuple[str, ...]], out: Path) -> None:
+    """Write ``errors.md``."""
+    made_with = ", ".join(f"{name} {version}" for name, version in versions().items())
+    lines = [
+        "# The study's figures with their numerical errors",
+        "",
+        "Each case was run again more finely (docs/certificates.md); errors above 5 % are marked. "
+        f"The last column is the explicit integration with a fixed step ({EXPLICIT}, "
+        f"{1e6 * EXPLICIT_STEP_S:g} µs) of the same case: its value where it differs by more than "
+        f"{100 * DIFFERS:g} % and the error.",
+        "",
+        *("| " + " | ".join(row) + " |" for row in (ERRORS_HEADER, ["---"] * len(ERRORS_HEADER))),
+        *("| " + " | ".join(row) + " |" for row in rows),
+        "",
+        f"Made with {made_with}.",
+        "",
+    ]
+    (out / "errors.md").write_text("\n".join(lines), encoding="utf-8")
+
+
+def errors_text(rows: Sequence[tuple[str, ...]]) -> str:
+    """The same table for the terminal."""
+    table = [ERRORS_HEADER, *rows]
+    widths = [max(len(row[k]) for row in table) for k in range(len(ERRORS_HEADER))]
+    return "\n".join(
+        "  ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)).rstrip()
+        for row in table
+    )
 
 
 class Ensembles:
@@ -169,19 +257,28 @@ class Ensembles:
         ]
 
     @contextmanager
-    def started(self) -> Iterator[list[Future[Measures]]]:
+    def started(
+        self, others: Sequence[str] = ()
+    ) -> Iterator[tuple[list[Future[Measures]], dict[str, Future[dict[str, float]]]]]:
         """Run in the background while the block runs; Ctrl-C in the block ends the processes.
 
         Whatever the block is doing, each run is kept and written to the table when it is done.
+
+        Args:
+            others: cases that are also run by the explicit method.
+
+        Yields:
+            The perturbed runs, and the explicit ones by case.
         """
         pool = ProcessPoolExecutor(self.jobs, initializer=_leave_ctrl_c_to_the_parent)
         futures = []
         try:
+            beside = {label: pool.submit(explicit, label) for label in others}
             for key in self.plan:
                 future = pool.submit(perturbed, *key)
                 future.add_done_callback(partial(self._keep, key))
                 futures.append(future)
-            yield futures
+            yield futures, beside
         except BaseException:
             processes = list((pool._processes or {}).values())
             pool.shutdown(wait=False, cancel_futures=True)
@@ -296,24 +393,24 @@ def output_names() -> list[str]:
     """Every file that the study writes."""
     from jointplay.plots import FIGURES
 
-    figures = [f"{name}.{kind}" for name in FIGURES for kind in ("png", "pdf")]
-    return [*FILES.values(), *figures, "ensemble.csv", "claims.csv", "claims.md"]
+    drawn = [f"{name}.{kind}" for name in FIGURES for kind in ("png", "pdf")]
+    return [*FILES.values(), *drawn, "errors.md", "ensemble.csv", "claims.csv", "claims.md"]
 
 
 def run_study(
     out: str | Path, runs: int = 8, jobs: int | None = None, progress: bool = True
-) -> tuple[dict[str, Result], list[Verdict]]:
+) -> tuple[dict[str, Result], list[tuple[str, ...]], list[Verdict]]:
     """Run the whole study into the folder `out`.
 
     Args:
-        out: folder for ``*.nc``, ``fig09`` ... ``fig15`` (PNG and PDF), ``claims.md``,
-            ``claims.csv`` and ``ensemble.csv`` (the numbers of every perturbed run).
+        out: folder for ``*.nc``, ``fig09`` ... ``fig15`` (PNG and PDF), ``errors.md``,
+            ``claims.md``, ``claims.csv`` and ``ensemble.csv`` (the numbers of every perturbed run).
         runs: perturbed runs for each clearance and condition; 0 leaves the claims out.
         jobs: processes; None takes one for each core.
         progress: show progress bars.
 
     Returns:
-        The cases by label, and the verdicts on the claims.
+        The cases by label, the rows of `errors_table`, and the verdicts on the claims.
 
     Raises:
         JointplayError: fewer than 2 runs (but not 0), or a folder that cannot be used.
@@ -331,13 +428,17 @@ def run_study(
     cases = {first: run_case(first, out, progress)}
     ensembles = Ensembles(runs, out / "ensemble.csv", jobs)
     try:
-        with ensembles.started() as futures:
+        played = [label for label, clearance in CASES.items() if clearance is not None]
+        with ensembles.started(played) as (futures, beside):
             for label in rest:
                 cases[label] = run_case(label, out, progress)
             plots.save(cases, out)
+            others = {label: future.result() for label, future in beside.items()}
+            rows = errors_table(cases, others)
+            write_errors(rows, out)
             ensembles.wait(futures, progress)
     finally:
         verdicts = ensembles.verdicts()
         if runs:
             write_claims(verdicts, ensembles, out)
-    return cases, verdicts
+    return cases, rows, verdicts

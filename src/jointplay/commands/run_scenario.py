@@ -11,7 +11,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -33,6 +33,7 @@ _LOOK_S = 0.2
 def run(options: argparse.Namespace) -> int:
     """Run the cases, draw the figures, say how each ended."""
     from jointplay import plots
+    from jointplay.certify import further_runs
     from jointplay.kernel import Status
     from jointplay.result import Result
     from jointplay.scenario import Scenario
@@ -41,8 +42,14 @@ def run(options: argparse.Namespace) -> int:
     scenario = Scenario.load(options.file)
     cases = _chosen(scenario, options.case)
     jobs = _jobs(options.jobs, len(cases))
-    prepared = (scenario.prepare(case) for case in cases)  # before anything is written
-    total = sum(run.steps * run.simulation.step for run in prepared)
+    certified = {
+        case for case in cases if options.certify or scenario.model(case).integration.certify
+    }
+    total = 0.0
+    for case in cases:  # before anything is written
+        run = scenario.prepare(case)
+        runs = 1 + (further_runs(run.simulation) if case in certified else 0)
+        total += runs * run.steps * run.simulation.step
     files = dict(zip(cases, file_names(cases), strict=True))
     names = list(files.values())
     figures = scenario.figures and not options.no_figures
@@ -50,12 +57,13 @@ def run(options: argparse.Namespace) -> int:
         names += [f"{name}.{kind}" for name in plots.FIGURES for kind in ("png", "pdf")]
     out = claim_folder(options.out, names)
     if jobs == 1:
-        interrupted = _one_by_one(scenario, files, out, not options.quiet)
+        interrupted = _one_by_one(scenario, files, certified, out, not options.quiet)
     else:
-        interrupted = _side_by_side(scenario, files, out, jobs, total, not options.quiet)
+        progress = not options.quiet
+        interrupted = _side_by_side(scenario, files, certified, out, jobs, total, progress)
     results = {c: Result.load(out / files[c]) for c in cases if (out / files[c]).exists()}
     for case, result in results.items():
-        print(f"\n{case}: {result.message}\n{result.audit}")
+        print(f"\n{case}: {result.message}\n{result.judgement}")
     drawable = {case: result for case, result in results.items() if len(result.time) > 1}
     if figures and drawable:
         plots.save(drawable, out)
@@ -96,10 +104,27 @@ def file_names(cases: Sequence[str]) -> list[str]:
     return found
 
 
-def _execute(scenario: Scenario, case: str, run: Run, path: Path, progress: bool) -> Result:
-    """Run a case and save it together with the scenario it is from."""
+def _execute(
+    scenario: Scenario,
+    case: str,
+    run: Run,
+    path: Path,
+    certified: bool,
+    progress: bool,
+    begin: Callable[[Run], None] = lambda _: None,
+) -> Result:
+    """Run a case and save it together with the scenario it is from; then certify it.
+
+    Args:
+        scenario, case, run: what is run.
+        path: the file.
+        certified: whether the case is certified.
+        progress: show a bar.
+        begin: told of each run before it begins.
+    """
     import warnings
 
+    begin(run)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # said at the end
         result = run.execute(progress)
@@ -110,10 +135,20 @@ def _execute(scenario: Scenario, case: str, run: Run, path: Path, progress: bool
         "case": case,
     }
     result.save(path)
+    if certified:
+        from jointplay.certify import certify
+        from jointplay.kernel import Status
+
+        if result.status != Status.INTERRUPTED:
+            found = certify(result, simulation=run.simulation, progress=progress, begin=begin)
+            result.certificate = found
+            result.save(path, overwrite=True)
     return result
 
 
-def _one_by_one(scenario: Scenario, files: dict[str, str], out: Path, progress: bool) -> bool:
+def _one_by_one(
+    scenario: Scenario, files: dict[str, str], certified: set[str], out: Path, progress: bool
+) -> bool:
     """Run all in this process; returns whether Ctrl-C ended it."""
     from tqdm import tqdm
 
@@ -124,7 +159,7 @@ def _one_by_one(scenario: Scenario, files: dict[str, str], out: Path, progress: 
         if progress:
             tqdm.write(f"case {case}:", file=sys.stderr)
         try:
-            result = _execute(scenario, case, prepared, out / name, progress)
+            result = _execute(scenario, case, prepared, out / name, case in certified, progress)
         except KeyboardInterrupt:
             return True
         if result.status == Status.INTERRUPTED:
@@ -135,6 +170,7 @@ def _one_by_one(scenario: Scenario, files: dict[str, str], out: Path, progress: 
 def _side_by_side(
     scenario: Scenario,
     files: dict[str, str],
+    certified: set[str],
     out: Path,
     jobs: int,
     total: float,
@@ -144,7 +180,8 @@ def _side_by_side(
     from tqdm import tqdm
 
     clocks = multiprocessing.RawArray(ctypes.c_double, len(files))
-    pool = ProcessPoolExecutor(jobs, initializer=_begin, initargs=(clocks,))
+    begun = multiprocessing.RawArray(ctypes.c_int, len(files))
+    pool = ProcessPoolExecutor(jobs, initializer=_begin, initargs=(clocks, begun))
     layout = "{percentage:3.0f}%|{bar}| {n:.3f}/{total:.3f} s simulated{postfix}, {remaining} left"
     bar = tqdm(total=total, disable=not progress, bar_format=layout, mininterval=_LOOK_S)
     interrupted = False
@@ -152,7 +189,7 @@ def _side_by_side(
         futures: dict[Future[None], str] = {}
         try:
             for index, (case, name) in enumerate(files.items()):
-                work = (str(scenario.path), scenario.text, case, out / name, index)
+                work = str(scenario.path), scenario.text, case, out / name, case in certified, index
                 futures[pool.submit(_work, *work)] = case
             pending = set(futures)
             while pending:
@@ -161,6 +198,10 @@ def _side_by_side(
                     future.result()
                 now = min(sum(clocks), total)
                 ended = f"{len(futures) - len(pending)} of {len(futures)} cases done"
+                under_way = {futures[future] for future in pending}
+                for case, runs in zip(files, begun, strict=True):
+                    if case in under_way and runs > 1:
+                        ended += f", certifying {case} (further run {runs - 1})"
                 bar.set_postfix_str(
                     ended if now else "starting (the first start ever compiles)", refresh=False
                 )
@@ -178,13 +219,14 @@ def _side_by_side(
 
 
 _clocks: Any = None
+_begun: Any = None
 _ending = False
 
 
-def _begin(clocks: Any) -> None:
+def _begin(clocks: Any, begun: Any) -> None:
     """Set up a process: Ctrl-C is the parent's, which then terminates its children."""
-    global _clocks
-    _clocks = clocks
+    global _clocks, _begun
+    _clocks, _begun = clocks, begun
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, _end)
 
@@ -199,7 +241,7 @@ def _interrupt(*_: Any) -> None:
     raise KeyboardInterrupt
 
 
-def _work(path: str, text: str, case: str, target: Path, index: int) -> None:
+def _work(path: str, text: str, case: str, target: Path, certified: bool, index: int) -> None:
     """Run a case in this process and save it."""
     from jointplay.scenario import Scenario
 
@@ -207,28 +249,40 @@ def _work(path: str, text: str, case: str, target: Path, index: int) -> None:
         return
     scenario = Scenario(text, path)
     prepared = scenario.prepare(case)
-    prepared.loop = _stoppable(prepared.loop)  # type: ignore[method-assign, assignment]
-    with _ticking(prepared, index):
-        _execute(scenario, case, prepared, target, False)
+    with _ticking(index) as begin, suppress(KeyboardInterrupt):  # saved as far as it came
+        _execute(scenario, case, prepared, target, certified, False, begin)
 
 
 @contextmanager
-def _ticking(prepared: Run, index: int) -> Iterator[None]:
-    """Tell the parent how far the run has come."""
+def _ticking(index: int) -> Iterator[Callable[[Run], None]]:
+    """Tell the parent how far the runs of a case have come; gives what each run is begun with."""
     over = threading.Event()
+    runs: list[Run] = []
+    past = 0.0
+
+    def tell() -> None:
+        _clocks[index] = past + (runs[-1].workspace.time if runs else 0.0)
+
+    def begin(run: Run) -> None:
+        nonlocal past
+        if runs:
+            past += runs.pop().workspace.time
+        run.loop = _stoppable(run.loop)  # type: ignore[method-assign, assignment]
+        runs.append(run)
+        _begun[index] += 1
 
     def tick() -> None:
         while not over.wait(_LOOK_S):
-            _clocks[index] = prepared.workspace.time
+            tell()
 
     thread = threading.Thread(target=tick, daemon=True)
     thread.start()
     try:
-        yield
+        yield begin
     finally:
         over.set()
         thread.join()
-        _clocks[index] = prepared.workspace.time
+        tell()
 
 
 def _stoppable(loop: Callable[[bool], Status]) -> Callable[[bool], Status]:

@@ -116,7 +116,7 @@ def page(cases: Sequence[Case], title: str, claims: Path | None) -> str:
         "At a glance": content.glance(cases, start),
         "Parameters": content.parameters(cases),
         "Assumptions": content.assumptions(cases, start),
-        "Audit": content.audits(cases),
+        "Audit": content.audits(cases) + content.certificates(cases),
         "Motion of the tool": paragraph(hint)
         + chart("fig09", "fig09d", "fig10", "fig10d", "fig11"),
         "Accuracy": content.accuracies(cases, start),

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from jointplay import analysis
+from jointplay.certify import CertifiedFigure
 from jointplay.claims import START_UP, measure
 from jointplay.errors import JointplayError
 from jointplay.geometry import Form
@@ -363,6 +364,48 @@ def audits(cases: Sequence[Case]) -> Html:
         table(head, rows, left=2)
         + (bullets(warnings) or paragraph("No run has anything to warn of."))
     )
+
+
+def certificates(cases: Sequence[Case]) -> Html:
+    """Headline figures with their numerical errors; nothing if no run was certified."""
+    known = [(case, case.result.certificate) for case in cases]
+    given = [(case, found) for case, found in known if found is not None]
+    if not given:
+        return Html("")
+    names = dict.fromkeys(figure.name for _, found in given for figure in found.headline)
+    rows: list[list[Cell]] = []
+    for name in names:
+        row: list[Cell] = [name]
+        for _, found in given:
+            figure = next((one for one in found.figures if one.name == name), None)
+            row.append(None if figure is None else _certified(figure))
+        rows.append(row)
+    head: list[Cell] = ["figure", *(dark(case) for case, _ in given)]
+    points: list[str] = [
+        Html(f"{dark(case)} of the claims' measures above 5 %: {text(', '.join(others))}.")
+        for case, found in given
+        if (others := [one.name for one in found.marked if one not in found.headline])
+    ]
+    points += [Html(f"{dark(case)} {text(found.note)}.") for case, found in given if found.note]
+    points += [
+        Html(f"{dark(case)} further runs: {text('; '.join(found.runs))}.")
+        for case, found in given
+        if found.runs
+    ]
+    return Html(
+        "<h3>Numerical errors</h3>"
+        + paragraph(
+            "Figures of the runs and how far they may be from what the model says, found by "
+            "running again more finely; those with errors above 5 % are marked."
+        )
+        + table(head, rows, left=1, name="certificates")
+        + bullets(points)
+    )
+
+
+def _certified(figure: CertifiedFigure) -> Cell:
+    shown = text(str(figure))
+    return Html(f'<strong class="warn">{shown} (!)</strong>' if figure.marked else shown)
 
 
 def modes(cases: Sequence[Case], start: float) -> Html:

@@ -137,6 +137,8 @@ def build(model: Model, folder: Path) -> Simulation:
         duration=integration.duration,
         step=integration.step,
         integrator=integration.integrator,
+        macro_step=integration.macro_step,
+        tolerance=integration.tolerance,
         record_every=model.output.record_every,
         joint_friction=_joint_friction(model, mechanism),
         seed=integration.seed,

@@ -30,7 +30,10 @@ _EXPECTED = {
 """What pydantic's kinds of error expect."""
 
 _BLAMED = {
-    "integration": ("step", "duration", "integrator", "seed"),
+    "integration": (
+        *("step", "macro_step", "macro step", "tolerance"),
+        *("duration", "integrator", "seed"),
+    ),
     "output": ("record_every",),
     "motion": ("motion",),
     "start": ("start",),
@@ -132,6 +135,7 @@ class Scenario:
         for table, keys in _BLAMED.items():
             for key in keys:
                 if re.match(rf"(the )?{key}\b", message):
+                    key = key.replace(" ", "_")
                     path = (table, key) if key != table else (table,)
         return self._error(path, message, case, True)
 

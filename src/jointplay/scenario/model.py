@@ -322,10 +322,18 @@ class Integration(Written):
     """Time step."""
     integrator: _word("integrator", INTEGRATORS) = DEFAULT  # type: ignore[valid-type]
     """Method."""
+    macro_step: quantity("s") | None = None  # type: ignore[valid-type]
+    """Interval at which `multi-rate` asks for the arm's inertia; an error estimate's choice if not
+    given."""
+    tolerance: quantity("") | None = None  # type: ignore[valid-type]
+    """Error of a macro step, relative, by which `multi-rate` chooses its micro steps; all as long
+    as the step if not given."""
     duration: quantity("s") | None = None  # type: ignore[valid-type]
     """Simulated time; the motion's if not given."""
     seed: int | None = None
     """Displaces each journal at the start by a random vector of up to half its clearances."""
+    certify: bool = False
+    """Whether the case is run again more finely, for the numerical errors of its figures."""
 
 
 class Output(Written):

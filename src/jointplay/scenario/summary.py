@@ -77,9 +77,15 @@ def _facts(run: Run) -> dict[str, str]:
     found["integration"] = (
         f"{simulation.integrator}, {readable(run.steps * step, 's')} in {run.steps} steps of "
         f"{readable(step, 's')}, a record every {simulation.record_every}"
+        + _or_none(", macro step ", simulation.macro_step, "s")
+        + _or_none(", tolerance ", simulation.tolerance, "")
         + ("" if simulation.seed is None else f", seed {simulation.seed}")
     )
     return found
+
+
+def _or_none(name: str, value: float | None, unit: str) -> str:
+    return "" if value is None else f"{name}{readable(value, unit)}"
 
 
 def _fields(thing: Any, joint: Any = None) -> str:

@@ -1,0 +1,225 @@
+"""Whether stated numerical errors cover the true ones. See docs/certificates.md.
+
+30 configurations, drawn at random with a fixed seed: the SCARA, and the slider-crank, with several
+clearances, friction laws and coefficients, with and without weight, by every integrator, steps of 2
+to 20 us (slider-crank: 0.5 to 2 us); among them jammed journals and the explicit method where it is
+wrong by a factor of two. Each is certified; the truth is rk4 at 0.5 us (0.1 us), another method and
+a far smaller step. A configuration is covered if all its headline figures are: |value - truth| no
+larger than the stated error. Where motion is chaotic the truth is one draw, as the run is another.
+"""
+
+import os
+import time
+import warnings
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass, replace
+
+import numpy as np
+from common import COLOURS, JOINT, Benchmark, motion, new_figure
+from tqdm import tqdm
+
+import jointplay as jp
+from jointplay import analysis
+from jointplay.certify import certify, figures
+
+SEED = 20240
+SCARA, KNOWN, CRANK = 23, 1, 6
+REFERENCE_STEP = {"scara": 5e-7, "slider-crank": 1e-7}
+JAMMED_FRICTION = 0.25
+QUICK = 8
+
+
+@dataclass(frozen=True)
+class Configuration:
+    """One simulation; lengths in m, times in s."""
+
+    robot: str
+    clearance: float
+    law: str
+    friction: float
+    loaded: bool
+    integrator: str
+    step: float
+    duration: float
+    seed: int
+    macro_step: float | None = None
+    tolerance: float | None = None
+
+    def simulation(self) -> jp.Simulation:
+        options = {
+            "duration": self.duration,
+            "step": self.step,
+            "integrator": self.integrator,
+            "macro_step": self.macro_step,
+            "tolerance": self.tolerance,
+            "record_every": max(round(1e-4 / self.step), 1),
+            "seed": self.seed,
+        }
+        law = LAWS[self.law](self.friction)
+        if self.robot == "scara":
+            bearing = jp.ClearanceJoint(
+                radial_clearance=self.clearance, axial_clearance=self.clearance, friction=law
+            )
+            gravity = (0.0, 0.0, -9.81 if self.loaded else 0.0)
+            robot = jp.Mechanism(jp.shipped("scara.urdf"), {JOINT: bearing}, gravity=gravity)
+            return jp.Simulation(robot, motion(), **options)
+        base = jp.Scenario.load("jointplay:slider_crank.toml").simulation("0.1 mm")
+        (name,) = base.mechanism.clearance
+        pin = replace(base.mechanism.clearance[name], radial_clearance=self.clearance, friction=law)
+        return replace(base, mechanism=base.mechanism.with_clearance({name: pin}), **options)
+
+
+LAWS = {
+    "ambrosio": lambda mu: jp.Ambrosio(mu),
+    "coulomb": lambda mu: jp.Coulomb(mu),
+    "bengisu-akay": lambda mu: jp.BengisuAkay(1.3 * mu, mu),
+    "brown-mcphee": lambda mu: jp.BrownMcPhee(1.3 * mu, mu),
+    "lugre": lambda mu: jp.LuGre(mu, 1.3 * mu),
+    "threlfall": lambda mu: jp.Threlfall(mu),
+}
+
+
+def configurations() -> list[Configuration]:
+    """The 30, the same at every call."""
+    random = np.random.default_rng(SEED)
+    found = []
+    for robot, number in (("scara", SCARA), ("slider-crank", CRANK)):
+        crank = robot == "slider-crank"
+        steps = (5e-7, 1e-6, 2e-6) if crank else (2e-6, 5e-6, 1e-5, 2e-5)
+        for index in range(number):
+            how = ("multi-rate", "semi-implicit-euler", "multi-rate", "rk4")[index % 4]
+            jammed = not crank and index % 5 < 2
+            step = float(random.choice(steps))
+            macro = random.choice([0.0, 0.0, 0.0, 2e-4]) * (0.1 if crank else 1.0)
+            tolerance = 1e-3 if index % 8 == 6 else None
+            found.append(
+                Configuration(
+                    robot,
+                    float(random.uniform(0.1e-3, 0.6e-3)) * (0.5 if crank else 1.0),
+                    str(random.choice(list(LAWS))),
+                    float(random.uniform(0.15, 0.3) if jammed else random.uniform(0.02, 0.15)),
+                    bool(random.integers(2)),
+                    how,
+                    step,
+                    0.012 if crank else float(random.uniform(0.4, 0.6) if jammed else 0.3),
+                    int(random.integers(1000)),
+                    float(macro) if macro and how == "multi-rate" else None,
+                    tolerance if how == "multi-rate" else None,
+                )
+            )
+    known = Configuration(
+        "scara", 0.3e-3, "ambrosio", 0.15, False, "semi-implicit-euler", 1e-5, 1.5, 0
+    )
+    return [known, *found]
+
+
+def measure(configuration: Configuration) -> list[dict]:
+    """Certify, find the truth, and say of each figure whether it is covered."""
+    warnings.simplefilter("ignore", RuntimeWarning)
+    simulation = configuration.simulation()
+    started = time.process_time()
+    result = simulation.run()
+    once = time.process_time() - started
+    certificate = certify(result, simulation=simulation)
+    cost = (time.process_time() - started - once) / once
+    step = REFERENCE_STEP[configuration.robot]
+    finest = replace(
+        simulation,
+        integrator="rk4",
+        macro_step=None,
+        tolerance=None,
+        step=step,
+        record_every=round(simulation.record_every * simulation.step / step),
+        duration=float(result.time[-1]),
+    ).run()
+    truth = figures(finest, analysis.twin(finest))
+    rows = []
+    for figure in certificate.headline:
+        true = truth[figure.name][0]
+        away = abs(figure.value - true)
+        rows.append(
+            vars(configuration)
+            | {
+                "figure": figure.name,
+                "value": figure.value,
+                "stated_error": figure.error,
+                "unit": figure.unit,
+                "truth": true,
+                "true_error": away,
+                "covered": away <= figure.error,
+                "cost_in_runs": cost,
+            }
+        )
+    return rows
+
+
+def main() -> None:
+    benchmark = Benchmark("certify", __doc__, runs=0)
+    benchmark.parser.add_argument(
+        "--jobs", type=int, default=os.cpu_count(), metavar="N", help="processes"
+    )
+    args = benchmark.parse()
+    chosen = configurations()[: QUICK if args.quick else None]
+    measure(replace(chosen[0], duration=0.01))  # has the kernels compiled
+    found: list[list[dict]] = [[] for _ in chosen]
+    with ProcessPoolExecutor(args.jobs) as pool:
+        futures = {pool.submit(measure, one): index for index, one in enumerate(chosen)}
+        for future in tqdm(as_completed(futures), total=len(chosen), unit="configuration"):
+            found[futures[future]] = future.result()
+    rows = [row for group in found for row in group]
+    names = list(dict.fromkeys(row["figure"] for row in rows))
+    table = []
+    for name in names:
+        those = [row for row in rows if row["figure"] == name]
+        stated, true = (
+            np.array([row[key] / max(abs(row["truth"]), 1e-300) for row in those])
+            for key in ("stated_error", "true_error")
+        )
+        table.append(
+            [
+                name,
+                f"{sum(row['covered'] for row in those)} of {len(those)}",
+                f"{100 * np.median(true):.2g}",
+                f"{100 * true.max():.2g}",
+                f"{100 * np.median(stated):.2g}",
+                f"{100 * stated.max():.2g}",
+            ]
+        )
+    figure, axes = new_figure(1, 1, 5.0, 4.5)
+    panel = axes[0, 0]
+    for name, colour in zip(names, COLOURS, strict=False):
+        those = [row for row in rows if row["figure"] == name]
+        points = [
+            [max(row[key] / max(abs(row["truth"]), 1e-300), 1e-8) for row in those]
+            for key in ("true_error", "stated_error")
+        ]
+        panel.loglog(*points, ".", color=colour, label=name)
+    panel.axline((1e-6, 1e-6), slope=1.0, color="0.5", lw=0.8)
+    panel.set_xlabel("true error, relative")
+    panel.set_ylabel("stated error, relative")
+    panel.legend(fontsize=7)
+    header = [
+        "figure",
+        "covered",
+        "true error, median [%]",
+        "largest [%]",
+        "stated error, median [%]",
+        "largest [%]",
+    ]
+    benchmark.finish(header, table, rows, figure)
+    for group in found:
+        for row in group:
+            if not row["covered"]:
+                print(
+                    f"not covered: {row['figure']}: {row['value']:.6g} ± {row['stated_error']:.2g},"
+                    f" truth {row['truth']:.6g} {row['unit']} ({row['robot']}, {row['law']}"
+                    f" {row['friction']:.2g}, {row['clearance']:.2g} m, {row['integrator']},"
+                    f" {row['step']:g} s)"
+                )
+    print(f"further runs cost {np.median([group[0]['cost_in_runs'] for group in found]):.0f} times "
+          "the run, in the middle")  # fmt: skip
+    print(f"covered {sum(all(r['covered'] for r in g) for g in found)} of {len(found)}")
+
+
+if __name__ == "__main__":
+    main()
