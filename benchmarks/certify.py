@@ -194,7 +194,7 @@ def main() -> None:
             for key in ("true_error", "stated_error")
         ]
         panel.loglog(*points, ".", color=colour, label=name)
-    panel.axline((1e-6, 1e-6), slope=1.0, color="0.5", lw=0.8)
+    panel.plot([1e-8, 10.0], [1e-8, 10.0], color="0.5", lw=0.8)
     panel.set_xlabel("true error, relative")
     panel.set_ylabel("stated error, relative")
     panel.legend(fontsize=7)

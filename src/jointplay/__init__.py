@@ -72,7 +72,6 @@ _HOMES = {
     "ZhangSharf": "contact",
     "ZhiyingQishao": "contact",
     "cartesian_motion": "cartesian",
-    "certify": "certify",
     "material": "materials",
     "oil": "materials",
     "shipped": "urdf",
@@ -87,7 +86,6 @@ if TYPE_CHECKING:
     from jointplay.audit import Audit as Audit
     from jointplay.cartesian import cartesian_motion as cartesian_motion
     from jointplay.certify import Certificate as Certificate
-    from jointplay.certify import certify as certify
     from jointplay.contact import Ambrosio as Ambrosio
     from jointplay.contact import Anagnostopoulos as Anagnostopoulos
     from jointplay.contact import BengisuAkay as BengisuAkay

@@ -61,6 +61,9 @@ HEADLINE = (
 )
 """Beginnings of the names of the figures that are printed."""
 
+COUNTS = ("impacts",)
+"""Figures that are whole numbers, and so are their errors."""
+
 CLAIM_UNITS = {
     "deviation_mm": "mm",
     "path_mm": "mm",
@@ -111,6 +114,8 @@ class CertifiedFigure:
 
     def __str__(self) -> str:
         """Value ± error and unit, the value with no more digits than the error allows."""
+        if self.name in COUNTS and math.isfinite(self.error):
+            return f"{self.value:.0f} ± {self.error:.0f}"
         return f"{plus_minus(self.value, self.error)} {self.unit}".rstrip()
 
 
@@ -241,19 +246,16 @@ def certify(
         if key not in ideals:
             ideals[key] = _ideal(found, progress, begin)
         values[name] = figures(found, ideals[key])
-    certified = tuple(
-        CertifiedFigure(
-            name,
-            value,
-            math.inf
-            if notes
-            else numerical_error({run: of[name][0] for run, of in values.items() if name in of}),
-            unit,
-        )
-        for name, (value, unit) in values[PLAIN].items()
-    )
+    certified = []
+    for name, (value, unit) in values[PLAIN].items():
+        known = {run: of[name][0] for run, of in values.items() if name in of}
+        # Where a refined run failed, nobody knows.
+        error = math.inf if notes else numerical_error(known)
+        if name in COUNTS and math.isfinite(error):
+            error = math.ceil(error)
+        certified.append(CertifiedFigure(name, value, float(error), unit))
     runs = tuple(f"{name}: {_words(finer)}" for name, finer in plans.items())
-    return Certificate(certified, runs, "; ".join(notes))
+    return Certificate(tuple(certified), runs, "; ".join(notes))
 
 
 def further_runs(simulation: Simulation) -> int:

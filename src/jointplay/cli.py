@@ -84,10 +84,11 @@ def _add_scara(commands: argparse._SubParsersAction[_Parser]) -> None:
         description="Simulate the SCARA assembly robot of Wang et al. (2023) ideal, with 0.2 mm "
         "and with 0.5 mm of radial and axial clearance in joint B; give the headline figures with "
         "their numerical errors, and beside them those of explicit integration with a fixed step; "
-        "draw Figures 9-15; test the paper's six claims on perturbed runs, with and without gravity, for both inertia "
-        "variants.",
+        "draw Figures 9-15; test the paper's six claims on perturbed runs, with and without "
+        "gravity, for both inertia variants.",
         epilog="DIR receives ideal.nc, case1_0.2mm.nc, case2_0.5mm.nc; fig09 ... fig15 as .png and "
-        ".pdf; errors.md with the figures and their errors; claims.md and claims.csv; ensemble.csv with the numbers of each perturbed run.",
+        ".pdf; errors.md with the figures and their errors; claims.md and claims.csv; ensemble.csv "
+        "with the numbers of each perturbed run.",
     )
     scara.add_argument("--out", metavar="DIR", required=True, help="folder for the results")
     scara.add_argument(

@@ -174,7 +174,7 @@ def errors_table(
     Returns:
         Rows of case, figure, value ± error and unit, mark, the explicit method's value or nothing.
     """
-    rows = []
+    rows: list[tuple[str, ...]] = []
     for label, result in cases.items():
         certificate = result.certificate
         for figure in certificate.headline if certificate else ():

@@ -1,0 +1,234 @@
+"""Certificates: headline figures with their numerical errors."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import jointplay as jp
+from jointplay import analysis, cli
+from jointplay.certify import (
+    ASIDE,
+    FINER,
+    FINEST,
+    OWN,
+    PLAIN,
+    Certificate,
+    CertifiedFigure,
+    certify,
+    further_runs,
+    numerical_error,
+    plus_minus,
+)
+from jointplay.study import scara
+
+JAMMED_TRUTH_N = 677.1
+"""Peak force of the jammed case by rk4 at 1 us."""
+
+
+def jammed(**options) -> jp.Simulation:
+    """Jams before 1.5 s, which today's explicit step gets wrong by a factor of two."""
+    bearing = jp.ClearanceJoint(
+        radial_clearance=0.3e-3, axial_clearance=0.3e-3, friction=jp.Ambrosio(0.15)
+    )
+    robot = jp.Mechanism(jp.shipped("scara.urdf"), {"joint_b": bearing}, gravity=(0, 0, 0))
+    motion = jp.Motion.from_csv(jp.shipped("scara_motion.csv"))
+    return jp.Simulation(robot, motion, duration=1.5, **options)
+
+
+@pytest.fixture(scope="module")
+def short():
+    return replace(scara(2e-4), duration=0.02).run(certify=True)
+
+
+def test_a_smooth_case_has_tiny_errors():
+    found = certify(replace(scara(None), duration=0.05))
+    assert found.headline
+    assert max(figure.relative for figure in found.headline) < 1e-4
+    assert not found.marked
+
+
+def test_the_explicit_method_is_not_fooled_by_its_own_half_step():
+    peak = (
+        jammed(integrator="semi-implicit-euler").run(certify=True).certificate["peak joint force"]
+    )
+    assert abs(peak.value - JAMMED_TRUTH_N) > 500.0
+    assert abs(peak.value - JAMMED_TRUTH_N) < peak.error
+    assert peak.marked
+
+
+def test_the_default_method_certifies_the_jammed_case_closely():
+    peak = certify(jammed())["peak joint force"]
+    assert abs(peak.value - JAMMED_TRUTH_N) <= peak.error + 0.05
+    assert peak.relative < 0.01
+
+
+def test_certificates_travel_through_files(short, tmp_path):
+    loaded = jp.Result.load(short.save(tmp_path / "r.nc"))
+    assert loaded.certificate == short.certificate
+    assert "peak joint force" in repr(loaded)
+    assert str(loaded.certificate["impacts"]) in repr(loaded)
+
+
+def test_results_without_certificate_load(short, tmp_path):
+    del (plain := jp.Result(short.dataset.copy())).dataset.attrs["certificate"]
+    loaded = jp.Result.load(plain.save(tmp_path / "r.nc"))
+    assert loaded.certificate is None
+    assert "numerical errors" not in repr(loaded)
+
+
+def test_plain_data_read_back_with_unknown_errors():
+    figures = (
+        CertifiedFigure("impacts", 3.0, math.inf, ""),
+        CertifiedFigure("dissipated energy", 2.0, 0.1, "J"),
+    )
+    found = Certificate(figures, ("finer: x",), "a note")
+    assert Certificate.from_description(found.describe()) == found
+    assert found.describe()["figures"][0]["error"] is None
+    assert "unknown" in str(found)
+    assert [figure.name for figure in found.marked] == ["impacts"]
+
+
+def test_unknown_figures_are_named(short):
+    with pytest.raises(jp.JointplayError, match="'weight'; available: peak joint force"):
+        short.certificate["weight"]
+
+
+def test_refinements_that_contract_leave_the_distance_and_little_more():
+    values = {PLAIN: 101.0, FINER: 100.2, FINEST: 100.0, ASIDE: 100.2}
+    assert 1.0 < numerical_error(values) < 1.51
+
+
+def test_refinements_that_do_not_contract_leave_their_spread_and_more():
+    values = {PLAIN: 100.0, FINER: 110.0, FINEST: 100.1, ASIDE: 95.0}
+    assert numerical_error(values) >= 30.0
+
+
+def test_an_explicit_method_that_does_not_come_closer_gets_more_than_the_distance():
+    values = {PLAIN: 1504.0, FINER: 677.1, FINEST: 677.1, ASIDE: 677.1, OWN: 1517.0}
+    assert 840.0 < numerical_error(values) < 1300.0
+
+
+def test_figures_that_are_no_numbers_have_unknown_errors():
+    assert numerical_error({PLAIN: 1.0, FINER: math.nan, FINEST: 1.0}) == math.inf
+
+
+def test_numbers_have_the_digits_that_their_errors_allow():
+    assert plus_minus(677.123, 0.31) == "677.1 ± 0.4"
+    assert plus_minus(1504.0, 1050.0) == "1500 ± 1050"
+    assert plus_minus(0.146044, 5e-6) == "0.146044 ± 0.000005"
+    assert plus_minus(3.25e-7, 2.1e-8) == "(3.25 ± 0.21)e-7"
+    assert plus_minus(0.0, 0.0) == "0 ± 0"
+
+
+@pytest.mark.parametrize(
+    ("case", "number"), [("multi-rate", 6), ("semi-implicit-euler", 8), ("rk4", 8)]
+)
+def test_the_number_of_further_runs_is_known_beforehand(case, number):
+    simulation = replace(scara(2e-4), duration=2e-3, integrator=case)
+    begun = []
+    certify(simulation.run(), begin=begun.append)
+    assert len(begun) == further_runs(simulation) == number
+
+
+def test_a_loop_cut_at_its_clearance_is_certified():
+    crank = jp.Scenario.load("jointplay:slider_crank.toml").simulation(
+        "0.1 mm", {"integration": {"duration": "1 ms"}}
+    )
+    found = certify(crank)
+    assert {"peak joint force", "peak tool error"} <= {one.name for one in found.headline}
+    assert all(np.isfinite(one.error) for one in found.headline)
+
+
+def test_a_run_that_stopped_has_a_note_instead_of_figures():
+    stopped = replace(scara(2e-4), duration=0.02).run()
+    stopped.status = stopped.status.RUN_AWAY
+    found = certify(stopped)
+    assert not found.figures
+    assert "did not complete" in str(found)
+
+
+def test_displaced_journals_start_aside():
+    run = replace(scara(2e-4), duration=1e-3).prepare()
+    before = run.workspace.q.copy()
+    run.displace(1e-9)
+    assert np.flatnonzero(run.workspace.q != before).size == 3
+
+
+def test_the_ideal_twin_of_an_adaptive_loop_can_run():
+    crank = jp.Scenario.load("jointplay:slider_crank.toml").simulation(
+        "0.1 mm", {"integration": {"duration": "0.2 ms", "tolerance": 1e-3}}
+    )
+    result = crank.run()
+    assert analysis.is_twin(result, analysis.twin(result))
+
+
+def test_the_command_line_prints_and_keeps_the_certificate(tmp_path, capsys):
+    options = ["--duration", "0.02", "--quiet", "--no-figures", "--certify"]
+    assert cli.main(["run", *options, "--macro-step", "2e-4", "--out", str(tmp_path)]) == 0
+    shown = capsys.readouterr().out
+    result = jp.Result.load(tmp_path / "result.nc")
+    assert f"peak joint force   {result.certificate['peak joint force']}" in shown
+    assert result.simulation.macro_step == 2e-4
+
+
+@pytest.mark.parametrize("option", ["--macro-step", "--tolerance"])
+def test_options_of_the_multi_rate_method_are_refused_with_another(option, tmp_path, capsys):
+    options = ["--integrator", "rk4", option, "1e-4", "--out", str(tmp_path)]
+    assert cli.main(["run", *options]) == 2
+    error = capsys.readouterr().err
+    assert "got 0.0001" in error
+    assert "'multi-rate'" in error
+
+
+SCENARIO = """
+[robot]
+urdf = "jointplay:scara.urdf"
+[joints.joint_b]
+radial_clearance = "0.2 mm"
+axial_clearance = "0.2 mm"
+[motion]
+file = "jointplay:scara_motion.csv"
+[integration]
+duration = "10 ms"
+certify = true
+{more}
+[output]
+figures = false
+[cases.one]
+[cases.two]
+integration.certify = false
+"""
+
+
+def test_scenarios_ask_for_certificates(tmp_path, capsys):
+    path = tmp_path / "s.toml"
+    path.write_text(SCENARIO.format(more='macro_step = "0.2 ms"\ntolerance = 1e-3'))
+    for jobs in ("1", "2"):
+        out = tmp_path / jobs
+        arguments = ["run", str(path), "--out", str(out), "--quiet", "--jobs", jobs]
+        assert cli.main(arguments) == 0
+        assert "numerical errors" in capsys.readouterr().out
+        one, two = (jp.Result.load(out / f"{name}.nc") for name in ("one", "two"))
+        assert one.certificate is not None
+        assert two.certificate is None
+        assert (one.simulation.macro_step, one.simulation.tolerance) == (2e-4, 1e-3)
+
+
+@pytest.mark.parametrize(
+    ("more", "named"),
+    [
+        ('macro_step = "-1 ms"', "-0.001 s"),
+        ("tolerance = 0", "got 0"),
+        ('tolerance = 1e-3\nintegrator = "rk4"', "'multi-rate'"),
+        ('macro_step = "2 mm"', "such as"),
+    ],
+)
+def test_scenarios_that_cannot_be_name_key_and_value(more, named, tmp_path, capsys):
+    path = tmp_path / "s.toml"
+    path.write_text(SCENARIO.format(more=more))
+    assert cli.main(["run", str(path), "--out", str(tmp_path / "out"), "--quiet"]) == 2
+    error = capsys.readouterr().err
+    assert named in error
+    assert f"integration.{more.split()[0]}" in error
