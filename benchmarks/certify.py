@@ -22,7 +22,7 @@ import jointplay as jp
 from jointplay import analysis
 from jointplay.certify import certify, figures
 
-SEED = 20240
+SEED = 2023
 SCARA, KNOWN, CRANK = 23, 1, 6
 REFERENCE_STEP = {"scara": 5e-7, "slider-crank": 1e-7}
 JAMMED_FRICTION = 0.25
@@ -63,10 +63,14 @@ class Configuration:
             gravity = (0.0, 0.0, -9.81 if self.loaded else 0.0)
             robot = jp.Mechanism(jp.shipped("scara.urdf"), {JOINT: bearing}, gravity=gravity)
             return jp.Simulation(robot, motion(), **options)
-        base = jp.Scenario.load("jointplay:slider_crank.toml").simulation("0.1 mm")
-        (name,) = base.mechanism.clearance
-        pin = replace(base.mechanism.clearance[name], radial_clearance=self.clearance, friction=law)
-        return replace(base, mechanism=base.mechanism.with_clearance({name: pin}), **options)
+        base = jp.Scenario.load("jointplay:slider_crank.toml").simulation(
+            "0.1 mm", {"joints": {"piston_pin": {"radial_clearance": self.clearance}}}
+        )
+        pin = base.mechanism.clearance["piston_pin"]
+        pin = replace(pin, friction=law)
+        return replace(
+            base, mechanism=base.mechanism.with_clearance({"piston_pin": pin}), **options
+        )
 
 
 LAWS = {
@@ -101,7 +105,7 @@ def configurations() -> list[Configuration]:
                     bool(random.integers(2)),
                     how,
                     step,
-                    0.012 if crank else float(random.uniform(0.4, 0.6) if jammed else 0.3),
+                    0.012 if crank else float(random.uniform(0.3, 0.5) if jammed else 0.25),
                     int(random.integers(1000)),
                     float(macro) if macro and how == "multi-rate" else None,
                     tolerance if how == "multi-rate" else None,
@@ -166,6 +170,14 @@ def main() -> None:
         futures = {pool.submit(measure, one): index for index, one in enumerate(chosen)}
         for future in tqdm(as_completed(futures), total=len(chosen), unit="configuration"):
             found[futures[future]] = future.result()
+            for row in future.result():
+                if not row["covered"]:
+                    tqdm.write(
+                        f"not covered: {row['figure']}: {row['value']:.6g} ± "
+                        f"{row['stated_error']:.2g}, truth {row['truth']:.6g} {row['unit']} "
+                        f"({row['robot']}, {row['law']} {row['friction']:.2g}, "
+                        f"{row['clearance']:.2g} m, {row['integrator']}, {row['step']:g} s)"
+                    )
     rows = [row for group in found for row in group]
     names = list(dict.fromkeys(row["figure"] for row in rows))
     table = []
@@ -207,15 +219,6 @@ def main() -> None:
         "largest [%]",
     ]
     benchmark.finish(header, table, rows, figure)
-    for group in found:
-        for row in group:
-            if not row["covered"]:
-                print(
-                    f"not covered: {row['figure']}: {row['value']:.6g} ± {row['stated_error']:.2g},"
-                    f" truth {row['truth']:.6g} {row['unit']} ({row['robot']}, {row['law']}"
-                    f" {row['friction']:.2g}, {row['clearance']:.2g} m, {row['integrator']},"
-                    f" {row['step']:g} s)"
-                )
     print(f"further runs cost {np.median([group[0]['cost_in_runs'] for group in found]):.0f} times "
           "the run, in the middle")  # fmt: skip
     print(f"covered {sum(all(r['covered'] for r in g) for g in found)} of {len(found)}")

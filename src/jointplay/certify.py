@@ -251,8 +251,9 @@ def certify(
         known = {run: of[name][0] for run, of in values.items() if name in of}
         # Where a refined run failed, nobody knows.
         error = math.inf if notes else numerical_error(known)
-        if name in COUNTS and math.isfinite(error):
-            error = math.ceil(error)
+        if name in COUNTS and math.isfinite(error) and value:
+            # That runs agree says nothing of a contact that barely touches, or barely not.
+            error = max(math.ceil(error), 1)
         certified.append(CertifiedFigure(name, value, float(error), unit))
     runs = tuple(f"{name}: {_words(finer)}" for name, finer in plans.items())
     return Certificate(tuple(certified), runs, "; ".join(notes))
