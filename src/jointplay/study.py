@@ -200,7 +200,26 @@ ERRORS_HEADER = (
 )
 
 
-def write_errors(rows: Sequence[tuple[str, ...]], out: Path) -> None:
+def measures_table(cases: Mapping[str, Result]) -> list[tuple[str, ...]]:
+    """What the claims use, a row for each measure and a column for each case that has it."""
+    found = {
+        label: {one.name: one for one in certificate.figures if one not in certificate.headline}
+        for label, result in cases.items()
+        if (certificate := result.certificate) is not None
+    }
+    played = {label: measures for label, measures in found.items() if measures}
+    names = dict.fromkeys(name for measures in played.values() for name in measures)
+    head = ("measure", *played)
+    rows = []
+    for name in names:
+        figures = [measures[name] for measures in played.values()]
+        rows.append((name, *(f"{one}{' (above 5 %)' if one.marked else ''}" for one in figures)))
+    return [head, *rows]
+
+
+def write_errors(
+    rows: Sequence[tuple[str, ...]], measures: Sequence[tuple[str, ...]], out: Path
+) -> None:
     """Write ``errors.md``."""
     made_with = ", ".join(f"{name} {version}" for name, version in versions().items())
     lines = [
@@ -213,6 +232,11 @@ def write_errors(rows: Sequence[tuple[str, ...]], out: Path) -> None:
         "",
         *("| " + " | ".join(row) + " |" for row in (ERRORS_HEADER, ["---"] * len(ERRORS_HEADER))),
         *("| " + " | ".join(row) + " |" for row in rows),
+        "",
+        "What the claims use, of these runs, by the names in ensemble.csv:",
+        "",
+        *("| " + " | ".join(row) + " |" for row in (measures[0], ["---"] * len(measures[0]))),
+        *("| " + " | ".join(row) + " |" for row in measures[1:]),
         "",
         f"Made with {made_with}.",
         "",
@@ -363,7 +387,7 @@ def write_claims(verdicts: Sequence[Verdict], ensembles: Ensembles, out: Path) -
         f"{100 * ISOLATED:.0f} % of the time. The first "
         f"{START_UP:g} s, in which the journal falls into its bearing, are not judged. *Balanced* "
         "is without gravity, *loaded* with it; *consistent* and *as printed* are the two inertia "
-        "variants (docs/assumptions.md).",
+        "variants (docs/assumptions.md). Numerical errors of the numbers, of one run: errors.md.",
         "",
         *([f"**Incomplete: {found} of {planned} runs.**", ""] if found < planned else []),
         "| " + " | ".join(HEADER) + " |",
@@ -435,7 +459,7 @@ def run_study(
             plots.save(cases, out)
             others = {label: future.result() for label, future in beside.items()}
             rows = errors_table(cases, others)
-            write_errors(rows, out)
+            write_errors(rows, measures_table(cases), out)
             ensembles.wait(futures, progress)
     finally:
         verdicts = ensembles.verdicts()
