@@ -278,7 +278,10 @@ def numerical_error(values: Mapping[str, float]) -> float:
     if uncertain > CONTRACTS * moved:
         return SAFETY * spread
     error = moved + SAFETY * uncertain
-    if OWN in values and abs(values[OWN] - finest) > OWN_CONTRACTS * moved:
+    if OWN not in values:
+        # A quarter of the step leaves a quarter of an error of first order.
+        error = max(error, moved * 4.0 / 3.0)
+    elif abs(values[OWN] - finest) > OWN_CONTRACTS * moved:
         error = max(error, OWN_SAFETY * spread)
     return error
 
