@@ -36,11 +36,14 @@ REFUSED = 4.0
 LARGEST_TURN = 0.025
 """Angle by which no joint turns further in a macro step that an error estimate chooses [rad]."""
 
-LARGEST_DEPARTURE = 1e-4
+LARGEST_DEPARTURE = 3e-5
 """Angle by which the state may leave the path that was predicted for a macro step [rad]."""
 
-LEAST_STEPS = 4
-"""Contacts do not make macro steps shorter than this many steps; they last longer."""
+LEAST_STEPS = 8
+"""Macro steps are planned no shorter than this many steps where one has been ended early."""
+
+GROWTH = 1.5
+"""By how much a macro step is longer than the one before at most."""
 
 LOOP_TOLERANCE = 3e-5
 """The same with ideal loops, which drift apart by what the line is off."""
@@ -169,13 +172,13 @@ class MultiRate(Loop):
         self._dt = dt = float(w.run["dt"][0])
         self._nodes = [(w.path[3 + 2 * k], w.path[4 + 2 * k]) for k in range(3)]
         self._zero = np.zeros(nv)
-        self._done = 1
         self._fixed = macro_step is not None
         for joint in self.model.joints[1:]:
             if joint.nv == 1 and "P" not in joint.shortname()[len("JointModel") :][:1]:
                 w.turning[joint.idx_v] = 1.0
             if joint.shortname() == "JointModelSphericalZYX":
                 w.turning[joint.idx_v : joint.idx_v + 3] = 1.0
+        w.run["departure_limit"] = np.inf if self._fixed else LARGEST_DEPARTURE
         longest = LONGEST_MACRO_STEP_S if macro_step is None else macro_step
         self._longest = max(round(longest / dt), 1)
         self._macro = self._longest if self._fixed else max(self._longest // 10, 1)
@@ -252,8 +255,10 @@ class MultiRate(Loop):
     def stretch(self, steps: int) -> bool:
         """Do one macro step."""
         before = self.workspace.steps
-        self._prepare(min(steps, self._macro), _MACRO_STEP)
-        self._done = self.workspace.steps - before
+        macro = self._prepare(min(steps, self._macro), _MACRO_STEP)
+        done = self.workspace.steps - before
+        if not self._fixed and done < macro:
+            self._macro = min(max(2 * done, LEAST_STEPS), self._longest)
         return self.workspace.status == 0
 
     def _prepare(self, macro: int, command: int, unit: int = 1) -> int:
@@ -270,8 +275,9 @@ class MultiRate(Loop):
             The length that was taken.
         """
         w = self.workspace
-        if not self._fixed:
-            macro = min(macro, self._bound(unit))
+        fastest = float(w.run["fastest"][0])
+        if not self._fixed and fastest * macro * self._dt > LARGEST_TURN:
+            macro = max(int(LARGEST_TURN / (fastest * self._dt * unit)), 1) * unit
         while True:
             self._ask(macro)
             shortest = macro <= unit
@@ -281,24 +287,11 @@ class MultiRate(Loop):
             if not error > float(w.run["path_limit"][0]):
                 break
             macro = max(macro // (4 * unit), 1) * unit
-        if not self._fixed and error >= 0.0:
+        if not self._fixed:
             factor = (0.5 * self._tolerance / max(error, 1e-12)) ** 0.5
-            best = int(macro * min(max(factor, 0.25), 1.5) + 0.9)
+            best = int(macro * min(max(factor, 0.25), GROWTH) + 0.9)
             self._macro = min(max(best, 1), self._longest)
         return macro
-
-    def _bound(self, unit: int) -> int:
-        """Longest macro step that the last one allows, in steps."""
-        run = self.workspace.run
-        fastest, departure = float(run["fastest"][0]), float(run["departure"][0])
-        bound = self._longest
-        if fastest > 0.0:
-            bound = min(bound, int(LARGEST_TURN / (fastest * self._dt)))
-        if departure > LARGEST_DEPARTURE:
-            self._macro = max(int(self._done * LARGEST_DEPARTURE / departure), LEAST_STEPS)
-        if int(run["events"][0]) > 0:
-            self._macro = min(self._macro, 2 * LEAST_STEPS)
-        return max(min(bound, self._macro) // unit, 1) * unit
 
     def _ask(self, macro: int) -> None:
         """Ask Pinocchio for all that a macro step of so many steps needs."""

@@ -64,7 +64,6 @@ def enter(table, command) -> int:
         if not run.path_error > run.path_limit:
             multirate.take_middle(run)
             multirate.macro_step(run)
-            multirate.leave(run)
     elif command == _TAKE_MIDDLE:
         multirate.find_path_error(run)
         if not run.path_error > run.path_limit:
