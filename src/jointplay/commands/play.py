@@ -6,6 +6,8 @@ import argparse
 import sys
 from typing import Any
 
+from jointplay.commands import add_trust
+
 
 def add(commands: Any) -> None:
     """Add the command to the subparsers `commands`."""
@@ -39,6 +41,7 @@ def add(commands: Any) -> None:
     parser.add_argument("--port", type=int, default=7000, metavar="N", help="(default 7000)")
     parser.add_argument("--no-browser", action="store_true", help="only serve")
     parser.add_argument("--quiet", action="store_true", help="show no progress")
+    add_trust(parser)
     parser.set_defaults(handler=run)
 
 
@@ -61,7 +64,7 @@ def _play(options: argparse.Namespace) -> int:
     else:
         playback.Server(b"", options.host, 0).server_close()
     content, scene = playback.page(
-        playback.load(options.results),
+        playback.load(options.results, options.trust),
         joint=options.joint,
         magnification=options.magnify,
         meshes=options.meshes,

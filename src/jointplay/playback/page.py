@@ -5,9 +5,10 @@ from __future__ import annotations
 import base64
 import html
 import json
-from importlib.resources import files
+from importlib import resources
 from pathlib import Path
 
+from jointplay import files
 from jointplay.playback.scene import Scene
 
 _SCRIPTS = ("tracks.js", "stage.js", "closeup.js", "player.js")
@@ -19,8 +20,8 @@ def render(scene: Scene, title: str) -> bytes:
     Everything is inside: meshcat's viewer with three.js, tracks, meshes, licences. Its content
     security policy forbids the browser any request.
     """
-    own = files("jointplay.playback") / "static"
-    bundle = files("meshcat") / "viewer" / "dist"
+    own = resources.files("jointplay.playback") / "static"
+    bundle = resources.files("meshcat") / "viewer" / "dist"
     # In JSON within a script element only "<" could end the element.
     contents = json.dumps(scene.contents, separators=(",", ":")).replace("<", "\\u003c")
     licences = (bundle / "main.min.js.LICENSE.txt").read_text("utf-8") + _licence_texts(
@@ -56,14 +57,4 @@ def write(page: bytes, path: str | Path) -> Path:
     Raises:
         JointplayError: the file exists or cannot be written.
     """
-    from jointplay.errors import JointplayError
-
-    path = Path(path)
-    try:
-        with path.open("xb") as file:
-            file.write(page)
-    except FileExistsError:
-        raise JointplayError(f"{str(path)!r} exists; choose another name") from None
-    except OSError as error:
-        raise JointplayError(f"cannot write {str(path)!r}: {error.strerror or error}") from None
-    return path
+    return files.write(path, page)

@@ -8,6 +8,8 @@ from importlib.resources import files
 from pathlib import Path
 
 from jointplay.errors import JointplayError
+from jointplay.files import check_new
+from jointplay.files import write as write_file
 from jointplay.histories import versions
 from jointplay.report import cases as _cases
 from jointplay.report import content
@@ -68,26 +70,23 @@ def write(
             raise JointplayError(f"result {label!r} has {len(result.time)} record; nothing to show")
     targets = [path, path.with_suffix(".pdf")] if pdf else [path]
     for target in targets:
-        if target.exists():
-            raise JointplayError(f"{str(target)!r} exists; choose another name")
+        check_new(target)
     content.claim_rows(claims)
     found = _cases.build(results, impacts, say)
     say("writing the page")
     source = page(found, title, claims)
-    try:
-        with path.open("x", encoding="utf-8") as file:
-            file.write(source)
-    except OSError as error:
-        raise JointplayError(f"cannot write {str(path)!r}: {error.strerror or error}") from None
+    contents = [source.encode()]
     if pdf:
-        from jointplay.plots import save_pdf
+        from jointplay.plots.figures import pdf as drawn
 
         say("drawing the figures for the PDF")
         shown = dict(results)
         ideal = next((case.ideal for case in found if case.ideal is not None), None)
         if ideal is not None and all(ideal is not result for result in shown.values()):
             shown = {"ideal": ideal, **shown} if "ideal" not in shown else shown
-        save_pdf(shown, targets[1], content.settled(found))
+        contents.append(drawn(shown, content.settled(found)))
+    for target, made in zip(targets, contents, strict=True):  # at the end: none without the other
+        write_file(target, made)
     return targets
 
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
 
+from jointplay.contact.trust import trusting
 from jointplay.errors import JointplayError, MissingName
 from jointplay.scenario.build import MOTION_SOURCES, SHIPPED, Misplaced, build, locate
 from jointplay.scenario.model import NOT_IN_A_CASE, Model
@@ -45,14 +46,16 @@ class Scenario:
 
     Attributes:
         path, text: the file.
+        trust: modules from which it may take laws.
         title: what it is about.
         cases: labels of its cases, in order; a file without cases has one, named like the file.
         figures: whether figures that compare the cases are wanted.
     """
 
-    def __init__(self, text: str, path: str | Path) -> None:
+    def __init__(self, text: str, path: str | Path, trust: Collection[str] = ()) -> None:
         """Check the scenario `text`, naming `path` in errors; see `load`."""
         self.path = Path(path)
+        self.trust = tuple(trust)
         self.text = text
         try:
             data = tomllib.loads(text)
@@ -72,8 +75,12 @@ class Scenario:
         self.figures = models[0].output.figures
 
     @classmethod
-    def load(cls, path: str | Path) -> Scenario:
+    def load(cls, path: str | Path, trust: Collection[str] = ()) -> Scenario:
         """Read and check a scenario file; ``jointplay:scara.toml`` is one that ships.
+
+        Args:
+            path: the file.
+            trust: modules from which it may take laws, besides those that lie beside it.
 
         Raises:
             JointplayError: the file cannot be read, is no TOML, or says what cannot be. The
@@ -86,7 +93,7 @@ class Scenario:
         except (OSError, UnicodeDecodeError) as error:
             reason = getattr(error, "strerror", None) or error
             raise JointplayError(f"cannot read the scenario {str(path)!r}: {reason}") from None
-        return cls(text, path)
+        return cls(text, path, trust)
 
     def simulation(
         self, case: str | None = None, changes: Mapping[str, Any] | None = None
@@ -107,7 +114,8 @@ class Scenario:
             (case,) = self.cases
         model = self.model(case, changes)
         try:
-            return build(model, self.path.parent)
+            with trusting(self.trust):
+                return build(model, self.path.parent)
         except Misplaced as error:
             raise self._error(error.path, str(error), case, True) from None
         except JointplayError as error:
