@@ -267,6 +267,7 @@
       hosts.set(host, { chart, visible: false, stale: true });
       watch.observe(host);
     }
+    document.getElementById("zoom").addEventListener("submit", (event) => event.preventDefault());
     const read = () => show([Number(from.value), Number(to.value)]);
     from.addEventListener("change", read);
     to.addEventListener("change", read);
