@@ -108,6 +108,14 @@ def is_file(path: Path) -> bool:
         return False
 
 
+def is_folder(path: Path) -> bool:
+    """Whether there is such a folder; False also for names that none can have."""
+    try:
+        return path.is_dir()
+    except (OSError, ValueError):
+        return False
+
+
 def check_new(path: str | Path) -> Path:
     """Refuse a file that cannot be written anew, before any work is done.
 

@@ -342,7 +342,9 @@ class Mechanism:
     def from_description(cls, description: Mapping[str, Any]) -> Mechanism:
         """Build the mechanism that `describe` described."""
         allowed = description["allow_unphysical"]
-        parsed = urdf.parse(description["urdf_text"], Path(description["urdf"]), allowed)
+        name = Path(description["urdf"]).name or "robot.urdf"
+        parsed = urdf.parse(description["urdf_text"], Path(name), allowed)
+        parsed = replace(parsed, stored=True)
         mechanism = object.__new__(cls)
         mechanism._build(
             parsed,

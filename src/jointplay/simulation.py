@@ -257,7 +257,8 @@ class Run:
             # A displaced journal moves the loop's other joints, also those whose start is given.
             leading = [i for n in followed for i in (mechanism.coordinate(n), mechanism.motor(n))]
             q = self._perturbed(q, leading, simulation.seed)
-        return q, consistent_velocity(mechanism, q, v, moving)
+        led = [i for n in followed for i in (mechanism.coordinate(n), mechanism.motor(n))]
+        return q, consistent_velocity(mechanism, q, v, moving, led)
 
     def _perturbed(self, q: np.ndarray, held: Sequence[int], seed: int) -> np.ndarray:
         random = np.random.default_rng(seed)
@@ -272,7 +273,7 @@ class Run:
                 for part, shift in zip(VIRTUAL_LINK[:3], push * rooms, strict=True):
                     if part in joint.freedoms:
                         q[self.mechanism.coordinates.index(f"{name}.{part}")] += shift
-        return assemble(self.mechanism, q, held, offsets) if offsets else q
+        return assemble(self.mechanism, q, held, offsets)
 
     def _site(self, name: str, q: np.ndarray) -> ContactSite:
         """What the kernels must know of the joint with clearance `name`."""

@@ -55,6 +55,8 @@ class Description:
     text: str
     joints: dict[str, JointEntry]
     links: tuple[str, ...]
+    stored: bool = False
+    """From a result: a file of its own, with a folder that it may take meshes from, it has not."""
 
     @property
     def revolute(self) -> list[str]:

@@ -33,8 +33,8 @@ def add(commands: Any) -> None:
         action="append",
         default=[],
         metavar="DIR",
-        help="where a URDF's meshes are, its packages below it (repeatable; default: the current "
-        "folder and example-robot-data)",
+        help="where a URDF's meshes are, its packages below it (repeatable; example-robot-data's "
+        "are found without)",
     )
     parser.add_argument("--no-ghost", action="store_true", help="no ideal twins")
     parser.add_argument("--host", default="127.0.0.1", help="(default 127.0.0.1: no other machine)")
