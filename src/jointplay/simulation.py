@@ -167,6 +167,7 @@ class Run:
         self.simulation = simulation
         mechanism = simulation.mechanism
         self.mechanism = mechanism
+        _check_names(mechanism)
         self.method: Integrator = integrator(simulation.integrator)
         step = require_positive("step", simulation.step, "s")
         duration = self._duration()
@@ -550,6 +551,16 @@ class Run:
                 )
                 remedy = "correct the law"
         return f"stopped {at}: {what}; {remedy}. State: {state}"
+
+
+def _check_names(mechanism: Mechanism) -> None:
+    """Refuse names that coordinates cannot be told by: what follows a dot is a part of a joint."""
+    for joint in mechanism.description.joints.values():
+        if joint.kind != "fixed" and "." in joint.name:
+            raise JointplayError(
+                f"the joint {joint.name!r} has a dot in its name, which stands before the parts of "
+                "a joint with clearance; give it another name to simulate it"
+            )
 
 
 def _energy(model: pin.Model, q: np.ndarray, v: np.ndarray) -> float:

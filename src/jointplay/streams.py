@@ -4,9 +4,14 @@ from __future__ import annotations
 
 import os
 import sys
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import Any
+
+
+_MOST_NOISE = 10_000
+"""Bytes of what a library prints that are kept."""
 
 
 class _Forgiving:
@@ -54,6 +59,27 @@ def _full(stream: Any) -> bool:
     except (OSError, ValueError):
         return True
     return False
+
+
+@contextmanager
+def caught_stderr(lines: list[str]) -> Iterator[None]:
+    """Keep from the terminal what libraries in C++ print there in the block; put it into `lines`."""
+    with suppress(OSError, ValueError, AttributeError):
+        sys.stderr.flush()
+    try:
+        kept = os.dup(2)
+    except OSError:  # there is none
+        yield
+        return
+    with tempfile.TemporaryFile() as said:
+        os.dup2(said.fileno(), 2)
+        try:
+            yield
+        finally:
+            os.dup2(kept, 2)
+            os.close(kept)
+            said.seek(0)
+            lines += said.read(_MOST_NOISE).decode("utf-8", "replace").splitlines()
 
 
 def _open() -> None:
