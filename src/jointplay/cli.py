@@ -57,6 +57,7 @@ class _Parser(argparse.ArgumentParser):
         self._negative_number_matcher = re.compile(r"-\.?\d")
 
     def error(self, message: str) -> NoReturn:
+        message = " ".join(message.split())
         self.exit(BAD_INPUT, f"{self.prog}: error: {message} (see {self.prog} --help)\n")
 
 
@@ -283,6 +284,13 @@ def _command(parser: _Parser, options: argparse.Namespace, arguments: Sequence[s
     except JointplayError as error:
         print(
             f"jointplay {options.command}: error: {' '.join(str(error).split())}", file=sys.stderr
+        )
+        return BAD_INPUT
+    except ArithmeticError as error:
+        reason = f"one is far too large or too small: {error}"
+        print(
+            f"jointplay {options.command}: error: these numbers cannot be computed with, {reason}",
+            file=sys.stderr,
         )
         return BAD_INPUT
     except MemoryError:

@@ -27,6 +27,9 @@ from jointplay.ideal import ideal_motion
 from jointplay.mechanism import Mechanism
 from jointplay.motion import Motion
 
+FASTEST = 1e9
+"""Largest bandwidth of a drive [rad/s]: no step follows it."""
+
 REFERENCE_NODE_S = 1e-4
 """Interval at which the reference is tabulated; between nodes it is linear [s].
 
@@ -128,6 +131,10 @@ class ComputedTorque(Drive):
     def __post_init__(self) -> None:
         """Check all values."""
         require_positive("bandwidth", self.bandwidth, "rad/s")
+        if self.bandwidth > FASTEST:
+            raise JointplayError(
+                f"bandwidth must be at most {FASTEST:g} rad/s, got {self.bandwidth:g}"
+            )
         require_non_negative("damping ratio", self.damping_ratio, "")
         if self.encoder not in ENCODERS:
             raise MissingName("encoder", self.encoder, ENCODERS)

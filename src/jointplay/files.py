@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import errno
 import os
+import secrets
 import tempfile
 from collections.abc import Iterable
 from contextlib import suppress
@@ -43,7 +44,7 @@ def write(path: str | Path, content: str | bytes, *, overwrite: bool = False) ->
     if not path.name:
         raise JointplayError(f"{str(path)!r} is a folder; name a file")
     data = content.encode("utf-8") if isinstance(content, str) else content
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+    part = path.with_name(f".{path.name[:40]}.{os.getpid()}-{secrets.token_hex(4)}.part")
     try:
         if not overwrite and os.path.lexists(path):
             raise FileExistsError

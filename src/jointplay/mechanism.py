@@ -101,6 +101,8 @@ class Mechanism:
         self.model, self.coordinates = build(source, self._joints, self.gears)
         self.model.gravity.linear = np.array(self.gravity)
         self.data = self.model.createData()
+        if tool is not None and not isinstance(tool, str):
+            raise JointplayError(f"tool must be the name of a frame, got {tool!r}")
         self.tool = tool if tool is not None else source.frames[source.nframes - 1].name
         if not self.model.existFrame(self.tool):
             frames = [frame.name for frame in source.frames if frame.name != "universe"]

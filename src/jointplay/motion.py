@@ -130,7 +130,7 @@ class Motion:
         path = Path(path)
         try:
             text = path.read_text(encoding="utf-8-sig")
-        except (OSError, UnicodeDecodeError) as error:
+        except (OSError, ValueError) as error:
             reason = getattr(error, "strerror", None) or error
             raise JointplayError(f"cannot read the motion {str(path)!r}: {reason}") from None
         numbered = [
@@ -140,7 +140,12 @@ class Motion:
         ]
         if not numbered:
             raise JointplayError(f"the motion {str(path)!r} is empty")
-        rows = list(csv.reader(line for _, line in numbered))
+        rows = []
+        for number, line in numbered:
+            try:
+                rows.append(next(csv.reader([line], strict=True)))
+            except csv.Error as error:
+                raise JointplayError(f"{path}, line {number}: {error}") from None
         header = [cell.strip() for cell in rows[0]]
         if header[0] != "time_s" or len(header) < 2:
             raise JointplayError(

@@ -97,6 +97,7 @@ class _Simulation(_Stored):
 
 
 _AUDIT = TypeAdapter(Audit)
+_SIMULATION = TypeAdapter(_Simulation)
 
 
 def check(dataset: xr.Dataset, path: Path) -> None:
@@ -108,12 +109,17 @@ def check(dataset: xr.Dataset, path: Path) -> None:
     for name in _TEXTS:
         if not isinstance(dataset.attrs.get(name), str):
             raise _wrong(path, f"its attribute {name!r} is missing or no text")
+    for name, value in dataset.attrs.items():
+        if isinstance(value, str) and not _writable(value):
+            raise _wrong(path, f"its attribute {name!r} is no text")
     status = dataset.attrs["status"]
     if status.upper() not in Status.__members__:
         known = ", ".join(one.name.lower() for one in Status)
         raise _wrong(path, f"it has the status {_short(status)}; known are {known}")
-    _validated(path, dataset, "audit", _AUDIT)
-    given = _validated(path, dataset, "simulation", TypeAdapter(_Simulation))
+    audit = _validated(path, dataset, "audit", _AUDIT)
+    given = _validated(path, dataset, "simulation", _SIMULATION)
+    if audit["step"] != given["step"]:
+        raise _wrong(path, f"its step is {given['step']!r} s in one place and {audit['step']!r} in another")
     if isinstance(given["drive"], list) and len(given["drive"]) != 1:
         raise _wrong(path, f"simulation: one drive stands for all joints, got {given['drive']!r}")
     versions = dataset.attrs.get("versions", "{}")
@@ -129,7 +135,9 @@ def check(dataset: xr.Dataset, path: Path) -> None:
 
 def _json(path: Path, name: str, text: Any) -> Any:
     try:
-        return json.loads(text)
+        found = json.loads(text)
+        json.dumps(found, ensure_ascii=False).encode()  # half characters cannot be shown
+        return found
     except (TypeError, ValueError, RecursionError) as error:
         raise _wrong(path, f"its attribute {name!r} is no JSON: {error}") from None
 
@@ -138,7 +146,7 @@ def _validated(path: Path, dataset: xr.Dataset, name: str, model: TypeAdapter[An
     given = _json(path, name, dataset.attrs[name])
     try:
         # What is None is as if it were not there: tables of scenarios know no None.
-        model.validate_python(_without_none(given) if name == "simulation" else given)
+        model.validate_json(json.dumps(_without_none(given)), strict=True)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         place = ".".join(str(part) for part in first["loc"])
@@ -186,9 +194,17 @@ def _names(dataset: xr.Dataset, path: Path, dimension: str) -> list[str]:
     if dimension not in dataset.coords or dataset[dimension].ndim != 1:
         raise _wrong(path, f"it has no names along {dimension!r}")
     values = dataset[dimension].values.tolist()
-    if not all(isinstance(value, str) for value in values):
+    if not all(isinstance(value, str) and _writable(value) for value in values):
         raise _wrong(path, f"names along {dimension!r} are no text: {_short(values)}")
     return values
+
+
+def _writable(text: str) -> bool:
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
 
 
 def _short(value: Any) -> str:

@@ -87,7 +87,7 @@ def read(path: str | Path, allow_unphysical: Collection[str] = ()) -> Descriptio
     path = Path(path)
     try:
         text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
+    except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise JointplayError(f"cannot read the URDF {str(path)!r}: {reason}") from None
     return parse(text, path, allow_unphysical)

@@ -56,6 +56,8 @@ def _wearing(simulation: Simulation, joint: str) -> ClearanceJoint:
 
 def _depth(clearance: ClearanceJoint, result: Result, joint: str) -> np.ndarray:
     names = list(clearance.contacts[: len(clearance.worn_widths)])
+    if "sliding_work" not in result.dataset or not set(names) <= set(result["contact"].values):
+        raise JointplayError(f"the result has no wear of the joint {joint!r}: it is damaged")
     work = result["sliding_work"].sel(joint=joint, contact=names).values
     assert clearance.wear_rate is not None
     area = clearance.ri * (2.0 * math.pi / AZIMUTHS) * np.array(clearance.worn_widths)

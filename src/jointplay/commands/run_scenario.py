@@ -33,6 +33,9 @@ if TYPE_CHECKING:
 
 STOPPED = 1
 
+_LONGEST_NAME = 100
+"""Bytes of a file's name that are taken of its case's."""
+
 _LOOK_S = 0.2
 """Interval at which progress is looked at."""
 
@@ -97,6 +100,7 @@ def file_names(cases: Sequence[str]) -> list[str]:
     found: list[str] = []
     for case in cases:
         stem = re.sub(r"[^\w.+-]+", "_", case).strip("._") or "case"
+        stem = stem.encode()[:_LONGEST_NAME].decode(errors="ignore")
         name, number = f"{stem}.nc", 2
         while name.lower() in (other.lower() for other in found):
             name, number = f"{stem}_{number}.nc", number + 1

@@ -38,6 +38,16 @@ _BLAMED = {
 }
 """Keys whose names begin messages of `Simulation`, by table."""
 
+LONGEST = 5_000_000
+"""Most characters of a scenario."""
+
+DEEPEST = 50
+"""Most parts of a key."""
+
+_DEEP_KEY = re.compile(
+    r"(?<![\w\"'-])(?:[\w\"'-]+[ \t]*\.[ \t]*){%d}" % DEEPEST  # noqa: UP031
+)
+
 _SELECTORS = ("kind", "law")
 
 
@@ -57,10 +67,7 @@ class Scenario:
         self.path = Path(path)
         self.trust = tuple(trust)
         self.text = text
-        try:
-            data = tomllib.loads(text)
-        except tomllib.TOMLDecodeError as error:
-            raise JointplayError(f"{self.path}{_syntax(str(error))}") from None
+        data = self._parsed(text)
         cases = data.pop("cases", {})
         self._base = data
         self._changes: dict[str, dict[str, Any]] = {}
@@ -73,6 +80,25 @@ class Scenario:
         models = [self.model(case) for case in self.cases]
         self.title = models[0].title or self.path.stem
         self.figures = models[0].output.figures
+
+    def _parsed(self, text: str) -> dict[str, Any]:
+        if len(text) > LONGEST:
+            raise JointplayError(
+                f"{self.path}: {len(text) / 1e6:.3g} MB of text; a scenario has at most "
+                f"{LONGEST / 1e6:g} MB"
+            )
+        deep = _DEEP_KEY.search(text)
+        if deep:
+            line = text.count("\n", 0, deep.start()) + 1
+            raise JointplayError(f"{self.path}, line {line}: a key has at most {DEEPEST} parts")
+        try:
+            return tomllib.loads(text)
+        except tomllib.TOMLDecodeError as error:
+            raise JointplayError(f"{self.path}{_syntax(str(error))}") from None
+        except RecursionError:
+            raise JointplayError(f"{self.path}: lists or tables are nested too deeply") from None
+        except ValueError as error:  # a whole number of too many digits
+            raise JointplayError(f"{self.path}: {error}") from None
 
     @classmethod
     def load(cls, path: str | Path, trust: Collection[str] = ()) -> Scenario:
@@ -90,7 +116,7 @@ class Scenario:
             path = locate(str(path), Path())
         try:
             text = Path(path).read_text(encoding="utf-8-sig")
-        except (OSError, UnicodeDecodeError) as error:
+        except (OSError, ValueError) as error:
             reason = getattr(error, "strerror", None) or error
             raise JointplayError(f"cannot read the scenario {str(path)!r}: {reason}") from None
         return cls(text, path, trust)
