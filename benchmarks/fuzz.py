@@ -1,8 +1,8 @@
 """Many inputs that no one should give: python benchmarks/fuzz.py --cases 10000
 
-Each case of tests/fuzz/generators.py is one call of the command line, in a process that may crash or
-hang without harm. The last line is `cases N traceback A hang B crash C silent D`; the exit status is
-0 if all four are.
+Each case of tests/fuzz/generators.py is one call of the command line, in a process that may crash
+or hang without harm. The last line is `cases N traceback A hang B crash C silent D`; the exit
+status is 0 if all four are.
 """
 
 from __future__ import annotations

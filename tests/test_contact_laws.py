@@ -11,7 +11,6 @@ from scipy.optimize import brentq
 
 import jointplay as jp
 from jointplay import JointplayError
-from jointplay.contact.trust import trusting
 from jointplay.contact import (
     FRICTION_LAWS,
     NORMAL_LAWS,
@@ -19,6 +18,7 @@ from jointplay.contact import (
     friction_law,
     normal_law,
 )
+from jointplay.contact.trust import trusting
 from jointplay.impact import elastic_energy, impact_duration
 from jointplay.kernel import Status
 

@@ -154,7 +154,7 @@ def test_wrong_input_is_named(arguments, text, cases, tmp_path):
     cases["0.2 mm"].save(tmp_path / "a.nc")
     (tmp_path / "bad.nc").write_bytes(b"nothing")
     command = [str(COMMAND), "play", *arguments, "--no-browser", "--quiet", "--no-ghost"]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120)
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=900)
     assert done.returncode == 2
     assert text in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1

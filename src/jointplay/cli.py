@@ -10,8 +10,8 @@ import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from jointplay.commands import MODULES, add_trust
 from jointplay import stopping, streams
+from jointplay.commands import MODULES, add_trust
 from jointplay.errors import JointplayError
 from jointplay.stopping import INTERRUPTED
 
@@ -55,6 +55,11 @@ class _Parser(argparse.ArgumentParser):
     def __init__(self, *args: Any, **options: Any) -> None:
         super().__init__(*args, **options)
         self._negative_number_matcher = re.compile(r"-\.?\d")
+
+    def _get_values(self, action: argparse.Action, arg_strings: list[str]) -> Any:
+        if action.option_strings and action.nargs is None and arg_strings == ["--"]:
+            self.error(f"argument {'/'.join(action.option_strings)}: '--' is no value")
+        return super()._get_values(action, arg_strings)  # type: ignore[misc]
 
     def error(self, message: str) -> NoReturn:
         message = " ".join(message.split())
@@ -265,7 +270,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
             return INTERRUPTED
 
 
-def _command(parser: _Parser, options: argparse.Namespace, arguments: Sequence[str]) -> int:
+def _command(
+    parser: argparse.ArgumentParser, options: argparse.Namespace, arguments: Sequence[str]
+) -> int:
     """Do what the options say; errors are one line."""
     if options.version:
         from importlib.metadata import version
@@ -381,7 +388,7 @@ def _run_options(options: argparse.Namespace) -> int:
         plots.save({label: result}, out)
     print(f"{result.message}\n{result.audit}")
     print(f"results in {options.out}")
-    if result.status == Status.INTERRUPTED:
+    if result.status == Status.INTERRUPTED or stopping.told():
         return INTERRUPTED
     return 0 if result.status == Status.COMPLETED else STOPPED
 

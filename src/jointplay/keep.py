@@ -28,14 +28,14 @@ def run_and_save(
         notes: further attributes of the file.
 
     Raises:
-        JointplayError: the result cannot be written to `path`; the message says where it is instead.
+        JointplayError: the result cannot be written to `path`; the message says where it is.
         KeyboardInterrupt: told to stop twice, or before anything was computed.
     """
     with stopping.keeping(str(path)):
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)  # the caller says how runs ended
             result = stopping.stoppable(run).execute(progress)
-        result.dataset.attrs |= notes or {}
+        result.dataset.attrs.update(notes or {})
         save(result, path)
     return result
 

@@ -320,9 +320,7 @@ def consistent_velocity(
     return moved
 
 
-def _moving(
-    mechanism: Mechanism, v: np.ndarray, rows: np.ndarray, free: np.ndarray
-) -> np.ndarray:
+def _moving(mechanism: Mechanism, v: np.ndarray, rows: np.ndarray, free: np.ndarray) -> np.ndarray:
     """v with its `free` coordinates changed as little as makes `rows` times it zero."""
     moved = v.copy()
     if len(free) and len(rows):

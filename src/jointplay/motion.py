@@ -70,9 +70,14 @@ class Motion:
             )
         if interpolation not in INTERPOLATIONS:
             raise MissingName("interpolation", interpolation, INTERPOLATIONS)
-        self._curve = self._fit()
-        self._speed = self._curve.derivative(1)
-        self._acceleration = self._curve.derivative(2)
+        with np.errstate(all="ignore"):  # looked at below
+            self._curve = self._fit()
+            self._speed = self._curve.derivative(1)
+            self._acceleration = self._curve.derivative(2)
+        if not all(np.isfinite(c.c).all() for c in (self._curve, self._acceleration)):
+            raise JointplayError(
+                "the motion's accelerations are beyond all numbers: its waypoints are too far apart"
+            )
 
     def _fit(self) -> Any:
         if self.interpolation == "rest-to-rest":

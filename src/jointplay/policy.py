@@ -1,4 +1,4 @@
-"""What a page may do, which browsers enforce: run its own scripts, told by their hashes, and no other.
+"""What a page may do, as browsers enforce: run its own scripts, told by hashes, and no others.
 
 A page holds names from files of others. They are escaped; should one ever get through, it still
 cannot run as a script, nor send anything anywhere.
@@ -39,7 +39,9 @@ def _digest(script: str) -> str:
 
 def as_script(source: str) -> Markup:
     """Source of ours to stand in a script element, which nothing in it may end."""
-    return Markup(source.replace("\r\n", "\n").replace("\r", "\n").replace("</script", "<\\/script"))
+    return Markup(
+        source.replace("\r\n", "\n").replace("\r", "\n").replace("</script", "<\\/script")
+    )
 
 
 def as_data(json: str) -> Markup:

@@ -10,7 +10,7 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -74,10 +74,8 @@ def _told(*_: Any) -> None:
 
 def say(text: str) -> None:
     """Tell the user, if there is anyone to be told."""
-    try:
+    with suppress(OSError, ValueError, AttributeError):  # closed, full, or none
         print(f"\n{text}", file=sys.stderr, flush=True)
-    except (OSError, ValueError, AttributeError):  # closed, full, or none
-        pass
 
 
 @contextmanager
@@ -97,7 +95,9 @@ def keeping(what: str) -> Iterator[None]:
         raise
     except KeyboardInterrupt:
         early = _state.told == 1
-        raise GivenUp(f"nothing of {what} was computed yet" if early else f"gave up {what}") from None
+        raise GivenUp(
+            f"nothing of {what} was computed yet" if early else f"gave up {what}"
+        ) from None
     finally:
         _state.keeping = outer
 

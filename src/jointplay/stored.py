@@ -119,7 +119,9 @@ def check(dataset: xr.Dataset, path: Path) -> None:
     audit = _validated(path, dataset, "audit", _AUDIT)
     given = _validated(path, dataset, "simulation", _SIMULATION)
     if audit["step"] != given["step"]:
-        raise _wrong(path, f"its step is {given['step']!r} s in one place and {audit['step']!r} in another")
+        raise _wrong(
+            path, f"its step is {given['step']!r} s in one place and {audit['step']!r} in another"
+        )
     if isinstance(given["drive"], list) and len(given["drive"]) != 1:
         raise _wrong(path, f"simulation: one drive stands for all joints, got {given['drive']!r}")
     versions = dataset.attrs.get("versions", "{}")
@@ -150,7 +152,9 @@ def _validated(path: Path, dataset: xr.Dataset, name: str, model: TypeAdapter[An
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         place = ".".join(str(part) for part in first["loc"])
-        raise _wrong(path, f"{name}: {place}: {first['msg']}, got {_short(first['input'])}") from None
+        raise _wrong(
+            path, f"{name}: {place}: {first['msg']}, got {_short(first['input'])}"
+        ) from None
     except (RecursionError, OverflowError) as error:
         raise _wrong(path, f"{name}: {error}") from None
     return given

@@ -9,7 +9,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import Any
 
-
 _MOST_NOISE = 10_000
 """Bytes of what a library prints that are kept."""
 
@@ -63,7 +62,7 @@ def _full(stream: Any) -> bool:
 
 @contextmanager
 def caught_stderr(lines: list[str]) -> Iterator[None]:
-    """Keep from the terminal what libraries in C++ print there in the block; put it into `lines`."""
+    """Put into `lines` what libraries in C++ print on standard error in the block."""
     with suppress(OSError, ValueError, AttributeError):
         sys.stderr.flush()
     try:
@@ -97,7 +96,7 @@ def _open() -> None:
 
 
 def silence(stream: Any) -> None:
-    """Have what is left in a stream go nowhere, so that the end of the process does not complain."""
+    """Have what is left in a stream go nowhere: the end of the process does not complain then."""
     with suppress(OSError, ValueError, AttributeError):
         null = os.open(os.devnull, os.O_WRONLY)
         os.dup2(null, stream.fileno())

@@ -103,7 +103,9 @@ def _find(name: str, folders: Sequence[Path], anywhere: bool) -> Path | None:
         allowed = anywhere or any(_inside(path, folder) for folder in folders)
         return path if allowed and path.is_file() else None
     candidates = [
-        (folder, folder / part) for folder in folders for part in (Path(address.netloc) / path, path)
+        (folder, folder / part)
+        for folder in folders
+        for part in (Path(address.netloc) / path, path)
     ]
     if address.scheme == "package":
         # A URDF of example-robot-data says package://example-robot-data/robots/...

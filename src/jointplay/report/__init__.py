@@ -24,6 +24,7 @@ from jointplay.result import Result
 IMPACTS = 5
 """Impacts of each case that are followed step by step, unless told otherwise."""
 
+
 def write(
     results: Mapping[str, Result],
     path: str | Path,
@@ -148,6 +149,4 @@ def page(cases: Sequence[Case], title: str, claims: Path | None) -> str:
 
 
 def _place(chart: Chart) -> Html:
-    return markup(
-        '<h3>{}</h3><div class="chart" id="chart-{}"></div>', chart["title"], chart["id"]
-    )
+    return markup('<h3>{}</h3><div class="chart" id="chart-{}"></div>', chart["title"], chart["id"])

@@ -88,7 +88,7 @@ def convert(value: Any, *units: str) -> Measured:
         ValueError: one line that names the value, and what was expected.
     """
     if isinstance(value, int | float) and not isinstance(value, bool):
-        if isinstance(value, int) and abs(value) > _LARGEST or not math.isfinite(value):
+        if (isinstance(value, int) and abs(value) > _LARGEST) or not math.isfinite(value):
             raise ValueError(f"{shown(value)} is not finite; expected {expected(*units)}")
         return Measured(float(value), "", str(value))
     found = _QUANTITY.fullmatch(value) if isinstance(value, str) else None
