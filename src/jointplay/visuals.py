@@ -230,6 +230,7 @@ def _stand_ins(
 ) -> list[tuple[str, pin.SE3, object]]:
     """Capsules from each of `links` to the links that it carries, or to its centre of mass."""
     found: list[tuple[str, pin.SE3, object]] = []
+    inertials = {link.get("name"): link.find("inertial") for link in root.findall("link")}
     for name in links:
         place = places[name]
         ends = []
@@ -237,7 +238,7 @@ def _stand_ins(
             parent, child = joint.find("parent"), joint.find("child")
             if parent is not None and child is not None and parent.get("link") == name:
                 ends.append(place.actInv(places[child.get("link", "")]).translation)
-        inertial = root.find(f"link[@name='{name}']/inertial")
+        inertial = inertials.get(name)
         if not any(np.linalg.norm(end) > 1e-6 for end in ends) and inertial is not None:
             origin = inertial.find("origin")
             text = "0 0 0" if origin is None else origin.get("xyz", "0 0 0")

@@ -23,10 +23,12 @@ from jointplay.urdf import shipped
 
 NASTY = (
     "", " ", "nan", "inf", "-inf", "-1", "0", "-0.0", "1e308", "-1e308", "1e-308", "1e400", "--",
-    "-", "..", "../../../etc/passwd", "/dev/null", "a" * 300, "9" * 400, "0x10", "1e5000000 m", "1 m m",
+    "-", "..", "../../../etc/passwd", "/dev/null", "a" * 300, "9" * 400, "0x10", "1e5000000 m",
+    "1 m m",
     "true", "None", "'", '"', "[[", "{}", "%s", "{0}", "<script>alert(1)</script>", "&amp;", "é",
     "\N{GREEK SMALL LETTER MU}", "\N{PILE OF POO}", "..:x", "os:system", "a\tb", "1,2", "1;2",
-    "1_0", "0 0 0", "1 2", "10**10**10 m", "/10**9 m", "m", "12 parsec", "-5 mm", "1e300", "1e-300", "0.5",
+    "1_0", "0 0 0", "1 2", "10**10**10 m", "/10**9 m", "m", "12 parsec", "-5 mm", "1e300",
+    "1e-300", "0.5",
     "joint_a", "joint_b", "world", "base", "universe", "custom", "hertz", "revolute", "prismatic",
     "\x7f", "\u202e", "((((((((((", "# no", "\\", "$HOME", "~",
 )  # fmt: skip

@@ -12,6 +12,7 @@ import xarray as xr
 
 from jointplay import analysis
 from jointplay.errors import JointplayError
+from jointplay.histories import contact_names
 from jointplay.plots.figures import coloured
 from jointplay.replay import Impact, Replay, follow, largest_impacts, replay, window
 from jointplay.result import Result
@@ -183,6 +184,9 @@ def _follow(case: Case, number: int, say: Say) -> None:
     step = case.result.audit.step
     say(f"repeating {case.label!r}, for its {len(chosen)} largest impacts step by step")
     try:
+        mechanism = case.result.simulation.mechanism
+        if contact_names(mechanism) != [str(name) for name in case.result["contact"].values]:
+            raise JointplayError("its contacts are not those of its inputs")
         found = replay(case.result, [window(place, i, step) for place, i in chosen])
     except JointplayError as error:
         case.notes.append(f"No single steps: the run cannot be repeated ({error}).")
