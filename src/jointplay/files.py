@@ -125,7 +125,8 @@ def check_new(path: str | Path) -> Path:
     """
     path = Path(path)
     try:
-        if os.path.lexists(path):
+        with suppress(FileNotFoundError, NotADirectoryError):
+            path.lstat()  # which refuses names that no file can have
             raise exists(path)
         if not path.parent.is_dir():
             raise JointplayError(f"cannot write {str(path)!r}: no folder {str(path.parent)!r}")

@@ -31,6 +31,13 @@ _AXIS_ARM_M = 0.05
 """Distance of the two points that hold the axis of an ideal revolute joint in a loop."""
 
 
+def frame_index(model: pin.Model, name: str) -> int:
+    """Index of the frame `name`; if a link and a joint are called like this, of the link's."""
+    if model.existFrame(name, pin.FrameType.BODY):
+        return int(model.getFrameId(name, pin.FrameType.BODY))
+    return int(model.getFrameId(name))
+
+
 class Mechanism:
     """A robot or linkage from a URDF, ideal or with clearance in some of its joints.
 
@@ -107,7 +114,7 @@ class Mechanism:
         if not self.model.existFrame(self.tool):
             frames = [frame.name for frame in source.frames if frame.name != "universe"]
             raise MissingName("frame", self.tool, frames)
-        self.tool_frame = int(self.model.getFrameId(self.tool))
+        self.tool_frame = frame_index(self.model, self.tool)
         for name, gear in gears.items():
             if not isinstance(gear, Gear):
                 raise JointplayError(f"joint {name!r} needs a Gear, got {gear!r}")
