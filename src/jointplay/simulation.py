@@ -374,9 +374,12 @@ class Run:
             jacobian = self.mechanism.relative_jacobian(name, q)
             for row, freedom in zip(jacobian, _RELATIVE, strict=True):
                 if freedom not in joint.freedoms and np.abs(row).max() > 1e-9:
+                    slider = joint.kind == "prismatic"
+                    where = "its slider into the URDF's tree" if slider else "it into the tree"
                     raise JointplayError(
                         f"joint {name!r} locks {freedom}, but it closes a loop whose other joints "
-                        f"leave {freedom} free; do not lock it, or replace a joint of the tree"
+                        f"leave {freedom} free; do not lock it, or put {where} and close the loop "
+                        "at another joint"
                     )
 
     def _check_step(self, step: float, q: np.ndarray) -> None:
