@@ -164,8 +164,7 @@ class Ensembles:
                 futures.append(future)
             yield futures
         except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            workers.kill(pool)
+            workers.abandon(pool)
             raise
         else:
             pool.shutdown()

@@ -14,6 +14,7 @@ import threading
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import suppress
+from multiprocessing.process import BaseProcess
 
 _WATCH_S = 1.0
 """Interval at which a process looks whether its parent is there."""
@@ -65,13 +66,14 @@ def _watch(orphaned: Callable[[], None] | None, parent: int) -> None:
         os._exit(1)
 
 
-def kill(pool: ProcessPoolExecutor) -> None:
-    """End the processes of a pool at once; nothing of what they do is kept."""
-    for process in list((pool._processes or {}).values()):
+def processes(pool: ProcessPoolExecutor) -> list[BaseProcess]:
+    """The processes of a pool, which forgets them when it is shut down."""
+    return list((pool._processes or {}).values())
+
+
+def abandon(pool: ProcessPoolExecutor) -> None:
+    """End a pool and its processes at once; nothing of what they do is kept."""
+    ending = processes(pool)
+    pool.shutdown(wait=False, cancel_futures=True)
+    for process in ending:
         process.kill()
-
-
-def terminate(pool: ProcessPoolExecutor) -> None:
-    """Tell the processes of a pool to stop."""
-    for process in list((pool._processes or {}).values()):
-        process.terminate()

@@ -73,7 +73,7 @@ def run(options: argparse.Namespace) -> int:
     print(f"\nresults in {out}")
     if interrupted or any(r.status == Status.INTERRUPTED for r in results.values()):
         missing = [case for case in cases if case not in results]
-        note = f"; not begun: {', '.join(missing)}" if missing else ""
+        note = f"; nothing of: {', '.join(missing)}" if missing else ""
         print(f"interrupted{note}", file=sys.stderr)
         return INTERRUPTED
     return 0 if all(r.status == Status.COMPLETED for r in results.values()) else STOPPED
@@ -194,16 +194,18 @@ def _side_by_side(
 
 def _wind_up(pool: ProcessPoolExecutor, futures: dict[Future[None], str]) -> None:
     """Have the processes save their runs as far as they came; told to stop again, end them."""
-    open_cases = [case for future, case in futures.items() if future.running()]
-    if open_cases and stopping.told():
-        stopping.say(f"stopping; saving {', '.join(open_cases)} (once more gives it up)")
+    ending = workers.processes(pool)
+    if stopping.told():
+        stopping.say("stopping; saving what was computed (once more gives it up)")
     try:
-        workers.terminate(pool)
+        for process in ending:
+            process.terminate()  # which ends a run as Ctrl-C does
         pool.shutdown(cancel_futures=True)
     except KeyboardInterrupt:
-        given_up = [case for future, case in futures.items() if not future.done()]
-        workers.kill(pool)
-        stopping.say(f"gave up what was not saved yet: {', '.join(given_up)}")
+        for process in ending:
+            process.kill()
+        lost = [case for future, case in futures.items() if not future.done()]
+        stopping.say(f"gave up what was not saved: {', '.join(lost) or 'nothing'}")
         with suppress(KeyboardInterrupt):
             pool.shutdown(cancel_futures=True)
 
