@@ -59,6 +59,7 @@ def listening() -> Iterator[None]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler if handler is not None else signal.SIG_DFL)
+        _state.told = 0
 
 
 def _told(*_: Any) -> None:
@@ -112,15 +113,16 @@ def stoppable(run: Run) -> Run:
     loop: Callable[[bool], Status] = run.loop
 
     def guarded(progress: bool = False) -> Status:
-        from jointplay.kernel import Status
-
         if _state.told:  # before it began
-            return Status.INTERRUPTED
+            raise KeyboardInterrupt
         _state.stepping = True
         try:
-            return loop(progress)
+            status = loop(progress)
         finally:
             _state.stepping = False
+        if run.workspace.rows == 0:  # stopped before its first record
+            raise KeyboardInterrupt
+        return status
 
     run.loop = guarded  # type: ignore[method-assign, assignment]
     return run

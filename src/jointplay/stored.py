@@ -147,8 +147,7 @@ def _json(path: Path, name: str, text: Any) -> Any:
 def _validated(path: Path, dataset: xr.Dataset, name: str, model: TypeAdapter[Any]) -> Any:
     given = _json(path, name, dataset.attrs[name])
     try:
-        # What is None is as if it were not there: tables of scenarios know no None.
-        model.validate_json(json.dumps(_without_none(given)), strict=True)
+        model.validate_json(json.dumps(_as_scenario(given)), strict=True)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         place = ".".join(str(part) for part in first["loc"])
@@ -158,6 +157,28 @@ def _validated(path: Path, dataset: xr.Dataset, name: str, model: TypeAdapter[An
     except (RecursionError, OverflowError) as error:
         raise _wrong(path, f"{name}: {error}") from None
     return given
+
+
+def _as_scenario(given: Any) -> Any:
+    """Inputs with the tables that scenarios have too as they have them: without what is None."""
+    if not isinstance(given, dict):
+        return given
+    found = {
+        key: _entries(value) if key in ("drive", "joint_friction", "payloads") else value
+        for key, value in given.items()
+    }
+    if isinstance(found.get("mechanism"), dict):
+        found["mechanism"] = {
+            key: _entries(value) if key in ("clearance", "gears") else value
+            for key, value in found["mechanism"].items()
+        }
+    return found
+
+
+def _entries(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _without_none(one) for key, one in value.items()}
+    return [_without_none(one) for one in value] if isinstance(value, list) else value
 
 
 def _without_none(value: Any) -> Any:
