@@ -84,7 +84,8 @@ class JointFriction:
 
     def torque(self, speed: np.ndarray) -> np.ndarray:
         """Q at the speeds `speed` [rad/s or m/s], any shape: [N m or N]."""
-        dry = self.coulomb + self.excess * np.exp(-((speed / self.stribeck_speed) ** 2))
+        with np.errstate(over="ignore"):  # far above the Stribeck speed nothing is left
+            dry = self.coulomb + self.excess * np.exp(-((speed / self.stribeck_speed) ** 2))
         return dry * np.tanh(speed / kernel.JOINT_FRICTION_SPEED) + self.viscous * speed
 
     def describe(self) -> dict[str, Any]:
