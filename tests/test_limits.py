@@ -178,7 +178,7 @@ def test_runs_that_would_never_end_are_refused_before_anything_is_tabulated(chan
 
 
 def test_a_run_too_large_for_the_memory_says_how_it_would_fit(monkeypatch):
-    monkeypatch.setattr("jointplay.simulation.memory", lambda: 4e9)
+    monkeypatch.setattr("jointplay.limits.memory", lambda: 4e9)
     long = dataclasses.replace(scara(2e-4), duration=1000.0)
     with pytest.raises(JointplayError, match=r"record_every = \d+ would fit"):
         long.prepare()

@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 from tqdm import tqdm
 
-from jointplay import kernel
+from jointplay import kernel, limits
 from jointplay.contact.law import address, check_parameters
 from jointplay.drive import (
     REFERENCE_NODE_S,
@@ -34,7 +34,6 @@ from jointplay.kernel import Status
 from jointplay.loops import PROXIMAL, assemble, closing_rows, consistent_velocity
 from jointplay.mechanism import Mechanism
 from jointplay.motion import Motion
-from jointplay.netcdf import MEMORY_SHARE, memory
 from jointplay.payload import Payload, velocity_after_pick
 from jointplay.result import Result
 from jointplay.workspace import ContactSite, Workspace, film_numbers
@@ -45,9 +44,6 @@ MIN_CONTACT_STEPS = 4.0
 At 4 steps the restitution of an impact scatters by 0.03 (0.07 at c_e = 0.5), at 2 an impact can
 gain energy (docs/validation.md).
 """
-
-MOST_STEPS = 10**12
-"""Most steps of a run: they would take months."""
 
 PERTURBATION = 0.5
 """Largest displacement of a perturbed journal at the start, relative to its clearances.
@@ -176,27 +172,16 @@ class Run:
         self.simulation = simulation
         mechanism = simulation.mechanism
         self.mechanism = mechanism
-        _check_names(mechanism)
+        limits.check_names(mechanism)
         self.method: Integrator = integrator(simulation.integrator)
         step = require_positive("step", simulation.step, "s")
         duration = self._duration()
         every = simulation.record_every
-        if not isinstance(every, int) or isinstance(every, bool) or not 1 <= every <= MOST_STEPS:
-            raise JointplayError(
-                f"record_every must be a whole number from 1 to {MOST_STEPS:.0e}, got {every!r:.60}"
-            )
-        seed = simulation.seed
-        if seed is not None and (not isinstance(seed, int) or not 0 <= seed < 2**63):
-            raise JointplayError(f"seed must be a whole number >= 0, got {seed!r:.60}")
-        if duration / step > MOST_STEPS:
-            raise JointplayError(
-                f"duration {duration:g} s is {duration / step:.3g} steps of {step:g} s; "
-                f"at most {MOST_STEPS:.0e} are possible"
-            )
+        limits.check_numbers(step, duration, every, simulation.seed)
         self.steps = round(duration / step)
         if self.steps < 1:
             raise JointplayError(f"duration {duration:g} s is shorter than the step {step:g} s")
-        _check_memory(mechanism, duration, self.steps, every)
+        limits.check_memory(mechanism, duration, self.steps, every)
         self.friction = self._friction()
         drives = assign(mechanism, simulation.motion, simulation.drive)
         followed = [name for name, drive in drives.items() if drive.follows]
@@ -574,38 +559,6 @@ class Run:
                 )
                 remedy = "correct the law"
         return f"stopped {at}: {what}; {remedy}. State: {state}"
-
-
-def _check_memory(mechanism: Mechanism, duration: float, steps: int, every: int) -> None:
-    """Refuse a run whose tables and records would not fit, before any are made."""
-    nv, contacts = mechanism.model.nv, sum(len(j.contacts) for j in mechanism.clearance.values())
-    reference = duration / REFERENCE_NODE_S * 9.0 * max(len(mechanism.joints), 1)
-    record = 3.0 * nv + 20.0 + 10.0 * len(mechanism.clearance) + 3.0 * contacts
-    # Records are there twice when they are made into histories.
-    needed = 8.0 * (reference + 2.0 * record * (steps / every))
-    most = MEMORY_SHARE * memory()
-    if needed > most:
-        fitting = needed - 8.0 * reference
-        ratio = fitting / (most - 8.0 * reference) if most > 8.0 * reference else math.inf
-        advice = (
-            f"record_every = {math.ceil(every * ratio):.3g} would fit, or a shorter duration"
-            if math.isfinite(ratio) and every * ratio < steps
-            else "take a shorter duration"
-        )
-        raise JointplayError(
-            f"duration {duration:g} s with a record every {every} steps needs about "
-            f"{needed / 1e9:.3g} GB of memory, of which there are {most / 1e9:.3g}; {advice}"
-        )
-
-
-def _check_names(mechanism: Mechanism) -> None:
-    """Refuse names that coordinates cannot be told by: what follows a dot is a part of a joint."""
-    for joint in mechanism.description.joints.values():
-        if joint.kind != "fixed" and "." in joint.name:
-            raise JointplayError(
-                f"the joint {joint.name!r} has a dot in its name, which stands before the parts of "
-                "a joint with clearance; give it another name to simulate it"
-            )
 
 
 def _energy(model: pin.Model, q: np.ndarray, v: np.ndarray) -> float:
