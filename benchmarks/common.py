@@ -19,6 +19,7 @@ from matplotlib.figure import Figure
 from tqdm import tqdm
 
 import jointplay as jp
+from jointplay.integrators import DEFAULT
 from jointplay.simulation import PERTURBATION
 
 JOINT = "joint_b"
@@ -39,7 +40,7 @@ class Case:
     restitution: float = 0.9
     friction: float = 0.1
     loaded: bool = False
-    integrator: str = "semi-implicit-euler"
+    integrator: str = DEFAULT
     step: float = 1e-5
 
     @property

@@ -50,6 +50,9 @@ ORDER_STEPS = {
 }
 
 
+MACRO_STEPS = 4
+"""Micro steps in a macro step where the order is measured: both are refined together."""
+
 DURATION = {FREE: 0.02, IMPACT: 0.002, LASTING: 0.004}
 """Until when the order is measured [s]."""
 ROOMY = {
@@ -107,7 +110,10 @@ def held(case, duration, bearing=None):
 def order_run(situation, method, step):
     """Journal's position [m] at the end of a short motion, and the contacts begun in it."""
     case = Case(integrator=method, step=step, loaded=situation == LASTING)
-    run = held(case, DURATION[situation], ROOMY if situation == FREE else None).prepare()
+    simulation = held(case, DURATION[situation], ROOMY if situation == FREE else None)
+    if not INTEGRATORS[method].single_rate:
+        simulation = replace(simulation, macro_step=MACRO_STEPS * step)
+    run = simulation.prepare()
     q, v = run.workspace.q, run.workspace.v
     first = run.mechanism.virtual_link(JOINT)
     if situation == IMPACT:  # tilted, so that one end strikes
@@ -116,7 +122,7 @@ def order_run(situation, method, step):
     else:
         v[run.mechanism.coordinate("joint_a")] = 0.2
     if situation == LASTING:
-        q[:], run.workspace.memory[:] = wedged()
+        q[:], run.workspace.contacts[:] = wedged()
     before = onsets(run)
     run.loop()
     return q[first : first + 3].copy(), onsets(run) - before
@@ -131,7 +137,7 @@ def wedged():
     """Configuration and memory of contacts of the loaded robot, its journal at rest, tilted."""
     run = held(Case(loaded=True), 0.5).prepare()
     run.loop()
-    return run.workspace.q.copy(), run.workspace.memory.copy()
+    return run.workspace.q.copy(), run.workspace.contacts.copy()
 
 
 def orders(methods):
