@@ -1,10 +1,11 @@
 """What a time step costs, measured against one bare `pin.aba` call on the same model.
 
-The SCARA with 0.2 mm clearance in joint B goes through its whole 3 s cycle. After every 100 steps
-of the real loop (drive, contact, ABA, integration, a record every 10 steps) each part is timed
-alone in the state just reached, so that all of them meet the same machine. Times are CPU times.
-The table gives the median and the quartiles over all these pieces of several cycles. The ratio
-divides the whole step by the cheapest form of the bare call: the largest ratio of all forms.
+The SCARA with 0.2 mm clearance in joint B goes through its whole 3 s cycle. After every 200 steps
+of the real loop (drive, contact, velocity solve, Pinocchio, integration, a record every 10 steps)
+each part is timed alone in the state just reached, so that all of them meet the same machine. Times
+are CPU times. The table gives the median and the quartiles over all these pieces of several cycles.
+The ratio divides the whole step by the cheapest form of the bare call: the largest ratio of all
+forms. Pinocchio's part of a multi-rate step is timed alone; compiled code is the rest.
 """
 
 import sys
@@ -16,25 +17,25 @@ from common import COLOURS, Benchmark, Case, new_figure
 from numba import njit
 from tqdm import tqdm
 
-from jointplay import kernel
+CHUNK = 200
+"""Steps timed at once: too few for the system to switch away often in between."""
+CALLS = 100
+"""Calls timed at once."""
 
-CHUNK = CALLS = 100
-"""Steps and calls timed at once: too few for the system to switch away often in between."""
-STANDSTILL = 1e-15
-"""A step so short that a kernel timed alone stays in the state it was put into [s]."""
-
-STEP, IDEAL, RK4 = "whole step", "whole step, ideal robot", "whole step, rk4"
+STEP, IDEAL = "whole step", "whole step, ideal robot"
+PINOCCHIO, COMPILED = "whole step: Pinocchio", "whole step: compiled code"
+EULER, RK4 = "whole step, semi-implicit-euler", "whole step, rk4"
 CALL = "empty compiled call in a Python loop"
 ABA = ("aba(...)", "aba(..., LOCAL)", "aba(..., WORLD)", "aba(..., fext)", "aba(..., fext, WORLD)")
 
-FAMILY = {STEP: 0, IDEAL: 0, RK4: 0} | dict.fromkeys(ABA, 1) | {CALL: 2}
-"""The parts in the order of table and figure, and their colours; then come the kernel's."""
-KERNEL_FAMILY = 2
+FAMILY = dict.fromkeys((STEP, PINOCCHIO, COMPILED, IDEAL, EULER, RK4), 0)
+FAMILY |= dict.fromkeys(ABA, 1) | {CALL: 2}
+"""The parts in the order of table and figure, and their colours; then come steps by contacts."""
 
 
 @njit(cache=True)
 def nothing(table) -> int:
-    """Stand in for a kernel that does nothing."""
+    """Stand in for compiled code that does nothing."""
     return 0
 
 
@@ -45,13 +46,18 @@ class Stepper:
         self.run = case.simulation(record_every=10, **options).prepare()
         self.workspace = self.run.workspace
         self.run.begin()
+        self.stretches = 0
 
     def advance(self, steps):
-        """Seconds per step over the next `steps` steps."""
+        """Seconds per step over the next `steps` steps, or a few more: whole macro steps."""
+        before, self.stretches = self.workspace.steps, 0
+        end = min(before + steps, self.run.steps)
         started = time.thread_time()
-        if not self.run.advance(steps):
-            raise SystemExit(self.run.message(self.workspace.status))
-        return (time.thread_time() - started) / steps
+        while self.workspace.steps < end:
+            self.stretches += 1
+            if not self.run.stretch(steps):
+                raise SystemExit(self.run.message(self.workspace.status))
+        return (time.thread_time() - started) / max(self.workspace.steps - before, 1)
 
 
 def seconds_per_call(function, *arguments):
@@ -62,47 +68,69 @@ def seconds_per_call(function, *arguments):
     return (time.thread_time() - started) / CALLS
 
 
-def bare_calls(stepper):
-    """Time every form of the bare call in the current state."""
-    w = stepper.workspace
-    model, data = stepper.run.model, stepper.run.data
+def bare_calls(run):
+    """Time every form of the bare call in the current state, on data of its own."""
     forces = pin.StdVec_Force()
-    for _ in range(model.njoints):
+    for _ in range(run.model.njoints):
         forces.append(pin.Force.Zero())
     local, world = pin.Convention.LOCAL, pin.Convention.WORLD
-    state = (model, data, w.q, w.v, w.tau)
+    w = run.workspace
+    state = (run.model, run.model.createData(), w.q, w.v, w.tau)
     tails = ((), (local,), (world,), (forces,), (forces, world))
-    # The last form is the loop's own, so that the motion goes on as if nothing had been timed.
     return {
         name: seconds_per_call(pin.aba, *state, *tail)
         for name, tail in zip(ABA, tails, strict=True)
     }
 
 
+def inertia(run):
+    """Seconds that Pinocchio takes for the inverse inertia and the bias of one state."""
+    w, data = run.workspace, run.model.createData()
+    state = (run.model, data, w.q, w.v, np.zeros(run.model.nv))
+    return seconds_per_call(pin.aba, *state) + seconds_per_call(
+        pin.computeMinverse, run.model, data
+    )
+
+
+def touching(workspace):
+    """Contacts that carry at present."""
+    return int(np.count_nonzero(workspace.contacts["normal"]))
+
+
 def cycle(duration, samples, bar):
     """Add to `samples` what every part costs along one cycle [s]."""
-    main, ideal, rk4 = (
+    main, ideal, euler, rk4 = (
         Stepper(case, duration=duration)
-        for case in (Case(), Case(radial=0.0), Case(integrator="rk4"))
+        for case in (
+            Case(),
+            Case(radial=0.0),
+            Case(integrator="semi-implicit-euler"),
+            Case(integrator="rk4"),
+        )
     )
-    pieces = main.run.steps // CHUNK
-    euler, empty = kernel.compiled(kernel.semi_implicit_euler), kernel.compiled(nothing)
-    probe = Stepper(Case(), step=STANDSTILL, duration=STANDSTILL * pieces * CALLS)
 
     def note(name, seconds):
         samples.setdefault(name, []).append(seconds)
 
-    for _ in range(pieces):
-        note(STEP, main.advance(CHUNK))
-        for name, seconds in bare_calls(main).items():
+    empty = np.zeros(1)
+    nothing(empty)
+    for _ in range(main.run.steps // CHUNK):
+        before = touching(main.workspace)
+        start = main.workspace.steps
+        step = main.advance(CHUNK)
+        taken = max(main.workspace.steps - start, 1)
+        pinocchio = inertia(main.run) * main.stretches / taken
+        note(STEP, step)
+        note(PINOCCHIO, pinocchio)
+        note(COMPILED, step - pinocchio)
+        if before == touching(main.workspace):
+            note(f"whole step, {before or 'no'} contact{'s' * (before != 1)}", step)
+        for name, seconds in bare_calls(main.run).items():
             note(name, seconds)
         note(IDEAL, ideal.advance(CHUNK))
+        note(EULER, euler.advance(CHUNK))
         note(RK4, rk4.advance(CHUNK // 4))
-        note(CALL, seconds_per_call(empty, probe.workspace.table))
-        probe.workspace.q[:], probe.workspace.v[:] = main.workspace.q, main.workspace.v
-        seconds = seconds_per_call(euler, probe.workspace.table)
-        touching = int(np.count_nonzero(probe.workspace.memory[0, :, kernel._NORMAL]))
-        note(f"kernel alone, {touching or 'no'} contact{'s' * (touching != 1)}", seconds)
+        note(CALL, seconds_per_call(nothing, empty))
         bar.update()
 
 
@@ -111,7 +139,7 @@ def draw(costs, fastest, ratio):
     panel = axes[0, 0]
     names = list(costs)[::-1]
     low, middle, high = np.array([costs[name] for name in names]).T
-    colours = [COLOURS[FAMILY.get(name, KERNEL_FAMILY)] for name in names]
+    colours = [COLOURS[FAMILY.get(name, 0)] for name in names]
     panel.barh(names, middle, color=colours, xerr=(middle - low, high - middle), capsize=3)
     panel.axvline(costs[fastest][1], color="black", ls=":", lw=1)
     for row, (value, end) in enumerate(zip(middle, high, strict=True)):

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, Phase, settings
 
-from jointplay import ClearanceJoint, ComputedTorque, Mechanism, Motion, Simulation, kernel
+from jointplay import ClearanceJoint, ComputedTorque, Mechanism, Motion, Simulation
+from jointplay.integrators import DEFAULT
 from jointplay.simulation import Run
 
 # A simulation in each example: slow machines must not fail, and a failure must not be shrunk for
@@ -58,7 +59,7 @@ def still(mechanism: Mechanism, duration: float) -> Motion:
 
 def release(run: Run) -> Run:
     """Switch all drives off."""
-    run.workspace.coordinates[[kernel._KP, kernel._KD]] = 0.0
+    run.workspace.drives["kp"] = run.workspace.drives["kd"] = 0.0
     run.workspace.reference[:] = 0.0
     return run
 
@@ -80,7 +81,7 @@ def free_mass(urdf):
         inertia=1e-2,
         gravity=(0.0, 0.0, 0.0),
         step=1e-6,
-        integrator="semi-implicit-euler",
+        integrator=DEFAULT,
         record_every=1,
         **bearing,
     ) -> Run:

@@ -95,5 +95,7 @@ def test_order_through_an_impact_is_limited_by_its_onset(free_mass, method):
 
 
 def test_unknown_integrator_answers_with_those_that_exist():
-    with pytest.raises(jp.JointplayError, match="'euler'; available: semi-implicit-euler, rk4"):
+    with pytest.raises(
+        jp.JointplayError, match="'euler'; available: multi-rate, semi-implicit-euler, rk4"
+    ):
         integrator("euler")

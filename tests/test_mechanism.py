@@ -5,8 +5,9 @@ import pinocchio as pin
 import pytest
 from conftest import body, joint
 
-from jointplay import ClearanceJoint, JointplayError, Mechanism, kernel, shipped
+from jointplay import ClearanceJoint, JointplayError, Mechanism, shipped
 from jointplay.geometry import gaps, journal_axis
+from jointplay.kernel import Command, Status
 from jointplay.study import scara
 
 PLAY = ClearanceJoint(radial_clearance=2e-4, axial_clearance=2e-4)
@@ -71,9 +72,9 @@ def test_virtual_work_of_the_virtual_link_is_action_and_reaction():
     workspace.q[:] = mechanism.configuration({"joint_a": 0.3, "joint_b": 0.8, "stroke": -0.05})
     workspace.q[at : at + 6] += [1.4e-4, -1.2e-4, 1.9e-4, 0.0, 0.004, -0.006]
     workspace.v[:] = np.linspace(-0.3, 0.4, model.nv)
-    workspace.coordinates[[kernel._KP, kernel._KD]] = 0.0
+    workspace.drives["kp"] = workspace.drives["kd"] = 0.0
     workspace.reference[:] = 0.0
-    assert kernel.begin(workspace.table) == 0
+    assert workspace.do(Command.BEGIN) == Status.COMPLETED
     by_coordinates = pin.aba(model, data, workspace.q, workspace.v, workspace.tau).copy()
 
     # The same forces as wrenches on the two bodies, at the contact points.
@@ -84,7 +85,7 @@ def test_virtual_work_of_the_virtual_link_is_action_and_reaction():
     parent, placement = mechanism.bearing_frame("joint_b")
     child = model.getJointId("joint_b")
     bearing = data.oMi[parent] * placement
-    memory = workspace.memory[0]
+    normals, tangentials = (workspace.contacts[name][0] for name in ("normal", "tangential"))
     wrench = {parent: pin.Force.Zero(), child: pin.Force.Zero()}
     relative = data.oMi[child].rotation @ data.v[child].angular
     relative -= data.oMi[parent].rotation @ data.v[parent].angular
@@ -95,7 +96,7 @@ def test_virtual_work_of_the_virtual_link_is_action_and_reaction():
         arm = point[k] - q[at : at + 3]
         slip = v[at : at + 3] + np.cross(omega, arm)
         slip -= normal[k] * (normal[k] @ slip)
-        force = memory[k, 3] * normal[k] - memory[k, 4] * slip / np.linalg.norm(slip)
+        force = normals[k] * normal[k] - tangentials[k] * slip / np.linalg.norm(slip)
         world = bearing.rotation @ force
         place = bearing.act(point[k])
         for body_joint, sign in ((child, 1.0), (parent, -1.0)):

@@ -21,7 +21,7 @@ def short(simulation, duration, **changes):
 
 def test_ideal_robot_is_pinocchios_own():
     """The time loop against the same integration written out with pin.aba and the drive's law."""
-    simulation = short(scara(None, LOADED), 0.05, record_every=1)
+    simulation = short(scara(None, LOADED), 0.05, record_every=1, integrator="semi-implicit-euler")
     result = simulation.run()
     mechanism, motion = simulation.mechanism, simulation.motion
     model, data = mechanism.model, mechanism.data
@@ -47,7 +47,8 @@ def test_peaks_between_records_are_kept():
     for name, (instant, best) in kept.items():
         steps = fine[instant].values[1:].reshape(100, 100, 1, 4)
         assert np.allclose(coarse[name].values[1:], best(steps, axis=1), rtol=1e-12, atol=1e-15)
-    assert coarse["normal_force_peak"].max() > coarse["normal_force"].max()
+    peak, instant = coarse["normal_force_peak"].values[1:], coarse["normal_force"].values[1:]
+    assert np.count_nonzero(peak > instant) > 10
 
 
 def test_force_peak_is_the_largest_vector_of_its_window(free_mass):

@@ -18,7 +18,6 @@ from xml.etree import ElementTree
 import numpy as np
 
 import jointplay as jp
-from jointplay import kernel
 from jointplay.joints import VIRTUAL_LINK
 
 ARMATURE = 1e8
@@ -119,7 +118,7 @@ class Problem:
     prescribed: int
     """Coordinate that turns at constant speed, or -1."""
     drive: tuple[np.ndarray, ...]
-    """Table (nodes, 3 nu) of q, v, effort; driven column, kp, kd by coordinate (nv,)."""
+    """Table (nodes, 3 nu) of q, v, effort; driven column or -1, kp, kd by coordinate (nv,)."""
 
     @property
     def clearance(self) -> float:
@@ -158,7 +157,10 @@ def problem(simulation: jp.Simulation) -> Problem:
     links = read_links(mechanism.description.text, "" if planar else name)
     assert [link.name for link in links] == list(mechanism.coordinates)
     run = simulation.prepare()
-    rows = run.workspace.coordinates
+    by_coordinate = np.zeros((3, len(links)))
+    by_coordinate[0] = -1.0
+    for drive in run.workspace.drives:
+        by_coordinate[:, drive["coordinate"]] = drive["column"], drive["kp"], drive["kd"]
     if planar:
         frames = (mechanism.bearing_frame(name), mechanism.journal_frame(name))
         sites = [(i - 1, tuple(placement.translation)) for i, placement in frames]
@@ -168,7 +170,7 @@ def problem(simulation: jp.Simulation) -> Problem:
     normal = joint.normal.parameters(joint.contact_properties(0))
     friction = joint.friction.parameters()
     ramp = friction if len(friction) == 3 else (friction[0], 0.0, friction[1])  # Coulomb's
-    prescribed = np.flatnonzero(rows[kernel._ARMATURE])
+    prescribed = run.workspace.drives["coordinate"][run.workspace.drives["armature"] > 0.0]
     return Problem(
         simulation,
         tuple(links),
@@ -179,7 +181,7 @@ def problem(simulation: jp.Simulation) -> Problem:
         sites[1],
         np.array([run.workspace.q, run.workspace.v]),
         int(prescribed[0]) if prescribed.size else -1,
-        (run.workspace.reference, rows[kernel._DRIVEN_BY], rows[kernel._KP], rows[kernel._KD]),
+        (run.workspace.reference, *by_coordinate),
     )
 
 

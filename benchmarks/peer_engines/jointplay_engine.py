@@ -7,7 +7,7 @@ import time
 
 import numpy as np
 
-from jointplay import kernel
+from jointplay.integrators import DEFAULT
 from peer_engines.common import Problem
 from peer_engines.trace import Trace
 
@@ -17,7 +17,7 @@ def run_jointplay(
     step: float,
     duration: float,
     every: int = 1,
-    integrator: str = "semi-implicit-euler",
+    integrator: str = DEFAULT,
 ) -> Trace:
     """Simulate `duration` seconds, a record every `every` steps."""
     simulation = dataclasses.replace(
@@ -27,7 +27,7 @@ def run_jointplay(
     run.workspace.q[:], run.workspace.v[:] = task.start
     if not task.driven and task.prescribed < 0:
         run.workspace.reference[:] = 0.0
-        run.workspace.coordinates[[kernel._KP, kernel._KD]] = 0.0
+        run.workspace.drives["kp"] = run.workspace.drives["kd"] = 0.0
     started = time.process_time()
     status = run.loop()
     spent = time.process_time() - started

@@ -15,7 +15,7 @@ from common import COLOURS, MARKERS, draw_ensembles, new_figure, spread
 from scipy.optimize import brentq
 
 import jointplay as jp
-from jointplay import kernel
+from jointplay.kernel import Command
 from validation import Outcome, case
 from validation.mechanisms import FREE, body, joint, urdf
 
@@ -279,10 +279,9 @@ def _begin_nudged(run, transient: int, nudge: float) -> None:
     """Begin, go through the transient, and move the slider."""
     type(run).begin(run)
     run.advance(round(transient * TURN / STEP))
-    kernel.settle(run.workspace.table)
+    run.workspace.do(Command.SETTLE if run.method.single_rate else Command.SETTLE_MACRO)
     run.workspace.q[2] += nudge
-    kernel.refresh(run.workspace.table)
-    run._accelerate()
+    type(run).begin(run)
 
 
 def _runs(quick: bool, clearance: float, **changes: float) -> list[Turns]:

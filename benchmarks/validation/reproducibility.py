@@ -17,6 +17,7 @@ import xarray as xr
 from common import COLOURS, Case, new_figure
 
 import jointplay as jp
+from jointplay.integrators import DEFAULT
 from validation import Outcome, case
 
 CHILD = """
@@ -155,7 +156,7 @@ def provenance(quick: bool = False, wrong: bool = False) -> Outcome:
         "gravity [m/s^2]": (list(made["mechanism"]["gravity"]), [0.0, 0.0, 0.0]),
         "motion": (made["motion"]["joints"], list(simulation.motion.joints)),
         "step [s]": (made["step"], 1e-5),
-        "integrator": (made["integrator"], "semi-implicit-euler"),
+        "integrator": (made["integrator"], DEFAULT),
         "duration [s]": (made["duration"], 0.02),
         "seed": (made["seed"], 8 if wrong else 7),
         "status": (attributes["status"], "completed"),

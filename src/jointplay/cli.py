@@ -215,9 +215,9 @@ def _add_run(commands: argparse._SubParsersAction[_Parser]) -> None:
     _number(group, "--duration", "simulated time [s] (default: the motion's)")
     group.add_argument(
         "--integrator",
-        choices=("semi-implicit-euler", "rk4"),
-        default="semi-implicit-euler",
-        help="(default semi-implicit-euler)",
+        choices=("multi-rate", "semi-implicit-euler", "rk4"),
+        default="multi-rate",
+        help="(default multi-rate)",
     )
     group.add_argument(
         "--record-every",

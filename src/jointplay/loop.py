@@ -30,6 +30,12 @@ says differs from it by no more, or the next macro step is shorter.
 The error between the middles is a small part of that. Measured: docs/integrators.md.
 """
 
+REFUSED = 4.0
+"""A macro step whose middle is so many times the tolerance off is planned anew."""
+
+LARGEST_TURN = 0.025
+"""Angle by which no joint turns further in a macro step that an error estimate chooses [rad]."""
+
 LOOP_TOLERANCE = 3e-5
 """The same with ideal loops, which drift apart by what the line is off."""
 
@@ -158,6 +164,9 @@ class MultiRate(Loop):
         self._nodes = [(w.path[3 + 2 * k], w.path[4 + 2 * k]) for k in range(3)]
         self._zero = np.zeros(nv)
         self._fixed = macro_step is not None
+        for joint in self.model.joints[1:]:
+            if joint.nv == 1 and "P" not in joint.shortname()[len("JointModel") :][:1]:
+                w.turning[joint.idx_v] = 1.0
         longest = LONGEST_MACRO_STEP_S if macro_step is None else macro_step
         self._longest = max(round(longest / dt), 1)
         self._macro = self._longest if self._fixed else max(self._longest // 10, 1)
@@ -234,12 +243,42 @@ class MultiRate(Loop):
     def stretch(self, steps: int) -> bool:
         """Do one macro step."""
         macro = min(steps, self._macro)
-        self._prepare(macro)
-        status = self._enter(self.workspace.run, _MACRO_STEP)
-        self._adapt(macro)
-        return bool(status == 0)
+        self._prepare(macro, _MACRO_STEP)
+        return self.workspace.status == 0
 
-    def _prepare(self, macro: int) -> None:
+    def _prepare(self, macro: int, command: int, unit: int = 1) -> int:
+        """Ask Pinocchio for what a macro step needs and let the kernels carry out `command` on it.
+
+        Where the answer is too far from what was expected a shorter step is planned instead.
+
+        Args:
+            macro: length of the macro step, in steps.
+            command: is not carried out where the answer is too far off.
+            unit: the length remains a multiple of this, unless it is shorter from the first.
+
+        Returns:
+            The length that was taken.
+        """
+        w = self.workspace
+        fastest = float(w.run["fastest"][0])
+        if not self._fixed and fastest * macro * self._dt > LARGEST_TURN:
+            macro = max(int(LARGEST_TURN / (fastest * self._dt * unit)), 1) * unit
+        while True:
+            self._ask(macro)
+            shortest = macro <= unit
+            w.run["path_limit"] = np.inf if self._fixed or shortest else REFUSED * self._tolerance
+            self._enter(w.run, command)
+            error = float(w.run["path_error"][0])
+            if not error > float(w.run["path_limit"][0]):
+                break
+            macro = max(macro // (4 * unit), 1) * unit
+        if not self._fixed and error >= 0.0:
+            factor = (0.5 * self._tolerance / max(error, 1e-12)) ** 0.5
+            best = int(macro * min(max(factor, 0.25), 1.5) + 0.9)
+            self._macro = min(max(best, 1), self._longest)
+        return macro
+
+    def _ask(self, macro: int) -> None:
         """Ask Pinocchio for all that a macro step of so many steps needs."""
         w = self.workspace
         w.run["macro"] = macro
@@ -248,14 +287,6 @@ class MultiRate(Loop):
         self._inertia(*self._nodes[1])
         if len(self._models):
             self._close_loops(macro * self._dt, *self._nodes[1])
-
-    def _adapt(self, macro: int) -> None:
-        """Choose the length of the next macro step from the error of the last path."""
-        error = float(self.workspace.run["path_error"][0])
-        if not self._fixed and error >= 0.0:
-            factor = (self._tolerance / max(error, 1e-12)) ** 0.5
-            best = int(macro * min(max(factor, 0.25), 2.0) + 0.5)
-            self._macro = min(max(best, 1), self._longest)
 
     def finish(self) -> None:
         """Record the last state."""
@@ -290,9 +321,8 @@ class Adaptive(MultiRate):
     def stretch(self, steps: int) -> bool:
         """Do one macro step as finely as it needs."""
         macro = min(steps, max(self._macro // self._unit, 1) * self._unit)
+        macro = self._prepare(macro, int(Command.TAKE_MIDDLE), self._unit)
         span = macro * self._dt
-        self._prepare(macro)
-        self._enter(self.workspace.run, int(Command.TAKE_MIDDLE))
         for kept, array in zip(self._kept, self._state, strict=True):
             np.copyto(kept, array)
         self._begun = self.workspace.half.copy()
@@ -314,7 +344,6 @@ class Adaptive(MultiRate):
             coarse = fine
         # The error falls by four when steps are halved; less where a contact begins or ends.
         self._micro_step = span / micro * (2.0 if error < 0.1 * self._tolerated else 1.0)
-        self._adapt(macro)
         return self.workspace.status == 0
 
     def _try(self, micro: int) -> tuple[np.ndarray, np.ndarray]:

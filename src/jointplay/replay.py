@@ -1,7 +1,7 @@
 """A run once more, recorded at every step where it matters: the full resolution of single impacts.
 
 Equal simulations give equal bits, so a short record of a long run costs no memory: the run is
-repeated, and only the windows asked for are kept.
+repeated, and only the windows asked for are kept in full.
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 import xarray as xr
 
-from jointplay import kernel
 from jointplay.analysis import Contacts, contacts
 from jointplay.errors import JointplayError
 from jointplay.histories import Phase, contact_names, histories
+from jointplay.kernel import Status
 from jointplay.result import Result
 from jointplay.simulation import Run, Simulation
 
@@ -24,9 +24,6 @@ WINDOW_STEPS = 600
 """Largest number of steps recorded around an impact."""
 MARGIN_STEPS = 60
 """Steps shown before and after it."""
-
-_CHUNK = 20_000
-"""Steps between two looks at the keyboard."""
 
 
 @dataclass(frozen=True)
@@ -95,38 +92,42 @@ def replay(result: Result, windows: Sequence[tuple[float, float]]) -> Replay:
     step = simulation.step
     if len(result.time) < 2:
         raise JointplayError(f"a run of {len(result.time)} records cannot be repeated")
-    steps = round(float(result.time[-1]) / step)
+    kept = np.rint(result.time / step).astype(int)
+    steps = int(kept[-1])
     spans = [(max(0, round(a / step)), min(steps, round(b / step))) for a, b in windows]
-    wanted = np.unique(np.concatenate([np.zeros(0, int), *(np.arange(a, b + 1) for a, b in spans)]))
     run = simulation.prepare()
-    run.workspace.make_room(run.workspace.record.shape[0] + len(wanted) + 1)
-    run.begin()
-    for target in [*wanted.tolist(), steps]:
-        while run.workspace.steps < target:
-            if not run.advance(min(_CHUNK, target - run.workspace.steps)):
-                break
-        kernel.record(run.workspace.table)
+    workspace = run.workspace
+    workspace.watch([(a, b) for a, b in spans if a <= b])
+    workspace.make_room(len(workspace.record) + sum(max(0, b - a + 1) for a, b in spans))
+    _repeat(run, steps)
     again = histories(
         run.mechanism,
         simulation.describe(),
-        run.workspace,
+        workspace,
         run.friction,
         _phases(run, simulation),
-        run.workspace.status,
+        workspace.status,
         "repeated",
         0.0,
     ).dataset
-    # A regular record and a window's may share a step; the first of them is complete.
-    taken = np.rint(again["time"].values / step).astype(int)
-    found, first = np.unique(taken, return_index=True)
-    again = again.isel(time=first)
-    recorded = np.isin(found, np.rint(result.time / step).astype(int))
-    same = again["q"].values[recorded]
+    found = np.rint(again["time"].values / step).astype(int)
+    same = again["q"].values[np.isin(found, kept)]
     return Replay(
         tuple(again.isel(time=(found >= a) & (found <= b)) for a, b in spans),
         _statistics(run) if result.joints else xr.Dataset(),
         bool(np.array_equal(same, result["q"].values)),
     )
+
+
+def _repeat(run: Run, steps: int) -> None:
+    """Run at least until step `steps` is recorded, in the stretches of any run."""
+    if steps == run.steps:
+        if run.loop() == Status.INTERRUPTED:
+            raise KeyboardInterrupt
+        return
+    run.begin()
+    while run.workspace.steps <= steps and run.stretch():
+        pass
 
 
 def _phases(run: Run, simulation: Simulation) -> list[Phase]:

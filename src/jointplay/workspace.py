@@ -143,6 +143,10 @@ class Workspace:
         for name in ("shortest", "gap_min", "deepest"):
             self.contacts[name] = np.inf
         self.drives = self._point("drives", tables.drives)
+        self.turning = self._room("turning", nv)
+        weights = self._room("weights", nv)
+        weights[:] = 1.0
+        weights[self.drives["coordinate"][self.drives["armature"] > 0.0]] = 0.0
         self.frictions = self._point("frictions", tables.frictions)
         self.gears = self._point("gears", tables.gears)
         self.reference = self._point("reference", np.ascontiguousarray(tables.reference, float))

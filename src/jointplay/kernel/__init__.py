@@ -60,10 +60,14 @@ def enter(table, command) -> int:
     """Carry out a `Command` on a run (`layout.RUN`, an array of one); returns its status."""
     run = table[0]
     if command == _MACRO_STEP:
-        multirate.take_middle(run)
-        multirate.macro_step(run)
+        multirate.find_path_error(run)
+        if run.path_error <= run.path_limit:
+            multirate.take_middle(run)
+            multirate.macro_step(run)
     elif command == _TAKE_MIDDLE:
-        multirate.take_middle(run)
+        multirate.find_path_error(run)
+        if run.path_error <= run.path_limit:
+            multirate.take_middle(run)
     elif command == _ADAPTIVE_STEP:
         multirate.adaptive_step(run)
     elif command == _SETTLE_MACRO:

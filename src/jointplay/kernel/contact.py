@@ -111,6 +111,19 @@ def _normal_force(joint, contact, rate):
 
 
 @internal
+def _ask_bristles(run, joint, contact, speed, normal, dwell):
+    """Let the law with bristles write its numbers, see `BristleLaw`, into `law_numbers`."""
+    call_bristle(
+        joint.friction_law,
+        speed,
+        normal,
+        dwell,
+        address_of(joint.friction_parameters),
+        address_of(run.law_numbers),
+    )
+
+
+@internal
 def bend(run, j, joint, elapsed):
     """Bend the bristles of joint j for `elapsed` seconds at the velocities of its twist.
 
@@ -120,20 +133,10 @@ def bend(run, j, joint, elapsed):
         contact = contacts(run, j)[k]
         if contact.touching == 0:
             continue
-        out = run.law_numbers
         rate, slip, speed = _meet(joint, contact)
         normal, _ = _normal_force(joint, contact, rate)
-        call_bristle(
-            joint.friction_law,
-            speed,
-            normal,
-            contact.dwell,
-            address_of(joint.friction_parameters),
-            address_of(run.law_numbers),
-        )
-        contact.share, contact.letting_go = out[0], out[1]
-        contact.stiffness, contact.damping, contact.viscous = out[2], out[3], out[4]
-        contact.cap = out[5]
+        _ask_bristles(run, joint, contact, speed, normal, contact.dwell)
+        out = run.law_numbers
         contact.dwell_now = out[6] + (contact.dwell - out[6]) * math.exp(-out[7] * elapsed)
         direction = vector(contact.direction, 0)
         z = vector(contact.bend, 0)
@@ -144,45 +147,47 @@ def bend(run, j, joint, elapsed):
 
 
 @internal
-def _bristles_hold(contact, slip):
-    """Force of the bristles: -(k z + d (A v - r z)), no longer than the cap, and - c v."""
-    bent = vector(contact.bent, 0)
-    pull = contact.stiffness - contact.damping * contact.letting_go
-    force = add(scale(-pull, bent), scale(-contact.damping * contact.share, slip))
+def _bristles_hold(run, joint, contact, normal, slip, speed):
+    """Force of the bristles: -(k z + d (A v - r z)), no longer than the cap, and - c v.
+
+    With it, how it falls with velocities across it.
+    """
+    _ask_bristles(run, joint, contact, speed, normal, contact.dwell_now)
+    out = run.law_numbers
+    damper = out[3] * out[0]
+    pull = out[2] - out[3] * out[1]
+    force = add(scale(-pull, vector(contact.bent, 0)), scale(-damper, slip))
     size = length(force)
-    if size > contact.cap:
-        force = scale(contact.cap / size, force)
-    return along(force, -contact.viscous, slip)
+    if size > out[5]:
+        force = scale(out[5] / size, force)
+        damper *= out[5] / size
+    return along(force, -out[4], slip), damper + out[4]
 
 
 @internal
-def _bristles_slope(contact, slip):
-    """Direction of the bristles' force, and how it falls with velocities along and across it."""
-    bent = vector(contact.bent, 0)
-    pull = contact.stiffness - contact.damping * contact.letting_go
-    damper = contact.damping * contact.share
-    force = add(scale(-pull, bent), scale(-damper, slip))
-    size = length(force)
-    direction = scale(1.0 / size if size > 0.0 else 0.0, force)
-    if size > contact.cap:
-        return direction, contact.viscous, damper * contact.cap / size + contact.viscous
-    return direction, damper + contact.viscous, damper + contact.viscous
+def _bristles_slope(run, joint, contact, slip):
+    """Direction of sliding, the bristles' force per velocity along it, and its fall across."""
+    speed, normal = contact.speed, contact.normal_now
+    more = speed * _DIFFERENCE + _LEAST_DIFFERENCE
+    force, across = _bristles_hold(run, joint, contact, normal, slip, speed)
+    if speed <= 0.0:
+        return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), across
+    t = scale(1.0 / speed, slip)
+    further, _ = _bristles_hold(run, joint, contact, normal, along(slip, more, t), speed + more)
+    return t, scale(1.0 / more, along(further, -1.0, force)), across
 
 
 @internal
 def _rub_slope(joint, contact, slip):
-    """Direction of sliding, and how friction (eqs 20, 21) rises along and across it.
-
-    Returns the coefficient as well, by which friction follows the normal force.
-    """
+    """Direction of sliding, friction (eqs 20, 21) per velocity along it, and its fall across."""
+    speed, normal, mu = contact.speed, contact.normal_now, contact.mu
     law = address_of(joint.friction_parameters)
-    speed, normal = contact.speed, contact.normal_now
     more = speed * _DIFFERENCE + _LEAST_DIFFERENCE
-    mu = contact.mu
     rise = (call_friction(joint.friction_law, speed + more, law) - mu) / more
-    turn = mu / speed if speed > 0.0 else rise
-    direction = scale(1.0 / speed if speed > 0.0 else 0.0, slip)
-    return direction, rise * normal, turn * normal, mu
+    if speed <= 0.0:
+        return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), rise * normal
+    t = scale(1.0 / speed, slip)
+    return t, scale(-rise * normal, t), mu / speed * normal
 
 
 @internal
@@ -217,26 +222,22 @@ def steepen(run, j, joint):
             continue
         rate, slip, _ = _meet(joint, contact)
         if joint.bristles != 0:
-            t, rise, turn = _bristles_slope(contact, slip)
-            mu = 0.0  # what the normal force does to the bristles is left to the next step
+            t, b, fall = _bristles_slope(run, joint, contact, slip)
+            mu = 0.0  # what the normal force does to the bristles is left to the next trial
         else:
-            t, rise, turn, mu = _rub_slope(joint, contact, slip)
+            t, b, fall = _rub_slope(joint, contact, slip)
+            mu = contact.mu
         more = contact.approach * _DIFFERENCE
         higher, _ = _normal_force(joint, contact, rate + more)
         damping = (higher - contact.normal_now) / more
         n = vector(contact.direction, 0)
-        s = along(scale(-damping, n), mu * damping, t)
-        # s n^T - turn (1 - n n^T - t t^T) - rise t t^T, column by column
+        a = along(scale(-damping, n), mu * damping, t)
+        # a n^T + b t^T - fall (1 - n n^T - t t^T), column by column
+        a, b = along(a, fall, n), along(b, fall, t)
         columns = (
-            along(
-                along(along((-turn, 0.0, 0.0), n[0], s), turn * n[0], n), (turn - rise) * t[0], t
-            ),
-            along(
-                along(along((0.0, -turn, 0.0), n[1], s), turn * n[1], n), (turn - rise) * t[1], t
-            ),
-            along(
-                along(along((0.0, 0.0, -turn), n[2], s), turn * n[2], n), (turn - rise) * t[2], t
-            ),
+            add(add(scale(n[0], a), scale(t[0], b)), (-fall, 0.0, 0.0)),
+            add(add(scale(n[1], a), scale(t[1], b)), (0.0, -fall, 0.0)),
+            add(add(scale(n[2], a), scale(t[2], b)), (0.0, 0.0, -fall)),
         )
         _stiffen(joint, contact, columns)
 
@@ -253,7 +254,7 @@ def respond(run, j, joint):
         normal, approach = _normal_force(joint, contact, rate)
         contact.rate, contact.speed, contact.approach = rate, speed, approach
         if joint.bristles != 0:
-            friction = _bristles_hold(contact, slip)
+            friction, _ = _bristles_hold(run, joint, contact, normal, slip, speed)
         else:
             law = address_of(joint.friction_parameters)
             contact.mu = call_friction(joint.friction_law, speed, law)
@@ -293,9 +294,11 @@ def remember(run, j, joint, duration):
         if contact.touching == 0:
             contact.normal = contact.tangential = 0.0
             if contact.gap >= 0.0 and contact.steps > 0.0:
+                run.events += 1
                 _end(contact)
             continue
         if contact.steps == 0.0:
+            run.events += 1
             contact.onsets += 1.0
             contact.own_impulse = 0.0
         impulse = contact.normal_now * duration

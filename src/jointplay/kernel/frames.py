@@ -130,7 +130,7 @@ def pose_on_path(run, joint, q):
     n = joint.nsupport
     size = 2 * POSE + 6 * n
     data = matrix(joint.nodes, 3, size)
-    span = 0.5 * run.macro * run.dt
+    span = 0.5 * run.path_span
     elapsed = run.time - run.path_start
     s = elapsed / span if span > 0.0 else 0.0
     e = 1 if s >= 1.0 else 0

@@ -41,6 +41,12 @@ from jointplay.kernel.solve import SPEED, TRIALS, answer, find_pose, find_touchi
 _NP = len(POWERS)
 _RUN_AWAY = int(Status.RUN_AWAY)
 
+LEAST_APART = 0.3
+"""Middles nearer to each other than this, relative to the macro step, do not make a line."""
+
+LEAST_STEPS = 4
+"""A macro step is not ended by a contact before this many micro steps."""
+
 ONSET_HALVINGS = 20
 """Halvings by which the onset of a contact is located in an adaptive step."""
 
@@ -56,49 +62,83 @@ def predict(run):
     q, half, a = floats(run.q, nv), floats(run.half, nv), floats(run.a, nv)
     done = run.time - run.path_start
     span = run.macro * run.dt
+    turning = floats(run.turning, nv)
+    run.fastest = 0.0
     for i in range(nv):
+        run.fastest = max(run.fastest, turning[i] * abs(half[i]))
         # The acceleration of a contact that lasts swings; its mean is what moves the arm.
         mean = (half[i] - path[9, i]) / done if run.touching > 0 and done > 0.0 else a[i]
+        if done == 0.0:  # planned anew
+            mean = path[2, i]
         path[0, i], path[1, i], path[2, i] = q[i], half[i] + 0.5 * run.dt_before * mean, mean
         path[9, i] = half[i]
         for node in range(3):
             s = 0.5 * node * span
             path[3 + 2 * node, i] = q[i] + s * (path[1, i] + 0.5 * s * mean)
             path[4 + 2 * node, i] = path[1, i] + s * mean
-    run.path_start = run.time
+    run.path_start, run.path_span = run.time, span
 
 
 @internal
-def take_middle(run):
-    """Take Pinocchio's answer at the predicted middle, and draw the line through the last one's."""
+def find_path_error(run):
+    """Compare Pinocchio's answer at the predicted middle with the line through the last two's.
+
+    The difference of the accelerations is `run.path_error`, relative to the whole acceleration; -1
+    where there is no line, or velocities have jumped since.
+    """
     nv = run.nv
-    span = run.macro * run.dt
-    now = run.path_start + 0.5 * span
-    apart = now - run.middle_time
-    slope = 1.0 / apart if run.known_middles > 0 and apart > 0.0 else 0.0
-    minv, found = matrix(run.minv, nv, nv), matrix(run.found_minv, nv, nv)
-    rate, middle = matrix(run.minv_rate, nv, nv), matrix(run.minv_middle, nv, nv)
-    tau, drive_effort = floats(run.contact_push, nv), floats(run.drive, nv)
-    free, found_free = floats(run.free, nv), floats(run.found_free, nv)
-    free_rate, free_middle = floats(run.free_rate, nv), floats(run.free_middle, nv)
+    apart = run.path_start + 0.5 * run.path_span - run.middle_time
+    found, found_free = matrix(run.found_minv, nv, nv), floats(run.found_free, nv)
+    middle, rate = matrix(run.minv_middle, nv, nv), matrix(run.minv_rate, nv, nv)
+    free_middle, free_rate = floats(run.free_middle, nv), floats(run.free_rate, nv)
+    push, effort = floats(run.contact_push, nv), floats(run.drive, nv)
+    weights = floats(run.weights, nv)
+    run.path_error = -1.0
+    if run.known_middles < 2 or run.events > 0:
+        return
     wrong = whole = 0.0
     for i in range(nv):
         miss = found_free[i] - free_middle[i] - apart * free_rate[i]
         acceleration = found_free[i]
-        free_rate[i] = slope * (found_free[i] - free_middle[i])
+        for k in range(nv):
+            value = found[i, k] if i <= k else found[k, i]
+            miss += (value - middle[i, k] - apart * rate[i, k]) * (push[k] + effort[k])
+            acceleration += value * (push[k] + effort[k])
+        wrong += weights[i] * miss * miss / middle[i, i]
+        whole += weights[i] * acceleration * acceleration / middle[i, i]
+    if whole > 0.0:
+        run.path_error = math.sqrt(wrong / whole)
+
+
+@internal
+def take_middle(run):
+    """Take Pinocchio's answer at the predicted middle, and draw the line through the last one's.
+
+    Where a contact has begun or ended in between, velocities have jumped, and the acceleration
+    without forces with them: its line is then level.
+    """
+    nv, span = run.nv, run.path_span
+    now = run.path_start + 0.5 * span
+    apart = now - run.middle_time
+    known = run.known_middles > 0
+    fresh = not known or apart > LEAST_APART * span
+    slope = 1.0 / apart if known and fresh else 0.0
+    smooth = slope if run.events == 0 else 0.0
+    minv, found = matrix(run.minv, nv, nv), matrix(run.found_minv, nv, nv)
+    rate, middle = matrix(run.minv_rate, nv, nv), matrix(run.minv_middle, nv, nv)
+    free, found_free = floats(run.free, nv), floats(run.found_free, nv)
+    free_rate, free_middle = floats(run.free_rate, nv), floats(run.free_middle, nv)
+    for i in range(nv):
+        free_rate[i] = smooth * (found_free[i] - free_middle[i])
         free_middle[i] = found_free[i]
         free[i] = found_free[i] - 0.5 * span * free_rate[i]
         for k in range(nv):
             value = found[i, k] if i <= k else found[k, i]
-            push = tau[k] + drive_effort[k]
-            miss += (value - middle[i, k] - apart * rate[i, k]) * push
-            acceleration += value * push
-            rate[i, k] = slope * (value - middle[i, k])
+            if fresh:
+                rate[i, k] = slope * (value - middle[i, k])
             middle[i, k] = value
             minv[i, k] = value - 0.5 * span * rate[i, k]
-        wrong += miss * miss / middle[i, i]
-        whole += acceleration * acceleration / middle[i, i]
-    run.path_error = (wrong / whole) ** 0.5 if run.known_middles > 1 and whole > 0.0 else -1.0
+    run.events = 0
     run.middle_time = now
     run.known_middles = min(run.known_middles + 1, 2)
 
@@ -268,8 +308,11 @@ def _onset(run, dt):
 
 @internal
 def macro_step(run):
-    """All micro steps of a macro step of the given length, each `run.dt` long."""
-    for _ in range(run.macro):
+    """All micro steps of a macro step, each `run.dt` long, or up to where a contact ends or begins.
+
+    Velocities jump there, and the path was predicted without.
+    """
+    for k in range(run.macro):
         evaluate(run)
         _pass(run, run.dt, due(run))
         if run.status != 0:
@@ -277,6 +320,8 @@ def macro_step(run):
         _step(run, run.dt)
         run.step += 1
         run.time = run.step * run.dt
+        if run.events > 0 and k + 1 >= LEAST_STEPS:
+            return
 
 
 @internal
@@ -341,7 +386,7 @@ def restart(run):
     """Forget the past: something outside has set q and v."""
     nv = run.nv
     v, half, a = floats(run.v, nv), floats(run.half, nv), floats(run.a, nv)
-    run.touching = run.known_middles = 0
+    run.touching = run.known_middles = run.events = 0
     run.path_start = run.time
     run.dt_before = run.dt
     for i in range(nv):
@@ -369,4 +414,5 @@ def set_off(run):
             a[i] += (minv[i, k] if i <= k else minv[k, i]) * (tau[k] + push[k])
         half[i] = v[i] - 0.5 * run.dt * a[i]
         path[9, i] = half[i]
+        path[2, i] = a[i]
     run.fresh = 1

@@ -1,0 +1,127 @@
+"""The compiled part as a package: its size, its cache, and that nobody reaches its inside."""
+
+import ast
+import importlib
+import importlib.util
+import re
+import shutil
+import sys
+from pathlib import Path
+
+import pytest
+
+from jointplay.kernel import enter
+
+stamp = importlib.import_module("jointplay.kernel.stamp")
+PACKAGE = Path(stamp.__file__).parent
+SOURCE = PACKAGE.parent
+MODULES = sorted(PACKAGE.glob("*.py"))
+HERE = Path(__file__).parent
+
+LONGEST, MOST_ARGUMENTS = 60, 8
+
+
+def functions(path):
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            yield node
+
+
+@pytest.mark.parametrize("path", MODULES, ids=[path.name for path in MODULES])
+def test_every_function_of_the_kernel_is_short_and_takes_few_arguments(path):
+    for node in functions(path):
+        first = min([node.lineno, *(one.lineno for one in node.decorator_list)])
+        length = node.end_lineno - first + 1
+        assert length <= LONGEST, f"{node.name} has {length} lines"
+        given = node.args
+        count = len(given.posonlyargs + given.args + given.kwonlyargs)
+        count += (given.vararg is not None) + (given.kwarg is not None)
+        assert count <= MOST_ARGUMENTS, f"{node.name} has {count} arguments"
+
+
+def test_tests_and_benchmarks_reach_no_private_name_of_the_engine():
+    private = re.compile(r"\b(kernel|layout|workspace|run|loop|w)\._(?!_)\w+")
+    scripts = [*HERE.rglob("*.py"), *(HERE.parent / "benchmarks").rglob("*.py")]
+    found = {
+        path.name: private.findall(text)
+        for path in scripts
+        if private.search(text := path.read_text())
+    }
+    assert len(scripts) > 50
+    assert not found
+
+
+def test_the_kernel_is_stamped_with_all_its_sources():
+    assert enter._cache._cache_file._source_stamp == stamp.fingerprint()
+    assert set(MODULES) <= set(stamp.SOURCES)
+
+
+def test_no_compiled_code_of_the_kernel_lies_outside_the_stamped_sources():
+    """What a stamped file imports from this package is stamped as well, or is not compiled."""
+    for source in stamp.SOURCES:
+        for node in ast.walk(ast.parse(source.read_text())):
+            if not isinstance(node, ast.ImportFrom) or not node.module.startswith("jointplay"):
+                continue
+            place = SOURCE.joinpath(*node.module.split(".")[1:])
+            file = place / "__init__.py" if place.is_dir() else place.with_suffix(".py")
+            compiled = re.search(r"\b(njit|internal|inlined)\b", file.read_text())
+            assert file in stamp.SOURCES or not compiled, f"{source.name} imports {node.module}"
+
+
+@pytest.mark.parametrize("name", [source.name for source in stamp.SOURCES])
+def test_touching_any_source_changes_the_stamp(tmp_path, monkeypatch, name):
+    copies = []
+    for k, source in enumerate(stamp.SOURCES):
+        copies.append(tmp_path / f"{k}_{source.name}")
+        shutil.copy(source, copies[-1])
+    monkeypatch.setattr(stamp, "SOURCES", tuple(copies))
+    before = stamp.fingerprint()
+    assert before == stamp.fingerprint()
+    (copy,) = [c for c, s in zip(copies, stamp.SOURCES, strict=True) if c.name.endswith(f"_{name}")]
+    with copy.open("a") as file:
+        file.write("\n")
+    assert stamp.fingerprint() != before
+
+
+HELPER = """
+from numba import njit
+
+@njit
+def helper():
+    return {}
+"""
+CALLER = """
+import sys
+sys.path.insert(0, {folder!r})
+from numba import njit
+from helper_of_stamp import helper
+
+@njit(cache=True)
+def answer():
+    return helper()
+"""
+
+
+def test_numba_honours_the_stamp(tmp_path, monkeypatch):
+    """A helper in another file changes: the same stamp gives the old code, the new one new code."""
+    helper, caller = tmp_path / "helper_of_stamp.py", tmp_path / "caller_of_stamp.py"
+    caller.write_text(CALLER.format(folder=str(tmp_path)))
+    monkeypatch.setattr("sys.path", ["", *sys.path])
+
+    def answer(value, sources):
+        helper.write_text(HELPER.format(value))
+        monkeypatch.delitem(sys.modules, "helper_of_stamp", raising=False)
+        spec = importlib.util.spec_from_file_location("caller_of_stamp", caller)
+        module = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(module)
+        monkeypatch.setattr(stamp, "SOURCES", sources)
+        stamp.stamp(module.answer)
+        found = module.answer()
+        return found, sum(module.answer.stats.cache_hits.values())
+
+    assert answer(1, (caller,)) == (1, 0)
+    assert answer(1, (caller,)) == (1, 1)
+    assert answer(22, (caller,)) == (1, 1)  # stale: the stamp does not know of the helper
+    assert answer(22, (caller, helper)) == (22, 0)
+    assert answer(333, (caller, helper)) == (333, 0)
+    assert answer(333, (caller, helper)) == (333, 1)
