@@ -83,6 +83,15 @@ RK4_DURATION = {SCARA: 0.4, CRANK: 2.4e-3, BAR: 0.1, UR5: 0.1}
 """How long rk4 is compared [s]: until some contacts, before chaos."""
 
 
+CROSSED = (
+    (2e-4, "Ambrosio", False),
+    (2e-4, "LuGre", False),
+    (5e-4, "Brown-McPhee", False),
+    (2e-4, "Coulomb", True),
+)
+"""SCARAs that rk4 is asked about: clearance, friction, loaded."""
+
+
 @dataclass(frozen=True)
 class Case:
     """One mechanism; clearance in m."""
@@ -160,7 +169,7 @@ def measure(trial: Trial, seed: int | None) -> dict[str, float]:
     """Run once and reduce the run to its figures."""
     case = trial.case
     # The reference does not depend on what only the joint with clearance has.
-    ideal = replace(case, friction="Ambrosio", clearance=0.2e-3, settings=DEFAULT, crossed=False)
+    ideal = replace(case, friction="Ambrosio", clearance=2e-4, settings=DEFAULT, crossed=False)
     run = replace(case.simulation(trial.settings), seed=seed).prepare()
     names = run.mechanism.coordinates
     across = [i for i, name in enumerate(names) if name.endswith(".x")] or [len(names) - 1]
@@ -170,7 +179,9 @@ def measure(trial: Trial, seed: int | None) -> dict[str, float]:
         warnings.simplefilter("error", RuntimeWarning)  # a run that fails must not enter a mean
         result = run.execute()
     spent = time.process_time() - started
-    away = 1e6 * np.linalg.norm(tool(case, result) - ideal_tool(ideal, trial.settings), axis=1)
+    # Ideal loops by rk4, as `analysis.twin`: its tool is within 3e-4 µm of that with 2 µs.
+    same_way = Settings(1e-5, integrator="rk4") if case.mechanism in SCENARIOS else trial.settings
+    away = 1e6 * np.linalg.norm(tool(case, result) - ideal_tool(ideal, same_way), axis=1)
     force = np.linalg.norm(result["joint_force_peak"].values[:, 0], axis=1)
     half = result.time <= 0.5 * result.time[-1] + 1e-9
     loss = result["normal_dissipation"] + result["friction_dissipation"]
@@ -187,21 +198,21 @@ def measure(trial: Trial, seed: int | None) -> dict[str, float]:
 
 def all_cases(quick: bool) -> list[Case]:
     scara = [
-        Case(SCARA, clearance, friction, loaded, crossed=not loaded or friction == "Ambrosio")
+        Case(SCARA, clearance, friction, loaded, crossed=(clearance, friction, loaded) in CROSSED)
         for loaded in (False, True)
-        for clearance in (0.2e-3, 0.5e-3)
+        for clearance in (2e-4, 5e-4)
         for friction in FRICTION
     ]
     linkages = [
         Case(mechanism, clearance, settings=settings, crossed=settings == DEFAULT)
-        for mechanism, clearances in ((CRANK, (0.1e-3, 0.2e-3, 0.5e-3)), (BAR, (5e-5, 2e-4)))
+        for mechanism, clearances in ((CRANK, (1e-4, 2e-4, 5e-4)), (BAR, (5e-5, 2e-4)))
         for settings in (DEFAULT, SHIPPED)
         for clearance in clearances
     ]
-    arms = [Case(UR5, clearance, crossed=True) for clearance in (1e-4, 3e-4)]
+    arms = [Case(UR5, clearance, crossed=clearance == 1e-4) for clearance in (1e-4, 3e-4)]
     if quick:
-        scara = [replace(case, duration=0.4) for case in scara if case.clearance == 0.2e-3]
-        linkages = [case for case in linkages if case.clearance == 0.2e-3]
+        scara = [replace(case, duration=0.4) for case in scara if case.clearance == 2e-4]
+        linkages = [case for case in linkages if case.clearance == 2e-4]
         arms = [replace(arms[0], duration=0.5)]
     return [*scara, *linkages, *arms]
 
@@ -292,10 +303,13 @@ def chaotic(case: Case, found) -> dict[str, bool]:
         found[Trial(bare, s, a)]
         for s, a in ((case.level(0), 0.0), (case.level(0), ASIDE), (case.level(1), 0.0))
     )
-    return {
-        name: worst((fine, aside), (name,)) > target or worst((fine, finer), (name,)) > target
+    wild = {
+        name: max(worst((fine, other), (name,)) for other in (aside, finer)) > target
         for name, target in TARGETS.items()
     }
+    # Early peaks of force may be certain where what comes after is not; the rest is of all the run.
+    late = any(wild[name] for name in wild if not name.endswith("_N"))
+    return {name: value or (late and not name.endswith("_N")) for name, value in wild.items()}
 
 
 def judge(case: Case, found) -> tuple[dict[str, Error], dict[str, float]]:
@@ -395,8 +409,15 @@ def main():
     benchmark.parser.add_argument(
         "--tolerance", type=float, help="of the runs judged, in place of their fixed step"
     )
+    benchmark.parser.add_argument(
+        "--only",
+        choices=(SCARA, CRANK, BAR, UR5),
+        nargs="+",
+        default=(SCARA, CRANK, BAR, UR5),
+        help="mechanisms (default: all)",
+    )
     args = benchmark.parse()
-    cases = all_cases(args.quick)
+    cases = [case for case in all_cases(args.quick) if case.mechanism in args.only]
     if args.tolerance is not None:
         tried = {s: replace(s, tolerance=args.tolerance) for s in (DEFAULT, SHIPPED)}
         cases = [replace(case, settings=tried[case.settings]) for case in cases]
