@@ -50,9 +50,8 @@ ORDER_STEPS = {
 }
 
 
-MACRO_STEPS = 4
-"""Micro steps in a macro step where the order is measured: both are refined together."""
-
+MACRO = 10
+"""Steps of a macro step where the order of the multi-rate method is measured."""
 DURATION = {FREE: 0.02, IMPACT: 0.002, LASTING: 0.004}
 """Until when the order is measured [s]."""
 ROOMY = {
@@ -112,7 +111,7 @@ def order_run(situation, method, step):
     case = Case(integrator=method, step=step, loaded=situation == LASTING)
     simulation = held(case, DURATION[situation], ROOMY if situation == FREE else None)
     if not INTEGRATORS[method].single_rate:
-        simulation = replace(simulation, macro_step=MACRO_STEPS * step)
+        simulation = replace(simulation, macro_step=MACRO * step)
     run = simulation.prepare()
     q, v = run.workspace.q, run.workspace.v
     first = run.mechanism.virtual_link(JOINT)

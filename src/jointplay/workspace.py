@@ -122,9 +122,11 @@ class Workspace:
         self._changing.append(self._room("minv", nv, nv))
         for name in ("free_rate", "free_middle"):
             self._room(name, nv)
-        for name in ("minv_rate", "minv_middle", "slope", "compliance"):
+        for name in ("minv_rate", "minv_middle", "compliance"):
             self._room(name, nv, nv)
-        self._room("system", nv, nv + 1)
+        for name in ("slope", "system"):
+            self._room(name, nv, nv)
+        self._changing.append(self._room("inverse", nv, nv))
         self._room("trial", 7, nv)
         self._room("scratch", 4 * nv + len(layout.POWERS))
         self.path = self._room("path", 10, nv)

@@ -228,7 +228,7 @@ def push_slope(run, joint):
                     total += stiff[r, c] * reach[c, k]
                 if total != 0.0:
                     for m in range(n):
-                        slope[place[support[k]], place[support[m]]] += reach[r, m] * total
+                        slope[place[support[m]], place[support[k]]] += reach[r, m] * total
         return
     at, swing = place[joint.first], joint.swing
     sy, cy, sp, cp = swing[0], swing[1], swing[2], swing[3]
@@ -243,4 +243,4 @@ def push_slope(run, joint):
         stiff[5, k] = cy * cp * a + sy * cp * b - sp * c
     for r in range(6):
         for k in range(6):
-            slope[at + k, at + r] += stiff[r, k]
+            slope[at + r, at + k] += stiff[r, k]

@@ -40,7 +40,7 @@ from jointplay.kernel.layout import (
 )
 from jointplay.kernel.vectors import inlined
 
-TOLERANCE = 1e-9
+TOLERANCE = 1e-8
 """Error of the velocity solve, as the root of twice its kinetic energy [kg^0.5 m/s]."""
 
 RELATIVE_TOLERANCE = 1e-11
@@ -53,6 +53,9 @@ LEAST_COMPLIANCE = 1e-14
     SPEED, PUSH, BASE, ERROR, STEP, LAST, MARKS, TRIALS,
 ) = range(8)  # fmt: skip
 """Rows of `trial`."""
+
+CONTRACTION = 0.1
+"""A matrix that brings the error down by less than this is reckoned anew."""
 
 MOST_TRIALS = 40
 """Velocities tried before the best of them is taken."""
@@ -133,9 +136,8 @@ def answer(run, q, v):
 @internal
 def _slopes(run, q, v):
     """Put the slope of tau_c at the state of the last `answer` into `slope`."""
-    n = run.active
-    slope = floats(run.slope, n * n)
-    for i in range(n * n):
+    slope = floats(run.slope, run.active * run.active)
+    for i in range(run.active * run.active):
         slope[i] = 0.0
     for j in range(run.nj):
         joint = joints(run)[j]
@@ -179,46 +181,53 @@ def _try(run, q, v, h):
     return _misfit(run, h, 6) if n == 6 else _misfit(run, h, n)
 
 
-@inlined
-def _eliminate(run, h, n):
-    """Solve (I - h M^-1 slope) step = -error for n coordinates, by elimination with pivots."""
-    trial, system = matrix(run.trial, TRIALS, run.nv), matrix(run.system, n, n + 1)
+@internal
+def _factor(run, h):
+    """Put the inverse of I - h M^-1 slope into `inverse`, by elimination with pivots."""
+    n = run.active
+    system, inverse = matrix(run.system, n, n), matrix(run.inverse, n, n)
     compliance, slope = matrix(run.compliance, n, n), matrix(run.slope, n, n)
     for a in range(n):
         for b in range(n):
             total = 0.0
             for c in range(n):
-                total += compliance[a, c] * slope[b, c]
+                total += compliance[a, c] * slope[c, b]
             system[a, b] = -h * total
+            inverse[a, b] = 0.0
         system[a, a] += 1.0
-        system[a, n] = -trial[ERROR, a]
+        inverse[a, a] = 1.0
     for k in range(n):
         best = k
         for a in range(k + 1, n):
             if abs(system[a, k]) > abs(system[best, k]):
                 best = a
         if best != k:
-            for b in range(n + 1):
+            for b in range(n):
                 system[k, b], system[best, b] = system[best, b], system[k, b]
+                inverse[k, b], inverse[best, b] = inverse[best, b], inverse[k, b]
         pivot = 1.0 / system[k, k]
-        for a in range(k + 1, n):
-            factor = system[a, k] * pivot
-            for b in range(n + 1):
-                system[a, b] -= factor * system[k, b]
-    for a in range(n - 1, -1, -1):
-        total = system[a, n]
-        for b in range(a + 1, n):
-            total -= system[a, b] * trial[STEP, b]
-        trial[STEP, a] = total / system[a, a]
+        for b in range(n):
+            system[k, b] *= pivot
+            inverse[k, b] *= pivot
+        for a in range(n):
+            factor = system[a, k]
+            if a != k and factor != 0.0:
+                for b in range(n):
+                    system[a, b] -= factor * system[k, b]
+                    inverse[a, b] -= factor * inverse[k, b]
+    run.factored = n
 
 
-@internal
-def _newton_step(run, h):
-    """Put a Newton step into `trial`[1]; loops over the six of one journal are unrolled."""
-    if run.active == 6:
-        _eliminate(run, h, 6)
-    else:
-        _eliminate(run, h, run.active)
+@inlined
+def _aim(run, n):
+    """Put the step that the last factored matrix asks for into `trial`."""
+    trial, inverse = matrix(run.trial, TRIALS, run.nv), matrix(run.inverse, n, n)
+    for a in range(n):
+        total = 0.0
+        for b in range(n):
+            total += inverse[a, b] * trial[ERROR, b]
+        trial[STEP, a] = -total
+        trial[LAST, a] = trial[SPEED, a]
 
 
 @internal
@@ -245,30 +254,43 @@ def _start(run, base, h):
 
 
 @internal
+def _walk(run, q, v, h, part):
+    """Go a part of the step from the last velocities; returns the error squared there."""
+    trial = matrix(run.trial, TRIALS, run.nv)
+    for a in range(run.active):
+        trial[SPEED, a] = trial[LAST, a] + part * trial[STEP, a]
+    return _try(run, q, v, h)
+
+
+@internal
 def solve(run, q, base, v, h):
     """Find v on the coordinates that `find_touching` listed, by Newton's method.
 
-    Where it does not get there the last velocity is taken, and counted.
+    The matrix of an earlier step is used as long as each trial brings the error down by
+    `CONTRACTION`. Where it does not get there the last velocity is taken, and counted.
     """
-    n, trial = run.active, matrix(run.trial, TRIALS, run.nv)
+    n = run.active
     limit = _start(run, base, h)
     error, trials = _try(run, q, v, h), 1
+    old = run.factored == n
     while not error <= limit:
         if trials >= MOST_TRIALS or not math.isfinite(error):
             run.unsolved += 1
             break
-        _slopes(run, q, v)
-        _newton_step(run, h)
-        for a in range(n):
-            trial[LAST, a] = trial[SPEED, a]
+        if not old:
+            _slopes(run, q, v)
+            _factor(run, h)
+        _aim(run, 6) if n == 6 else _aim(run, n)
         least, part = error, 1.0
-        while True:
-            for a in range(n):
-                trial[SPEED, a] = trial[LAST, a] + part * trial[STEP, a]
-            error = _try(run, q, v, h)
-            trials += 1
-            if error < least or part <= LEAST_PART or trials >= MOST_TRIALS:
-                break
+        error, trials = _walk(run, q, v, h, part), trials + 1
+        if old:
+            old = error < CONTRACTION * CONTRACTION * least
+            if not error < least:
+                error = _walk(run, q, v, h, 0.0)
+            continue
+        while not error < least and part > LEAST_PART and trials < MOST_TRIALS:
             part *= 0.5
+            error, trials = _walk(run, q, v, h, part), trials + 1
+        old = error < CONTRACTION * CONTRACTION * least
     run.solves += 1
     run.iterations += trials
