@@ -22,6 +22,7 @@ HEADS = {
     "theory": "Theory",
     "numerics": "Numerics",
     "literature": "Literature",
+    "outside": "Other codes",
     "reproducibility": "Reproducibility",
 }
 
@@ -38,14 +39,17 @@ def page(found: dict[str, tuple[Case, Outcome, float]], images: str) -> str:
         f"{len(found) - len(failed)} of {len(found)} cases pass, in {seconds:.0f} s ({machine}).",
         "",
         "Each case states what is compared with what. Its error is one number; the limit is where "
-        "the case fails. A short form of each runs in the test suite, and once more with the "
+        "the case fails. *Origin* is where what it is compared with comes from: theory, an "
+        "integration written out in the case, what a publication says, another engine, a commercial code, "
+        "an experiment, or the package itself with other settings. A short form of each runs in the test suite, and once more with the "
         "deliberate mistake named under *fails with*: a check that cannot fail is worth nothing.",
         "",
-        "| case | error | limit | |",
-        "| --- | --- | --- | --- |",
+        "| case | origin | error | limit | |",
+        "| --- | --- | --- | --- | --- |",
     ]
     lines += [
-        f"| [{case.title}](#{_anchor(case.title)}) | {outcome.error:.2g} | {outcome.limit:.2g} "
+        f"| [{case.title}](#{_anchor(case.title)}) | {case.origin} "
+        f"| {outcome.error:.2g} | {outcome.limit:.2g} "
         f"| {'passes' if outcome.passed else '**fails**'} |"
         for case, outcome, _ in found.values()
     ]
