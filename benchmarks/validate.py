@@ -40,9 +40,10 @@ def page(found: dict[str, tuple[Case, Outcome, float]], images: str) -> str:
         "",
         "Each case states what is compared with what. Its error is one number; the limit is where "
         "the case fails. *Origin* is where what it is compared with comes from: theory, an "
-        "integration written out in the case, what a publication says, another engine, a commercial code, "
-        "an experiment, or the package itself with other settings. A short form of each runs in the test suite, and once more with the "
-        "deliberate mistake named under *fails with*: a check that cannot fail is worth nothing.",
+        "integration written out in the case, what a publication says, another engine, a "
+        "commercial code, an experiment, or the package itself with other settings. A short form "
+        "of each runs in the test suite, and once more with the deliberate mistake named under "
+        "*fails with*: a check that cannot fail is worth nothing.",
         "",
         "| case | origin | error | limit | |",
         "| --- | --- | --- | --- | --- |",

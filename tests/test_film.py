@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.optimize import brentq
 
 import jointplay as jp
 from jointplay.contact import (
@@ -159,3 +160,22 @@ def test_wrong_values_are_named(make, text):
     with pytest.raises(jp.JointplayError, match=text) as caught:
         make()
     assert "\n" not in str(caught.value)
+
+
+def test_published_values_of_the_short_bearing():
+    """Ocvirk's load and attitude at e = 0.5, and the bearing that carries 1 kN at 3000 rpm."""
+    film = FilmProperties(clearance=1e-4, radius=50e-3, length=25e-3, contacts=1)
+    law, spin = ShortBearing(0.02), 3000 * 2 * math.pi / 60
+
+    def load(e):
+        along, across, *_ = evaluate(law, e, spin=spin, film=film)
+        return math.hypot(along, across), math.degrees(math.atan2(across, -along))
+
+    force, attitude = load(0.5)
+    unit = 0.02 * spin * 50e-3 * 25e-3**3 / 1e-4**2
+    assert force / unit == pytest.approx(0.750381081812, rel=1e-11)
+    assert attitude == pytest.approx(53.68020060, rel=1e-9)
+    e = brentq(lambda e: load(e)[0] - 1000.0, 0.1, 0.95, xtol=1e-13)
+    assert e == pytest.approx(0.6757879254, rel=1e-9)
+    assert load(e)[1] == pytest.approx(40.58502207, rel=1e-8)
+    assert 1e-4 * (1 - e) == pytest.approx(32.421207e-6, rel=1e-7)

@@ -282,8 +282,9 @@ def guide_siconos(quick: bool = False, wrong: bool = False) -> Outcome:
     notes = (
         "What the published reference is worth: its step of 0.1 ms is far from the limit of its "
         f"own scheme. By the mass matrix its states gain {100 * gain:.2g} % of energy in the first "
-        f"{1e3 * data['time'][before]:g} ms, before any contact, and its angle then runs ahead, as the table says. Siconos's own "
-        "error falls with the step, in first order, towards what is found here.",
+        f"{1e3 * data['time'][before]:g} ms, before any contact, and its angle then runs "
+        "ahead, as the table says. Siconos's own error falls with the step, in first order, "
+        "towards what is found here.",
         "No contact law here is Siconos's rigid one, and how stiff the walls are matters more than "
         f"what is left between the two: with walls ten times as stiff the crank turns "
         f"{stiff['q'].values[-1, 0] / (2 * np.pi):.5f} times, and its angle is {other[0]:.2g} rad "
@@ -293,3 +294,92 @@ def guide_siconos(quick: bool = False, wrong: bool = False) -> Outcome:
         "speed in between; crank and rod hardly notice.",
     )
     return Outcome(error, 0.02, rows, figure, notes)
+
+
+# DyS: the laws once more
+
+DYS_FACTORS = {
+    "lankarani-nikravesh": lambda c: 3 / 4 * (1 - c**2),
+    "hunt-crossley-1975": lambda c: 3 / 2 * (1 - c),
+    "herbert-mcwhannell": lambda c: 6 * (1 - c) / ((2 * c - 1) ** 2 + 3),
+    "lee-wang": lambda c: 3 / 4 * (1 - c),
+    "flores": lambda c: 8 * (1 - c) / (5 * c),
+    "zhiying-qishao": lambda c: 3 / 4 * (1 - c**2) * math.exp(2 * (1 - c)),
+    "gonthier": lambda c: (1 - c**2) / c,
+    "hu-guo": lambda c: 3 / 2 * (1 - c) / (2 * c),
+}
+"""Hysteresis factors, read off MBD_system/contact_model/contact_model.py of DyS."""
+
+DYS_EXPLAINED = {
+    "hu-guo": (0.5, "half of what their balance of energies gives (`HuGuo`)"),
+    "goldsmith": (math.pi, "sigma without its pi, before the logarithm and in it"),
+    "dubowsky-freudenstein": (math.pi, "sigma without its pi, before the logarithm and in it"),
+    "esdu-78035": (math.pi**2, "the same, and once more pi before the logarithm"),
+}
+"""Where DyS differs: by what factor (before the logarithm, of the depths), and why."""
+
+
+def _dys_depth(law: str, f: float, contact: jp.contact.ContactProperties) -> float:
+    """Depth [m] under f [N/m] by contact_model_cylinder.py of DyS, for a length of 1 m."""
+    h = 1.0 / contact.modulus  # its h_i + h_j: (1 - nu^2)/E of both, without pi
+    e, gap, r = contact.modulus, contact.clearance, contact.radius
+    if law == "johnson":
+        return f / (e * math.pi) * (math.log(4 * math.pi * e * gap / f) - 1)
+    if law == "esdu-78035":
+        return f * math.pi * h * (math.log(4 * gap / (f * h)) + 1)
+    return f * h * (math.log(1.0 / (f * r * h)) + 1)  # L^m with L = 1 m
+
+
+@case(
+    origin="engine",
+    title="Second opinions on the contact laws",
+    compared="The package's hysteresis factors and cylindrical laws against those in the code of "
+    "DyS (L. Skrinjar, J. Slavic, M. Boltezar, github.com/ladisk/DyS, commit 5e6a54d; read, and "
+    "its formulas written down in the case), and Carvalho and Martins's factor against the manual "
+    "of Exudyn.",
+    measures="largest relative difference where both should agree; where DyS differs for a reason "
+    "that is known, from what is expected then",
+    wrong="Flores's factor with 3/2 for 8/5",
+)
+def second_opinions(quick: bool = False, wrong: bool = False) -> Outcome:
+    laws = jp.contact.NORMAL_LAWS
+    rows = [["law", "DyS over jointplay", "why"]]
+    errors = []
+    for name, theirs in DYS_FACTORS.items():
+        ratios = np.array([theirs(c) / laws[name].factor(c) for c in (0.3, 0.5, 0.7, 0.9)])
+        if wrong and name == "flores":
+            ratios *= 15 / 16
+        expected, why = DYS_EXPLAINED.get(name, (1.0, ""))
+        errors.append(float(np.abs(ratios / expected - 1).max()))
+        rows.append([f"`{name}`, factor", f"{ratios.mean():.6g}", why])
+    joint = jp.ClearanceJoint.planar(
+        bearing_radius=10e-3, bearing_length=1.0, radial_clearance=2e-4,
+        bearing_material=jp.Material(207e9, 0.3), journal_material=jp.Material(207e9, 0.3),
+    )  # fmt: skip
+    contact = joint.contact_properties(0)
+    for name in ("johnson", "goldsmith", "dubowsky-freudenstein", "esdu-78035"):
+        law = laws[name]()
+        loads = np.array([1e3, 1e4, 1e5])
+        theirs = np.array([_dys_depth(name, f, contact) for f in loads])
+        ours = np.array([law.depth(f, contact) for f in loads])
+        # The slope over ln f is the factor before the logarithm, whatever stands in it.
+        factor = np.polyfit(np.log(loads), theirs / loads, 1)[0]
+        factor /= np.polyfit(np.log(loads), ours / loads, 1)[0]
+        expected, why = DYS_EXPLAINED.get(name, (1.0, ""))
+        errors.append(abs(factor / expected - 1))
+        rows.append([f"`{name}`, depth before the logarithm", f"{factor:.6g}", why])
+        rows.append([f"`{name}`, depth at 10 kN/m", f"{theirs[1] / ours[1]:.4g}", why])
+    depths = np.array([1e-6, 1e-5, 1e-4])
+    law = laws["liu"]()
+    ours = [law.function(d, 0.0, 1.0, law.parameters(contact)) for d in depths]
+    theirs = (
+        np.pi / 2 * depths * contact.modulus * np.sqrt(depths / (2 * (contact.clearance + depths)))
+    )
+    errors.append(float(np.abs(theirs / ours - 1).max()))
+    rows.append(["`liu`, force", f"{(theirs / ours).mean():.6g}", ""])
+    asked = np.array([0.4, 0.6, 0.9])
+    manual = 3 / 2 * (1 - asked) * (11 - asked) / (1 + 9 * asked)
+    ratios = manual / [laws["carvalho-martins"].factor(c) for c in asked]
+    errors.append(float(np.abs(ratios - 1).max()))
+    rows.append(["`carvalho-martins`, factor, Exudyn's manual", f"{ratios.mean():.6g}", ""])
+    return Outcome(max(errors), 1e-6, rows)

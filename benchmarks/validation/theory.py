@@ -86,9 +86,13 @@ FACTORS = {
     "zhiying-qishao": lambda c: 0.75 * (1 - c**2) * math.exp(2 * (1 - c)),
     "flores": lambda c: 8 * (1 - c) / (5 * c),
     "hu-guo": lambda c: 1.5 * (1 - c) / c,
+    "carvalho-martins": lambda c: 1.5 * (1 - c) * (11 - c) / (1 + 9 * c),
+    "gharib-hurmuzlu": lambda c: 1 / c,
 }
 """Hysteresis factor a(c_e) of F = g(delta) (1 + a ddelta/ddelta0), from the papers in laws.md."""
-LINES = ("johnson", "radzimovsky", "goldsmith", "dubowsky-freudenstein", "pereira")
+LINES = (
+    "johnson", "radzimovsky", "goldsmith", "dubowsky-freudenstein", "pereira", "esdu-78035", "liu"
+)  # fmt: skip
 """Lines have no loss in their references; their damping is Lankarani and Nikravesh's."""
 IMPACT_MASS = 2.0  # kg
 DASHPOT = 6e3  # N s/m
