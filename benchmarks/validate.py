@@ -20,6 +20,8 @@ from jointplay.histories import versions
 DOCS = Path(__file__).parents[1] / "docs"
 HEADS = {
     "theory": "Theory",
+    "impacts": "Impacts",
+    "oil": "Oil and wear",
     "numerics": "Numerics",
     "literature": "Literature",
     "outside": "Other codes",

@@ -12,7 +12,9 @@ from dataclasses import dataclass, field
 
 from matplotlib.figure import Figure
 
-SECTIONS = ("theory", "numerics", "literature", "outside", "reproducibility")
+SECTIONS = (
+    "theory", "impacts", "oil", "numerics", "literature", "outside", "reproducibility"
+)  # fmt: skip
 """Modules with cases, in the order of the page."""
 ORIGINS = (
     "theory", "integrator", "literature", "engine", "commercial code", "experiment", "itself"
