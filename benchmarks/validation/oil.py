@@ -31,9 +31,9 @@ def _spin(speed: float, duration: float) -> jp.Motion:
 @case(
     origin="theory",
     title="Short bearing under a steady load",
-    compared="A journal (R 50 mm, L 25 mm, c 0.1 mm, oil of 20 mPa s) turns at constant speed under "
-    "its weight and settles: eccentricity and attitude against F. W. Ocvirk's closed form (NACA TN "
-    "2808, 1952), W c^2/(mu omega R L^3) = e sqrt(16 e^2 + pi^2 (1 - e^2))/(4 (1 - e^2)^2), "
+    compared="A journal (R 50 mm, L 25 mm, c 0.1 mm, oil of 20 mPa s) turns at constant speed "
+    "under its weight and settles: eccentricity and attitude against F. W. Ocvirk's closed form (NACA "
+    "TN 2808, 1952), W c^2/(mu omega R L^3) = e sqrt(16 e^2 + pi^2 (1 - e^2))/(4 (1 - e^2)^2), "
     "tan(attitude) = pi sqrt(1 - e^2)/(4 e). Started in the middle. rk4.",
     measures="largest error: of the eccentricity ratio, of the attitude [rad]",
     wrong="the load is that of a film that does not cavitate",
@@ -54,11 +54,11 @@ def short_bearing(quick: bool = False, wrong: bool = False) -> Outcome:
         attitude = math.atan2(x, -y)
         unit = VISCOSITY * speed * RADIUS * LENGTH**3 / CLEARANCE**2
 
-        def load(e, unit=unit):
+        def load(e, weight, unit=unit):
             root = math.sqrt(16 * e**2 + math.pi**2 * (1 - e**2))
-            return unit * e * root / (4 * (1 - e**2) ** 2)
+            return unit * e * root / (4 * (1 - e**2) ** 2) - weight
 
-        e = brentq(lambda e: load(e) - weight, 1e-3, 0.99)
+        e = brentq(load, 1e-3, 0.99, args=(weight,))
         angle = math.atan2(math.pi * math.sqrt(1 - e**2), 4 * e)
         errors += [abs(found - e), abs(abs(attitude) - angle)]
         rows.append(
@@ -74,8 +74,8 @@ def short_bearing(quick: bool = False, wrong: bool = False) -> Outcome:
     title="Oil whirl",
     compared="An unloaded journal in a full film is pushed out of the middle: with the film's "
     "damping C = pi mu R L^3/c^3 and its cross coupling, m z'' + C z' - i C omega/2 z = 0, it "
-    "whirls at about half the speed of its turning, and its orbit grows. Growth and frequency against the "
-    "root of that equation. rk4.",
+    "whirls at about half the speed of its turning, and its orbit grows. Growth and frequency "
+    "against the root of that equation. rk4.",
     measures="largest error of growth rate and whirl frequency, over the frequency",
     wrong="the cross coupling is C omega, as if the oil turned with the journal",
 )
@@ -95,7 +95,9 @@ def oil_whirl(quick: bool = False, wrong: bool = False) -> Outcome:
         result = jp.simulate(
             disc(_oiled("sommerfeld"), mass=mass), _spin(speed, lasts), step=5e-6,
             integrator="rk4", record_every=10, joint_friction={},
-            drive={"turn": jp.Prescribed(), "x": jp.Torque([0, kick, 1.1 * kick], [0.05, 0.05, 0.0])},
+            drive={
+                "turn": jp.Prescribed(), "x": jp.Torque([0, kick, 1.1 * kick], [0.05, 0.05, 0.0])
+            },
         )  # fmt: skip
         z = result["journal_centre"].values[:, 0, :2] @ [1, 1j]
         late = result.time > lasts / 2  # the other root has died away

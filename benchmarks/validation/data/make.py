@@ -2,6 +2,7 @@
 
     python benchmarks/validation/data/make.py recurdyn FOLDER   sdf-nsc: assets/rev_joint_clearance
     python benchmarks/validation/data/make.py siconos FOLDER    siconos-tutorials: its SliderCrank
+    python benchmarks/validation/data/make.py engines           MuJoCo and Exudyn, run here
 
 README.md says where the folders are from, and under which licence. Nothing else is read from them.
 """
@@ -138,5 +139,33 @@ def siconos(folder: Path) -> None:
     write(HERE / "siconos_guide.csv", notes, names, np.column_stack(columns))
 
 
+def engines() -> None:
+    from peer_engines import common, exudyn_engine, mujoco_engine
+    from peer_engines.trace import offset
+
+    duration, step, every = 1e-3, 2e-8, 500
+    elastic = common.slider_crank(mu=0.0, restitution=1.0)
+    damped = common.slider_crank()
+    runs = {
+        "exudyn": (elastic, exudyn_engine.run_own(elastic, step, duration, every)),
+        "mujoco": (damped, mujoco_engine.run_law(damped, step, duration, every)),
+    }
+    times = np.arange(0.0, 0.995 * duration, step * every)
+    names, columns = ["time"], [times]
+    for name, (task, trace) in runs.items():
+        names += [f"{name}_x", f"{name}_y"]
+        columns += list(offset(task, trace.at(times))[:, :2].T / task.clearance)
+    notes = (
+        f"Exudyn {exudyn_engine.VERSION} (own contact, elastic, no friction, RK44) and",
+        f"MuJoCo {mujoco_engine.VERSION} (law of jointplay applied, damped, friction 0.01, Euler)",
+        "on the shipped slider-crank with 0.2 mm of clearance, run by benchmarks/peer_engines at",
+        "steps of 20 ns: journal's centre in the bearing over the clearance; time [s].",
+    )
+    write(HERE / "engines_slider_crank.csv", notes, names, np.column_stack(columns))
+
+
 if __name__ == "__main__":
-    {"recurdyn": recurdyn, "siconos": siconos}[sys.argv[1]](Path(sys.argv[2]))
+    if sys.argv[1] == "engines":
+        engines()
+    else:
+        {"recurdyn": recurdyn, "siconos": siconos}[sys.argv[1]](Path(sys.argv[2]))
