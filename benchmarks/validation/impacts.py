@@ -77,8 +77,8 @@ def bouncing(quick: bool = False, wrong: bool = False) -> Outcome:
     title="Impact of a spinning disc",
     compared="A spinning disc falls on its bore and slides all through the impact. Its impulse is "
     "m (1 + e) v along the normal and mu times that across: the disc leaves with the sideways "
-    "speed mu (1 + e) v and has lost mu (1 + e) v m R/I of its spin. mu = 0.05 to 0.2, Coulomb's law "
-    "with a ramp of 1 mm/s; rk4.",
+    "speed mu (1 + e) v and has lost mu (1 + e) v m R/I of its spin. mu = 0.05 to 0.2, Coulomb's "
+    "law with a ramp of 1 mm/s; rk4.",
     measures="largest relative error of sideways speed and lost spin",
     wrong="the impulse is m v: what stops the disc, without the rebound",
 )

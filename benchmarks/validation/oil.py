@@ -32,9 +32,9 @@ def _spin(speed: float, duration: float) -> jp.Motion:
     origin="theory",
     title="Short bearing under a steady load",
     compared="A journal (R 50 mm, L 25 mm, c 0.1 mm, oil of 20 mPa s) turns at constant speed "
-    "under its weight and settles: eccentricity and attitude against F. W. Ocvirk's closed form (NACA "
-    "TN 2808, 1952), W c^2/(mu omega R L^3) = e sqrt(16 e^2 + pi^2 (1 - e^2))/(4 (1 - e^2)^2), "
-    "tan(attitude) = pi sqrt(1 - e^2)/(4 e). Started in the middle. rk4.",
+    "under its weight and settles: eccentricity and attitude against F. W. Ocvirk's closed form "
+    "(NACA TN 2808, 1952), W c^2/(mu omega R L^3) = e sqrt(16 e^2 + pi^2 (1 - e^2))/(4 (1 - "
+    "e^2)^2), tan(attitude) = pi sqrt(1 - e^2)/(4 e). Started in the middle. rk4.",
     measures="largest error: of the eccentricity ratio, of the attitude [rad]",
     wrong="the load is that of a film that does not cavitate",
 )
