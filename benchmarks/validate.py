@@ -9,11 +9,12 @@ from __future__ import annotations
 import argparse
 import sys
 import time
+import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 
 from tqdm import tqdm
-from validation import Case, Outcome, load
+from validation import CASES, Case, Outcome, load
 
 from jointplay.histories import versions
 
@@ -79,7 +80,22 @@ def page(found: dict[str, tuple[Case, Outcome, float]], images: str) -> str:
         lines += [text for note in outcome.notes for text in ("", note)]
         if outcome.figure is not None:
             lines += ["", f"![{case.title}]({images}/{name}.png)"]
+    if len(found) == len(CASES):
+        lines += [
+            "",
+            "## What could not be compared",
+            "",
+            "Looked for, and not found in a form that gives numbers:",
+            "",
+            *(f"- {paper['name']}: {paper['found']}." for paper in absent()),
+        ]
     return "\n".join(lines) + "\n"
+
+
+def absent() -> list[dict[str, str]]:
+    """Publications that were not accessible."""
+    path = Path(__file__).parent / "validation" / "data" / "not_accessible.toml"
+    return tomllib.loads(path.read_text(encoding="utf-8"))["paper"]
 
 
 def _anchor(title: str) -> str:

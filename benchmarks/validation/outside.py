@@ -251,14 +251,18 @@ def guide_siconos(quick: bool = False, wrong: bool = False) -> Outcome:
     }
     rows = [[
         "against", "angle, RMS [rad]", "speed, RMS [rad/s]", "place / clearance, RMS",
-        "turns at 200 ms",
+        "turns at 200 ms", "largest place / clearance",
     ]]  # fmt: skip
     rows += [
         [says.get(kind, f"Siconos, h = {kind[1:-2]} µs"), f"{angle:.2g}", f"{speed:.2g}",
-         f"{place:.2g}", f"{data[f'{kind}_turns'][-1]:.5f}"]
+         f"{place:.2g}", f"{data[f'{kind}_turns'][-1]:.5f}",
+         f"{np.abs(data[f'{kind}_y']).max():.3f}"]
         for kind, (angle, speed, place) in apart.items()
     ]  # fmt: skip
-    rows.append(["jointplay", "", "", "", f"{result['q'].values[-1, 0] / (2 * np.pi):.5f}"])
+    ours = np.abs(result["tool_position"].values[:, 1]).max() / GUIDE_CLEARANCE
+    rows.append(
+        ["jointplay", "", "", "", f"{result['q'].values[-1, 0] / (2 * np.pi):.5f}", f"{ours:.3f}"]
+    )
     figure, axes = new_figure(3, 1, 8.0, 6.6, sharex=True)
     time = 1e3 * data["time"]
     for panel, part, mine, label in (

@@ -34,7 +34,7 @@ PRINTED = {
 def test_exact_factor_and_restitution_are_inverse(e):
     a = exact_factor(e)
     assert effective_restitution(a) == pytest.approx(e, abs=1e-9)
-    if 0.05 < e < 0.999:
+    if 0.1 < e < 0.999:  # below, 1 - a e is lost in rounding
         assert a * (1 + e) == pytest.approx(math.log((1 + a) / (1 - a * e)), rel=1e-9)
 
 
