@@ -131,3 +131,15 @@ def test_gharib_hurmuzlu_is_the_soft_limit_of_the_exact_factor():
     inside = [float(c) for c in GRID if c <= 0.33]
     assert max(abs(law.effective_restitution(c) - c) for c in inside) <= 0.03
     assert law.effective_restitution(1.0) == pytest.approx(0.5936, abs=1e-4)
+
+
+def test_exact_factor_next_to_one_is_its_first_order():
+    for loss in (1e-7, 5e-7, 2e-6):
+        assert exact_factor(1.0 - loss) == pytest.approx(1.5 * loss, rel=1e-4)
+
+
+def test_anagnostopoulos_is_a_spring_and_a_dashpot():
+    law = jp.Anagnostopoulos(2.0, 1e8)
+    p = law.parameters(jp.ClearanceJoint.planar(radial_clearance=1e-4).contact_properties(0))
+    assert law.function(1e-5, 0.2, 1.0, p) == pytest.approx(p[0] * 1e-5 + p[1] * 0.2, rel=1e-12)
+    assert p[0] == 1e8
