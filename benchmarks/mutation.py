@@ -10,7 +10,8 @@ each with its reason. Fails if fewer than 90 % die, or a survivor is not explain
 
 What is changed: + - * / **, comparisons (to their opposite), signs, and/or, sin/cos, min/max, each
 number (doubled; 0 to 1, integers plus 1), each augmented assignment (left out). What is not: texts,
-annotations, errors raised, tolerances (numbers below 1e-6) and counts of iterations.
+annotations, default arguments, errors raised, tolerances (numbers below 1e-6) and counts of
+iterations.
 """
 
 from __future__ import annotations
@@ -103,6 +104,7 @@ def sites(tree: ast.AST) -> Iterator[ast.AST]:
             parts += node.decorator_list
             if isinstance(node, ast.FunctionDef):
                 parts += [node.returns, *(a.annotation for a in node.args.args)]
+                parts += [*node.args.defaults, *node.args.kw_defaults]
         if isinstance(node, ast.AnnAssign):
             parts.append(node.annotation)
         if isinstance(node, ast.Raise | ast.JoinedStr | ast.Assert):

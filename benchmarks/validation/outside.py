@@ -387,6 +387,19 @@ def second_opinions(quick: bool = False, wrong: bool = False) -> Outcome:
     ratios = manual / [laws["carvalho-martins"].factor(c) for c in asked]
     errors.append(float(np.abs(ratios - 1).max()))
     rows.append(["`carvalho-martins`, factor, Exudyn's manual", f"{ratios.mean():.6g}", ""])
+    slow, fast = 1e-3, 1e-2  # DyS: its v0 and v1
+    speeds = np.array([0.5e-3, 4e-3, 2e-2])
+    ramp = np.clip((speeds - slow) / (fast - slow), 0.0, 1.0)
+    ours = np.array([jp.Ambrosio.function(v, jp.Ambrosio(0.3, slow, fast).parameters())
+                     for v in speeds])  # fmt: skip
+    errors.append(float(np.abs(ours - 0.3 * ramp).max()))
+    grip = 0.3 * np.where(speeds <= fast, 1 - np.exp(-3 * speeds / fast), 0.95)
+    ours = np.array([jp.Threlfall.function(v, jp.Threlfall(0.3, fast).parameters())
+                     for v in speeds])  # fmt: skip
+    # Above its v0 DyS takes 0.95, which is 1 - e^-3 in two digits.
+    errors.append(float(np.abs((ours - grip)[speeds <= fast]).max()))
+    rows.append(["`ambrosio`, `threlfall`, coefficients: largest difference",
+                 f"{np.abs(ours - grip).max():.1g}", "0.95 for 1 - e^-3 there"])  # fmt: skip
     return Outcome(max(errors), 1e-6, rows)
 
 
