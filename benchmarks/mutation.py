@@ -67,6 +67,9 @@ TARGETS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
 }  # fmt: skip
 """Modules, and the tests that must notice."""
 
+COMPILED = ("film",)
+"""Targets whose functions call compiled ones: their tests run with numba's JIT on."""
+
 WANTED = 0.9
 TIMEOUT_S = 300
 TOLERANCE = 1e-6
@@ -182,24 +185,24 @@ def mutants(module: str, text: str) -> list[Mutant]:
     return found
 
 
-def survives(mutant: Mutant, tests: Sequence[str], where: Path) -> bool:
+def survives(mutant: Mutant, tests: Sequence[str], where: Path, compiled: bool = False) -> bool:
     """Whether all tests pass on the mutant; it runs in a process of its own."""
     path = where / "jointplay" / mutant.module
     original = path.read_text(encoding="utf-8")
     path.write_text(mutant.text, encoding="utf-8")
-    status = _apart(["-x", *tests], where)
+    status = _apart(["-x", *tests], where, compiled)
     path.write_text(original, encoding="utf-8")
     return status == 0
 
 
-def unusable(tests: Sequence[str], where: Path) -> list[str]:
+def unusable(tests: Sequence[str], where: Path, compiled: bool) -> list[str]:
     """Tests that fail without any change: they need compiled kernels, which are off here."""
     with tempfile.NamedTemporaryFile("r", suffix=".txt", encoding="utf-8") as file:
-        _apart(list(tests), where, file.name)
+        _apart(list(tests), where, compiled, file.name)
         return file.read().split("\n")[:-1]
 
 
-def _apart(arguments: Sequence[str], where: Path, failures: str = "") -> int:
+def _apart(arguments: Sequence[str], where: Path, compiled: bool, failures: str = "") -> int:
     """Exit status of a pytest in a process of its own, on the package in `where`."""
     cache = tempfile.mkdtemp(prefix="mutant-")
     child = os.fork()
@@ -210,7 +213,7 @@ def _apart(arguments: Sequence[str], where: Path, failures: str = "") -> int:
             with open(os.devnull, "w") as nothing:
                 os.dup2(nothing.fileno(), 1)
                 os.dup2(nothing.fileno(), 2)
-            code = _run_tests(arguments, where, cache, failures)
+            code = _run_tests(arguments, where, cache, compiled, failures)
         finally:
             os._exit(code)
     _, status = os.waitpid(child, 0)
@@ -218,7 +221,9 @@ def _apart(arguments: Sequence[str], where: Path, failures: str = "") -> int:
     return status
 
 
-def _run_tests(arguments: Sequence[str], where: Path, cache: str, failures: str) -> int:
+def _run_tests(
+    arguments: Sequence[str], where: Path, cache: str, compiled: bool, failures: str
+) -> int:
     import numba
     import pytest
 
@@ -235,7 +240,7 @@ def _run_tests(arguments: Sequence[str], where: Path, cache: str, failures: str)
             del sys.modules[name]
     sys.dont_write_bytecode = True
     sys.path.insert(0, str(where))
-    numba.config.DISABLE_JIT = True
+    numba.config.DISABLE_JIT = not compiled
     numba.config.CACHE_DIR = cache
     os.chdir(ROOT)
     options = ["-q", "-n", "0", "-p", "no:cacheprovider", "-W", "ignore"]
@@ -288,15 +293,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
             every = random.Random(options.seed).sample(every, options.sample)
         left, excused = [], 0
         with copied() as where:
-            off = unusable(tests, where)
+            compiled = target in COMPILED
+            off = unusable(tests, where, compiled)
             arguments = [*tests, *(f"--deselect={name}" for name in off)]
             text = (PACKAGE / modules[0]).read_text("utf-8")
             itself = Mutant(modules[0], 0, "", "nothing", ast.unparse(ast.parse(text)))
-            if not survives(itself, arguments, where):
+            if not survives(itself, arguments, where, compiled):
                 print(f"{target}: its tests fail without a change; nothing is learnt from mutants")
                 return 2
             for n, mutant in enumerate(every, 1):
-                if survives(mutant, arguments, where):
+                if survives(mutant, arguments, where, compiled):
                     reason = known.get((mutant.module, mutant.source, mutant.change))
                     excused += reason is not None
                     if reason is None:

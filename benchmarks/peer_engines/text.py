@@ -74,7 +74,9 @@ TEXT = {
         "Moreau-Jean scheme, which is used of Siconos here, and around Pinocchio's solvers, keeps "
         "the speed of a lasting contact, not its gap: eccentricities above 1 are that scheme's "
         "drift, not Siconos's. Siconos has two schemes with a projection besides, which hold the "
-        "gap as well; they were not run here.",
+        "gap as well; they were not run here. Around Pinocchio's solvers the gap is looked at in "
+        "mid-step, not where the step leads: a lasting contact is let go and closed again, so "
+        "that there are more contacts, not more force.",
     ],
     "cost": [
         "Slider-crank without friction. Error: largest distance of the journal's centre, in "
