@@ -97,10 +97,12 @@ def test_steadily_sliding_bristles_rub_as_their_laws_say(speed):
     lugre = jp.LuGre(0.1, 0.15, 1e-2, 1e5, 10.0, 0.5)
     stribeck = 0.1 + 0.05 * math.exp(-((speed / 1e-2) ** 2))
     for law, expected in ((jp.Dahl(0.2, 3e4), 0.2), (lugre, stribeck + 0.5 * speed)):
-        bend, rate, stiff, _, viscous, cap, *_ = bristle(law, speed)
+        bend, rate, stiff, _, viscous, cap, *dwell = bristle(law, speed)
+        assert dwell == [0.0, 0.0]  # no memory of the time at rest
         assert (stiff * bend * speed / rate + viscous * speed) / 3.0 == pytest.approx(expected)
         assert cap == math.inf
     assert bristle(lugre, speed)[3] == pytest.approx(10.0 * 3.0)
+    assert bristle(jp.Dahl(), speed)[3] == 0.0
 
 
 @pytest.mark.parametrize("speed", [0.0, 1e-4, 3e-3])
