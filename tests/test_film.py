@@ -179,3 +179,35 @@ def test_published_values_of_the_short_bearing():
     assert e == pytest.approx(0.6757879254, rel=1e-9)
     assert load(e)[1] == pytest.approx(40.58502207, rel=1e-8)
     assert 1e-4 * (1 - e) == pytest.approx(32.421207e-6, rel=1e-7)
+
+
+@given(e=st.floats(0.01, 0.95), rate=rates, whirl=rates, spin=rates)
+def test_long_bearing_is_the_printed_formula(e, rate, whirl, spin):
+    """In the printed symbols: s, k, and F_r, F_t, the moment, as in the class."""
+    if abs(spin - 2 * whirl / e) < 1e-3:
+        return
+    c, radius, length, _ = FILM
+    size = OIL * length * radius**3 / c**2
+    turn = spin - 2 * whirl / e
+    k = math.sqrt((1 - e**2) * ((turn / (2 * rate)) ** 2 + 1 / e**2)) if rate else math.inf
+    s = 1.0 if rate == 0.0 else (k + 3) / (k + 1.5) if rate > 0.0 else k / (k + 1.5)
+    squeeze = 4 * e**2 * (k * abs(rate) if rate else math.sqrt(1 - e**2) * abs(turn) / 2)
+    wide = 2 + e**2
+    along = -size * 6 / (wide * (1 - e**2) ** 1.5) * (squeeze + wide * math.pi * rate) * s
+    across = size * 6 * math.pi * e * turn / (wide * math.sqrt(1 - e**2)) * s
+    shear = 2 * math.pi * OIL * spin * length * radius**3 / (c * math.sqrt(1 - e**2))
+    found = evaluate(PinkusSternlicht(OIL), e, rate, whirl, spin)
+    scale = abs(along) + abs(across)
+    assert found[:2] == pytest.approx([along, across], rel=1e-6, abs=1e-9 * scale)
+    assert found[2] == pytest.approx(-shear - e * c * across / 2, rel=1e-6, abs=1e-12)
+
+
+def test_sections_are_the_radius_of_gyration_of_the_axial_pressure():
+    """Two Gauss points have the second moment of the pressure along the axis, over the length."""
+    z = np.linspace(-0.5, 0.5, 20001)
+    parabola, even = 0.25 - z**2, np.ones_like(z)
+    for law, pressure in ((ShortBearing(OIL), parabola), (PinkusSternlicht(OIL), even)):
+        gyration = np.trapezoid(pressure * z**2, z) / np.trapezoid(pressure, z)
+        assert law.section == pytest.approx(math.sqrt(gyration), rel=1e-6)
+    assert ShortBearing.slenderness == (0.0, 0.5)
+    assert PinkusSternlicht.slenderness == (2.0, math.inf)
