@@ -38,11 +38,15 @@ LAWS = (
     "zhiying-qishao",
     "flores",
     "hu-guo",
+    "carvalho-martins",
+    "gharib-hurmuzlu",
     "johnson",
     "radzimovsky",
     "goldsmith",
     "dubowsky-freudenstein",
     "pereira",
+    "esdu-78035",
+    "liu",
 )
 LINEAR_LAWS = ("linear-spring", "kelvin-voigt", "anagnostopoulos")
 SCENARIO_OPTIONS = {"file", "case", "jobs", "out", "no_figures", "quiet", "trust"}

@@ -20,7 +20,7 @@ LOOP_CORRECTION = 0.1
 LOOP_CORRECTION_PER_MACRO = 0.5
 """The same times the macro step, at whose pace the multi-rate method evaluates it."""
 
-LONGEST_MACRO_STEP_S = 5e-4
+LONGEST_MACRO_STEP_S = 2e-4
 """Macro steps that an error estimate chooses are no longer than this [s]."""
 
 MACRO_TOLERANCE = 1e-3

@@ -5,6 +5,9 @@ and way (J. F. Archard, J. Appl. Phys. 24 (1953) 981-988):
 
     dV = (K/H) F_n ds
 
+K is the whole factor, without Archard's 1/3 of round asperities: where V = K F_n s/(3 H) is
+written, take a third of that K.
+
 A run counts F_n ds around the bore. Spread over the length that a contact stands for, it is a
 depth, and the worn bore is what the journal meets in the next run. Since a cycle wears nanometres,
 wear is extrapolated over blocks of many equal cycles, between which the bore's shape is brought up

@@ -74,6 +74,9 @@ class ContactSite:
     wearing: int = 0
 
 
+PARTS = ("bearing", "journal")
+
+
 class Workspace:
     """The arrays of one run and the record through which the kernels reach them.
 
@@ -203,8 +206,7 @@ class Workspace:
             assert site.signs is not None
             support = np.flatnonzero(site.signs)
             signs = site.signs[support].astype(np.int64)
-            places = ("bearing_rotation", "bearing_translation")
-            places += ("journal_rotation", "journal_translation")
+            places = [f"{part}_{what}" for part in PARTS for what in ("rotation", "translation")]
             for name, frame in zip(places, site.frames, strict=True):
                 joint[name] = frame.ctypes.data
                 self._kept.append(frame)

@@ -10,11 +10,14 @@ from jointplay.contact.anagnostopoulos import Anagnostopoulos
 from jointplay.contact.bengisu_akay import BengisuAkay
 from jointplay.contact.bristle import BristleLaw, CustomBristle
 from jointplay.contact.brown_mcphee import BrownMcPhee
+from jointplay.contact.carvalho_martins import CarvalhoMartins
 from jointplay.contact.coulomb import Coulomb
 from jointplay.contact.dahl import Dahl
 from jointplay.contact.dubowsky_freudenstein import DubowskyFreudenstein
+from jointplay.contact.esdu_78035 import Esdu78035
 from jointplay.contact.film import CustomFilm, FilmLaw, FilmProperties
 from jointplay.contact.flores import Flores
+from jointplay.contact.gharib_hurmuzlu import GharibHurmuzlu
 from jointplay.contact.goldsmith import Goldsmith
 from jointplay.contact.gonthier import Gonthier
 from jointplay.contact.gonthier_friction import GonthierFriction
@@ -36,6 +39,7 @@ from jointplay.contact.law import (
 )
 from jointplay.contact.lee_wang import LeeWang
 from jointplay.contact.linear_spring import LinearSpring
+from jointplay.contact.liu import Liu
 from jointplay.contact.lugre import LuGre
 from jointplay.contact.pereira import Pereira
 from jointplay.contact.pinkus_sternlicht import PinkusSternlicht
@@ -64,11 +68,15 @@ NORMAL_LAWS: dict[str, type[NormalForceLaw]] = {
         ZhiyingQishao,
         Flores,
         HuGuo,
+        CarvalhoMartins,
+        GharibHurmuzlu,
         Johnson,
         Radzimovsky,
         Goldsmith,
         DubowskyFreudenstein,
         Pereira,
+        Esdu78035,
+        Liu,
     )
 }
 """Normal-force laws by the word that selects them: point contacts, then lines."""
@@ -165,6 +173,7 @@ __all__ = [
     "BengisuAkay",
     "BristleLaw",
     "BrownMcPhee",
+    "CarvalhoMartins",
     "ContactProperties",
     "Coulomb",
     "CustomBristle",
@@ -173,10 +182,12 @@ __all__ = [
     "CustomNormalForce",
     "Dahl",
     "DubowskyFreudenstein",
+    "Esdu78035",
     "FilmLaw",
     "FilmProperties",
     "Flores",
     "FrictionLaw",
+    "GharibHurmuzlu",
     "Goldsmith",
     "Gonthier",
     "GonthierFriction",
@@ -190,6 +201,7 @@ __all__ = [
     "LankaraniNikravesh",
     "LeeWang",
     "LinearSpring",
+    "Liu",
     "LuGre",
     "NormalForceLaw",
     "Pereira",
