@@ -33,10 +33,10 @@ The error between the middles is a small part of that. Measured: docs/integrator
 REFUSED = 4.0
 """A macro step whose middle is so many times the tolerance off is planned anew."""
 
-LARGEST_TURN = 0.025
+LARGEST_TURN = 0.02
 """Angle by which no joint turns further in a macro step that an error estimate chooses [rad]."""
 
-LARGEST_DEPARTURE = 3e-5
+LARGEST_DEPARTURE = 1e-5
 """Angle by which the state may leave the path that was predicted for a macro step [rad]."""
 
 LEAST_STEPS = 8

@@ -25,7 +25,7 @@ from jointplay.kernel.layout import (
     WELL_RESOLVED_STEPS,
     Status,
 )
-from jointplay.kernel.stamp import stamp
+from jointplay.kernel.sources import stamp
 
 
 class Command(IntEnum):
