@@ -150,7 +150,9 @@ def test_ctrl_c_keeps_what_was_computed(tmp_path):
     process = subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
     seen = ""
     while not re.search(r" \d+\.\d*[1-9]\d*/300.* left", seen):
-        seen += process.stderr.read(1)
+        more = process.stderr.read(1)
+        assert more, f"it ended: {seen}"
+        seen += more
     assert "x real time" in seen
     assert "left" in seen
     process.send_signal(signal.SIGINT)
