@@ -3,9 +3,10 @@
 30 configurations, drawn at random with a fixed seed: the SCARA, and the slider-crank, with several
 clearances, friction laws and coefficients, with and without weight, by every integrator, steps of 2
 to 20 us (slider-crank: 0.5 to 2 us); among them jammed journals and the explicit method where it is
-wrong by a factor of two. Each is certified; the truth is rk4 at 0.25 us (0.1 us), another method and
-a far smaller step. A configuration is covered if all its headline figures are: |value - truth| no
-larger than the stated error. Where motion is chaotic the truth is one draw, as the run is another.
+wrong by a factor of two. Each is certified; the truth is rk4 at 0.25 us (0.1 us), another method
+and a far smaller step. A configuration is covered if all its headline figures are: |value - truth|
+no larger than the stated error. Where motion is chaotic the truth is one draw, as the run is
+another.
 """
 
 import os

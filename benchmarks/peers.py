@@ -19,6 +19,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
+from peer_engines import pinocchio_engine
 from peer_engines.common import (
     Problem,
     missing,
@@ -40,6 +41,8 @@ from jointplay.histories import versions
 
 DOCS = Path(__file__).parents[1] / "docs"
 ENGINES = ("mujoco", "exudyn", "siconos")
+RIGID = ("Siconos", "Pinocchio, ADMM", "Pinocchio, PGS")
+"""Contacts that have no duration."""
 TIE = 1.1
 """Costs within this ratio are equal: so much do they vary from run to run."""
 
@@ -158,7 +161,7 @@ def first_impacts(found: dict[str, list[Impact]], count: int) -> Table:
         rows.append(
             [f"{name}: touch [µs]", *("" if i is None else f"{1e6 * i.time:.3f}" for i in shown)]
         )
-        if name != "Siconos":  # where it has none
+        if name not in RIGID:  # where there is none
             durations = ("" if i is None else f"{1e6 * i.duration:.2f}" for i in shown)
             rows.append([f"{name}: duration [µs]", *durations])
         rows.append(
@@ -344,11 +347,17 @@ def compare(engines: Engines, quick: bool, images: Path) -> dict[str, object]:
     if ex:
         models["Exudyn, own contact"] = lambda t, h, T, n: ex.run_own(t, h, T, n)
     if mj:
-        models["MuJoCo, own limit"] = lambda t, h, T, n: mj.run_own(t, h, T, n, limit)
+        for kind in mj.INTEGRATORS:
+            label = "MuJoCo, own limit" + ("" if kind == "Euler" else f", {kind}")
+            models[label] = lambda t, h, T, n, kind=kind: mj.run_own(t, h, T, n, limit, kind)
+    for kind in pinocchio_engine.SOLVERS:
+        models[f"Pinocchio, {kind}"] = lambda t, h, T, n, kind=kind: pinocchio_engine.run(
+            t, h, T, n, restitution, kind
+        )
     if si:
         models["Siconos"] = lambda t, h, T, n: si.run(t, h, T, n, restitution)
     met = {
-        name: impacts(run(smooth, fine, short, 1), smooth, name == "Siconos")
+        name: impacts(run(smooth, fine, short, 1), smooth, name in RIGID)
         for name, run in models.items()
     }
     out["model_first"] = first_impacts(met, 5)
@@ -358,7 +367,7 @@ def compare(engines: Engines, quick: bool, images: Path) -> dict[str, object]:
     stats, orbits = {}, {}
     for name, run in models.items():
         stats[name], orbits[name] = ensemble(
-            lambda t, run=run: run(t, 1e-6, turns, 1), smooth, count, name == "Siconos"
+            lambda t, run=run: run(t, 1e-6, turns, 1), smooth, count, name in RIGID
         )
     if si:
         for large in (1e-5, 2e-5):

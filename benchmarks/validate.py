@@ -9,19 +9,23 @@ from __future__ import annotations
 import argparse
 import sys
 import time
+import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 
 from tqdm import tqdm
-from validation import Case, Outcome, load
+from validation import CASES, Case, Outcome, load
 
 from jointplay.histories import versions
 
 DOCS = Path(__file__).parents[1] / "docs"
 HEADS = {
     "theory": "Theory",
+    "impacts": "Impacts",
+    "oil": "Oil and wear",
     "numerics": "Numerics",
     "literature": "Literature",
+    "outside": "Other codes",
     "reproducibility": "Reproducibility",
 }
 
@@ -38,14 +42,18 @@ def page(found: dict[str, tuple[Case, Outcome, float]], images: str) -> str:
         f"{len(found) - len(failed)} of {len(found)} cases pass, in {seconds:.0f} s ({machine}).",
         "",
         "Each case states what is compared with what. Its error is one number; the limit is where "
-        "the case fails. A short form of each runs in the test suite, and once more with the "
-        "deliberate mistake named under *fails with*: a check that cannot fail is worth nothing.",
+        "the case fails. *Origin* is where what it is compared with comes from: theory, an "
+        "integration written out in the case, what a publication says, another engine, a "
+        "commercial code, an experiment, or the package itself with other settings. A short form "
+        "of each runs in the test suite, and once more with the deliberate mistake named under "
+        "*fails with*: a check that cannot fail is worth nothing.",
         "",
-        "| case | error | limit | |",
-        "| --- | --- | --- | --- |",
+        "| case | origin | error | limit | |",
+        "| --- | --- | --- | --- | --- |",
     ]
     lines += [
-        f"| [{case.title}](#{_anchor(case.title)}) | {outcome.error:.2g} | {outcome.limit:.2g} "
+        f"| [{case.title}](#{_anchor(case.title)}) | {case.origin} "
+        f"| {outcome.error:.2g} | {outcome.limit:.2g} "
         f"| {'passes' if outcome.passed else '**fails**'} |"
         for case, outcome, _ in found.values()
     ]
@@ -72,7 +80,22 @@ def page(found: dict[str, tuple[Case, Outcome, float]], images: str) -> str:
         lines += [text for note in outcome.notes for text in ("", note)]
         if outcome.figure is not None:
             lines += ["", f"![{case.title}]({images}/{name}.png)"]
+    if len(found) == len(CASES):
+        lines += [
+            "",
+            "## What could not be compared",
+            "",
+            "Looked for, and not found in a form that gives numbers:",
+            "",
+            *(f"- {paper['name']}: {paper['found']}." for paper in absent()),
+        ]
     return "\n".join(lines) + "\n"
+
+
+def absent() -> list[dict[str, str]]:
+    """Publications that were not accessible."""
+    path = Path(__file__).parent / "validation" / "data" / "not_accessible.toml"
+    return tomllib.loads(path.read_text(encoding="utf-8"))["paper"]
 
 
 def _anchor(title: str) -> str:

@@ -49,6 +49,11 @@ def test_contact_that_still_lasts_has_begun_but_not_ended(free_mass):
     assert 0.0 < audit.normal_impulse < MASS * SPEED
 
 
+def test_short_contact_without_impulse_is_no_doubt():
+    change = {"under_resolved": 1, "shortest_contact_steps": 7, "under_resolved_impulse": 2.5e-8}
+    assert Audit(**(GOOD.describe() | change)).warnings == []
+
+
 def test_sound_run_does_not_warn():
     assert GOOD.warnings == []
     assert "warning" not in str(GOOD)
@@ -60,7 +65,13 @@ def test_sound_run_does_not_warn():
         ({"energy_residual": 0.011}, "energy balance is off by 1.1 %"),
         ({"energy_residual": math.nan}, "energy balance is off by nan %"),
         ({"energy_exchanged": 0.0}, "energy balance is off by inf %"),
-        ({"under_resolved": 2, "shortest_contact_steps": 7}, "2 of 5 contacts lasted fewer"),
+        (
+            {"under_resolved": 2, "shortest_contact_steps": 7, "under_resolved_impulse": 0.002},
+            "2 of 5 contacts lasted fewer",
+        ),
+        ({"unsolved": 3}, "velocities of 3 steps"),
+        ({"unresolved": 2}, "2 macro steps did not reach the tolerance"),
+        ({"friction_fed": 0.02}, "friction gave back 0.02 J"),
         ({"penetration_over_clearance": 0.6}, "60 % of its clearance"),
         ({"friction_step_limit": 4e-6}, "does not follow friction"),
         ({"friction_step_limit": 5e-6}, "does not follow friction"),

@@ -18,6 +18,7 @@ from jointplay.contact import (
     friction_law,
     normal_law,
 )
+from jointplay.contact.trust import trusting
 from jointplay.impact import elastic_energy, impact_duration
 from jointplay.kernel import Status
 
@@ -291,8 +292,11 @@ def test_wrong_laws_are_refused_with_the_right_signature():
         jp.CustomNormalForce(my_hertz, (1.0,) * 9)
     with pytest.raises(JointplayError, match="non-finite"):
         jp.CustomNormalForce(my_hertz, (math.inf,))
-    with pytest.raises(JointplayError, match="cannot be imported"):
-        normal_law({"law": "custom", "function": "nowhere:law", "parameters": []})
+    nowhere = {"law": "custom", "function": "nowhere:law", "parameters": []}
+    with pytest.raises(JointplayError, match="trust its module: --trust nowhere"):
+        normal_law(nowhere)
+    with trusting(["nowhere"]), pytest.raises(JointplayError, match="cannot be imported"):
+        normal_law(nowhere)
 
 
 def test_a_law_that_does_not_compile_is_named(free_mass):

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.optimize import brentq
 
 import jointplay as jp
 from jointplay.contact import (
@@ -159,3 +160,54 @@ def test_wrong_values_are_named(make, text):
     with pytest.raises(jp.JointplayError, match=text) as caught:
         make()
     assert "\n" not in str(caught.value)
+
+
+def test_published_values_of_the_short_bearing():
+    """Ocvirk's load and attitude at e = 0.5, and the bearing that carries 1 kN at 3000 rpm."""
+    film = FilmProperties(clearance=1e-4, radius=50e-3, length=25e-3, contacts=1)
+    law, spin = ShortBearing(0.02), 3000 * 2 * math.pi / 60
+
+    def load(e):
+        along, across, *_ = evaluate(law, e, spin=spin, film=film)
+        return math.hypot(along, across), math.degrees(math.atan2(across, -along))
+
+    force, attitude = load(0.5)
+    unit = 0.02 * spin * 50e-3 * 25e-3**3 / 1e-4**2
+    assert force / unit == pytest.approx(0.750381081812, rel=1e-11)
+    assert attitude == pytest.approx(53.68020060, rel=1e-9)
+    e = brentq(lambda e: load(e)[0] - 1000.0, 0.1, 0.95, xtol=1e-13)
+    assert e == pytest.approx(0.6757879254, rel=1e-9)
+    assert load(e)[1] == pytest.approx(40.58502207, rel=1e-8)
+    assert 1e-4 * (1 - e) == pytest.approx(32.421207e-6, rel=1e-7)
+
+
+@given(e=st.floats(0.01, 0.95), rate=rates, whirl=rates, spin=rates)
+def test_long_bearing_is_the_printed_formula(e, rate, whirl, spin):
+    """In the printed symbols: s, k, and F_r, F_t, the moment, as in the class."""
+    if abs(spin - 2 * whirl / e) < 1e-3:
+        return
+    c, radius, length, _ = FILM
+    size = OIL * length * radius**3 / c**2
+    turn = spin - 2 * whirl / e
+    k = math.sqrt((1 - e**2) * ((turn / (2 * rate)) ** 2 + 1 / e**2)) if rate else math.inf
+    s = 1.0 if rate == 0.0 else (k + 3) / (k + 1.5) if rate > 0.0 else k / (k + 1.5)
+    squeeze = 4 * e**2 * (k * abs(rate) if rate else math.sqrt(1 - e**2) * abs(turn) / 2)
+    wide = 2 + e**2
+    along = -size * 6 / (wide * (1 - e**2) ** 1.5) * (squeeze + wide * math.pi * rate) * s
+    across = size * 6 * math.pi * e * turn / (wide * math.sqrt(1 - e**2)) * s
+    shear = 2 * math.pi * OIL * spin * length * radius**3 / (c * math.sqrt(1 - e**2))
+    found = evaluate(PinkusSternlicht(OIL), e, rate, whirl, spin)
+    scale = abs(along) + abs(across)
+    assert found[:2] == pytest.approx([along, across], rel=1e-6, abs=1e-9 * scale)
+    assert found[2] == pytest.approx(-shear - e * c * across / 2, rel=1e-6, abs=1e-12)
+
+
+def test_sections_are_the_radius_of_gyration_of_the_axial_pressure():
+    """Two Gauss points have the second moment of the pressure along the axis, over the length."""
+    z = np.linspace(-0.5, 0.5, 20001)
+    parabola, even = 0.25 - z**2, np.ones_like(z)
+    for law, pressure in ((ShortBearing(OIL), parabola), (PinkusSternlicht(OIL), even)):
+        gyration = np.trapezoid(pressure * z**2, z) / np.trapezoid(pressure, z)
+        assert law.section == pytest.approx(math.sqrt(gyration), rel=1e-6)
+    assert ShortBearing.slenderness == (0.0, 0.5)
+    assert PinkusSternlicht.slenderness == (2.0, math.inf)

@@ -12,7 +12,7 @@ import pytest
 
 from jointplay.kernel import enter
 
-stamp = importlib.import_module("jointplay.kernel.stamp")
+stamp = importlib.import_module("jointplay.kernel.sources")
 PACKAGE = Path(stamp.__file__).parent
 SOURCE = PACKAGE.parent
 MODULES = sorted(PACKAGE.glob("*.py"))

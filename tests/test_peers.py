@@ -3,6 +3,7 @@
 A deliberately wrong mass or inertia must be noticed, else the comparison compares nothing.
 """
 
+import functools
 import sys
 from pathlib import Path
 
@@ -13,7 +14,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
 
 import peers
-from peer_engines import common
+from peer_engines import common, pinocchio_engine
 from peer_engines.common import missing, slider_crank
 from peer_engines.jointplay_engine import run_jointplay
 from peer_engines.trace import Trace, impacts, offset
@@ -95,31 +96,53 @@ def test_first_impact_in_exudyn_is_the_same_where_the_laws_are():
     assert impulse(heavy) != pytest.approx(ours.impulse, rel=1e-3)
 
 
-def test_first_impact_in_siconos_has_the_impulse_of_rigid_bodies():
-    other, task = engine("siconos"), slider_crank(mu=0.0)
+def rigid_impulse(task, trace):
+    """(1 + e) v m along the normal just before the impact, with this package's masses [N s]."""
     model = task.simulation.mechanism.model
     data = model.createData()
+    k = int(np.flatnonzero(trace.force > 0.0)[0]) - 1
+    q, v = trace.q[k], trace.v[k]
+    away = offset(task, q[None])[0, :2]
+    push = 1e-7 * np.eye(3)
+    slope = np.array(
+        [np.subtract(*offset(task, np.array([q + d, q - d]))[:, :2]) / 2e-7 for d in push]
+    ).T
+    along = away / np.linalg.norm(away) @ slope
+    # The crank's motion is prescribed: it has no part in the mass.
+    inverse = np.linalg.inv(pin.crba(model, data, q)[1:, 1:])
+    mass = 1.0 / (along[1:] @ inverse @ along[1:])
+    return (1.0 + RESTITUTION) * mass * (along @ v)
+
+
+@pytest.mark.parametrize("name", ["siconos", "ADMM", "PGS"])
+def test_first_impact_of_rigid_engines_has_the_impulse_of_rigid_bodies(name):
+    task = slider_crank(mu=0.0)
+    if name == "siconos":
+        run = engine("siconos").run
+    else:
+        run = functools.partial(pinocchio_engine.run, solver=name)
 
     def expected_and_found(given):
-        """(1 + e) v m along the normal just before the impact, with this package's masses."""
-        trace = other.run(given, STEP, SHORT, 1, RESTITUTION)
-        k = int(np.flatnonzero(trace.force > 0.0)[0]) - 1
-        q, v = trace.q[k], trace.v[k]
-        away = offset(task, q[None])[0, :2]
-        push = 1e-7 * np.eye(3)
-        slope = np.array(
-            [np.subtract(*offset(task, np.array([q + d, q - d]))[:, :2]) / 2e-7 for d in push]
-        ).T
-        along = away / np.linalg.norm(away) @ slope
-        # The crank's motion is prescribed: it has no part in the mass.
-        inverse = np.linalg.inv(pin.crba(model, data, q)[1:, 1:])
-        mass = 1.0 / (along[1:] @ inverse @ along[1:])
-        return (1.0 + RESTITUTION) * mass * (along @ v), first(trace, task, True).impulse
+        trace = run(given, STEP, SHORT, 1, RESTITUTION)
+        return rigid_impulse(task, trace), first(trace, task, True).impulse
 
     expected, found = expected_and_found(task)
     assert found == pytest.approx(expected, rel=2e-3)
     expected, found = expected_and_found(task.with_links(2, mass=1.05 * task.links[2].mass))
     assert found != pytest.approx(expected, rel=5e-3)
+
+
+@pytest.mark.parametrize("kind", ["implicitfast", "discrete"])
+def test_newer_integrators_of_mujoco_find_the_same_first_impact(kind):
+    other, task = engine("mujoco"), slider_crank(mu=0.0)
+    if kind not in other.INTEGRATORS:
+        pytest.skip(f"this MuJoCo has no {kind}")
+    limit = other.matched_limit(49e-6, RESTITUTION)
+    euler, newer = (
+        first(other.run_own(task, 1e-7, SHORT, 1, limit, name), task) for name in ("Euler", kind)
+    )
+    assert newer.time == pytest.approx(euler.time, abs=2e-7)
+    assert newer.impulse == pytest.approx(euler.impulse, rel=1e-2)
 
 
 def test_mujoco_has_the_torques_of_the_ideal_robot():

@@ -134,7 +134,7 @@ def test_command_serves_and_says_where(cases, tmp_path):
         import signal
 
         process.send_signal(signal.SIGINT)
-        assert process.wait(20) == 0
+        assert process.wait(900) == 0
 
 
 @pytest.mark.parametrize(
@@ -154,7 +154,7 @@ def test_wrong_input_is_named(arguments, text, cases, tmp_path):
     cases["0.2 mm"].save(tmp_path / "a.nc")
     (tmp_path / "bad.nc").write_bytes(b"nothing")
     command = [str(COMMAND), "play", *arguments, "--no-browser", "--quiet", "--no-ghost"]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120)
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=900)
     assert done.returncode == 2
     assert text in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1
@@ -198,11 +198,11 @@ def open_page(browser, address):
     tab.on("pageerror", lambda error: tab.troubles.append(f"{error} {error.stack}"))
     tab.on("request", lambda request: tab.requests.append(request.url))
     tab.goto(address)
-    tab.wait_for_selector("body.ready", timeout=60_000)
+    tab.wait_for_selector("body.ready", timeout=900_000)
     return tab
 
 
-def until(tab, script, seconds=60.0):
+def until(tab, script, seconds=900.0):
     """Wait; playwright's own waiting would evaluate text, which the page forbids."""
     end = time.monotonic() + seconds
     while not tab.evaluate(script):

@@ -36,7 +36,7 @@ def page(folder):
 
 def call(*arguments):
     command = [str(COMMAND), *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
+    return subprocess.run(command, capture_output=True, text=True, timeout=900, check=False)
 
 
 def test_page_has_its_sections_and_no_addresses(page):

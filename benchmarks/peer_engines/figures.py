@@ -19,8 +19,12 @@ COLOURS = {
     "Exudyn, own contact": "#009E73",
     "Exudyn, same law": "#009E73",
     "Siconos": "#CC79A7",
+    "MuJoCo, own limit, implicitfast": "#F0C060",
+    "MuJoCo, own limit, discrete": "#8C6100",
+    "Pinocchio, ADMM": "#000000",
+    "Pinocchio, PGS": "#888888",
 }
-"""Okabe and Ito's, told apart by colour-blind readers."""
+"""Okabe and Ito's, told apart by colour-blind readers; kin in shades of one."""
 
 DPI = 95
 
@@ -35,7 +39,7 @@ def draw_orbits(traces: dict[str, Trace], task: Problem, path: Path) -> None:
         axis.plot(x, y, lw=0.4, color=COLOURS[name])
         radius = 1e3 * task.clearance
         axis.plot(radius * np.cos(around), radius * np.sin(around), color="0.3", lw=0.7)
-        axis.set(title=name, xlabel="x [mm]", aspect="equal")
+        axis.set(title=name.replace(", ", ",\n"), xlabel="x [mm]", aspect="equal")
         axis.title.set_fontsize(8)
     axes[0].set_ylabel("y [mm]")
     figure.savefig(path, dpi=DPI)
@@ -44,7 +48,7 @@ def draw_orbits(traces: dict[str, Trace], task: Problem, path: Path) -> None:
 def draw_work(found: dict, steps: Sequence[float], path: Path) -> None:
     figure = Figure(figsize=(6.0, 3.4), layout="constrained")
     axis = figure.subplots()
-    for marker, (name, (errors, cost, _, _)) in zip("osvD^P", found.items(), strict=False):
+    for marker, (name, (errors, cost, _, _)) in zip("osvD^P<>XhdH", found.items(), strict=False):
         axis.loglog(cost, errors, marker=marker, ms=4, lw=1, color=COLOURS[name], label=name)
     for level in (1e-2, 1e-1):
         axis.axhline(level, color="0.7", lw=0.7, zorder=0)

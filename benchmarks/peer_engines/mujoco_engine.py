@@ -18,6 +18,12 @@ from peer_engines.contact import drive_effort, world_wrench
 from peer_engines.trace import Trace
 
 VERSION = mujoco.__version__
+INTEGRATORS = tuple(
+    name
+    for name in ("Euler", "implicitfast", "discrete")
+    if hasattr(mujoco.mjtIntegrator, f"mjINT_{name.upper()}")
+)
+"""MuJoCo's, as this version has them."""
 IMPEDANCE = 0.9999
 """solimp: the constraint's share of the acceleration, as near to 1 as MuJoCo allows (mjMAXIMP)."""
 
@@ -109,10 +115,15 @@ def run_free(task: Problem, step: float, duration: float, every: int) -> Trace:
 
 
 def run_own(
-    task: Problem, step: float, duration: float, every: int, limit: tuple[float, float]
+    task: Problem,
+    step: float,
+    duration: float,
+    every: int,
+    limit: tuple[float, float],
+    integrator: str = "Euler",
 ) -> Trace:
-    """MuJoCo's own soft limit, semi-implicit Euler."""
-    made, data = _start(task, step, limit=limit)
+    """MuJoCo's own soft limit; its Euler is semi-implicit. `integrator` is one of `INTEGRATORS`."""
+    made, data = _start(task, step, limit=limit, integrator=integrator)
     return _stride(made, data, round(duration / step), every)
 
 

@@ -12,8 +12,16 @@ from dataclasses import dataclass, field
 
 from matplotlib.figure import Figure
 
-SECTIONS = ("theory", "numerics", "literature", "reproducibility")
+SECTIONS = (
+    "theory", "impacts", "oil", "numerics", "literature", "outside", "reproducibility"
+)  # fmt: skip
 """Modules with cases, in the order of the page."""
+ORIGINS = (
+    "theory", "integrator", "literature", "engine", "commercial code", "experiment", "itself"
+)  # fmt: skip
+"""Where what a case is compared with comes from: a closed form or a statement of mechanics; an
+integration written out in the case or of scipy; what a publication says in words; another engine;
+one that is sold; a measurement; a run of this package with other settings."""
 
 
 @dataclass(frozen=True)
@@ -42,6 +50,8 @@ class Case:
     section: str
     name: str
     title: str
+    origin: str
+    """One of `ORIGINS`."""
     compared: str
     """What is compared with what, and where that is from."""
     measures: str
@@ -55,7 +65,9 @@ class Case:
 CASES: dict[str, Case] = {}
 
 
-def case(title: str, compared: str, measures: str, wrong: str) -> Callable[..., Callable]:
+def case(
+    origin: str, title: str, compared: str, measures: str, wrong: str
+) -> Callable[..., Callable]:
     """Register a function ``name(quick, wrong) -> Outcome`` as a case; see `Case`."""
 
     def register(function: Callable[..., Outcome]) -> Callable[..., Outcome]:
@@ -63,7 +75,9 @@ def case(title: str, compared: str, measures: str, wrong: str) -> Callable[..., 
         name = function.__name__
         if name in CASES:
             raise ValueError(f"two cases are called {name}")
-        CASES[name] = Case(section, name, title, compared, measures, wrong, function)
+        if origin not in ORIGINS:
+            raise ValueError(f"{origin!r} is none of {', '.join(ORIGINS)}")
+        CASES[name] = Case(section, name, title, origin, compared, measures, wrong, function)
         return function
 
     return register

@@ -86,6 +86,7 @@ SITUATIONS = {
 
 
 @case(
+    origin="integrator",
     title="Order of convergence",
     compared="Journal of a pendulum at the end of a short motion against scipy's DOP853 with "
     "touches located as events, for the step going to zero: free flight, one impact (Lankarani-"
@@ -144,6 +145,7 @@ BOUNCING = np.array([0.5e-4, -1e-4, 0.4, 0.02, 0.03, -0.5])
 
 
 @case(
+    origin="integrator",
     title="Error per CPU second",
     compared="A pendulum whose pin bounces five times in its bore in 30 ms: fixed steps against "
     "scipy's DOP853 at rtol 1e-12, with touches and the growth of the approach speed located as "
@@ -235,6 +237,7 @@ def bounce(mass, stiffness, speed, step, method, phase, c_e) -> float:
 
 
 @case(
+    origin="theory",
     title="Step size for impacts",
     compared="Restitution of single impacts (Lankarani-Nikravesh, c_e = 0.9: closed form 0.9132) "
     "of four masses, stiffnesses and speeds, with N = T/dt steps per impact, T = 3.218 (m^2/(k^2 "
@@ -284,6 +287,7 @@ def step_size(quick: bool = False, wrong: bool = False) -> Outcome:
 
 
 @case(
+    origin="itself",
     title="Step that a run refuses",
     compared="The largest step that the program accepts, found by bisection, against a quarter of "
     "the duration of an impact at 0.1 m/s: 3.218 (m^2/(k^2 v))^(1/5) under Hertz's law, pi sqrt("
@@ -371,6 +375,7 @@ def swing(job: tuple[str, float, bool]) -> tuple[str, np.ndarray, np.ndarray, fl
 
 
 @case(
+    origin="theory",
     title="Energy over a minute",
     compared="Kinetic, potential and elastic energy (2/5 k delta^(5/2)) of a swinging pendulum "
     "with clearance, from formulas of the case's own, plus what impacts and friction took, against "
@@ -485,6 +490,7 @@ def scara_stretching(job: tuple[float, int]) -> np.ndarray:
 
 
 @case(
+    origin="theory",
     title="Largest Lyapunov exponent",
     compared="Benettin's method (G. Benettin et al., Meccanica 15 (1980) 9-20): two trajectories, "
     "1 nm apart, put back to that distance every 10 ms. A pendulum balanced upright has the "
@@ -570,6 +576,7 @@ def mean_and_interval(values: np.ndarray) -> tuple[float, float]:
 
 
 @case(
+    origin="itself",
     title="Ensembles",
     compared="Figures of the SCARA's cycle from two disjoint sets of random starts (journal "
     "displaced by up to half of its clearances). Single runs cannot be compared, means can: the "

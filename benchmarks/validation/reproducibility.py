@@ -55,6 +55,7 @@ def elsewhere(file: Path, out: Path, **environment: str) -> xr.Dataset:
 
 
 @case(
+    origin="itself",
     title="Same bits again",
     compared="A run of the SCARA (0.5 mm, random start) is repeated in the same process, and from "
     "its result file in a new one; every variable of the results, bit for bit.",
@@ -120,6 +121,7 @@ def same_bits(quick: bool = False, wrong: bool = False) -> Outcome:
 
 
 @case(
+    origin="itself",
     title="Result files say what made them",
     compared="A saved result, opened without the package (xarray): the versions of package, "
     "Python and libraries against those installed; the scenario (robot, clearance, motion, step, "

@@ -24,6 +24,7 @@ SOUND_TIME = 2.9432751
 
 
 @case(
+    origin="theory",
     title="Hertz impact",
     compared="Depth and duration of elastic impacts of a journal on its bore against Hertz's "
     "closed form (W. Goldsmith, Impact, Edward Arnold, 1960): depth (5 m v^2/4 k)^(2/5), duration "
@@ -85,9 +86,13 @@ FACTORS = {
     "zhiying-qishao": lambda c: 0.75 * (1 - c**2) * math.exp(2 * (1 - c)),
     "flores": lambda c: 8 * (1 - c) / (5 * c),
     "hu-guo": lambda c: 1.5 * (1 - c) / c,
+    "carvalho-martins": lambda c: 1.5 * (1 - c) * (11 - c) / (1 + 9 * c),
+    "gharib-hurmuzlu": lambda c: 1 / c,
 }
 """Hysteresis factor a(c_e) of F = g(delta) (1 + a ddelta/ddelta0), from the papers in laws.md."""
-LINES = ("johnson", "radzimovsky", "goldsmith", "dubowsky-freudenstein", "pereira")
+LINES = (
+    "johnson", "radzimovsky", "goldsmith", "dubowsky-freudenstein", "pereira", "esdu-78035", "liu"
+)  # fmt: skip
 """Lines have no loss in their references; their damping is Lankarani and Nikravesh's."""
 IMPACT_MASS = 2.0  # kg
 DASHPOT = 6e3  # N s/m
@@ -140,6 +145,7 @@ def rebound(law: jp.contact.NormalForceLaw, c_e: float, speed: float, steps: int
 
 
 @case(
+    origin="theory",
     title="Restitution of every normal-force law",
     compared="Rebound speed of a free journal from its bore against the closed form of each law: "
     "a(1 + e) = ln((1 + a)/(1 - a e)) for all with the hysteresis damping of Hunt and Crossley, "
@@ -186,6 +192,7 @@ GRAVITY = 9.81  # m/s^2
 
 
 @case(
+    origin="theory",
     title="Cylinder rolling in its bore",
     compared="A journal of 20 mm radius, a solid cylinder, rolls without slipping in a bore of 30 "
     "mm (LuGre friction): a pendulum with omega^2 = g/(3/2 (R - r)). Its period at any amplitude "
@@ -240,6 +247,7 @@ def rolling(quick: bool = False, wrong: bool = False) -> Outcome:
 
 
 @case(
+    origin="theory",
     title="Slider on an incline",
     compared="A slider in a guide inclined by alpha, held up by its corners and rubbing with mu = "
     "0.3: acceleration g (sin alpha - mu cos alpha) above the friction angle (16.7 deg); below, "
@@ -332,6 +340,7 @@ def period_of(times: np.ndarray, force: np.ndarray) -> tuple[float, float]:
 
 
 @case(
+    origin="integrator",
     title="Stick-slip",
     compared="A block of 2 kg in a guide, pressed on its wall by its weight and pulled by a spring "
     "(20 rad/s) whose end moves at constant speed; LuGre friction, mu_s = 0.3, mu_d = 0.15. Period "
@@ -387,6 +396,7 @@ def stick_slip(quick: bool = False, wrong: bool = False) -> Outcome:
 
 
 @case(
+    origin="theory",
     title="Heavy top in a ball joint with clearance",
     compared="Steady precession of a spinning body on a smooth ball with 0.2 mm of clearance. The "
     "ball's centre stands off by the clearance against the force and goes round with it, which is "
@@ -484,6 +494,7 @@ def wedge_statics(bearing, mass, overhang, lever=1.0):
 
 
 @case(
+    origin="theory",
     title="Wedged journal: statics",
     compared="A vertical bearing carries an overhanging arm: the tilted journal is wedged between "
     "two opposite rims and stands on the end wall. The rims carry the overhang's moment about the "
@@ -536,6 +547,7 @@ def wedge(quick: bool = False, wrong: bool = False) -> Outcome:
 
 
 @case(
+    origin="theory",
     title="Self-locking",
     compared="A slider of length L and width w in a vertical guide, its centre of mass x away from "
     "the axis, tilted and pressed against both walls. Its support along the axis is slowly taken "
@@ -647,6 +659,7 @@ def link_angle(mass, inertia, length, amplitude) -> float:
 
 
 @case(
+    origin="theory",
     title="Pendulum: clearance to zero",
     compared="Period of a physical pendulum on a smooth journal with clearance, as the clearance "
     "falls to zero. It tends to the ideal pendulum's, 4 K(sin^2(theta/2))/omega, and the journal "

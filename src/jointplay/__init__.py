@@ -21,6 +21,7 @@ _HOMES = {
     "Audit": "audit",
     "BengisuAkay": "contact",
     "BrownMcPhee": "contact",
+    "CarvalhoMartins": "contact",
     "Certificate": "certify",
     "ClearanceJoint": "joints",
     "ComputedTorque": "drive",
@@ -31,10 +32,12 @@ _HOMES = {
     "CustomNormalForce": "contact",
     "Dahl": "contact",
     "DubowskyFreudenstein": "contact",
+    "Esdu78035": "contact",
     "Flores": "contact",
     "Form": "geometry",
     "Free": "drive",
     "Gear": "gear",
+    "GharibHurmuzlu": "contact",
     "Goldsmith": "contact",
     "Gonthier": "contact",
     "GonthierFriction": "contact",
@@ -50,6 +53,7 @@ _HOMES = {
     "LankaraniNikravesh": "contact",
     "LeeWang": "contact",
     "LinearSpring": "contact",
+    "Liu": "contact",
     "Loop": "loops",
     "LuGre": "contact",
     "Material": "joints",
@@ -90,6 +94,7 @@ if TYPE_CHECKING:
     from jointplay.contact import Anagnostopoulos as Anagnostopoulos
     from jointplay.contact import BengisuAkay as BengisuAkay
     from jointplay.contact import BrownMcPhee as BrownMcPhee
+    from jointplay.contact import CarvalhoMartins as CarvalhoMartins
     from jointplay.contact import Coulomb as Coulomb
     from jointplay.contact import CustomBristle as CustomBristle
     from jointplay.contact import CustomFilm as CustomFilm
@@ -97,7 +102,9 @@ if TYPE_CHECKING:
     from jointplay.contact import CustomNormalForce as CustomNormalForce
     from jointplay.contact import Dahl as Dahl
     from jointplay.contact import DubowskyFreudenstein as DubowskyFreudenstein
+    from jointplay.contact import Esdu78035 as Esdu78035
     from jointplay.contact import Flores as Flores
+    from jointplay.contact import GharibHurmuzlu as GharibHurmuzlu
     from jointplay.contact import Goldsmith as Goldsmith
     from jointplay.contact import Gonthier as Gonthier
     from jointplay.contact import GonthierFriction as GonthierFriction
@@ -111,6 +118,7 @@ if TYPE_CHECKING:
     from jointplay.contact import LankaraniNikravesh as LankaraniNikravesh
     from jointplay.contact import LeeWang as LeeWang
     from jointplay.contact import LinearSpring as LinearSpring
+    from jointplay.contact import Liu as Liu
     from jointplay.contact import LuGre as LuGre
     from jointplay.contact import Pereira as Pereira
     from jointplay.contact import PinkusSternlicht as PinkusSternlicht

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -11,7 +11,9 @@ import numpy as np
 
 from jointplay.contact import ContactProperties
 from jointplay.impact import friction_step_limit
+from jointplay.integrators import DEFAULT, integrator
 from jointplay.kernel import WELL_RESOLVED_STEPS
+from jointplay.kernel.layout import FRICTION
 from jointplay.mechanism import Mechanism
 from jointplay.workspace import Workspace
 
@@ -24,6 +26,12 @@ NOTHING_EXCHANGED = 1e-6
 ENERGY_WARNING = 0.01
 """Relative energy residual above which a run warns."""
 
+UNDER_RESOLVED_WARNING = 1e-3
+"""Share of the normal impulse in contacts of too few steps above which a run warns."""
+
+FED_WARNING = 0.01
+"""What friction may give back, relative to the energy exchanged, before a run warns."""
+
 
 @dataclass(frozen=True)
 class Audit:
@@ -32,7 +40,7 @@ class Audit:
     energy_residual: float
     """Largest error of the energy balance [J]."""
     energy_exchanged: float
-    """Total variation of the kinetic energy or of the drives' work, the larger [J].
+    """Total variation of the kinetic or potential energy or of any force's work, the largest [J].
 
     At least a millionth of the kinetic energy, for rounding is not worth a warning.
     """
@@ -54,6 +62,12 @@ class Audit:
     """The time step [s]."""
     friction_step_limit: float
     """Largest step that follows friction under the largest normal force [s]."""
+    unsolved: int = 0
+    """Steps whose velocity solve did not converge."""
+    unresolved: int = 0
+    """Macro steps in which the shortest micro steps did not reach the tolerance."""
+    friction_fed: float = 0.0
+    """Largest fall of the energy that friction has taken up: what bristles gave back [J]."""
     loop_drift: float = 0.0
     """Largest gap of a loop without clearance [m]."""
     law_warnings: tuple[str, ...] = ()
@@ -69,18 +83,25 @@ class Audit:
         mechanism: Mechanism,
         simulation: Mapping[str, Any],
         workspace: Workspace,
-        kinetic: np.ndarray,
+        energies: Sequence[np.ndarray],
         work: np.ndarray,
         residual: np.ndarray,
         drift: np.ndarray,
     ) -> Audit:
-        """Audit the records in `workspace` of `simulation`, which is given as plain data."""
+        """Audit the records in `workspace` of `simulation`, which is given as plain data.
+
+        `energies` are the kinetic and the potential one.
+        """
         statistics = workspace.contact_statistics()
-        variations = (float(np.abs(np.diff(values)).sum()) for values in (kinetic, work[:, 0]))
+        kinetic, _ = energies
+        moved = (*energies, *work.T)
+        variations = (float(np.abs(np.diff(values)).sum()) for values in moved)
         exchanged = max(*variations, NOTHING_EXCHANGED * float(kinetic.max(initial=0.0)))
         shortest = float(np.min(statistics["shortest_steps"], initial=np.inf))
         impulse = float(statistics["impulse"].sum())
         depth, relative, limit = 0.0, 0.0, math.inf
+        explicit = integrator(simulation["integrator"]).single_rate
+        rubbed = work[:, FRICTION]
         peaks = workspace.recorded("normal_peak")
         peaks = peaks.reshape(workspace.rows, *workspace.contacts.shape[:2])
         largest = peaks.max(axis=(0, 2), initial=0.0)
@@ -88,7 +109,7 @@ class Audit:
             mechanism.clearance, statistics["smallest_gap"], largest, strict=True
         ):
             joint = mechanism.clearance[name]
-            if workspace.rows:
+            if workspace.rows and explicit:
                 q = workspace.recorded("q")[0]
                 limit = min(limit, friction_step_limit(mechanism, name, q, float(force)))
             for gap, room in zip(gaps, joint.rooms, strict=False):
@@ -107,6 +128,9 @@ class Audit:
             penetration_over_clearance=float(relative),
             step=float(simulation["step"]),
             friction_step_limit=limit,
+            unsolved=int(workspace.run["unsolved"][0]),
+            unresolved=workspace.unresolved,
+            friction_fed=float((np.maximum.accumulate(rubbed) - rubbed).max(initial=0.0)),
             loop_drift=float(drift.max(initial=0.0)),
             law_warnings=out_of_range(mechanism, statistics),
         )
@@ -127,7 +151,7 @@ class Audit:
                 f"the energy balance is off by {100 * self.relative_energy_residual:.2g} % of the "
                 "energy exchanged: reduce the step"
             )
-        if self.under_resolved:
+        if self.under_resolved_impulse > UNDER_RESOLVED_WARNING:
             found.append(
                 f"{self.under_resolved} of {self.impacts} contacts lasted fewer than "
                 f"{WELL_RESOLVED_STEPS} steps (shortest {self.shortest_contact_steps}; "
@@ -141,10 +165,25 @@ class Audit:
             )
         if self.step > self.friction_step_limit:
             found.append(
-                f"the step of {self.step:.2g} s does not follow friction under the largest normal "
-                f"force, which needs {self.friction_step_limit:.1g} s: forces of a jammed journal "
-                "may be off by tens of per cent; reduce the step, widen the friction law's ramp, "
-                "or take a law with bristles"
+                f"the explicit step of {self.step:.3g} s does not follow friction under the "
+                f"largest normal force, which asks for {self.friction_step_limit:.3g} s: forces of "
+                "a jammed journal may be off by tens of per cent; take the integrator "
+                f"{DEFAULT!r}, which does"
+            )
+        if self.unsolved:
+            found.append(
+                f"the velocities of {self.unsolved} steps were not found: friction falls too "
+                "steeply with speed for this step; reduce it"
+            )
+        if self.unresolved:
+            found.append(
+                f"{self.unresolved} macro steps did not reach the tolerance with the shortest "
+                "micro steps: raise it"
+            )
+        if self.friction_fed > FED_WARNING * self.energy_exchanged:
+            found.append(
+                f"friction gave back {self.friction_fed:.3g} J: its bristles are not passive with "
+                "these parameters (docs/laws.md)"
             )
         if self.loop_drift > DRIFT_WARNING_M:
             found.append(

@@ -15,7 +15,7 @@ import numpy as np
 import pinocchio as pin
 
 from jointplay.errors import JointplayError, MissingName, require_finite
-from jointplay.mechanism import Mechanism
+from jointplay.mechanism import Mechanism, frame_index
 from jointplay.model import parse
 from jointplay.motion import Motion
 
@@ -96,7 +96,7 @@ class _Arm:
         if not self.model.existFrame(name):
             frames = [known.name for known in self.model.frames if known.name != "universe"]
             raise MissingName("frame", name, frames)
-        self.frame = self.model.getFrameId(name)
+        self.frame = frame_index(self.model, name)
         self.low, self.high = _limits(mechanism, self.joints)
         self.rank = 0
 

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import argparse
 import importlib
-import os
 import re
 import sys
 import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from jointplay.commands import MODULES
+from jointplay import stopping, streams
+from jointplay.commands import MODULES, add_trust
 from jointplay.errors import JointplayError
+from jointplay.stopping import INTERRUPTED
 
 if TYPE_CHECKING:
     from jointplay.contact import NormalForceLaw
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
 
 BAD_INPUT = 2
 STOPPED = 1
-INTERRUPTED = 130
 
 LAWS = (
     "lankarani-nikravesh",
@@ -38,14 +38,18 @@ LAWS = (
     "zhiying-qishao",
     "flores",
     "hu-guo",
+    "carvalho-martins",
+    "gharib-hurmuzlu",
     "johnson",
     "radzimovsky",
     "goldsmith",
     "dubowsky-freudenstein",
     "pereira",
+    "esdu-78035",
+    "liu",
 )
 LINEAR_LAWS = ("linear-spring", "kelvin-voigt", "anagnostopoulos")
-SCENARIO_OPTIONS = {"file", "case", "jobs", "out", "no_figures", "certify", "quiet"}
+SCENARIO_OPTIONS = {"file", "case", "jobs", "out", "no_figures", "certify", "quiet", "trust"}
 """Arguments of `run` that go with a scenario file."""
 
 
@@ -56,7 +60,13 @@ class _Parser(argparse.ArgumentParser):
         super().__init__(*args, **options)
         self._negative_number_matcher = re.compile(r"-\.?\d")
 
+    def _get_values(self, action: argparse.Action, arg_strings: list[str]) -> Any:
+        if action.option_strings and action.nargs is None and arg_strings == ["--"]:
+            self.error(f"argument {'/'.join(action.option_strings)}: '--' is no value")
+        return super()._get_values(action, arg_strings)  # type: ignore[misc]
+
     def error(self, message: str) -> NoReturn:
+        message = " ".join(message.split())
         self.exit(BAD_INPUT, f"{self.prog}: error: {message} (see {self.prog} --help)\n")
 
 
@@ -133,6 +143,7 @@ def _add_run(commands: argparse._SubParsersAction[_Parser]) -> None:
     group.add_argument(
         "--jobs", type=int, metavar="N", help="processes for FILE (default: one for each core)"
     )
+    add_trust(group)
     group = run.add_argument_group("robot")
     group.add_argument(
         "--urdf",
@@ -261,10 +272,32 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit status.
 
     0: done. 1: the simulation stopped early (kept as far as it came). 2: wrong input.
-    130: Ctrl-C (likewise kept).
+    130: told to stop by Ctrl-C, SIGTERM or SIGHUP (likewise kept).
     """
-    parser = _parser()
-    options = parser.parse_args(arguments)
+    with streams.forgiving():
+        try:
+            parser = _parser()
+            options = parser.parse_args(arguments)
+            with stopping.listening():
+                given = sys.argv[1:] if arguments is None else arguments
+                status = _command(parser, options, given)
+            sys.stdout.flush()  # what cannot be written must show here
+            return status
+        except BrokenPipeError:  # the reader, such as `head`, has seen enough
+            streams.silence(sys.stdout)
+            return STOPPED
+        except OSError as error:  # standard output on a full disk
+            streams.silence(sys.stdout)
+            print(f"jointplay: error: cannot print: {error.strerror or error}", file=sys.stderr)
+            return STOPPED
+        except KeyboardInterrupt:  # once more, while ending
+            return INTERRUPTED
+
+
+def _command(
+    parser: argparse.ArgumentParser, options: argparse.Namespace, arguments: Sequence[str]
+) -> int:
+    """Do what the options say; errors are one line."""
     if options.version:
         from importlib.metadata import version
 
@@ -278,17 +311,42 @@ def main(arguments: Sequence[str] | None = None) -> int:
             return int(options.handler(options))
         if options.command == "scara":
             return _scara(options)
-        return _run(options, sys.argv[1:] if arguments is None else arguments)
+        return _run(options, arguments)
     except JointplayError as error:
-        print(f"jointplay {options.command}: error: {error}", file=sys.stderr)
+        print(
+            f"jointplay {options.command}: error: {' '.join(str(error).split())}", file=sys.stderr
+        )
         return BAD_INPUT
-    except BrokenPipeError:  # the reader, such as `head`, has seen enough
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return STOPPED
-    except KeyboardInterrupt:
-        kept = f"; what was computed is in {options.out}" if "out" in options else ""
-        print(f"\ninterrupted{kept}", file=sys.stderr)
+    except ArithmeticError as error:
+        reason = f"one is far too large or too small: {error}"
+        print(
+            f"jointplay {options.command}: error: these numbers cannot be computed with, {reason}",
+            file=sys.stderr,
+        )
+        return BAD_INPUT
+    except MemoryError:
+        print(
+            f"jointplay {options.command}: error: this machine's memory is too small for it; "
+            "record less often, or simulate a shorter time",
+            file=sys.stderr,
+        )
+        return BAD_INPUT
+    except KeyboardInterrupt as error:
+        print(f"\ninterrupted{_kept(str(error))}", file=sys.stderr)
         return INTERRUPTED
+
+
+def _kept(lost: str) -> str:
+    """What was given up, and what is there."""
+    from jointplay import files
+
+    parts = [lost] if lost else []
+    if files.written:
+        names = ", ".join(path.name for path in files.written)
+        parts.append(f"in {files.written[0].parent} there is {names}")
+    elif not lost:
+        parts.append("nothing was written")
+    return f"; {'; '.join(parts)}"
 
 
 def _scara(options: argparse.Namespace) -> int:
@@ -330,17 +388,16 @@ def _run(options: argparse.Namespace, arguments: Sequence[str]) -> int:
         from jointplay.commands import run_scenario
 
         return run_scenario.run(options)
-    for name in ("case", "jobs"):
+    for name in ("case", "jobs", "trust"):
         if name in given:
             raise JointplayError(f"--{name} needs a scenario: jointplay run FILE --{name} ...")
     return _run_options(options)
 
 
 def _run_options(options: argparse.Namespace) -> int:
-    import warnings
-
+    from jointplay.files import claim
+    from jointplay.keep import add_certificate, run_and_save
     from jointplay.kernel import Status
-    from jointplay.study import claim_folder
 
     simulation = _simulation(options)
     prepared = simulation.prepare()
@@ -349,16 +406,10 @@ def _run_options(options: argparse.Namespace) -> int:
         from jointplay.plots import FIGURES
 
         names += [f"{name}.{kind}" for name in FIGURES for kind in ("png", "pdf")]
-    out = claim_folder(options.out, names)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # said below
-        result = prepared.execute(progress=not options.quiet)
-    result.save(out / "result.nc")
+    out = claim(options.out, names)
+    result = run_and_save(prepared, out / "result.nc", progress=not options.quiet)
     if options.certify:
-        from jointplay.certify import certify
-
-        result.certificate = certify(result, simulation=simulation, progress=not options.quiet)
-        result.save(out / "result.nc", overwrite=True)
+        add_certificate(result, out / "result.nc", simulation, progress=not options.quiet)
     if not options.no_figures and len(result.time) > 1:
         from jointplay import plots
 
@@ -366,7 +417,7 @@ def _run_options(options: argparse.Namespace) -> int:
         plots.save({label: result}, out)
     print(f"{result.message}\n{result.judgement}")
     print(f"results in {options.out}")
-    if result.status == Status.INTERRUPTED:
+    if result.status == Status.INTERRUPTED or stopping.told():
         return INTERRUPTED
     return 0 if result.status == Status.COMPLETED else STOPPED
 

@@ -29,6 +29,9 @@ from jointplay.mechanism import Mechanism
 from jointplay.motion import Motion
 from jointplay.workspace import Tables
 
+FASTEST = 1e9
+"""Largest bandwidth of a drive [rad/s]: no step follows it."""
+
 REFERENCE_NODE_S = 1e-4
 """Interval at which the reference is tabulated; between nodes it is linear [s].
 
@@ -83,7 +86,8 @@ class JointFriction:
 
     def torque(self, speed: np.ndarray) -> np.ndarray:
         """Q at the speeds `speed` [rad/s or m/s], any shape: [N m or N]."""
-        dry = self.coulomb + self.excess * np.exp(-((speed / self.stribeck_speed) ** 2))
+        with np.errstate(over="ignore"):  # far above the Stribeck speed nothing is left
+            dry = self.coulomb + self.excess * np.exp(-((speed / self.stribeck_speed) ** 2))
         return dry * np.tanh(speed / kernel.JOINT_FRICTION_SPEED) + self.viscous * speed
 
     def describe(self) -> dict[str, Any]:
@@ -130,6 +134,10 @@ class ComputedTorque(Drive):
     def __post_init__(self) -> None:
         """Check all values."""
         require_positive("bandwidth", self.bandwidth, "rad/s")
+        if self.bandwidth > FASTEST:
+            raise JointplayError(
+                f"bandwidth must be at most {FASTEST:g} rad/s, got {self.bandwidth:g}"
+            )
         require_non_negative("damping ratio", self.damping_ratio, "")
         if self.encoder not in ENCODERS:
             raise MissingName("encoder", self.encoder, ENCODERS)

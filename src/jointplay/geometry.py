@@ -23,6 +23,10 @@ from enum import IntEnum
 import numpy as np
 from numba import njit
 
+from jointplay import numba_cache
+
+numba_cache.ensure()
+
 CONTACTS = ("radial_A", "radial_B", "axial_A", "axial_B")
 
 CONTACT_TOLERANCE_M = 1e-7

@@ -134,7 +134,15 @@ def histories(
         text = "around the bore, from the bearing's x axis"
         coordinates["azimuth"] = ("azimuth", azimuths, {"units": "rad", "long_name": text})
     drift = variables["loop_drift"][1] if closed else np.zeros(0)
-    audit = Audit.of(mechanism, simulation, workspace, body["kinetic"], work, residual, drift)
+    audit = Audit.of(
+        mechanism,
+        simulation,
+        workspace,
+        (body["kinetic"], body["potential"]),
+        work,
+        residual,
+        drift,
+    )
     dataset = xr.Dataset(
         {
             name: (dims, values, {"units": unit, "long_name": text})

@@ -20,7 +20,7 @@ LOOP_CORRECTION = 0.1
 LOOP_CORRECTION_PER_MACRO = 0.5
 """The same times the macro step, at whose pace the multi-rate method evaluates it."""
 
-LONGEST_MACRO_STEP_S = 5e-4
+LONGEST_MACRO_STEP_S = 2e-4
 """Macro steps that an error estimate chooses are no longer than this [s]."""
 
 MACRO_TOLERANCE = 1e-3
@@ -33,14 +33,17 @@ The error between the middles is a small part of that. Measured: docs/integrator
 REFUSED = 4.0
 """A macro step whose middle is so many times the tolerance off is planned anew."""
 
-LARGEST_TURN = 0.025
+LARGEST_TURN = 0.02
 """Angle by which no joint turns further in a macro step that an error estimate chooses [rad]."""
 
-LARGEST_DEPARTURE = 1e-4
+LARGEST_DEPARTURE = 1e-5
 """Angle by which the state may leave the path that was predicted for a macro step [rad]."""
 
-LEAST_STEPS = 4
-"""Contacts do not make macro steps shorter than this many steps; they last longer."""
+LEAST_STEPS = 8
+"""Macro steps are planned no shorter than this many steps where one has been ended early."""
+
+GROWTH = 1.5
+"""By how much a macro step is longer than the one before at most."""
 
 LOOP_TOLERANCE = 3e-5
 """The same with ideal loops, which drift apart by what the line is off."""
@@ -48,7 +51,9 @@ LOOP_TOLERANCE = 3e-5
 SHORTEST_MICRO_STEP_S = 2e-8
 """Adaptive micro steps are halved down to this [s]."""
 
-_PREDICT, _MACRO_STEP = int(Command.PREDICT), int(Command.MACRO_STEP)
+_aba, _inverse, _WORLD = pin.aba, pin.computeMinverse, pin.Convention.WORLD
+_PREDICT, _NODES = int(Command.PREDICT), int(Command.NODES)
+_MACRO_STEP = int(Command.MACRO_STEP)
 
 
 class Loop(ABC):
@@ -169,13 +174,16 @@ class MultiRate(Loop):
         self._dt = dt = float(w.run["dt"][0])
         self._nodes = [(w.path[3 + 2 * k], w.path[4 + 2 * k]) for k in range(3)]
         self._zero = np.zeros(nv)
-        self._done = 1
+        self._planned, self._fastest = w.run["macro"], w.run["fastest"]
+        self._path_error, self._path_limit = w.run["path_error"], w.run["path_limit"]
+        self._through_frames, self._node = w.needs_jacobians, w.run["node"]
         self._fixed = macro_step is not None
         for joint in self.model.joints[1:]:
             if joint.nv == 1 and "P" not in joint.shortname()[len("JointModel") :][:1]:
                 w.turning[joint.idx_v] = 1.0
             if joint.shortname() == "JointModelSphericalZYX":
                 w.turning[joint.idx_v : joint.idx_v + 3] = 1.0
+        w.run["departure_limit"] = np.inf if self._fixed else LARGEST_DEPARTURE
         longest = LONGEST_MACRO_STEP_S if macro_step is None else macro_step
         self._longest = max(round(longest / dt), 1)
         self._macro = self._longest if self._fixed else max(self._longest // 10, 1)
@@ -191,8 +199,8 @@ class MultiRate(Loop):
         if len(self._models):
             self._inertia_of_loops(q, v)
             return
-        pin.aba(self.model, self.data, q, v, self._zero, self._none, pin.Convention.WORLD)
-        pin.computeMinverse(self.model, self.data)
+        _aba(self.model, self.data, q, v, self._zero, self._none, _WORLD)
+        _inverse(self.model, self.data)
 
     def _inertia_of_loops(self, q: np.ndarray, v: np.ndarray) -> None:
         """The same with ideal loops: accelerations per force, the constraints' forces included."""
@@ -232,7 +240,8 @@ class MultiRate(Loop):
         w.run["macro"] = 0
         w.do(Command.RESTART)
         w.do(Command.PREDICT)
-        self._frames(1)
+        if self._through_frames:
+            self._frames(1)
         self._inertia(w.q, w.v)
         w.do(Command.SET_OFF)
 
@@ -242,19 +251,21 @@ class MultiRate(Loop):
 
     def _frames(self, nodes: int) -> None:
         """Frames and Jacobians at the first `nodes` nodes of the predicted path."""
-        w = self.workspace
-        if w.needs_jacobians:
-            for node in range(nodes):
-                pin.computeJointJacobians(self.model, self.data, self._nodes[node][0])
-                w.run["node"] = node
-                w.do(Command.NODES)
+        run = self.workspace.run
+        for node in range(nodes):
+            pin.computeJointJacobians(self.model, self.data, self._nodes[node][0])
+            self._node[0] = node
+            self._enter(run, _NODES)
 
     def stretch(self, steps: int) -> bool:
         """Do one macro step."""
-        before = self.workspace.steps
-        self._prepare(min(steps, self._macro), _MACRO_STEP)
-        self._done = self.workspace.steps - before
-        return self.workspace.status == 0
+        w = self.workspace
+        before = w.steps
+        macro = self._prepare(min(steps, self._macro), _MACRO_STEP)
+        done = w.steps - before
+        if not self._fixed and done < macro:
+            self._macro = min(max(2 * done, LEAST_STEPS), self._longest)
+        return not w.failed
 
     def _prepare(self, macro: int, command: int, unit: int = 1) -> int:
         """Ask Pinocchio for what a macro step needs and let the kernels carry out `command` on it.
@@ -269,43 +280,30 @@ class MultiRate(Loop):
         Returns:
             The length that was taken.
         """
-        w = self.workspace
-        if not self._fixed:
-            macro = min(macro, self._bound(unit))
+        fastest = self._fastest.item()
+        if not self._fixed and fastest * macro * self._dt > LARGEST_TURN:
+            macro = max(int(LARGEST_TURN / (fastest * self._dt * unit)), 1) * unit
         while True:
             self._ask(macro)
-            shortest = macro <= unit
-            w.run["path_limit"] = np.inf if self._fixed or shortest else REFUSED * self._tolerance
-            self._enter(w.run, command)
-            error = float(w.run["path_error"][0])
-            if not error > float(w.run["path_limit"][0]):
+            limit = np.inf if self._fixed or macro <= unit else REFUSED * self._tolerance
+            self._path_limit[0] = limit
+            self._enter(self.workspace.run, command)
+            error = self._path_error.item()
+            if not error > limit:
                 break
             macro = max(macro // (4 * unit), 1) * unit
-        if not self._fixed and error >= 0.0:
+        if not self._fixed:
             factor = (0.5 * self._tolerance / max(error, 1e-12)) ** 0.5
-            best = int(macro * min(max(factor, 0.25), 1.5) + 0.9)
+            best = int(macro * min(max(factor, 0.25), GROWTH) + 0.9)
             self._macro = min(max(best, 1), self._longest)
         return macro
 
-    def _bound(self, unit: int) -> int:
-        """Longest macro step that the last one allows, in steps."""
-        run = self.workspace.run
-        fastest, departure = float(run["fastest"][0]), float(run["departure"][0])
-        bound = self._longest
-        if fastest > 0.0:
-            bound = min(bound, int(LARGEST_TURN / (fastest * self._dt)))
-        if departure > LARGEST_DEPARTURE:
-            self._macro = max(int(self._done * LARGEST_DEPARTURE / departure), LEAST_STEPS)
-        if int(run["events"][0]) > 0:
-            self._macro = min(self._macro, 2 * LEAST_STEPS)
-        return max(min(bound, self._macro) // unit, 1) * unit
-
     def _ask(self, macro: int) -> None:
         """Ask Pinocchio for all that a macro step of so many steps needs."""
-        w = self.workspace
-        w.run["macro"] = macro
-        self._enter(w.run, _PREDICT)
-        self._frames(3)
+        self._planned[0] = macro
+        self._enter(self.workspace.run, _PREDICT)
+        if self._through_frames:
+            self._frames(3)
         self._inertia(*self._nodes[1])
         if len(self._models):
             self._close_loops(macro * self._dt, *self._nodes[1])
@@ -366,7 +364,7 @@ class Adaptive(MultiRate):
             coarse = fine
         # The error falls by four when steps are halved; less where a contact begins or ends.
         self._micro_step = span / micro * (2.0 if error < 0.1 * self._tolerated else 1.0)
-        return self.workspace.status == 0
+        return not self.workspace.failed
 
     def _try(self, micro: int) -> tuple[np.ndarray, np.ndarray]:
         """Do the macro step with so many micro steps; returns q and v at its end."""
@@ -382,7 +380,7 @@ class Adaptive(MultiRate):
     ) -> float:
         """Difference of two ends, relative to what was moved in the macro step; 0 if it failed."""
         w = self.workspace
-        if w.status != 0:
+        if w.failed:
             return 0.0
         mass = 1.0 / np.maximum(w.inverse_mass.diagonal(), 1e-300)
 

@@ -18,6 +18,7 @@ from scipy.optimize import least_squares
 from jointplay.errors import JointplayError, require_finite
 
 if TYPE_CHECKING:
+    from jointplay.joints import Clearance
     from jointplay.mechanism import Mechanism
 
 Vector = tuple[float, float, float]
@@ -25,6 +26,9 @@ Vector = tuple[float, float, float]
 ASSEMBLY_TOLERANCE_M = 1e-9
 """Gap that may remain in an assembled loop; angles count on an arm of `ANGLE_ARM_M`."""
 ANGLE_ARM_M = 0.1
+
+_IDEAL_WEIGHT = 1e3
+"""Weight of loops without clearance beside those whose journal has room."""
 
 PROXIMAL = pin.ProximalSettings(1e-12, 1e-10, 10)
 """Accuracy, regularisation and iterations of Pinocchio's solver: constraints may be redundant."""
@@ -120,6 +124,10 @@ def assemble(
 ) -> np.ndarray:
     """Configuration near q in which all loops are closed.
 
+    Journals stay where they are in their bearings and only turn with them; if the loops cannot be
+    closed like this, journals of the tree move too, as far as their clearance lets them, and those
+    that close a loop lie where the positions given for the others put them.
+
     Args:
         mechanism: with loops; without, q comes back.
         q: where to begin, shape (nq,).
@@ -131,40 +139,117 @@ def assemble(
         q, shape (nq,).
 
     Raises:
-        JointplayError: the loops cannot be closed; the message has the gap that remains.
+        JointplayError: the loops cannot be closed; the message has the gap that remains, and
+            whether positions that were given are to blame.
     """
     if not mechanism.loops:
         return q.copy()
-    free = np.setdiff1d(np.arange(len(q)), held)
-    free = free[[not mechanism.plays(i) for i in free]] if len(free) else free
     offsets = offsets or {}
+    best = _closed(mechanism, q, _free(mechanism, held, journals=False), offsets)
+    if _gap(mechanism, best, offsets) > ASSEMBLY_TOLERANCE_M:
+        moved = _closed(mechanism, best, _free(mechanism, held, journals=True), offsets)
+        if _fit(mechanism, moved):
+            best = moved
+        elif not _fit(mechanism, best):
+            raise JointplayError(_blame(mechanism, q, best, held))
+    for name in mechanism.gears:
+        if mechanism.motor(name) not in held:  # unstrained
+            best[mechanism.motor(name)] = best[mechanism.coordinate(name)]
+    return best
+
+
+def _free(mechanism: Mechanism, held: Sequence[int], journals: bool) -> np.ndarray:
+    """Coordinates that may be moved: not `held`; of journals only what the ideal joint has too,
+    unless all of them are wanted."""
+    own = {mechanism.coordinate(name) for name in mechanism.clearance if _in_tree(mechanism, name)}
+    every = (i for i in range(mechanism.model.nv) if journals or i in own or not mechanism.plays(i))
+    return np.array([i for i in every if i not in held], int)
+
+
+def _in_tree(mechanism: Mechanism, name: str) -> bool:
+    return name not in mechanism.loops
+
+
+def _closed(
+    mechanism: Mechanism, q: np.ndarray, free: np.ndarray, offsets: dict[str, np.ndarray]
+) -> np.ndarray:
+    """q with its `free` coordinates moved so that the loops are as closed as can be."""
+    moved = q.copy()
+    if not len(free):
+        return moved
+    ideal = set(mechanism.loops) - set(mechanism.clearance)
+    mixed = ideal and len(ideal) < len(mechanism.loops)
 
     def error(values: np.ndarray) -> np.ndarray:
         trial = q.copy()
         trial[free] = values
-        parts = misfit(mechanism, trial)
-        for name, offset in offsets.items():
-            size = 2 if mechanism.loop_kind(name) == "prismatic" else 3
-            parts[name][:size] -= offset[:size]
+        # A loop without clearance must be closed, whatever the others then have to bear.
+        parts = _wanted(mechanism, trial, offsets)
+        if mixed:
+            parts |= {name: _IDEAL_WEIGHT * parts[name] for name in ideal}
         return np.concatenate(list(parts.values()))
 
-    if len(free):
-        found = least_squares(error, q[free], xtol=1e-15, ftol=1e-15, gtol=1e-15, x_scale="jac")
-        best, left = found.x, found.fun
-    else:
-        best, left = q[free], error(q[free])
-    if np.abs(left).max() > ASSEMBLY_TOLERANCE_M:
-        closed = q.copy()
-        closed[free] = best
-        gaps = {name: float(np.abs(part).max()) for name, part in misfit(mechanism, closed).items()}
-        worst = max(gaps, key=lambda name: gaps[name])
-        raise JointplayError(
-            f"the mechanism cannot be assembled: loop {worst!r} stays open by {gaps[worst]:.4g} m; "
-            "check lengths and frames, or start from other joint positions"
+    found = least_squares(error, q[free], xtol=1e-15, ftol=1e-15, gtol=1e-15, x_scale="jac")
+    moved[free] = found.x
+    return moved
+
+
+def _wanted(
+    mechanism: Mechanism, q: np.ndarray, offsets: dict[str, np.ndarray]
+) -> dict[str, np.ndarray]:
+    """`misfit` from where journals shall be."""
+    parts = misfit(mechanism, q)
+    for name, offset in offsets.items():
+        size = 2 if mechanism.loop_kind(name) == "prismatic" else 3
+        parts[name][:size] -= offset[:size]
+    return parts
+
+
+def _gap(mechanism: Mechanism, q: np.ndarray, offsets: dict[str, np.ndarray]) -> float:
+    return max(float(np.abs(part).max()) for part in _wanted(mechanism, q, offsets).values())
+
+
+def _fit(mechanism: Mechanism, q: np.ndarray) -> bool:
+    """Whether ideal loops are closed and every journal lies within its clearance."""
+    open_by = misfit(mechanism, q)
+    for name, part in open_by.items():
+        if name not in mechanism.clearance and np.abs(part).max() > ASSEMBLY_TOLERANCE_M:
+            return False
+    for name, joint in mechanism.clearance.items():
+        pose = mechanism.journal_pose(name)
+        if not _has_room(joint, pose, leans=name in mechanism.loops):
+            return False
+    return True
+
+
+def _has_room(joint: Clearance, pose: pin.SE3, leans: bool) -> bool:
+    """Whether a journal touches nothing, to be on the safe side; `leans`: tilt counts."""
+    turn, centre = joint.ideal_part(pose.rotation, pose.translation)
+    x, y, z = np.abs(pose.translation - centre)
+    room = [max(joint.room_to_start.get(part, 0.0), ASSEMBLY_TOLERANCE_M) for part in "xyz"]
+    tilt = float(np.abs(pin.log3(pose.rotation @ turn.T)).max()) if leans else 0.0
+    lean = 0.0 if joint.kind == "spherical" else tilt * float(np.linalg.norm(joint.outline.size))
+    if joint.kind == "prismatic":
+        return bool(x + lean <= room[0] and y + lean <= room[1])
+    if joint.kind == "spherical":
+        return bool(np.linalg.norm([x, y, z]) <= joint.radial_room)
+    return bool(np.hypot(x, y) + lean <= room[0] and z + lean <= room[2])
+
+
+def _blame(mechanism: Mechanism, q: np.ndarray, best: np.ndarray, held: Sequence[int]) -> str:
+    """What to say of loops that cannot be closed."""
+    gaps = {name: float(np.abs(part).max()) for name, part in misfit(mechanism, best).items()}
+    worst = max(gaps, key=lambda name: gaps[name])
+    what = f"the mechanism cannot be assembled: loop {worst!r} stays open by {gaps[worst]:.4g} m; "
+    freed = _closed(mechanism, q, _free(mechanism, (), journals=False), {})
+    given = [name for name in mechanism.joints if mechanism.coordinate(name) in held]
+    if given and _gap(mechanism, freed, {}) <= ASSEMBLY_TOLERANCE_M:
+        near = ", ".join(f"{name} = {freed[mechanism.coordinate(name)]:.6g}" for name in given)
+        return (
+            f"{what}the positions given for {', '.join(given)} do not go together: it closes at "
+            f"{near} [rad or m]; give fewer of them, or these"
         )
-    assembled = q.copy()
-    assembled[free] = best
-    return assembled
+    return f"{what}check lengths and frames, or start from other joint positions"
 
 
 def closing_rows(
@@ -185,30 +270,62 @@ def closing_rows(
 
 
 def consistent_velocity(
-    mechanism: Mechanism, q: np.ndarray, v: np.ndarray, held: Sequence[int]
+    mechanism: Mechanism,
+    q: np.ndarray,
+    v: np.ndarray,
+    held: Sequence[int],
+    led: Sequence[int] | None = None,
 ) -> np.ndarray:
-    """Velocity nearest to v with which all loops stay closed.
+    """Velocity nearest to v with which all loops stay closed, journals resting in their bearings.
+
+    Where speeds are given for so many coordinates that a journal cannot rest, it flies: its bearing
+    holds it by contact only.
 
     Args:
         mechanism: with loops; without, v comes back.
         q, v: state, shape (nv,).
         held: coordinates whose speeds are given.
+        led: those of them that follow a reference; None: all.
 
     Raises:
-        JointplayError: the given speeds would tear a loop apart.
+        JointplayError: the given speeds would tear apart a loop without clearance, or references
+            alone any loop.
     """
     if not mechanism.loops:
         return v.copy()
-    rows = closing_rows(mechanism, q)
-    free = np.setdiff1d(np.arange(len(v)), held)
-    free = free[[not mechanism.plays(i) for i in free]] if len(free) else free
-    change = -np.linalg.lstsq(rows[:, free], rows @ v, rcond=1e-10)[0]
-    moved = v.copy()
-    moved[free] += change
-    left = float(np.abs(rows @ moved).max(initial=0.0))
-    if left > 1e-9 * max(1.0, float(np.abs(v).max(initial=0.0))):
+    limit = 1e-9 * max(1.0, float(np.abs(v).max(initial=0.0)))
+    every, ideal = closing_rows(mechanism, q), set(mechanism.loops) - set(mechanism.clearance)
+    moved = v
+    for journals in (False, True):
+        moved = _moving(mechanism, v, every, _free(mechanism, held, journals))
+        if np.abs(every @ moved).max(initial=0.0) <= limit:
+            return moved
+    left = float(np.abs(every @ moved).max(initial=0.0))
+    alone = _moving(mechanism, v, every, _free(mechanism, held if led is None else led, True))
+    if np.abs(every @ alone).max(initial=0.0) > limit:
         raise JointplayError(
             f"the initial speeds would tear a loop apart at {left:.3g} m/s: the driven joints "
             "cannot move like this in this configuration"
         )
+    strict = closing_rows(mechanism, q, ideal)
+    free = _free(mechanism, held, journals=True)
+    moved = _moving(mechanism, v, strict, free)
+    left = float(np.abs(strict @ moved).max(initial=0.0))
+    if left > limit:
+        given = [name for name in mechanism.joints if mechanism.coordinate(name) in held]
+        raise JointplayError(
+            f"the initial speeds would tear a loop apart at {left:.3g} m/s: those given for "
+            f"{', '.join(given)} do not go together; give fewer of them"
+        )
+    return moved
+
+
+def _moving(mechanism: Mechanism, v: np.ndarray, rows: np.ndarray, free: np.ndarray) -> np.ndarray:
+    """v with its `free` coordinates changed as little as makes `rows` times it zero."""
+    moved = v.copy()
+    if len(free) and len(rows):
+        moved[free] -= np.linalg.lstsq(rows[:, free], rows @ v, rcond=1e-10)[0]
+    for name in mechanism.gears:
+        if mechanism.motor(name) in free:
+            moved[mechanism.motor(name)] = moved[mechanism.coordinate(name)]
     return moved

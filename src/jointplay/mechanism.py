@@ -31,6 +31,13 @@ _AXIS_ARM_M = 0.05
 """Distance of the two points that hold the axis of an ideal revolute joint in a loop."""
 
 
+def frame_index(model: pin.Model, name: str) -> int:
+    """Index of the frame `name`; if a link and a joint are called like this, of the link's."""
+    if model.existFrame(name, pin.FrameType.BODY):
+        return int(model.getFrameId(name, pin.FrameType.BODY))
+    return int(model.getFrameId(name))
+
+
 class Mechanism:
     """A robot or linkage from a URDF, ideal or with clearance in some of its joints.
 
@@ -101,11 +108,13 @@ class Mechanism:
         self.model, self.coordinates = build(source, self._joints, self.gears)
         self.model.gravity.linear = np.array(self.gravity)
         self.data = self.model.createData()
+        if tool is not None and not isinstance(tool, str):
+            raise JointplayError(f"tool must be the name of a frame, got {tool!r}")
         self.tool = tool if tool is not None else source.frames[source.nframes - 1].name
         if not self.model.existFrame(self.tool):
             frames = [frame.name for frame in source.frames if frame.name != "universe"]
             raise MissingName("frame", self.tool, frames)
-        self.tool_frame = int(self.model.getFrameId(self.tool))
+        self.tool_frame = frame_index(self.model, self.tool)
         for name, gear in gears.items():
             if not isinstance(gear, Gear):
                 raise JointplayError(f"joint {name!r} needs a Gear, got {gear!r}")
@@ -342,7 +351,9 @@ class Mechanism:
     def from_description(cls, description: Mapping[str, Any]) -> Mechanism:
         """Build the mechanism that `describe` described."""
         allowed = description["allow_unphysical"]
-        parsed = urdf.parse(description["urdf_text"], Path(description["urdf"]), allowed)
+        name = Path(description["urdf"]).name or "robot.urdf"
+        parsed = urdf.parse(description["urdf_text"], Path(name), allowed)
+        parsed = replace(parsed, stored=True)
         mechanism = object.__new__(cls)
         mechanism._build(
             parsed,

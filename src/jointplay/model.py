@@ -13,6 +13,7 @@ import pinocchio as pin
 from jointplay.errors import JointplayError
 from jointplay.gear import Gear
 from jointplay.joints import VIRTUAL_LINK, Clearance
+from jointplay.streams import caught_stderr
 from jointplay.urdf import Description
 
 _REVOLUTE = ("JointModelR", "JointModelRevolute")
@@ -37,11 +38,15 @@ def parse(description: Description) -> pin.Model:
     """
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "robot.urdf"
-        file.write_text(description.text, encoding="utf-8")
+        noise: list[str] = []
         try:
-            return pin.buildModelFromUrdf(str(file))
+            file.write_text(description.text, encoding="utf-8")
+            with caught_stderr(noise):
+                return pin.buildModelFromUrdf(str(file))
         except (ValueError, RuntimeError) as error:
-            reason = str(error).strip().splitlines()[0] if str(error).strip() else "no reason given"
+            said = [*str(error).splitlines(), *noise]
+            reason = next((line.strip() for line in said if line.strip()), "no reason given")
+            reason = reason.replace(str(file), description.path.name)
             raise JointplayError(
                 f"Pinocchio cannot read the URDF {str(description.path)!r}: {reason}"
             ) from None

@@ -70,9 +70,14 @@ class Motion:
             )
         if interpolation not in INTERPOLATIONS:
             raise MissingName("interpolation", interpolation, INTERPOLATIONS)
-        self._curve = self._fit()
-        self._speed = self._curve.derivative(1)
-        self._acceleration = self._curve.derivative(2)
+        with np.errstate(all="ignore"):  # looked at below
+            self._curve = self._fit()
+            self._speed = self._curve.derivative(1)
+            self._acceleration = self._curve.derivative(2)
+        if not all(np.isfinite(c.c).all() for c in (self._curve, self._acceleration)):
+            raise JointplayError(
+                "the motion's accelerations are beyond all numbers: its waypoints are too far apart"
+            )
 
     def _fit(self) -> Any:
         if self.interpolation == "rest-to-rest":
@@ -130,7 +135,7 @@ class Motion:
         path = Path(path)
         try:
             text = path.read_text(encoding="utf-8-sig")
-        except (OSError, UnicodeDecodeError) as error:
+        except (OSError, ValueError) as error:
             reason = getattr(error, "strerror", None) or error
             raise JointplayError(f"cannot read the motion {str(path)!r}: {reason}") from None
         numbered = [
@@ -140,7 +145,12 @@ class Motion:
         ]
         if not numbered:
             raise JointplayError(f"the motion {str(path)!r} is empty")
-        rows = list(csv.reader(line for _, line in numbered))
+        rows = []
+        for number, line in numbered:
+            try:
+                rows.append(next(csv.reader([line], strict=True)))
+            except csv.Error as error:
+                raise JointplayError(f"{path}, line {number}: {error}") from None
         header = [cell.strip() for cell in rows[0]]
         if header[0] != "time_s" or len(header) < 2:
             raise JointplayError(

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Collection
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 import xarray as xr
 
+from jointplay import files, netcdf
 from jointplay.audit import Audit
+from jointplay.contact.trust import trusting
 from jointplay.errors import JointplayError
 from jointplay.kernel import Status
 
@@ -27,6 +30,10 @@ AXES = ("x", "y", "z")
 class Result:
     """Time histories of a run and their meaning.
 
+    Args:
+        dataset: of a run.
+        trust: modules from which laws of the user's own may be imported; see `load`.
+
     Attributes:
         dataset: `xarray.Dataset` with named dimensions and units; docs/results.md lists them.
         audit: what the run says about its own quality.
@@ -34,9 +41,10 @@ class Result:
         message: the same in one line.
     """
 
-    def __init__(self, dataset: xr.Dataset) -> None:
+    def __init__(self, dataset: xr.Dataset, trust: Collection[str] = ()) -> None:
         """Wrap the dataset of a run."""
         self.dataset = dataset
+        self.trust = tuple(trust)
         self.audit = Audit(**json.loads(dataset.attrs["audit"]))
         self.status = Status[dataset.attrs["status"].upper()]
         self.message: str = dataset.attrs["message"]
@@ -93,48 +101,61 @@ class Result:
         """The simulation that made this result, built from what the result holds.
 
         `result.simulation.run()` gives the same result, bit for bit on the same machine.
+
+        Raises:
+            JointplayError: it cannot be built: a law of the user's own that is not trusted (see
+                `load`), or inputs that make no simulation.
         """
         from jointplay.simulation import Simulation
 
-        return Simulation.from_description(json.loads(self.dataset.attrs["simulation"]))
+        with trusting(self.trust):
+            try:
+                return Simulation.from_description(json.loads(self.dataset.attrs["simulation"]))
+            except JointplayError:
+                raise
+            except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
+                reason = " ".join(str(error).split()) or type(error).__name__
+                raise JointplayError(
+                    f"the inputs that the result holds make no simulation: {reason}"
+                ) from None
 
     def save(self, path: str | Path, overwrite: bool = False) -> Path:
-        """Write a NetCDF file with all parameters and versions inside.
+        """Write a NetCDF file with all parameters and versions inside, whole or not at all.
+
+        If it cannot be written, the result is still here: save it to another place.
 
         Raises:
             JointplayError: the file exists (and `overwrite` is false) or cannot be written.
         """
         path = Path(path)
-        if path.exists() and not overwrite:
-            raise JointplayError(f"{str(path)!r} exists; choose another name")
-        compress = {
-            name: {"zlib": True, "complevel": 1, "shuffle": True}
-            for name, variable in self.dataset.data_vars.items()
-            if variable.dtype.kind in "fi"
-        }
-        try:
-            self.dataset.to_netcdf(path, engine="h5netcdf", encoding=compress)
-        except OSError as error:
-            raise JointplayError(f"cannot write {str(path)!r}: {error.strerror or error}") from None
-        return path
+        if not overwrite and path.exists():
+            raise files.exists(path)
+        return files.write(path, netcdf.pack(self.dataset), overwrite=overwrite)
 
     @classmethod
-    def load(cls, path: str | Path) -> Result:
+    def load(cls, path: str | Path, trust: Collection[str] = ()) -> Result:
         """Read a file that `save` wrote.
+
+        A file runs no code. If it names a law of the user's own, `simulation` finds it only among
+        those defined in this process or in the modules of `trust`.
+
+        Args:
+            path: the file.
+            trust: modules, such as ``"my_laws"``, that may be imported when the file names them.
 
         Raises:
             JointplayError: no such file, damaged, or not a jointplay result.
         """
+        from jointplay.stored import check
+
         path = Path(path)
-        if not path.is_file():
+        if not files.is_file(path):
             raise JointplayError(f"no result file {str(path)!r}")
-        try:
-            dataset = xr.load_dataset(path, engine="h5netcdf")
-        except (OSError, ValueError, KeyError) as error:
-            raise JointplayError(f"{str(path)!r} is damaged or not a result: {error}") from None
+        dataset = netcdf.load(path)
         if dataset.attrs.get("jointplay_format") != FORMAT:
             raise JointplayError(
                 f"{str(path)!r} is not a jointplay result of format {FORMAT} "
                 f"(found {dataset.attrs.get('jointplay_format')!r})"
             )
-        return cls(dataset)
+        check(dataset, path)
+        return cls(dataset, trust)

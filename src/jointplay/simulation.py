@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 from tqdm import tqdm
 
-from jointplay import kernel
+from jointplay import kernel, limits
 from jointplay.contact.law import address, check_parameters
 from jointplay.drive import (
     ComputedTorque,
@@ -151,7 +151,12 @@ class Simulation:
             JointplayError: a step, duration or record interval that makes no sense, a step too
                 large for the contact stiffness, or a motion that does not fit the mechanism.
         """
-        return Run(self)
+        try:
+            return Run(self)
+        except (ArithmeticError, np.linalg.LinAlgError) as error:
+            raise JointplayError(
+                f"these numbers cannot be computed with, one is far too large or small: {error}"
+            ) from None
 
     def run(self, progress: bool = False, certify: bool = False) -> Result:
         """`prepare`, then `Run.execute`.
@@ -197,6 +202,7 @@ class Run:
         self.label = ""  # what the progress bar calls the run
         mechanism = simulation.mechanism
         self.mechanism = mechanism
+        limits.check_names(mechanism)
         self.method: Integrator = integrator(simulation.integrator)
         step = require_positive("step", simulation.step, "s")
         if simulation.macro_step is not None:
@@ -212,11 +218,11 @@ class Run:
                 )
         duration = self._duration()
         every = simulation.record_every
-        if not isinstance(every, int) or every < 1:
-            raise JointplayError(f"record_every must be a whole number >= 1, got {every!r}")
+        limits.check_numbers(step, duration, every, simulation.seed)
         self.steps = round(duration / step)
         if self.steps < 1:
             raise JointplayError(f"duration {duration:g} s is shorter than the step {step:g} s")
+        limits.check_memory(mechanism, duration, self.steps, every)
         self.friction = self._friction()
         drives = assign(mechanism, simulation.motion, simulation.drive)
         followed = [name for name, drive in drives.items() if drive.follows]
@@ -307,7 +313,8 @@ class Run:
             # A displaced journal moves the loop's other joints, also those whose start is given.
             leading = [i for n in followed for i in (mechanism.coordinate(n), mechanism.motor(n))]
             q = self._perturbed(q, leading, simulation.seed)
-        return q, consistent_velocity(mechanism, q, v, moving)
+        led = [i for n in followed for i in (mechanism.coordinate(n), mechanism.motor(n))]
+        return q, consistent_velocity(mechanism, q, v, moving, led)
 
     def _perturbed(self, q: np.ndarray, held: Sequence[int], seed: int) -> np.ndarray:
         random = np.random.default_rng(seed)
@@ -322,7 +329,7 @@ class Run:
                 for part, shift in zip(VIRTUAL_LINK[:3], push * rooms, strict=True):
                     if part in joint.freedoms:
                         q[self.mechanism.coordinates.index(f"{name}.{part}")] += shift
-        return assemble(self.mechanism, q, held, offsets) if offsets else q
+        return assemble(self.mechanism, q, held, offsets)
 
     def _site(self, name: str, q: np.ndarray) -> ContactSite:
         """What the kernels must know of the joint with clearance `name`."""
@@ -400,9 +407,12 @@ class Run:
             jacobian = self.mechanism.relative_jacobian(name, q)
             for row, freedom in zip(jacobian, _RELATIVE, strict=True):
                 if freedom not in joint.freedoms and np.abs(row).max() > 1e-9:
+                    slider = joint.kind == "prismatic"
+                    where = "its slider into the URDF's tree" if slider else "it into the tree"
                     raise JointplayError(
                         f"joint {name!r} locks {freedom}, but it closes a loop whose other joints "
-                        f"leave {freedom} free; do not lock it, or replace a joint of the tree"
+                        f"leave {freedom} free; do not lock it, or put {where} and close the loop "
+                        "at another joint"
                     )
 
     def _check_step(self, step: float, q: np.ndarray) -> None:

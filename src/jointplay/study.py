@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import csv
+import io
 import os
-import signal
 import sys
-import tempfile
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor, as_completed
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cache, partial
@@ -17,10 +16,12 @@ from typing import Any
 
 from tqdm import tqdm
 
-from jointplay.certify import certify, figures
+from jointplay import files, stopping, workers
+from jointplay.certify import figures
 from jointplay.claims import ISOLATED, START_UP, Measures, Verdict, judge, measure
 from jointplay.errors import JointplayError
 from jointplay.histories import versions
+from jointplay.keep import add_certificate, run_and_save
 from jointplay.kernel import Status
 from jointplay.result import Result
 from jointplay.scenario import Scenario
@@ -56,6 +57,9 @@ BESIDE = ("peak joint force", "RMS joint force", "dissipated energy")
 """Figures of it that are shown."""
 DIFFERS = 0.01
 """A figure differs if it does by more than this part, and by more than its error."""
+
+MOST_RUNS = 1000
+"""Most perturbed runs for each clearance and condition: days of computing."""
 
 
 @dataclass(frozen=True)
@@ -112,29 +116,6 @@ def perturbed(condition: Condition, label: str, seed: int) -> Measures:
     return measure(run, _ideal(condition))
 
 
-def claim_folder(out: str | Path, names: Iterable[str]) -> Path:
-    """Make the folder `out`, sure that `names` can be written there and nothing is overwritten.
-
-    Raises:
-        JointplayError: the folder holds one of the files already, or cannot be written.
-    """
-    out = Path(out)
-    if out.exists() and not out.is_dir():
-        raise JointplayError(f"{str(out)!r} is a file; name a folder for the results")
-    present = [name for name in names if (out / name).exists()]
-    if present:
-        raise JointplayError(
-            f"{str(out)!r} already holds results ({present[0]}); name another folder"
-        )
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=out):
-            pass
-    except OSError as error:
-        raise JointplayError(f"cannot write to {str(out)!r}: {error.strerror or error}") from None
-    return out
-
-
 def run_case(label: str, out: Path, progress: bool) -> Result:
     """Simulate one of the three cases, save it, and certify it.
 
@@ -144,12 +125,12 @@ def run_case(label: str, out: Path, progress: bool) -> Result:
     if progress:
         tqdm.write(f"case {label}:", file=sys.stderr)
     simulation = scara(CASES[label])
-    result = simulation.run(progress)
-    result.save(out / FILES[label])
-    if result.status == Status.INTERRUPTED:
+    result = run_and_save(simulation.prepare(), out / FILES[label], progress)
+    if result.status == Status.INTERRUPTED or stopping.told():
         raise KeyboardInterrupt
-    result.certificate = certify(result, simulation=simulation, progress=progress)
-    result.save(out / FILES[label], overwrite=True)
+    add_certificate(result, out / FILES[label], simulation, progress)
+    if stopping.told():
+        raise KeyboardInterrupt
     return result
 
 
@@ -241,7 +222,7 @@ def write_errors(
         f"Made with {made_with}.",
         "",
     ]
-    (out / "errors.md").write_text("\n".join(lines), encoding="utf-8")
+    files.write(out / "errors.md", "\n".join(lines))
 
 
 def errors_text(rows: Sequence[tuple[str, ...]]) -> str:
@@ -272,6 +253,7 @@ class Ensembles:
         self.table = table
         self.jobs = jobs or _cores()
         self.measures: dict[tuple[Condition, str, int], Measures] = {}
+        self.unwritten: JointplayError | None = None
         labels = [label for label, clearance in CASES.items() if clearance is not None]
         self.plan = [
             (condition, label, seed)
@@ -294,7 +276,7 @@ class Ensembles:
         Yields:
             The perturbed runs, and the explicit ones by case.
         """
-        pool = ProcessPoolExecutor(self.jobs, initializer=_leave_ctrl_c_to_the_parent)
+        pool = ProcessPoolExecutor(self.jobs, initializer=workers.begin)
         futures = []
         try:
             beside = {label: pool.submit(explicit, label) for label in others}
@@ -304,10 +286,7 @@ class Ensembles:
                 futures.append(future)
             yield futures, beside
         except BaseException:
-            processes = list((pool._processes or {}).values())
-            pool.shutdown(wait=False, cancel_futures=True)
-            for process in processes:
-                process.terminate()
+            workers.abandon(pool)
             raise
         else:
             pool.shutdown()
@@ -319,24 +298,37 @@ class Ensembles:
         found = future.result()
         row: dict[str, object] = {"gravity": condition.gravity, "inertia": condition.variant}
         row |= {"clearance": label, "seed": seed, **found}
-        with self.table.open("a", newline="", encoding="utf-8") as file:
-            writer = csv.DictWriter(file, list(row))
-            if not self.measures:
-                writer.writeheader()
-            writer.writerow(row)
+        text = io.StringIO(newline="")
+        writer = csv.DictWriter(text, list(row))
+        if not self.measures:
+            writer.writeheader()
+        writer.writerow(row)
         self.measures[key] = found
+        try:
+            with self.table.open("ab", buffering=0) as file:
+                file.write(text.getvalue().encode())  # at once: no kill leaves half a row
+        except OSError as error:
+            self.unwritten = files.cannot_write(self.table, error)
 
-    def wait(self, futures: list[Future[Measures]], progress: bool) -> None:
-        """Wait for the runs.
+    def wait(self, futures: Sequence[Future[Any]], progress: bool) -> None:
+        """Wait for the runs, those by the explicit method among them.
 
         Raises:
-            JointplayError: a run did not complete.
+            JointplayError: a run did not complete, or the table cannot be written.
         """
-        bar = tqdm(total=len(futures), desc="perturbed runs", unit="run", disable=not progress)
+        bar = tqdm(total=len(futures), desc="further runs", unit="run", disable=not progress)
         with bar:
-            for future in as_completed(futures):
-                future.result()
-                bar.update()
+            try:
+                for future in as_completed(futures):
+                    future.result()
+                    bar.update()
+                    if self.unwritten is not None:
+                        raise self.unwritten
+            except BrokenExecutor:
+                raise JointplayError(
+                    "a process was ended from outside (too little memory?); the runs so far are "
+                    f"in {str(self.table)!r}"
+                ) from None
 
     def verdicts(self) -> list[Verdict]:
         """Claims under each condition for which at least two runs of each case are there."""
@@ -356,8 +348,15 @@ def _seed(item: tuple[tuple[Condition, str, int], Measures]) -> int:
     return item[0][2]
 
 
-def _leave_ctrl_c_to_the_parent() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+def _found(
+    futures: Mapping[str, Future[dict[str, float]]],
+) -> dict[str, dict[str, float]]:
+    """What those that are done have found."""
+    return {
+        label: future.result()
+        for label, future in futures.items()
+        if future.done() and not future.cancelled() and future.exception() is None
+    }
 
 
 def _cores() -> int:
@@ -369,8 +368,9 @@ HEADER = ("claim", "statement", "condition", "holds", "0.2 mm → 0.5 mm")
 
 def write_claims(verdicts: Sequence[Verdict], ensembles: Ensembles, out: Path) -> None:
     """Write ``claims.csv`` and ``claims.md``."""
-    with (out / "claims.csv").open("w", newline="", encoding="utf-8") as file:
-        csv.writer(file).writerows([HEADER, *(verdict.row() for verdict in verdicts)])
+    table = io.StringIO(newline="")
+    csv.writer(table).writerows([HEADER, *(verdict.row() for verdict in verdicts)])
+    files.write(out / "claims.csv", table.getvalue())
     found, planned = len(ensembles.measures), len(ensembles.plan)
     made_with = ", ".join(f"{name} {version}" for name, version in versions().items())
     lines = [
@@ -397,7 +397,7 @@ def write_claims(verdicts: Sequence[Verdict], ensembles: Ensembles, out: Path) -
         f"Made with {made_with}.",
         "",
     ]
-    (out / "claims.md").write_text("\n".join(lines), encoding="utf-8")
+    files.write(out / "claims.md", "\n".join(lines))
 
 
 def summary(verdicts: Sequence[Verdict]) -> str:
@@ -444,25 +444,29 @@ def run_study(
 
     if runs < 0 or runs == 1:
         raise JointplayError(f"the claims need at least 2 runs (0 leaves them out), got {runs}")
+    if runs > MOST_RUNS:
+        raise JointplayError(f"at most {MOST_RUNS} runs for each clearance, got {runs}")
     if jobs is not None and jobs < 1:
         raise JointplayError(f"at least one process is needed, got {jobs}")
-    out = claim_folder(out, output_names())
+    out = files.claim(out, output_names())
     # The first case has the kernels compiled and cached; from then on all cores can work.
     first, *rest = CASES
     cases = {first: run_case(first, out, progress)}
     ensembles = Ensembles(runs, out / "ensemble.csv", jobs)
+    beside: dict[str, Future[dict[str, float]]] = {}
     try:
         played = [label for label, clearance in CASES.items() if clearance is not None]
         with ensembles.started(played) as (futures, beside):
             for label in rest:
                 cases[label] = run_case(label, out, progress)
-            plots.save(cases, out)
-            others = {label: future.result() for label, future in beside.items()}
-            rows = errors_table(cases, others)
-            write_errors(rows, measures_table(cases), out)
-            ensembles.wait(futures, progress)
-    finally:
+            ensembles.wait([*beside.values(), *futures], progress)
+    finally:  # whatever happens, what was found is written
+        rows = errors_table(cases, _found(beside))
         verdicts = ensembles.verdicts()
+        with stopping.keeping(str(out / "errors.md")):
+            write_errors(rows, measures_table(cases), out)
         if runs:
-            write_claims(verdicts, ensembles, out)
+            with stopping.keeping(str(out / "claims.md")):
+                write_claims(verdicts, ensembles, out)
+    plots.save(cases, out)  # last: whatever happens to figures, the numbers are there
     return cases, rows, verdicts

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,6 +13,15 @@ from jointplay.errors import JointplayError, MissingName
 
 _INSTALLED = Path(__file__).parent / "urdf"
 _CHECKOUT = Path(__file__).parents[2] / "urdf"
+
+MOST_LINKS, MOST_MOVING = 5000, 250
+"""Most links and moving joints of a robot: to set up its equations grows with their cube."""
+
+MOST_LETTERS = 200
+"""Longest name of a link or joint."""
+
+_NO_AXIS = ("fixed", "floating", "ball")
+"""Types of joint whose axis means nothing; exporters write zeros there."""
 
 INERTIA_TOLERANCE = 1e-6
 """Violation of the triangle inequality that passes for rounding, relative to the largest moment."""
@@ -55,6 +64,8 @@ class Description:
     text: str
     joints: dict[str, JointEntry]
     links: tuple[str, ...]
+    stored: bool = False
+    """From a result: a file of its own, with a folder that it may take meshes from, it has not."""
 
     @property
     def revolute(self) -> list[str]:
@@ -76,7 +87,7 @@ def read(path: str | Path, allow_unphysical: Collection[str] = ()) -> Descriptio
     path = Path(path)
     try:
         text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
+    except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise JointplayError(f"cannot read the URDF {str(path)!r}: {reason}") from None
     return parse(text, path, allow_unphysical)
@@ -86,13 +97,26 @@ def parse(text: str, path: Path, allow_unphysical: Collection[str] = ()) -> Desc
     """Check the URDF `text`, naming `path` in errors; see `read`."""
     try:
         root = ElementTree.fromstring(text)
-    except ElementTree.ParseError as error:
+    except (ElementTree.ParseError, ValueError) as error:
         raise JointplayError(f"the URDF {str(path)!r} is not well-formed XML: {error}") from None
     if root.tag != "robot":
         raise JointplayError(f"the URDF {str(path)!r} has the root <{root.tag}>, expected <robot>")
-    links = {link.get("name", ""): link for link in root.findall("link")}
-    if not links:
+    found = root.findall("link")
+    if not found:
         raise JointplayError(f"the URDF {str(path)!r} has no links")
+    moving = sum(joint.get("type") != "fixed" for joint in root.findall("joint"))
+    for number, most, what in (
+        (len(found), MOST_LINKS, "links"),
+        (moving, MOST_MOVING, "moving joints"),
+    ):
+        if number > most:
+            raise JointplayError(
+                f"the URDF {str(path)!r} has {number} {what}; at most {most} are possible"
+            )
+    links = {link.get("name", ""): link for link in found}
+    for kind in ("link", "joint"):
+        _check_names(kind, [one.get("name", "") for one in root.findall(kind)])
+    _check_placements(root)
     for name in allow_unphysical:
         if name not in links:
             raise MissingName("link", name, links)
@@ -115,6 +139,57 @@ def parse(text: str, path: Path, allow_unphysical: Collection[str] = ()) -> Desc
         )
     _check_tree(path, links, joints.values())
     return Description(path, text, joints, tuple(links))
+
+
+def _check_names(kind: str, names: Sequence[str]) -> None:
+    """Refuse names that are missing, given twice, or that no one could write in a message."""
+    seen: set[str] = set()
+    for name in names:
+        if not name:
+            raise JointplayError(f"a {kind} of the URDF has no name")
+        if len(name) > MOST_LETTERS or not name.isprintable():
+            shown = name if len(name) <= MOST_LETTERS else f"{name[:40]}..."
+            raise JointplayError(
+                f"the {kind} {shown!r}: a name has at most {MOST_LETTERS} printable characters"
+            )
+        if name in seen:
+            raise JointplayError(f"two {kind}s of the URDF are called {name!r}")
+        seen.add(name)
+
+
+def _check_placements(root: ElementTree.Element) -> None:
+    """Refuse origins and axes that are not three finite numbers, and axes of no direction."""
+    for link in root.findall("link"):
+        owner = f"link {link.get('name', '')!r}"
+        for origin in link.findall("*/origin"):
+            _check_origin(origin, owner)
+    for joint in root.findall("joint"):
+        owner = f"joint {joint.get('name', '')!r}"
+        for origin in joint.findall("origin"):
+            _check_origin(origin, owner)
+        axis = joint.find("axis")
+        if axis is None or joint.get("type") in _NO_AXIS:
+            continue
+        if not any(_three(axis, "xyz", f"{owner}: axis", "1 0 0")):
+            raise JointplayError(
+                f"{owner} has the axis {axis.get('xyz')!r}, which points nowhere; give a direction"
+            )
+
+
+def _check_origin(origin: ElementTree.Element, owner: str) -> None:
+    for key in ("xyz", "rpy"):
+        _three(origin, key, f"{owner}: origin {key}", "0 0 0")
+
+
+def _three(element: ElementTree.Element, key: str, what: str, default: str) -> list[float]:
+    text = element.get(key, default)
+    try:
+        values = [float(part) for part in text.split()]
+    except ValueError:
+        values = []
+    if len(values) != 3 or not np.isfinite(values).all():
+        raise JointplayError(f"{what} must be three finite numbers, got {text!r}")
+    return values
 
 
 def impossible_inertias(root: ElementTree.Element) -> dict[str, str]:
@@ -155,16 +230,18 @@ def _check_tree(path: Path, links: Collection[str], joints: Iterable[JointEntry]
             f"the URDF {str(path)!r} falls apart: {', '.join(map(repr, roots))} have no parent; "
             "exactly one link must have none"
         )
+    good: set[str] = set(roots)
     for link in links:
-        seen = [link]
-        while seen[-1] in above:
-            seen.append(above[seen[-1]].parent)
-            if seen[-1] in seen[:-1]:
-                ring = " - ".join(seen[seen.index(seen[-1]) :])
+        way = [link]
+        while way[-1] not in good:
+            way.append(above[way[-1]].parent)
+            if way[-1] in way[:-1]:
+                ring = " - ".join(way[way.index(way[-1]) :])
                 raise JointplayError(
                     f"the URDF {str(path)!r} is cyclic: {ring}; describe one of these joints as a "
                     "loop instead"
                 )
+        good.update(way)
 
 
 def _number(

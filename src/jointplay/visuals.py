@@ -20,6 +20,7 @@ import numpy as np
 import pinocchio as pin
 
 from jointplay.errors import JointplayError
+from jointplay.files import is_folder
 from jointplay.mechanism import Mechanism
 from jointplay.model import parse
 
@@ -49,19 +50,21 @@ class Visuals:
 
 
 def mesh_folders(mechanism: Mechanism, given: Sequence[str | Path] = ()) -> list[Path]:
-    """Where meshes are looked for: `given`, here, the URDF's own folders, example-robot-data's.
+    """Where meshes are looked for: `given`, the URDF's own folders, example-robot-data's.
+
+    A mechanism from a result has no folders of its own: what others wrote into a file must not
+    choose among the files here.
 
     Raises:
         JointplayError: a given folder does not exist.
     """
     folders = [Path(folder) for folder in given]
     for folder in folders:
-        if not folder.is_dir():
+        if not is_folder(folder):
             raise JointplayError(f"no folder of meshes {str(folder)!r}")
-    folders.append(Path.cwd())
-    path = mechanism.description.path
-    if path.is_absolute() or path.parent != Path():
-        folders += list(path.resolve().parents)[:4]  # package://name/meshes beside name/urdf
+    if not mechanism.description.stored:
+        # package://name/meshes beside name/urdf
+        folders += [Path.cwd(), *list(mechanism.description.path.resolve().parents)[:4]]
     try:
         files = distribution("example-robot-data").files or []
     except PackageNotFoundError:
@@ -75,29 +78,51 @@ def mesh_folders(mechanism: Mechanism, given: Sequence[str | Path] = ()) -> list
     return folders
 
 
-def find_mesh(name: str, folders: Sequence[Path]) -> Path | None:
+def find_mesh(name: str, folders: Sequence[Path], anywhere: bool = True) -> Path | None:
     """File that a URDF's mesh `name` means: a path, a file:// or a package:// address.
 
     ``package://p/rest`` is looked for as ``folder/p/rest``, as ``folder/rest`` and, because
     folders are moved when robots are collected, as ``folder/*/rest``.
+
+    Args:
+        name: as the URDF has it.
+        folders: where it may be.
+        anywhere: whether it may also lie outside them: an absolute path, or one that leads out.
     """
+    try:
+        return _find(name, folders, anywhere)
+    except (OSError, ValueError):  # a name that no file can have
+        return None
+
+
+def _find(name: str, folders: Sequence[Path], anywhere: bool) -> Path | None:
     address = urlparse(name)
     path = Path(unquote(address.path).lstrip("/")) if address.scheme else Path(name)
     if address.scheme == "file" or (not address.scheme and path.is_absolute()):
         path = Path("/") / path
-        return path if path.is_file() else None
-    for folder in folders:
-        for candidate in (folder / address.netloc / path, folder / path):
-            if candidate.is_file():
-                return candidate.resolve()
+        allowed = anywhere or any(_inside(path, folder) for folder in folders)
+        return path if allowed and path.is_file() else None
+    candidates = [
+        (folder, folder / part)
+        for folder in folders
+        for part in (Path(address.netloc) / path, path)
+    ]
     if address.scheme == "package":
-        for folder in folders:
-            # A URDF of example-robot-data says package://example-robot-data/robots/...
-            for depth in range(1, len(path.parts) - 1):
-                candidate = folder / Path(*path.parts[depth:])
-                if candidate.is_file():
-                    return candidate.resolve()
+        # A URDF of example-robot-data says package://example-robot-data/robots/...
+        candidates += [
+            (folder, folder / Path(*path.parts[depth:]))
+            for folder in folders
+            for depth in range(1, len(path.parts) - 1)
+        ]
+    for folder, candidate in candidates:
+        if candidate.is_file() and (anywhere or _inside(candidate, folder)):
+            return candidate.resolve()
     return None
+
+
+def _inside(path: Path, folder: Path) -> bool:
+    """Whether `path` lies in `folder`, links followed."""
+    return path.resolve().is_relative_to(folder.resolve())
 
 
 def visuals(mechanism: Mechanism, folders: Sequence[str | Path] = ()) -> Visuals:
@@ -122,7 +147,7 @@ def visuals(mechanism: Mechanism, folders: Sequence[str | Path] = ()) -> Visuals
             if mesh is None:
                 continue
             name = mesh.get("filename", "")
-            found = find_mesh(name, where)
+            found = find_mesh(name, where, anywhere=not mechanism.description.stored)
             if found is None or found.suffix.lower() not in FORMATS or not _loads(found):
                 link.remove(visual)
                 missing.append(name)
@@ -205,6 +230,7 @@ def _stand_ins(
 ) -> list[tuple[str, pin.SE3, object]]:
     """Capsules from each of `links` to the links that it carries, or to its centre of mass."""
     found: list[tuple[str, pin.SE3, object]] = []
+    inertials = {link.get("name"): link.find("inertial") for link in root.findall("link")}
     for name in links:
         place = places[name]
         ends = []
@@ -212,7 +238,7 @@ def _stand_ins(
             parent, child = joint.find("parent"), joint.find("child")
             if parent is not None and child is not None and parent.get("link") == name:
                 ends.append(place.actInv(places[child.get("link", "")]).translation)
-        inertial = root.find(f"link[@name='{name}']/inertial")
+        inertial = inertials.get(name)
         if not any(np.linalg.norm(end) > 1e-6 for end in ends) and inertial is not None:
             origin = inertial.find("origin")
             text = "0 0 0" if origin is None else origin.get("xyz", "0 0 0")

@@ -5,6 +5,9 @@ and way (J. F. Archard, J. Appl. Phys. 24 (1953) 981-988):
 
     dV = (K/H) F_n ds
 
+K is the whole factor, without Archard's 1/3 of round asperities: where V = K F_n s/(3 H) is
+written, take a third of that K.
+
 A run counts F_n ds around the bore. Spread over the length that a contact stands for, it is a
 depth, and the worn bore is what the journal meets in the next run. Since a cycle wears nanometres,
 wear is extrapolated over blocks of many equal cycles, between which the bore's shape is brought up
@@ -21,6 +24,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from tqdm import tqdm
 
+from jointplay import files
 from jointplay.errors import JointplayError, MissingName, require_positive
 from jointplay.joints import ClearanceJoint
 from jointplay.kernel import AZIMUTHS, Status
@@ -55,6 +59,8 @@ def _wearing(simulation: Simulation, joint: str) -> ClearanceJoint:
 
 def _depth(clearance: ClearanceJoint, result: Result, joint: str) -> np.ndarray:
     names = list(clearance.contacts[: len(clearance.worn_widths)])
+    if "sliding_work" not in result.dataset or not set(names) <= set(result["contact"].values):
+        raise JointplayError(f"the result has no wear of the joint {joint!r}: it is damaged")
     work = result["sliding_work"].sel(joint=joint, contact=names).values
     assert clearance.wear_rate is not None
     area = clearance.ri * (2.0 * math.pi / AZIMUTHS) * np.array(clearance.worn_widths)
@@ -94,18 +100,13 @@ class WearLife:
             JointplayError: the file exists or cannot be written.
         """
         blocks, ends, azimuths = self.profiles.shape
-        try:
-            with Path(path).open("x", encoding="utf-8") as file:
-                file.write("block,cycles,end,azimuth_rad,depth_m\n")
-                for block, end, at in np.ndindex(blocks, ends, azimuths):
-                    file.write(
-                        f"{block},{self.cycles[block]:.8g},{'AB'[end]},"
-                        f"{2.0 * math.pi * at / azimuths:.6f},{self.profiles[block, end, at]:.6g}\n"
-                    )
-        except FileExistsError:
-            raise JointplayError(f"{str(path)!r} exists; choose another name") from None
-        except OSError as error:
-            raise JointplayError(f"cannot write {str(path)!r}: {error.strerror}") from None
+        lines = ["block,cycles,end,azimuth_rad,depth_m"]
+        lines += [
+            f"{block},{self.cycles[block]:.8g},{'AB'[end]},"
+            f"{2.0 * math.pi * at / azimuths:.6f},{self.profiles[block, end, at]:.6g}"
+            for block, end, at in np.ndindex(blocks, ends, azimuths)
+        ]
+        files.write(path, "\n".join([*lines, ""]))
 
     def __str__(self) -> str:
         """Say the outcome in words, and that it is an estimate."""

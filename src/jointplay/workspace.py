@@ -74,6 +74,9 @@ class ContactSite:
     wearing: int = 0
 
 
+PARTS = ("bearing", "journal")
+
+
 class Workspace:
     """The arrays of one run and the record through which the kernels reach them.
 
@@ -113,6 +116,9 @@ class Workspace:
         self.fields, columns = _layout(nv, nj, width)
         self._kept: list[np.ndarray] = []  # what the record points to must live as long
         self.run = np.zeros(1, layout.RUN)
+        # Views of single fields: to look a field up costs more than to read it.
+        self._row, self._step = self.run["row"], self.run["step"]
+        self._time, self._status = self.run["time"], self.run["status"]
         self.unresolved = 0
         """Macro steps in which the shortest adaptive micro steps did not reach the tolerance."""
         self.q, self.v, self.tau = (self._room(name, nv) for name in ("q", "v", "tau"))
@@ -203,8 +209,7 @@ class Workspace:
             assert site.signs is not None
             support = np.flatnonzero(site.signs)
             signs = site.signs[support].astype(np.int64)
-            places = ("bearing_rotation", "bearing_translation")
-            places += ("journal_rotation", "journal_translation")
+            places = [f"{part}_{what}" for part in PARTS for what in ("rotation", "translation")]
             for name, frame in zip(places, site.frames, strict=True):
                 joint[name] = frame.ctypes.data
                 self._kept.append(frame)
@@ -268,22 +273,27 @@ class Workspace:
     @property
     def rows(self) -> int:
         """Records written so far."""
-        return int(self.run["row"][0])
+        return self._row.item()
 
     @property
     def steps(self) -> int:
         """Steps done so far."""
-        return int(self.run["step"][0])
+        return self._step.item()
 
     @property
     def time(self) -> float:
         """Time of the current state [s]."""
-        return float(self.run["time"][0])
+        return self._time.item()
+
+    @property
+    def failed(self) -> bool:
+        """Whether something has stopped the run."""
+        return self._status.item() != 0
 
     @property
     def status(self) -> Status:
         """Status of the run."""
-        return Status(int(self.run["status"][0]))
+        return Status(self._status.item())
 
     @property
     def bad_contact(self) -> tuple[int, int]:

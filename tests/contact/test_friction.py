@@ -83,3 +83,37 @@ def test_brown_mcphee_is_its_formula_and_peaks_near_the_transition_speed():
 def test_impossible_friction_is_refused(make, named):
     with pytest.raises(JointplayError, match=named):
         make()
+
+
+def bristle(law, speed, normal=3.0, dwell=0.0):
+    out = [0.0] * 8
+    law.function(speed, normal, dwell, law.parameters(), out)
+    return out
+
+
+@pytest.mark.parametrize("speed", [1e-4, 3e-3, 0.2])
+def test_steadily_sliding_bristles_rub_as_their_laws_say(speed):
+    """A v = r z: the force is k A v/r + c v, and no more than the cap."""
+    lugre = jp.LuGre(0.1, 0.15, 1e-2, 1e5, 10.0, 0.5)
+    stribeck = 0.1 + 0.05 * math.exp(-((speed / 1e-2) ** 2))
+    for law, expected in ((jp.Dahl(0.2, 3e4), 0.2), (lugre, stribeck + 0.5 * speed)):
+        bend, rate, stiff, _, viscous, cap, *dwell = bristle(law, speed)
+        assert dwell == [0.0, 0.0]  # no memory of the time at rest
+        assert (stiff * bend * speed / rate + viscous * speed) / 3.0 == pytest.approx(expected)
+        assert cap == math.inf
+    assert bristle(lugre, speed)[3] == pytest.approx(10.0 * 3.0)
+    assert bristle(jp.Dahl(), speed)[3] == 0.0
+
+
+@pytest.mark.parametrize("speed", [0.0, 1e-4, 3e-3])
+def test_gonthiers_bristles_stick_and_slide_in_parts(speed):
+    law = jp.GonthierFriction(0.1, 0.15, 1e-3, 1e5, 10.0, 0.5, 0.1)
+    stick = math.exp(-((speed / 1e-3) ** 2))
+    slide = (1 - stick) * 1e5 / 10.0
+    bend, rate, stiff, damp, viscous, cap, target, pace = bristle(law, speed, dwell=0.4)
+    assert bend == pytest.approx(stick + (slide * 0.1 / 1e5 / speed if speed else 0.0))
+    assert rate == pytest.approx(slide)
+    assert (stiff, damp, viscous) == pytest.approx((3e5, 30.0, 1.5))
+    assert cap == pytest.approx((0.1 + 0.05 * 0.4) * 3.0)
+    assert target == pytest.approx(stick)
+    assert pace == pytest.approx(10.0 if stick >= 0.4 else 1e4)

@@ -14,7 +14,7 @@ from jointplay.contact.line_contact import LARGEST_S, LineContactLaw
 from jointplay.contact.pereira import CHANGE_M, exponent
 
 IMPLICIT = [law() for law in NORMAL_LAWS.values() if issubclass(law, LineContactLaw)]
-CYLINDRICAL = [*IMPLICIT, jp.Pereira()]
+CYLINDRICAL = [*IMPLICIT, jp.Pereira(), jp.Liu()]
 by_name = pytest.mark.parametrize("law", CYLINDRICAL, ids=lambda law: law.name)
 implicit = pytest.mark.parametrize("law", IMPLICIT, ids=lambda law: law.name)
 
@@ -45,6 +45,8 @@ def printed(name, force, ri, cr, length, young, poisson):
         b = 1.60 * math.sqrt(f * 2 * r / e_star)
         inside = 2 / 3 + math.log(4 * ri / b) + math.log(4 * rj / b)
         return f / (math.pi * e_star) * inside
+    if name == "esdu-78035":
+        return f / (math.pi * e_star) * (math.log(4 * math.pi * e_star * cr / f) + 1)
     m = {"goldsmith": 1, "dubowsky-freudenstein": 3}[name]
     return force * sigma / length * (math.log(length**m / (force * r * sigma)) + 1)
 
@@ -145,8 +147,22 @@ def test_laws_agree_in_size_at_the_standard_joint():
         4 / 3 * STANDARD.modulus * math.sqrt(STANDARD.radius), 1.0
     )  # eq. 11, whose 1/(pi (sigma_i + sigma_j)) is E*
     for depth, ratios in {
-        1e-6: {"radzimovsky": 0.96, "dubowsky-freudenstein": 0.83, "pereira": 1.00, "hertz": 0.15},
-        1e-5: {"radzimovsky": 0.94, "dubowsky-freudenstein": 0.74, "pereira": 0.99, "hertz": 0.31},
+        1e-6: {
+            "radzimovsky": 0.96,
+            "dubowsky-freudenstein": 0.83,
+            "pereira": 1.00,
+            "hertz": 0.15,
+            "esdu-78035": 0.77,
+            "liu": 0.19,
+        },
+        1e-5: {
+            "radzimovsky": 0.94,
+            "dubowsky-freudenstein": 0.74,
+            "pereira": 0.99,
+            "hertz": 0.31,
+            "esdu-78035": 0.68,
+            "liu": 0.39,
+        },
     }.items():
         johnson = rest(jp.Johnson(), depth)
         for name, ratio in ratios.items():
@@ -185,3 +201,32 @@ def test_pereira_exponent_changes_its_branch_without_a_jump():
 def test_pereira_refuses_clearances_that_it_was_not_fitted_for(cr):
     with pytest.raises(JointplayError, match=f"'pereira' is fitted .* got {cr:g} m"):
         jp.Pereira().parameters(contact(ri=50e-3, cr=cr))
+
+
+@settings(max_examples=60)
+@given(joint=st.fixed_dictionaries(joints), share=st.floats(1e-4, 3.0))
+def test_liu_is_the_printed_formula(joint, share):
+    properties = contact(**joint)
+    depth = share * joint["cr"]
+    e_star = joint["young"] / (2 * (1 - joint["poisson"] ** 2))
+    force = math.pi / 2 * joint["length"] * e_star * depth
+    force *= math.sqrt(depth / (2 * (joint["cr"] + depth)))
+    assert rest(jp.Liu(), depth, properties) == pytest.approx(force, rel=1e-9)
+
+
+def test_liu_stiffens_like_hertz_and_ends_as_a_spring():
+    law, cr = jp.Liu(), STANDARD.clearance
+    assert rest(law, 2e-4 * cr) / rest(law, 1e-4 * cr) == pytest.approx(2**1.5, rel=1e-3)
+    assert rest(law, 2e4 * cr) / rest(law, 1e4 * cr) == pytest.approx(2.0, rel=1e-3)
+
+
+@pytest.mark.parametrize("law", [jp.DubowskyFreudenstein(), jp.Goldsmith()], ids=lambda x: x.name)
+def test_sigma_has_its_pi_as_plane_elasticity_has(law):
+    """The depth grows by f/(pi E*) for each factor e by which K grows: by the logarithm alone."""
+    f = 1e5
+    force = f * STANDARD.contact_length
+    slopes = []
+    for factor in (0.999, 1.001):
+        slopes.append(law.depth(force * factor, STANDARD) / factor)
+    slope = (slopes[0] - slopes[1]) / math.log(1.001 / 0.999)
+    assert slope == pytest.approx(f / (math.pi * STANDARD.modulus), rel=1e-6)

@@ -23,6 +23,9 @@ def joint(c_e=0.9, **material):
 @pytest.mark.parametrize("name", NORMAL_LAWS)
 def test_a_gentle_run_is_not_warned_of_and_a_silent_joint_not_checked(name):
     needed = {"kelvin-voigt": (1.0,), "anagnostopoulos": (2.0,)}
+    if name == "gharib-hurmuzlu":  # for soft impacts only: it warns of c_e = 0.95, and should
+        assert "delivers" in jp.GharibHurmuzlu().warnings(joint(0.95).radial_contact, **GENTLE)[0]
+        return
     law = NORMAL_LAWS[name](*needed.get(name, ()))
     for contact in (joint(0.95).radial_contact, joint(0.95).axial_contact):
         assert law.warnings(contact, **GENTLE) == []

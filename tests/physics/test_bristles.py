@@ -155,3 +155,38 @@ def test_friction_work_is_never_positive_over_a_cycle(urdf):
     stored = 0.5 * WEIGHT * STICKY["mu_s"] ** 2 / STICKY["sigma0"]  # what bristles can give back
     assert np.all(lost - np.maximum.accumulate(lost) >= -1.5 * stored)
     assert lost[-1] > 100 * stored
+
+
+def lost(law, speeds, step):
+    """Least energy that a LuGre contact has taken in up to any time, at unit normal force [J/N]."""
+    z = work = least = 0.0
+    for v in speeds:
+        g = law.mu_d + (law.mu_s - law.mu_d) * np.exp(-((v / law.v_s) ** 2))
+        dz = v - law.sigma0 * abs(v) / g * z
+        work += step * v * (law.sigma0 * z + law.sigma1 * dz + law.sigma2 * v)
+        z += step * dz
+        least = min(least, work)
+    return least
+
+
+def test_lugre_feeds_energy_unless_it_is_passive():
+    """Bent at rest, then torn off at 100 v_s and turned back before they have let go."""
+    step = 1e-8
+    creep = np.full(20000, 2e-3)
+    fast = 1.0
+    loose = LuGre(mu_d=0.1, mu_s=0.3, v_s=1e-2, sigma0=1e5, sigma1=10.0, sigma2=0.0)
+    tight = LuGre(mu_d=0.1, mu_s=0.3, v_s=1e-2, sigma0=1e5, sigma1=10.0, sigma2=20.0)
+    assert not loose.passive
+    assert tight.passive
+    assert not LuGre().passive
+    bent = 0.3 / 1e5
+    for law, feeds in ((loose, True), (tight, False)):
+        # Power from a fully bent bristle at high speed, less what the bristle itself gives up.
+        g = law.mu_d
+        dz = fast - law.sigma0 * fast / g * bent
+        power = fast * (law.sigma0 * bent + law.sigma1 * dz + law.sigma2 * fast)
+        stored = law.sigma0 * bent * dz
+        assert (power - stored < 0.0) == feeds
+    rng = np.random.default_rng(3)
+    speeds = np.concatenate([creep, np.repeat(rng.uniform(-0.3, 0.3, 300), 100)])
+    assert lost(tight, speeds, step) > -1e-12

@@ -230,10 +230,9 @@ def test_velocity_solve_finds_what_a_brute_force_solution_finds(
     w, robot = run.workspace, run.mechanism
     half, q = w.half.copy(), w.q.copy()
     assert run.stretch(1)
-    middle, rates = w.path[5], w.path[6]  # of this macro step of one step
     model, data = robot.model, robot.data
-    inverse = np.linalg.inv(pin.crba(model, data, middle))
-    free = -inverse @ pin.nle(model, data, middle, rates)
+    inverse = np.linalg.inv(pin.crba(model, data, q))
+    free = -inverse @ pin.nle(model, data, q, speed)
     contact = Bearing(robot.clearance["pin"])
     h = 0.5 * STEP
     scale = np.sqrt(np.diag(inverse))

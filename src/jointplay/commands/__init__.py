@@ -6,5 +6,19 @@ status. To keep `jointplay --help` quick, modules import what they need inside `
 
 from __future__ import annotations
 
+from typing import Any
+
 MODULES = ("init", "check", "schema", "play", "report", "robots", "urdf", "wear")
 """Modules with a command of their own, in the order of the help."""
+
+
+def add_trust(parser: Any) -> None:
+    """Add the option of commands that read files which may name a law of the user's own."""
+    parser.add_argument(
+        "--trust",
+        action="append",
+        default=[],
+        metavar="MODULE",
+        help="import laws from this module, should the file name any (repeatable; by default a "
+        "result imports none, a scenario those beside it)",
+    )

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import argparse
+import io
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from jointplay import files
+from jointplay.commands import add_trust
 from jointplay.errors import JointplayError
 
 if TYPE_CHECKING:
@@ -33,6 +36,7 @@ def add(commands: Any) -> None:
         help="where to draw the mechanism (default: beside FILE, as .png)",
     )
     group.add_argument("--no-picture", action="store_true", help="do not draw it")
+    add_trust(parser)
     parser.set_defaults(handler=run)
 
 
@@ -41,7 +45,7 @@ def run(options: argparse.Namespace) -> int:
     from jointplay.scenario import Scenario
     from jointplay.scenario.summary import summary
 
-    scenario = Scenario.load(options.file)
+    scenario = Scenario.load(options.file, options.trust)
     runs = {case: scenario.prepare(case) for case in scenario.cases}
     print(summary(scenario, runs))
     if not options.no_picture:
@@ -69,10 +73,10 @@ def _draw(options: argparse.Namespace, scenario: Scenario, mechanism: Mechanism,
                 f"{str(path)!r} exists; name another picture (--picture PNG, or --no-picture)"
             )
     figure = picture(mechanism, q, title=scenario.title)
+    drawn = io.BytesIO()
+    figure.savefig(drawn, format="png", metadata={"Software": MARK})
     try:
-        figure.savefig(path, format="png", metadata={"Software": MARK})
-    except OSError as error:
-        raise JointplayError(
-            f"cannot write {str(path)!r}: {error.strerror or error} (--picture PNG chooses another)"
-        ) from None
+        files.write(path, drawn.getvalue(), overwrite=replaced)
+    except JointplayError as error:
+        raise JointplayError(f"{error} (--picture PNG chooses another)") from None
     return f"picture: {path}{' (replaced)' if replaced else ''}"

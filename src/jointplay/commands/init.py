@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from jointplay import files
 from jointplay.errors import JointplayError
 
 TEMPLATE = Path(__file__).parents[1] / "scenario" / "template.toml"
@@ -33,14 +34,10 @@ def add(commands: Any) -> None:
 def run(options: argparse.Namespace) -> int:
     """Write the file, never over another."""
     path = Path(options.name)
+    if not path.name:
+        raise JointplayError(f"{options.name!r} is no name for a file")
     if path.suffix != ".toml":
         path = path.with_name(f"{path.name}.toml")
-    try:
-        with path.open("x", encoding="utf-8") as file:
-            file.write(TEMPLATE.read_text(encoding="utf-8"))
-    except FileExistsError:
-        raise JointplayError(f"{str(path)!r} exists; choose another name") from None
-    except OSError as error:
-        raise JointplayError(f"cannot write {str(path)!r}: {error.strerror or error}") from None
+    files.write(path, TEMPLATE.read_bytes())
     print(f"wrote {path}; next: jointplay check {path}")
     return 0

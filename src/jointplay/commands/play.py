@@ -6,6 +6,8 @@ import argparse
 import sys
 from typing import Any
 
+from jointplay.commands import add_trust
+
 
 def add(commands: Any) -> None:
     """Add the command to the subparsers `commands`."""
@@ -31,14 +33,15 @@ def add(commands: Any) -> None:
         action="append",
         default=[],
         metavar="DIR",
-        help="where a URDF's meshes are, its packages below it (repeatable; default: the current "
-        "folder and example-robot-data)",
+        help="where a URDF's meshes are, its packages below it (repeatable; example-robot-data's "
+        "are found without)",
     )
     parser.add_argument("--no-ghost", action="store_true", help="no ideal twins")
     parser.add_argument("--host", default="127.0.0.1", help="(default 127.0.0.1: no other machine)")
     parser.add_argument("--port", type=int, default=7000, metavar="N", help="(default 7000)")
     parser.add_argument("--no-browser", action="store_true", help="only serve")
     parser.add_argument("--quiet", action="store_true", help="show no progress")
+    add_trust(parser)
     parser.set_defaults(handler=run)
 
 
@@ -61,7 +64,7 @@ def _play(options: argparse.Namespace) -> int:
     else:
         playback.Server(b"", options.host, 0).server_close()
     content, scene = playback.page(
-        playback.load(options.results),
+        playback.load(options.results, options.trust),
         joint=options.joint,
         magnification=options.magnify,
         meshes=options.meshes,

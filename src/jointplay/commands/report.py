@@ -7,6 +7,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from jointplay.commands import add_trust
+
 
 def add(commands: Any) -> None:
     """Add the command's parser."""
@@ -52,6 +54,7 @@ def add(commands: Any) -> None:
     )
     parser.add_argument("--no-pdf", action="store_true", help="write the page only")
     parser.add_argument("--quiet", action="store_true", help="do not say what is being done")
+    add_trust(parser)
     parser.set_defaults(handler=run)
 
 
@@ -60,7 +63,7 @@ def run(options: argparse.Namespace) -> int:
     from jointplay import report
 
     paths = [Path(name) for name in options.results]
-    results = report.load(paths, options.label)
+    results = report.load(paths, options.label, options.trust)
     home = paths[0] if paths[0].is_dir() else paths[0].parent
     claims = Path(options.claims) if options.claims else None
     if claims is None:

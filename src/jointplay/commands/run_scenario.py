@@ -10,12 +10,20 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    BrokenExecutor,
+    Future,
+    ProcessPoolExecutor,
+    wait,
+)
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from jointplay import stopping, workers
 from jointplay.errors import JointplayError, MissingName
+from jointplay.stopping import INTERRUPTED
 
 if TYPE_CHECKING:
     from jointplay.kernel import Status
@@ -24,7 +32,9 @@ if TYPE_CHECKING:
     from jointplay.simulation import Run
 
 STOPPED = 1
-INTERRUPTED = 130
+
+_LONGEST_NAME = 100
+"""Bytes of a file's name that are taken of its case's."""
 
 _LOOK_S = 0.2
 """Interval at which progress is looked at."""
@@ -34,12 +44,12 @@ def run(options: argparse.Namespace) -> int:
     """Run the cases, draw the figures, say how each ended."""
     from jointplay import plots
     from jointplay.certify import further_runs
+    from jointplay.files import claim
     from jointplay.kernel import Status
     from jointplay.result import Result
     from jointplay.scenario import Scenario
-    from jointplay.study import claim_folder
 
-    scenario = Scenario.load(options.file)
+    scenario = Scenario.load(options.file, trust=options.trust)
     cases = _chosen(scenario, options.case)
     jobs = _jobs(options.jobs, len(cases))
     certified = {
@@ -55,13 +65,14 @@ def run(options: argparse.Namespace) -> int:
     figures = scenario.figures and not options.no_figures
     if figures:
         names += [f"{name}.{kind}" for name in plots.FIGURES for kind in ("png", "pdf")]
-    out = claim_folder(options.out, names)
+    out = claim(options.out, names)
     if jobs == 1:
         interrupted = _one_by_one(scenario, files, certified, out, not options.quiet)
     else:
         progress = not options.quiet
         interrupted = _side_by_side(scenario, files, certified, out, jobs, total, progress)
-    results = {c: Result.load(out / files[c]) for c in cases if (out / files[c]).exists()}
+    saved = {case: out / name for case, name in files.items() if (out / name).exists()}
+    results = {case: Result.load(path) for case, path in saved.items()}
     for case, result in results.items():
         print(f"\n{case}: {result.message}\n{result.judgement}")
     drawable = {case: result for case, result in results.items() if len(result.time) > 1}
@@ -70,7 +81,7 @@ def run(options: argparse.Namespace) -> int:
     print(f"\nresults in {out}")
     if interrupted or any(r.status == Status.INTERRUPTED for r in results.values()):
         missing = [case for case in cases if case not in results]
-        note = f"; not begun: {', '.join(missing)}" if missing else ""
+        note = f"; nothing of: {', '.join(missing)}" if missing else ""
         print(f"interrupted{note}", file=sys.stderr)
         return INTERRUPTED
     return 0 if all(r.status == Status.COMPLETED for r in results.values()) else STOPPED
@@ -97,6 +108,7 @@ def file_names(cases: Sequence[str]) -> list[str]:
     found: list[str] = []
     for case in cases:
         stem = re.sub(r"[^\w.+-]+", "_", case).strip("._") or "case"
+        stem = stem.encode()[:_LONGEST_NAME].decode(errors="ignore")
         name, number = f"{stem}.nc", 2
         while name.lower() in (other.lower() for other in found):
             name, number = f"{stem}_{number}.nc", number + 1
@@ -122,47 +134,41 @@ def _execute(
         progress: show a bar.
         begin: told of each run before it begins.
     """
-    import warnings
+    from jointplay.keep import add_certificate, run_and_save
 
-    begin(run)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # said at the end
-        result = run.execute(progress)
-    result.dataset.attrs |= {
+    notes = {
         "scenario": scenario.text,
         "scenario_file": scenario.path.name,
         "title": scenario.title,
         "case": case,
     }
-    result.save(path)
+    begin(run)
+    result = run_and_save(run, path, progress, notes)
     if certified:
-        from jointplay.certify import certify
-        from jointplay.kernel import Status
-
-        if result.status != Status.INTERRUPTED:
-            found = certify(result, simulation=run.simulation, progress=progress, begin=begin)
-            result.certificate = found
-            result.save(path, overwrite=True)
+        add_certificate(result, path, run.simulation, progress, begin)
     return result
 
 
 def _one_by_one(
     scenario: Scenario, files: dict[str, str], certified: set[str], out: Path, progress: bool
 ) -> bool:
-    """Run all in this process; returns whether Ctrl-C ended it."""
+    """Run all in this process; returns whether it was told to stop."""
     from tqdm import tqdm
 
     from jointplay.kernel import Status
 
     for case, name in files.items():
-        prepared = scenario.prepare(case)
-        if progress:
-            tqdm.write(f"case {case}:", file=sys.stderr)
         try:
+            prepared = scenario.prepare(case)
+            if progress:
+                tqdm.write(f"case {case}:", file=sys.stderr)
             result = _execute(scenario, case, prepared, out / name, case in certified, progress)
+        except stopping.GivenUp as error:
+            stopping.say(str(error))
+            return True
         except KeyboardInterrupt:
             return True
-        if result.status == Status.INTERRUPTED:
+        if result.status == Status.INTERRUPTED or stopping.told():
             return True
     return False
 
@@ -176,7 +182,7 @@ def _side_by_side(
     total: float,
     progress: bool,
 ) -> bool:
-    """Run each in a process of its own; returns whether Ctrl-C ended it."""
+    """Run each in a process of its own; returns whether it was told to stop."""
     from tqdm import tqdm
 
     clocks = multiprocessing.RawArray(ctypes.c_double, len(files))
@@ -184,12 +190,13 @@ def _side_by_side(
     pool = ProcessPoolExecutor(jobs, initializer=_begin, initargs=(clocks, begun))
     layout = "{percentage:3.0f}%|{bar}| {n:.3f}/{total:.3f} s simulated{postfix}, {remaining} left"
     bar = tqdm(total=total, disable=not progress, bar_format=layout, mininterval=_LOOK_S)
-    interrupted = False
     with bar:
         futures: dict[Future[None], str] = {}
         try:
             for index, (case, name) in enumerate(files.items()):
-                work = str(scenario.path), scenario.text, case, out / name, case in certified, index
+                trust, source = scenario.trust, str(scenario.path)
+                target = out / name
+                work = (source, scenario.text, trust, case, target, case in certified, index)
                 futures[pool.submit(_work, *work)] = case
             pending = set(futures)
             while pending:
@@ -206,29 +213,59 @@ def _side_by_side(
                     ended if now else "starting (the first start ever compiles)", refresh=False
                 )
                 bar.update(now - bar.n)
-        except BaseException as error:
-            interrupted = isinstance(error, KeyboardInterrupt)
-            for process in list((pool._processes or {}).values()):
-                process.terminate()  # which ends a run as Ctrl-C does: saved as far as it came
+        except KeyboardInterrupt:
+            _wind_up(pool, futures)
+            return True
+        except BrokenExecutor:
+            _wind_up(pool, futures)
+            raise JointplayError(
+                "a process was ended from outside (too little memory?); "
+                f"what is complete is in {str(out)!r}"
+            ) from None
+        except BaseException:
+            _wind_up(pool, futures)
+            raise
+        pool.shutdown()
+    return False
+
+
+def _wind_up(pool: ProcessPoolExecutor, futures: dict[Future[None], str]) -> None:
+    """Have the processes save their runs as far as they came; told to stop again, end them."""
+    ending = workers.processes(pool)
+    if stopping.told():
+        stopping.say("stopping; saving what was computed (once more gives it up)")
+    try:
+        for process in ending:
+            process.terminate()  # which ends a run as Ctrl-C does
+        pool.shutdown(cancel_futures=True)
+    except KeyboardInterrupt:
+        for process in ending:
+            process.kill()
+        lost = [case for future, case in futures.items() if not future.done()]
+        stopping.say(f"gave up what was not saved: {', '.join(lost) or 'nothing'}")
+        with suppress(KeyboardInterrupt):
             pool.shutdown(cancel_futures=True)
-            if not interrupted:
-                raise
-        else:
-            pool.shutdown()
-    return interrupted
 
 
 _clocks: Any = None
 _begun: Any = None
 _ending = False
+_idle = threading.Lock()
+"""Held while a case is being run and saved."""
 
 
 def _begin(clocks: Any, begun: Any) -> None:
-    """Set up a process: Ctrl-C is the parent's, which then terminates its children."""
+    """Set up a process: told to stop, or without its parent, it saves its run and takes no more."""
     global _clocks, _begun
     _clocks, _begun = clocks, begun
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, _end)
+    workers.begin(_save_and_end)
+
+
+def _save_and_end() -> None:
+    """Have the case at hand saved as far as it came."""
+    os.kill(os.getpid(), signal.SIGTERM)
+    _idle.acquire()
 
 
 def _end(*_: Any) -> None:
@@ -241,16 +278,25 @@ def _interrupt(*_: Any) -> None:
     raise KeyboardInterrupt
 
 
-def _work(path: str, text: str, case: str, target: Path, certified: bool, index: int) -> None:
-    """Run a case in this process and save it."""
+def _work(
+    path: str,
+    text: str,
+    trust: tuple[str, ...],
+    case: str,
+    target: Path,
+    certified: bool,
+    index: int,
+) -> None:
+    """Run a case in this process and save it; then certify it."""
     from jointplay.scenario import Scenario
 
-    if _ending:
-        return
-    scenario = Scenario(text, path)
-    prepared = scenario.prepare(case)
-    with _ticking(index) as begin, suppress(KeyboardInterrupt):  # saved as far as it came
-        _execute(scenario, case, prepared, target, certified, False, begin)
+    with _idle:
+        if _ending:
+            return
+        scenario = Scenario(text, path, trust)
+        prepared = scenario.prepare(case)
+        with _ticking(index) as begin:
+            _execute(scenario, case, prepared, target, certified, False, begin)
 
 
 @contextmanager
@@ -261,7 +307,7 @@ def _ticking(index: int) -> Iterator[Callable[[Run], None]]:
     past = 0.0
 
     def tell() -> None:
-        _clocks[index] = past + (runs[-1].workspace.time if runs else 0.0)
+        _clocks[index] = past + sum(run.workspace.time for run in runs)
 
     def begin(run: Run) -> None:
         nonlocal past

@@ -7,7 +7,7 @@ import re
 from pathlib import Path
 from typing import Any
 
-from jointplay.errors import JointplayError
+from jointplay import files
 
 
 def add(commands: Any) -> None:
@@ -61,8 +61,11 @@ def run(options: argparse.Namespace) -> int:
     from jointplay.robots import resolve
 
     out = Path(options.out)
-    if out.exists():
-        raise JointplayError(f"{str(out)!r} exists already; name another file")
+    try:
+        out.parent.mkdir(parents=True, exist_ok=True)
+    except (OSError, ValueError) as error:
+        raise files.cannot_write(out, error) from None
+    files.check_new(out)
     bearing = ClearanceJoint(
         bearing_radius=options.bearing_radius,
         bearing_length=options.bearing_length,
@@ -75,11 +78,7 @@ def run(options: argparse.Namespace) -> int:
         allow_unphysical=options.allow_unphysical,
     )
     text = to_urdf(mechanism)
-    try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-        out.write_text(text, encoding="utf-8", newline="")
-    except OSError as error:
-        raise JointplayError(f"cannot write {str(out)!r}: {error.strerror or error}") from None
+    files.write(out, text)
     for joint in options.joint:
         print(f"{joint}: {', '.join(f'{joint}.{part}' for part in 'xyz')}, {joint} (yaw), ", end="")
         print(f"{joint}.pitch, {joint}.roll")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
+from jointplay.commands import add_trust
 from jointplay.errors import JointplayError
 
 INTERRUPTED = 130
@@ -38,6 +39,7 @@ def add(commands: Any) -> None:
     )
     parser.add_argument("--out", metavar="CSV", help="write cycles and depths after each block")
     parser.add_argument("--quiet", action="store_true", help="no progress bar")
+    add_trust(parser)
     parser.set_defaults(handler=run)
 
 
@@ -50,8 +52,7 @@ def _number(text: str) -> float | str:
 
 def run(options: argparse.Namespace) -> int:
     """Estimate, print, write."""
-    from pathlib import Path
-
+    from jointplay import files
     from jointplay.scenario import Scenario
     from jointplay.scenario.units import convert
     from jointplay.wear import wear_life
@@ -60,10 +61,10 @@ def run(options: argparse.Namespace) -> int:
         growth = float(convert(_number(options.growth), "m"))
     except ValueError as error:
         raise JointplayError(f"--growth: {error}") from None
-    if options.out and Path(options.out).exists():
-        raise JointplayError(f"{options.out!r} exists; choose another name")
+    if options.out:
+        files.check_new(options.out)
     life = wear_life(
-        Scenario.load(options.file).simulation(options.case),
+        Scenario.load(options.file, options.trust).simulation(options.case),
         options.joint,
         growth,
         blocks=options.blocks,

@@ -10,11 +10,14 @@ from jointplay.contact.anagnostopoulos import Anagnostopoulos
 from jointplay.contact.bengisu_akay import BengisuAkay
 from jointplay.contact.bristle import BristleLaw, CustomBristle
 from jointplay.contact.brown_mcphee import BrownMcPhee
+from jointplay.contact.carvalho_martins import CarvalhoMartins
 from jointplay.contact.coulomb import Coulomb
 from jointplay.contact.dahl import Dahl
 from jointplay.contact.dubowsky_freudenstein import DubowskyFreudenstein
+from jointplay.contact.esdu_78035 import Esdu78035
 from jointplay.contact.film import CustomFilm, FilmLaw, FilmProperties
 from jointplay.contact.flores import Flores
+from jointplay.contact.gharib_hurmuzlu import GharibHurmuzlu
 from jointplay.contact.goldsmith import Goldsmith
 from jointplay.contact.gonthier import Gonthier
 from jointplay.contact.gonthier_friction import GonthierFriction
@@ -33,16 +36,17 @@ from jointplay.contact.law import (
     FrictionLaw,
     Law,
     NormalForceLaw,
-    imported,
 )
 from jointplay.contact.lee_wang import LeeWang
 from jointplay.contact.linear_spring import LinearSpring
+from jointplay.contact.liu import Liu
 from jointplay.contact.lugre import LuGre
 from jointplay.contact.pereira import Pereira
 from jointplay.contact.pinkus_sternlicht import PinkusSternlicht
 from jointplay.contact.radzimovsky import Radzimovsky
 from jointplay.contact.short_bearing import ShortBearing
 from jointplay.contact.threlfall import Threlfall
+from jointplay.contact.trust import found
 from jointplay.contact.zhang_sharf import ZhangSharf
 from jointplay.contact.zhiying_qishao import ZhiyingQishao
 from jointplay.errors import JointplayError, MissingName
@@ -64,11 +68,15 @@ NORMAL_LAWS: dict[str, type[NormalForceLaw]] = {
         ZhiyingQishao,
         Flores,
         HuGuo,
+        CarvalhoMartins,
+        GharibHurmuzlu,
         Johnson,
         Radzimovsky,
         Goldsmith,
         DubowskyFreudenstein,
         Pereira,
+        Esdu78035,
+        Liu,
     )
 }
 """Normal-force laws by the word that selects them: point contacts, then lines."""
@@ -88,8 +96,6 @@ FRICTION_LAWS: dict[str, type[FrictionLaw]] = {
 }
 """Friction laws by the word that selects them: functions of the speed, then with bristles."""
 
-_CUSTOM_FIELDS = ("function", "parameters")
-
 FILM_LAWS: dict[str, type[FilmLaw]] = {law.name: law for law in (ShortBearing, PinkusSternlicht)}
 """Film laws by the word that selects them."""
 
@@ -103,7 +109,7 @@ def normal_law(description: dict[str, Any] | str) -> NormalForceLaw:
     Raises:
         MissingName: no law of that name.
         JointplayError: a field that the law does not have, or lacks, or of an impossible value; a
-            user's own law whose module cannot be imported here.
+            user's own law that is neither known here nor of a trusted module (see `trust`).
     """
     return _built("normal-force law", description, NORMAL_LAWS, (CustomNormalForce,))
 
@@ -120,8 +126,10 @@ def _built(kind: str, description: Any, laws: dict[str, Any], customs: tuple[Any
     name = fields.pop("law")
     for custom in customs:
         if name == custom.name:
-            _check_fields(name, fields, _CUSTOM_FIELDS, _CUSTOM_FIELDS[:1])
-            return custom(imported(fields["function"]), tuple(fields.get("parameters", ())))
+            valid, required = _fields(custom)
+            _check_fields(name, fields, valid, required)
+            function, parameters = fields.pop("function"), fields.pop("parameters", ())
+            return custom(found(function), tuple(parameters), **fields)
     if name not in laws:
         raise MissingName(kind, name, [*laws, *(custom.name for custom in customs)])
     law: type[Law] = laws[name]
@@ -129,16 +137,9 @@ def _built(kind: str, description: Any, laws: dict[str, Any], customs: tuple[Any
     return law(**fields)
 
 
-def film_law(description: dict[str, Any]) -> FilmLaw:
+def film_law(description: dict[str, Any] | str) -> FilmLaw:
     """Build the film law that `FilmLaw.describe` described; see `normal_law`."""
-    fields = dict(description)
-    name = fields.pop("law")
-    if name == CustomFilm.name:
-        function, parameters = fields.pop("function"), fields.pop("parameters")
-        return CustomFilm(imported(function), tuple(parameters), **fields)
-    if name not in FILM_LAWS:
-        raise MissingName("film law", name, FILM_LAWS)
-    return FILM_LAWS[name](**fields)
+    return _built("film law", description, FILM_LAWS, (CustomFilm,))
 
 
 def _fields(law: type[Law]) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -172,6 +173,7 @@ __all__ = [
     "BengisuAkay",
     "BristleLaw",
     "BrownMcPhee",
+    "CarvalhoMartins",
     "ContactProperties",
     "Coulomb",
     "CustomBristle",
@@ -180,10 +182,12 @@ __all__ = [
     "CustomNormalForce",
     "Dahl",
     "DubowskyFreudenstein",
+    "Esdu78035",
     "FilmLaw",
     "FilmProperties",
     "Flores",
     "FrictionLaw",
+    "GharibHurmuzlu",
     "Goldsmith",
     "Gonthier",
     "GonthierFriction",
@@ -197,6 +201,7 @@ __all__ = [
     "LankaraniNikravesh",
     "LeeWang",
     "LinearSpring",
+    "Liu",
     "LuGre",
     "NormalForceLaw",
     "Pereira",

@@ -12,7 +12,10 @@ from jointplay.errors import require_non_negative, require_positive
 class BrownMcPhee(FrictionLaw):
     """mu = mu_d tanh(4 x) + (mu_s - mu_d) x/(x^2/4 + 3/4)^2, x = |v_t|/v_t.
 
-    The reference's viscous term is no multiple of the normal force and is left out.
+    The reference adds a viscous force mu_v |v_t| tanh(4 F_n/F_nt) (from memory, no source seen),
+    which tends to a plain damper mu_v |v_t| above the transition load F_nt. That is no multiple of
+    the normal force, as `FrictionLaw` is, and is left out; a law with bristles and sigma2 has one
+    that is.
 
     Args:
         mu_s: static friction coefficient, >= mu_d: the largest, near v_t.

@@ -11,7 +11,9 @@ from jointplay.contact.line_contact import LineContactLaw
 class DubowskyFreudenstein(LineContactLaw):
     """delta = f/(pi E*) [ln(pi E* L^3/(F R)) + 1], f = F/L; see `LineContactLaw`.
 
-    The references write sigma_i + sigma_j for 1/(pi E*) and L^m with m = 3, the only exponent
+    The references write sigma_i + sigma_j for 1/(pi E*), sigma = (1 - nu^2)/(pi E) of eq. 12, with
+    its pi: without it (as in the code of DyS) the depth would be about pi times as large, and plane
+    elasticity has 1/(pi E*) before the logarithm. They write L^m with m = 3, the only exponent
     that makes the logarithm's argument a number. Where a contact stands for a part l of the
     journal's length L, the force per length counts: pi E* L^2/(f R) with f = F/l, so that both
     ends together give the force of the whole.

@@ -13,7 +13,8 @@ class Goldsmith(LineContactLaw):
 
     The clearance literature gives Goldsmith the exponent m = 1 of L where Dubowsky and
     Freudenstein have 3. The logarithm's argument then has the unit 1/m^2: the law depends on the
-    unit of length. It is here, in metres, for comparison with that literature. As there, but with
+    unit of length. It is here, in metres, for comparison with that literature. Its sigma is
+    (1 - nu^2)/(pi E), with its pi, as in `DubowskyFreudenstein`. As there, but with
     the force per length of the contact, f = F/l: pi E*/(f R).
     """
 

@@ -6,7 +6,18 @@ from jointplay.contact.hertzian import HysteresisLaw
 
 
 class HuGuo(HysteresisLaw):
-    """F_n = k delta^(3/2) [1 + a ddelta/ddelta0], a = 3 (1 - c_e)/(2 c_e)."""
+    """F_n = k delta^(3/2) [1 + a ddelta/ddelta0], a = 3 (1 - c_e)/(2 c_e).
+
+    From the energies of both halves of the impact, the speed over the depth taken as Hertz's,
+    v0 sqrt(1 - x^(5/2)) in and c_e v0 sqrt(1 - x^(5/2)) out, x = delta/delta_max. With the stored
+    energy U = 2/5 k delta_max^(5/2) the damping takes 2/3 a U in and 2/3 a c_e U out:
+
+        1/2 m v0^2 = U (1 + 2 a/3),  1/2 m c_e^2 v0^2 = U (1 - 2 a c_e/3).
+
+    Their quotient gives the a above. Half of it, which is in circulation (3/2 (1 - c_e)/(2 c_e) in
+    the code of DyS), takes half of the energy as c_e -> 1 and cannot be meant. The paper itself
+    was not seen.
+    """
 
     name = "hu-guo"
     formula = (

@@ -18,7 +18,6 @@ The force at ddelta = 0 must not depend on ddelta0: it defines the energy stored
 
 from __future__ import annotations
 
-import importlib
 import inspect
 import math
 from abc import ABC, abstractmethod
@@ -31,7 +30,11 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
+from jointplay import numba_cache
+from jointplay.contact.trust import imported, know, path_of
 from jointplay.errors import JointplayError, require_finite
+
+numba_cache.ensure()
 
 MAX_PARAMETERS = 8
 """Numbers a law can take: the room that the time loop keeps for each contact."""
@@ -200,7 +203,7 @@ def require_static(mu_s: float, mu_d: float) -> float:
 
 
 def plain(function: Callable[..., Any], expected: tuple[str, ...]) -> Callable[..., Any]:
-    """Return the Python function, if it takes the `expected` arguments."""
+    """Return the Python function, if it takes the `expected` arguments; files may name it now."""
     function = getattr(function, "py_func", function)  # numba's own wrapping is not needed
     if not callable(function):
         raise JointplayError(f"a law must be a function, got {function!r}")
@@ -213,7 +216,7 @@ def plain(function: Callable[..., Any], expected: tuple[str, ...]) -> Callable[.
             f"law {getattr(function, '__name__', function)!r} takes ({', '.join(names)}); "
             f"it must take ({', '.join(expected)})"
         )
-    return function
+    return know(function)
 
 
 class CustomNormalForce(NormalForceLaw):
@@ -293,21 +296,7 @@ def describe_custom(
     name: str, function: Callable[..., Any], values: tuple[float, ...]
 ) -> dict[str, Any]:
     """Description of a user's own law: its kind, import path and parameters."""
-    path = f"{function.__module__}:{function.__qualname__}"
-    return {"law": name, "function": path, "parameters": list(values)}
-
-
-def imported(path: str) -> Callable[..., Any]:
-    """Return the function that ``module:function`` names.
-
-    Raises:
-        JointplayError: it cannot be imported here.
-    """
-    module, _, name = path.partition(":")
-    try:
-        return getattr(importlib.import_module(module), name)
-    except (ImportError, AttributeError, ValueError) as error:
-        raise JointplayError(f"the law {path!r} cannot be imported here: {error}") from error
+    return {"law": name, "function": path_of(function), "parameters": list(values)}
 
 
 def named(function: Callable[..., Any]) -> str:
@@ -316,7 +305,7 @@ def named(function: Callable[..., Any]) -> str:
     Raises:
         JointplayError: it would not find it: a lambda, a nested function, one typed at a prompt.
     """
-    path = f"{function.__module__}:{function.__qualname__}"
+    path = path_of(function)
     try:
         found = imported(path)
     except JointplayError:
@@ -461,7 +450,6 @@ __all__ = [
     "call_friction",
     "call_normal",
     "compiled_law",
-    "imported",
     "named",
     "pointer",
 ]

@@ -15,6 +15,15 @@ class LuGre(BristleLaw):
     g(v) = mu_d + (mu_s - mu_d) exp(-(v/v_s)^2), here per unit of normal force and with vectors in
     the plane of contact.
 
+    Passive, at a constant normal force, if sigma2 >= sigma1 (mu_s - mu_d)/mu_d (`passive`): with
+    the bristles' energy sigma0 z^2/2 and w = sigma0 z the power that is lost,
+
+        (sigma1 + sigma2) v^2 - sigma1 v^2 w/g + w^2 v/g,
+
+    is not negative, for w <= mu_s and g >= mu_d. (N. Barabanov, R. Ortega, IEEE Trans. Automatic
+    Control 45 (2000), show that it is necessary as well: from memory, not seen.) The defaults are
+    not passive: at speeds far above v_s their bristles can feed energy while they let go.
+
     Args:
         mu_d, mu_s: dynamic and static friction coefficient, 0 < mu_d <= mu_s.
         v_s: Stribeck speed [m/s].
@@ -38,7 +47,7 @@ class LuGre(BristleLaw):
     )
     validity = (
         "sticking and sliding with a Stribeck fall; drifts slowly under an oscillating force below "
-        "the static one; the bristles' damping can feed energy at high speed if it is large"
+        "the static one; passive only if sigma2 >= sigma1 (mu_s - mu_d)/mu_d"
     )
 
     def __init__(
@@ -61,6 +70,11 @@ class LuGre(BristleLaw):
             raise JointplayError(
                 f"mu_s must not be smaller than mu_d, got mu_s = {mu_s:g} and mu_d = {mu_d:g}"
             )
+
+    @property
+    def passive(self) -> bool:
+        """Whether the law can never feed energy, at a constant normal force."""
+        return self.sigma2 * self.mu_d >= self.sigma1 * (self.mu_s - self.mu_d)
 
     @staticmethod
     def function(speed: float, normal: float, dwell: float, p: Any, out: Any) -> None:

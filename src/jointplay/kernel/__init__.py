@@ -25,7 +25,7 @@ from jointplay.kernel.layout import (
     WELL_RESOLVED_STEPS,
     Status,
 )
-from jointplay.kernel.stamp import stamp
+from jointplay.kernel.sources import stamp
 
 
 class Command(IntEnum):
@@ -64,7 +64,6 @@ def enter(table, command) -> int:
         if not run.path_error > run.path_limit:
             multirate.take_middle(run)
             multirate.macro_step(run)
-            multirate.leave(run)
     elif command == _TAKE_MIDDLE:
         multirate.find_path_error(run)
         if not run.path_error > run.path_limit:

@@ -44,8 +44,8 @@ _RUN_AWAY = int(Status.RUN_AWAY)
 LEAST_APART = 0.3
 """Middles nearer to each other than this, relative to the macro step, do not make a line."""
 
-LEAST_STEPS = 4
-"""A macro step is not ended by a contact before this many micro steps."""
+LEAST_STEPS = 2
+"""A macro step is not ended before this many micro steps."""
 
 ONSET_HALVINGS = 20
 """Halvings by which the onset of a contact is located in an adaptive step."""
@@ -318,9 +318,9 @@ def leave(run):
 
 @internal
 def macro_step(run):
-    """All micro steps of a macro step, each `run.dt` long, or up to where a contact ends or begins.
+    """Micro steps of a macro step, each `run.dt` long, until the state leaves its predicted path.
 
-    Velocities jump there, and the path was predicted without.
+    Impacts, which no path foresees, so end macro steps.
     """
     for k in range(run.macro):
         evaluate(run)
@@ -330,7 +330,8 @@ def macro_step(run):
         _step(run, run.dt)
         run.step += 1
         run.time = run.step * run.dt
-        if run.events > 0 and k + 1 >= LEAST_STEPS:
+        leave(run)
+        if run.departure > run.departure_limit and k + 1 >= LEAST_STEPS:
             return
 
 

@@ -40,7 +40,7 @@ from jointplay.kernel.layout import (
 )
 from jointplay.kernel.vectors import inlined
 
-TOLERANCE = 1e-8
+TOLERANCE = 1e-9
 """Error of the velocity solve, as the root of twice its kinetic energy [kg^0.5 m/s]."""
 
 RELATIVE_TOLERANCE = 1e-11

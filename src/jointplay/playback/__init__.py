@@ -6,12 +6,12 @@ with a player of its own, and everything it plays. So the server's memory is tha
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from jointplay.errors import JointplayError
+from jointplay.files import check_new
 from jointplay.playback.page import render, write
 from jointplay.playback.scene import BUDGET, Scene, build
 from jointplay.playback.server import HOST, PORT, Server, open_browser
@@ -21,8 +21,10 @@ MOST_BYTES = 15_000_000
 """Size that a page does not exceed, meshes permitting."""
 
 
-def load(paths: Sequence[str | Path]) -> dict[str, Result]:
+def load(paths: Sequence[str | Path], trust: Collection[str] = ()) -> dict[str, Result]:
     """Results by label: the files' names, with as many of their folders as tell them apart.
+
+    Laws of the user's own are taken from the modules of `trust` only; see `Result.load`.
 
     Raises:
         JointplayError: no such file, the same file twice, damaged, or not a result.
@@ -39,12 +41,7 @@ def load(paths: Sequence[str | Path]) -> dict[str, Result]:
         depth += 1
     results = {}
     for label, path in zip(labels, paths, strict=True):
-        try:
-            results[label] = Result.load(path)
-        except JointplayError:
-            raise
-        except Exception as error:  # whatever HDF5 or JSON make of a damaged file
-            raise JointplayError(f"{str(path)!r} is damaged or not a result: {error!r}") from None
+        results[label] = Result.load(path, trust)
     return results
 
 
@@ -88,20 +85,6 @@ def save_html(cases: Mapping[str, Result], path: str | Path, **options: Any) -> 
     path = Path(path)
     check_new(path)
     return write(page(cases, **options)[0], path)
-
-
-def check_new(path: Path) -> None:
-    """Refuse a file that cannot be written anew, before any work is done.
-
-    Raises:
-        JointplayError: it exists, or its folder does not or cannot be written to.
-    """
-    if path.exists():
-        raise JointplayError(f"{str(path)!r} exists; choose another name")
-    if not path.parent.is_dir():
-        raise JointplayError(f"cannot write {str(path)!r}: no folder {str(path.parent)!r}")
-    if not os.access(path.parent, os.W_OK):
-        raise JointplayError(f"cannot write {str(path)!r}: permission denied")
 
 
 def play(

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import base64
-import html
 import json
-from importlib.resources import files
+from functools import cache
+from importlib import resources
 from pathlib import Path
 
+from jinja2 import Environment, PackageLoader, StrictUndefined, Template
+from markupsafe import Markup
+
+from jointplay import files
 from jointplay.playback.scene import Scene
+from jointplay.policy import as_data, as_script, policy
 
 _SCRIPTS = ("tracks.js", "stage.js", "closeup.js", "player.js")
 
@@ -19,26 +24,36 @@ def render(scene: Scene, title: str) -> bytes:
     Everything is inside: meshcat's viewer with three.js, tracks, meshes, licences. Its content
     security policy forbids the browser any request.
     """
-    own = files("jointplay.playback") / "static"
-    bundle = files("meshcat") / "viewer" / "dist"
-    # In JSON within a script element only "<" could end the element.
-    contents = json.dumps(scene.contents, separators=(",", ":")).replace("<", "\\u003c")
+    own = resources.files("jointplay.playback") / "static"
+    bundle = resources.files("meshcat") / "viewer" / "dist"
     licences = (bundle / "main.min.js.LICENSE.txt").read_text("utf-8") + _licence_texts(
         (bundle / "main.min.js.THIRD_PARTY_LICENSES.json").read_text("utf-8")
     )
-    parts = {
-        "title": html.escape(title),
-        "style": (own / "player.css").read_text("utf-8"),
-        "contents": contents,
-        "block": base64.b64encode(scene.block).decode("ascii"),
-        "licences": licences.replace("--", "- -"),
-        "meshcat": (bundle / "main.min.js").read_text("utf-8").replace("</script", "<\\/script"),
-        "player": "\n".join((own / name).read_text("utf-8") for name in _SCRIPTS),
-    }
-    page = (own / "page.html").read_text("utf-8")
-    pieces = page.split("@@")
-    pieces[1::2] = [parts[name] for name in pieces[1::2]]
-    return "".join(pieces).encode("utf-8")
+    player = "\n".join((own / name).read_text("utf-8") for name in _SCRIPTS)
+    scripts = [
+        as_script((bundle / "main.min.js").read_text("utf-8")),
+        as_script(f'"use strict";\n{{\nconst {{THREE}} = MeshCat;\n{player}\n}}'),
+    ]
+    page = _template().render(
+        policy=policy(scripts, connect="data: blob:"),
+        title=title,
+        style=as_script((own / "player.css").read_text("utf-8")),
+        contents=as_data(json.dumps(scene.contents, separators=(",", ":"))),
+        block=base64.b64encode(scene.block).decode("ascii"),
+        licences=Markup(licences.replace("--", "- -")),  # those of what is bundled
+        scripts=scripts,
+    )
+    return page.encode("utf-8")
+
+
+@cache
+def _template() -> Template:
+    made = Environment(
+        loader=PackageLoader("jointplay.playback", "static"),
+        autoescape=True,
+        undefined=StrictUndefined,
+    )
+    return made.get_template("page.html")
 
 
 def _licence_texts(text: str) -> str:
@@ -56,14 +71,4 @@ def write(page: bytes, path: str | Path) -> Path:
     Raises:
         JointplayError: the file exists or cannot be written.
     """
-    from jointplay.errors import JointplayError
-
-    path = Path(path)
-    try:
-        with path.open("xb") as file:
-            file.write(page)
-    except FileExistsError:
-        raise JointplayError(f"{str(path)!r} exists; choose another name") from None
-    except OSError as error:
-        raise JointplayError(f"cannot write {str(path)!r}: {error.strerror or error}") from None
-    return path
+    return files.write(path, page)

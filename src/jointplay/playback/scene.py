@@ -204,6 +204,9 @@ class _Case:
     ) -> dict[str, Any]:
         mechanism, clearance = self.mechanism, self.mechanism.clearance[name]
         contacts = [str(contact) for contact in self.result["contact"].values]
+        for contact in clearance.contacts:
+            if contact not in contacts:
+                raise JointplayError(f"result {self.label!r} is damaged: no contact {contact!r}")
         columns = [contacts.index(contact) for contact in clearance.contacts]
         normal = self.values("normal_force_peak")[:, j, columns]
         friction = self.values("friction_force")[:, j, columns]

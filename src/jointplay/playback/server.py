@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import ipaddress
 import os
 import socket
 import sys
@@ -71,6 +72,20 @@ class Server(ThreadingHTTPServer):
         host = {"0.0.0.0": HOST, "::": "::1", "": HOST}.get(self._host, self._host)
         return f"http://[{host}]:{self.port}/" if ":" in host else f"http://{host}:{self.port}/"
 
+    def known(self, host: str) -> bool:
+        """Whether a request's Host header means this machine.
+
+        A stranger's page can have its own name lead here; it then asks for that name.
+        """
+        name = host.rpartition(":")[0] if not host.endswith("]") and ":" in host else host
+        name = name.strip("[]").lower().rstrip(".")
+        try:
+            ipaddress.ip_address(name)
+        except ValueError:
+            own = {"localhost", self._host, socket.gethostname(), socket.getfqdn()}
+            return name in {known.lower() for known in own if known}
+        return True
+
     def handle_error(self, request: object, client_address: object) -> None:
         """Keep silent about browsers that hang up."""
         if not isinstance(sys.exception(), OSError):
@@ -88,6 +103,9 @@ class _Handler(BaseHTTPRequestHandler):
         self._answer(send=False)
 
     def _answer(self, send: bool) -> None:
+        if not self.server.known(self.headers.get("Host", "")):
+            self.send_error(HTTPStatus.MISDIRECTED_REQUEST)
+            return
         if self.path.partition("?")[0] != "/":
             self.send_error(HTTPStatus.NOT_FOUND)
             return
@@ -96,6 +114,8 @@ class _Handler(BaseHTTPRequestHandler):
         self.send_header("Content-Length", str(len(self.server.page)))
         self.send_header("Cache-Control", "no-store")
         self.send_header("X-Content-Type-Options", "nosniff")
+        self.send_header("X-Frame-Options", "DENY")
+        self.send_header("Referrer-Policy", "no-referrer")
         self.end_headers()
         if send:
             self.wfile.write(self.server.page)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,7 @@ import pinocchio as pin
 from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
 
-from jointplay import analysis
+from jointplay import analysis, files
 from jointplay.errors import JointplayError
 from jointplay.mechanism import Mechanism
 from jointplay.plots.style import COLOURS, new_figure, style
@@ -264,10 +265,11 @@ def save(cases: Cases, folder: str | Path) -> list[Path]:
     with style():
         for name, figure in _drawn(cases):
             for kind in ("png", "pdf"):
-                path = Path(folder) / f"{name}.{kind}"
-                figure.savefig(path)
+                drawn = io.BytesIO()
+                figure.savefig(drawn, format=kind)
                 figure.set_layout_engine("none")  # laid out by now; again costs a third more
-                written.append(path)
+                path = Path(folder) / f"{name}.{kind}"
+                written.append(files.write(path, drawn.getvalue(), overwrite=True))
     return written
 
 
@@ -326,17 +328,18 @@ def save_pdf(cases: Cases, path: str | Path, start: float = 0.0, look: str = "pa
     Raises:
         JointplayError: the file exists or cannot be written.
     """
-    path = Path(path)
-    if path.exists():
-        raise JointplayError(f"{str(path)!r} exists; choose another name")
-    try:
-        with style(look), path.open("xb") as file, PdfPages(file) as pages:
-            pages.infodict()["Title"] = f"jointplay: {', '.join(cases)}"
-            for _, figure in _drawn(cases):
-                pages.savefig(figure)
-            for _, figure in _states(cases):
-                pages.savefig(figure)
-            pages.savefig(_spectra(cases, start))
-    except OSError as error:
-        raise JointplayError(f"cannot write {str(path)!r}: {error.strerror or error}") from None
-    return path
+    path = files.check_new(path)
+    return files.write(path, pdf(cases, start, look))
+
+
+def pdf(cases: Cases, start: float = 0.0, look: str = "paper") -> bytes:
+    """The file that `save_pdf` writes."""
+    drawn = io.BytesIO()
+    with style(look), PdfPages(drawn) as pages:
+        pages.infodict()["Title"] = f"jointplay: {', '.join(cases)}"
+        for _, figure in _drawn(cases):
+            pages.savefig(figure)
+        for _, figure in _states(cases):
+            pages.savefig(figure)
+        pages.savefig(_spectra(cases, start))
+    return drawn.getvalue()

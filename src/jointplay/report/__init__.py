@@ -8,23 +8,21 @@ from importlib.resources import files
 from pathlib import Path
 
 from jointplay.errors import JointplayError
+from jointplay.files import check_new
+from jointplay.files import write as write_file
 from jointplay.histories import versions
+from jointplay.policy import as_data, as_script, policy
 from jointplay.report import cases as _cases
 from jointplay.report import content
 from jointplay.report.cases import Case, Say
 from jointplay.report.cases import load as load
 from jointplay.report.charts import Chart, charts
-from jointplay.report.html import Html, paragraph, text
+from jointplay.report.html import Html, joined, markup, paragraph, render
 from jointplay.report.series import MAX_RECORDS, Pack
 from jointplay.result import Result
 
 IMPACTS = 5
 """Impacts of each case that are followed step by step, unless told otherwise."""
-
-_POLICY = (
-    "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
-)
-"""The page may load nothing at all, from nowhere; browsers see to it."""
 
 
 def write(
@@ -68,26 +66,23 @@ def write(
             raise JointplayError(f"result {label!r} has {len(result.time)} record; nothing to show")
     targets = [path, path.with_suffix(".pdf")] if pdf else [path]
     for target in targets:
-        if target.exists():
-            raise JointplayError(f"{str(target)!r} exists; choose another name")
+        check_new(target)
     content.claim_rows(claims)
     found = _cases.build(results, impacts, say)
     say("writing the page")
     source = page(found, title, claims)
-    try:
-        with path.open("x", encoding="utf-8") as file:
-            file.write(source)
-    except OSError as error:
-        raise JointplayError(f"cannot write {str(path)!r}: {error.strerror or error}") from None
+    contents = [source.encode()]
     if pdf:
-        from jointplay.plots import save_pdf
+        from jointplay.plots.figures import pdf as drawn
 
         say("drawing the figures for the PDF")
         shown = dict(results)
         ideal = next((case.ideal for case in found if case.ideal is not None), None)
         if ideal is not None and all(ideal is not result for result in shown.values()):
             shown = {"ideal": ideal, **shown} if "ideal" not in shown else shown
-        save_pdf(shown, targets[1], content.settled(found))
+        contents.append(drawn(shown, content.settled(found)))
+    for target, made in zip(targets, contents, strict=True):  # at the end: none without the other
+        write_file(target, made)
     return targets
 
 
@@ -98,8 +93,8 @@ def page(cases: Sequence[Case], title: str, claims: Path | None) -> str:
     drawn = charts(cases, pack, start)
     by_name = {chart["id"]: chart for chart in drawn}
 
-    def chart(*names: str) -> str:
-        return "".join(_place(by_name[name]) for name in names if name in by_name)
+    def chart(*names: str) -> Html:
+        return joined(_place(by_name[name]) for name in names if name in by_name)
 
     thinned = [case.label for case in cases if len(case.result.time) > MAX_RECORDS]
     hint = (
@@ -129,49 +124,29 @@ def page(cases: Sequence[Case], title: str, claims: Path | None) -> str:
         "Spectrum": chart("spectrum") + content.spectra(cases, start),
         "Claims": content.claims(cases, claims),
     }
-    names = {name: name.lower().replace(" ", "-") for name in sections}
-    links = "".join(f'<a href="#{at}">{text(name)}</a>' for name, at in names.items())
-    body = "".join(
-        f'<section id="{names[name]}"><h2>{text(name)}</h2>{part}</section>'
-        for name, part in sections.items()
-    )
     end = max(case.duration for case in cases)
     data = json.dumps(
         {"charts": drawn, "layout": pack.layout, "end": end}, separators=(",", ":"), allow_nan=False
     )
-    data = data.replace("<", "\\u003c")  # nothing in it can end the script
-    made = ", ".join(f"{name} {version}" for name, version in versions().items())
     resource = files("jointplay.report") / "page"
-    script, library, look = (
+    look, *scripts = (
         (resource / name).read_text(encoding="utf-8")
-        for name in ("report.js", "plotly-basic.min.js", "report.css")
+        for name in ("report.css", "plotly-basic.min.js", "report.js")
     )
-    library = library.replace("</script", "<\\/script")
-    return f"""<!DOCTYPE html>
-<html lang="en"><head><meta charset="utf-8">
-<meta http-equiv="Content-Security-Policy" content="{_POLICY}">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<link rel="icon" href="data:,">
-<title>{text(title)}</title><style>{look}</style></head><body>
-<header><h1>{text(title)}</h1>
-<div>{" &ensp; ".join(content.dark(case) for case in cases)}</div>
-<p class="note">Made with {text(made)}.</p>
-<noscript><p>The charts of this page need JavaScript; the tables do not.</p></noscript>
-<p id="failed" hidden>This browser cannot unpack the charts; take one of 2023 or later.</p></header>
-<nav><div>{links}<form onsubmit="return false">
-<label>time <input id="from" type="number" step="any">
-to <input id="to" type="number" step="any"> s</label>
-<button type="button" id="wider">wider</button>
-<button type="button" id="whole">whole run</button></form></div></nav>
-<main>{body}</main>
-<script type="text/plain" id="block">{pack.block()}</script>
-<script type="application/json" id="charts">{data}</script>
-<script>{library}</script>
-<script>{script}</script>
-</body></html>
-"""
+    own = [as_script(script) for script in scripts]
+    return render(
+        "page.html",
+        policy=policy(own),
+        title=title,
+        look=as_script(look),
+        cases=joined((content.dark(case) for case in cases), " &ensp; "),
+        made=", ".join(f"{name} {version}" for name, version in versions().items()),
+        sections=sections,
+        block=pack.block(),
+        data=as_data(data),
+        scripts=own,
+    )
 
 
 def _place(chart: Chart) -> Html:
-    name = text(chart["title"])
-    return Html(f'<h3>{name}</h3><div class="chart" id="chart-{chart["id"]}"></div>')
+    return markup('<h3>{}</h3><div class="chart" id="chart-{}"></div>', chart["title"], chart["id"])

@@ -20,7 +20,16 @@ from jointplay.errors import JointplayError
 from jointplay.geometry import Form
 from jointplay.plots.accessor import MODE_NAMES
 from jointplay.report.cases import Case
-from jointplay.report.html import Cell, Html, bullets, details, number, paragraph, table, text
+from jointplay.report.html import (
+    Cell,
+    Html,
+    bullets,
+    details,
+    joined,
+    markup,
+    paragraph,
+    table,
+)
 from jointplay.result import Result
 
 CLAIM_COLUMNS = ["claim", "statement", "condition", "holds", "0.2 mm → 0.5 mm"]
@@ -62,7 +71,7 @@ _MEASURES = {
 
 def dark(case: Case) -> Html:
     """The case's name with a swatch of its colour."""
-    return Html(f'<span class="case" style="--c:{case.colour}">{text(case.label)}</span>')
+    return markup('<span class="case" style="--c:{}">{}</span>', case.colour, case.label)
 
 
 def settled(cases: Sequence[Case]) -> float:
@@ -117,18 +126,19 @@ def parameters(cases: Sequence[Case]) -> Html:
     """Every input, a column for each case, then motion and robot in full."""
     columns = [_parameters(case.result) for case in cases]
     names = list(dict.fromkeys(name for column in columns for name in column))
-    rows = [[Html(_symbol(name)), *(column.get(name) for column in columns)] for name in names]
+    rows = [[_symbol(name), *(column.get(name) for column in columns)] for name in names]
     found = table(["parameter", *(dark(case) for case in cases)], rows, left=1 + len(cases))
-    return Html(found + _motions(cases) + _robots(cases))
+    return joined([found, _motions(cases), _robots(cases)])
 
 
-def _symbol(name: str) -> str:
+def _symbol(name: str) -> Html:
     """C_r as a symbol with an index, units with exponents."""
-    shown = text(name)
+    shown = markup("{}", name)
     for symbol in ("C_r", "C_a", "R_i", "L_i", "R_j", "L_j", "c_e"):
-        head, tail = symbol.split("_")
-        shown = shown.replace(symbol, f"<i>{head}</i><sub>{tail}</sub>")
-    return shown.replace("m^1.5", "m<sup>1.5</sup>").replace("s^2", "s<sup>2</sup>")
+        shown = shown.replace(symbol, markup("<i>{}</i><sub>{}</sub>", *symbol.split("_")))
+    for unit, power in (("m^1.5", "1.5"), ("s^2", "2")):
+        shown = shown.replace(unit, markup("{}<sup>{}</sup>", unit[0], power))
+    return shown
 
 
 def _parameters(result: Result) -> dict[str, Cell]:
@@ -172,7 +182,7 @@ def _parameters(result: Result) -> dict[str, Cell]:
             label, unit, scale = _JOINT_FIELDS.get(name, (name.replace("_", " "), "", 1.0))
             label = f"{joint}: {label}{f' [{unit}]' if unit else ''}"
             if name == "stiffness" and value is None and joint in derived:
-                found[label] = Html(f"{number(derived[joint])} (eq. 11)")
+                found[label] = markup("{} (eq. 11)", derived[joint])
             elif name == "axial_stiffness" and value is None:
                 found[label] = "as radial"
             elif name == "stiffness" and value is None:
@@ -225,7 +235,7 @@ def _derived_stiffness(result: Result) -> dict[str, float]:
         return {}
 
 
-def _motions(cases: Sequence[Case]) -> str:
+def _motions(cases: Sequence[Case]) -> Html:
     seen: dict[str, list[str]] = {}
     for case in cases:
         motion = json.dumps(analysis.inputs(case.result)["motion"], sort_keys=True)
@@ -242,18 +252,18 @@ def _motions(cases: Sequence[Case]) -> str:
         of = "" if len(seen) == 1 else f" of {', '.join(labels)}"
         head = ["time [s]", *(f"{name} [rad or m]" for name in motion["joints"])]
         parts.append(details(f"Waypoints{of}", table(head, rows[:500], left=0)))
-    return "".join(parts)
+    return joined(parts)
 
 
-def _robots(cases: Sequence[Case]) -> str:
+def _robots(cases: Sequence[Case]) -> Html:
     seen: dict[str, list[str]] = {}
     for case in cases:
         source = analysis.inputs(case.result)["mechanism"].get("urdf_text", "")
         seen.setdefault(source, []).append(case.label)
-    return "".join(
+    return joined(
         details(
             "Robot (URDF)" + ("" if len(seen) == 1 else f" of {', '.join(labels)}"),
-            f"<pre>{text(source)}</pre>",
+            markup("<pre>{}</pre>", source),
         )
         for source, labels in seen.items()
         if source
@@ -303,7 +313,7 @@ def assumptions(cases: Sequence[Case], start: float) -> Html:
             f"{start:g} s. Counts and impulses of contacts are those of whole runs."
         )
     for case in cases:
-        points += [Html(f"{dark(case)} {text(note)}") for note in case.notes]
+        points += [markup("{} {}", dark(case), note) for note in case.notes]
     return bullets(points)
 
 
@@ -356,13 +366,15 @@ def audits(cases: Sequence[Case]) -> Html:
             ]
         )
     warnings = [
-        Html(f'{dark(case)} <strong class="warn">Warning:</strong> {text(warning)}.')
+        markup('{} <strong class="warn">Warning:</strong> {}.', dark(case), warning)
         for case in cases
         for warning in case.result.audit.warnings
     ]
-    return Html(
-        table(head, rows, left=2)
-        + (bullets(warnings) or paragraph("No run has anything to warn of."))
+    return joined(
+        [
+            table(head, rows, left=2),
+            bullets(warnings) or paragraph("No run has anything to warn of."),
+        ]
     )
 
 
@@ -382,30 +394,32 @@ def certificates(cases: Sequence[Case]) -> Html:
         rows.append(row)
     head: list[Cell] = ["figure", *(dark(case) for case, _ in given)]
     points: list[str] = [
-        Html(f"{dark(case)} of the claims' measures above 5 %: {text(', '.join(others))}.")
+        markup("{} of the claims' measures above 5 %: {}.", dark(case), ", ".join(others))
         for case, found in given
         if (others := [one.name for one in found.marked if one not in found.headline])
     ]
-    points += [Html(f"{dark(case)} {text(found.note)}.") for case, found in given if found.note]
+    points += [markup("{} {}.", dark(case), found.note) for case, found in given if found.note]
     points += [
-        Html(f"{dark(case)} further runs: {text('; '.join(found.runs))}.")
+        markup("{} further runs: {}.", dark(case), "; ".join(found.runs))
         for case, found in given
         if found.runs
     ]
-    return Html(
-        "<h3>Numerical errors</h3>"
-        + paragraph(
-            "Figures of the runs and how far they may be from what the model says, found by "
-            "running again more finely; those with errors above 5 % are marked."
-        )
-        + table(head, rows, left=1, name="certificates")
-        + bullets(points)
+    return joined(
+        [
+            Html("<h3>Numerical errors</h3>"),
+            paragraph(
+                "Figures of the runs and how far they may be from what the model says, found by "
+                "running again more finely; those with errors above 5 % are marked."
+            ),
+            table(head, rows, left=1, name="certificates"),
+            bullets(points),
+        ]
     )
 
 
 def _certified(figure: CertifiedFigure) -> Cell:
-    shown = text(str(figure))
-    return Html(f'<strong class="warn">{shown} (!)</strong>' if figure.marked else shown)
+    shown = str(figure)
+    return markup('<strong class="warn">{} (!)</strong>', shown) if figure.marked else shown
 
 
 def modes(cases: Sequence[Case], start: float) -> Html:
@@ -413,7 +427,7 @@ def modes(cases: Sequence[Case], start: float) -> Html:
     pairs = [(case, joint) for case in cases for joint in case.joints]
     if not pairs:
         return paragraph("No case has clearance.")
-    names = [Html(f"{dark(case)}, {text(joint)}") for case, joint in pairs]
+    names = [markup("{}, {}", dark(case), joint) for case, joint in pairs]
     found = [analysis.shares(case.result, joint, "mode", start) for case, joint in pairs]
     keys = list(found[0])
     rows: list[list[Cell]] = [
@@ -430,14 +444,11 @@ def modes(cases: Sequence[Case], start: float) -> Html:
         for form in Form
         if any(share[form.name.lower()] > 0.0 for share in forms)
     ]
-    return Html(
-        table(["mode (Table 1)", *names], rows, "Share of the records in each mode [%]")
-        + (
-            table(["form (Figure 2)", *names], form_rows, "Share of the records in each form [%]")
-            if form_rows
-            else ""
-        )
-    )
+    parts = [table(["mode (Table 1)", *names], rows, "Share of the records in each mode [%]")]
+    if form_rows:
+        caption = "Share of the records in each form [%]"
+        parts.append(table(["form (Figure 2)", *names], form_rows, caption))
+    return joined(parts)
 
 
 def impacts(cases: Sequence[Case], start: float) -> Html:
@@ -458,7 +469,7 @@ def impacts(cases: Sequence[Case], start: float) -> Html:
     rows: list[list[Cell]] = []
     for case in cases:
         for place in analysis.contacts(case.result, start):
-            name = Html(f"{dark(case)}, {text(place.joint)}, {place.contact.replace('_', ' ')}")
+            name = _place(case, place.joint, place.contact)
             exact: list[Cell] = [None, None, None, None]
             if case.replay is not None:
                 one = case.replay.statistics.sel(joint=place.joint, contact=place.contact)
@@ -483,15 +494,17 @@ def impacts(cases: Sequence[Case], start: float) -> Html:
         {_ms(float(np.median(np.diff(case.result.time)))) for case in cases if case.joints}
     )
     spacing = ", ".join(f"{value:g}" for value in intervals)
-    return Html(
-        table(head, rows)
-        + paragraph(
-            "Contacts begun, impulse and shortest contact are exact: counted at every step of the "
-            "whole run. Durations come from records, known to about one record interval "
-            f"({spacing} ms), and contacts that follow each other within it count as one. Peak "
-            "forces are held between records and exact."
-        )
+    note = (
+        "Contacts begun, impulse and shortest contact are exact: counted at every step of the "
+        "whole run. Durations come from records, known to about one record interval "
+        f"({spacing} ms), and contacts that follow each other within it count as one. Peak "
+        "forces are held between records and exact."
     )
+    return joined([table(head, rows), paragraph(note)])
+
+
+def _place(case: Case, joint: str, contact: str) -> Html:
+    return markup("{}, {}, {}", dark(case), joint, contact.replace("_", " "))
 
 
 def singles(cases: Sequence[Case]) -> Html:
@@ -514,16 +527,16 @@ def singles(cases: Sequence[Case]) -> Html:
             force = window["normal_force"].sel(joint=impact.joint, contact=impact.contact)
             rows.append(
                 [
-                    Html(f"{dark(case)}, {text(impact.joint)}, {impact.contact.replace('_', ' ')}"),
-                    Html(f"{float(time[int(force.values.argmax())]):.5f}"),
+                    _place(case, impact.joint, impact.contact),
+                    f"{float(time[int(force.values.argmax())]):.5f}",
                     impact.peak_force,
                     1e6 * impact.penetration,
-                    impact.steps if impact.complete else Html(f"&gt; {impact.steps}"),
+                    impact.steps if impact.complete else f"> {impact.steps}",
                     1e3 * impact.approach_speed,
                     1e3 * impact.separation_speed,
-                    Html(
-                        f'<button type="button" data-zoom="{float(time[0])!r},'
-                        f'{float(time[-1])!r}">zoom</button>'
+                    markup(
+                        '<button type="button" data-zoom="{}">zoom</button>',
+                        f"{float(time[0])!r},{float(time[-1])!r}",
                     ),
                 ]
             )
@@ -571,7 +584,7 @@ def accuracies(cases: Sequence[Case], start: float) -> Html:
             for what, moment in moments:
                 error = 1e3 * analysis.error_at(case.error, moment)
                 strong = what == "end of dwell"
-                cells: list[Cell] = [stop.kind, what, Html(f"{moment:.4g}")]
+                cells: list[Cell] = [stop.kind, what, f"{moment:.4g}"]
                 cells += [float(value) for value in error]
                 rows.append([dark(case), *(_strong(cell) if strong else cell for cell in cells)])
     if not rows:
@@ -584,11 +597,11 @@ def accuracies(cases: Sequence[Case], start: float) -> Html:
         left=3,
         name="stops",
     )
-    return Html(whole + at_stops)
+    return joined([whole, at_stops])
 
 
 def _strong(cell: Cell) -> Html:
-    return Html(f"<strong>{text(cell)}</strong>")
+    return markup("<strong>{}</strong>", cell)
 
 
 def spectra(cases: Sequence[Case], start: float) -> Html:
@@ -631,7 +644,8 @@ def spectra(cases: Sequence[Case], start: float) -> Html:
         "mean one of each record interval (difference of recorded velocities), which lowers the "
         "density towards the Nyquist frequency, by 59 % there."
     )
-    return Html((table(head, rows) if rows else "") + paragraph(note) + bullets(made))
+    parts = [table(head, rows)] if rows else []
+    return joined([*parts, paragraph(note), bullets(made)])
 
 
 def claim_rows(source: Path | None) -> list[list[str]]:
@@ -663,7 +677,7 @@ def claims(cases: Sequence[Case], source: Path | None) -> Html:
     if source is not None and lines:
         verdicts = {"yes": "good", "no": "bad"}
         rows = [
-            [a, b, c, Html(f'<span class="{verdicts.get(d, "open")}">{text(d)}</span>'), e]
+            [a, b, c, markup('<span class="{}">{}</span>', verdicts.get(d, "open"), d), e]
             for a, b, c, d, e in lines[1:]
         ]
         parts.append(table(lines[0], rows, f"Ensembles of perturbed runs ({source.name})", 5))
@@ -693,10 +707,7 @@ def claims(cases: Sequence[Case], source: Path | None) -> Html:
                 "scara` judges ensembles."
             )
         )
-    return Html(
-        "".join(parts)
-        or paragraph(
-            "There is nothing to judge: no claims table was given, "
-            f"and no run with clearance is longer than {2.0 * START_UP:g} s."
-        )
+    return joined(parts) or paragraph(
+        "There is nothing to judge: no claims table was given, "
+        f"and no run with clearance is longer than {2.0 * START_UP:g} s."
     )

@@ -1,51 +1,86 @@
-"""Pieces of HTML: escaped text, numbers as an engineer writes them, tables."""
+"""Pieces of HTML: templates that escape what they are given, numbers as an engineer writes them.
+
+Names come from files of others. `Html` is text that is HTML already; the only ways to it are
+`markup`, `joined` and the templates, which escape everything else.
+"""
 
 from __future__ import annotations
 
-import html
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from functools import cache
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup as Html
+from markupsafe import escape
 
 _MINUS = "\N{MINUS SIGN}"
-
-
-class Html(str):
-    """Text that is HTML already; any other text is escaped."""
-
 
 Cell = str | float | int | None
 
 
-def text(value: Cell) -> str:
+@cache
+def _templates() -> Environment:
+    made = Environment(
+        loader=PackageLoader("jointplay.report", "page"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    made.filters["cell"] = text
+    made.filters["anchor"] = lambda name: name.lower().replace(" ", "-")
+    return made
+
+
+def render(template: str, **values: object) -> Html:
+    """A template of the folder `page`, filled in; text in `values` is escaped, `Html` is not."""
+    return Html(_templates().get_template(template).render(**values))
+
+
+def markup(pattern: str, *values: object) -> Html:
+    """`pattern`, which is HTML, with `values` escaped in the place of each ``{}``."""
+    return Html(pattern).format(*map(cell_or_text, values))
+
+
+def joined(parts: Iterable[Html], between: str = "") -> Html:
+    """Parts of a page one after another; what is not `Html` is escaped."""
+    return Html(between).join(parts)
+
+
+def cell_or_text(value: object) -> object:
+    """Numbers as `number` writes them; all else as it is."""
+    return text(value) if value is None or isinstance(value, (bool, int, float)) else value
+
+
+def text(value: object) -> Html:
     """A cell's HTML: text escaped, numbers by `number`, None as a dash."""
-    if isinstance(value, Html):
-        return str(value)
     if value is None:
-        return "&ndash;"
+        return Html("&ndash;")
     if isinstance(value, bool):
-        return "yes" if value else "no"
+        return Html("yes") if value else Html("no")
     if isinstance(value, (int, float)):
         return number(value)
-    return html.escape(str(value))
+    return escape(value)
 
 
-def number(value: float, digits: int = 3) -> str:
+def number(value: float, digits: int = 3) -> Html:
     """`value` with `digits` significant digits; powers of ten only where zeros would mislead."""
     if isinstance(value, int):
-        return str(value).replace("-", _MINUS)
+        return escape(str(value).replace("-", _MINUS))
     if math.isnan(value):
-        return "&ndash;"
+        return Html("&ndash;")
     if math.isinf(value):
-        return "&infin;" if value > 0 else _MINUS + "&infin;"
+        return Html("&infin;") if value > 0 else Html(_MINUS + "&infin;")
     if value == 0.0:
-        return "0"
+        return Html("0")
     rounded = float(f"{value:.{digits - 1}e}")
     exponent = math.floor(math.log10(abs(rounded)))
     if -4 <= exponent < 6:
         shown = f"{rounded:.{max(0, digits - 1 - exponent)}f}"
-        return shown.replace("-", _MINUS)
+        return escape(shown.replace("-", _MINUS))
     mantissa = f"{rounded / 10.0**exponent:.{digits - 1}f}".replace("-", _MINUS)
-    return f"{mantissa}&middot;10<sup>{str(exponent).replace('-', _MINUS)}</sup>"
+    return Html("{}&middot;10<sup>{}</sup>").format(mantissa, str(exponent).replace("-", _MINUS))
 
 
 def table(
@@ -56,38 +91,21 @@ def table(
     name: str = "",
 ) -> Html:
     """A table whose first `left` columns are text, the others numbers."""
-    parts = [f'<div class="scroll"><table{f" id={name!r}" if name else ""}>']
-    if caption:
-        parts.append(f"<caption>{text(caption)}</caption>")
-    parts.append("<thead><tr>")
-    parts += [f'<th scope="col"{_class(i, left)}>{text(cell)}</th>' for i, cell in enumerate(head)]
-    parts.append("</tr></thead><tbody>")
-    for row in rows:
-        parts.append("<tr>")
-        for i, cell in enumerate(row):
-            tag = 'th scope="row"' if i == 0 else "td"
-            parts.append(f"<{tag}{_class(i, left)}>{text(cell)}</{tag.split()[0]}>")
-        parts.append("</tr>")
-    parts.append("</tbody></table></div>")
-    return Html("".join(parts))
-
-
-def _class(column: int, left: int) -> str:
-    return "" if column < left else ' class="n"'
+    return render("table.html", head=head, rows=rows, caption=caption, left=left, name=name)
 
 
 def paragraph(content: str) -> Html:
     """A paragraph."""
-    return Html(f"<p>{text(content)}</p>")
+    return markup("<p>{}</p>", content)
 
 
 def bullets(items: Sequence[str]) -> Html:
     """A list of points; nothing for none."""
     if not items:
         return Html("")
-    return Html("<ul>" + "".join(f"<li>{text(item)}</li>" for item in items) + "</ul>")
+    return markup("<ul>{}</ul>", joined(markup("<li>{}</li>", item) for item in items))
 
 
 def details(summary: str, content: str) -> Html:
     """Something to unfold."""
-    return Html(f"<details><summary>{text(summary)}</summary>{content}</details>")
+    return markup("<details><summary>{}</summary>{}</details>", summary, content)

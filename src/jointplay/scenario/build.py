@@ -13,8 +13,10 @@ import numpy as np
 
 from jointplay.cartesian import cartesian_motion
 from jointplay.contact import film_law, friction_law, normal_law
+from jointplay.contact.trust import trusting
 from jointplay.drive import DRIVES, ComputedTorque, Drive, JointFriction
 from jointplay.errors import JointplayError, MissingName
+from jointplay.files import is_file
 from jointplay.gear import Gear
 from jointplay.joints import Clearance, Material
 from jointplay.loops import Loop
@@ -199,7 +201,7 @@ def _joint(table: Any, folder: Path) -> Clearance:
             defaults = {"law": value.law}
             if value.law in CUSTOM_LAWS:
                 defaults["parameters"] = tuple(value.parameters)
-            with _importable(folder):
+            with _beside(folder, getattr(value, "function", "")):
                 given[key] = _LAWS[key](value.given() | defaults)
         elif isinstance(value, Table):
             given[key] = Material(**value.given())
@@ -208,13 +210,20 @@ def _joint(table: Any, folder: Path) -> Clearance:
 
 
 @contextmanager
-def _importable(folder: Path) -> Iterator[None]:
-    """Let users' own laws be found beside their scenario."""
-    sys.path.insert(0, str(folder.resolve()))
-    try:
+def _beside(folder: Path, function: str) -> Iterator[None]:
+    """Let a law of the user's own be found beside the scenario that names it."""
+    module = function.partition(":")[0].partition(".")[0]
+    own = folder / f"{module}.py", folder / module / "__init__.py"
+    if not module.isidentifier() or not any(is_file(path) for path in own):
         yield
+        return
+    place = str(folder.resolve())
+    sys.path.insert(0, place)
+    try:
+        with trusting({module}):
+            yield
     finally:
-        sys.path.remove(str(folder.resolve()))
+        sys.path.remove(place)
 
 
 def _fit(

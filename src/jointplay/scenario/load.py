@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
 
+from jointplay.contact.trust import trusting
 from jointplay.errors import JointplayError, MissingName
 from jointplay.scenario.build import MOTION_SOURCES, SHIPPED, Misplaced, build, locate
 from jointplay.scenario.model import NOT_IN_A_CASE, Model
@@ -40,6 +41,16 @@ _BLAMED = {
 }
 """Keys whose names begin messages of `Simulation`, by table."""
 
+LONGEST = 5_000_000
+"""Most characters of a scenario."""
+
+DEEPEST = 50
+"""Most parts of a key."""
+
+_DEEP_KEY = re.compile(
+    r"(?<![\w\"'-])(?:[\w\"'-]+[ \t]*\.[ \t]*){%d}" % DEEPEST  # noqa: UP031
+)
+
 _SELECTORS = ("kind", "law")
 
 
@@ -48,19 +59,18 @@ class Scenario:
 
     Attributes:
         path, text: the file.
+        trust: modules from which it may take laws.
         title: what it is about.
         cases: labels of its cases, in order; a file without cases has one, named like the file.
         figures: whether figures that compare the cases are wanted.
     """
 
-    def __init__(self, text: str, path: str | Path) -> None:
+    def __init__(self, text: str, path: str | Path, trust: Collection[str] = ()) -> None:
         """Check the scenario `text`, naming `path` in errors; see `load`."""
         self.path = Path(path)
+        self.trust = tuple(trust)
         self.text = text
-        try:
-            data = tomllib.loads(text)
-        except tomllib.TOMLDecodeError as error:
-            raise JointplayError(f"{self.path}{_syntax(str(error))}") from None
+        data = self._parsed(text)
         cases = data.pop("cases", {})
         self._base = data
         self._changes: dict[str, dict[str, Any]] = {}
@@ -74,9 +84,32 @@ class Scenario:
         self.title = models[0].title or self.path.stem
         self.figures = models[0].output.figures
 
+    def _parsed(self, text: str) -> dict[str, Any]:
+        if len(text) > LONGEST:
+            raise JointplayError(
+                f"{self.path}: {len(text) / 1e6:.3g} MB of text; a scenario has at most "
+                f"{LONGEST / 1e6:g} MB"
+            )
+        deep = _DEEP_KEY.search(text)
+        if deep:
+            line = text.count("\n", 0, deep.start()) + 1
+            raise JointplayError(f"{self.path}, line {line}: a key has at most {DEEPEST} parts")
+        try:
+            return tomllib.loads(text)
+        except tomllib.TOMLDecodeError as error:
+            raise JointplayError(f"{self.path}{_syntax(str(error))}") from None
+        except RecursionError:
+            raise JointplayError(f"{self.path}: lists or tables are nested too deeply") from None
+        except ValueError as error:  # a whole number of too many digits
+            raise JointplayError(f"{self.path}: {error}") from None
+
     @classmethod
-    def load(cls, path: str | Path) -> Scenario:
+    def load(cls, path: str | Path, trust: Collection[str] = ()) -> Scenario:
         """Read and check a scenario file; ``jointplay:scara.toml`` is one that ships.
+
+        Args:
+            path: the file.
+            trust: modules from which it may take laws, besides those that lie beside it.
 
         Raises:
             JointplayError: the file cannot be read, is no TOML, or says what cannot be. The
@@ -86,10 +119,10 @@ class Scenario:
             path = locate(str(path), Path())
         try:
             text = Path(path).read_text(encoding="utf-8-sig")
-        except (OSError, UnicodeDecodeError) as error:
+        except (OSError, ValueError) as error:
             reason = getattr(error, "strerror", None) or error
             raise JointplayError(f"cannot read the scenario {str(path)!r}: {reason}") from None
-        return cls(text, path)
+        return cls(text, path, trust)
 
     def simulation(
         self, case: str | None = None, changes: Mapping[str, Any] | None = None
@@ -110,7 +143,8 @@ class Scenario:
             (case,) = self.cases
         model = self.model(case, changes)
         try:
-            return build(model, self.path.parent)
+            with trusting(self.trust):
+                return build(model, self.path.parent)
         except Misplaced as error:
             raise self._error(error.path, str(error), case, True) from None
         except JointplayError as error:

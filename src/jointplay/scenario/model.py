@@ -132,7 +132,7 @@ class CustomLaw(Table):
 
     law: Literal["custom"] = "custom"
     function: str
-    """``module:function``; the scenario's folder is searched first."""
+    """``module:function`` of a module beside the scenario; of another with ``--trust MODULE``."""
     parameters: list[quantity("")] = Field([])  # type: ignore[valid-type]
     """Numbers that the function finds in p."""
 

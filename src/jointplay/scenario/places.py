@@ -9,6 +9,9 @@ from typing import Any
 
 Key = tuple[str | int, ...]
 
+_TRIED = 30
+"""Lines of a statement that is open at its end after which the rest is awaited."""
+
 _BARE = re.compile(r"[A-Za-z0-9_-]+")
 
 
@@ -30,15 +33,20 @@ def lines(text: str) -> dict[Key, int]:
     counts: dict[Key, int] = {}
     table: Key = ()
     chunk: list[str] = []
+    opened = 0
     for number, line in enumerate(text.splitlines(), 1):
         chunk.append(line)
+        # Brackets may stand in text, so this is a guess; to try each line of a long list is slow.
+        opened += sum(line.count(c) for c in "[{") - sum(line.count(c) for c in "]}")
+        if opened > 0 and len(chunk) > _TRIED:
+            continue
         try:  # a statement may go on over several lines
             parsed = tomllib.loads("\n".join(chunk))
         except tomllib.TOMLDecodeError:
             continue
         start = number - len(chunk) + 1
         header = chunk[0].lstrip().startswith("[")
-        chunk = []
+        chunk, opened = [], 0
         if header:
             table = _header(parsed, counts)
             _note(found, table, start)

@@ -1,7 +1,8 @@
 """Tables of a scenario that mirror the package's classes: their arguments are the keys.
 
 A class that gets a new argument, or a registry a new law, needs no change here but for the unit of
-an argument whose name is new: in `UNITS`, or in the class itself as ``units = {"name": "m/s"}``.
+an argument whose name is new: in `UNITS`, or in the class itself as ``units = {"name": "m/s"}``,
+``""`` for a pure number.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ ANGULAR_SPEED = ("rad/s", "m/s")
 """Of revolute or of prismatic joints; which one it must be shows when the robot has been read."""
 
 UNITS: Mapping[str, Mapping[str, str | tuple[str, ...]]] = {
-    "Material": {"young": "Pa", "density": "kg/m^3", "yield_strength": "Pa"},
+    "Material": {"young": "Pa", "poisson": "", "density": "kg/m^3", "yield_strength": "Pa"},
     "Clearance": {
         **dict.fromkeys(
             (
@@ -42,13 +43,21 @@ UNITS: Mapping[str, Mapping[str, str | tuple[str, ...]]] = {
         ),
         "stiffness": "N/m^1.5",
         "axial_stiffness": "N/m^1.5",
+        "restitution": "",
         "wear_rate": "m^3/(N*m)",
+        "worn": "m",
     },
-    "NormalForceLaw": {"stiffness": "N/m", "damping": "N*s/m"},
+    "NormalForceLaw": {
+        "stiffness": "N/m",
+        "damping": "N*s/m",
+        "mass": "kg",
+        **dict.fromkeys(("n", "p", "q"), ""),
+    },
     "FrictionLaw": {
-        **dict.fromkeys(("v0", "v1", "v_s"), "m/s"),
+        **dict.fromkeys(("mu_d", "mu_s"), ""),
+        **dict.fromkeys(("v0", "v1", "v_s", "v_t", "v_r"), "m/s"),
         "sigma0": "1/m",
-        **dict.fromkeys(("sigma1", "sigma2"), "s/m"),
+        **dict.fromkeys(("sigma1", "sigma2", "xi"), "s/m"),
         "dwell_time": "s",
     },
     "FilmLaw": {"viscosity": "Pa*s", "transition": "m", "least_thickness": "m"},
@@ -58,7 +67,7 @@ UNITS: Mapping[str, Mapping[str, str | tuple[str, ...]]] = {
         "stiffness": "N*m/rad",
         "damping": "N*m*s/rad",
     },
-    "Drive": {"bandwidth": "rad/s", "times": "s", "values": TORQUE},
+    "Drive": {"bandwidth": "rad/s", "damping_ratio": "", "times": "s", "values": TORQUE},
     "JointFriction": {
         "coulomb": TORQUE,
         "static": TORQUE,
@@ -67,7 +76,10 @@ UNITS: Mapping[str, Mapping[str, str | tuple[str, ...]]] = {
     },
     "Payload": {"mass": "kg", "pick": "s", "release": "s", "centre": "m", "inertia": "kg*m^2"},
 }
-"""SI units of arguments, by class or base class; what is not listed is a pure number."""
+"""SI units of arguments, by class or base class, empty for pure numbers.
+
+Every argument that is a number is listed, or importing this package fails.
+"""
 
 
 def trouble(message: str, key: str | None = None) -> PydanticCustomError:
@@ -159,13 +171,17 @@ def closest(word: Any, choices: Iterable[str]) -> str:
 
 
 def unit_of(owner: type, name: str) -> tuple[str, ...]:
-    """SI units that argument `name` of the class `owner` can have."""
+    """SI units that argument `name` of the class `owner` can have; empty text: a pure number."""
+    return _declared(owner, name) or ("",)
+
+
+def _declared(owner: type, name: str) -> tuple[str, ...] | None:
     for base in owner.__mro__:
         for table in (vars(base).get("units", {}), UNITS.get(base.__name__, {})):
             if isinstance(table, Mapping) and name in table:
                 unit = table[name]
                 return (unit,) if isinstance(unit, str) else tuple(unit)
-    return ("",)
+    return None
 
 
 def mirror(
@@ -193,7 +209,10 @@ def mirror(
         if name in omit:
             continue
         required = parameter.default is inspect.Parameter.empty
-        kind = _type(hints.get(name, Any), unit_of(owner, name), replace or {})
+        hint = hints.get(name, Any)
+        if _measures(hint) and _declared(owner, name) is None:
+            raise TypeError(f"{owner.__name__}.{name} is a number without a unit; see UNITS")
+        kind = _type(hint, unit_of(owner, name), replace or {})
         text = texts.get(name)
         fields[name] = (kind, Field(... if required else None, description=text))
     model = create_model(title or owner.__name__, __base__=Table, **fields)
@@ -220,6 +239,11 @@ def _explanations(owner: type) -> dict[str, str]:
             if not words.startswith("see "):
                 found |= dict.fromkeys(names.split(", "), words)
     return {name: " ".join(text.split()) for name, text in found.items()}
+
+
+def _measures(hint: Any) -> bool:
+    """Whether a type holds numbers that can have a unit."""
+    return hint is float or any(_measures(part) for part in get_args(hint))
 
 
 def _type(hint: Any, units: tuple[str, ...], replace: Mapping[Any, Any]) -> Any:

@@ -37,6 +37,16 @@ WORDS = {
 }
 """Units of the package by their text: what they measure, and an example for messages."""
 
+_LARGEST = 10**300
+"""Whole numbers beyond it are none that a float can hold."""
+
+_LONGEST_UNIT = 60
+_NO_UNIT = re.compile(r"\d{3}|\d\s*(\*\*|\^)|\n")
+"""What no unit has in it; a power of a power would keep the parser busy for ever."""
+
+_LONGEST_SHOWN, _MOST_SHOWN = 100, 20
+"""Longest text and list that a message repeats."""
+
 _QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*")
 
 
@@ -78,14 +88,16 @@ def convert(value: Any, *units: str) -> Measured:
         ValueError: one line that names the value, and what was expected.
     """
     if isinstance(value, int | float) and not isinstance(value, bool):
-        if not math.isfinite(value):
-            raise ValueError(f"{value} is not finite; expected {expected(*units)}")
+        if (isinstance(value, int) and abs(value) > _LARGEST) or not math.isfinite(value):
+            raise ValueError(f"{shown(value)} is not finite; expected {expected(*units)}")
         return Measured(float(value), "", str(value))
     found = _QUANTITY.fullmatch(value) if isinstance(value, str) else None
     if found is None:
         raise ValueError(f"{shown(value)} is {_no(units)}; expected {expected(*units)}")
     number, text = found.groups()
     try:
+        if len(text) > _LONGEST_UNIT or _NO_UNIT.search(text):
+            raise ValueError(text)
         unit = _unit(text)
     except ValueError:
         raise ValueError(
@@ -104,13 +116,16 @@ def convert(value: Any, *units: str) -> Measured:
 def shown(value: Any) -> str:
     """A value as TOML writes it."""
     if isinstance(value, str):
-        return f'"{value}"'
+        return f'"{value}"' if len(value) <= _LONGEST_SHOWN else f'"{value[:40]}..."'
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, dict):
         return "a table"
     if isinstance(value, list | tuple):
-        return f"[{', '.join(map(shown, value))}]"
+        most = [shown(one) for one in value[:_MOST_SHOWN]]
+        return f"[{', '.join([*most, '...'] if len(value) > _MOST_SHOWN else most)}]"
+    if isinstance(value, int) and abs(value) > _LARGEST:
+        return "a whole number of very many digits"
     return str(value)
 
 
@@ -140,10 +155,13 @@ def _fits(unit: _Unit, goal: str) -> bool:
 
 def _exact(number: str, factor: float) -> float:
     """number * factor, correctly rounded if the factor is a power of ten."""
-    power = round(math.log10(factor))
-    if math.isclose(factor, 10.0**power, rel_tol=1e-12):
-        return float(Decimal(number).scaleb(power))
-    return float(number) * factor
+    try:
+        power = round(math.log10(factor))
+        if math.isclose(factor, 10.0**power, rel_tol=1e-12):
+            return float(Decimal(number).scaleb(power))
+        return float(number) * factor
+    except (ArithmeticError, ValueError):  # sizes beyond all numbers
+        return math.inf
 
 
 @cache

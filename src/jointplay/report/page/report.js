@@ -120,6 +120,8 @@
     return { x, y };
   }
 
+  // Plotly takes text for HTML of its own kind; names are not.
+  const plain = (name) => String(name).replace(/&/g, "&amp;").replace(/</g, "&lt;").replace(/>/g, "&gt;");
   const number = (i) => (i === 0 ? "" : String(i + 1));
   const FONT = { family: "system-ui, sans-serif", size: 12, color: "#222" };
   const AXIS = { gridcolor: "#e6e6e6", zerolinecolor: "#c4c4c4", linecolor: "#999", ticks: "outside",
@@ -170,14 +172,14 @@
         y.tickvals = panel.rows.map((_, k) => -k); y.ticktext = panel.rows;
         y.range = [0.5 - panel.rows.length, 0.5]; y.showgrid = false; y.zeroline = false;
       }
-      if (panel.title) annotations.push({ text: panel.title, xref: "paper", yref: "paper", x: left,
+      if (panel.title) annotations.push({ text: plain(panel.title), xref: "paper", yref: "paper", x: left,
         y: top, xanchor: "left", yanchor: "bottom", showarrow: false, font: { size: 11.5 } });
       if (panel.outline) data.push({ x: panel.outline[0], y: panel.outline[1], mode: "lines",
         line: { color: "black", width: 1.2 }, name: "clearance", showlegend: !seen.has("clearance"),
         legendgroup: "clearance", hoverinfo: "skip", xaxis: "x" + xn, yaxis: "y" + n });
       if (panel.outline) seen.add("clearance");
       for (const trace of panel.traces) {
-        const base = { name: trace.name, legendgroup: trace.name, showlegend: !seen.has(trace.name),
+        const base = { name: plain(trace.name), legendgroup: trace.name, showlegend: !seen.has(trace.name),
           xaxis: "x" + xn, yaxis: "y" + n, type: "scatter" };
         seen.add(trace.name);
         const line = { color: trace.color, width: 1.2, dash: trace.dash || "solid" };
@@ -267,6 +269,7 @@
       hosts.set(host, { chart, visible: false, stale: true });
       watch.observe(host);
     }
+    document.getElementById("zoom").addEventListener("submit", (event) => event.preventDefault());
     const read = () => show([Number(from.value), Number(to.value)]);
     from.addEventListener("change", read);
     to.addEventListener("change", read);

@@ -1,0 +1,88 @@
+"""Which laws of a user's own may be looked up by name: no file has jointplay import what it likes.
+
+A result names such a law as ``module:function``. To import a module is to run it. So a name is
+looked up among the laws that this process has made itself; else its module must have been named by
+the user: ``--trust MODULE`` on the command line, ``trust=`` in Python, or lying beside the
+scenario that is run.
+"""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from collections.abc import Callable, Collection, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from pathlib import Path
+from typing import Any
+
+from jointplay.errors import JointplayError
+
+Function = Callable[..., Any]
+
+_known: dict[str, Function] = {}
+"""Functions of which this process has made a law, by ``module:function``."""
+
+_trusted: ContextVar[frozenset[str]] = ContextVar("trusted", default=frozenset())
+
+
+def path_of(function: Function) -> str:
+    """``module:function``, by which files name a law."""
+    return f"{function.__module__}:{function.__qualname__}"
+
+
+def know(function: Function) -> Function:
+    """Remember a function of which a law is made here; returns it."""
+    path = path_of(function)
+    if "<" not in path:  # lambdas and nested functions share their names
+        _known[path] = function
+    return function
+
+
+@contextmanager
+def trusting(modules: Collection[str]) -> Iterator[None]:
+    """Let the block import laws from `modules` and from what lies in them."""
+    token = _trusted.set(_trusted.get() | set(modules))
+    try:
+        yield
+    finally:
+        _trusted.reset(token)
+
+
+def found(path: str) -> Function:
+    """The function that ``module:function`` names, if it is known or its module trusted.
+
+    Raises:
+        JointplayError: it is neither, or cannot be imported here.
+    """
+    module, _, name = path.partition(":") if isinstance(path, str) else ("", "", "")
+    parts = module.split(".")
+    if not all(part.isidentifier() for part in (*parts, *name.split("."))):
+        raise JointplayError(f"a law of one's own is named module:function, got {path!r}")
+    if path in _known:
+        return _known[path]
+    ways = {".".join(parts[:size]) for size in range(1, len(parts) + 1)}
+    if ways.isdisjoint(_trusted.get()):
+        raise JointplayError(
+            f"the law {path!r} is code that no one here has named; if it is yours, trust its "
+            f"module: --trust {module}, or trust=[{module!r}] in Python"
+        )
+    return imported(path)
+
+
+def imported(path: str) -> Function:
+    """The function that ``module:function`` names, whatever it may be.
+
+    Raises:
+        JointplayError: it cannot be imported here.
+    """
+    module, _, name = path.partition(":")
+    here = str(Path.cwd())
+    sys.path.append(here)  # commands do not search where they are called
+    try:
+        function: Function = getattr(importlib.import_module(module), name)
+        return function
+    except (ImportError, AttributeError, ValueError, SyntaxError) as error:
+        raise JointplayError(f"the law {path!r} cannot be imported here: {error}") from error
+    finally:
+        sys.path.remove(here)

@@ -1,0 +1,120 @@
+"""Datasets as NetCDF files that can be trusted to be whole: made in memory, sealed by a checksum.
+
+HDF5 ends the process if it closes a file on a full disk, and a file with a flipped bit can keep it
+busy for ever. So it writes to memory only, and the bytes then go to disk like those of any file
+(`files.write`). Behind them stands a line with their SHA-256: NetCDF readers do not see it, and
+`load` does not show HDF5 anything that has changed since.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import xarray as xr
+
+from jointplay.errors import JointplayError
+
+SEAL = b"\njointplay sha256 "
+"""What stands between a file's content and its checksum, which ends the file with a newline."""
+
+_SEALED = len(SEAL) + 64 + 1
+
+GUARD_S = 60.0
+"""Longest time that reading a file without checksum may take, and 1 s for each megabyte [s]."""
+
+MEMORY_SHARE = 0.8
+"""Part of this machine's memory that a result may fill."""
+
+_GUARD = "import sys, xarray; xarray.load_dataset(sys.argv[1], engine='h5netcdf')"
+"""What a process of its own does with a file that may hang or crash it."""
+
+
+def pack(dataset: xr.Dataset) -> bytes:
+    """The file that holds `dataset`, compressed and sealed."""
+    compress = {
+        name: {"zlib": True, "complevel": 1, "shuffle": True}
+        for name, variable in dataset.data_vars.items()
+        if variable.dtype.kind in "fi"
+    }
+    content = bytes(dataset.to_netcdf(None, engine="h5netcdf", encoding=compress))
+    return seal(content)
+
+
+def seal(content: bytes) -> bytes:
+    """`content` with its checksum behind it."""
+    return content + SEAL + hashlib.sha256(content).hexdigest().encode() + b"\n"
+
+
+def load(path: Path) -> xr.Dataset:
+    """Read a file that `pack` made, or an earlier version, or another program.
+
+    Raises:
+        JointplayError: damaged, no NetCDF file, or larger than this machine's memory.
+    """
+    try:
+        content = path.read_bytes()
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise JointplayError(f"cannot read {str(path)!r}: {reason}") from None
+    body, sealed = content[:-_SEALED], content[-_SEALED:]
+    if sealed.startswith(SEAL):
+        if sealed != seal(body)[-_SEALED:]:
+            raise _damaged(path, "its checksum does not match (cut short, or changed since)")
+        content = body
+    else:
+        _guarded(path, len(content))
+    try:
+        with xr.open_dataset(io.BytesIO(content), engine="h5netcdf") as dataset:
+            _check_size(path, dataset)
+            return dataset.load()
+    except JointplayError:
+        raise
+    except Exception as error:  # HDF5 raises whatever it stumbles over
+        raise _damaged(path, error) from None
+
+
+def _damaged(path: Path, reason: object) -> JointplayError:
+    words = " ".join(str(reason).split()) or type(reason).__name__
+    return JointplayError(f"{str(path)!r} is damaged or not a result: {words}")
+
+
+def _check_size(path: Path, dataset: xr.Dataset) -> None:
+    """Refuse what would not fit into memory: a small file can claim to hold any size."""
+    largest = MEMORY_SHARE * memory()
+    if dataset.nbytes > largest:
+        raise JointplayError(
+            f"{str(path)!r} holds {dataset.nbytes / 1e9:.3g} GB, more than the {largest / 1e9:.3g} "
+            "GB that this machine has for it"
+        )
+
+
+def memory() -> float:
+    """Memory of this machine [bytes]; infinite if it does not tell."""
+    try:
+        return float(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
+    except (AttributeError, OSError, ValueError):
+        return float("inf")
+
+
+def _guarded(path: Path, size: int) -> None:
+    """Have another process read the file first: if it hangs or crashes, it does so there.
+
+    Raises:
+        JointplayError: it did.
+    """
+    allowed = GUARD_S + size / 1e6
+    command = [sys.executable, "-P", "-c", _GUARD, str(path.absolute())]
+    try:
+        done = subprocess.run(command, capture_output=True, timeout=allowed, check=False)
+    except subprocess.TimeoutExpired:
+        raise _damaged(path, f"reading it did not end within {allowed:.0f} s") from None
+    except OSError:  # no process to be had: it must do without
+        return
+    if done.returncode:
+        last = done.stderr.decode("utf-8", "replace").strip().splitlines()
+        raise _damaged(path, last[-1] if last else f"the reader crashed ({done.returncode})")

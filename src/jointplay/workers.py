@@ -1,0 +1,79 @@
+"""Processes that work for this one, and end with it however it ends.
+
+A pool's processes wait for work on a pipe that they keep open for each other: if the parent is
+killed, they wait for ever. So each watches its parent; on Linux the kernel tells it at once.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import sys
+import threading
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import suppress
+from multiprocessing.process import BaseProcess
+
+_WATCH_S = 1.0
+"""Interval at which a process looks whether its parent is there."""
+
+_PR_SET_PDEATHSIG = 1
+
+
+def begin(orphaned: Callable[[], None] | None = None) -> None:
+    """Set up a process of a pool: its `initializer`, or called by it.
+
+    Ctrl-C and a closed terminal are the parent's, who ends its children.
+
+    Args:
+        orphaned: what to do, in a thread, before the process ends because its parent has.
+    """
+    for name in ("SIGINT", "SIGHUP"):
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), signal.SIG_IGN)
+    if orphaned is None:
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+        _end_with_parent(signal.SIGKILL if hasattr(signal, "SIGKILL") else signal.SIGTERM)
+    threading.Thread(target=_watch, args=(orphaned, os.getppid()), daemon=True).start()
+
+
+def _end_with_parent(number: int) -> None:
+    """Have Linux send this process a signal when its parent ends."""
+    if sys.platform != "linux":
+        return
+    import ctypes
+
+    with suppress(OSError, AttributeError):
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, number, 0, 0, 0)
+
+
+def _watch(orphaned: Callable[[], None] | None, parent: int) -> None:
+    """Wait for the parent to end, on any system; then end too."""
+    from multiprocessing.connection import wait
+
+    known = multiprocessing.parent_process()
+    while os.getppid() == parent and (known is None or known.is_alive()):
+        if known is None:
+            threading.Event().wait(_WATCH_S)
+        else:
+            wait([known.sentinel], _WATCH_S)
+    try:
+        if orphaned is not None:
+            orphaned()
+    finally:
+        os._exit(1)
+
+
+def processes(pool: ProcessPoolExecutor) -> list[BaseProcess]:
+    """The processes of a pool, which forgets them when it is shut down."""
+    return list((pool._processes or {}).values())
+
+
+def abandon(pool: ProcessPoolExecutor) -> None:
+    """End a pool and its processes at once; nothing of what they do is kept."""
+    ending = processes(pool)
+    pool.shutdown(wait=False, cancel_futures=True)
+    for process in ending:
+        process.kill()

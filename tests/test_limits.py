@@ -1,0 +1,352 @@
+"""What makes no sense, or would not end, is refused in one line that says so."""
+
+import dataclasses
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import body, joint
+
+import jointplay as jp
+from jointplay import JointplayError, numba_cache
+from jointplay.commands.run_scenario import file_names
+from jointplay.loops import closing_rows, misfit
+from jointplay.scenario.tables import mirror
+from jointplay.scenario.units import convert
+from jointplay.study import run_study, scara
+from jointplay.urdf import MOST_MOVING
+
+JOINTPLAY = str(Path(sys.executable).parent / "jointplay")
+
+# URDFs
+
+
+@pytest.mark.parametrize("axis", ["0 0 0", "0 0", "0 nan 1", "1 2 3 4", "x y z", ""])
+def test_an_axis_that_points_nowhere_is_refused(axis, urdf):
+    with pytest.raises(JointplayError, match="joint 'pin'"):
+        jp.Mechanism(urdf(body("arm"), joint("pin", "base", "arm", axis=axis)))
+
+
+def test_a_fixed_joint_may_have_any_axis(urdf):
+    """Exporters write zeros there."""
+    path = urdf(
+        body("arm"), joint("pin", "base", "arm"),
+        body("b"), joint("fix", "arm", "b", "fixed", "0 0 0"),
+    )  # fmt: skip
+    assert jp.Mechanism(path).joints == ("pin",)
+
+
+@pytest.mark.parametrize("com", ["nan 0 0", "0 0", "1e999 0 0", "a b c", "0 0 0 0"])
+def test_a_centre_of_mass_that_is_nowhere_is_refused(com, urdf):
+    with pytest.raises(JointplayError, match="link 'arm': origin xyz must be three finite numbers"):
+        jp.Mechanism(urdf(body("arm", com=com), joint("pin", "base", "arm")))
+
+
+@pytest.mark.parametrize("at", ["nan 0 0", "0 0"])
+def test_a_joint_that_is_nowhere_is_refused(at, urdf):
+    with pytest.raises(JointplayError, match="joint 'pin': origin xyz"):
+        jp.Mechanism(urdf(body("arm"), joint("pin", "base", "arm", at=at)))
+
+
+@pytest.mark.parametrize("name", ["a&#10;b", "a" * 300, "", "a&#9;b"])
+def test_names_that_no_message_can_hold_are_refused(name, urdf):
+    with pytest.raises(JointplayError) as caught:
+        jp.Mechanism(urdf(body("arm"), joint(name, "base", "arm")))
+    assert "\n" not in str(caught.value)
+
+
+def test_a_name_given_twice_is_refused(urdf):
+    with pytest.raises(JointplayError, match="two links of the URDF are called 'arm'"):
+        jp.Mechanism(urdf(body("arm"), body("arm"), joint("pin", "base", "arm")))
+
+
+def test_a_link_may_have_the_name_of_a_joint(urdf):
+    path = urdf(body("pin"), joint("pin", "base", "pin"))
+    play = jp.ClearanceJoint(radial_clearance=1e-4, axial_clearance=1e-4)
+    for joints in ({}, {"pin": play}):
+        robot = jp.Mechanism(path, joints)
+        result = jp.simulate(robot, duration=1e-3, drive=jp.Free(), joint_friction={})
+        assert len(result.time) > 1
+
+
+def test_a_chain_of_too_many_joints_is_refused_at_once(urdf):
+    names = ["base", *(f"l{i}" for i in range(MOST_MOVING + 1))]
+    links = [body(name) for name in names[1:]]
+    pins = [joint(f"j{i}", names[i], names[i + 1]) for i in range(MOST_MOVING + 1)]
+    with pytest.raises(JointplayError, match=f"at most {MOST_MOVING} are possible"):
+        jp.Mechanism(urdf(*links, *pins))
+
+
+def test_what_pinocchio_prints_does_not_reach_the_terminal(urdf, capfd):
+    path = urdf(body("arm"), joint("pin", "base", "arm").replace("<limit", "<nolimit"))
+    with pytest.raises(JointplayError, match="Pinocchio cannot read") as caught:
+        jp.Mechanism(path)
+    assert "\n" not in str(caught.value)
+    assert capfd.readouterr() == ("", "")
+
+
+# Numbers
+
+
+@pytest.mark.parametrize(
+    "value",
+    ["1e5000000 m", "9" * 5000, 10**400, "1 /10**10**10 m", "2 10**10**10 m", "1 " + "(" * 50],
+)
+def test_sizes_beyond_all_numbers_are_refused_at_once(value):
+    with pytest.raises(ValueError, match="expected a length"):
+        convert(value, "m")
+
+
+FRICTION = {
+    "coulomb": ("v_t", '"2 mm/s"', 2e-3),
+    "threlfall": ("v_r", '"2 mm/s"', 2e-3),
+    "brown-mcphee": ("v_t", '"2 mm/s"', 2e-3),
+    "bengisu-akay": ("xi", '"100 s/m"', 100.0),
+}
+
+
+@pytest.mark.parametrize("law", FRICTION)
+def test_every_number_of_a_law_takes_its_unit(law):
+    key, text, value = FRICTION[law]
+    given = f'friction = {{ law = "{law}", {key} = {text} }}'
+    joint = scenario("friction = {", given).simulation("0.2 mm").mechanism.clearance["joint_b"]
+    assert getattr(joint.friction, key) == value
+
+
+def test_the_mass_of_an_impact_takes_its_unit():
+    given = 'normal = { law = "anagnostopoulos", mass = "300 g" }'
+    joint = scenario("normal = ", given).simulation("0.2 mm").mechanism.clearance["joint_b"]
+    assert joint.normal.mass == 0.3
+
+
+def test_a_number_without_a_unit_cannot_come_into_the_package():
+    class Novel:
+        def __init__(self, length: float) -> None:
+            pass
+
+    with pytest.raises(TypeError, match=r"Novel.length is a number without a unit"):
+        mirror(Novel)
+
+
+def scenario(line="", new="", path="study.toml"):
+    """The template of `jointplay init`, the line that begins like `line` replaced."""
+    template = Path(jp.__file__).parent / "scenario" / "template.toml"
+    lines = template.read_text(encoding="utf-8").splitlines()
+    if new:
+        lines = [new if one.startswith(line) else one for one in lines]
+    return jp.Scenario("\n".join(lines), path)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("a = " + "[" * 20_000 + "]" * 20_000, "nested too deeply"),
+        (".".join(["a"] * 20_000) + " = 1", "line 1: a key has at most 50 parts"),
+        ("[" + ".".join(["a"] * 20_000) + "]", "line 1: a key has at most 50 parts"),
+        ("a = " + "1" * 5000, "digits"),
+        ("# " + "a" * 6_000_000, "a scenario has at most 5 MB"),
+    ],
+)
+def test_texts_that_would_keep_the_reader_busy_are_refused(text, words):
+    with pytest.raises(JointplayError, match=words):
+        jp.Scenario(text, "s.toml")
+
+
+def test_a_long_list_over_many_lines_is_placed_quickly():
+    times = "\n".join(f"  {i}.5," for i in range(20_000))
+    text = f'[robot]\nurdf = "jointplay:scara.urdf"\n[motion]\ntimes = [\n{times}\n]\nwrong = 1\n'
+    with pytest.raises(JointplayError, match="line 20006"):
+        jp.Scenario(text, "s.toml")
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"seed": -1}, "seed must be a whole number >= 0, got -1"),
+        ({"step": 1e-300}, "at most 1e\\+12 are possible"),
+        ({"record_every": 10**30}, "record_every must be a whole number from 1 to"),
+        ({"duration": 1e6}, "GB of memory, of which there are"),
+        ({"duration": 1e300}, "at most 1e\\+12 are possible"),
+    ],
+)
+def test_runs_that_would_never_end_are_refused_before_anything_is_tabulated(changes, words):
+    with pytest.raises(JointplayError, match=words):
+        dataclasses.replace(scara(2e-4), **changes).prepare()
+
+
+def test_a_run_too_large_for_the_memory_says_how_it_would_fit(monkeypatch):
+    monkeypatch.setattr("jointplay.limits.memory", lambda: 4e9)
+    long = dataclasses.replace(scara(2e-4), duration=1000.0)
+    with pytest.raises(JointplayError, match=r"record_every = \d+ would fit"):
+        long.prepare()
+
+
+def test_drives_of_no_machine_are_refused():
+    with pytest.raises(JointplayError, match="bandwidth must be at most"):
+        jp.ComputedTorque(bandwidth=1e300)
+
+
+def test_the_study_does_not_grow_without_end(tmp_path):
+    with pytest.raises(JointplayError, match="at most 1000 runs"):
+        run_study(tmp_path / "o", runs=3_000_000)
+    assert not (tmp_path / "o").exists()
+
+
+def test_waypoints_beyond_all_numbers_are_refused_without_a_warning(recwarn):
+    with pytest.raises(JointplayError, match="beyond all numbers"):
+        jp.Motion(["a"], [0.0, 1e-200, 1.0], [[0.0], [1e200], [0.0]])
+    assert not recwarn.list
+
+
+def test_a_cell_with_a_line_in_it_is_refused(tmp_path):
+    (tmp_path / "m.csv").write_text('time_s,a\n0,"0\n1"\n1,2\n')
+    with pytest.raises(JointplayError, match="line 2"):
+        jp.Motion.from_csv(tmp_path / "m.csv")
+
+
+def test_files_of_cases_have_names_that_any_disk_takes():
+    names = file_names(["a" * 300, "a" * 300 + "b", "\0", "é" * 200])
+    assert len(set(names)) == 4
+    assert all(len(name.encode()) < 120 and "\0" not in name for name in names)
+
+
+# Loops
+
+
+def four_bar(play, **changes):
+    shipped = jp.shipped("four_bar.toml")
+    made = jp.Scenario.load(shipped)
+    pin = {"kind": "planar", "radial_clearance": play, "bearing_radius": 5e-3}
+    return dataclasses.replace(
+        made.simulation("0.05 mm", {"joints": {"coupler_pin": pin}}), **changes
+    )
+
+
+def closed(run):
+    gaps = misfit(run.mechanism, run.workspace.q)
+    return max(float(np.abs(gap).max()) for gap in gaps.values())
+
+
+def test_a_loop_with_play_in_a_further_joint_is_assembled():
+    run = four_bar(5e-5, duration=1e-3).prepare()
+    assert closed(run) < 1e-9
+    v = run.workspace.v
+    assert v[run.mechanism.coordinate("crank_pin")] == pytest.approx(20.0 * np.pi)
+    assert np.abs(closing_rows(run.mechanism, run.workspace.q) @ v).max() < 1e-9
+
+
+FREE = {"motion": None, "drive": {}, "duration": 1e-3}
+
+
+def test_the_crank_alone_is_enough_to_start_a_loop_with_play_in_two_joints():
+    given = {"start": {"crank_pin": 0.7}, "start_speed": {"crank_pin": 5.0}}
+    run = four_bar(5e-5, **FREE, **given).prepare()
+    assert closed(run) < 1e-9
+    assert run.workspace.q[run.mechanism.coordinate("crank_pin")] == 0.7
+    assert np.abs(closing_rows(run.mechanism, run.workspace.q) @ run.workspace.v).max() < 1e-9
+
+
+def test_positions_given_to_the_last_digit_may_leave_the_journal_off_centre():
+    exact = four_bar(5e-5, **FREE, start={"crank_pin": 0.7}).prepare()
+    mechanism = exact.mechanism
+    given = {
+        name: round(float(exact.workspace.q[mechanism.coordinate(name)]), 4)
+        for name in ("crank_pin", "coupler_pin", "rocker_pin")
+    }
+    run = four_bar(5e-5, **FREE, start=given).prepare()
+    for name, value in given.items():
+        assert run.workspace.q[mechanism.coordinate(name)] == value
+    assert closed(run) < 5e-5
+
+
+def test_positions_that_do_not_go_together_are_blamed_not_the_lengths():
+    start = {"crank_pin": 0.3, "coupler_pin": 2.0, "rocker_pin": 1.0}
+    with pytest.raises(JointplayError, match="given for crank_pin, coupler_pin, rocker_pin do not"):
+        four_bar(5e-5, **FREE, start=start).prepare()
+
+
+def test_a_journal_may_fly_at_the_start():
+    """Speeds of all three joints are given: the bearing holds its journal by contact only."""
+    shipped = jp.Scenario.load(jp.shipped("four_bar.toml")).simulation("0.05 mm")
+    speeds = {"crank_pin": 1.0, "coupler_pin": 0.0, "rocker_pin": 0.0}
+    run = dataclasses.replace(shipped, **FREE, start_speed=speeds).prepare()
+    for name, speed in speeds.items():
+        assert run.workspace.v[run.mechanism.coordinate(name)] == speed
+    assert np.abs(closing_rows(run.mechanism, run.workspace.q) @ run.workspace.v).max() > 0.01
+
+
+def test_a_loop_without_clearance_is_not_torn_apart():
+    ideal = jp.Scenario.load(jp.shipped("four_bar.toml")).simulation("ideal")
+    speeds = {"crank_pin": 1.0, "coupler_pin": 0.0, "rocker_pin": 0.0}
+    with pytest.raises(JointplayError, match="given for crank_pin, coupler_pin, rocker_pin do not"):
+        dataclasses.replace(ideal, **FREE, start_speed=speeds).prepare()
+
+
+# The surroundings
+
+RUN = ["run", "--duration", "1e-3", "--no-figures", "--quiet", "--out"]
+
+
+def shell(command, folder, **variables):
+    return subprocess.run(
+        ["sh", "-c", command], capture_output=True, text=True, cwd=folder, check=False,
+        env={**os.environ, **variables},
+    )  # fmt: skip
+
+
+def test_a_terminal_that_knows_ascii_only_is_no_obstacle(tmp_path):
+    done = shell(f"{JOINTPLAY} check jointplay:scara.toml --no-picture", tmp_path,
+                 PYTHONIOENCODING="ascii", PYTHONUTF8="0")  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.isascii()
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full")
+def test_an_output_that_takes_nothing_is_an_error_of_one_line(tmp_path):
+    done = shell(f"{JOINTPLAY} {' '.join(RUN)} o > /dev/full", tmp_path)
+    assert done.returncode == 1
+    assert done.stderr == "jointplay: error: cannot print: No space left on device\n"
+    assert (tmp_path / "o" / "result.nc").is_file()
+
+
+@pytest.mark.parametrize("closed", ["2>&-", ">&-", "2>&- >&- <&-", "2>/dev/full"])
+def test_runs_do_without_anyone_to_tell(closed, tmp_path):
+    if "full" in closed and not Path("/dev/full").exists():
+        pytest.skip("no /dev/full")
+    run = " ".join(RUN).replace("--quiet ", "")
+    done = shell(f"{JOINTPLAY} {run} o {closed}", tmp_path)
+    assert done.returncode == 0
+    assert "Traceback" not in done.stderr
+    assert jp.Result.load(tmp_path / "o" / "result.nc").message.startswith("completed")
+
+
+def test_a_damaged_cache_is_thrown_away(tmp_path):
+    code = (
+        "from jointplay.impact import contact_duration\n"
+        "from jointplay.study import scara\n"
+        "print(scara(2e-4).prepare().steps)\n"
+    )
+    call = [sys.executable, "-c", code]
+    cache = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+    for content in (None, b"", b"\x80\x05no pickle", os.urandom(300)):
+        if content is not None:
+            found = [*tmp_path.rglob("*.nbi"), *tmp_path.rglob("*.nbc")]
+            assert found
+            for file in found:
+                file.write_bytes(content)
+        done = subprocess.run(call, capture_output=True, text=True, env=cache, check=False)
+        assert done.stdout == "300000\n", done.stderr
+
+
+def test_a_package_that_cannot_be_written_to_runs_with_a_hint(monkeypatch):
+    def nowhere(*_):
+        raise RuntimeError("cannot cache function: no locator available")
+
+    monkeypatch.setattr(numba_cache.caching, "CompileResultCacheImpl", nowhere)
+    monkeypatch.setattr(numba_cache.numba.config, "CACHE_DIR", "")
+    with pytest.warns(RuntimeWarning, match="name a folder in NUMBA_CACHE_DIR"):
+        numba_cache.ensure()
+    assert Path(numba_cache.numba.config.CACHE_DIR).is_dir()

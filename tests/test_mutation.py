@@ -1,0 +1,71 @@
+"""The mutation runner: what it changes, and that it tells a killed mutant from a survivor."""
+
+import ast
+import sys
+from pathlib import Path
+
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
+
+import mutation
+
+TOY = '''
+import math
+
+EPS = 1e-9
+
+
+def area(radius: float) -> float:
+    """Of a circle."""
+    if radius < 0.0 or radius > 9.0:
+        raise ValueError(f"radius {radius + 1}")
+    total = 0.0
+    for _ in range(3):
+        total += math.sin(radius) * 2.5
+    return -total
+'''
+
+
+def test_every_operator_and_number_is_changed_once():
+    found = mutation.mutants("toy.py", TOY)
+    changes = [mutant.change for mutant in found]
+    for expected in ("Lt to GtE", "Gt to LtE", "and/or exchanged", "Add to Sub", "left out",
+                     "Mult to Div", "sin to cos", "2.5 to 5.0", "USub left out", "0.0 to 1.0",
+                     "9.0 to 18.0"):  # fmt: skip
+        assert expected in changes, expected
+    assert changes.count("Add to Sub") == 1  # not the one in the error's text
+    assert not any("3 to 4" in change or "e-09" in change for change in changes)
+    assert len({mutant.text for mutant in found}) == len(found)
+    for mutant in found:
+        ast.parse(mutant.text)
+        assert mutant.text != ast.unparse(ast.parse(TOY))
+        assert mutant.source in TOY
+
+
+def test_every_target_exists_and_survivors_are_explained_where_they_are():
+    for modules, tests in mutation.TARGETS.values():
+        for name in modules:
+            assert (mutation.PACKAGE / name).exists()
+        for name in tests:
+            assert (mutation.ROOT / name).exists()
+    for (module, line, change), reason in mutation.explanations().items():
+        every = mutation.mutants(module, (mutation.PACKAGE / module).read_text("utf-8"))
+        assert any(m.source == line and m.change == change for m in every), (module, line, change)
+        assert len(reason) > 20
+
+
+def test_a_wrong_factor_dies_and_the_same_factor_lives():
+    text = (mutation.PACKAGE / "contact/flores.py").read_text("utf-8")
+    tests = ["tests/contact/test_restitution.py"]
+    (wrong,) = [m for m in mutation.mutants("contact/flores.py", text) if m.change == "1.6 to 3.2"]
+    same = mutation.Mutant("contact/flores.py", 0, "", "nothing", ast.unparse(ast.parse(text)))
+    with mutation.copied() as where:
+        assert mutation.survives(same, tests, where)
+        assert not mutation.survives(wrong, tests, where)
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("target", mutation.TARGETS)
+def test_mutants_die(target):
+    assert mutation.main(["--target", target, "--sample", "60"]) == 0
