@@ -1,13 +1,15 @@
 """Certificates: headline figures with their numerical errors."""
 
+import json
 import math
+import signal
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import jointplay as jp
-from jointplay import analysis, cli
+from jointplay import analysis, cli, study
 from jointplay.certify import (
     ASIDE,
     FINER,
@@ -21,6 +23,9 @@ from jointplay.certify import (
     numerical_error,
     plus_minus,
 )
+from jointplay.keep import add_certificate
+from jointplay.kernel import Status
+from jointplay.report import cases, content
 from jointplay.study import scara
 
 JAMMED_TRUTH_N = 677.1
@@ -232,3 +237,79 @@ def test_scenarios_that_cannot_be_name_key_and_value(more, named, tmp_path, caps
     error = capsys.readouterr().err
     assert named in error
     assert f"integration.{more.split()[0]}" in error
+
+
+@pytest.fixture
+def stopped_while_certifying(monkeypatch):
+    def told(*_, **__):
+        signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr("jointplay.certify.certify", told)
+
+
+def plain(path):
+    result = jp.Result.load(path)
+    return result.status == Status.COMPLETED and result.certificate is None
+
+
+@pytest.mark.usefixtures("stopped_while_certifying")
+def test_a_run_told_to_stop_while_it_is_certified_is_there_without(tmp_path, capsys):
+    options = ["--duration", "0.02", "--quiet", "--no-figures", "--certify"]
+    assert cli.main(["run", *options, "--out", str(tmp_path / "o")]) == 130
+    assert "there is result.nc" in capsys.readouterr().err
+    assert plain(tmp_path / "o" / "result.nc")
+
+
+@pytest.mark.usefixtures("stopped_while_certifying")
+def test_a_scenario_told_to_stop_while_it_certifies_keeps_its_runs(tmp_path, capsys):
+    path = tmp_path / "s.toml"
+    path.write_text(SCENARIO.format(more=""))
+    arguments = ["run", str(path), "--out", str(tmp_path / "o"), "--quiet", "--jobs", "1"]
+    assert cli.main(arguments) == 130
+    assert "interrupted; nothing of: two" in capsys.readouterr().err
+    assert plain(tmp_path / "o" / "one.nc")
+
+
+@pytest.mark.usefixtures("stopped_while_certifying")
+def test_the_study_told_to_stop_while_it_certifies_keeps_the_case(monkeypatch, tmp_path):
+    monkeypatch.setattr(study, "scara", lambda _: replace(scara(None), duration=0.02))
+    with pytest.raises(KeyboardInterrupt):
+        study.run_case("ideal", tmp_path, progress=False)
+    assert plain(tmp_path / study.FILES["ideal"])
+
+
+def test_no_run_that_was_interrupted_is_certified(short, tmp_path, monkeypatch):
+    result = jp.Result(short.dataset.copy())
+    result.status = Status.INTERRUPTED
+    monkeypatch.setattr("jointplay.certify.certify", lambda *_, **__: pytest.fail("certified"))
+    add_certificate(result, tmp_path / "r.nc", short.simulation)
+    assert not (tmp_path / "r.nc").exists()
+
+
+@pytest.mark.parametrize(
+    ("change", "named"),
+    [
+        ({"runs": 1}, "runs"),
+        ({"figures": [{"name": "a", "value": 1.0, "error": -1.0, "unit": ""}]}, "error"),
+        ({"figures": [{"name": "a", "value": 0.0, "error": 5e-324, "unit": ""}]}, "shown"),
+        ({"more": 0}, "more"),
+    ],
+)
+def test_damaged_certificates_are_refused(change, named, short, tmp_path):
+    damaged = jp.Result(short.dataset.copy())
+    text = json.dumps(short.certificate.describe() | change)
+    damaged.dataset.attrs["certificate"] = text
+    path = damaged.save(tmp_path / "r.nc")
+    with pytest.raises(jp.JointplayError, match=rf"certificate: .*{named}"):
+        jp.Result.load(path)
+
+
+def test_the_report_shows_what_certificates_say_as_text(short):
+    shown = jp.Result(short.dataset.copy())
+    found = short.certificate
+    shown.certificate = replace(found, note="<script>", runs=("<b>finer",))
+    (case,) = cases.build({"one": shown}, 0, print)
+    page = content.certificates([case])
+    assert "&lt;script&gt;" in page
+    assert "<b>" not in page
+    assert str(found["peak joint force"]) in page

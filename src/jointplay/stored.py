@@ -160,7 +160,8 @@ def _check_certificate(dataset: xr.Dataset, path: Path) -> None:
 
     found = _validated(path, dataset, "certificate", _CERTIFICATE)
     try:
-        str(Certificate.from_description(found))
+        for figure in Certificate.from_description(found).figures:
+            str(figure)
     except (ArithmeticError, ValueError) as error:
         raise _wrong(path, f"certificate: a figure cannot be shown: {error}") from None
 

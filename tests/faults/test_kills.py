@@ -111,6 +111,22 @@ def test_signals_end_all_processes_of_a_scenario_and_keep_their_runs(number, tmp
     assert all(result.status == Status.INTERRUPTED for result in kept(tmp_path / "o"))
 
 
+def test_runs_are_kept_that_were_being_certified_when_told_to_stop(tmp_path):
+    path = scenario(tmp_path, "2 s")
+    process = start("run", path, "--certify", "--no-figures", "--out", tmp_path / "o", "--jobs", 2)
+    said = ""
+    while "certifying 0" not in said:  # a case with clearance
+        read = process.stderr.read(1)
+        assert read, said
+        said += read
+    process.send_signal(signal.SIGINT)
+    _, err, status = end(process)
+    assert status == 130, err
+    assert "Traceback" not in err
+    done = [result for result in kept(tmp_path / "o") if result.status == Status.COMPLETED]
+    assert any(result.certificate is None for result in done)
+
+
 @needs_proc
 def test_workers_end_with_a_parent_that_is_killed_and_save_their_runs(tmp_path):
     path = scenario(tmp_path)
