@@ -203,6 +203,16 @@ def write_errors(
 ) -> None:
     """Write ``errors.md``."""
     made_with = ", ".join(f"{name} {version}" for name, version in versions().items())
+    found = len({label for label, *_ in rows})
+    used = [
+        "What the claims use, of these runs, by the names in ensemble.csv:",
+        "",
+        *("| " + " | ".join(row) + " |" for row in (measures[0], ["---"] * len(measures[0]))),
+        *("| " + " | ".join(row) + " |" for row in measures[1:]),
+        "",
+    ]
+    if len(measures) == 1:
+        used = []
     lines = [
         "# The study's figures with their numerical errors",
         "",
@@ -211,14 +221,11 @@ def write_errors(
         f"{1e6 * EXPLICIT_STEP_S:g} µs) of the same case: its value where it differs by more than "
         f"{100 * DIFFERS:g} % and the error.",
         "",
+        *([f"**Incomplete: {found} of {len(CASES)} cases.**", ""] if found < len(CASES) else []),
         *("| " + " | ".join(row) + " |" for row in (ERRORS_HEADER, ["---"] * len(ERRORS_HEADER))),
         *("| " + " | ".join(row) + " |" for row in rows),
         "",
-        "What the claims use, of these runs, by the names in ensemble.csv:",
-        "",
-        *("| " + " | ".join(row) + " |" for row in (measures[0], ["---"] * len(measures[0]))),
-        *("| " + " | ".join(row) + " |" for row in measures[1:]),
-        "",
+        *used,
         f"Made with {made_with}.",
         "",
     ]
