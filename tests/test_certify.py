@@ -256,7 +256,7 @@ def plain(path):
 def test_a_run_told_to_stop_while_it_is_certified_is_there_without(tmp_path, capsys):
     options = ["--duration", "0.02", "--quiet", "--no-figures", "--certify"]
     assert cli.main(["run", *options, "--out", str(tmp_path / "o")]) == 130
-    assert "there is result.nc" in capsys.readouterr().err
+    assert "result.nc" in capsys.readouterr().err
     assert plain(tmp_path / "o" / "result.nc")
 
 
