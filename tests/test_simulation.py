@@ -147,16 +147,16 @@ def test_ctrl_c_keeps_what_was_computed(monkeypatch):
     monkeypatch.setattr(module._Bar, "update", interrupt)
     result = short(scara(2e-4), 1.0).run()
     assert result.status == Status.INTERRUPTED
-    assert 0.05 < result.time[-1] < 0.1
+    assert 0.05 <= result.time[-1] < 0.1
     assert result.message.startswith("interrupted at t = ")
 
 
 def test_friction_that_the_step_cannot_follow_is_warned_of():
-    jammed = short(scara(2e-4), 0.35).run().audit
+    jammed = short(scara(2e-4), 0.35, integrator="semi-implicit-euler").run().audit
     assert 1e-6 < jammed.friction_step_limit < 1e-5
     assert any("does not follow friction" in text for text in jammed.warnings)
-    fine = short(scara(2e-4), 0.05, step=2e-6).run().audit
-    assert not any("friction" in text for text in fine.warnings)
+    implicit = short(scara(2e-4), 0.35).run().audit
+    assert not any("friction" in text for text in implicit.warnings)
 
 
 def test_friction_step_limit_is_that_of_a_damper():

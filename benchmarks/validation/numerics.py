@@ -23,7 +23,7 @@ from validation.mechanisms import FREE, body, joint, urdf
 from validation.pendulum import ARM, GRAVITY, INERTIA, MASS, Pendulum, resting
 
 METHODS = ("multi-rate", "semi-implicit-euler", "rk4")
-MACRO = 10
+MACRO = 4
 """Steps of a macro step where the order of the multi-rate method is measured."""
 WRONG_GRAVITY = 9.80665
 

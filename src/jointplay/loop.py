@@ -293,7 +293,8 @@ class MultiRate(Loop):
                 break
             macro = max(macro // (4 * unit), 1) * unit
         if not self._fixed:
-            factor = (0.5 * self._tolerance / max(error, 1e-12)) ** 0.5
+            # What is not a number says nothing; the run's own check will find it.
+            factor = (0.5 * self._tolerance / max(error, 1e-12)) ** 0.5 if error > 0.0 else GROWTH
             best = int(macro * min(max(factor, 0.25), GROWTH) + 0.9)
             self._macro = min(max(best, 1), self._longest)
         return macro

@@ -36,7 +36,15 @@ from jointplay.kernel.layout import (
     matrix,
 )
 from jointplay.kernel.record import due, record
-from jointplay.kernel.solve import SPEED, TRIALS, answer, find_pose, find_touching, solve
+from jointplay.kernel.solve import (
+    LEAST_COMPLIANCE,
+    SPEED,
+    TRIALS,
+    answer,
+    find_pose,
+    find_touching,
+    solve,
+)
 
 _NP = len(POWERS)
 _RUN_AWAY = int(Status.RUN_AWAY)
@@ -93,7 +101,9 @@ def find_path_error(run):
     run.path_error = -1.0
     if run.known_middles < 2 or run.events > 0:
         return
-    wrong = whole = 0.0
+    wrong = whole = least = 0.0
+    for i in range(nv):
+        least = max(least, LEAST_COMPLIANCE * middle[i, i])
     for i in range(nv):
         miss = found_free[i] - free_middle[i] - apart * free_rate[i]
         acceleration = found_free[i]
@@ -101,8 +111,8 @@ def find_path_error(run):
             value = found[i, k] if i <= k else found[k, i]
             miss += (value - middle[i, k] - apart * rate[i, k]) * (push[k] + effort[k])
             acceleration += value * (push[k] + effort[k])
-        wrong += weights[i] * miss * miss / middle[i, i]
-        whole += weights[i] * acceleration * acceleration / middle[i, i]
+        wrong += weights[i] * miss * miss / max(middle[i, i], least)
+        whole += weights[i] * acceleration * acceleration / max(middle[i, i], least)
     if whole > 0.0:
         run.path_error = math.sqrt(wrong / whole)
 
