@@ -55,7 +55,7 @@ TEXT = {
     "law": [
         "Step 0.1 µs, with friction, from the same state; time of touch and normal impulse "
         "(friction included, 1 %) of the first impacts. MuJoCo's scheme is that of "
-        "jointplay's default, so that both should agree to rounding; Exudyn's agrees with "
+        "semi-implicit Euler, so that both should agree to rounding; Exudyn's agrees with "
         "rk4 but for the differences of the law named above, which later impacts magnify. The "
         "largest is d'_0: with Exudyn's rule in the applied law MuJoCo and Exudyn meet again, "
         "within the first-order error of MuJoCo's Euler.",
