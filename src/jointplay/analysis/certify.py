@@ -17,6 +17,7 @@ from jointplay.analysis.claims import START_UP, measure
 from jointplay.errors import JointplayError
 from jointplay.kernel import Status
 from jointplay.kernel.integrators import DEFAULT, integrator
+from jointplay.loads.terms import LOSSES
 from jointplay.result.certificate import COUNTS, Certificate, CertifiedFigure
 from jointplay.result.result import Result
 from jointplay.simulation.loop import LARGEST_TURN, LEAST_STEPS
@@ -60,14 +61,6 @@ CLAIM_UNITS = {
     "swing_mm": "mm",
 }
 """Units of what `claims.measure` finds."""
-
-_LOSSES = (
-    "normal_dissipation",
-    "friction_dissipation",
-    "joint_friction_loss",
-    "gear_dissipation",
-    "film_dissipation",
-)
 
 Begin = Callable[[Run], None]
 """Told of each further run before it begins."""
@@ -276,7 +269,7 @@ def figures(result: Result, ideal: Result | None) -> dict[str, tuple[float, str]
         found["RMS tool error"] = float(error.rms[3]), "m"
     if result.joints:
         found["impacts"] = float(result.audit.impacts), ""
-    lost = sum(float(result[name][-1]) for name in _LOSSES if name in result.dataset)
+    lost = sum(float(result[name][-1]) for name in LOSSES if name in result.dataset)
     found["dissipated energy"] = lost, "J"
     if ideal is not None and len(result.joints) == 1 and result.time[-1] > 2.0 * START_UP:
         measures = measure(result, ideal)

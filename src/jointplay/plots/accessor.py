@@ -17,6 +17,7 @@ from matplotlib.figure import Figure
 from jointplay import analysis
 from jointplay.errors import JointplayError, MissingName
 from jointplay.geometry import Form, Mode
+from jointplay.loads.terms import TERMS
 from jointplay.plots.style import AXIS_COLOURS, COLOURS, MODE_COLOURS, new_figure, style
 from jointplay.result.result import AXES, Result
 
@@ -428,12 +429,7 @@ class Plots:
         names = {
             "kinetic_energy": "kinetic",
             "potential_energy": "potential",
-            "drive_work": "work of the drives",
-            "normal_dissipation": "lost in normal contact",
-            "friction_dissipation": "lost in sliding",
-            "joint_friction_loss": "lost in joint friction",
-            "gear_dissipation": "lost in gears",
-            "film_dissipation": "lost in oil",
+            **{term.variable: term.label for term in TERMS},
             "payload_energy": "brought in by payloads",
             "energy_residual": "error of the balance",
         }

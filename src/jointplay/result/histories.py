@@ -14,9 +14,10 @@ import xarray as xr
 
 from jointplay.geometry import Form, Mode, classify_many
 from jointplay.joints import VIRTUAL_LINK
-from jointplay.kernel import AZIMUTHS, POWERS, Status
+from jointplay.kernel import AZIMUTHS, Status
 from jointplay.kernel.workspace import Workspace
 from jointplay.loads.drive import JointFriction
+from jointplay.loads.terms import TERMS
 from jointplay.mechanism.impact import elastic_energy
 from jointplay.mechanism.loop import ANGLE_ARM_M
 from jointplay.mechanism.mechanism import Mechanism
@@ -71,17 +72,9 @@ def histories(
         "potential_energy": (("time",), body["potential"], "J", "potential energy of gravity"),
     }
     work = workspace.recorded("work")
-    names = (
-        "drive_work",
-        "normal_dissipation",
-        "friction_dissipation",
-        "joint_friction_loss",
-        "gear_dissipation",
-        "film_dissipation",
-    )
-    for index in range(len(POWERS)):
-        name = names[index]
-        variables[name] = (("time",), work[:, index], "J", f"{name.replace('_', ' ')} since t = 0")
+    for index, term in enumerate(TERMS):
+        text = f"{term.variable.replace('_', ' ')} since t = 0"
+        variables[term.variable] = (("time",), work[:, index], "J", text)
     elastic = np.zeros(n)
     if mechanism.clearance:
         contact, elastic = _contact(mechanism, workspace, body)
