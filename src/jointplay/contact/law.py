@@ -348,14 +348,19 @@ def compiled_law(law: Law) -> Any:
         JointplayError: numba cannot compile it; the message carries numba's reason.
     """
     if isinstance(law, NormalForceLaw):
-        return _compiled(law.function, _NORMAL)
+        return compiled_function(law.function, _NORMAL)
     if isinstance(law, FrictionLaw):
-        return _compiled(law.function, _BRISTLE if law.bristles else _FRICTION)
-    return _compiled(law.function, _FILM)
+        return compiled_function(law.function, _BRISTLE if law.bristles else _FRICTION)
+    return compiled_function(law.function, _FILM)
 
 
 @cache
-def _compiled(function: Callable[..., Any], signature: Any) -> Any:
+def compiled_function(function: Callable[..., Any], signature: Any) -> Any:
+    """Compiled `function`: its `address`, and `ctypes` to call it from Python.
+
+    Raises:
+        JointplayError: numba cannot compile it; the message carries numba's reason.
+    """
     try:
         try:
             return numba.cfunc(signature, cache=True, error_model="numpy")(function)

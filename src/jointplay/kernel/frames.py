@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 
-from jointplay.kernel.layout import POSE, floats, internal, joints, matrix, wholes
+from jointplay.kernel.layout import POSE, floats, internal, joints, loads, matrix, wholes
 from jointplay.kernel.vectors import add, along, cross, put, scale, vector
 
 
@@ -100,24 +100,32 @@ def pose_of_frames(run, joint, pose, reach):
 
 
 @internal
+def _node(run, joint):
+    """Fill node `run.node` of the path of a joint or load that is reached through frames."""
+    n = joint.nsupport
+    size = 2 * POSE + 6 * n
+    at = joint.nodes + 8 * size * run.node
+    pose, rate = floats(at, POSE), floats(at + 8 * POSE, POSE)
+    reach = floats(at + 16 * POSE, 6 * n)
+    pose_of_frames(run, joint, pose, reach)
+    v = floats(run.path + 8 * (4 + 2 * run.node) * run.nv, run.nv)
+    twist_by(joint, reach, v, joint.twist)
+    put(rate, 0, vector(joint.twist, 0))
+    omega = vector(joint.twist, 3)
+    for k in range(3):
+        column = cross(omega, (pose[3 + k], pose[6 + k], pose[9 + k]))
+        rate[3 + k], rate[6 + k], rate[9 + k] = column
+
+
+@internal
 def nodes(run):
-    """Fill node `run.node` of the path of every joint that is reached through frames."""
+    """Fill node `run.node` of the path of all that is reached through frames."""
     for joint in joints(run):
-        if joint.first >= 0:
-            continue
-        n = joint.nsupport
-        size = 2 * POSE + 6 * n
-        at = joint.nodes + 8 * size * run.node
-        pose, rate = floats(at, POSE), floats(at + 8 * POSE, POSE)
-        reach = floats(at + 16 * POSE, 6 * n)
-        pose_of_frames(run, joint, pose, reach)
-        v = floats(run.path + 8 * (4 + 2 * run.node) * run.nv, run.nv)
-        _twist(joint, reach, v, joint.twist)
-        put(rate, 0, vector(joint.twist, 0))
-        omega = vector(joint.twist, 3)
-        for k in range(3):
-            column = cross(omega, (pose[3 + k], pose[6 + k], pose[9 + k]))
-            rate[3 + k], rate[6 + k], rate[9 + k] = column
+        if joint.first < 0:
+            _node(run, joint)
+    for load in loads(run):
+        if load.frames != 0:
+            _node(run, load)
 
 
 @internal
@@ -164,7 +172,8 @@ def pose_on_path(run, joint, q):
 
 
 @internal
-def _twist(joint, reach, v, out):
+def twist_by(joint, reach, v, out):
+    """Motion (6) of what `reach` moves at velocities v."""
     n = joint.nsupport
     support = wholes(joint.support, n)
     for r in range(6):
@@ -179,7 +188,7 @@ def twist(joint, v):
     """Put velocity of the journal's centre and angular velocity, in bearing axes, into `twist`."""
     out = joint.twist
     if joint.first < 0:
-        _twist(joint, floats(joint.reach, 6 * joint.nsupport), v, out)
+        twist_by(joint, floats(joint.reach, 6 * joint.nsupport), v, out)
         return
     first, swing = joint.first, joint.swing
     sy, cy, sp, cp = swing[0], swing[1], swing[2], swing[3]

@@ -35,6 +35,7 @@ from jointplay.kernel.layout import (
     joints,
     matrix,
 )
+from jointplay.kernel.load import apply_loads, find_load_powers, work_of_loads
 from jointplay.kernel.record import due, record
 from jointplay.kernel.solve import (
     LEAST_COMPLIANCE,
@@ -97,6 +98,7 @@ def find_path_error(run):
     middle, rate = matrix(run.minv_middle, nv, nv), matrix(run.minv_rate, nv, nv)
     free_middle, free_rate = floats(run.free_middle, nv), floats(run.free_rate, nv)
     push, effort = floats(run.contact_push, nv), floats(run.drive, nv)
+    loaded = floats(run.load_push, nv)
     weights = floats(run.weights, nv)
     run.path_error = -1.0
     if run.known_middles < 2 or run.events > 0:
@@ -109,8 +111,8 @@ def find_path_error(run):
         acceleration = found_free[i]
         for k in range(nv):
             value = found[i, k] if i <= k else found[k, i]
-            miss += (value - middle[i, k] - apart * rate[i, k]) * (push[k] + effort[k])
-            acceleration += value * (push[k] + effort[k])
+            miss += (value - middle[i, k] - apart * rate[i, k]) * (push[k] + effort[k] + loaded[k])
+            acceleration += value * (push[k] + effort[k] + loaded[k])
         wrong += weights[i] * miss * miss / max(middle[i, i], least)
         whole += weights[i] * acceleration * acceleration / max(middle[i, i], least)
     if whole > 0.0:
@@ -204,6 +206,7 @@ def _powers(run, q, v):
         run.power[i] = 0.0
     work_of_drives(run, v)
     lose_in_joints(run, q, v)
+    find_load_powers(run, v)
     for j in range(run.nj):
         joint = joints(run)[j]
         if joint.touching != 0:
@@ -234,6 +237,8 @@ def evaluate(run):
     h = 0.5 * run.dt_before
     _base(run, q, half, v, base, h)
     find_touching(run, q, half)
+    if run.nl > 0:
+        apply_loads(run, base, h)
     if run.active > 0:
         solve(run, q, base, v, h)
     else:
@@ -268,12 +273,14 @@ def _pass(run, dt, recorded):
     before = 0.5 * run.dt_before if run.fresh == 0 else 0.0
     for i in range(_NP):
         run.work[i] += before * run.power[i]
+    work_of_loads(run, before)
     for j in range(run.nj):
         remember(run, j, joints(run)[j], before + 0.5 * dt)
     if recorded:
         record(run)
     for i in range(_NP):
         run.work[i] += 0.5 * dt * run.power[i]
+    work_of_loads(run, 0.5 * dt)
     run.fresh = 0
 
 
@@ -393,6 +400,7 @@ def settle_macro(run):
     if run.fresh == 0:
         for i in range(_NP):
             run.work[i] += 0.5 * run.dt_before * run.power[i]
+        work_of_loads(run, 0.5 * run.dt_before)
 
 
 @internal
@@ -441,6 +449,9 @@ def set_off(run):
     drive(run, q, v, run.time, tau)
     find_touching(run, q, v)
     answer(run, q, v)
+    loaded = floats(run.load_push, nv)
+    for i in range(nv):
+        tau[i] += loaded[i]
     path = matrix(run.path, 10, nv)
     for i in range(nv):
         a[i] = free[i]

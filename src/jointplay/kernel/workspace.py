@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -77,6 +78,38 @@ class ContactSite:
 PARTS = ("bearing", "journal")
 
 
+@dataclass(frozen=True)
+class LoadSite:
+    """What the kernels know of one load; see `kernel.load`.
+
+    It acts either on coordinates or between two frames.
+    """
+
+    law: int
+    """Address of its law."""
+    numbers: np.ndarray
+    """Of the law; what is written into it later, the law sees."""
+    stores: bool = False
+    """Whether its answer at rest is the slope of an energy."""
+    implicit: int = layout.NEVER
+    """When the rest of it depends on velocity: `layout.NEVER`, `ALWAYS` or `IF_PRESSED`."""
+    seen: tuple[int, ...] = ()
+    """Coordinates that the law sees."""
+    pushed: tuple[int, ...] = ()
+    """Coordinates on which it acts; if it is implicit, those that it sees."""
+    bounds: tuple[float, ...] = ()
+    """Largest effort on each of them, if it is limited [N m or N]."""
+    frames: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray] | None = None
+    """Between frames: see `ContactSite`, with the two that follow."""
+    placements: np.ndarray | None = None
+    signs: np.ndarray | None = None
+
+    @property
+    def size(self) -> int:
+        """Numbers that the law gives."""
+        return len(self.pushed) if self.frames is None else 6
+
+
 class Workspace:
     """The arrays of one run and the record through which the kernels reach them.
 
@@ -88,6 +121,7 @@ class Workspace:
         dt: time step [s].
         every: steps between records.
         rows: room for records.
+        loads: what else acts.
         own_acceleration: the kernels reckon the acceleration; else it is Pinocchio's.
 
     Attributes:
@@ -109,11 +143,12 @@ class Workspace:
         every: int,
         rows: int,
         own_acceleration: bool,
+        loads: Sequence[LoadSite] = (),
     ) -> None:
         """Allocate, and fill in the record."""
         nj = len(sites)
         width = max((len(site.parameters) for site in sites), default=0)
-        self.fields, columns = _layout(nv, nj, width)
+        self.fields, columns = _layout(nv, nj, width, loads)
         self._kept: list[np.ndarray] = []  # what the record points to must live as long
         self.run = np.zeros(1, layout.RUN)
         # Views of single fields: to look a field up costs more than to read it.
@@ -124,7 +159,7 @@ class Workspace:
         self.q, self.v, self.tau = (self._room(name, nv) for name in ("q", "v", "tau"))
         self.half, self.drive = self._room("half", nv), self._room("drive", nv)
         self._changing = [self.q, self.v, self.half, self.drive, self.tau]
-        self._changing += [self._room(name, nv) for name in ("contact_push", "free")]
+        self._changing += [self._room(name, nv) for name in ("contact_push", "load_push", "free")]
         self._changing.append(self._room("minv", nv, nv))
         for name in ("free_rate", "free_middle"):
             self._room(name, nv)
@@ -157,6 +192,9 @@ class Workspace:
         weights[self.drives["coordinate"][self.drives["armature"] > 0.0]] = 0.0
         self.frictions = self._point("frictions", tables.frictions)
         self.gears = self._point("gears", tables.gears)
+        self.loads = self._point("loads", np.zeros(len(loads), layout.LOAD))
+        for index, load in enumerate(loads):
+            self._write_load(index, load)
         self.reference = self._point("reference", np.ascontiguousarray(tables.reference, float))
         self.windows = np.zeros((0, 2))
         self.record = np.zeros((rows, columns))
@@ -172,13 +210,15 @@ class Workspace:
             nd=len(self.drives),
             nf=len(self.frictions),
             ng=len(self.gears),
+            nl=len(self.loads),
             nref=len(self.reference),
             record_columns=columns,
             every=every,
             dt=dt,
             dt_before=dt,
             reference_interval=tables.interval,
-            through_frames=int(any(site.first is None for site in sites)),
+            through_frames=int(any(site.first is None for site in sites))
+            or int(self.loads["frames"].any()),
             prescribed=int(np.any(self.drives["armature"] > 0.0)),
             record=self.record.ctypes.data,
             rows=rows,
@@ -207,13 +247,7 @@ class Workspace:
             assert site.frames is not None
             assert site.placements is not None
             assert site.signs is not None
-            support = np.flatnonzero(site.signs)
-            signs = site.signs[support].astype(np.int64)
-            places = [f"{part}_{what}" for part in PARTS for what in ("rotation", "translation")]
-            for name, frame in zip(places, site.frames, strict=True):
-                joint[name] = frame.ctypes.data
-                self._kept.append(frame)
-            joint["bearing_placement"], joint["journal_placement"] = np.split(site.placements, 2)
+            support, signs = self._reach(joint, site.frames, site.placements, site.signs)
         else:
             support = site.first + np.arange(6)
             signs = np.ones(6, np.int64)
@@ -242,6 +276,49 @@ class Workspace:
                 joint[name] = getattr(site.film, name)
             joint["film_parameters"][: len(site.film.parameters)] = site.film.parameters
 
+    def _reach(
+        self, row: np.ndarray, frames: Sequence[np.ndarray], placements: np.ndarray, signs: Any
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Let a joint or load be reached through its frames; returns support and signs."""
+        support = np.flatnonzero(signs)
+        places = [f"{part}_{what}" for part in PARTS for what in ("rotation", "translation")]
+        for name, frame in zip(places, frames, strict=True):
+            row[name] = frame.ctypes.data
+            self._kept.append(frame)
+        row["bearing_placement"], row["journal_placement"] = np.split(placements, 2)
+        return support, signs[support].astype(np.int64)
+
+    def _write_load(self, index: int, site: LoadSite) -> None:
+        load = self.loads[index]
+        arrays = {
+            "numbers": site.numbers,
+            "elastic": np.zeros((2, site.size)),
+            "seen": np.array(site.seen, np.int64),
+            "pushed": np.array(site.pushed, np.int64),
+            "bounds": np.array(site.bounds, float),
+        }
+        if site.frames is None:
+            arrays["place"], arrays["rate"] = np.zeros(len(site.seen)), np.zeros(len(site.seen))
+            arrays["out"] = np.zeros(site.size)
+            self._changing.append(arrays["out"])
+        else:
+            assert site.placements is not None
+            support, signs = self._reach(load, site.frames, site.placements, site.signs)
+            n = len(support)
+            arrays |= {"support": support.astype(np.int64), "signs": signs}
+            arrays["reach"] = np.zeros((6, n))
+            arrays["nodes"] = np.zeros((layout.NODES, 2 * layout.POSE + 6 * n))
+            load["frames"], load["nsupport"] = 1, n
+            here = self.loads.ctypes.data + index * layout.LOAD.itemsize
+            for name, field in (("place", "pose"), ("rate", "twist"), ("out", "wrench")):
+                load[name] = here + layout.LOAD.fields[field][1]
+        for name, array in arrays.items():
+            load[name] = array.ctypes.data
+            self._kept.append(array)
+        load["law"], load["stores"], load["implicit"] = site.law, site.stores, site.implicit
+        load["nseen"], load["npushed"] = len(site.seen), len(site.pushed)
+        load["bounded"] = int(bool(site.bounds))
+
     def own_inertia(self) -> None:
         """Have `inverse_mass` and `free` apart from Pinocchio's data, to be filled in."""
         self.inverse_mass = self._room("found_minv", *self.inverse_mass.shape)
@@ -249,7 +326,8 @@ class Workspace:
 
     def state(self) -> list[np.ndarray]:
         """All arrays that a macro step changes, but for the records: to come back to a state."""
-        return [self.run, self.joints, self.contacts, *self._changing, *self.sliding_work]
+        records = [self.run, self.joints, self.contacts, self.loads]
+        return [*records, *self._changing, *self.sliding_work]
 
     def make_room(self, rows: int) -> None:
         """Have room for `rows` records, before the first of them is written."""
@@ -325,7 +403,9 @@ class Workspace:
         return found | {"fastest_approach": fastest}
 
 
-def _layout(nv: int, nj: int, width: int) -> tuple[dict[str, slice], int]:
+def _layout(
+    nv: int, nj: int, width: int, loads: Sequence[LoadSite]
+) -> tuple[dict[str, slice], int]:
     """Columns of a record, and their number."""
     widths = {
         "time": 1,
@@ -340,6 +420,8 @@ def _layout(nv: int, nj: int, width: int) -> tuple[dict[str, slice], int]:
         "tangential": width * nj,
         "normal_peak": width * nj,
         "gap_min": width * nj,
+        "load_force": sum(load.size for load in loads),
+        "load_work": len(loads),
     }
     fields, at = {}, 0
     for name, size in widths.items():
@@ -372,6 +454,7 @@ def drive_row(
     kp: float = 0.0,
     kd: float = 0.0,
     armature: float = 0.0,
+    limit: float = np.inf,
 ) -> np.ndarray:
     """Record of the drive of one coordinate, shape (1,).
 
@@ -381,9 +464,10 @@ def drive_row(
         seen: coordinate that its encoder sees; None takes its own.
         kp, kd: gains [N m/rad, N m s/rad, or N/m, N s/m].
         armature: > 0 prescribes the motion; the model must have this armature [kg m^2 or kg].
+        limit: largest effort, to which others are cut [N m or N].
     """
     seen = coordinate if seen is None else seen
-    return np.array([(column, coordinate, seen, kp, kd, armature)], layout.DRIVE_ROW)
+    return np.array([(column, coordinate, seen, kp, kd, armature, limit)], layout.DRIVE_ROW)
 
 
 def friction_row(

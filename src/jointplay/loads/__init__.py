@@ -1,1 +1,48 @@
-"""What acts on a mechanism besides contact: drives and joint friction."""
+"""What acts on a mechanism besides contact: drives, joint friction, and loads of any kind."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from jointplay.loads.base import WORLD, Load, from_description
+from jointplay.loads.controller import Controller
+from jointplay.loads.joint_spring import Stop, TorsionSpring
+from jointplay.loads.spring import CurveSpring, Spring
+from jointplay.loads.wrench import Wrench, WrenchFunction, WrenchOverTime
+
+LOADS: dict[str, type[Load]] = {
+    load.kind: load
+    for load in (
+        Spring,
+        CurveSpring,
+        Wrench,
+        WrenchOverTime,
+        WrenchFunction,
+        TorsionSpring,
+        Stop,
+        Controller,
+    )
+}
+"""Kinds of load by the word that selects them."""
+
+
+def load_from_description(description: Mapping[str, Any]) -> Load:
+    """Build the load that `Load.describe` described; see `base.from_description`."""
+    return from_description(description, LOADS)
+
+
+__all__ = [
+    "LOADS",
+    "WORLD",
+    "Controller",
+    "CurveSpring",
+    "Load",
+    "Spring",
+    "Stop",
+    "TorsionSpring",
+    "Wrench",
+    "WrenchFunction",
+    "WrenchOverTime",
+    "load_from_description",
+]

@@ -269,6 +269,7 @@ def tabulate(
     duration: float,
     friction: Mapping[str, JointFriction],
     start: np.ndarray,
+    bounds: Mapping[str, float] | None = None,
 ) -> tuple[Tables, dict[int, float]]:
     """Tabulate all drives.
 
@@ -279,6 +280,7 @@ def tabulate(
         duration: until when the table must reach [s].
         friction: friction by joint.
         start: configuration of `mechanism` at the start, loops closed, shape (nq,).
+        bounds: efforts to which the drives are cut, by joint; prescribed motion is not.
 
     Returns:
         The tables, and the armature that the model needs, by coordinate [kg m^2 or kg].
@@ -301,10 +303,10 @@ def tabulate(
     for u, name in enumerate(driven):
         drive, at = drives[name], mechanism.motor(name)
         gear = mechanism.gears.get(name)
-        losses = friction.get(name, JointFriction())
+        losses, limit = friction.get(name, JointFriction()), (bounds or {}).get(name, np.inf)
         if isinstance(drive, Torque):
             columns[2, :, u] = np.interp(times, drive.times, drive.values)
-            row = workspace.drive_row(u, at)
+            row = workspace.drive_row(u, at, limit=limit)
         else:
             k = follows.index(name)
             columns[0, :, u], columns[1, :, u] = position[:, k], velocity[:, k]
@@ -320,7 +322,7 @@ def tabulate(
             seen = at if drive.encoder == "motor" else mechanism.coordinate(name)
             kp = drive.bandwidth**2 * inertia
             kd = 2.0 * drive.damping_ratio * drive.bandwidth * inertia
-            row = workspace.drive_row(u, at, seen, kp, kd)
+            row = workspace.drive_row(u, at, seen, kp, kd, limit=limit)
         rows.append(row)
     frictions = [
         workspace.friction_row(

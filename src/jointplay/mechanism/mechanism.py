@@ -38,6 +38,17 @@ def frame_index(model: pin.Model, name: str) -> int:
     return int(model.getFrameId(name))
 
 
+def signs_between(model: pin.Model, first: int, second: int) -> np.ndarray:
+    """+1 for coordinates that move the second joint only, -1 the first only, 0 else, (nv,)."""
+    signs = np.zeros(model.nv)
+    for index, sign in ((second, 1.0), (first, -1.0)):
+        while index > 0:
+            member = model.joints[index]
+            signs[member.idx_v : member.idx_v + member.nv] += sign
+            index = model.parents[index]
+    return signs
+
+
 class Mechanism:
     """A robot or linkage from a URDF, ideal or with clearance in some of its joints.
 
@@ -234,16 +245,7 @@ class Mechanism:
 
     def signs(self, joint: str) -> np.ndarray:
         """+1 for coordinates that move the journal only, -1 the bearing only, 0 else, (nv,)."""
-        signs = np.zeros(self.model.nv)
-        for (index, _), sign in (
-            (self.journal_frame(joint), 1.0),
-            (self.bearing_frame(joint), -1.0),
-        ):
-            while index > 0:
-                member = self.model.joints[index]
-                signs[member.idx_v : member.idx_v + member.nv] += sign
-                index = self.model.parents[index]
-        return signs
+        return signs_between(self.model, self.bearing_frame(joint)[0], self.journal_frame(joint)[0])
 
     def relative_jacobian(self, joint: str, q: np.ndarray) -> np.ndarray:
         """Motion of the journal relative to the bearing, shape (6, nv).

@@ -16,13 +16,15 @@ from jointplay.geometry import Form, Mode, classify_many
 from jointplay.joints import VIRTUAL_LINK
 from jointplay.kernel import AZIMUTHS, Status
 from jointplay.kernel.workspace import Workspace
+from jointplay.loads.base import Load
 from jointplay.loads.drive import JointFriction
 from jointplay.loads.terms import TERMS
 from jointplay.mechanism.impact import elastic_energy
 from jointplay.mechanism.loop import ANGLE_ARM_M
 from jointplay.mechanism.mechanism import Mechanism
-from jointplay.mechanism.tree import Motion, Tree
+from jointplay.mechanism.tree import Frame, Motion, Tree
 from jointplay.result.audit import Audit
+from jointplay.result.loads import Acting, Pushes
 from jointplay.result.result import AXES, FORMAT, Result
 
 
@@ -46,6 +48,7 @@ def histories(
     status: Status,
     message: str,
     wall_time: float,
+    loads: Mapping[str, Load] | None = None,
 ) -> Result:
     """Make a `Result` of the records that a run left in its workspace.
 
@@ -57,11 +60,13 @@ def histories(
         phases: bodies as payloads come and go.
         status, message: how the run ended.
         wall_time: what it took [s].
+        loads: by name, in the order of the run's.
     """
     n = workspace.rows
     q, v = (np.ascontiguousarray(workspace.recorded(name)) for name in ("q", "v"))
     stretches = _stretches(phases, n)
-    body = _kinematics(mechanism, q, v, stretches)
+    acting = Acting(mechanism, loads or {})
+    body = _kinematics(mechanism, q, v, stretches, acting.pairs)
     variables: dict[str, tuple[tuple[str, ...], np.ndarray, str, str]] = {
         "q": (("time", "coordinate"), q, "", "generalised coordinates"),
         "v": (("time", "coordinate"), v, "", "generalised velocities"),
@@ -82,7 +87,15 @@ def histories(
     else:
         variables["reaction_force"] = (
             ("time", "moving_joint", "axis"),
-            _reactions(mechanism, q, v, workspace.recorded("drive"), friction, stretches),
+            _reactions(
+                mechanism,
+                q,
+                v,
+                workspace.recorded("drive"),
+                friction,
+                stretches,
+                acting.pushes(body, workspace),
+            ),
             "N",
             "constraint force of the parent on the child at the joint, world axes",
         )
@@ -100,6 +113,12 @@ def histories(
             "stored in the gears",
         )
         elastic = elastic + stored
+    coordinates: dict[str, Any] = {}
+    if acting.loads:
+        found, coordinates = acting.histories(q, body, workspace)
+        variables |= found
+        elastic = elastic + found["load_energy"][1].sum(axis=1)
+        work = np.hstack([work, -found["load_work"][1]])
     if len(phases) > 1:
         brought = np.concatenate([np.full(hi - lo, phase.energy) for lo, hi, phase in stretches])
         variables["payload_energy"] = (("time",), brought, "J", "brought in by payloads")
@@ -110,7 +129,7 @@ def histories(
     variables["energy_residual"] = (("time",), residual, "J", "error of the energy balance")
 
     units = [_units(mechanism, name) for name in mechanism.coordinates]
-    coordinates: dict[str, Any] = {
+    coordinates |= {
         "time": ("time", workspace.recorded("time")[:, 0], {"units": "s"}),
         "coordinate": list(mechanism.coordinates),
         "coordinate_unit": ("coordinate", units),
@@ -222,13 +241,15 @@ def _kinematics(
     q: np.ndarray,
     v: np.ndarray,
     stretches: Sequence[tuple[int, int, Phase]],
+    more: Mapping[Any, tuple[Frame, Frame]],
 ) -> dict[str, Any]:
-    """Tool motion and energies by record; for each joint with clearance and each loop `Motion`'s.
+    """Tool motion and energies by record; by joint with clearance, loop and pair of `more`.
 
     `bearings` (n, 3, 3) and `poses` (n, 12), by name.
     """
-    names = list(dict.fromkeys([*mechanism.clearance, *mechanism.loops]))
+    names: list[Any] = list(dict.fromkeys([*mechanism.clearance, *mechanism.loops]))
     pairs = [(mechanism.bearing_frame(name), mechanism.journal_frame(name)) for name in names]
+    names, pairs = [*names, *more], [*pairs, *more.values()]
     frame = mechanism.model.frames[mechanism.tool_frame]
     tool = int(frame.parentJoint), frame.placement
     motion, n = Motion.of(len(q), len(pairs)), len(q)
@@ -330,6 +351,7 @@ def _reactions(
     drive: np.ndarray,
     friction: Mapping[str, JointFriction],
     stretches: Sequence[tuple[int, int, Phase]],
+    pushes: Pushes,
 ) -> np.ndarray:
     """Constraint forces at the joints of an ideal mechanism, world axes (n, joints, 3) [N].
 
@@ -337,14 +359,16 @@ def _reactions(
     """
     tree, loops = mechanism.joints, list(mechanism.loops)
     forces = np.zeros((len(q), len(tree) + len(loops), 3))
-    effort = drive.copy()
+    effort = drive + pushes.efforts
     for name, joint in friction.items():
         at = mechanism.coordinate(name)
         effort[:, at] -= joint.torque(v[:, at])
     for first, end, phase in stretches:
         joints = [int(phase.model.getJointId(name)) for name in tree]
         held = mechanism.constraints(q[first], 0.0)
-        found, holds = Tree(phase.model).reactions(first, end, q, v, effort, joints, held)
+        found, holds = Tree(phase.model).reactions(
+            first, end, q, v, effort, joints, held, pushes.bodies, pushes.wrenches
+        )
         forces[first:end, : len(tree)] = found
         for k, constraint in enumerate(held):
             forces[first:end, len(tree) + loops.index(constraint.name)] += holds[:, k]

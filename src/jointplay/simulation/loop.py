@@ -105,6 +105,10 @@ class Loop(ABC):
     def settle(self) -> None:
         """Make the workspace's state (q, v) whole, for an event that is going to change it."""
 
+    def velocity(self) -> np.ndarray:
+        """Velocities at the present instant, shape (nv,)."""
+        return self.workspace.v
+
     @abstractmethod
     def stretch(self, steps: int) -> bool:
         """Do some steps, no more than `steps`; returns whether all is well."""
@@ -249,6 +253,12 @@ class MultiRate(Loop):
         """Find the velocity at the present instant."""
         self.workspace.do(Command.SETTLE_MACRO)
 
+    def velocity(self) -> np.ndarray:
+        """From those half a step ago, with the last acceleration."""
+        w = self.workspace
+        found: np.ndarray = w.half + 0.5 * float(w.run["dt_before"][0]) * w.acceleration
+        return found
+
     def _frames(self, nodes: int) -> None:
         """Frames and Jacobians at the first `nodes` nodes of the predicted path."""
         run = self.workspace.run
@@ -372,9 +382,7 @@ class Adaptive(MultiRate):
         w = self.workspace
         w.run["micro"] = micro
         self._enter(w.run, int(Command.ADAPTIVE_STEP))
-        # From half a step ago to now, with the acceleration of the last state.
-        v = w.half + 0.5 * float(w.run["dt_before"][0]) * w.acceleration
-        return w.q.copy(), v
+        return w.q.copy(), self.velocity()
 
     def _difference(
         self, one: tuple[np.ndarray, np.ndarray], other: tuple[np.ndarray, np.ndarray], span: float

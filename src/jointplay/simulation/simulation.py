@@ -21,7 +21,10 @@ from jointplay.host.late import late
 from jointplay.joints import VIRTUAL_LINK
 from jointplay.kernel import Status
 from jointplay.kernel.integrators import DEFAULT, Integrator, integrator
-from jointplay.kernel.workspace import ContactSite, FilmSite, Workspace
+from jointplay.kernel.workspace import ContactSite, FilmSite, LoadSite, Workspace
+from jointplay.loads import limits as limits_of_joints
+from jointplay.loads import load_from_description
+from jointplay.loads.base import Load
 from jointplay.loads.drive import (
     ComputedTorque,
     Drive,
@@ -30,6 +33,7 @@ from jointplay.loads.drive import (
     drive_from_description,
     tabulate,
 )
+from jointplay.loads.limits import LIMITS
 from jointplay.mechanism.impact import REFERENCE_SPEED, contact_duration, effective_mass
 from jointplay.mechanism.loop import assemble, closing_rows, consistent_velocity
 from jointplay.mechanism.mechanism import Mechanism
@@ -37,7 +41,7 @@ from jointplay.mechanism.payload import Payload, velocity_after_pick
 from jointplay.motion.reference import Motion
 from jointplay.result.histories import Phase, histories
 from jointplay.result.result import Result
-from jointplay.simulation import limits
+from jointplay.simulation import limits, loads
 from jointplay.simulation.loop import LOOP_CORRECTION, Adaptive, Loop, MultiRate, SingleRate
 
 MIN_CONTACT_STEPS = 4.0
@@ -103,6 +107,11 @@ class Simulation:
     """Where joints without reference begin [rad or m]; in loops, if not given, they follow."""
     start_speed: Mapping[str, float] = field(default_factory=dict)
     """How fast [rad/s or m/s]."""
+    loads: Mapping[str, Load] = field(default_factory=dict)
+    """What else acts, by a name of your choice: springs, wrenches, stops, controllers."""
+    limits: str = LIMITS[0]
+    """The URDF's limits: ``report`` refuses motions beyond a position and reports speeds and
+    efforts, ``cut`` also cuts the efforts of drives and controllers, ``ignore`` checks nothing."""
 
     def describe(self) -> dict[str, Any]:
         """All inputs as plain data; `from_description` reads it back."""
@@ -125,6 +134,8 @@ class Simulation:
             "payloads": [payload.describe() for payload in self.payloads],
             "start": dict(self.start),
             "start_speed": dict(self.start_speed),
+            "loads": {name: load.describe() for name, load in self.loads.items()},
+            "limits": self.limits,
         }
 
     @classmethod
@@ -144,6 +155,9 @@ class Simulation:
             fields["joint_friction"] = {
                 name: JointFriction(**value) for name, value in fields["joint_friction"].items()
             }
+        loads = fields.get("loads", {})
+        fields["loads"] = {name: load_from_description(one) for name, one in loads.items()}
+        fields.setdefault("limits", "ignore")  # of a version that knew of none
         return cls(**fields)
 
     def prepare(self) -> Run:
@@ -225,11 +239,13 @@ class Run:
             raise JointplayError(f"duration {duration:g} s is shorter than the step {step:g} s")
         limits.check_memory(mechanism, duration, self.steps, every)
         self.friction = self._friction()
+        loads.check(simulation.loads)
         drives = assign(mechanism, simulation.motion, simulation.drive)
         followed = [name for name, drive in drives.items() if drive.follows]
+        bounds = self._bounds(followed)
         q, v = self._initial_state(followed)
         tables, armature = tabulate(
-            mechanism, simulation.motion, drives, duration, self.friction, q
+            mechanism, simulation.motion, drives, duration, self.friction, q, bounds
         )
         self.phases = [Phase(0, mechanism.model.copy())]
         # The run's own, for payloads and prescribed motion change its inertias.
@@ -237,6 +253,7 @@ class Run:
         for at, value in armature.items():
             self.model.armature[at] = value
         self.data = self.model.createData()
+        sites = [self._load_site(load, bounds) for load in simulation.loads.values()]
         self.workspace = Workspace(
             self.data,
             self.model.nv,
@@ -246,7 +263,9 @@ class Run:
             every,
             self.steps // every + 2,
             own_acceleration=not self.method.single_rate,
+            loads=sites,
         )
+        self._sampling = loads.Sampling(simulation.loads, sites, self.workspace, step)
         self.workspace.q[:], self.workspace.v[:] = q, v
         self._events = self._plan(step)
         self._check_locks(q)
@@ -284,6 +303,24 @@ class Run:
             if name not in joints:
                 raise MissingName("moving joint", name, joints)
         return friction
+
+    def _bounds(self, followed: Sequence[str]) -> dict[str, float]:
+        """Hold the motion against the URDF's limits; returns the efforts that are to be cut."""
+        way = limits_of_joints.require_known(self.simulation.limits)
+        if way == "ignore":
+            return {}
+        if followed:
+            assert self.simulation.motion is not None
+            found = limits_of_joints.check_motion(self.mechanism, self.simulation.motion, followed)
+            for text in found:
+                warnings.warn(text, RuntimeWarning, stacklevel=5)
+        return limits_of_joints.bounds(self.mechanism) if way == "cut" else {}
+
+    def _load_site(self, load: Load, bounds: Mapping[str, float]) -> LoadSite:
+        driven = load.driven()
+        largest = tuple(bounds.get(name, math.inf) for name in driven)
+        cut = largest if any(math.isfinite(one) for one in largest) else ()
+        return loads.load_site(load, self.mechanism, self.data, cut)
 
     def _initial_state(self, followed: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
         """Loops closed, journals centred or perturbed, and speeds that fit."""
@@ -417,6 +454,7 @@ class Run:
                     )
 
     def _check_step(self, step: float, q: np.ndarray) -> None:
+        loads.check_step(self.simulation.loads, self.mechanism, step, q)
         for name in self.mechanism.clearance:
             mass = effective_mass(self.mechanism, name, q)
             if not mass >= NO_MASS * pin.computeTotalMass(self.model):
@@ -470,6 +508,7 @@ class Run:
             status,
             message,
             elapsed,
+            self.simulation.loads,
         )
 
     def loop(self, progress: bool = False) -> Status:
@@ -496,6 +535,7 @@ class Run:
     def begin(self) -> None:
         """Evaluate forces and acceleration of the initial state, payloads picked at 0 in hand."""
         self._happen()
+        self._sampling.sample(self.workspace.q, self.workspace.v, jumps=False)
         self._loop.begin()
 
     def stretch(self, most: int = _CHUNK) -> bool:
@@ -504,12 +544,19 @@ class Run:
         steps = min(most, self.steps - w.steps)
         if self._events:
             steps = min(steps, self._events[-1][0] - w.steps)
+        sampled = self._sampling.until_next(w.steps)
+        steps = steps if sampled is None else min(steps, sampled)
         if not self._loop.stretch(steps):
             return False
-        if self._events and self._events[-1][0] == w.steps:
+        happens = bool(self._events) and self._events[-1][0] == w.steps
+        samples = self._sampling.due(w.steps) and w.steps < self.steps
+        if happens or (samples and self.method.single_rate):
             self._loop.settle()
             self._happen()
+            self._sampling.sample(w.q, w.v, jumps=False)
             self._loop.begin()
+        elif samples:
+            self._sampling.sample(w.q, self._loop.velocity(), jumps=True)
         return True
 
     def advance(self, steps: int) -> bool:
@@ -555,7 +602,10 @@ class Run:
             for name, q, v in zip(self.mechanism.coordinates, workspace.q, workspace.v, strict=True)
         )
         joint, contact = workspace.bad_contact
-        if status == Status.RUN_AWAY:
+        if status == Status.BAD_LOAD:
+            name = list(self.simulation.loads)[int(workspace.run["bad_contact"][0])]
+            what, remedy = f"the load {name!r} gave a non-finite value", "correct it"
+        elif status == Status.RUN_AWAY:
             what = "the state ran away or is not a number"
             remedy = "reduce the step or the drive's bandwidth"
         else:
