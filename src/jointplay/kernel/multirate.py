@@ -206,7 +206,8 @@ def _powers(run, q, v):
         run.power[i] = 0.0
     work_of_drives(run, v)
     lose_in_joints(run, q, v)
-    find_load_powers(run, v)
+    if run.nl > 0:
+        find_load_powers(run, v)
     for j in range(run.nj):
         joint = joints(run)[j]
         if joint.touching != 0:
@@ -273,14 +274,16 @@ def _pass(run, dt, recorded):
     before = 0.5 * run.dt_before if run.fresh == 0 else 0.0
     for i in range(_NP):
         run.work[i] += before * run.power[i]
-    work_of_loads(run, before)
+    if run.nl > 0:
+        work_of_loads(run, before)
     for j in range(run.nj):
         remember(run, j, joints(run)[j], before + 0.5 * dt)
     if recorded:
         record(run)
     for i in range(_NP):
         run.work[i] += 0.5 * dt * run.power[i]
-    work_of_loads(run, 0.5 * dt)
+    if run.nl > 0:
+        work_of_loads(run, 0.5 * dt)
     run.fresh = 0
 
 

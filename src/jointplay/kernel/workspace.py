@@ -309,9 +309,11 @@ class Workspace:
             arrays["reach"] = np.zeros((6, n))
             arrays["nodes"] = np.zeros((layout.NODES, 2 * layout.POSE + 6 * n))
             load["frames"], load["nsupport"] = 1, n
+            places = layout.LOAD.fields
+            assert places is not None
             here = self.loads.ctypes.data + index * layout.LOAD.itemsize
             for name, field in (("place", "pose"), ("rate", "twist"), ("out", "wrench")):
-                load[name] = here + layout.LOAD.fields[field][1]
+                load[name] = here + places[field][1]
         for name, array in arrays.items():
             load[name] = array.ctypes.data
             self._kept.append(array)

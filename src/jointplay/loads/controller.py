@@ -130,13 +130,14 @@ class Controller(Load):
         """
         if inspect.isclass(self.function):
             try:
-                made: Sample = self.function(*self.parameters)
+                made: Any = self.function(*self.parameters)
             except Exception as error:
                 raise JointplayError(
                     f"the controller {path_of(self.function)!r} cannot be made of the parameters "
                     f"{self.parameters}: {error}"
                 ) from error
-            return made
+            sample: Sample = made
+            return sample
         function, parameters = self.function, self.parameters
         return lambda time, q, v: function(time, q, v, parameters)
 

@@ -431,15 +431,18 @@ class Plots:
             "potential_energy": "potential",
             **{term.variable: term.label for term in TERMS},
             "payload_energy": "brought in by payloads",
+            "load_energy": "stored in loads",
+            "load_work": "work of loads",
             "energy_residual": "error of the balance",
         }
         colours = [COLOURS[k] for k in (1, 5, 3, 0, 4, 2)]
-        colours += ["0.5", "#0F7E86", "#7A5C2E", "black"]
+        colours += ["0.5", "#0F7E86", "#7A5C2E", "#B0408A", "#5A7D2B", "black"]
         with self._axes(ax, style, 6.0, 3.8) as panel:
             for (name, text), colour in zip(names.items(), colours, strict=True):
                 if name not in self.result.dataset:
                     continue
                 values = self.result[name].values
+                values = values if values.ndim == 1 else values.sum(axis=1)
                 if name == "energy_residual" or np.any(values != values[0]):
                     panel.plot(
                         self.result.time, values, **({"color": colour, "label": text} | line)

@@ -72,10 +72,13 @@ class Audit:
     """Largest gap of a loop without clearance [m]."""
     law_warnings: tuple[str, ...] = ()
     """In what normal-force and film laws were used beyond their range; see `out_of_range`."""
+    limit_warnings: tuple[str, ...] = ()
+    """In what the run went beyond the URDF's limits of joints; see `loads.limits`."""
 
     def __post_init__(self) -> None:
         """Take the warnings of a file, where a tuple is a list."""
-        object.__setattr__(self, "law_warnings", tuple(self.law_warnings))
+        for name in ("law_warnings", "limit_warnings"):
+            object.__setattr__(self, name, tuple(getattr(self, name)))
 
     @classmethod
     def of(
@@ -87,6 +90,7 @@ class Audit:
         work: np.ndarray,
         residual: np.ndarray,
         drift: np.ndarray,
+        limit_warnings: tuple[str, ...] = (),
     ) -> Audit:
         """Audit the records in `workspace` of `simulation`, which is given as plain data.
 
@@ -133,6 +137,7 @@ class Audit:
             friction_fed=float((np.maximum.accumulate(rubbed) - rubbed).max(initial=0.0)),
             loop_drift=float(drift.max(initial=0.0)),
             law_warnings=out_of_range(mechanism, statistics),
+            limit_warnings=limit_warnings,
         )
 
     @property
@@ -189,7 +194,7 @@ class Audit:
             found.append(
                 f"ideal loops drifted apart by {self.loop_drift:.2g} m: reduce the step, or use rk4"
             )
-        return found + list(self.law_warnings)
+        return found + list(self.law_warnings) + list(self.limit_warnings)
 
     def describe(self) -> dict[str, Any]:
         """Fields of the audit as plain data."""

@@ -18,6 +18,7 @@ from jointplay.kernel import AZIMUTHS, Status
 from jointplay.kernel.workspace import Workspace
 from jointplay.loads.base import Load
 from jointplay.loads.drive import JointFriction
+from jointplay.loads.limits import beyond
 from jointplay.loads.terms import TERMS
 from jointplay.mechanism.impact import elastic_energy
 from jointplay.mechanism.loop import ANGLE_ARM_M
@@ -154,6 +155,7 @@ def histories(
         work,
         residual,
         drift,
+        _beyond_limits(mechanism, simulation, workspace, acting),
     )
     dataset = xr.Dataset(
         {
@@ -184,6 +186,17 @@ def histories(
             dataset[name].attrs["flag_values"] = np.arange(len(members), dtype=np.int8)
         dataset["form"].attrs["comment"] = "-1 for joints that Figure 2 does not show"
     return Result(dataset)
+
+
+def _beyond_limits(
+    mechanism: Mechanism, simulation: Mapping[str, Any], workspace: Workspace, acting: Acting
+) -> tuple[str, ...]:
+    """In what the run went beyond the URDF's limits, unless they are to be ignored."""
+    if simulation["limits"] == "ignore":
+        return ()
+    effort = workspace.recorded("drive") + acting.driven(workspace)
+    time, q, v = (workspace.recorded(name) for name in ("time", "q", "v"))
+    return beyond(mechanism, time[:, 0], q, v, effort)
 
 
 def versions() -> dict[str, str]:

@@ -88,6 +88,14 @@ class Acting:
         units_of_parts = ("load_part", units)
         return variables, {"load": names, "load_part": parts, "load_part_unit": units_of_parts}
 
+    def driven(self, workspace: Workspace) -> np.ndarray:
+        """Efforts of those loads that are actuators of joints, (n, nv) [N m or N]."""
+        efforts = np.zeros((workspace.rows, self.mechanism.model.nv))
+        for name, answers in self._answers(workspace).items():
+            if self.loads[name].driven():
+                efforts[:, list(self._sites[name].pushed)] += answers
+        return efforts
+
     def pushes(self, body: Mapping[str, Any], workspace: Workspace) -> Pushes:
         """What the loads pushed on; arguments as in `histories`."""
         n = workspace.rows

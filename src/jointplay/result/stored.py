@@ -16,7 +16,7 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 from jointplay.errors import JointplayError
 from jointplay.kernel import Status
 from jointplay.result.audit import Audit
-from jointplay.scenario.model import DRIVE, GEAR, JOINT, JOINT_FRICTION, PAYLOAD
+from jointplay.scenario.model import DRIVE, GEAR, JOINT, JOINT_FRICTION, LOAD, PAYLOAD
 
 _AXES = ["x", "y", "z"]
 
@@ -94,6 +94,8 @@ class _Simulation(_Stored):
     payloads: list[PAYLOAD] = []  # type: ignore[valid-type]
     start: dict[str, float] = {}
     start_speed: dict[str, float] = {}
+    loads: dict[str, LOAD] = {}  # type: ignore[valid-type]
+    limits: str = "ignore"
 
 
 class _Figure(BaseModel):
@@ -195,7 +197,7 @@ def _as_scenario(given: Any) -> Any:
     if not isinstance(given, dict):
         return given
     found = {
-        key: _entries(value) if key in ("drive", "joint_friction", "payloads") else value
+        key: _entries(value) if key in ("drive", "joint_friction", "payloads", "loads") else value
         for key, value in given.items()
     }
     if isinstance(found.get("mechanism"), dict):

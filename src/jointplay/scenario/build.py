@@ -16,6 +16,7 @@ from jointplay.contact.trust import trusting
 from jointplay.errors import JointplayError, MissingName
 from jointplay.host.files import is_file
 from jointplay.joints import Clearance, Material
+from jointplay.loads import LOADS, Load, load_from_description
 from jointplay.loads.drive import DRIVES, ComputedTorque, Drive, JointFriction
 from jointplay.mechanism.gear import Gear
 from jointplay.mechanism.loop import Loop
@@ -145,6 +146,8 @@ def build(model: Model, folder: Path) -> Simulation:
         joint_friction=_joint_friction(model, mechanism),
         seed=integration.seed,
         payloads=_payloads(model, mechanism),
+        loads=_loads(model, mechanism, folder),
+        limits=model.robot.limits,
         start=start,
         start_speed=start_speed,
     )
@@ -387,6 +390,22 @@ def _joint_friction(model: Model, mechanism: Mechanism) -> dict[str, JointFricti
             raise Misplaced(path, str(MissingName("moving joint", name, mechanism.joints)))
         with at(*path, keys=fields):
             found[name] = JointFriction(**fields)
+    return found
+
+
+def _loads(model: Model, mechanism: Mechanism, folder: Path) -> dict[str, Load]:
+    found = {}
+    for name, table in model.loads.items():
+        given = table.given() | {"kind": table.kind}
+        for key, value in given.items():
+            units = unit_of(LOADS[table.kind], key)
+            if len(units) == 2:
+                fit = (units[0], units[1])
+                given[key] = _fit(mechanism, table.joint, value, fit, ("loads", name, key))
+        with at("loads", name, keys=given), _beside(folder, given.get("function", "")):
+            found[name] = load_from_description(given)
+            found[name].site(mechanism)
+            found[name].numbers(mechanism)
     return found
 
 

@@ -23,7 +23,9 @@ from jointplay.errors import MissingName
 from jointplay.joints import JOINT_KINDS, ClearanceJoint, Material
 from jointplay.joints.materials import material, materials
 from jointplay.kernel.integrators import DEFAULT, INTEGRATORS
+from jointplay.loads import LOADS
 from jointplay.loads.drive import DRIVES, JointFriction
+from jointplay.loads.limits import LIMITS
 from jointplay.mechanism.gear import Gear
 from jointplay.mechanism.mechanism import STANDARD_GRAVITY
 from jointplay.mechanism.payload import Payload
@@ -224,6 +226,16 @@ DRIVE = _choice(
     True,
 )
 GEAR = mirror(Gear)
+LOAD = _choice(
+    "load",
+    "kind",
+    {
+        kind: mirror(owner, replace={Callable[..., Any]: str}, kind=(Literal[kind], kind))  # type: ignore[valid-type]
+        for kind, owner in LOADS.items()
+    },
+    None,
+    False,
+)
 JOINT_FRICTION = mirror(JointFriction)
 PAYLOAD = mirror(Payload, omit=("frame",), frame=(str, None))
 """Held by the tool if no frame is given."""
@@ -268,6 +280,10 @@ class Robot(Written):
         ),
     ] = STANDARD_GRAVITY
     """``loaded`` (9.81 m/s^2 along -z), ``balanced`` (none), or three components in world axes."""
+    limits: _word("way with limits", LIMITS) = LIMITS[0]  # type: ignore[valid-type]
+    """The URDF's limits of joints: ``report`` refuses motions beyond a position and reports speeds
+    and efforts, ``cut`` also cuts the efforts of drives and controllers, ``ignore`` checks nothing.
+    """
     allow_unphysical: list[str] = Field([])
     """Links whose inertia is used although no rigid body has it."""
 
@@ -376,6 +392,8 @@ class Model(Written):
     kinematics begins."""
     start_speed: _each(quantity(*ANGULAR_SPEED)) = Field({})  # type: ignore[valid-type]
     """Speed at the start of joints without reference."""
+    loads: _each(LOAD) = Field({})  # type: ignore[valid-type]
+    """What else acts, by a name of your choice."""
     payloads: _list(PAYLOAD) = Field([])  # type: ignore[valid-type]
     """Bodies that the tool picks up and releases."""
     integration: Integration = Integration()

@@ -262,4 +262,8 @@ def _type(hint: Any, units: tuple[str, ...], replace: Mapping[Any, Any]) -> Any:
         return vector(*units)
     if hint == tuple[float, ...]:
         return list[quantity(*units)]  # type: ignore[misc]
+    if hint == tuple[tuple[float, float, float], ...]:
+        return list[vector(*units)]  # type: ignore[misc]
+    if hint == tuple[str, ...]:
+        return list[str]
     return hint if hint in (bool, int, str) or origin is Literal else Any
