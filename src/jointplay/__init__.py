@@ -160,6 +160,8 @@ if TYPE_CHECKING:
 
 
 def __getattr__(name: str) -> Any:
+    if name == "loads":  # springs, wrenches and the like have their names there
+        return importlib.import_module("jointplay.loads")
     if name not in _HOMES:
         raise AttributeError(f"module 'jointplay' has no attribute {name!r}")
     value = getattr(importlib.import_module(f"jointplay.{_HOMES[name]}"), name)

@@ -64,9 +64,9 @@ def check_motion(mechanism: Mechanism, motion: Motion, joints: Sequence[str]) ->
         worst = _positions(entry, times, position[:, k])
         if worst is not None:
             raise JointplayError(
-                f"the motion takes joint {name!r} {worst}; change it, or say limits = ignore"
+                f"the motion takes joint {name!r} to {worst}; change it, or say limits = ignore"
             )
-        text = _largest(entry.speed, times, velocity[:, k], "speed", _unit(entry, _SPEEDS))
+        text = _largest(entry.speed, times, velocity[:, k], "a speed", _unit(entry, _SPEEDS))
         if text:
             found.append(f"the motion asks joint {name!r} for {text}")
     return found
@@ -91,10 +91,10 @@ def beyond(
         at = mechanism.coordinate(name)
         worst = _positions(entry, times, q[:, at])
         if worst is not None:
-            found.append(f"joint {name!r} was {worst}")
+            found.append(f"joint {name!r} was at {worst}")
         for limit, values, word, units in (
-            (entry.speed, v[:, at], "speed", _SPEEDS),
-            (entry.effort, effort[:, mechanism.motor(name)], "effort", _EFFORTS),
+            (entry.speed, v[:, at], "a speed", _SPEEDS),
+            (entry.effort, effort[:, mechanism.motor(name)], "an effort", _EFFORTS),
         ):
             text = _largest(limit, times, values, word, _unit(entry, units))
             if text:
@@ -116,7 +116,7 @@ def _positions(entry: JointEntry, times: np.ndarray, values: np.ndarray) -> str 
         return None
     unit = _unit(entry, _POSITIONS)
     return (
-        f"to {values[at]:.6g} {unit} at t = {times[at]:.4g} s, beyond its limits "
+        f"{values[at]:.6g} {unit} at t = {times[at]:.4g} s, beyond its limits "
         f"{entry.lower:g} to {entry.upper:g} {unit}"
     )
 
@@ -133,6 +133,6 @@ def _largest(
         return None
     first = times[int(np.argmax(sizes > limit * (1.0 + MARGIN)))]
     return (
-        f"a {word} of {values[at]:.4g} {unit} at t = {times[at]:.4g} s, beyond its limit of "
+        f"{word} of {values[at]:.4g} {unit} at t = {times[at]:.4g} s, beyond its limit of "
         f"{limit:g} {unit} (first at {first:.4g} s)"
     )
