@@ -1,5 +1,7 @@
 """Controllers of the user's own: compiled and sampled ones, what they see, and what they may do."""
 
+from typing import ClassVar
+
 import numpy as np
 import pytest
 from conftest import body, joint
@@ -29,7 +31,7 @@ def sampled_pd(time, q, v, p):
 class Counting:
     """Holds its gain, and remembers how often it was asked."""
 
-    times: list = []
+    times: ClassVar[list[float]] = []
 
     def __init__(self, gain):
         self.gain, self.calls = gain, 0
@@ -93,7 +95,9 @@ def test_a_sampled_controller_holds_its_torque(urdf, integrator):
     for _ in range(n + 1):
         exact.append(state[0])
         a = -(KP * state[0] + KD * state[1]) / INERTIA
-        state = np.array([state[0] + period * state[1] + 0.5 * period**2 * a, state[1] + period * a])
+        state = np.array(
+            [state[0] + period * state[1] + 0.5 * period**2 * a, state[1] + period * a]
+        )
     limit = {"multi-rate": 1e-9, "rk4": 1e-12, "semi-implicit-euler": 1e-3}[integrator]
     assert result["q"].values[::4, 0] == pytest.approx(np.array(exact), abs=limit)
     assert result.audit.relative_energy_residual < (1e-2 if limit > 1e-4 else 1e-7)
@@ -167,7 +171,10 @@ def test_impossible_controllers_are_refused(load, words):
         (Controller(("b",), pd), "no moving joint 'b'; available: a"),
         (Controller(("a",), sampled_pd, (1, 1), 1.5e-5), "must be a multiple of the step 1e-05 s"),
         (Controller(("a",), failing, period=1e-3), r"failed at t = 0 s: ZeroDivisionError"),
-        (Controller(("a",), too_many, period=1e-3), r"gave \[0.0, nan\] at t = 0 s; it must give 1"),
+        (
+            Controller(("a",), too_many, period=1e-3),
+            r"gave \[0.0, nan\] at t = 0 s; it must give 1",
+        ),
         (Controller(("a",), Counting, period=1e-3), "cannot be made of the parameters"),
     ],
 )

@@ -84,7 +84,9 @@ def test_a_spring_between_two_bodies_leaves_their_centre_of_mass_alone(urdf):
 def test_energy_is_kept_while_an_arm_swings_on_springs(urdf, integrator):
     loads = {
         "up": Spring("two", 300.0, 0.3, at=(0.2, 0, 0), other_at=(0.3, 0.1, 0.5), damping=2.0),
-        "curve": CurveSpring("two", (0.1, 0.2, 0.6), (-5.0, 0.0, 60.0), other="base", at=(0.2, 0, 0)),
+        "curve": CurveSpring(
+            "two", (0.1, 0.2, 0.6), (-5.0, 0.0, 60.0), other="base", at=(0.2, 0, 0)
+        ),
     }
     result = jp.simulate(
         arm(urdf), duration=0.5, loads=loads, integrator=integrator, start={"a": 0.4}, **QUIET

@@ -115,7 +115,10 @@ def test_a_users_function_is_named_in_files_and_not_run_untrusted(urdf, tmp_path
 @pytest.mark.parametrize(
     ("load", "words"),
     [
-        (lambda: Wrench("cart", axes="tool"), "no axes for a wrench 'tool'; available: world, frame"),
+        (
+            lambda: Wrench("cart", axes="tool"),
+            "no axes for a wrench 'tool'; available: world, frame",
+        ),
         (lambda: WrenchOverTime("cart", (0.0, 1.0), ((1, 2, 3),)), "2 times but 1 forces"),
         (lambda: WrenchOverTime("cart", (0.0,)), "needs times, and forces or moments"),
         (lambda: WrenchFunction("cart", lambda t: t), r"must take \(time, pose, twist, p, out\)"),

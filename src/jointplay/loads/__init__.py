@@ -8,6 +8,7 @@ from typing import Any
 from jointplay.loads.base import WORLD, Load, from_description
 from jointplay.loads.controller import Controller
 from jointplay.loads.joint_spring import Stop, TorsionSpring
+from jointplay.loads.loaded_friction import LoadedFriction
 from jointplay.loads.spring import CurveSpring, Spring
 from jointplay.loads.wrench import Wrench, WrenchFunction, WrenchOverTime
 
@@ -22,6 +23,7 @@ LOADS: dict[str, type[Load]] = {
         TorsionSpring,
         Stop,
         Controller,
+        LoadedFriction,
     )
 }
 """Kinds of load by the word that selects them."""
@@ -38,6 +40,7 @@ __all__ = [
     "Controller",
     "CurveSpring",
     "Load",
+    "LoadedFriction",
     "Spring",
     "Stop",
     "TorsionSpring",

@@ -43,6 +43,7 @@ from jointplay.result.histories import Phase, histories
 from jointplay.result.result import Result
 from jointplay.simulation import limits, loads
 from jointplay.simulation.loop import LOOP_CORRECTION, Adaptive, Loop, MultiRate, SingleRate
+from jointplay.simulation.reactions import Reactions
 
 MIN_CONTACT_STEPS = 4.0
 """Fewer steps in an impact than this and the step is refused.
@@ -266,6 +267,7 @@ class Run:
             loads=sites,
         )
         self._sampling = loads.Sampling(simulation.loads, sites, self.workspace, step)
+        self._reactions = Reactions(simulation.loads, sites, mechanism, self.workspace, step)
         self.workspace.q[:], self.workspace.v[:] = q, v
         self._events = self._plan(step)
         self._check_locks(q)
@@ -536,7 +538,14 @@ class Run:
         """Evaluate forces and acceleration of the initial state, payloads picked at 0 in hand."""
         self._happen()
         self._sampling.sample(self.workspace.q, self.workspace.v, jumps=False)
+        self._set_off()
+
+    def _set_off(self) -> None:
+        """Let the loop begin; once more when the forces that joints transmit are known."""
         self._loop.begin()
+        if self._reactions:
+            self._reactions.begin(self.model, self.workspace.v, self.workspace.acceleration)
+            self._loop.begin()
 
     def stretch(self, most: int = _CHUNK) -> bool:
         """Do some steps, up to `most`, then what is due; returns whether all is well."""
@@ -544,17 +553,22 @@ class Run:
         steps = min(most, self.steps - w.steps)
         if self._events:
             steps = min(steps, self._events[-1][0] - w.steps)
-        sampled = self._sampling.until_next(w.steps)
-        steps = steps if sampled is None else min(steps, sampled)
+        for due in (self._sampling.until_next(w.steps), self._reactions.until_next(w.steps)):
+            steps = steps if due is None else min(steps, due)
         if not self._loop.stretch(steps):
             return False
+        if self._reactions and w.steps % self._reactions.every == 0:
+            self._reactions.follow(self.model, self._loop.velocity())
         happens = bool(self._events) and self._events[-1][0] == w.steps
         samples = self._sampling.due(w.steps) and w.steps < self.steps
         if happens or (samples and self.method.single_rate):
             self._loop.settle()
             self._happen()
             self._sampling.sample(w.q, w.v, jumps=False)
-            self._loop.begin()
+            if happens:
+                self._set_off()
+            else:
+                self._loop.begin()
         elif samples:
             self._sampling.sample(w.q, self._loop.velocity(), jumps=True)
         return True
