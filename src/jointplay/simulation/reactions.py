@@ -45,6 +45,9 @@ class Reactions:
                 self._members.append((load, site.numbers, *_axis(mechanism, load.joint)))
             elif site.frames is not None:
                 self._pushers.append((index, load.site(mechanism)))
+        self._data: pin.Data | None = None
+        self._none = pin.StdVec_Force()
+        self._none.extend([pin.Force.Zero()] * mechanism.model.njoints)
         self._before: tuple[float, np.ndarray, np.ndarray] | None = None
 
     def __bool__(self) -> bool:
@@ -85,7 +88,9 @@ class Reactions:
     def _friction(
         self, model: pin.Model, q: np.ndarray, v: np.ndarray, a: np.ndarray
     ) -> list[float]:
-        data = model.createData()
+        if self._data is None:
+            self._data = model.createData()
+        data = self._data
         pin.rnea(model, data, q, v, a, self._external(model, data, q))
         return [
             load.friction(data.f[joint].linear, axis, slides)
@@ -94,10 +99,11 @@ class Reactions:
 
     def _external(self, model: pin.Model, data: pin.Data, q: np.ndarray) -> pin.StdVec_Force:
         """Wrenches of loads between frames, on the bodies and in their joints' frames."""
+        if not self._pushers:
+            return self._none
         forces = pin.StdVec_Force()
         forces.extend([pin.Force.Zero()] * model.njoints)
-        if self._pushers:
-            pin.forwardKinematics(model, data, q)
+        pin.forwardKinematics(model, data, q)
         for index, site in self._pushers:
             assert site.frames is not None
             (i, first), (j, second) = site.frames
