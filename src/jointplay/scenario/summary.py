@@ -6,8 +6,11 @@ from collections.abc import Mapping
 from dataclasses import fields
 from typing import Any
 
+from jointplay.loads import Load
 from jointplay.loads.drive import assign
+from jointplay.loads.limits import LIMITS
 from jointplay.mechanism.impact import contact_duration
+from jointplay.mechanism.mechanism import Mechanism
 from jointplay.scenario.load import Scenario
 from jointplay.scenario.tables import unit_of
 from jointplay.simulation.simulation import Run
@@ -68,6 +71,10 @@ def _facts(run: Run) -> dict[str, str]:
             found[f"friction {name}"] = _fields(losses, joint=mechanism.description.joints[name])
     for number, payload in enumerate(simulation.payloads, 1):
         found[f"payload {number}"] = f"at {payload.frame}: {_fields(payload)}"
+    for name, load in simulation.loads.items():
+        found[f"load {name}"] = f"{load.kind}: {_load_fields(load, mechanism)}"
+    if simulation.limits != LIMITS[0]:
+        found["limits"] = simulation.limits
     found["start"] = (
         ", ".join(
             f"{name} {run.workspace.q[mechanism.coordinate(name)]:.6g}" for name in mechanism.joints
@@ -82,6 +89,31 @@ def _facts(run: Run) -> dict[str, str]:
         + ("" if simulation.seed is None else f", seed {simulation.seed}")
     )
     return found
+
+
+def _load_fields(load: Load, mechanism: Mechanism) -> str:
+    """Fields of a load, with units; those not set left out."""
+    words = []
+    entry = mechanism.description.joints.get(getattr(load, "joint", ""))
+    for name, value in load.describe().items():
+        units = unit_of(type(load), name)
+        unit = units[-1] if entry is not None and entry.kind == "prismatic" else units[0]
+        numbers = value if isinstance(value, list) else [value]
+        if name == "kind" or value is None or not any(numbers):
+            continue
+        if isinstance(value, list):
+            text = ", ".join(_nested(one, unit) for one in value)
+            text = f"({text})"
+        else:
+            text = _nested(value, unit)
+        words.append(f"{name.replace('_', ' ')} {text}")
+    return ", ".join(words)
+
+
+def _nested(value: Any, unit: str) -> str:
+    if isinstance(value, list):
+        return f"({', '.join(_nested(one, unit) for one in value)})"
+    return value if isinstance(value, str) else readable(value, unit)
 
 
 def _or_none(name: str, value: float | None, unit: str) -> str:
