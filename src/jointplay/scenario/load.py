@@ -208,7 +208,8 @@ class Scenario:
             raise self._error(("cases", case, "output", "figures"), message)
         for key in NOT_IN_A_CASE:
             if key in self._set and key != "title":
-                raise self._error((key,), "settings hold for every case; name keys of one")
+                source = next(s.source for s in self.settings if s.key[0] == key)
+                raise JointplayError(f"{source}: settings hold for all cases, and name none")
         merged = merge(merge(self._base, self._changes[case]), self._set)
         data = merge(merged, changes or {})
         try:

@@ -9,9 +9,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from jointplay.errors import JointplayError
+from jointplay.scenario.places import Key, dotted
 from jointplay.units import shown
-
-Key = tuple[str | int, ...]
 
 
 @dataclass(frozen=True)
@@ -33,7 +32,7 @@ def parse(text: str) -> Setting:
         JointplayError: there is no key, or no value.
     """
     name, equals, value = text.partition("=")
-    if not equals or not name.strip() or not value.strip():
+    if "\n" in name or not equals or not name.strip() or not value.strip():
         raise JointplayError(
             f"--set {shown(text)}: give KEY=VALUE, such as "
             'joints.joint_b.radial_clearance="0.3 mm" or integration.step=5e-6'
@@ -92,7 +91,7 @@ def given_by(settings: Iterable[Setting], path: Key) -> str | None:
 
 def words(settings: Iterable[Setting]) -> list[str]:
     """Settings as lines that `parse` reads, to be kept with a result."""
-    return [f"{'.'.join(s.key)}={_written(s.value)}" for s in settings]
+    return [f"{dotted(s.key)}={_written(s.value)}" for s in settings]
 
 
 def _written(value: Any) -> str:
