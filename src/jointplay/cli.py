@@ -44,19 +44,20 @@ class _Parser(argparse.ArgumentParser):
         self.exit(BAD_INPUT, f"{self.prog}: error: {message} (see {self.prog} --help)\n")
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = _Parser(
+def parser() -> argparse.ArgumentParser:
+    """The parser of the whole command line."""
+    made = _Parser(
         prog="jointplay",
         description="Simulate robots whose joints have play: the journal flies, hits, slides and "
         "tilts in its bearing, and the tool pays for it.",
         epilog="Options are in SI units: m, s, kg, N, rad; scenario files take others too. "
         "Documentation: docs/.",
     )
-    parser.add_argument("--version", action="store_true", help="print the version and exit")
-    commands = parser.add_subparsers(dest="command", metavar="COMMAND", title="commands")
+    made.add_argument("--version", action="store_true", help="print the version and exit")
+    commands = made.add_subparsers(dest="command", metavar="COMMAND", title="commands")
     for name in MODULES:
         importlib.import_module(f"jointplay.commands.{name}").add(commands)
-    return parser
+    return made
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -67,10 +68,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     with streams.forgiving():
         try:
-            parser = _parser()
-            options = parser.parse_args(arguments)
+            made = parser()
+            options = made.parse_args(arguments)
             with stopping.listening():
-                status = _command(parser, options)
+                status = _command(made, options)
             sys.stdout.flush()  # what cannot be written must show here
             return status
         except BrokenPipeError:  # the reader, such as `head`, has seen enough
