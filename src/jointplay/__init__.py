@@ -91,6 +91,7 @@ _HOMES = {
 __all__ = sorted(_HOMES)
 
 if TYPE_CHECKING:
+    from jointplay import loads as loads
     from jointplay.analysis.wear import wear_life as wear_life
     from jointplay.analysis.wear import worn_depth as worn_depth
     from jointplay.contact import Ambrosio as Ambrosio

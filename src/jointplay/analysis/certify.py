@@ -270,6 +270,8 @@ def figures(result: Result, ideal: Result | None) -> dict[str, tuple[float, str]
     if result.joints:
         found["impacts"] = float(result.audit.impacts), ""
     lost = sum(float(result[name][-1]) for name in LOSSES if name in result.dataset)
+    if "load_work" in result.dataset:
+        lost += float(np.maximum(-result["load_work"].values[-1], 0.0).sum())
     found["dissipated energy"] = lost, "J"
     if ideal is not None and len(result.joints) == 1 and result.time[-1] > 2.0 * START_UP:
         measures = measure(result, ideal)

@@ -12,6 +12,7 @@ from jointplay.kernel.workspace import LoadSite, Workspace
 from jointplay.loads.base import Load, Site, address
 from jointplay.loads.controller import Controller, hold
 from jointplay.mechanism.mechanism import Mechanism, signs_between
+from jointplay.mechanism.urdf import MOST_LETTERS
 
 LARGEST_STEP_TURN = 1.0
 """Step times natural frequency of springs above which it is refused: 6 steps a period [rad]."""
@@ -22,9 +23,15 @@ FINE_STEP_TURN = 0.2
 
 def check(loads: Mapping[str, Load]) -> None:
     """Refuse what is no load."""
+    if not isinstance(loads, Mapping):
+        raise JointplayError(f"loads must be given by name, as {{'spring': ...}}, got {loads!r}")
     for name, load in loads.items():
-        if not isinstance(name, str) or not name:
-            raise JointplayError(f"the name of a load must be text, got {name!r}")
+        if not isinstance(name, str) or not name or not name.isprintable():
+            raise JointplayError(f"the name of a load must be readable text, got {name!r}")
+        if len(name) > MOST_LETTERS:
+            raise JointplayError(
+                f"the name of a load has {len(name)} letters; at most {MOST_LETTERS} are possible"
+            )
         if not isinstance(load, Load):
             raise JointplayError(f"{name!r} must be a load such as jp.loads.Spring, got {load!r}")
 
