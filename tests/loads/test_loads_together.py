@@ -48,11 +48,11 @@ def every_load():
 def test_energy_is_kept_with_all_loads_at_once(urdf, options, play):
     clearance = {"b": jp.ClearanceJoint(radial_clearance=1e-4, axial_clearance=1e-4)}
     robot = arm(urdf, clearance if play else None)
-    result = jp.simulate(
-        robot, duration=0.2, loads=every_load(), start={"a": 0.2}, **FREE, **options
-    )
+    options = options | {"duration": 0.2, "start": {"a": 0.2}, **FREE}
+    result = jp.simulate(robot, loads=every_load(), **options)
     assert result.status.name == "COMPLETED"
-    limit = 1e-3 if play or "e" in options.get("integrator", "") else 1e-5
+    rough = play or options.get("integrator") == "semi-implicit-euler"
+    limit = 1e-3 if rough else 1e-5
     assert result.audit.relative_energy_residual < limit
     assert (np.abs(result["load_work"].values[-1]) > 1e-9).sum() >= 5
 
@@ -61,8 +61,7 @@ def test_energy_is_kept_with_springs_on_loops():
     scenario = jp.Scenario.load(jp.shipped("four_bar.toml"))
     for case in list(scenario.cases)[:2]:
         given = scenario.simulation(case)
-        links = given.mechanism.description.links
-        loads = {"s": Spring(links[-1], 200.0, 0.05, other_at=(0.1, 0.1, 0.1), damping=1.0)}
+        loads = {"s": Spring("coupler", 200.0, 0.05, other_at=(0.1, 0.1, 0.1), damping=1.0)}
         plain = jp.Simulation(
             given.mechanism, given.motion, drive=given.drive, start=given.start, duration=0.03
         ).run()
