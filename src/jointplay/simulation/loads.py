@@ -132,6 +132,10 @@ class Sampling:
                 )
             self._members.append((load, site, steps, load.sampler()))
 
+    def __bool__(self) -> bool:
+        """Whether there are any."""
+        return bool(self._members)
+
     def until_next(self, step: int) -> int | None:
         """Steps from `step` until a sample is due after it; None if none ever is."""
         return min((every - step % every for _, _, every, _ in self._members), default=None)

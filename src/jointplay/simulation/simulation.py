@@ -268,6 +268,7 @@ class Run:
         )
         self._sampling = loads.Sampling(simulation.loads, sites, self.workspace, step)
         self._reactions = Reactions(simulation.loads, sites, mechanism, self.workspace, step)
+        self._watched = bool(self._sampling) or bool(self._reactions)
         self.workspace.q[:], self.workspace.v[:] = q, v
         self._events = self._plan(step)
         self._check_locks(q)
@@ -553,25 +554,37 @@ class Run:
         steps = min(most, self.steps - w.steps)
         if self._events:
             steps = min(steps, self._events[-1][0] - w.steps)
-        for due in (self._sampling.until_next(w.steps), self._reactions.until_next(w.steps)):
-            steps = steps if due is None else min(steps, due)
+        if self._watched:
+            steps = min(steps, self._until_watched(w.steps))
         if not self._loop.stretch(steps):
             return False
-        if self._reactions and w.steps % self._reactions.every == 0:
-            self._reactions.follow(self.model, self._loop.velocity())
-        happens = bool(self._events) and self._events[-1][0] == w.steps
-        samples = self._sampling.due(w.steps) and w.steps < self.steps
-        if happens or (samples and self.method.single_rate):
+        if self._events and self._events[-1][0] == w.steps:
             self._loop.settle()
             self._happen()
             self._sampling.sample(w.q, w.v, jumps=False)
-            if happens:
-                self._set_off()
-            else:
-                self._loop.begin()
-        elif samples:
-            self._sampling.sample(w.q, self._loop.velocity(), jumps=True)
+            self._set_off()
+        elif self._watched:
+            self._watch()
         return True
+
+    def _until_watched(self, step: int) -> int:
+        """Steps until a controller samples, or friction takes the forces that joints transmit."""
+        found = (self._sampling.until_next(step), self._reactions.until_next(step))
+        return min(due for due in found if due is not None)
+
+    def _watch(self) -> None:
+        """Let those look at the state whose time it is."""
+        w = self.workspace
+        if self._reactions and w.steps % self._reactions.every == 0:
+            self._reactions.follow(self.model, self._loop.velocity())
+        if not self._sampling.due(w.steps) or w.steps >= self.steps:
+            return
+        if self.method.single_rate:
+            self._loop.settle()
+            self._sampling.sample(w.q, w.v, jumps=False)
+            self._loop.begin()
+        else:
+            self._sampling.sample(w.q, self._loop.velocity(), jumps=True)
 
     def advance(self, steps: int) -> bool:
         """Do `steps` steps, or fewer if the run fails; returns whether all is well."""
