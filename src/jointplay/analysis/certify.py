@@ -19,7 +19,7 @@ from jointplay.kernel import Status
 from jointplay.kernel.integrators import DEFAULT, integrator
 from jointplay.result.certificate import COUNTS, Certificate, CertifiedFigure
 from jointplay.result.result import Result
-from jointplay.simulation.loop import LARGEST_TURN, LEAST_STEPS
+from jointplay.kernel.path import LARGEST_TURN, LEAST_STEPS
 from jointplay.simulation.simulation import Run, Simulation
 
 SAFETY = 2.5
