@@ -333,14 +333,15 @@ def set_off(run):
     drive(run, q, v, run.time, tau)
     find_touching(run, q, v)
     answer(run, q, v)
-    path = matrix(run.path, 6, nv)
+    path = matrix(run.path, 9, nv)
     for i in range(nv):
         a[i] = free[i]
         for k in range(nv):
             a[i] += (minv[i, k] if i <= k else minv[k, i]) * (tau[k] + push[k])
         half[i] = v[i] - 0.5 * run.dt * a[i]
         path[5, i] = half[i]
-        path[2, i] = a[i]
+        path[2, i] = path[7, i] = a[i]
+        path[6, i] = 0.0
     begin_line(run)
     run.fresh = 1
 

@@ -36,19 +36,28 @@ LEAST_APART = 0.3
 def _predict(run):
     """Predict the path of the next macro step, `run.macro` micro steps long."""
     nv = run.nv
-    path = matrix(run.path, 6, nv)
+    path = matrix(run.path, 9, nv)
     q, half, a = floats(run.q, nv), floats(run.half, nv), floats(run.a, nv)
     done = run.time - run.path_start
+    if done > 0.0:  # else planned anew
+        apart = run.path_start + 0.5 * done - run.mean_time
+        smooth = run.events == 0 and run.known_free > 1 and run.jerky != 0
+        for i in range(nv):
+            # The acceleration of a contact that lasts swings; its mean is what moves the arm.
+            mean = (half[i] - path[5, i]) / done
+            jerk = 0.0
+            if smooth:
+                jerk = (mean - path[7, i]) / apart
+            path[2, i] = mean + 0.5 * done * jerk if run.touching > 0 else a[i]
+            path[6, i] = jerk
+            path[7, i] = mean
+        run.mean_time = run.path_start + 0.5 * done
     span = run.macro * run.dt
     s = 0.5 * span
     for i in range(nv):
-        # The acceleration of a contact that lasts swings; its mean is what moves the arm.
-        mean = (half[i] - path[5, i]) / done if run.touching > 0 and done > 0.0 else a[i]
-        if done == 0.0:  # planned anew
-            mean = path[2, i]
-        path[0, i], path[1, i], path[2, i] = q[i], half[i] + 0.5 * run.dt_before * mean, mean
-        path[3, i] = q[i] + s * (path[1, i] + 0.5 * s * mean)
-        path[4, i] = path[1, i] + s * mean
+        path[0, i], path[1, i] = q[i], half[i] + 0.5 * run.dt_before * path[2, i]
+        path[3, i] = q[i] + s * (path[1, i] + s * (0.5 * path[2, i] + s * path[6, i] / 6.0))
+        path[4, i] = path[1, i] + s * (path[2, i] + 0.5 * s * path[6, i])
         path[5, i] = half[i]
     run.path_start, run.path_span = run.time, span
 
@@ -58,7 +67,7 @@ def _bounded(run):
     """Length of the next macro step in steps: as wished, unless joints turn too far."""
     longest = run.until - run.step
     macro = min(longest, max(run.wish // run.unit, 1) * run.unit)
-    turn = LARGEST_TURN if run.events == 0 and run.known_free > 1 else TURN_AFTER_EVENT
+    turn = run.turn if run.events == 0 and run.known_free > 1 else run.turn_after_event
     if run.fixed == 0 and run.fastest * macro * run.dt > turn:
         macro = max(int(turn / (run.fastest * run.dt * run.unit)), 1) * run.unit
     return min(macro, longest)
@@ -170,7 +179,7 @@ def judge(run):
     Then `refused` is set.
     """
     if run.nh > 0:
-        path = matrix(run.path, 6, run.nv)
+        path = matrix(run.path, 9, run.nv)
         project(run, path[3], path[4])
     _find_path_error(run)
     error, macro, unit = run.path_error, run.macro, run.unit
@@ -196,11 +205,12 @@ def judge(run):
 def leave(run):
     """See how fast angles change at the end of a macro step, and how far off its path it ended."""
     nv = run.nv
-    path, half, turning = matrix(run.path, 6, nv), floats(run.half, nv), floats(run.turning, nv)
+    path, half, turning = matrix(run.path, 9, nv), floats(run.half, nv), floats(run.turning, nv)
     done = run.time - run.path_start
     run.fastest = run.departure = 0.0
     for i in range(nv):
-        expected = path[1, i] + (done - 0.5 * run.dt_before) * path[2, i]
+        at = done - 0.5 * run.dt_before
+        expected = path[1, i] + at * (path[2, i] + 0.5 * at * path[6, i])
         run.fastest = max(run.fastest, turning[i] * abs(half[i]))
         run.departure = max(run.departure, turning[i] * abs(half[i] - expected) * done)
 
@@ -217,3 +227,4 @@ def begin_line(run):
             middle[i, k] = found[i, k] if i <= k else found[k, i]
     run.middle_time, run.departure = run.time, 0.0
     run.known_middles = run.known_free = 1
+    run.mean_time = run.time

@@ -136,7 +136,7 @@ class Workspace:
         self._changing.append(self._room("inverse", nv, nv))
         self._room("trial", 7, nv)
         self._room("scratch", 4 * nv + len(layout.POWERS))
-        self.path = self._room("path", 6, nv)
+        self.path = self._room("path", 9, nv)
         for name in ("touched", "place"):
             self._point(name, np.zeros(nv, np.int64))
         self.inverse_mass = self._point("found_minv", data.Minv)

@@ -207,6 +207,9 @@ class MultiRate(Loop):
         run["longest"] = max(round(longest / self._dt), 1)
         run["wish"] = run["longest"] if fixed else max(int(run["longest"][0]) // 10, 1)
         run["tolerance"] = LOOP_TOLERANCE if len(self._models) else MACRO_TOLERANCE
+        import os
+        run["jerky"]=int(os.environ.get("JERK",1))
+        run["turn"]=float(os.environ.get("TURN",0.06)); run["turn_after_event"]=float(os.environ.get("TURNA",0.02))
         if w.needs_jacobians or len(self._models):
             self._place_bodies()
 
