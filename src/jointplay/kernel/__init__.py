@@ -1,8 +1,9 @@
 """The compiled part of the time loop.
 
-`layout` has the records that hold a run, `vectors`, `bodies` and `frames` the geometry, `contact`, `film` and
-`drive` the forces, `solve` the velocity solve, `record` the records, `multirate` and `singlerate`
-the methods, `path` and `loops` what the first asks of Pinocchio and makes of it. All of it is entered through one compiled function, `enter`.
+`layout` has the records that hold a run, `vectors`, `bodies` and `frames` the geometry, `contact`,
+`film` and `drive` the forces, `solve` the velocity solve, `record` the records, `multirate` and
+`singlerate` the methods, `path` and `loops` what the first asks of Pinocchio and makes of it. All
+of it is entered through one compiled function, `enter`.
 """
 
 from __future__ import annotations
@@ -115,8 +116,8 @@ __all__ = [
     "JOINT_FRICTION_SPEED",
     "MIN_APPROACH_SPEED",
     "POWERS",
-    "WELL_RESOLVED_STEPS",
     "THERE",
+    "WELL_RESOLVED_STEPS",
     "Command",
     "Status",
     "compiled",

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from jointplay.kernel.bodies import lifted, place_bodies, swing_bodies, times
 from jointplay.kernel.layout import bodies, floats, holds, internal, matrix
-from jointplay.kernel.vectors import add, along, cross, vector
+from jointplay.kernel.vectors import add, cross, vector
 
 REDUNDANT = 1e-10
 """Rows of less inverse mass than this, relative to the first one's, hold nothing any more."""

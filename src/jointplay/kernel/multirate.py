@@ -19,6 +19,7 @@ import math
 
 import numpy as np
 
+from jointplay.kernel import path
 from jointplay.kernel.bodies import place_bodies
 from jointplay.kernel.contact import gap_of, lose, remember
 from jointplay.kernel.drive import drive, lose_in_joints, prescribe, work_of_drives
@@ -37,7 +38,6 @@ from jointplay.kernel.layout import (
     matrix,
 )
 from jointplay.kernel.loops import project
-from jointplay.kernel.path import LEAST_STEPS, begin_line, judge, leave, plan
 from jointplay.kernel.record import due, record
 from jointplay.kernel.solve import (
     SPEED,
@@ -243,7 +243,7 @@ def macro_step(run):
         _step(run, run.dt)
         run.step += 1
         run.time = run.step * run.dt
-        leave(run)
+        path.leave(run)
         if run.departure > run.departure_limit and k + 1 >= LEAST_DONE:
             return
 
@@ -333,29 +333,25 @@ def set_off(run):
     drive(run, q, v, run.time, tau)
     find_touching(run, q, v)
     answer(run, q, v)
-    path = matrix(run.path, 9, nv)
     for i in range(nv):
         a[i] = free[i]
         for k in range(nv):
             a[i] += (minv[i, k] if i <= k else minv[k, i]) * (tau[k] + push[k])
         half[i] = v[i] - 0.5 * run.dt * a[i]
-        path[5, i] = half[i]
-        path[2, i] = path[7, i] = a[i]
-        path[6, i] = 0.0
-    begin_line(run)
+    path.begin(run)
     run.fresh = 1
 
 
 @internal
 def advance(run):
     """Do the macro step that was planned, Pinocchio asked, and plan the next."""
-    judge(run)
+    path.judge(run)
     if run.refused != 0:
         return
     first, macro = run.step, run.macro
     macro_step(run)
     done = run.step - first
     if run.fixed == 0 and done < macro:
-        run.wish = min(max(2 * done, LEAST_STEPS), run.longest)
+        run.wish = min(max(2 * done, path.LEAST_STEPS), run.longest)
     if run.status == 0 and run.step < run.until:
-        plan(run)
+        path.plan(run)

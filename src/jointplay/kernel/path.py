@@ -13,7 +13,13 @@ from jointplay.kernel.layout import floats, internal, matrix
 from jointplay.kernel.loops import close, project
 from jointplay.kernel.solve import LEAST_COMPLIANCE
 
-LARGEST_TURN = 0.06
+(
+    PLACE, SPEED, ACCELERATION, MIDDLE, MIDDLE_SPEED, HALF, JERK, MEAN, ROWS,
+) = range(9)  # fmt: skip
+"""Rows of `run.path`: the state at the start of the predicted path and what changes it, the state
+in its middle, `half` at its start, and the mean acceleration of the last macro step."""
+
+LARGEST_TURN = 0.03
 """Angle by which no joint turns further in a macro step that an error estimate chooses [rad]."""
 
 TURN_AFTER_EVENT = 0.02
@@ -36,29 +42,30 @@ LEAST_APART = 0.3
 def _predict(run):
     """Predict the path of the next macro step, `run.macro` micro steps long."""
     nv = run.nv
-    path = matrix(run.path, 9, nv)
+    path = matrix(run.path, ROWS, nv)
     q, half, a = floats(run.q, nv), floats(run.half, nv), floats(run.a, nv)
     done = run.time - run.path_start
     if done > 0.0:  # else planned anew
         apart = run.path_start + 0.5 * done - run.mean_time
-        smooth = run.events == 0 and run.known_free > 1 and run.jerky != 0
+        smooth = run.events == 0 and run.known_free > 1
         for i in range(nv):
             # The acceleration of a contact that lasts swings; its mean is what moves the arm.
-            mean = (half[i] - path[5, i]) / done
+            mean = (half[i] - path[HALF, i]) / done
             jerk = 0.0
             if smooth:
-                jerk = (mean - path[7, i]) / apart
-            path[2, i] = mean + 0.5 * done * jerk if run.touching > 0 else a[i]
-            path[6, i] = jerk
-            path[7, i] = mean
+                jerk = (mean - path[MEAN, i]) / apart
+            path[ACCELERATION, i] = mean + 0.5 * done * jerk if run.touching > 0 else a[i]
+            path[JERK, i] = jerk
+            path[MEAN, i] = mean
         run.mean_time = run.path_start + 0.5 * done
     span = run.macro * run.dt
     s = 0.5 * span
     for i in range(nv):
-        path[0, i], path[1, i] = q[i], half[i] + 0.5 * run.dt_before * path[2, i]
-        path[3, i] = q[i] + s * (path[1, i] + s * (0.5 * path[2, i] + s * path[6, i] / 6.0))
-        path[4, i] = path[1, i] + s * (path[2, i] + 0.5 * s * path[6, i])
-        path[5, i] = half[i]
+        rise, jerk = path[ACCELERATION, i], path[JERK, i]
+        speed = half[i] + 0.5 * run.dt_before * rise
+        path[PLACE, i], path[SPEED, i], path[HALF, i] = q[i], speed, half[i]
+        path[MIDDLE, i] = q[i] + s * (speed + s * (0.5 * rise + s * jerk / 6.0))
+        path[MIDDLE_SPEED, i] = speed + s * (rise + 0.5 * s * jerk)
     run.path_start, run.path_span = run.time, span
 
 
@@ -67,7 +74,7 @@ def _bounded(run):
     """Length of the next macro step in steps: as wished, unless joints turn too far."""
     longest = run.until - run.step
     macro = min(longest, max(run.wish // run.unit, 1) * run.unit)
-    turn = run.turn if run.events == 0 and run.known_free > 1 else run.turn_after_event
+    turn = LARGEST_TURN if run.events == 0 and run.known_free > 1 else TURN_AFTER_EVENT
     if run.fixed == 0 and run.fastest * macro * run.dt > turn:
         macro = max(int(turn / (run.fastest * run.dt * run.unit)), 1) * run.unit
     return min(macro, longest)
@@ -96,7 +103,11 @@ def _find_path_error(run):
     middle, slope = matrix(run.minv_middle, nv, nv), matrix(run.minv_slope, nv, nv)
     curve, free_curve = matrix(run.minv_curve, nv, nv), floats(run.free_curve, nv)
     free_middle, free_slope = floats(run.free_middle, nv), floats(run.free_slope, nv)
-    push, effort, weights = floats(run.contact_push, nv), floats(run.drive, nv), floats(run.weights, nv)
+    push, effort, weights = (
+        floats(run.contact_push, nv),
+        floats(run.drive, nv),
+        floats(run.weights, nv),
+    )
     run.path_error = -1.0
     if run.known_free < 2 or run.events > 0:
         return
@@ -179,8 +190,8 @@ def judge(run):
     Then `refused` is set.
     """
     if run.nh > 0:
-        path = matrix(run.path, 9, run.nv)
-        project(run, path[3], path[4])
+        path = matrix(run.path, ROWS, run.nv)
+        project(run, path[MIDDLE], path[MIDDLE_SPEED])
     _find_path_error(run)
     error, macro, unit = run.path_error, run.macro, run.unit
     run.refused = 0
@@ -205,20 +216,24 @@ def judge(run):
 def leave(run):
     """See how fast angles change at the end of a macro step, and how far off its path it ended."""
     nv = run.nv
-    path, half, turning = matrix(run.path, 9, nv), floats(run.half, nv), floats(run.turning, nv)
+    path, half, turning = matrix(run.path, ROWS, nv), floats(run.half, nv), floats(run.turning, nv)
     done = run.time - run.path_start
     run.fastest = run.departure = 0.0
     for i in range(nv):
         at = done - 0.5 * run.dt_before
-        expected = path[1, i] + at * (path[2, i] + 0.5 * at * path[6, i])
+        expected = path[SPEED, i] + at * (path[ACCELERATION, i] + 0.5 * at * path[JERK, i])
         run.fastest = max(run.fastest, turning[i] * abs(half[i]))
         run.departure = max(run.departure, turning[i] * abs(half[i] - expected) * done)
 
 
 @internal
-def begin_line(run):
-    """Let the line of inverse mass matrix and free acceleration begin at the present instant."""
+def begin(run):
+    """Let inverse mass matrix, free acceleration and path begin at the state just evaluated."""
     nv = run.nv
+    path, half, a = matrix(run.path, ROWS, nv), floats(run.half, nv), floats(run.a, nv)
+    for i in range(nv):
+        path[HALF, i], path[JERK, i] = half[i], 0.0
+        path[ACCELERATION, i] = path[MEAN, i] = a[i]
     found, middle = matrix(run.found_minv, nv, nv), matrix(run.minv_middle, nv, nv)
     free, free_middle = floats(run.found_free, nv), floats(run.free_middle, nv)
     for i in range(nv):

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
 
 from jointplay.kernel import Command, Status, enter, layout
+from jointplay.kernel.path import MIDDLE, MIDDLE_SPEED, ROWS
 
 
 @dataclass(frozen=True)
@@ -95,6 +96,7 @@ class Workspace:
         drives, frictions, gears: records of what acts on single coordinates.
         contacts: records of the contacts, shape (nj, width).
         record: what was recorded, a row each.
+        middle: q and v in the middle of the macro step that is planned, shape (nv,).
         inverse_mass: Pinocchio's, its upper triangle, shape (nv, nv).
     """
 
@@ -136,7 +138,8 @@ class Workspace:
         self._changing.append(self._room("inverse", nv, nv))
         self._room("trial", 7, nv)
         self._room("scratch", 4 * nv + len(layout.POWERS))
-        self.path = self._room("path", 9, nv)
+        path = self._room("path", ROWS, nv)
+        self.middle = (path[MIDDLE], path[MIDDLE_SPEED])
         for name in ("touched", "place"):
             self._point(name, np.zeros(nv, np.int64))
         self.inverse_mass = self._point("found_minv", data.Minv)
@@ -273,7 +276,10 @@ class Workspace:
         """
         nv, rows = len(self.q), 3 * len(holds)
         self._point("holds", holds)
-        self.run["open_minv"], self.run["open_free"] = self.run["found_minv"], self.run["found_free"]
+        self.run["open_minv"], self.run["open_free"] = (
+            self.run["found_minv"],
+            self.run["found_free"],
+        )
         self._room("found_free", nv)
         for name in ("found_minv", "closing_minv"):
             self._room(name, nv, nv)

@@ -192,7 +192,7 @@ class MultiRate(Loop):
         super().__init__(*args)
         w, run = self.workspace, self.workspace.run
         self._dt = float(run["dt"][0])
-        self._middle = (w.path[3], w.path[4])
+        self._middle = w.middle
         self._zero = np.zeros(self.model.nv)
         self._until = run["until"]
         for joint in self.model.joints[1:]:
@@ -207,9 +207,6 @@ class MultiRate(Loop):
         run["longest"] = max(round(longest / self._dt), 1)
         run["wish"] = run["longest"] if fixed else max(int(run["longest"][0]) // 10, 1)
         run["tolerance"] = LOOP_TOLERANCE if len(self._models) else MACRO_TOLERANCE
-        import os
-        run["jerky"]=int(os.environ.get("JERK",1))
-        run["turn"]=float(os.environ.get("TURN",0.06)); run["turn_after_event"]=float(os.environ.get("TURNA",0.02))
         if w.needs_jacobians or len(self._models):
             self._place_bodies()
 
