@@ -17,6 +17,7 @@ from numba import carray, from_dtype, njit, types
 from numba.extending import intrinsic
 
 from jointplay.contact.law import BRISTLE_NUMBERS, FILM_NUMBERS, MAX_PARAMETERS, pointer
+from jointplay.kernel.parts import PartCompiler
 
 
 class Status(IntEnum):
@@ -313,8 +314,13 @@ HOLD = _record(one=_INT, other=_INT, place=(_FLOAT, (3,)), other_place=(_FLOAT, 
 
 _CONTACT_SIZE = CONTACT.itemsize
 
-internal = njit(error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
-"""For functions that only kernels call: without wrappers they compile faster."""
+internal = njit(
+    error_model="numpy",
+    no_cpython_wrapper=True,
+    no_cfunc_wrapper=True,
+    pipeline_class=PartCompiler,
+)
+"""For functions that only kernels call."""
 
 
 def _pointer_to(element: Any) -> Any:
