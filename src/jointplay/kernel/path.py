@@ -19,11 +19,8 @@ from jointplay.kernel.solve import LEAST_COMPLIANCE
 """Rows of `run.path`: the state at the start of the predicted path and what changes it, the state
 in its middle, `half` at its start, and the mean acceleration of the last macro step."""
 
-LARGEST_TURN = 0.03
+LARGEST_TURN = 0.02
 """Angle by which no joint turns further in a macro step that an error estimate chooses [rad]."""
-
-TURN_AFTER_EVENT = 0.02
-"""The same after velocities have jumped: the acceleration without forces has no line then."""
 
 REFUSED = 4.0
 """A macro step whose middle is so many times the tolerance off is planned anew."""
@@ -47,7 +44,7 @@ def _predict(run):
     done = run.time - run.path_start
     if done > 0.0:  # else planned anew
         apart = run.path_start + 0.5 * done - run.mean_time
-        smooth = run.events == 0 and run.known_free > 1
+        smooth = run.touching == 0 and run.events == 0 and run.known_free > 1
         for i in range(nv):
             # The acceleration of a contact that lasts swings; its mean is what moves the arm.
             mean = (half[i] - path[HALF, i]) / done
@@ -74,9 +71,8 @@ def _bounded(run):
     """Length of the next macro step in steps: as wished, unless joints turn too far."""
     longest = run.until - run.step
     macro = min(longest, max(run.wish // run.unit, 1) * run.unit)
-    turn = LARGEST_TURN if run.events == 0 and run.known_free > 1 else TURN_AFTER_EVENT
-    if run.fixed == 0 and run.fastest * macro * run.dt > turn:
-        macro = max(int(turn / (run.fastest * run.dt * run.unit)), 1) * run.unit
+    if run.fixed == 0 and run.fastest * macro * run.dt > LARGEST_TURN:
+        macro = max(int(LARGEST_TURN / (run.fastest * run.dt * run.unit)), 1) * run.unit
     return min(macro, longest)
 
 

@@ -29,7 +29,7 @@ says differs from it by no more, or the next macro step is shorter.
 The error between the middles is a small part of that. Measured: docs/integrators.md.
 """
 
-LARGEST_DEPARTURE = 3e-5
+LARGEST_DEPARTURE = 1e-5
 """Angle by which the state may leave the path that was predicted for a macro step [rad]."""
 
 LOOP_TOLERANCE = 3e-5
