@@ -26,7 +26,7 @@ from jointplay.certify import certify, figures
 SEED = 2024
 SCARA, KNOWN, CRANK = 23, 1, 6
 REFERENCE_STEP = {"scara": 2.5e-7, "slider-crank": 1e-7}
-COARSER = 5
+COARSER = 4
 """Steps of the truth in a step of the ideal mechanism, which has no contacts to follow."""
 QUICK = 8
 
@@ -139,9 +139,7 @@ def measure(configuration: Configuration) -> list[dict]:
         duration=float(result.time[-1]),
     ).run()
     smooth = analysis.ideal_simulation(finest)
-    ideal = replace(
-        smooth, step=COARSER * step, record_every=smooth.record_every // COARSER
-    ).run()
+    ideal = replace(smooth, step=COARSER * step, record_every=smooth.record_every // COARSER).run()
     truth = figures(finest, ideal)
     rows = []
     for figure in certificate.headline:
