@@ -25,7 +25,7 @@ from numba import types
 from numba.extending import intrinsic
 
 from jointplay.contact.law import pointer
-from jointplay.kernel.frames import pose_of_frames, pose_on_path, twist_by
+from jointplay.kernel.frames import pose_of_frames, twist_by
 from jointplay.kernel.layout import (
     ALWAYS,
     IF_PRESSED,
@@ -145,7 +145,7 @@ def find_loads(run, q, v, marks):
         tau[i] = 0.0
     for load in loads(run):
         if load.frames != 0:
-            pose_on_path(run, load, q)
+            pose_of_frames(run, load, load.pose, floats(load.reach, 6 * load.nsupport))
         else:
             _see_places(load, q)
         load.active = 0

@@ -36,24 +36,19 @@ def check(loads: Mapping[str, Load]) -> None:
             raise JointplayError(f"{name!r} must be a load such as jp.loads.Spring, got {load!r}")
 
 
-def load_site(
-    load: Load, mechanism: Mechanism, data: pin.Data, bounds: tuple[float, ...]
-) -> LoadSite:
-    """What the kernels must know of a load; they read frames in `data`, the run's own."""
+def load_site(load: Load, mechanism: Mechanism, bounds: tuple[float, ...]) -> LoadSite:
+    """What the kernels must know of a load."""
     site = load.site(mechanism)
     law, numbers = address(load), load.numbers(mechanism)
     if site.frames is None:
         return LoadSite(law, numbers, load.stores, load.implicit(), site.seen, site.pushed, bounds)
-    (i, first), (j, second) = site.frames
-    poses = data.oMi[i], data.oMi[j]
-    places = [part.ravel() for p in (first, second) for part in (p.rotation, p.translation)]
+    (i, _), (j, _) = site.frames
     return LoadSite(
         law,
         numbers,
         load.stores,
         load.implicit(),
-        frames=(poses[0].rotation, poses[0].translation, poses[1].rotation, poses[1].translation),
-        placements=np.concatenate(places),
+        carriers=site.frames,
         signs=signs_between(mechanism.model, i, j),
     )
 

@@ -43,7 +43,7 @@ class Reactions:
         for index, (load, site) in enumerate(zip(loads.values(), sites, strict=True)):
             if isinstance(load, LoadedFriction):
                 self._members.append((load, site.numbers, *_axis(mechanism, load.joint)))
-            elif site.frames is not None:
+            elif site.carriers is not None:
                 self._pushers.append((index, load.site(mechanism)))
         self._data: pin.Data | None = None
         self._none = pin.StdVec_Force()
