@@ -353,7 +353,7 @@ def _run(
     begin(prepared)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # said in the certificate
-        result = prepared.execute(progress)
+        result = prepared.execute(progress, check_step=False)
     if result.status == Status.INTERRUPTED:
         raise KeyboardInterrupt
     if result.status != Status.COMPLETED:
@@ -371,7 +371,7 @@ def _ideal(result: Result, progress: bool, begin: Begin) -> Result | None:
         begin(prepared)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)
-            found = prepared.execute(progress)
+            found = prepared.execute(progress, check_step=False)
     except JointplayError:
         return None
     if found.status == Status.INTERRUPTED:

@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 from tqdm import tqdm
 
-from jointplay import kernel, limits
+from jointplay import kernel, limits, step_check
 from jointplay.contact.law import address, check_parameters
 from jointplay.drive import (
     ComputedTorque,
@@ -26,7 +26,7 @@ from jointplay.drive import (
 )
 from jointplay.errors import JointplayError, MissingName, require_finite, require_positive
 from jointplay.histories import Phase, histories
-from jointplay.impact import REFERENCE_SPEED, contact_duration, effective_mass
+from jointplay.impact import REFERENCE_SPEED, contact_duration, effective_mass, tooth_duration
 from jointplay.integrators import DEFAULT, Integrator, integrator
 from jointplay.joints import VIRTUAL_LINK
 from jointplay.kernel import Status
@@ -431,6 +431,15 @@ class Run:
                     f"{duration / kernel.WELL_RESOLVED_STEPS:.2g} s"
                 )
 
+        for name in self.mechanism.gears:
+            duration = tooth_duration(self.mechanism, name, q)
+            if duration < MIN_CONTACT_STEPS * step:
+                raise JointplayError(
+                    f"step {step:g} s is too large for the stiffness of the gear at {name!r}: an "
+                    f"impact of its teeth lasts {duration:.2g} s, so take at most "
+                    f"{duration / kernel.WELL_RESOLVED_STEPS:.2g} s"
+                )
+
     def displace(self, distance: float) -> None:
         """Move every journal aside by `distance` along each axis [m], before the run begins."""
         q = self.workspace.q
@@ -443,11 +452,13 @@ class Run:
                 moves = self.mechanism.relative_jacobian(name, q)[:3]
                 q += np.linalg.pinv(moves) @ np.full(3, distance)
 
-    def execute(self, progress: bool = False) -> Result:
+    def execute(self, progress: bool = False, check_step: bool = True) -> Result:
         """Simulate; once only, for the workspace holds the state.
 
         Args:
             progress: show a bar with simulated time, speed and time left on standard error.
+            check_step: where nothing else judges the step, run again with another one: see
+                `step_check`. Takes half of the run's time, two and a half times that in doubt.
 
         Returns:
             The result. Interrupted by Ctrl-C, or stopped because the state ran away, it holds
@@ -455,12 +466,13 @@ class Run:
             stopped also warns.
         """
         started = time.perf_counter()
+        start = self.workspace.q.copy(), self.workspace.v.copy()
         status = self.loop(progress)
         elapsed = time.perf_counter() - started
         message = self.message(status)
         if status not in (Status.COMPLETED, Status.INTERRUPTED):
             warnings.warn(message, RuntimeWarning, stacklevel=2)
-        return histories(
+        result = histories(
             self.mechanism,
             self.simulation.describe(),
             self.workspace,
@@ -470,6 +482,11 @@ class Run:
             message,
             elapsed,
         )
+        if check_step and status == Status.COMPLETED and step_check.wanted(self.simulation):
+            error = step_check.step_error(self, result, start, progress)
+            if error is not None:
+                result.amend(step_error=error.tool, relative_step_error=error.relative)
+        return result
 
     def loop(self, progress: bool = False) -> Status:
         """Step until the end, a failure, or Ctrl-C; returns why it stopped."""
