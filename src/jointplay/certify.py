@@ -344,7 +344,7 @@ def _run(
 ) -> tuple[Result | None, str]:
     """A refined run, or None and why there is none."""
     try:
-        prepared = simulation.prepare()
+        prepared = simulation.prepare(progress)
     except JointplayError as error:
         return None, f"the run is refused: {error}"
     if aside:
@@ -366,7 +366,7 @@ def _ideal(result: Result, progress: bool, begin: Begin) -> Result | None:
     if not analysis.has_play(result):
         return None
     try:
-        prepared = analysis.ideal_simulation(result).prepare()
+        prepared = analysis.ideal_simulation(result).prepare(progress)
         prepared.label = "certifying (ideal)"
         begin(prepared)
         with warnings.catch_warnings():

@@ -400,7 +400,7 @@ def _run_options(options: argparse.Namespace) -> int:
     from jointplay.kernel import Status
 
     simulation = _simulation(options)
-    prepared = simulation.prepare()
+    prepared = simulation.prepare(progress=not options.quiet)
     names = ["result.nc"]
     if not options.no_figures:
         from jointplay.plots import FIGURES

@@ -6,7 +6,7 @@ import math
 import sys
 import time
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -22,6 +22,7 @@ from jointplay.drive import (
     JointFriction,
     assign,
     drive_from_description,
+    table_nodes,
     tabulate,
 )
 from jointplay.errors import JointplayError, MissingName, require_finite, require_positive
@@ -144,15 +145,18 @@ class Simulation:
             }
         return cls(**fields)
 
-    def prepare(self) -> Run:
+    def prepare(self, progress: bool = False) -> Run:
         """Check everything and make ready to step.
+
+        Args:
+            progress: show a bar on standard error while a long motion is tabulated.
 
         Raises:
             JointplayError: a step, duration or record interval that makes no sense, a step too
                 large for the contact stiffness, or a motion that does not fit the mechanism.
         """
         try:
-            return Run(self)
+            return Run(self, progress)
         except (ArithmeticError, np.linalg.LinAlgError) as error:
             raise JointplayError(
                 f"these numbers cannot be computed with, one is far too large or small: {error}"
@@ -166,7 +170,7 @@ class Simulation:
             certify: run again more finely, and put the numerical errors of the headline figures
                 into `Result.certificate`.
         """
-        result = self.prepare().execute(progress)
+        result = self.prepare(progress).execute(progress)
         if certify:
             from jointplay.certify import certify as find_errors
 
@@ -196,10 +200,12 @@ def simulate(
 class Run:
     """A simulation made ready to step: its workspace, and the initial state in it."""
 
-    def __init__(self, simulation: Simulation) -> None:
+    def __init__(self, simulation: Simulation, progress: bool = False) -> None:
         """Check the numbers, place the journals, tabulate the drives."""
         self.simulation = simulation
         self.label = ""  # what the progress bar calls the run
+        self.guard: Callable[[Run], Run] = lambda run: run
+        """Makes a run that is part of this one stop as this one does; see `stopping`."""
         mechanism = simulation.mechanism
         self.mechanism = mechanism
         limits.check_names(mechanism)
@@ -222,13 +228,14 @@ class Run:
         self.steps = round(duration / step)
         if self.steps < 1:
             raise JointplayError(f"duration {duration:g} s is shorter than the step {step:g} s")
-        limits.check_memory(mechanism, duration, self.steps, every)
-        self.friction = self._friction()
         drives = assign(mechanism, simulation.motion, simulation.drive)
+        nodes = table_nodes(simulation.motion, drives, duration)
+        limits.check_memory(mechanism, duration, self.steps, every, nodes)
+        self.friction = self._friction()
         followed = [name for name, drive in drives.items() if drive.follows]
         q, v = self._initial_state(followed)
         tables, armature = tabulate(
-            mechanism, simulation.motion, drives, duration, self.friction, q
+            mechanism, simulation.motion, drives, duration, self.friction, q, progress
         )
         self.phases = [Phase(0, mechanism.model.copy())]
         # The run's own, for payloads and prescribed motion change its inertias.

@@ -116,7 +116,7 @@ def _difference(
             record_every=round(every / factor),
             macro_step=None if macro is None else factor * macro,
             tolerance=None if tolerance is None else factor**2 * tolerance,
-        ).prepare()
+        ).prepare(progress)
     except JointplayError:
         if factor > 1.0:
             return _UNBOUNDED  # half the step decides
@@ -127,7 +127,7 @@ def _difference(
     theirs.q[:], theirs.v[:] = start
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)
-        found = stopping.stoppable(other).execute(progress, check_step=False)
+        found = run.guard(other).execute(progress, check_step=False)
     if found.status == Status.INTERRUPTED:
         raise KeyboardInterrupt
     if found.status != Status.COMPLETED:
