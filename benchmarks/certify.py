@@ -21,7 +21,7 @@ from tqdm import tqdm
 
 import jointplay as jp
 from jointplay import analysis
-from jointplay.certify import certify, figures
+from jointplay.analysis.certify import certify, figures
 
 SEED = 2024
 SCARA, KNOWN, CRANK = 23, 1, 6

@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 from tqdm import tqdm
 
 import jointplay as jp
-from jointplay.integrators import DEFAULT
+from jointplay.kernel.integrators import DEFAULT
 from jointplay.simulation import PERTURBATION
 
 JOINT = "joint_b"

@@ -16,8 +16,8 @@ from mechanism_cost import scara, slider_crank
 from tqdm import tqdm
 
 import jointplay as jp
-from jointplay import histories
 from jointplay.kernel import Status
+from jointplay.result import histories
 
 WHOLE, MOTION, FORCES = "whole result", "motion of the bodies", "forces in the joints"
 

@@ -27,7 +27,7 @@ from common import (
 from tqdm import tqdm
 
 import jointplay as jp
-from jointplay.integrators import INTEGRATORS
+from jointplay.kernel.integrators import INTEGRATORS
 
 CLEARANCES = (0.2e-3, 0.5e-3)
 STEPS = (4e-5, 2e-5, 1e-5, 5e-6, 2.5e-6)

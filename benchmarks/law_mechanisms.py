@@ -9,7 +9,7 @@ from law_probes import build
 from mechanism_cost import SPEED, slider_crank
 
 import jointplay as jp
-from jointplay.impact import effective_mass
+from jointplay.mechanism.impact import effective_mass
 
 SCARA, CRANK = "SCARA", "slider-crank"
 PAPER = ("normal", "lankarani-nikravesh")

@@ -16,7 +16,7 @@ import numpy as np
 import jointplay as jp
 from jointplay.contact import FILM_LAWS, FRICTION_LAWS, NORMAL_LAWS, FilmProperties
 from jointplay.contact.law import MAX_PARAMETERS, compiled_law
-from jointplay.impact import impact_duration
+from jointplay.mechanism.impact import impact_duration
 
 REGISTRIES = {"normal": NORMAL_LAWS, "friction": FRICTION_LAWS, "film": FILM_LAWS}
 """All laws, by family and name."""

@@ -34,10 +34,10 @@ from peer_engines.jointplay_engine import run_jointplay
 from peer_engines.text import TEXT
 from peer_engines.trace import Impact, Trace, impacts, offset
 
-from jointplay.contact.restitution import effective_restitution
-from jointplay.drive import REFERENCE_NODE_S
+from jointplay.contact.normal.restitution import effective_restitution
 from jointplay.errors import JointplayError
-from jointplay.histories import versions
+from jointplay.loads.drive import REFERENCE_NODE_S
+from jointplay.result.histories import versions
 
 DOCS = Path(__file__).parents[1] / "docs"
 ENGINES = ("mujoco", "exudyn", "siconos")

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import HealthCheck, Phase, settings
 
 from jointplay import ClearanceJoint, ComputedTorque, Mechanism, Motion, Simulation
-from jointplay.integrators import DEFAULT
+from jointplay.kernel.integrators import DEFAULT
 from jointplay.simulation import Run
 
 # A simulation in each example: slow machines must not fail, and a failure must not be shrunk for

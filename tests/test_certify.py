@@ -10,22 +10,20 @@ import pytest
 
 import jointplay as jp
 from jointplay import analysis, cli, study
-from jointplay.certify import (
+from jointplay.analysis.certify import (
     ASIDE,
     FINER,
     FINEST,
     OWN,
     PLAIN,
-    Certificate,
-    CertifiedFigure,
     certify,
     further_runs,
     numerical_error,
-    plus_minus,
 )
-from jointplay.keep import add_certificate
 from jointplay.kernel import Status
 from jointplay.report import cases, content
+from jointplay.result.certificate import Certificate, CertifiedFigure, plus_minus
+from jointplay.scenario.keep import add_certificate
 from jointplay.study import scara
 
 JAMMED_TRUTH_N = 677.1
@@ -244,7 +242,7 @@ def stopped_while_certifying(monkeypatch):
     def told(*_, **__):
         signal.raise_signal(signal.SIGINT)
 
-    monkeypatch.setattr("jointplay.certify.certify", told)
+    monkeypatch.setattr("jointplay.analysis.certify.certify", told)
 
 
 def plain(path):
@@ -281,7 +279,9 @@ def test_the_study_told_to_stop_while_it_certifies_keeps_the_case(monkeypatch, t
 def test_no_run_that_was_interrupted_is_certified(short, tmp_path, monkeypatch):
     result = jp.Result(short.dataset.copy())
     result.status = Status.INTERRUPTED
-    monkeypatch.setattr("jointplay.certify.certify", lambda *_, **__: pytest.fail("certified"))
+    monkeypatch.setattr(
+        "jointplay.analysis.certify.certify", lambda *_, **__: pytest.fail("certified")
+    )
     add_certificate(result, tmp_path / "r.nc", short.simulation)
     assert not (tmp_path / "r.nc").exists()
 

@@ -11,10 +11,10 @@ import pytest
 
 from jointplay import Result, cli
 from jointplay.contact import NORMAL_LAWS
-from jointplay.integrators import INTEGRATORS
 from jointplay.kernel import Status
+from jointplay.kernel.integrators import INTEGRATORS
+from jointplay.mechanism.urdf import shipped
 from jointplay.study import CONDITIONS, output_names
-from jointplay.urdf import shipped
 
 JOINTPLAY = str(Path(sys.executable).parent / "jointplay")
 SHORT = ("--duration", "0.02", "--quiet", "--no-figures")

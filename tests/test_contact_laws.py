@@ -19,8 +19,8 @@ from jointplay.contact import (
     normal_law,
 )
 from jointplay.contact.trust import trusting
-from jointplay.impact import elastic_energy, impact_duration
 from jointplay.kernel import Status
+from jointplay.mechanism.impact import elastic_energy, impact_duration
 
 STEEL = ContactProperties(1.06e11, 0.8)
 DELTA, DDELTA, DDELTA0 = 7e-6, -0.03, 0.1

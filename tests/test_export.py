@@ -6,12 +6,13 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from jointplay import ClearanceJoint, JointplayError, Mechanism, robots, shipped
+from jointplay import ClearanceJoint, JointplayError, Mechanism, shipped
 from jointplay.cli import main
-from jointplay.export import LIMIT_FACTOR, MASS_FRACTION, to_urdf
-from jointplay.gear import Gear
 from jointplay.joints import PrismaticJoint, SphericalJoint
-from jointplay.loops import Loop
+from jointplay.mechanism import robots
+from jointplay.mechanism.export import LIMIT_FACTOR, MASS_FRACTION, to_urdf
+from jointplay.mechanism.gear import Gear
+from jointplay.mechanism.loop import Loop
 
 BEARING = ClearanceJoint(radial_clearance=1e-4, axial_clearance=3e-4)
 ARM = """<?xml version="1.0" encoding="utf-8"?>

@@ -10,8 +10,10 @@ import pytest
 import xarray as xr
 
 import jointplay as jp
-from jointplay import JointplayError, files, netcdf
+from jointplay import JointplayError
 from jointplay.contact import FILM_LAWS, FRICTION_LAWS, NORMAL_LAWS, KelvinVoigt
+from jointplay.host import files
+from jointplay.result import netcdf
 from jointplay.study import scara
 
 
@@ -181,8 +183,8 @@ def described(joint):
 def test_what_every_law_and_joint_describes_is_taken_on_load():
     from pydantic import TypeAdapter
 
+    from jointplay.result.stored import _without_none
     from jointplay.scenario.model import JOINT
-    from jointplay.stored import _without_none
 
     model = TypeAdapter(JOINT)
     sizes = {"radial_clearance": 1e-4, "axial_clearance": 1e-4}

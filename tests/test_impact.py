@@ -7,7 +7,12 @@ import pytest
 from conftest import body, joint
 
 import jointplay as jp
-from jointplay.impact import contact_duration, effective_mass, impact_depth, impact_duration
+from jointplay.mechanism.impact import (
+    contact_duration,
+    effective_mass,
+    impact_depth,
+    impact_duration,
+)
 
 PLAY = jp.ClearanceJoint(radial_clearance=2e-4, axial_clearance=2e-4)
 K = PLAY.hertz_stiffness

@@ -11,13 +11,14 @@ import pytest
 from conftest import body, joint
 
 import jointplay as jp
-from jointplay import JointplayError, numba_cache
+from jointplay import JointplayError
 from jointplay.commands.run_scenario import file_names
-from jointplay.loops import closing_rows, misfit
+from jointplay.host import numba_cache
+from jointplay.mechanism.loop import closing_rows, misfit
+from jointplay.mechanism.urdf import MOST_MOVING
 from jointplay.scenario.tables import mirror
-from jointplay.scenario.units import convert
 from jointplay.study import run_study, scara
-from jointplay.urdf import MOST_MOVING
+from jointplay.units import convert
 
 JOINTPLAY = str(Path(sys.executable).parent / "jointplay")
 
@@ -178,7 +179,7 @@ def test_runs_that_would_never_end_are_refused_before_anything_is_tabulated(chan
 
 
 def test_a_run_too_large_for_the_memory_says_how_it_would_fit(monkeypatch):
-    monkeypatch.setattr("jointplay.limits.memory", lambda: 4e9)
+    monkeypatch.setattr("jointplay.simulation.limits.memory", lambda: 4e9)
     long = dataclasses.replace(scara(2e-4), duration=1000.0)
     with pytest.raises(JointplayError, match=r"record_every = \d+ would fit"):
         long.prepare()
@@ -334,7 +335,7 @@ CONTENTS = [
 @pytest.mark.parametrize("content", CONTENTS)
 def test_a_damaged_cache_is_thrown_away(tmp_path, content):
     code = (
-        "from jointplay.impact import contact_duration\n"
+        "from jointplay.mechanism.impact import contact_duration\n"
         "from jointplay.study import scara\n"
         "print(scara(2e-4).prepare().steps)\n"
     )
@@ -389,7 +390,7 @@ def test_after_its_last_point_a_torque_stays(urdf):
 
 
 def test_a_motion_that_takes_long_to_tabulate_has_a_bar(urdf, monkeypatch, capsys):
-    monkeypatch.setattr("jointplay.ideal._PATIENCE_S", 0.0)
+    monkeypatch.setattr("jointplay.motion.ideal._PATIENCE_S", 0.0)
     simulation = dataclasses.replace(scara(2e-4), duration=0.01)
     simulation.prepare(progress=True)
     assert "tabulating the motion" in capsys.readouterr().err

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 import jointplay as jp
 from jointplay import JointplayError
 from jointplay.errors import MissingName
-from jointplay.materials import (
+from jointplay.joints.materials import (
     Oil,
     material,
     materials,

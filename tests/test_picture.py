@@ -7,8 +7,8 @@ import pytest
 from conftest import body, joint
 
 import jointplay as jp
-from jointplay.picture import picture
-from jointplay.robots import robot_urdf
+from jointplay.mechanism.picture import picture
+from jointplay.mechanism.robots import robot_urdf
 
 PLAY = {"radial_clearance": 2e-4, "axial_clearance": 1e-4}
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import jointplay as jp
-from jointplay.replay import follow, largest_impacts, replay, window
+from jointplay.analysis.replay import follow, largest_impacts, replay, window
 from jointplay.study import scara
 
 

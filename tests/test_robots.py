@@ -5,9 +5,10 @@ import xml.etree.ElementTree as ElementTree
 import numpy as np
 import pytest
 
-from jointplay import ClearanceJoint, JointplayError, Mechanism, Motion, robots, simulate
+from jointplay import ClearanceJoint, JointplayError, Mechanism, Motion, simulate
 from jointplay.cli import main
 from jointplay.errors import MissingName
+from jointplay.mechanism import robots
 
 STEP = 2e-6
 """The weight of an arm jams the journal of a shoulder; at 1e-5 s its friction feeds energy [s]."""

@@ -11,8 +11,8 @@ import pytest
 
 import jointplay as jp
 from jointplay.contact import FILM_LAWS, FRICTION_LAWS, NORMAL_LAWS, CustomBristle, Dahl, LuGre
-from jointplay.drive import DRIVES
 from jointplay.kernel import Status
+from jointplay.loads.drive import DRIVES
 from jointplay.result import Result
 from jointplay.scenario import Scenario
 from jointplay.scenario.load import merge
@@ -441,7 +441,9 @@ CARTESIAN = ARM[: ARM.index("[motion]")] + (
 )
 
 
-@pytest.mark.skipif(find_spec("jointplay.cartesian") is None, reason="no Cartesian motions here")
+@pytest.mark.skipif(
+    find_spec("jointplay.motion.cartesian") is None, reason="no Cartesian motions here"
+)
 def test_cartesian_waypoints_are_reached_and_unreachable_ones_named():
     for start, sign in (("60 deg", 1), ("-60 deg", -1)):
         simulation = load(changed("60 deg", start, CARTESIAN)).simulation()
@@ -463,7 +465,7 @@ def test_waypoints_of_wrong_size_are_named():
     assert 'line 11, motion.tool_position[2]: ["510 mm", 0.1] are not three' in message
     assert "1 waypoints for 2 times" in refusal(
         changed(', ["510 mm", 0.1, -0.2]', "", CARTESIAN)
-    ) or (find_spec("jointplay.cartesian") is None)
+    ) or (find_spec("jointplay.motion.cartesian") is None)
 
 
 def test_robots_of_example_robot_data():

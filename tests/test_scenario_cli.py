@@ -12,7 +12,7 @@ import pytest
 from jointplay import Result
 from jointplay.commands.run_scenario import file_names
 from jointplay.kernel import Status
-from jointplay.urdf import shipped
+from jointplay.mechanism.urdf import shipped
 
 JOINTPLAY = str(Path(sys.executable).parent / "jointplay")
 

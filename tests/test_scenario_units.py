@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from jointplay.scenario.units import WORDS, convert, readable
+from jointplay.units import WORDS, convert, readable
 
 
 @pytest.mark.parametrize(

@@ -18,8 +18,8 @@ import jointplay as jp
 from jointplay import JointplayError, playback, report
 from jointplay.contact import CustomNormalForce
 from jointplay.contact.trust import trusting
+from jointplay.mechanism.visuals import find_mesh, mesh_folders
 from jointplay.playback.server import Server
-from jointplay.visuals import find_mesh, mesh_folders
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 COMMAND = Path(sys.executable).parent / "jointplay"

@@ -8,8 +8,8 @@ import pytest
 
 import jointplay as jp
 from jointplay import ComputedTorque, JointplayError, Motion
-from jointplay.integrators import INTEGRATORS
 from jointplay.kernel import Status
+from jointplay.kernel.integrators import INTEGRATORS
 from jointplay.study import Condition, scara
 
 LOADED = Condition("loaded", "consistent")
@@ -138,7 +138,7 @@ def test_journal_that_breaks_out_is_named(free_mass):
 
 
 def test_ctrl_c_keeps_what_was_computed(monkeypatch):
-    from jointplay import simulation as module
+    from jointplay.simulation import simulation as module
 
     def interrupt(self, now):
         if now > 0.05:
@@ -160,7 +160,7 @@ def test_friction_that_the_step_cannot_follow_is_warned_of():
 
 
 def test_friction_step_limit_is_that_of_a_damper():
-    from jointplay.impact import effective_mass, friction_step_limit
+    from jointplay.mechanism.impact import effective_mass, friction_step_limit
 
     simulation = scara(2e-4)
     mechanism = simulation.mechanism

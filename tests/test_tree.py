@@ -8,11 +8,11 @@ import pytest
 from conftest import joint
 
 import jointplay as jp
-from jointplay.histories import histories
 from jointplay.joints import PrismaticJoint, SphericalJoint
 from jointplay.kernel import Status
-from jointplay.loops import PROXIMAL, Loop, misfit
-from jointplay.tree import Motion, Tree
+from jointplay.mechanism.loop import PROXIMAL, Loop, misfit
+from jointplay.mechanism.tree import Motion, Tree
+from jointplay.result.histories import histories
 
 RECORDS = 40
 PLAY = {"radial_clearance": 2e-4, "axial_clearance": 2e-4}

@@ -5,7 +5,7 @@ import pytest
 from conftest import body, joint
 
 from jointplay import JointplayError, shipped
-from jointplay.urdf import read
+from jointplay.mechanism.urdf import read
 
 
 def dynamics(attributes):

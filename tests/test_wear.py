@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 import jointplay as jp
 from jointplay import geometry
-from jointplay.wear import wear_life, worn_depth
+from jointplay.analysis.wear import wear_life, worn_depth
 
 RI, RJ, HALF = 10e-3, 9.8e-3, 15e-3
 N = 72
@@ -197,7 +197,7 @@ def test_scatter_of_perturbed_runs_is_reported(urdf):
 
 
 def test_interrupted_life_keeps_what_is_known(urdf, monkeypatch):
-    import jointplay.simulation as module
+    import jointplay.simulation.simulation as module
 
     simulation, calls, original = rubbing(urdf, 30.0, duration=0.05), [], module.Run.execute
 

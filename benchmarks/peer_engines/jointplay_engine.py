@@ -7,7 +7,7 @@ import time
 
 import numpy as np
 
-from jointplay.integrators import DEFAULT
+from jointplay.kernel.integrators import DEFAULT
 from peer_engines.common import Problem
 from peer_engines.trace import Trace
 

@@ -17,7 +17,7 @@ import xarray as xr
 from common import COLOURS, Case, new_figure
 
 import jointplay as jp
-from jointplay.integrators import DEFAULT
+from jointplay.kernel.integrators import DEFAULT
 from validation import Outcome, case
 
 CHILD = """

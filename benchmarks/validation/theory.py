@@ -13,7 +13,7 @@ from scipy.special import ellipk
 
 import jointplay as jp
 from jointplay.contact import NORMAL_LAWS
-from jointplay.impact import impact_duration
+from jointplay.mechanism.impact import impact_duration
 from validation import Outcome, case
 from validation.mechanisms import FREE, body, joint, urdf
 

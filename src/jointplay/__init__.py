@@ -15,16 +15,20 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from jointplay.moved import install as _install
+
+_install()
+
 _HOMES = {
     "Ambrosio": "contact",
     "Anagnostopoulos": "contact",
-    "Audit": "audit",
+    "Audit": "result.audit",
     "BengisuAkay": "contact",
     "BrownMcPhee": "contact",
     "CarvalhoMartins": "contact",
-    "Certificate": "certify",
+    "Certificate": "result.certificate",
     "ClearanceJoint": "joints",
-    "ComputedTorque": "drive",
+    "ComputedTorque": "loads.drive",
     "Coulomb": "contact",
     "CustomBristle": "contact",
     "CustomFilm": "contact",
@@ -35,8 +39,8 @@ _HOMES = {
     "Esdu78035": "contact",
     "Flores": "contact",
     "Form": "geometry",
-    "Free": "drive",
-    "Gear": "gear",
+    "Free": "loads.drive",
+    "Gear": "mechanism.gear",
     "GharibHurmuzlu": "contact",
     "Goldsmith": "contact",
     "Gonthier": "contact",
@@ -47,23 +51,23 @@ _HOMES = {
     "HuntCrossley": "contact",
     "HuntCrossley1975": "contact",
     "Johnson": "contact",
-    "JointFriction": "drive",
+    "JointFriction": "loads.drive",
     "JointplayError": "errors",
     "KelvinVoigt": "contact",
     "LankaraniNikravesh": "contact",
     "LeeWang": "contact",
     "LinearSpring": "contact",
     "Liu": "contact",
-    "Loop": "loops",
+    "Loop": "mechanism.loop",
     "LuGre": "contact",
     "Material": "joints",
     "Mechanism": "mechanism",
     "Mode": "geometry",
     "Motion": "motion",
-    "Payload": "payload",
+    "Payload": "mechanism.payload",
     "Pereira": "contact",
     "PinkusSternlicht": "contact",
-    "Prescribed": "drive",
+    "Prescribed": "loads.drive",
     "PrismaticJoint": "joints",
     "Radzimovsky": "contact",
     "Result": "result",
@@ -72,24 +76,23 @@ _HOMES = {
     "Simulation": "simulation",
     "SphericalJoint": "joints",
     "Threlfall": "contact",
-    "Torque": "drive",
+    "Torque": "loads.drive",
     "ZhangSharf": "contact",
     "ZhiyingQishao": "contact",
-    "cartesian_motion": "cartesian",
-    "material": "materials",
-    "oil": "materials",
-    "shipped": "urdf",
+    "cartesian_motion": "motion.cartesian",
+    "material": "joints.materials",
+    "oil": "joints.materials",
+    "shipped": "mechanism.urdf",
     "simulate": "simulation",
-    "wear_life": "wear",
-    "worn_depth": "wear",
+    "wear_life": "analysis.wear",
+    "worn_depth": "analysis.wear",
 }
 
 __all__ = sorted(_HOMES)
 
 if TYPE_CHECKING:
-    from jointplay.audit import Audit as Audit
-    from jointplay.cartesian import cartesian_motion as cartesian_motion
-    from jointplay.certify import Certificate as Certificate
+    from jointplay.analysis.wear import wear_life as wear_life
+    from jointplay.analysis.wear import worn_depth as worn_depth
     from jointplay.contact import Ambrosio as Ambrosio
     from jointplay.contact import Anagnostopoulos as Anagnostopoulos
     from jointplay.contact import BengisuAkay as BengisuAkay
@@ -127,32 +130,33 @@ if TYPE_CHECKING:
     from jointplay.contact import Threlfall as Threlfall
     from jointplay.contact import ZhangSharf as ZhangSharf
     from jointplay.contact import ZhiyingQishao as ZhiyingQishao
-    from jointplay.drive import ComputedTorque as ComputedTorque
-    from jointplay.drive import Free as Free
-    from jointplay.drive import JointFriction as JointFriction
-    from jointplay.drive import Prescribed as Prescribed
-    from jointplay.drive import Torque as Torque
     from jointplay.errors import JointplayError as JointplayError
-    from jointplay.gear import Gear as Gear
     from jointplay.geometry import Form as Form
     from jointplay.geometry import Mode as Mode
     from jointplay.joints import ClearanceJoint as ClearanceJoint
     from jointplay.joints import Material as Material
     from jointplay.joints import PrismaticJoint as PrismaticJoint
     from jointplay.joints import SphericalJoint as SphericalJoint
-    from jointplay.loops import Loop as Loop
-    from jointplay.materials import material as material
-    from jointplay.materials import oil as oil
+    from jointplay.joints.materials import material as material
+    from jointplay.joints.materials import oil as oil
+    from jointplay.loads.drive import ComputedTorque as ComputedTorque
+    from jointplay.loads.drive import Free as Free
+    from jointplay.loads.drive import JointFriction as JointFriction
+    from jointplay.loads.drive import Prescribed as Prescribed
+    from jointplay.loads.drive import Torque as Torque
     from jointplay.mechanism import Mechanism as Mechanism
+    from jointplay.mechanism.gear import Gear as Gear
+    from jointplay.mechanism.loop import Loop as Loop
+    from jointplay.mechanism.payload import Payload as Payload
+    from jointplay.mechanism.urdf import shipped as shipped
     from jointplay.motion import Motion as Motion
-    from jointplay.payload import Payload as Payload
+    from jointplay.motion.cartesian import cartesian_motion as cartesian_motion
     from jointplay.result import Result as Result
+    from jointplay.result.audit import Audit as Audit
+    from jointplay.result.certificate import Certificate as Certificate
     from jointplay.scenario import Scenario as Scenario
     from jointplay.simulation import Simulation as Simulation
     from jointplay.simulation import simulate as simulate
-    from jointplay.urdf import shipped as shipped
-    from jointplay.wear import wear_life as wear_life
-    from jointplay.wear import worn_depth as worn_depth
 
 
 def __getattr__(name: str) -> Any:

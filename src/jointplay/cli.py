@@ -10,15 +10,15 @@ import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from jointplay import stopping, streams
 from jointplay.commands import MODULES, add_trust
 from jointplay.errors import JointplayError
-from jointplay.stopping import INTERRUPTED
+from jointplay.host import stopping, streams
+from jointplay.host.stopping import INTERRUPTED
 
 if TYPE_CHECKING:
     from jointplay.contact import NormalForceLaw
-    from jointplay.drive import JointFriction
-    from jointplay.simulation import Simulation
+    from jointplay.loads.drive import JointFriction
+    from jointplay.simulation.simulation import Simulation
 
 BAD_INPUT = 2
 STOPPED = 1
@@ -338,7 +338,7 @@ def _command(
 
 def _kept(lost: str) -> str:
     """What was given up, and what is there."""
-    from jointplay import files
+    from jointplay.host import files
 
     parts = [lost] if lost else []
     if files.written:
@@ -395,9 +395,9 @@ def _run(options: argparse.Namespace, arguments: Sequence[str]) -> int:
 
 
 def _run_options(options: argparse.Namespace) -> int:
-    from jointplay.files import claim
-    from jointplay.keep import add_certificate, run_and_save
+    from jointplay.host.files import claim
     from jointplay.kernel import Status
+    from jointplay.scenario.keep import add_certificate, run_and_save
 
     simulation = _simulation(options)
     prepared = simulation.prepare(progress=not options.quiet)
@@ -425,13 +425,13 @@ def _run_options(options: argparse.Namespace) -> int:
 def _simulation(options: argparse.Namespace) -> Simulation:
     from jointplay import study
     from jointplay.contact import Ambrosio
-    from jointplay.drive import ComputedTorque
     from jointplay.joints import ClearanceJoint, Material
-    from jointplay.mechanism import Mechanism
-    from jointplay.motion import Motion
-    from jointplay.robots import resolve
-    from jointplay.simulation import Simulation
-    from jointplay.urdf import shipped
+    from jointplay.loads.drive import ComputedTorque
+    from jointplay.mechanism.mechanism import Mechanism
+    from jointplay.mechanism.robots import resolve
+    from jointplay.mechanism.urdf import shipped
+    from jointplay.motion.reference import Motion
+    from jointplay.simulation.simulation import Simulation
 
     path = resolve(options.urdf) if options.urdf else shipped("scara.urdf")
     ideal = Mechanism(
@@ -533,7 +533,7 @@ def _law(options: argparse.Namespace) -> NormalForceLaw:
 
 
 def _joint_friction(entries: Sequence[str]) -> dict[str, JointFriction] | None:
-    from jointplay.drive import JointFriction
+    from jointplay.loads.drive import JointFriction
 
     if not entries:
         return None

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 import jointplay as jp
 from jointplay import JointplayError
 from jointplay.contact import NORMAL_LAWS, ContactProperties
-from jointplay.contact.line_contact import LARGEST_S, LineContactLaw
-from jointplay.contact.pereira import CHANGE_M, exponent
+from jointplay.contact.normal.line_contact import LARGEST_S, LineContactLaw
+from jointplay.contact.normal.pereira import CHANGE_M, exponent
 
 IMPLICIT = [law() for law in NORMAL_LAWS.values() if issubclass(law, LineContactLaw)]
 CYLINDRICAL = [*IMPLICIT, jp.Pereira(), jp.Liu()]

@@ -159,7 +159,8 @@ def test_workers_of_the_study_end_with_a_parent_that_is_killed(tmp_path):
 
 SLOW = """
 import sys
-from jointplay import cli, netcdf
+from jointplay import cli
+from jointplay.result import netcdf
 pack = netcdf.pack
 def slowly(dataset):
     print("packing", flush=True)

@@ -11,7 +11,7 @@ from concurrent.futures import ProcessPoolExecutor
 import pytest
 from test_kills import gone, needs_proc
 
-from jointplay import stopping, workers
+from jointplay.host import stopping, workers
 
 
 @needs_proc
@@ -29,7 +29,7 @@ def test_a_pool_that_is_abandoned_leaves_no_process():
 PARENT = """
 import os, sys, time
 from concurrent.futures import ProcessPoolExecutor
-from jointplay import workers
+from jointplay.host import workers
 if sys.argv[1] == "watch":
     workers._end_with_parent = lambda number: None
 if __name__ == "__main__":

@@ -17,9 +17,10 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from jointplay import cli, netcdf
+from jointplay import cli
+from jointplay.mechanism.urdf import shipped
+from jointplay.result import netcdf
 from jointplay.study import scara
-from jointplay.urdf import shipped
 
 NASTY = (
     "", " ", "nan", "inf", "-inf", "-1", "0", "-0.0", "1e308", "-1e308", "1e-308", "1e400", "--",

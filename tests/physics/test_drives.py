@@ -8,10 +8,10 @@ from scipy.integrate import solve_ivp
 from scipy.special import ellipk
 
 import jointplay as jp
-from jointplay.drive import ComputedTorque, Free, JointFriction, Prescribed, Torque
-from jointplay.gear import Gear
-from jointplay.integrators import INTEGRATORS
-from jointplay.loop import LONGEST_MACRO_STEP_S
+from jointplay.kernel.integrators import INTEGRATORS
+from jointplay.loads.drive import ComputedTorque, Free, JointFriction, Prescribed, Torque
+from jointplay.mechanism.gear import Gear
+from jointplay.simulation.loop import LONGEST_MACRO_STEP_S
 
 FLAT = {"gravity": (0.0, 0.0, 0.0)}
 QUIET = {"joint_friction": {}}

@@ -9,10 +9,10 @@ from scipy.optimize import brentq
 
 import jointplay as jp
 from jointplay.contact import FRICTION_LAWS, NORMAL_LAWS
-from jointplay.contact.hertzian import HysteresisLaw
-from jointplay.contact.line_contact import LineContactLaw
-from jointplay.impact import impact_depth
+from jointplay.contact.normal.hertzian import HysteresisLaw
+from jointplay.contact.normal.line_contact import LineContactLaw
 from jointplay.kernel import Status
+from jointplay.mechanism.impact import impact_depth
 
 FAMILY = [law() for law in NORMAL_LAWS.values() if issubclass(law, HysteresisLaw)]
 CYLINDRICAL = [law for law in FAMILY if isinstance(law, (LineContactLaw, jp.Pereira))]

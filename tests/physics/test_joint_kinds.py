@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 import jointplay as jp
 from jointplay.joints import PrismaticJoint, SphericalJoint
 from jointplay.kernel import Status
-from jointplay.loops import Loop
+from jointplay.mechanism.loop import Loop
 
 PLAY = 2e-4
 FREE = {"drive": {}, "joint_friction": {}}

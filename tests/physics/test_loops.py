@@ -6,10 +6,10 @@ import pytest
 from conftest import body, joint
 
 import jointplay as jp
-from jointplay.drive import ComputedTorque, Prescribed
-from jointplay.integrators import INTEGRATORS
 from jointplay.joints import SphericalJoint
-from jointplay.loops import Loop
+from jointplay.kernel.integrators import INTEGRATORS
+from jointplay.loads.drive import ComputedTorque, Prescribed
+from jointplay.mechanism.loop import Loop
 
 FLAT = (0.0, 0.0, 0.0)
 R, L = 0.05, 0.12

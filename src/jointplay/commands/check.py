@@ -7,12 +7,12 @@ import io
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from jointplay import files
 from jointplay.commands import add_trust
 from jointplay.errors import JointplayError
+from jointplay.host import files
 
 if TYPE_CHECKING:
-    from jointplay.mechanism import Mechanism
+    from jointplay.mechanism.mechanism import Mechanism
     from jointplay.scenario import Scenario
 
 MARK = "jointplay check"
@@ -57,7 +57,7 @@ def run(options: argparse.Namespace) -> int:
 
 def _draw(options: argparse.Namespace, scenario: Scenario, mechanism: Mechanism, q: Any) -> str:
     """Draw the mechanism; says where."""
-    from jointplay.picture import picture
+    from jointplay.mechanism.picture import picture
     from jointplay.scenario.build import SHIPPED
 
     beside = scenario.path.with_suffix(".png")

@@ -7,7 +7,7 @@ import textwrap
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from jointplay.robots import Survey
+    from jointplay.mechanism.robots import Survey
 
 
 def add(commands: Any) -> None:
@@ -25,7 +25,7 @@ def add(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Print all robots, arms first, or one."""
-    from jointplay import robots
+    from jointplay.mechanism import robots
 
     if options.name is not None:
         print(_detail(robots.survey(options.name)))

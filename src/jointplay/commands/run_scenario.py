@@ -21,15 +21,15 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from jointplay import stopping, workers
 from jointplay.errors import JointplayError, MissingName
-from jointplay.stopping import INTERRUPTED
+from jointplay.host import stopping, workers
+from jointplay.host.stopping import INTERRUPTED
 
 if TYPE_CHECKING:
     from jointplay.kernel import Status
-    from jointplay.result import Result
+    from jointplay.result.result import Result
     from jointplay.scenario import Scenario
-    from jointplay.simulation import Run
+    from jointplay.simulation.simulation import Run
 
 STOPPED = 1
 
@@ -43,10 +43,10 @@ _LOOK_S = 0.2
 def run(options: argparse.Namespace) -> int:
     """Run the cases, draw the figures, say how each ended."""
     from jointplay import plots
-    from jointplay.certify import further_runs
-    from jointplay.files import claim
+    from jointplay.analysis.certify import further_runs
+    from jointplay.host.files import claim
     from jointplay.kernel import Status
-    from jointplay.result import Result
+    from jointplay.result.result import Result
     from jointplay.scenario import Scenario
 
     scenario = Scenario.load(options.file, trust=options.trust)
@@ -134,7 +134,7 @@ def _execute(
         progress: show a bar.
         begin: told of each run before it begins.
     """
-    from jointplay.keep import add_certificate, run_and_save
+    from jointplay.scenario.keep import add_certificate, run_and_save
 
     notes = {
         "scenario": scenario.text,

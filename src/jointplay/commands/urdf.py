@@ -7,7 +7,7 @@ import re
 from pathlib import Path
 from typing import Any
 
-from jointplay import files
+from jointplay.host import files
 
 
 def add(commands: Any) -> None:
@@ -55,10 +55,10 @@ def add(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Write the URDF and say what is in it."""
-    from jointplay.export import to_urdf
     from jointplay.joints import ClearanceJoint
-    from jointplay.mechanism import Mechanism
-    from jointplay.robots import resolve
+    from jointplay.mechanism.export import to_urdf
+    from jointplay.mechanism.mechanism import Mechanism
+    from jointplay.mechanism.robots import resolve
 
     out = Path(options.out)
     try:

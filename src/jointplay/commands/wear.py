@@ -52,10 +52,10 @@ def _number(text: str) -> float | str:
 
 def run(options: argparse.Namespace) -> int:
     """Estimate, print, write."""
-    from jointplay import files
+    from jointplay.analysis.wear import wear_life
+    from jointplay.host import files
     from jointplay.scenario import Scenario
-    from jointplay.scenario.units import convert
-    from jointplay.wear import wear_life
+    from jointplay.units import convert
 
     try:
         growth = float(convert(_number(options.growth), "m"))

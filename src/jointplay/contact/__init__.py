@@ -5,30 +5,18 @@ from __future__ import annotations
 import inspect
 from typing import Any
 
-from jointplay.contact.ambrosio import Ambrosio
-from jointplay.contact.anagnostopoulos import Anagnostopoulos
-from jointplay.contact.bengisu_akay import BengisuAkay
-from jointplay.contact.bristle import BristleLaw, CustomBristle
-from jointplay.contact.brown_mcphee import BrownMcPhee
-from jointplay.contact.carvalho_martins import CarvalhoMartins
-from jointplay.contact.coulomb import Coulomb
-from jointplay.contact.dahl import Dahl
-from jointplay.contact.dubowsky_freudenstein import DubowskyFreudenstein
-from jointplay.contact.esdu_78035 import Esdu78035
-from jointplay.contact.film import CustomFilm, FilmLaw, FilmProperties
-from jointplay.contact.flores import Flores
-from jointplay.contact.gharib_hurmuzlu import GharibHurmuzlu
-from jointplay.contact.goldsmith import Goldsmith
-from jointplay.contact.gonthier import Gonthier
-from jointplay.contact.gonthier_friction import GonthierFriction
-from jointplay.contact.herbert_mcwhannell import HerbertMcWhannell
-from jointplay.contact.hertz import Hertz
-from jointplay.contact.hu_guo import HuGuo
-from jointplay.contact.hunt_crossley import HuntCrossley
-from jointplay.contact.hunt_crossley_1975 import HuntCrossley1975
-from jointplay.contact.johnson import Johnson
-from jointplay.contact.kelvin_voigt import KelvinVoigt
-from jointplay.contact.lankarani_nikravesh import LankaraniNikravesh
+from jointplay.contact.film.law import CustomFilm, FilmLaw, FilmProperties
+from jointplay.contact.film.pinkus_sternlicht import PinkusSternlicht
+from jointplay.contact.film.short_bearing import ShortBearing
+from jointplay.contact.friction.ambrosio import Ambrosio
+from jointplay.contact.friction.bengisu_akay import BengisuAkay
+from jointplay.contact.friction.bristle import BristleLaw, CustomBristle
+from jointplay.contact.friction.brown_mcphee import BrownMcPhee
+from jointplay.contact.friction.coulomb import Coulomb
+from jointplay.contact.friction.dahl import Dahl
+from jointplay.contact.friction.gonthier_friction import GonthierFriction
+from jointplay.contact.friction.lugre import LuGre
+from jointplay.contact.friction.threlfall import Threlfall
 from jointplay.contact.law import (
     ContactProperties,
     CustomFriction,
@@ -37,18 +25,30 @@ from jointplay.contact.law import (
     Law,
     NormalForceLaw,
 )
-from jointplay.contact.lee_wang import LeeWang
-from jointplay.contact.linear_spring import LinearSpring
-from jointplay.contact.liu import Liu
-from jointplay.contact.lugre import LuGre
-from jointplay.contact.pereira import Pereira
-from jointplay.contact.pinkus_sternlicht import PinkusSternlicht
-from jointplay.contact.radzimovsky import Radzimovsky
-from jointplay.contact.short_bearing import ShortBearing
-from jointplay.contact.threlfall import Threlfall
+from jointplay.contact.normal.anagnostopoulos import Anagnostopoulos
+from jointplay.contact.normal.carvalho_martins import CarvalhoMartins
+from jointplay.contact.normal.dubowsky_freudenstein import DubowskyFreudenstein
+from jointplay.contact.normal.esdu_78035 import Esdu78035
+from jointplay.contact.normal.flores import Flores
+from jointplay.contact.normal.gharib_hurmuzlu import GharibHurmuzlu
+from jointplay.contact.normal.goldsmith import Goldsmith
+from jointplay.contact.normal.gonthier import Gonthier
+from jointplay.contact.normal.herbert_mcwhannell import HerbertMcWhannell
+from jointplay.contact.normal.hertz import Hertz
+from jointplay.contact.normal.hu_guo import HuGuo
+from jointplay.contact.normal.hunt_crossley import HuntCrossley
+from jointplay.contact.normal.hunt_crossley_1975 import HuntCrossley1975
+from jointplay.contact.normal.johnson import Johnson
+from jointplay.contact.normal.kelvin_voigt import KelvinVoigt
+from jointplay.contact.normal.lankarani_nikravesh import LankaraniNikravesh
+from jointplay.contact.normal.lee_wang import LeeWang
+from jointplay.contact.normal.linear_spring import LinearSpring
+from jointplay.contact.normal.liu import Liu
+from jointplay.contact.normal.pereira import Pereira
+from jointplay.contact.normal.radzimovsky import Radzimovsky
+from jointplay.contact.normal.zhang_sharf import ZhangSharf
+from jointplay.contact.normal.zhiying_qishao import ZhiyingQishao
 from jointplay.contact.trust import found
-from jointplay.contact.zhang_sharf import ZhangSharf
-from jointplay.contact.zhiying_qishao import ZhiyingQishao
 from jointplay.errors import JointplayError, MissingName
 
 NORMAL_LAWS: dict[str, type[NormalForceLaw]] = {

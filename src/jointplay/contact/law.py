@@ -30,11 +30,8 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
-from jointplay import numba_cache
 from jointplay.contact.trust import imported, know, path_of
 from jointplay.errors import JointplayError, require_finite
-
-numba_cache.ensure()
 
 MAX_PARAMETERS = 8
 """Numbers a law can take: the room that the time loop keeps for each contact."""

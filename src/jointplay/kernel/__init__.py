@@ -11,8 +11,7 @@ from enum import IntEnum
 from functools import cache
 from typing import Any
 
-from numba import njit
-
+from jointplay.host.numba_cache import njit
 from jointplay.kernel import multirate, singlerate
 from jointplay.kernel import record as records
 from jointplay.kernel.frames import nodes

@@ -14,7 +14,7 @@ from typing import Any
 _PACKAGE = Path(__file__).parent
 SOURCES = (
     *sorted(_PACKAGE.glob("*.py")),
-    _PACKAGE.parent / "geometry.py",
+    *sorted((_PACKAGE.parent / "geometry").glob("*.py")),
     _PACKAGE.parent / "contact" / "law.py",
 )
 """Files whose change must compile the kernel again."""

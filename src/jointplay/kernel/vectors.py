@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
+from jointplay.host.numba_cache import njit
 
 inlined = njit(inline="always", error_model="numpy")
 

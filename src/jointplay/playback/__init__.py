@@ -11,11 +11,11 @@ from pathlib import Path
 from typing import Any
 
 from jointplay.errors import JointplayError
-from jointplay.files import check_new
+from jointplay.host.files import check_new
 from jointplay.playback.page import render, write
 from jointplay.playback.scene import BUDGET, Scene, build
 from jointplay.playback.server import HOST, PORT, Server, open_browser
-from jointplay.result import Result
+from jointplay.result.result import Result
 
 MOST_BYTES = 15_000_000
 """Size that a page does not exceed, meshes permitting."""

@@ -20,7 +20,7 @@ import numpy as np
 import pinocchio as pin
 
 from jointplay.geometry import touch
-from jointplay.mechanism import Mechanism
+from jointplay.mechanism.mechanism import Mechanism
 
 
 @dataclass

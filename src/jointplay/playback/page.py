@@ -11,9 +11,9 @@ from pathlib import Path
 from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 from markupsafe import Markup
 
-from jointplay import files
+from jointplay.host import files
+from jointplay.playback.policy import as_data, as_script, policy
 from jointplay.playback.scene import Scene
-from jointplay.policy import as_data, as_script, policy
 
 _SCRIPTS = ("tracks.js", "stage.js", "closeup.js", "player.js")
 

@@ -23,12 +23,12 @@ from pinocchio.visualize import MeshcatVisualizer
 
 from jointplay.errors import JointplayError, MissingName
 from jointplay.kernel import Status
-from jointplay.mechanism import Mechanism
+from jointplay.mechanism.mechanism import Mechanism
+from jointplay.mechanism.visuals import Visuals, visuals
 from jointplay.playback.closeup import close_up, continuous
 from jointplay.playback.tracks import Impacts, Packer, impacts, keep, strongest
 from jointplay.plots import COLOURS
-from jointplay.result import Result
-from jointplay.visuals import Visuals, visuals
+from jointplay.result.result import Result
 
 BUDGET = 60_000
 """Most moments of all cases together, which bounds memory and file alike.

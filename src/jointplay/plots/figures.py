@@ -12,11 +12,12 @@ import pinocchio as pin
 from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
 
-from jointplay import analysis, files
+from jointplay import analysis
 from jointplay.errors import JointplayError
-from jointplay.mechanism import Mechanism
+from jointplay.host import files
+from jointplay.mechanism.mechanism import Mechanism
 from jointplay.plots.style import COLOURS, new_figure, style
-from jointplay.result import AXES, Result
+from jointplay.result.result import AXES, Result
 
 Cases = Mapping[str, Result]
 """Results by label, in drawing order; the first one without clearance is the reference."""

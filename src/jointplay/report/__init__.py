@@ -8,10 +8,9 @@ from importlib.resources import files
 from pathlib import Path
 
 from jointplay.errors import JointplayError
-from jointplay.files import check_new
-from jointplay.files import write as write_file
-from jointplay.histories import versions
-from jointplay.policy import as_data, as_script, policy
+from jointplay.host.files import check_new
+from jointplay.host.files import write as write_file
+from jointplay.playback.policy import as_data, as_script, policy
 from jointplay.report import cases as _cases
 from jointplay.report import content
 from jointplay.report.cases import Case, Say
@@ -19,7 +18,8 @@ from jointplay.report.cases import load as load
 from jointplay.report.charts import Chart, charts
 from jointplay.report.html import Html, joined, markup, paragraph, render
 from jointplay.report.series import MAX_RECORDS, Pack
-from jointplay.result import Result
+from jointplay.result.histories import versions
+from jointplay.result.result import Result
 
 IMPACTS = 5
 """Impacts of each case that are followed step by step, unless told otherwise."""

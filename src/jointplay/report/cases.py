@@ -11,11 +11,11 @@ import numpy as np
 import xarray as xr
 
 from jointplay import analysis
+from jointplay.analysis.replay import Impact, Replay, follow, largest_impacts, replay, window
 from jointplay.errors import JointplayError
-from jointplay.histories import contact_names
 from jointplay.plots.figures import coloured
-from jointplay.replay import Impact, Replay, follow, largest_impacts, replay, window
-from jointplay.result import Result
+from jointplay.result.histories import contact_names
+from jointplay.result.result import Result
 
 Say = Callable[[str], None]
 

@@ -15,7 +15,7 @@ from jointplay.plots.figures import force_joints, plane_of
 from jointplay.plots.style import MODE_COLOURS
 from jointplay.report.cases import Case
 from jointplay.report.series import EXACT, Pack, Thinning
-from jointplay.result import AXES, Result
+from jointplay.result.result import AXES, Result
 
 _FINE, _COARSE = 18, 13
 """Bits of the mantissa kept of motions (4e-6, relative) and of forces and gaps (6e-5)."""

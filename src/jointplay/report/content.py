@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 
 from jointplay import analysis
-from jointplay.certify import CertifiedFigure
-from jointplay.claims import START_UP, measure
+from jointplay.analysis.claims import START_UP, measure
 from jointplay.errors import JointplayError
 from jointplay.geometry import Form
 from jointplay.plots.accessor import MODE_NAMES
@@ -30,7 +29,8 @@ from jointplay.report.html import (
     paragraph,
     table,
 )
-from jointplay.result import Result
+from jointplay.result.certificate import CertifiedFigure
+from jointplay.result.result import Result
 
 CLAIM_COLUMNS = ["claim", "statement", "condition", "holds", "0.2 mm → 0.5 mm"]
 """Header of the claims table that `jointplay scara` writes."""

@@ -11,19 +11,20 @@ from typing import Any
 
 import numpy as np
 
-from jointplay.cartesian import cartesian_motion
 from jointplay.contact import film_law, friction_law, normal_law
 from jointplay.contact.trust import trusting
-from jointplay.drive import DRIVES, ComputedTorque, Drive, JointFriction
 from jointplay.errors import JointplayError, MissingName
-from jointplay.files import is_file
-from jointplay.gear import Gear
+from jointplay.host.files import is_file
 from jointplay.joints import Clearance, Material
-from jointplay.loops import Loop
-from jointplay.mechanism import Mechanism
-from jointplay.motion import Motion
-from jointplay.payload import Payload
-from jointplay.robots import PREFIX, robot_urdf
+from jointplay.loads.drive import DRIVES, ComputedTorque, Drive, JointFriction
+from jointplay.mechanism.gear import Gear
+from jointplay.mechanism.loop import Loop
+from jointplay.mechanism.mechanism import Mechanism
+from jointplay.mechanism.payload import Payload
+from jointplay.mechanism.robots import PREFIX, robot_urdf
+from jointplay.mechanism.urdf import shipped
+from jointplay.motion.cartesian import cartesian_motion
+from jointplay.motion.reference import Motion
 from jointplay.scenario.model import CUSTOM_LAWS, KINDS, Model
 from jointplay.scenario.tables import (
     ANGLE,
@@ -33,9 +34,8 @@ from jointplay.scenario.tables import (
     unit_of,
     unknown_key,
 )
-from jointplay.scenario.units import WORDS, Measured, expected, shown
-from jointplay.simulation import Simulation
-from jointplay.urdf import shipped
+from jointplay.simulation.simulation import Simulation
+from jointplay.units import WORDS, Measured, expected, shown
 
 SHIPPED = "jointplay:"
 """Prefixes of files that are no paths."""

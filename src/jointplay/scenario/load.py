@@ -17,8 +17,8 @@ from jointplay.scenario.build import MOTION_SOURCES, SHIPPED, Misplaced, build, 
 from jointplay.scenario.model import NOT_IN_A_CASE, Model
 from jointplay.scenario.places import Key, dotted, line_of, lines
 from jointplay.scenario.tables import unknown_key
-from jointplay.scenario.units import shown
-from jointplay.simulation import Run, Simulation
+from jointplay.simulation.simulation import Run, Simulation
+from jointplay.units import shown
 
 _EXPECTED = {
     "bool_type": "true or false",

@@ -19,15 +19,15 @@ from jointplay.contact import (
     FrictionLaw,
     NormalForceLaw,
 )
-from jointplay.drive import DRIVES, JointFriction
 from jointplay.errors import MissingName
-from jointplay.gear import Gear
-from jointplay.integrators import DEFAULT, INTEGRATORS
 from jointplay.joints import JOINT_KINDS, ClearanceJoint, Material
-from jointplay.materials import material, materials
-from jointplay.mechanism import STANDARD_GRAVITY
-from jointplay.motion import INTERPOLATIONS
-from jointplay.payload import Payload
+from jointplay.joints.materials import material, materials
+from jointplay.kernel.integrators import DEFAULT, INTEGRATORS
+from jointplay.loads.drive import DRIVES, JointFriction
+from jointplay.mechanism.gear import Gear
+from jointplay.mechanism.mechanism import STANDARD_GRAVITY
+from jointplay.mechanism.payload import Payload
+from jointplay.motion.reference import INTERPOLATIONS
 from jointplay.scenario.tables import (
     ANGLE,
     ANGULAR_SPEED,
@@ -38,7 +38,7 @@ from jointplay.scenario.tables import (
     trouble,
     vector,
 )
-from jointplay.scenario.units import expected, shown
+from jointplay.units import expected, shown
 
 GRAVITY = {"balanced": (0.0, 0.0, 0.0), "loaded": STANDARD_GRAVITY}
 """Gravity by word [m/s^2]: none, as if the weight were balanced, or 9.81 m/s^2 along -z."""

@@ -6,12 +6,12 @@ from collections.abc import Mapping
 from dataclasses import fields
 from typing import Any
 
-from jointplay.drive import assign
-from jointplay.impact import contact_duration
+from jointplay.loads.drive import assign
+from jointplay.mechanism.impact import contact_duration
 from jointplay.scenario.load import Scenario
 from jointplay.scenario.tables import unit_of
-from jointplay.scenario.units import readable
-from jointplay.simulation import Run
+from jointplay.simulation.simulation import Run
+from jointplay.units import readable
 
 
 def summary(scenario: Scenario, runs: Mapping[str, Run]) -> str:

@@ -23,7 +23,7 @@ from pydantic import BaseModel, ConfigDict, Field, PlainValidator, WithJsonSchem
 from pydantic import model_validator as checks
 from pydantic_core import PydanticCustomError
 
-from jointplay.scenario.units import convert, expected, shown
+from jointplay.units import convert, expected, shown
 
 TORQUE = ("N*m", "N")
 ANGLE = ("rad", "m")

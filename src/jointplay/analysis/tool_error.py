@@ -1,0 +1,164 @@
+"""Error of the tool: its difference from the ideal mechanism's, at all times and at stops.
+
+Pure functions of results. They work on records, so their resolution in time is the record
+interval; `replay` goes down to single steps.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import xarray as xr
+from scipy.interpolate import CubicHermiteSpline
+
+from jointplay.errors import JointplayError, MissingName
+from jointplay.motion.reference import Motion
+from jointplay.result.result import AXES, Result
+
+if TYPE_CHECKING:
+    pass
+from jointplay.analysis.twin import has_play, is_twin
+
+COMPONENTS = (*AXES, "total")
+"""Columns of accuracies and spectra: x, y, z, and all three together."""
+
+
+def deviation(result: Result, ideal: Result, of: str = "tool_position") -> xr.DataArray:
+    """Difference of the tool's motion from the ideal robot's at the same time.
+
+    Where the two were not recorded at the same times, the ideal motion is interpolated by cubics
+    through its recorded positions and velocities.
+
+    Args:
+        result: the run.
+        ideal: the ideal robot's run of the same work; see `is_twin`, `twin`.
+        of: ``tool_position`` [m] or ``tool_velocity`` [m/s].
+
+    Returns:
+        (time, axis), for the time that both runs cover.
+
+    Raises:
+        JointplayError: `ideal` is not the result's twin.
+    """
+    if of not in ("tool_position", "tool_velocity"):
+        raise MissingName("tool motion", of, ("tool_position", "tool_velocity"))
+    if not is_twin(result, ideal):
+        reason = (
+            f"has clearance in {', '.join(ideal.joints)}"
+            if ideal.joints
+            else "has gears with play"
+            if has_play(ideal)
+            else "moves another robot, or otherwise"
+        )
+        raise JointplayError(
+            f"the reference {reason}; take an ideal run of the same robot, motion, drive and "
+            "gravity, such as analysis.twin(result)"
+        )
+    ours = result[of].sel(time=result.time <= ideal.time[-1])
+    time = ours["time"].values
+    if len(ideal.time) >= len(time) and np.array_equal(ideal.time[: len(time)], time):
+        reference = ideal[of].values[: len(time)]
+    elif len(ideal.time) < 2:
+        raise JointplayError(f"the reference has {len(ideal.time)} record; it needs at least 2")
+    else:
+        path = CubicHermiteSpline(
+            ideal.time, ideal["tool_position"].values, ideal["tool_velocity"].values
+        )
+        reference = path(time, nu=0 if of == "tool_position" else 1)
+    difference: xr.DataArray = ours - reference
+    difference.attrs = {
+        "units": ours.attrs["units"],
+        "long_name": f"{of.replace('_', ' ')} - ideal, world axes",
+    }
+    return difference
+
+
+@dataclass(frozen=True)
+class Accuracy:
+    """Tool error over a run along x, y, z and in all [m], arrays of shape (4,).
+
+    The total's mean, RMS and peak are those of the distance from the ideal tool.
+    """
+
+    mean: np.ndarray
+    rms: np.ndarray
+    peak: np.ndarray
+    """Largest magnitude."""
+
+
+def _with_total(vectors: np.ndarray) -> np.ndarray:
+    return np.column_stack([vectors, np.linalg.norm(vectors, axis=1)])
+
+
+def accuracy(error: xr.DataArray, start: float = 0.0) -> Accuracy:
+    """Mean, RMS and peak of the tool's `deviation` from the time `start` [s] on.
+
+    Raises:
+        JointplayError: nothing was recorded from `start` on.
+    """
+    kept = error.sel(time=error["time"] >= start).values
+    if not len(kept):
+        raise JointplayError(
+            f"no records from {start:g} s on; the run ends at {float(error['time'][-1]):g} s"
+        )
+    values = _with_total(kept)
+    return Accuracy(
+        values.mean(axis=0), np.sqrt((values**2).mean(axis=0)), np.abs(values).max(axis=0)
+    )
+
+
+@dataclass(frozen=True)
+class Stop:
+    """An instant, or an interval, at which the reference motion reaches a waypoint."""
+
+    start: float
+    """Arrival [s]."""
+    end: float
+    """Departure [s]; later than the arrival if the reference dwells."""
+    at_rest: bool
+    """Whether the reference stands still there."""
+
+    @property
+    def kind(self) -> str:
+        """``dwell``, ``stop`` (rest without a pause) or ``pass``."""
+        return "dwell" if self.end > self.start else "stop" if self.at_rest else "pass"
+
+
+def stops(motion: Motion, end: float) -> list[Stop]:
+    """Waypoints of the reference motion up to the time `end` [s], pauses joined into dwells.
+
+    A tool picks and places while the reference dwells: what its error is at the end of a dwell is
+    what the process gets.
+    """
+    times = motion.times
+    position, velocity, _ = motion(times)
+    fastest = np.abs(motion(np.linspace(times[0], times[-1], 1001))[1]).max()
+    limit = 1e-9 * fastest
+
+    def still(first: int) -> bool:
+        inside = np.linspace(times[first], times[first + 1], 7)
+        moved = position[first] != position[first + 1]
+        return not moved.any() and bool((np.abs(motion(inside)[1]) <= limit).all())
+
+    rest = (np.abs(velocity) <= limit).all(axis=1)
+    found: list[Stop] = []
+    for index, time in enumerate(times):
+        if found and still(index - 1):
+            found[-1] = Stop(found[-1].start, float(time), True)
+        else:
+            found.append(Stop(float(time), float(time), bool(rest[index])))
+    if end > times[-1]:
+        found[-1] = Stop(found[-1].start, end, True)
+    tolerance = 1e-9 * max(end, 1.0)
+    return [
+        Stop(stop.start, min(stop.end, end), stop.at_rest)
+        for stop in found
+        if stop.start <= end + tolerance
+    ]
+
+
+def error_at(error: xr.DataArray, time: float) -> np.ndarray:
+    """Tool error along x, y, z and in all at the record nearest to `time` [s]: (4,) [m]."""
+    return _with_total(error.sel(time=[time], method="nearest").values)[0]

@@ -1,0 +1,115 @@
+"""The ideal mechanism that does the same work as a result's, and the inputs that tell it."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from jointplay.errors import MissingName
+from jointplay.result.result import Result
+
+if TYPE_CHECKING:
+    from jointplay.simulation.simulation import Simulation
+
+_MAY_DIFFER = (
+    *("mechanism", "duration", "step", "integrator", "macro_step", "tolerance"),
+    *("record_every", "seed"),
+)
+"""Inputs in which a run and the ideal run that it is measured against may differ."""
+
+
+def inputs(result: Result) -> dict[str, Any]:
+    """The run's inputs as plain data, as `Simulation.describe` wrote them."""
+    found: dict[str, Any] = json.loads(result.dataset.attrs["simulation"])
+    return found
+
+
+def clearance_inputs(result: Result) -> dict[str, dict[str, Any]]:
+    """The stored inputs of the joints that have clearance, by name."""
+    given = inputs(result)["mechanism"]["clearance"]
+    return {name: given[name] for name in result.joints if name in given}
+
+
+def clearance_outline(result: Result, joint: str) -> np.ndarray | None:
+    """Closed line within which the journal's centre can move untilted, bearing x and y [m].
+
+    Returns:
+        (2, n): the clearance circle, or for a slider the rectangle of its clearances; None if the
+        inputs tell neither.
+    """
+    given = clearance_inputs(result).get(joint, {})
+    if given.get("radial_clearance") is not None:
+        angle = np.linspace(0.0, 2.0 * np.pi, 361)
+        circle: np.ndarray = given["radial_clearance"] * np.array([np.cos(angle), np.sin(angle)])
+        return circle
+    if given.get("clearance") is not None:
+        x = float(given["clearance"])
+        y = 0.0 if given.get("planar") else float(given.get("clearance_y") or x)
+        return np.array([[x, x, -x, -x, x], [y, -y, -y, y, y]])
+    return None
+
+
+def places(result: Result, joint: str) -> list[str]:
+    """Names of the contacts of `joint`; other joints' contacts hold no numbers there.
+
+    Raises:
+        MissingName: no such joint with clearance.
+    """
+    if joint not in result.joints:
+        raise MissingName("clearance joint", joint, result.joints)
+    gaps = result["gap"].sel(joint=joint)
+    if not gaps.sizes["time"]:
+        return [str(name) for name in gaps["contact"].values]
+    has = ~np.isnan(gaps.values[0])
+    return [str(name) for name in gaps["contact"].values[has]]
+
+
+def task(result: Result) -> dict[str, Any]:
+    """Inputs that a run must share with its ideal twin: mechanism, motion, drives, loads."""
+    given = inputs(result)
+    robot = {
+        key: value for key, value in given["mechanism"].items() if key not in ("clearance", "gears")
+    }
+    return {key: value for key, value in given.items() if key not in _MAY_DIFFER} | {
+        "mechanism": robot
+    }
+
+
+def has_play(result: Result) -> bool:
+    """Whether a joint has clearance, or a gear play."""
+    return bool(result.joints or inputs(result)["mechanism"].get("gears"))
+
+
+def is_twin(result: Result, ideal: Result) -> bool:
+    """Whether `ideal` has no play and is otherwise the same mechanism doing the same work."""
+    return not has_play(ideal) and task(result) == task(ideal)
+
+
+def twin(result: Result) -> Result:
+    """The ideal mechanism doing the same work for the same time, simulated now.
+
+    Where it has closed loops, by rk4, with which they drift least.
+
+    Raises:
+        JointplayError: the result's simulation cannot be built again, or its ideal mechanism
+            cannot be simulated.
+    """
+    return ideal_simulation(result).run()
+
+
+def ideal_simulation(result: Result) -> Simulation:
+    """The simulation that `twin` runs."""
+    simulation = result.simulation
+    fixed: dict[str, Any] = {}
+    if simulation.mechanism.loops:
+        fixed = {"integrator": "rk4", "macro_step": None, "tolerance": None}
+    return dataclasses.replace(
+        simulation,
+        mechanism=simulation.mechanism.ideal(),
+        duration=float(result.time[-1]) or simulation.step,
+        seed=None,
+        **fixed,
+    )

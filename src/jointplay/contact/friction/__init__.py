@@ -1,0 +1,1 @@
+"""Laws of friction, one module each: functions of the speed, and with bristles."""

@@ -1,0 +1,1 @@
+"""Laws of normal force, one module each."""

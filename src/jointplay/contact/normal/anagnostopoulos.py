@@ -1,0 +1,77 @@
+"""Anagnostopoulos: linear spring and a dashpot from the restitution and the mass (1988, 2004)."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from jointplay.contact.law import ContactProperties, NormalForceLaw
+from jointplay.contact.normal.linear_spring import linear_stiffness
+from jointplay.errors import JointplayError, require_positive
+
+
+def damping_ratio(restitution: float) -> float:
+    """Damping ratio with which a linear contact, kept to delta = 0, has the restitution c_e."""
+    logarithm = math.log(restitution)
+    return -logarithm / math.hypot(math.pi, logarithm)
+
+
+class Anagnostopoulos(NormalForceLaw):
+    """F_n = k delta + b ddelta, b = 2 zeta sqrt(k m), zeta = -ln c_e / sqrt(pi^2 + ln^2 c_e).
+
+    The linear dashpot cannot deliver a restitution without knowing the mass m that it stops. The
+    formula counts on the pull of the dashpot before delta = 0, which a dry contact does not have
+    and the time loop cuts off: see `effective_restitution`.
+
+    Args:
+        mass: effective mass m of the impact [kg], m_1 m_2/(m_1 + m_2) of two free bodies;
+            `jointplay.mechanism.impact.effective_mass` gives a mechanism's. Required.
+        stiffness: k [N/m]; None takes it from the joint's Hertz stiffness (`linear_stiffness`).
+
+    Raises:
+        JointplayError: no mass, or one that is not positive.
+    """
+
+    name = "anagnostopoulos"
+    formula = (
+        r"F_n = k_l\delta + 2\zeta\sqrt{k_l m}\,\dot\delta,\quad "
+        r"\zeta = \frac{-\ln c_e}{\sqrt{\pi^2+\ln^2 c_e}}"
+    )
+    reference = (
+        "S. A. Anagnostopoulos, Earthquake Eng. Struct. Dyn. 16 (1988) 443-456, 33 (2004) 897-902"
+    )
+    validity = (
+        "impacts of one known mass; the force jumps at the first touch; without the dashpot's pull "
+        "at the end too elastic below c_e = 0.5"
+    )
+
+    def __init__(self, mass: float | None = None, stiffness: float | None = None) -> None:
+        """Check and keep mass and stiffness."""
+        if mass is None:
+            raise JointplayError(
+                "law 'anagnostopoulos' needs mass, the effective mass of the impact [kg], such as "
+                "jointplay.mechanism.impact.effective_mass gives"
+            )
+        self.mass = require_positive("mass", mass, "kg")
+        self.stiffness = (
+            None if stiffness is None else require_positive("stiffness", stiffness, "N/m")
+        )
+
+    @staticmethod
+    def function(delta: float, ddelta: float, ddelta0: float, p: Any) -> float:
+        """Evaluate the law with p = (k, b)."""
+        return p[0] * delta + p[1] * ddelta
+
+    def parameters(self, contact: ContactProperties) -> tuple[float, ...]:
+        """k [N/m] and b [N s/m]."""
+        k = linear_stiffness(self.stiffness, contact)
+        return k, 2.0 * damping_ratio(contact.restitution) * math.sqrt(k * self.mass)
+
+    def effective_restitution(self, restitution: float) -> float:
+        """exp(-2 phi cot(phi)), phi = arccos(zeta), of the given mass, the pull cut off.
+
+        T. Schwager, T. Poeschel, Granular Matter 9 (2007) 465-469.
+        """
+        zeta = damping_ratio(restitution)
+        phi = math.acos(zeta)
+        return math.exp(-2.0 * phi * zeta / math.sin(phi))

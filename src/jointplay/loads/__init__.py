@@ -1,0 +1,1 @@
+"""What acts on a mechanism besides contact: drives and joint friction."""

@@ -1,0 +1,371 @@
+"""How joints are driven: the forces F(t) of eq. 22.
+
+A joint that has a motor gear is driven at the motor, any other at its own coordinate (yaw, with
+clearance). A drive acts on joints of the URDF; joints that close loops follow.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+import pinocchio as pin
+
+from jointplay import kernel
+from jointplay.errors import (
+    JointplayError,
+    MissingName,
+    require_finite,
+    require_non_negative,
+    require_positive,
+)
+from jointplay.kernel import layout, workspace
+from jointplay.kernel.workspace import Tables
+from jointplay.mechanism.mechanism import Mechanism
+from jointplay.motion.ideal import ideal_motion
+from jointplay.motion.reference import Motion
+
+FASTEST = 1e9
+"""Largest bandwidth of a drive [rad/s]: no step follows it."""
+
+REFERENCE_NODE_S = 1e-4
+"""Interval at which the reference is tabulated; between nodes it is linear [s].
+
+At 30 rad/s^2 the tabulated position is within 4e-8 rad of the curve. Prescribed motion is
+interpolated by cubics.
+"""
+
+PRESCRIBED_ARMATURE = 1e9
+"""Armature of a joint with prescribed motion, relative to the inertia that it carries."""
+
+ENCODERS = ("link", "motor")
+
+
+@dataclass(frozen=True)
+class JointFriction:
+    """Friction Q(qd) of a joint and its gear.
+
+    Q = [coulomb + (static - coulomb) exp(-(qd/stribeck_speed)^2)] tanh(qd / 1 mrad/s) + viscous qd.
+    With clearance it acts on the yaw coordinate, beside the contact's own friction. Reference:
+    B. Armstrong-Helouvry et al., Automatica 30 (1994) 1083-1138, for the Stribeck term.
+
+    Raises:
+        JointplayError: a negative or non-finite value, or static below dry friction.
+    """
+
+    coulomb: float = 0.0
+    """Dry friction [N m, or N for prismatic joints]."""
+    viscous: float = 0.0
+    """[N m s/rad, or N s/m]."""
+    static: float | None = None
+    """Friction at breakaway [N m or N]; None is dry friction's."""
+    stribeck_speed: float = 0.01
+    """Speed at which 1/e of the difference to dry friction is left [rad/s or m/s]."""
+
+    def __post_init__(self) -> None:
+        """Check all values."""
+        require_non_negative("Coulomb joint friction", self.coulomb, "N m")
+        require_non_negative("viscous joint friction", self.viscous, "N m s/rad")
+        require_positive("Stribeck speed", self.stribeck_speed, "rad/s")
+        if self.static is not None:
+            require_non_negative("static joint friction", self.static, "N m")
+            if self.static < self.coulomb:
+                raise JointplayError(
+                    f"static joint friction {self.static:g} N m is below the dry friction "
+                    f"{self.coulomb:g} N m"
+                )
+
+    @property
+    def excess(self) -> float:
+        """Static beyond dry friction [N m or N]."""
+        return 0.0 if self.static is None else self.static - self.coulomb
+
+    def torque(self, speed: np.ndarray) -> np.ndarray:
+        """Q at the speeds `speed` [rad/s or m/s], any shape: [N m or N]."""
+        with np.errstate(over="ignore"):  # far above the Stribeck speed nothing is left
+            dry = self.coulomb + self.excess * np.exp(-((speed / self.stribeck_speed) ** 2))
+        return dry * np.tanh(speed / kernel.JOINT_FRICTION_SPEED) + self.viscous * speed
+
+    def describe(self) -> dict[str, Any]:
+        """All fields as plain data."""
+        return asdict(self)
+
+
+class Drive(ABC):
+    """What acts on one joint."""
+
+    kind: ClassVar[str]
+    """The one word that selects the drive."""
+    follows: ClassVar[bool]
+    """Whether the joint follows the reference motion."""
+
+    def describe(self) -> dict[str, Any]:
+        """Kind and fields of the drive."""
+        return {"kind": self.kind, **vars(self)}
+
+
+@dataclass(frozen=True)
+class ComputedTorque(Drive):
+    """Computed torque of the ideal mechanism along the reference, plus PD on the encoder.
+
+    F = tau_ideal(q_r, qd_r, qdd_r) + kp (q_r - q) + kd (qd_r - qd). The encoder of a joint with
+    clearance sees the rotation about the bearing's axis (the yaw coordinate). The gains follow
+    from the inertia that the ideal mechanism's joint carries at the start of the motion:
+    kp = bandwidth^2 M_ii, kd = 2 damping_ratio bandwidth M_ii. The torque includes that for the
+    joint's friction.
+
+    Raises:
+        JointplayError: bandwidth or damping ratio negative or not finite, or no such encoder.
+    """
+
+    kind: ClassVar[str] = "computed-torque"
+    follows: ClassVar[bool] = True
+
+    bandwidth: float = 100.0
+    """Closed-loop natural frequency of each axis [rad/s]."""
+    damping_ratio: float = 1.0
+    encoder: str = "link"
+    """Where it sits: on the joint ("link") or, before the play of its gear, on the "motor"."""
+
+    def __post_init__(self) -> None:
+        """Check all values."""
+        require_positive("bandwidth", self.bandwidth, "rad/s")
+        if self.bandwidth > FASTEST:
+            raise JointplayError(
+                f"bandwidth must be at most {FASTEST:g} rad/s, got {self.bandwidth:g}"
+            )
+        require_non_negative("damping ratio", self.damping_ratio, "")
+        if self.encoder not in ENCODERS:
+            raise MissingName("encoder", self.encoder, ENCODERS)
+
+
+@dataclass(frozen=True)
+class Prescribed(Drive):
+    """The joint moves exactly as the reference says, whatever torque that takes (rheonomic).
+
+    Position and speed are those of the reference to 1e-9 of their range; the result's `drive` is
+    the torque it took.
+    """
+
+    kind: ClassVar[str] = "prescribed"
+    follows: ClassVar[bool] = True
+
+
+@dataclass(frozen=True)
+class Torque(Drive):
+    """A torque given in time: linear between the points, constant before and after.
+
+    Tabulated at `REFERENCE_NODE_S`: a jump becomes a ramp of that length.
+
+    Args:
+        times: increasing [s].
+        values: [N m, or N for prismatic joints].
+
+    Raises:
+        JointplayError: lists of different lengths, times that do not increase, non-finite numbers.
+    """
+
+    kind: ClassVar[str] = "torque"
+    follows: ClassVar[bool] = False
+
+    times: tuple[float, ...]
+    values: tuple[float, ...]
+
+    def __post_init__(self) -> None:
+        """Check the points."""
+        for name, unit in (("times", "s"), ("values", "N m")):
+            points: Sequence[float] = getattr(self, name)
+            checked = tuple(require_finite(f"torque {name}", point, unit) for point in points)
+            object.__setattr__(self, name, checked)
+        if len(self.times) != len(self.values) or not self.times:
+            raise JointplayError(
+                f"a torque needs as many times as values and at least one, got {len(self.times)} "
+                f"and {len(self.values)}"
+            )
+        for before, after in zip(self.times, self.times[1:], strict=False):
+            if after <= before:
+                raise JointplayError(
+                    f"torque times must increase: {before:g} s is followed by {after:g} s"
+                )
+
+
+@dataclass(frozen=True)
+class Free(Drive):
+    """Nothing acts on the joint but its friction."""
+
+    kind: ClassVar[str] = "free"
+    follows: ClassVar[bool] = False
+
+
+DRIVES: dict[str, type[Drive]] = {
+    drive.kind: drive for drive in (ComputedTorque, Prescribed, Torque, Free)
+}
+
+
+def drive_from_description(description: Mapping[str, Any]) -> Drive:
+    """Build the drive that `Drive.describe` described.
+
+    Raises:
+        MissingName: no drive of that kind.
+    """
+    fields = dict(description)
+    kind = fields.pop("kind")
+    if kind not in DRIVES:
+        raise MissingName("drive", kind, DRIVES)
+    return DRIVES[kind](**fields)
+
+
+def assign(
+    mechanism: Mechanism, motion: Motion | None, drive: Drive | Mapping[str, Drive]
+) -> dict[str, Drive]:
+    """Drive of every moving joint.
+
+    A single drive is that of every joint of the motion; what a motion does not name is free in a
+    mechanism with loops and an error elsewhere. A mapping names what is driven; the rest is free.
+
+    Raises:
+        JointplayError: a joint that does not exist, that lacks a reference, or that has one but no
+            drive that follows it.
+    """
+    joints = mechanism.joints
+    in_motion = () if motion is None else motion.joints
+    if isinstance(drive, Mapping):
+        drives = {name: drive.get(name, Free()) for name in joints}
+        unknown = [name for name in (*drive, *in_motion) if name not in joints]
+    else:
+        names = in_motion if drive.follows else joints
+        unknown = [name for name in in_motion if name not in joints]
+        missing = [name for name in joints if name not in names and not mechanism.loops]
+        if missing or unknown:
+            wrong = [f"lacks {', '.join(missing)}"] if missing else []
+            wrong += [f"names {', '.join(unknown)}"] if unknown else []
+            raise JointplayError(
+                f"the motion {' and '.join(wrong)}; the moving joints are: {', '.join(joints)}"
+            )
+        drives = {name: drive if name in names else Free() for name in joints}
+    if unknown:
+        raise MissingName("moving joint", unknown[0], joints)
+    for name, one in drives.items():
+        if not isinstance(one, Drive):
+            raise JointplayError(f"joint {name!r} needs a drive, got {one!r}")
+        if one.follows and name not in in_motion:
+            raise JointplayError(f"joint {name!r} has a {one.kind} drive but no reference motion")
+        if name in in_motion and not one.follows:
+            raise JointplayError(
+                f"joint {name!r} has a reference motion, but its drive is {one.kind}; "
+                f"drives that follow: {', '.join(d.kind for d in DRIVES.values() if d.follows)}"
+            )
+    return drives
+
+
+def table_nodes(motion: Motion | None, drives: Mapping[str, Drive], duration: float) -> int:
+    """Nodes of the table of all drives for a run of `duration` seconds.
+
+    It ends where nothing changes any more: the kernels go on with its last node.
+    """
+    ends = [0.0]
+    for drive in drives.values():
+        if isinstance(drive, Torque):
+            ends.append(drive.times[-1])
+        elif drive.follows and motion is not None:
+            ends.append(motion.still_from)
+    last = min(max(ends), duration)
+    still = 1 if last < duration else 0  # both of the last two nodes, for cubics
+    return max(math.ceil(last / REFERENCE_NODE_S - 1e-9) + 1 + still, 2)
+
+
+def tabulate(
+    mechanism: Mechanism,
+    motion: Motion | None,
+    drives: Mapping[str, Drive],
+    duration: float,
+    friction: Mapping[str, JointFriction],
+    start: np.ndarray,
+    progress: bool = False,
+) -> tuple[Tables, dict[int, float]]:
+    """Tabulate all drives.
+
+    Args:
+        mechanism: what is driven.
+        motion: reference of the joints whose drives follow one.
+        drives: drive of every moving joint.
+        duration: until when the table must reach [s].
+        friction: friction by joint.
+        start: configuration of `mechanism` at the start, loops closed, shape (nq,).
+        progress: show a bar on standard error if it takes long.
+
+    Returns:
+        The tables, and the armature that the model needs, by coordinate [kg m^2 or kg].
+    """
+    nodes = table_nodes(motion, drives, duration)
+    times = np.arange(nodes) * REFERENCE_NODE_S
+    driven = [name for name, drive in drives.items() if drive.kind != "free"]
+    follows = [name for name in driven if drives[name].follows]
+    rows = []
+    columns = np.zeros((3, nodes, max(len(driven), 1)))
+    if follows:
+        assert motion is not None
+        order = [motion.joints.index(name) for name in follows]
+        position, velocity, acceleration = (values[:, order] for values in motion(times))
+        if any(isinstance(drives[name], ComputedTorque) for name in follows):
+            effort, carried = ideal_motion(mechanism, motion, follows, times, start, progress)
+    model = mechanism.model
+    own = pin.crba(model, mechanism.data, start).reshape(model.nv, model.nv).diagonal().copy()
+    armature: dict[int, float] = {}
+    for u, name in enumerate(driven):
+        drive, at = drives[name], mechanism.motor(name)
+        gear = mechanism.gears.get(name)
+        losses = friction.get(name, JointFriction())
+        if isinstance(drive, Torque):
+            columns[2, :, u] = np.interp(times, drive.times, drive.values)
+            row = workspace.drive_row(u, at)
+        else:
+            k = follows.index(name)
+            columns[0, :, u], columns[1, :, u] = position[:, k], velocity[:, k]
+        if isinstance(drive, Prescribed):
+            armature[at] = PRESCRIBED_ARMATURE * own[at]
+            row = workspace.drive_row(u, at, armature=armature[at])
+        if isinstance(drive, ComputedTorque):
+            rotor = gear.rotor_inertia if gear else 0.0
+            inertia = carried[k] + rotor
+            columns[2, :, u] = (
+                effort[:, k] + rotor * acceleration[:, k] + losses.torque(velocity[:, k])
+            )
+            seen = at if drive.encoder == "motor" else mechanism.coordinate(name)
+            kp = drive.bandwidth**2 * inertia
+            kd = 2.0 * drive.damping_ratio * drive.bandwidth * inertia
+            row = workspace.drive_row(u, at, seen, kp, kd)
+        rows.append(row)
+    frictions = [
+        workspace.friction_row(
+            mechanism.coordinate(name),
+            losses.coulomb,
+            losses.excess,
+            losses.stribeck_speed,
+            losses.viscous,
+        )
+        for name, losses in friction.items()
+        if losses.coulomb or losses.excess or losses.viscous
+    ]
+    gears = [
+        workspace.gear_row(
+            mechanism.motor(name),
+            mechanism.coordinate(name),
+            gear.play / 2.0,
+            gear.stiffness,
+            gear.damping,
+        )
+        for name, gear in mechanism.gears.items()
+    ]
+    tables = Tables(
+        workspace.stacked(rows, layout.DRIVE_ROW),
+        workspace.stacked(frictions, layout.FRICTION_ROW),
+        workspace.stacked(gears, layout.GEAR_ROW),
+        np.hstack(list(columns)),
+        REFERENCE_NODE_S,
+    )
+    return tables, armature

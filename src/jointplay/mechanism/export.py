@@ -1,0 +1,190 @@
+"""A URDF with play in it: each joint with clearance becomes the chain of its virtual link.
+
+Other simulators then have the freedoms that play adds. The bearings themselves - round, elastic,
+with friction - cannot be said in a URDF; limits take their place: a box about twice the clearance.
+"""
+
+from __future__ import annotations
+
+import math
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterable
+from xml.parsers import expat
+
+import numpy as np
+import pinocchio as pin
+
+from jointplay.errors import JointplayError
+from jointplay.joints import VIRTUAL_LINK, Clearance, ClearanceJoint, PrismaticJoint, SphericalJoint
+from jointplay.mechanism.mechanism import Mechanism
+
+LIMIT_FACTOR = 2.0
+"""Limits per clearance: beyond it, so that contacts added to the file act before the limits."""
+
+MASS_FRACTION = 1e-6
+"""Mass of each link within a virtual link, relative to that of the body it carries.
+
+Other simulators want no massless links between moving joints. Each is a ball as large as the
+bearing's bore.
+"""
+LEAST_MASS = 1e-9
+"""If the body it carries has next to none [kg]."""
+
+SPEED = {"prismatic": 10.0, "revolute": 100.0}
+"""Velocity limits of the freedoms that play adds, for the format demands some [m/s or rad/s]."""
+
+
+def to_urdf(mechanism: Mechanism) -> str:
+    """Text of the mechanism's URDF in which each joint with clearance is a chain of single joints.
+
+    The joint J becomes J.x, J.y, J.z, J, J.pitch, J.roll, but for what is locked: the coordinates
+    of `mechanism`, J being the one that a drive acts on. It keeps its name, type, limits, dynamics
+    and whatever else it had, so that transmissions, mimics and controllers find it. The axes
+    are those of the bearing frame, given in the joint's own frame, which therefore
+    needs no turning: poses and inertias of all bodies stay as written. All other text stays byte
+    for byte.
+
+    Raises:
+        JointplayError: the mechanism has loops or gears, which URDF cannot express, or one of the
+            new names is taken.
+    """
+    for name in (*mechanism.loops, *mechanism.gears):
+        what = "loop" if name in mechanism.loops else "gear with play"
+        raise JointplayError(f"{what} {name!r} cannot be written: URDF knows only trees of joints")
+    text = mechanism.description.text
+    data = text.encode("utf-8")
+    root = ElementTree.fromstring(text)
+    elements = {joint.get("name", ""): joint for joint in root.findall("joint")}
+    taken = set(elements) | set(mechanism.description.links)
+    pieces, end = [], 0
+    for name, start, stop in _spans(data):
+        if name in mechanism.clearance:
+            chain = _chain(mechanism, name, elements[name])
+            for element in chain:
+                if element.get("name") in taken - {name}:
+                    raise JointplayError(f"the URDF already has a {element.get('name')!r}")
+            pieces += [data[end:start], _written(chain).encode("utf-8")]
+            end = stop
+    return b"".join([*pieces, data[end:]]).decode("utf-8")
+
+
+def _spans(data: bytes) -> list[tuple[str, int, int]]:
+    """Name of each of the robot's joints, and where in the file it begins and ends [bytes]."""
+    spans, depth, begun = [], 0, ("", 0)
+    # The text has been decoded, whatever encoding its first line declares.
+    parser = expat.ParserCreate(encoding="utf-8")
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        nonlocal depth, begun
+        depth += 1
+        if depth == 2 and tag == "joint":
+            begun = (attributes.get("name", ""), parser.CurrentByteIndex)
+
+    def stop(tag: str) -> None:
+        nonlocal depth
+        if depth == 2 and tag == "joint":
+            spans.append((*begun, data.index(b">", parser.CurrentByteIndex) + 1))
+        depth -= 1
+
+    parser.StartElementHandler, parser.EndElementHandler = start, stop
+    parser.Parse(data, True)
+    return spans
+
+
+def _chain(
+    mechanism: Mechanism, name: str, original: ElementTree.Element
+) -> list[ElementTree.Element]:
+    """Joints and links, from the parent's side to the child's."""
+    joint = mechanism.clearance[name]
+    entry = mechanism.description.joints[name]
+    child = mechanism.model.getFrameId(entry.child, pin.FrameType.BODY)
+    # The mechanism turned the child's frame back from the bearing's: this is the way there.
+    axes = mechanism.model.frames[child].placement.rotation.T
+    carried = mechanism.model.inertias[mechanism.model.getJointId(name)].mass
+    limits = _limits(joint)
+    chain: list[ElementTree.Element] = []
+    link = entry.parent
+    for freedom in joint.freedoms:
+        group = VIRTUAL_LINK.index(freedom) // 3
+        axis = axes[:, "xyz".index(freedom) if group == 0 else 2 - VIRTUAL_LINK[3:].index(freedom)]
+        if freedom == joint.drive_coordinate:
+            element = ElementTree.Element("joint", original.attrib)
+            element.extend(e for e in original if e.tag not in ("parent", "child", "origin"))
+            if original.get("type") == "floating":
+                element.set("type", "continuous")
+            if element.find("axis") is None:
+                _add(element, "axis", xyz=axis)
+        else:
+            kind = "revolute" if group else "prismatic"
+            element = ElementTree.Element("joint", name=f"{name}.{freedom}", type=kind)
+            _add(element, "axis", xyz=axis)
+            room = limits[freedom]
+            _add(element, "limit", lower=-room, upper=room, effort=0.0, velocity=SPEED[kind])
+        last = freedom == joint.freedoms[-1]
+        following = entry.child if last else f"{name}.{freedom}_link"
+        ends = [
+            ElementTree.Element("parent", link=link),
+            ElementTree.Element("child", link=following),
+        ]
+        if not chain and (origin := original.find("origin")) is not None:
+            ends.append(origin)
+        for place, end in enumerate(ends):
+            element.insert(place, end)
+        chain.append(element)
+        if not last:
+            chain.append(_ball(following, max(MASS_FRACTION * carried, LEAST_MASS), _size(joint)))
+        link = following
+    return chain
+
+
+def _limits(joint: Clearance) -> dict[str, float]:
+    """How far each of the added freedoms may go, either way [m or rad]."""
+    if isinstance(joint, ClearanceJoint):
+        tilt = 2.0 * joint.cr / joint.lj
+        along = joint.ca if joint.walls else joint.li
+        rooms = {"x": joint.cr, "y": joint.cr, "z": along, "pitch": tilt, "roll": tilt}
+    elif isinstance(joint, PrismaticJoint):
+        rooms = {
+            "x": joint.clearance,
+            "y": joint.cy,
+            "yaw": min(2.0 * joint.cy / joint.width, 2.0 * joint.clearance / joint.height),
+            "pitch": 2.0 * joint.clearance / joint.length,
+            "roll": 2.0 * joint.cy / joint.length,
+        }
+    elif isinstance(joint, SphericalJoint):
+        # Its rotations are free; LIMIT_FACTOR makes half a turn of roll, a quarter of pitch.
+        rooms = dict.fromkeys("xyz", joint.cr) | {"pitch": math.pi / 4, "roll": math.pi / 2}
+    else:
+        raise JointplayError(f"a joint of the kind {joint.kind!r} cannot be written to a URDF")
+    return {freedom: LIMIT_FACTOR * room for freedom, room in rooms.items()}
+
+
+def _size(joint: Clearance) -> float:
+    """Radius of the small links within the joint [m]."""
+    if isinstance(joint, ClearanceJoint | SphericalJoint):
+        return joint.bearing_radius
+    assert isinstance(joint, PrismaticJoint)  # _limits knows no other
+    return joint.height / 2
+
+
+def _ball(name: str, mass: float, radius: float) -> ElementTree.Element:
+    link = ElementTree.Element("link", name=name)
+    inertial = ElementTree.SubElement(link, "inertial")
+    _add(inertial, "mass", value=mass)
+    moment = 0.4 * mass * radius**2
+    _add(inertial, "inertia", ixx=moment, ixy=0.0, ixz=0.0, iyy=moment, iyz=0.0, izz=moment)
+    return link
+
+
+def _add(element: ElementTree.Element, tag: str, **values: float | np.ndarray) -> None:
+    text = {key: " ".join(f"{x + 0.0:.17g}" for x in np.ravel(v)) for key, v in values.items()}
+    ElementTree.SubElement(element, tag, text)
+
+
+def _written(chain: Iterable[ElementTree.Element]) -> str:
+    parts = []
+    for element in chain:
+        ElementTree.indent(element, "  ", 1)
+        element.tail = None
+        parts.append(ElementTree.tostring(element, encoding="unicode"))
+    return "\n  ".join(parts)

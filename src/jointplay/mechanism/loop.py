@@ -1,0 +1,331 @@
+"""Closed loops: where a mechanism's branches meet again, and how it is put together.
+
+A URDF describes a tree. A loop adds one more joint, between two links of different branches. With
+clearance nothing holds it but contact: the loop is cut there. Ideal, it is a constraint, which
+Pinocchio enforces.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pinocchio as pin
+from scipy.optimize import least_squares
+
+from jointplay.errors import JointplayError, require_finite
+
+if TYPE_CHECKING:
+    from jointplay.joints import Clearance
+    from jointplay.mechanism.mechanism import Mechanism
+
+Vector = tuple[float, float, float]
+
+ASSEMBLY_TOLERANCE_M = 1e-9
+"""Gap that may remain in an assembled loop; angles count on an arm of `ANGLE_ARM_M`."""
+ANGLE_ARM_M = 0.1
+
+_IDEAL_WEIGHT = 1e3
+"""Weight of loops without clearance beside those whose journal has room."""
+
+PROXIMAL = pin.ProximalSettings(1e-12, 1e-10, 10)
+"""Accuracy, regularisation and iterations of Pinocchio's solver: constraints may be redundant."""
+
+
+@dataclass(frozen=True)
+class Loop:
+    """A joint between two links that closes a loop: where bearing and journal sit.
+
+    z of both frames is the joint's axis (for a slider, the direction of sliding).
+
+    Raises:
+        JointplayError: a vector that is not three finite numbers, or one link named twice.
+    """
+
+    bearing_link: str
+    journal_link: str
+    bearing_xyz: Vector = (0.0, 0.0, 0.0)
+    """Bearing's centre in its link's frame [m]."""
+    bearing_rpy: Vector = (0.0, 0.0, 0.0)
+    """Orientation of the bearing frame: roll, pitch, yaw as in URDF [rad]."""
+    journal_xyz: Vector = (0.0, 0.0, 0.0)
+    journal_rpy: Vector = (0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        """Check the vectors."""
+        if self.bearing_link == self.journal_link:
+            raise JointplayError(
+                f"a loop needs two links, got {self.bearing_link!r} for both bearing and journal"
+            )
+        for name in ("bearing_xyz", "bearing_rpy", "journal_xyz", "journal_rpy"):
+            values: Sequence[float] = getattr(self, name)
+            unit = "m" if name.endswith("xyz") else "rad"
+            if len(values) != 3:
+                raise JointplayError(f"{name} must have three components, got {values!r}")
+            checked = tuple(require_finite(name, value, unit) for value in values)
+            object.__setattr__(self, name, checked)
+
+    @property
+    def bearing(self) -> pin.SE3:
+        """Bearing frame in its link's frame."""
+        return _placement(self.bearing_xyz, self.bearing_rpy)
+
+    @property
+    def journal(self) -> pin.SE3:
+        """Journal frame in its link's frame."""
+        return _placement(self.journal_xyz, self.journal_rpy)
+
+    def describe(self) -> dict[str, Any]:
+        """All fields as plain data."""
+        return asdict(self)
+
+    @classmethod
+    def from_description(cls, description: dict[str, Any]) -> Loop:
+        """Build the loop that `describe` described."""
+        links = ("bearing_link", "journal_link")
+        fields: Any = {k: v if k in links else tuple(v) for k, v in description.items()}
+        return cls(**fields)
+
+
+def _placement(xyz: Vector, rpy: Vector) -> pin.SE3:
+    return pin.SE3(pin.rpy.rpyToMatrix(*rpy), np.array(xyz))
+
+
+def misfit(mechanism: Mechanism, q: np.ndarray) -> dict[str, np.ndarray]:
+    """What keeps each loop from being closed in configuration q, zero if it is.
+
+    Returns:
+        By loop, journal against bearing: the centre's offset (3) [m] but for the direction of
+        sliding, and, unless the joint is a ball, the sine of the angle between the axes (2) - of
+        all angles (3) for a slider - on an arm of `ANGLE_ARM_M` [m].
+    """
+    found = {}
+    pin.forwardKinematics(mechanism.model, mechanism.data, q)
+    for name in mechanism.loops:
+        pose = mechanism.journal_pose(name)
+        turn, kind = pose.rotation, mechanism.loop_kind(name)
+        if kind == "spherical":
+            found[name] = pose.translation.copy()
+        elif kind == "prismatic":
+            angles = pin.log3(turn)
+            found[name] = np.concatenate([pose.translation[:2], ANGLE_ARM_M * angles])
+        else:
+            found[name] = np.concatenate([pose.translation, ANGLE_ARM_M * turn[:2, 2]])
+    return found
+
+
+def assemble(
+    mechanism: Mechanism,
+    q: np.ndarray,
+    held: Sequence[int],
+    offsets: dict[str, np.ndarray] | None = None,
+) -> np.ndarray:
+    """Configuration near q in which all loops are closed.
+
+    Journals stay where they are in their bearings and only turn with them; if the loops cannot be
+    closed like this, journals of the tree move too, as far as their clearance lets them, and those
+    that close a loop lie where the positions given for the others put them.
+
+    Args:
+        mechanism: with loops; without, q comes back.
+        q: where to begin, shape (nq,).
+        held: coordinates that keep their values.
+        offsets: where journals shall be in their bearings, by loop, shape (3,) [m]; centred if
+            not given.
+
+    Returns:
+        q, shape (nq,).
+
+    Raises:
+        JointplayError: the loops cannot be closed; the message has the gap that remains, and
+            whether positions that were given are to blame.
+    """
+    if not mechanism.loops:
+        return q.copy()
+    offsets = offsets or {}
+    best = _closed(mechanism, q, _free(mechanism, held, journals=False), offsets)
+    if _gap(mechanism, best, offsets) > ASSEMBLY_TOLERANCE_M:
+        moved = _closed(mechanism, best, _free(mechanism, held, journals=True), offsets)
+        if _fit(mechanism, moved):
+            best = moved
+        elif not _fit(mechanism, best):
+            raise JointplayError(_blame(mechanism, q, best, held))
+    for name in mechanism.gears:
+        if mechanism.motor(name) not in held:  # unstrained
+            best[mechanism.motor(name)] = best[mechanism.coordinate(name)]
+    return best
+
+
+def _free(mechanism: Mechanism, held: Sequence[int], journals: bool) -> np.ndarray:
+    """Coordinates that may be moved: not `held`; of journals only what the ideal joint has too,
+    unless all of them are wanted."""
+    own = {mechanism.coordinate(name) for name in mechanism.clearance if _in_tree(mechanism, name)}
+    every = (i for i in range(mechanism.model.nv) if journals or i in own or not mechanism.plays(i))
+    return np.array([i for i in every if i not in held], int)
+
+
+def _in_tree(mechanism: Mechanism, name: str) -> bool:
+    return name not in mechanism.loops
+
+
+def _closed(
+    mechanism: Mechanism, q: np.ndarray, free: np.ndarray, offsets: dict[str, np.ndarray]
+) -> np.ndarray:
+    """q with its `free` coordinates moved so that the loops are as closed as can be."""
+    moved = q.copy()
+    if not len(free):
+        return moved
+    ideal = set(mechanism.loops) - set(mechanism.clearance)
+    mixed = ideal and len(ideal) < len(mechanism.loops)
+
+    def error(values: np.ndarray) -> np.ndarray:
+        trial = q.copy()
+        trial[free] = values
+        # A loop without clearance must be closed, whatever the others then have to bear.
+        parts = _wanted(mechanism, trial, offsets)
+        if mixed:
+            parts |= {name: _IDEAL_WEIGHT * parts[name] for name in ideal}
+        return np.concatenate(list(parts.values()))
+
+    found = least_squares(error, q[free], xtol=1e-15, ftol=1e-15, gtol=1e-15, x_scale="jac")
+    moved[free] = found.x
+    return moved
+
+
+def _wanted(
+    mechanism: Mechanism, q: np.ndarray, offsets: dict[str, np.ndarray]
+) -> dict[str, np.ndarray]:
+    """`misfit` from where journals shall be."""
+    parts = misfit(mechanism, q)
+    for name, offset in offsets.items():
+        size = 2 if mechanism.loop_kind(name) == "prismatic" else 3
+        parts[name][:size] -= offset[:size]
+    return parts
+
+
+def _gap(mechanism: Mechanism, q: np.ndarray, offsets: dict[str, np.ndarray]) -> float:
+    return max(float(np.abs(part).max()) for part in _wanted(mechanism, q, offsets).values())
+
+
+def _fit(mechanism: Mechanism, q: np.ndarray) -> bool:
+    """Whether ideal loops are closed and every journal lies within its clearance."""
+    open_by = misfit(mechanism, q)
+    for name, part in open_by.items():
+        if name not in mechanism.clearance and np.abs(part).max() > ASSEMBLY_TOLERANCE_M:
+            return False
+    for name, joint in mechanism.clearance.items():
+        pose = mechanism.journal_pose(name)
+        if not _has_room(joint, pose, leans=name in mechanism.loops):
+            return False
+    return True
+
+
+def _has_room(joint: Clearance, pose: pin.SE3, leans: bool) -> bool:
+    """Whether a journal touches nothing, to be on the safe side; `leans`: tilt counts."""
+    turn, centre = joint.ideal_part(pose.rotation, pose.translation)
+    x, y, z = np.abs(pose.translation - centre)
+    room = [max(joint.room_to_start.get(part, 0.0), ASSEMBLY_TOLERANCE_M) for part in "xyz"]
+    tilt = float(np.abs(pin.log3(pose.rotation @ turn.T)).max()) if leans else 0.0
+    lean = 0.0 if joint.kind == "spherical" else tilt * float(np.linalg.norm(joint.outline.size))
+    if joint.kind == "prismatic":
+        return bool(x + lean <= room[0] and y + lean <= room[1])
+    if joint.kind == "spherical":
+        return bool(np.linalg.norm([x, y, z]) <= joint.radial_room)
+    return bool(np.hypot(x, y) + lean <= room[0] and z + lean <= room[2])
+
+
+def _blame(mechanism: Mechanism, q: np.ndarray, best: np.ndarray, held: Sequence[int]) -> str:
+    """What to say of loops that cannot be closed."""
+    gaps = {name: float(np.abs(part).max()) for name, part in misfit(mechanism, best).items()}
+    worst = max(gaps, key=lambda name: gaps[name])
+    what = f"the mechanism cannot be assembled: loop {worst!r} stays open by {gaps[worst]:.4g} m; "
+    freed = _closed(mechanism, q, _free(mechanism, (), journals=False), {})
+    given = [name for name in mechanism.joints if mechanism.coordinate(name) in held]
+    if given and _gap(mechanism, freed, {}) <= ASSEMBLY_TOLERANCE_M:
+        near = ", ".join(f"{name} = {freed[mechanism.coordinate(name)]:.6g}" for name in given)
+        return (
+            f"{what}the positions given for {', '.join(given)} do not go together: it closes at "
+            f"{near} [rad or m]; give fewer of them, or these"
+        )
+    return f"{what}check lengths and frames, or start from other joint positions"
+
+
+def closing_rows(
+    mechanism: Mechanism, q: np.ndarray, loops: Collection[str] | None = None
+) -> np.ndarray:
+    """Jacobian of what `loops` (None: all) forbid in configuration q, shape (rows, nv).
+
+    Relative velocities of journal and bearing that are zero while the loops stay closed, journals
+    resting in their bearings.
+    """
+    rows = [np.zeros((0, mechanism.model.nv))]
+    for name in mechanism.loops if loops is None else loops:
+        jacobian = mechanism.relative_jacobian(name, q)
+        kind = mechanism.loop_kind(name)
+        keep = {"spherical": [0, 1, 2], "prismatic": [0, 1, 3, 4, 5]}.get(kind, [0, 1, 2, 3, 4])
+        rows.append(jacobian[keep])
+    return np.concatenate(rows)
+
+
+def consistent_velocity(
+    mechanism: Mechanism,
+    q: np.ndarray,
+    v: np.ndarray,
+    held: Sequence[int],
+    led: Sequence[int] | None = None,
+) -> np.ndarray:
+    """Velocity nearest to v with which all loops stay closed, journals resting in their bearings.
+
+    Where speeds are given for so many coordinates that a journal cannot rest, it flies: its bearing
+    holds it by contact only.
+
+    Args:
+        mechanism: with loops; without, v comes back.
+        q, v: state, shape (nv,).
+        held: coordinates whose speeds are given.
+        led: those of them that follow a reference; None: all.
+
+    Raises:
+        JointplayError: the given speeds would tear apart a loop without clearance, or references
+            alone any loop.
+    """
+    if not mechanism.loops:
+        return v.copy()
+    limit = 1e-9 * max(1.0, float(np.abs(v).max(initial=0.0)))
+    every, ideal = closing_rows(mechanism, q), set(mechanism.loops) - set(mechanism.clearance)
+    moved = v
+    for journals in (False, True):
+        moved = _moving(mechanism, v, every, _free(mechanism, held, journals))
+        if np.abs(every @ moved).max(initial=0.0) <= limit:
+            return moved
+    left = float(np.abs(every @ moved).max(initial=0.0))
+    alone = _moving(mechanism, v, every, _free(mechanism, held if led is None else led, True))
+    if np.abs(every @ alone).max(initial=0.0) > limit:
+        raise JointplayError(
+            f"the initial speeds would tear a loop apart at {left:.3g} m/s: the driven joints "
+            "cannot move like this in this configuration"
+        )
+    strict = closing_rows(mechanism, q, ideal)
+    free = _free(mechanism, held, journals=True)
+    moved = _moving(mechanism, v, strict, free)
+    left = float(np.abs(strict @ moved).max(initial=0.0))
+    if left > limit:
+        given = [name for name in mechanism.joints if mechanism.coordinate(name) in held]
+        raise JointplayError(
+            f"the initial speeds would tear a loop apart at {left:.3g} m/s: those given for "
+            f"{', '.join(given)} do not go together; give fewer of them"
+        )
+    return moved
+
+
+def _moving(mechanism: Mechanism, v: np.ndarray, rows: np.ndarray, free: np.ndarray) -> np.ndarray:
+    """v with its `free` coordinates changed as little as makes `rows` times it zero."""
+    moved = v.copy()
+    if len(free) and len(rows):
+        moved[free] -= np.linalg.lstsq(rows[:, free], rows @ v, rcond=1e-10)[0]
+    for name in mechanism.gears:
+        if mechanism.motor(name) in free:
+            moved[mechanism.motor(name)] = moved[mechanism.coordinate(name)]
+    return moved

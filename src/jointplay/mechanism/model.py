@@ -1,0 +1,171 @@
+"""From a URDF to the Pinocchio model that is simulated: virtual links in, motors added."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from jointplay.errors import JointplayError
+from jointplay.host.streams import caught_stderr
+from jointplay.joints import VIRTUAL_LINK, Clearance
+from jointplay.mechanism.gear import Gear
+from jointplay.mechanism.urdf import Description
+
+_REVOLUTE = ("JointModelR", "JointModelRevolute")
+_PRISMATIC = ("JointModelP", "JointModelPrismatic")
+_FLOATING = "JointModelFreeFlyer"
+
+_SINGLE = {
+    "x": pin.JointModelPX,
+    "y": pin.JointModelPY,
+    "z": pin.JointModelPZ,
+    "yaw": pin.JointModelRZ,
+    "pitch": pin.JointModelRY,
+    "roll": pin.JointModelRX,
+}
+
+
+def parse(description: Description) -> pin.Model:
+    """Pinocchio's own reading of the URDF, from a file because its text reader names no errors.
+
+    Raises:
+        JointplayError: Pinocchio cannot read it.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "robot.urdf"
+        noise: list[str] = []
+        try:
+            file.write_text(description.text, encoding="utf-8")
+            with caught_stderr(noise):
+                return pin.buildModelFromUrdf(str(file))
+        except (ValueError, RuntimeError) as error:
+            said = [*str(error).splitlines(), *noise]
+            reason = next((line.strip() for line in said if line.strip()), "no reason given")
+            reason = reason.replace(str(file), description.path.name)
+            raise JointplayError(
+                f"Pinocchio cannot read the URDF {str(description.path)!r}: {reason}"
+            ) from None
+
+
+def build(
+    source: pin.Model, joints: Mapping[str, Clearance], gears: Mapping[str, Gear]
+) -> tuple[pin.Model, tuple[str, ...]]:
+    """Copy `source` joint by joint, those with clearance as virtual links; append the motors.
+
+    A bearing frame is turned so that its z is the joint's axis. The bodies, frames and joints
+    beyond are turned back, so that at zero yaw everything stands where it stood.
+    Continuous joints become ordinary revolute ones: one coordinate, which may exceed a turn.
+
+    Returns:
+        The model, and the names of its coordinates: the joint's own name, or with what follows the
+        dot for virtual links (`VIRTUAL_LINK`) and motors.
+
+    Raises:
+        JointplayError: a joint of a kind that has no single coordinate.
+    """
+    model = pin.Model()
+    model.name = source.name
+    data = source.createData()
+    pin.computeJointJacobians(source, data, pin.neutral(source))
+    moved = {0: 0}
+    turned = {0: pin.SE3.Identity()}  # old joint frame as seen from the new one
+    coordinates: list[str] = []
+    for old in range(1, source.njoints):
+        name = source.names[old]
+        given = joints.get(name)
+        parent = moved[source.parents[old]]
+        placement = turned[source.parents[old]] * source.jointPlacements[old]
+        axis, slides = _axis(source, data, old, given)
+        turned[old] = pin.SE3.Identity()
+        if given is not None and (given.kind == "spherical" or not given.ideal):
+            turn = pin.SE3(z_to(axis), np.zeros(3))
+            freedoms = VIRTUAL_LINK[3:] if given.ideal else given.freedoms
+            new = _virtual_link(model, parent, placement * turn, name, freedoms)
+            coordinates += [f"{name}.{coordinate}" for coordinate in freedoms]
+            turned[old] = turn.inverse()
+        else:
+            single = pin.JointModelPrismaticUnaligned(axis) if slides else _revolute(axis)
+            new = model.addJoint(parent, single, placement, name)
+            coordinates.append(name)
+        moved[old] = new
+        model.appendBodyToJoint(new, turned[old].act(source.inertias[old]), pin.SE3.Identity())
+        model.addJointFrame(new)
+    for frame in source.frames:
+        if frame.type == pin.FrameType.JOINT or frame.name == "universe":
+            continue
+        placement = turned[frame.parentJoint] * frame.placement
+        model.addFrame(
+            pin.Frame(frame.name, moved[frame.parentJoint], 0, placement, frame.type), False
+        )
+    for name, gear in gears.items():
+        rotor = pin.Inertia(0.0, np.zeros(3), np.diag([0.0, 0.0, gear.rotor_inertia]))
+        motor = model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), f"{name}.motor")
+        model.appendBodyToJoint(motor, rotor, pin.SE3.Identity())
+        coordinates.append(f"{name}.motor")
+    return model, tuple(coordinates)
+
+
+def _axis(
+    source: pin.Model, data: pin.Data, index: int, given: Clearance | None
+) -> tuple[np.ndarray, bool]:
+    """Axis of a joint in its own frame, and whether it slides along it."""
+    name, joint = source.names[index], source.joints[index]
+    kind = joint.shortname()
+    if kind == _FLOATING and given is not None and given.kind == "spherical":
+        return np.array([0.0, 0.0, 1.0]), False
+    if not kind.startswith(_REVOLUTE + _PRISMATIC) or joint.nv != 1:
+        remedy = (
+            "a floating joint can only be a ball in a socket (SphericalJoint)"
+            if kind == _FLOATING
+            else "only revolute, continuous and prismatic joints are supported"
+        )
+        raise JointplayError(
+            f"joint {name!r} is of the kind {kind.removeprefix('JointModel')}; {remedy}"
+        )
+    jacobian = pin.getJointJacobian(source, data, index, pin.ReferenceFrame.LOCAL)
+    column = jacobian.reshape(6, source.nv)[:, joint.idx_v]  # flat for a single column
+    slides = kind.startswith(_PRISMATIC)
+    return (column[:3] if slides else column[3:]), slides
+
+
+def _virtual_link(
+    model: pin.Model, parent: int, placement: pin.SE3, name: str, freedoms: tuple[str, ...]
+) -> int:
+    """Append the joints of a virtual link; the last has the plain `name`."""
+    parts: list[Any] = []
+    for group, joint in (
+        (VIRTUAL_LINK[:3], pin.JointModelTranslation),
+        (VIRTUAL_LINK[3:], pin.JointModelSphericalZYX),
+    ):
+        free = [freedom for freedom in group if freedom in freedoms]
+        if len(free) == 3:
+            parts.append(("centre" if group[0] == "x" else "turn", joint()))
+        else:
+            parts += [(freedom, _SINGLE[freedom]()) for freedom in free]
+    for position, (part, joint) in enumerate(parts):
+        last = position == len(parts) - 1
+        parent = model.addJoint(parent, joint, placement, name if last else f"{name}.{part}")
+        placement = pin.SE3.Identity()
+    return int(parent)
+
+
+def _revolute(axis: np.ndarray) -> Any:
+    """The cheapest Pinocchio joint about `axis`."""
+    for index, aligned in enumerate((pin.JointModelRX, pin.JointModelRY, pin.JointModelRZ)):
+        if axis[index] == 1.0:
+            return aligned()
+    return pin.JointModelRevoluteUnaligned(axis)
+
+
+def z_to(axis: np.ndarray) -> np.ndarray:
+    """Rotation matrix that turns e_z into the unit vector `axis` by the shortest way."""
+    x, y, z = axis
+    if z < -1.0 + 1e-12:
+        return np.diag([1.0, -1.0, -1.0])
+    skew = np.array([[0.0, 0.0, x], [0.0, 0.0, y], [-x, -y, 0.0]])
+    return np.eye(3) + skew + skew @ skew / (1.0 + z)

@@ -1,0 +1,202 @@
+"""A picture of a mechanism: its shapes shaded, joints with clearance and loops marked."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import coal
+import numpy as np
+import pinocchio as pin
+import trimesh
+from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
+from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+
+from jointplay.errors import JointplayError
+from jointplay.mechanism.loop import assemble
+from jointplay.mechanism.mechanism import Mechanism
+from jointplay.mechanism.visuals import visuals
+from jointplay.units import readable
+
+_LIGHT = np.array([0.35, -0.6, 0.72])
+"""Towards the light, in world axes."""
+_TONES = ("#c9d3df", "#a9b8c9")
+"""Of bodies without colour, by turns, so that one can be told from the next."""
+_PLAY, _LOOP, _TOOL = "#d1352b", "#1f6fb4", "#222222"
+_RING = 0.06
+"""Radius of the marks, relative to the mechanism's size."""
+_PIECE = 0.03
+"""Longest side of a triangle, relative to the mechanism's size."""
+_FINE = 2000
+"""A body of this many triangles needs no cutting."""
+_FLAT = 0.4
+"""Height relative to the largest extent below which a mechanism is flat."""
+
+
+def picture(
+    mechanism: Mechanism,
+    q: np.ndarray | None = None,
+    *,
+    title: str = "",
+    view: tuple[float, float] | None = None,
+    folders: Sequence[str | Path] = (),
+) -> Figure:
+    """Draw a mechanism as it stands, in parallel projection.
+
+    Joints with clearance are marked by a ring about their axis, their name and the room that the
+    journal has; ideal loops likewise, in another colour. Where there is nothing to show, or a mesh
+    is missing, simple shapes stand in, and the picture says so.
+
+    Args:
+        mechanism: what to draw.
+        q: configuration, shape (nq,); None takes zero, with loops closed.
+        title: above the picture.
+        view: azimuth and elevation of the viewer [deg]; None looks from the side, and from further
+            above where the mechanism is flat.
+        folders: where meshes may be, too.
+
+    Returns:
+        A figure of its own; save it with its `savefig`.
+
+    Raises:
+        JointplayError: q of the wrong shape; loops that cannot be closed; no such folder.
+    """
+    if q is None:
+        q = assemble(mechanism, np.zeros(mechanism.model.nq), [])
+    q = np.asarray(q, float)
+    if q.shape != (mechanism.model.nq,):
+        raise JointplayError(
+            f"q must have the shape ({mechanism.model.nq},): {', '.join(mechanism.coordinates)}; "
+            f"got {q.shape}"
+        )
+    found = visuals(mechanism, folders)
+    pin.framesForwardKinematics(mechanism.model, mechanism.data, q)
+    corners, colours = [], []
+    order = list(dict.fromkeys(found.links))
+    for thing, link in zip(found.geometry.geometryObjects, found.links, strict=True):
+        place = mechanism.data.oMi[thing.parentJoint] * thing.placement
+        local = _triangles(thing)
+        corners.append(local @ place.rotation.T + place.translation)
+        plain = _TONES[order.index(link) % len(_TONES)]
+        colour = thing.meshColor[:3] if thing.overrideMaterial else _rgb(plain)
+        colours.append(np.tile(colour, (len(local), 1)))
+    points = np.concatenate(corners).reshape(-1, 3)
+    low, high = points.min(axis=0), points.max(axis=0)
+    size = float(np.linalg.norm(high - low))
+    if view is None:
+        flat = high[2] - low[2] < _FLAT * float((high - low).max())
+        view = (-70.0, 55.0) if flat else (-60.0, 24.0)
+    # Matplotlib sorts whole triangles by depth, which needs them small.
+    pieces = [_cut(body, _PIECE * size) for body in corners]
+    triangles = np.concatenate(pieces)
+    colours = [np.tile(c[0], (len(piece), 1)) for c, piece in zip(colours, pieces, strict=True)]
+
+    figure = Figure(figsize=(8.0, 5.5), layout="constrained")
+    axes: Any = figure.add_subplot(projection="3d", proj_type="ortho", computed_zorder=False)
+    axes.add_collection3d(_shaded(triangles, np.concatenate(colours)))
+    for name, place, colour, text in _marks(mechanism):
+        _mark(axes, place, _RING * size, colour, f"{name}\n{text}")
+    tool = mechanism.data.oMf[mechanism.tool_frame].translation
+    axes.plot(*tool[:, None], "+", color=_TOOL, ms=9, zorder=5)
+    axes.text(*tool, f"  {mechanism.tool}", color=_TOOL, fontsize=8, zorder=6, **_halo())
+    _frame(axes, low, high, view)
+    axes.set_title(title, fontsize=11)
+    if found.missing:
+        names = ", ".join(Path(name).name for name in found.missing[:3])
+        more = f" and {len(found.missing) - 3} more" if len(found.missing) > 3 else ""
+        figure.text(0.01, 0.01, f"not found, simple shapes instead: {names}{more}", fontsize=8)
+    return figure
+
+
+def _triangles(thing: pin.GeometryObject) -> np.ndarray:
+    """Surface of a shape in its own frame, shape (n, 3, 3) [m]."""
+    form = thing.geometry
+    if isinstance(form, coal.BVHModelBase):
+        points = np.array(form.vertices()).reshape(-1, 3)
+        found = [form.tri_indices(i) for i in range(form.num_tris)]
+        return points[np.array([[t[0], t[1], t[2]] for t in found])]
+    if isinstance(form, coal.Box):
+        mesh = trimesh.creation.box(2.0 * form.halfSide)
+    elif isinstance(form, coal.Cylinder):
+        mesh = trimesh.creation.cylinder(form.radius, 2.0 * form.halfLength, sections=40)
+    elif isinstance(form, coal.Capsule):
+        mesh = trimesh.creation.capsule(2.0 * form.halfLength, form.radius, count=[24, 24])
+    elif isinstance(form, coal.Sphere):
+        mesh = trimesh.creation.uv_sphere(form.radius, count=[24, 24])
+    else:
+        raise JointplayError(f"a shape of the kind {type(form).__name__} cannot be drawn")
+    return np.asarray(mesh.triangles)
+
+
+def _cut(triangles: np.ndarray, longest: float) -> np.ndarray:
+    """The same surface in triangles whose sides are no longer than `longest`."""
+    mesh = trimesh.Trimesh(triangles.reshape(-1, 3), np.arange(3 * len(triangles)).reshape(-1, 3))
+    if not 0 < len(triangles) < _FINE or mesh.edges_unique_length.max() <= longest:
+        return triangles
+    points, faces = trimesh.remesh.subdivide_to_size(mesh.vertices, mesh.faces, longest, 12)
+    return np.asarray(points)[faces]
+
+
+def _rgb(colour: str) -> np.ndarray:
+    return np.array([int(colour[i : i + 2], 16) / 255.0 for i in (1, 3, 5)])
+
+
+def _shaded(triangles: np.ndarray, colours: np.ndarray) -> Poly3DCollection:
+    normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+    light = _LIGHT / np.linalg.norm(_LIGHT)
+    # Either side may be the outer one: not all mesh files wind their triangles alike.
+    shade = 0.5 + 0.5 * np.abs(normals @ light)
+    faces = np.clip(colours * shade[:, None], 0.0, 1.0)
+    return Poly3DCollection(triangles, facecolors=faces, edgecolors=faces, linewidths=0.2, zorder=1)
+
+
+def _marks(mechanism: Mechanism) -> list[tuple[str, pin.SE3, str, str]]:
+    """Name, world frame, colour and description of what is marked."""
+    found = []
+    for name, joint in mechanism.clearance.items():
+        index, placement = mechanism.bearing_frame(name)
+        rooms = sorted(set(joint.rooms))
+        room = f"play {' and '.join(readable(room, 'm') for room in rooms)}"
+        found.append((name, mechanism.data.oMi[index] * placement, _PLAY, room))
+    for name in mechanism.loops:
+        if name not in mechanism.clearance:
+            index, placement = mechanism.bearing_frame(name)
+            found.append((name, mechanism.data.oMi[index] * placement, _LOOP, "closes a loop"))
+    return found
+
+
+def _mark(axes: Any, place: pin.SE3, radius: float, colour: str, text: str) -> None:
+    phi = np.linspace(0.0, 2.0 * np.pi, 61)
+    ring = np.column_stack([radius * np.cos(phi), radius * np.sin(phi), 0.0 * phi])
+    axes.plot(*(ring @ place.rotation.T + place.translation).T, color=colour, lw=1.8, zorder=4)
+    axis = np.array([[0.0, 0.0, -1.5 * radius], [0.0, 0.0, 1.5 * radius]])
+    line = (axis @ place.rotation.T + place.translation).T
+    axes.plot(*line, color=colour, lw=1.0, ls="-.", zorder=4)
+    axes.text(*line[:, 1], f" {text}", color=colour, fontsize=8, zorder=6, **_halo())
+
+
+def _halo() -> dict[str, Any]:
+    return {"path_effects": [withStroke(linewidth=2.5, foreground="white")]}
+
+
+def _frame(axes: Any, low: np.ndarray, high: np.ndarray, view: tuple[float, float]) -> None:
+    """Axes with units around what is shown, equally scaled."""
+    room = 0.08 * float((high - low).max())
+    low, high = low - room, high + room
+    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
+    axes.set_box_aspect(high - low, zoom=1.1)
+    axes.view_init(azim=view[0], elev=view[1])
+    axes.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]")
+    axes.tick_params(labelsize=7)
+    for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
+        axis.set_major_locator(_few())
+        axis.pane.set_alpha(0.15)
+
+
+def _few() -> Any:
+    from matplotlib.ticker import MaxNLocator
+
+    return MaxNLocator(4)

@@ -1,0 +1,253 @@
+"""What a mechanism looks like: the URDF's visuals, re-attached to the links of any model of it.
+
+A mechanism builds its own Pinocchio model, in which a joint with clearance is several joints and
+its frame is turned. Its link frames, however, are those of the URDF. Each visual therefore belongs
+to a link, by name, and stands where that link's frame stands.
+"""
+
+from __future__ import annotations
+
+import tempfile
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from importlib.metadata import PackageNotFoundError, distribution
+from pathlib import Path
+from urllib.parse import unquote, urlparse
+
+import coal
+import numpy as np
+import pinocchio as pin
+
+from jointplay.errors import JointplayError
+from jointplay.host.files import is_folder
+from jointplay.mechanism.mechanism import Mechanism
+from jointplay.mechanism.model import parse
+
+FORMATS = (".dae", ".obj", ".stl")
+"""Mesh files that meshcat reads."""
+
+_GREY = np.array([0.62, 0.64, 0.67, 1.0])
+_THICKNESS = 0.035
+"""Radius of a stand-in, relative to the robot's reach."""
+
+
+@dataclass
+class Visuals:
+    """Shapes of a mechanism.
+
+    Attributes:
+        geometry: `pin.GeometryModel`, valid for the mechanism's model.
+        links: link that carries each geometry object, in their order.
+        missing: mesh files that were not found or not readable; stand-ins take their place.
+        reach: size of the robot, the largest distance between two of its links' frames [m].
+    """
+
+    geometry: pin.GeometryModel
+    links: list[str]
+    reach: float
+    missing: list[str] = field(default_factory=list)
+
+
+def mesh_folders(mechanism: Mechanism, given: Sequence[str | Path] = ()) -> list[Path]:
+    """Where meshes are looked for: `given`, the URDF's own folders, example-robot-data's.
+
+    A mechanism from a result has no folders of its own: what others wrote into a file must not
+    choose among the files here.
+
+    Raises:
+        JointplayError: a given folder does not exist.
+    """
+    folders = [Path(folder) for folder in given]
+    for folder in folders:
+        if not is_folder(folder):
+            raise JointplayError(f"no folder of meshes {str(folder)!r}")
+    if not mechanism.description.stored:
+        # package://name/meshes beside name/urdf
+        folders += [Path.cwd(), *list(mechanism.description.path.resolve().parents)[:4]]
+    try:
+        files = distribution("example-robot-data").files or []
+    except PackageNotFoundError:
+        files = []
+    for file in files:
+        parts = file.parts
+        if "robots" in parts:
+            robots = Path(str(file.locate())).parents[len(parts) - parts.index("robots") - 2]
+            folders += [robots, robots.parent, robots.parent.parent]
+            break
+    return folders
+
+
+def find_mesh(name: str, folders: Sequence[Path], anywhere: bool = True) -> Path | None:
+    """File that a URDF's mesh `name` means: a path, a file:// or a package:// address.
+
+    ``package://p/rest`` is looked for as ``folder/p/rest``, as ``folder/rest`` and, because
+    folders are moved when robots are collected, as ``folder/*/rest``.
+
+    Args:
+        name: as the URDF has it.
+        folders: where it may be.
+        anywhere: whether it may also lie outside them: an absolute path, or one that leads out.
+    """
+    try:
+        return _find(name, folders, anywhere)
+    except (OSError, ValueError):  # a name that no file can have
+        return None
+
+
+def _find(name: str, folders: Sequence[Path], anywhere: bool) -> Path | None:
+    address = urlparse(name)
+    path = Path(unquote(address.path).lstrip("/")) if address.scheme else Path(name)
+    if address.scheme == "file" or (not address.scheme and path.is_absolute()):
+        path = Path("/") / path
+        allowed = anywhere or any(_inside(path, folder) for folder in folders)
+        return path if allowed and path.is_file() else None
+    candidates = [
+        (folder, folder / part)
+        for folder in folders
+        for part in (Path(address.netloc) / path, path)
+    ]
+    if address.scheme == "package":
+        # A URDF of example-robot-data says package://example-robot-data/robots/...
+        candidates += [
+            (folder, folder / Path(*path.parts[depth:]))
+            for folder in folders
+            for depth in range(1, len(path.parts) - 1)
+        ]
+    for folder, candidate in candidates:
+        if candidate.is_file() and (anywhere or _inside(candidate, folder)):
+            return candidate.resolve()
+    return None
+
+
+def _inside(path: Path, folder: Path) -> bool:
+    """Whether `path` lies in `folder`, links followed."""
+    return path.resolve().is_relative_to(folder.resolve())
+
+
+def visuals(mechanism: Mechanism, folders: Sequence[str | Path] = ()) -> Visuals:
+    """Shapes of `mechanism`, meshes included.
+
+    Args:
+        mechanism: with or without clearance.
+        folders: where else meshes may be.
+
+    Raises:
+        JointplayError: a given folder does not exist.
+    """
+    source = parse(mechanism.description)
+    where = mesh_folders(mechanism, folders)
+    root = ElementTree.fromstring(mechanism.description.text)
+    missing: list[str] = []
+    bare: list[str] = []
+    for link in root.findall("link"):
+        shapes = link.findall("visual")
+        for visual in shapes:
+            mesh = visual.find("geometry/mesh")
+            if mesh is None:
+                continue
+            name = mesh.get("filename", "")
+            found = find_mesh(name, where, anywhere=not mechanism.description.stored)
+            if found is None or found.suffix.lower() not in FORMATS or not _loads(found):
+                link.remove(visual)
+                missing.append(name)
+            else:
+                mesh.set("filename", str(found))
+        if shapes and link.find("visual") is None:
+            bare.append(link.get("name", ""))
+    if root.find("link/visual") is None:
+        bare = [link.get("name", "") for link in root.findall("link")]
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "robot.urdf"
+        file.write_text(ElementTree.tostring(root, encoding="unicode"), encoding="utf-8")
+        original = pin.buildGeomFromUrdf(source, str(file), pin.GeometryType.VISUAL)
+    places = _places(source)
+    reach = _reach(places)
+    geometry, links = pin.GeometryModel(), []
+    for shape in original.geometryObjects:
+        frame = source.frames[shape.parentFrame]
+        _attach(
+            geometry, mechanism.model, shape, frame.name, frame.placement.actInv(shape.placement)
+        )
+        links.append(frame.name)
+    for name, placement, body in _stand_ins(root, source, places, bare, _THICKNESS * reach):
+        shape = pin.GeometryObject(
+            f"{name}_stand_in_{len(links)}", 0, 0, pin.SE3.Identity(), body, "", np.ones(3)
+        )
+        shape.meshColor = _GREY
+        _attach(geometry, mechanism.model, shape, name, placement)
+        links.append(name)
+    return Visuals(geometry, links, reach, missing)
+
+
+def _loads(file: Path) -> bool:
+    """Whether Pinocchio's library can read a mesh: one broken file must not stop the others."""
+    try:
+        coal.MeshLoader().load(str(file))
+    except Exception:  # whatever Assimp throws
+        return False
+    return True
+
+
+def _attach(
+    geometry: pin.GeometryModel,
+    model: pin.Model,
+    shape: pin.GeometryObject,
+    link: str,
+    placement: pin.SE3,
+) -> None:
+    index = model.getFrameId(link, pin.FrameType.BODY)
+    frame = model.frames[index]
+    shape.name = shape.name.replace("/", "_")  # a slash opens a folder in meshcat
+    shape.parentJoint, shape.parentFrame = frame.parentJoint, index
+    shape.placement = frame.placement * placement
+    geometry.addGeometryObject(shape)
+
+
+def _places(source: pin.Model) -> dict[str, pin.SE3]:
+    """World placement of every link, all joints at zero."""
+    data = source.createData()
+    pin.framesForwardKinematics(source, data, pin.neutral(source))
+    return {
+        frame.name: data.oMf[index].copy()
+        for index, frame in enumerate(source.frames)
+        if frame.type == pin.FrameType.BODY
+    }
+
+
+def _reach(places: dict[str, pin.SE3]) -> float:
+    points = np.array([place.translation for place in places.values()])
+    spread = np.linalg.norm(points[:, None] - points[None], axis=2).max()
+    return float(spread) if spread > 1e-6 else 0.3
+
+
+def _stand_ins(
+    root: ElementTree.Element,
+    source: pin.Model,
+    places: dict[str, pin.SE3],
+    links: Sequence[str],
+    radius: float,
+) -> list[tuple[str, pin.SE3, object]]:
+    """Capsules from each of `links` to the links that it carries, or to its centre of mass."""
+    found: list[tuple[str, pin.SE3, object]] = []
+    inertials = {link.get("name"): link.find("inertial") for link in root.findall("link")}
+    for name in links:
+        place = places[name]
+        ends = []
+        for joint in root.findall("joint"):
+            parent, child = joint.find("parent"), joint.find("child")
+            if parent is not None and child is not None and parent.get("link") == name:
+                ends.append(place.actInv(places[child.get("link", "")]).translation)
+        inertial = inertials.get(name)
+        if not any(np.linalg.norm(end) > 1e-6 for end in ends) and inertial is not None:
+            origin = inertial.find("origin")
+            text = "0 0 0" if origin is None else origin.get("xyz", "0 0 0")
+            ends.append(np.array([float(value) for value in text.split()]))
+        found.append((name, pin.SE3.Identity(), coal.Sphere(1.3 * radius)))
+        for end in ends:
+            length = float(np.linalg.norm(end))
+            if length > 1e-6:
+                turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), end / length)
+                middle = pin.SE3(turn.toRotationMatrix(), end / 2.0)
+                found.append((name, middle, coal.Capsule(radius, length)))
+    return found

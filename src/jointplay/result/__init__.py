@@ -1,0 +1,5 @@
+"""Results: histories of a run, its audit, and the file that holds both."""
+
+from jointplay.result.result import AXES, FORMAT, Result
+
+__all__ = ["AXES", "FORMAT", "Result"]

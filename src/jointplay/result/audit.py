@@ -1,0 +1,299 @@
+"""A run's judgement of itself: energy, resolution of impacts, depth of penetration."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from jointplay.contact import ContactProperties
+from jointplay.kernel import WELL_RESOLVED_STEPS
+from jointplay.kernel.integrators import DEFAULT, integrator
+from jointplay.kernel.layout import FRICTION
+from jointplay.kernel.workspace import Workspace
+from jointplay.mechanism.impact import friction_step_limit, tooth_duration
+from jointplay.mechanism.mechanism import Mechanism
+
+DRIFT_WARNING_M = 1e-6
+"""Gap of an ideal loop above which a run warns."""
+
+NOTHING_EXCHANGED = 1e-6
+"""Part of the kinetic energy below which its variation counts as none."""
+
+ENERGY_WARNING = 0.01
+"""Relative energy residual above which a run warns."""
+
+UNDER_RESOLVED_WARNING = 1e-3
+"""Share of the normal impulse in contacts of too few steps above which a run warns."""
+
+STEP_WARNING = 0.01
+"""Error by the step, relative to the motion, above which a run warns."""
+
+FED_WARNING = 0.01
+"""What friction may give back, relative to the energy exchanged, before a run warns."""
+
+
+@dataclass(frozen=True)
+class Audit:
+    """Figures by which to judge a run."""
+
+    energy_residual: float
+    """Largest error of the energy balance [J]."""
+    energy_exchanged: float
+    """Total variation of the kinetic or potential energy or of any force's work, the largest [J].
+
+    At least a millionth of the kinetic energy, for rounding is not worth a warning.
+    """
+    impacts: int
+    """Contacts that began, at all places of all joints."""
+    shortest_contact_steps: int
+    """Steps of the shortest contact that ended; 0 if none did."""
+    under_resolved: int
+    """Contacts that lasted fewer than 10 steps."""
+    under_resolved_impulse: float
+    """Their share of the normal impulse, 0 to 1."""
+    normal_impulse: float
+    """Of all contacts together [N s]."""
+    largest_penetration: float
+    """[m]."""
+    penetration_over_clearance: float
+    """The same relative to the clearance of its direction."""
+    step: float
+    """The time step [s]."""
+    friction_step_limit: float
+    """Largest step that follows friction under the largest normal force [s]."""
+    unsolved: int = 0
+    """Steps whose velocity solve did not converge."""
+    unresolved: int = 0
+    """Macro steps in which the shortest micro steps did not reach the tolerance."""
+    friction_fed: float = 0.0
+    """Largest fall of the energy that friction has taken up: what bristles gave back [J]."""
+    step_error: float | None = None
+    """Largest error of the tool's position because of the step, estimated [m]; see `step_check`.
+
+    None where that is not looked for, or was given up.
+    """
+    relative_step_error: float | None = None
+    """The same of all coordinates but motors, weighted with masses, relative to their motion."""
+    tooth_steps: float = math.inf
+    """Steps in an impact of gear teeth, of those that touched the fewest; inf without.
+
+    Also where steps are chosen by a tolerance.
+    """
+    loop_drift: float = 0.0
+    """Largest gap of a loop without clearance [m]."""
+    law_warnings: tuple[str, ...] = ()
+    """In what normal-force and film laws were used beyond their range; see `out_of_range`."""
+
+    def __post_init__(self) -> None:
+        """Take the warnings of a file, where a tuple is a list."""
+        object.__setattr__(self, "law_warnings", tuple(self.law_warnings))
+
+    @classmethod
+    def of(
+        cls,
+        mechanism: Mechanism,
+        simulation: Mapping[str, Any],
+        workspace: Workspace,
+        energies: Sequence[np.ndarray],
+        work: np.ndarray,
+        residual: np.ndarray,
+        drift: np.ndarray,
+    ) -> Audit:
+        """Audit the records in `workspace` of `simulation`, which is given as plain data.
+
+        `energies` are the kinetic and the potential one.
+        """
+        statistics = workspace.contact_statistics()
+        kinetic, _ = energies
+        moved = (*energies, *work.T)
+        variations = (float(np.abs(np.diff(values)).sum()) for values in moved)
+        exchanged = max(*variations, NOTHING_EXCHANGED * float(kinetic.max(initial=0.0)))
+        shortest = float(np.min(statistics["shortest_steps"], initial=np.inf))
+        impulse = float(statistics["impulse"].sum())
+        depth, relative, limit = 0.0, 0.0, math.inf
+        explicit = integrator(simulation["integrator"]).single_rate
+        rubbed = work[:, FRICTION]
+        peaks = workspace.recorded("normal_peak")
+        peaks = peaks.reshape(workspace.rows, *workspace.contacts.shape[:2])
+        largest = peaks.max(axis=(0, 2), initial=0.0)
+        for name, gaps, force in zip(
+            mechanism.clearance, statistics["smallest_gap"], largest, strict=True
+        ):
+            joint = mechanism.clearance[name]
+            if workspace.rows and explicit:
+                q = workspace.recorded("q")[0]
+                limit = min(limit, friction_step_limit(mechanism, name, q, float(force)))
+            for gap, room in zip(gaps, joint.rooms, strict=False):
+                depth, relative = max(depth, -gap), max(relative, -gap / room)
+        return cls(
+            energy_residual=float(np.abs(residual).max(initial=0.0)),
+            energy_exchanged=exchanged,
+            impacts=int(statistics["onsets"].sum()),
+            shortest_contact_steps=int(shortest) if math.isfinite(shortest) else 0,
+            under_resolved=int(statistics["under_resolved"].sum()),
+            under_resolved_impulse=float(statistics["under_resolved_impulse"].sum()) / impulse
+            if impulse
+            else 0.0,
+            normal_impulse=impulse,
+            largest_penetration=float(depth),
+            penetration_over_clearance=float(relative),
+            step=float(simulation["step"]),
+            friction_step_limit=limit,
+            unsolved=int(workspace.run["unsolved"][0]),
+            unresolved=workspace.unresolved,
+            friction_fed=float((np.maximum.accumulate(rubbed) - rubbed).max(initial=0.0)),
+            tooth_steps=_tooth_steps(mechanism, simulation, workspace),
+            loop_drift=float(drift.max(initial=0.0)),
+            law_warnings=out_of_range(mechanism, statistics),
+        )
+
+    @property
+    def relative_energy_residual(self) -> float:
+        """Energy residual over energy exchanged; 0 if nothing moved."""
+        if self.energy_exchanged == 0.0:
+            return 0.0 if self.energy_residual == 0.0 else math.inf
+        return self.energy_residual / self.energy_exchanged
+
+    @property
+    def warnings(self) -> list[str]:
+        """What a user should worry about, each with its remedy; empty if nothing."""
+        found = []
+        if not self.relative_energy_residual <= ENERGY_WARNING:
+            found.append(
+                f"the energy balance is off by {100 * self.relative_energy_residual:.2g} % of the "
+                "energy exchanged: reduce the step"
+            )
+        if self.under_resolved_impulse > UNDER_RESOLVED_WARNING:
+            found.append(
+                f"{self.under_resolved} of {self.impacts} contacts lasted fewer than "
+                f"{WELL_RESOLVED_STEPS} steps (shortest {self.shortest_contact_steps}; "
+                f"{100 * self.under_resolved_impulse:.2g} % of the impulse): reduce the step"
+            )
+        if self.penetration_over_clearance > 0.5:
+            found.append(
+                f"the journal sank in by {self.largest_penetration:.3g} m, "
+                f"{100 * self.penetration_over_clearance:.0f} % of its clearance: the contact is "
+                "too soft for this load"
+            )
+        if self.step > self.friction_step_limit:
+            found.append(
+                f"the explicit step of {self.step:.3g} s does not follow friction under the "
+                f"largest normal force, which asks for {self.friction_step_limit:.3g} s: forces of "
+                "a jammed journal may be off by tens of per cent; take the integrator "
+                f"{DEFAULT!r}, which does"
+            )
+        if self.unsolved:
+            found.append(
+                f"the velocities of {self.unsolved} steps were not found: friction falls too "
+                "steeply with speed for this step; reduce it"
+            )
+        if self.unresolved:
+            found.append(
+                f"{self.unresolved} macro steps did not reach the tolerance with the shortest "
+                "micro steps: raise it"
+            )
+        if self.friction_fed > FED_WARNING * self.energy_exchanged:
+            found.append(
+                f"friction gave back {self.friction_fed:.3g} J: its bristles are not passive with "
+                "these parameters (docs/laws.md)"
+            )
+        if self.relative_step_error is not None and not self.relative_step_error <= STEP_WARNING:
+            found.append(self._step_too_large())
+        if self.relative_step_error is None and self.tooth_steps < WELL_RESOLVED_STEPS:
+            found.append(
+                f"impacts of gear teeth last {self.tooth_steps:.2g} steps, fewer than "
+                f"{WELL_RESOLVED_STEPS}: reduce the step"
+            )
+        if self.loop_drift > DRIFT_WARNING_M:
+            found.append(
+                f"ideal loops drifted apart by {self.loop_drift:.2g} m: reduce the step, or use rk4"
+            )
+        return found + list(self.law_warnings)
+
+    def _step_too_large(self) -> str:
+        """What to say of a step that another step contradicts."""
+        assert self.step_error is not None
+        assert self.relative_step_error is not None
+        if not math.isfinite(self.relative_step_error):
+            return "with half the step the run ends otherwise: reduce the step"
+        return (
+            "half the step gives another motion: the tool is off by about "
+            f"{self.step_error:.2g} m, all coordinates by {100 * self.relative_step_error:.2g} % "
+            "of how far they move: reduce the step"
+        )
+
+    def describe(self) -> dict[str, Any]:
+        """Fields of the audit as plain data."""
+        return asdict(self)
+
+    def __str__(self) -> str:
+        """Figures, then warnings, one a line."""
+        percent = 100 * self.relative_energy_residual
+        lines = [
+            f"  energy residual: {self.energy_residual:.3g} J, "
+            f"{percent:.2g} % of {self.energy_exchanged:.3g} J exchanged"
+        ]
+        if self.impacts:
+            lines += [
+                f"  contacts: {self.impacts}, shortest {self.shortest_contact_steps} steps, "
+                f"{self.under_resolved} under {WELL_RESOLVED_STEPS} steps",
+                f"  largest penetration: {self.largest_penetration:.3g} m, "
+                f"{100 * self.penetration_over_clearance:.2g} % of the clearance",
+            ]
+        if self.step_error is not None and self.relative_step_error is not None:
+            lines.append(
+                f"  error by the step: tool {self.step_error:.2g} m, "
+                f"{100 * self.relative_step_error:.2g} % of the motion"
+            )
+        if self.loop_drift:
+            lines.append(f"  drift of ideal loops: {self.loop_drift:.3g} m")
+        return "\n".join(lines + [f"  warning: {text}" for text in self.warnings])
+
+
+def _tooth_steps(
+    mechanism: Mechanism, simulation: Mapping[str, Any], workspace: Workspace
+) -> float:
+    """See `Audit.tooth_steps`."""
+    q, steps = workspace.recorded("q"), math.inf
+    if not len(q) or simulation["tolerance"] is not None:
+        return steps
+    for name, gear in mechanism.gears.items():
+        twist = np.abs(q[:, mechanism.motor(name)] - q[:, mechanism.coordinate(name)])
+        if twist.max() > gear.play / 2.0:
+            duration = tooth_duration(mechanism, name, q[0])
+            steps = min(steps, duration / float(simulation["step"]))
+    return steps
+
+
+def out_of_range(mechanism: Mechanism, statistics: Mapping[str, np.ndarray]) -> tuple[str, ...]:
+    """Say in what a run left the range of its normal-force and film laws, a line each.
+
+    Afterwards, from the deepest penetration and the fastest approach of each contact that began.
+
+    Args:
+        mechanism: what was simulated.
+        statistics: `Workspace.contact_statistics`.
+    """
+    found: dict[str, None] = {}  # a set that keeps its order
+    for j, (name, joint) in enumerate(mechanism.clearance.items()):
+        extremes: dict[ContactProperties, tuple[float, float]] = {}
+        for k in range(len(joint.contacts)):
+            if statistics["onsets"][j, k]:
+                contact = joint.contact_properties(k)
+                depth, speed = extremes.get(contact, (0.0, 0.0))
+                depth = max(depth, -float(statistics["smallest_gap"][j, k]))
+                speed = max(speed, float(statistics["fastest_approach"][j, k]))
+                extremes[contact] = depth, speed
+        for contact, (depth, speed) in extremes.items():
+            for text in joint.normal.warnings(contact, max_depth=depth, max_speed=speed):
+                found[f"joint {name!r}: {text}"] = None
+        if joint.film is not None:
+            law, film = joint.film
+            thinnest = float(statistics["smallest_gap"][j, : film.contacts].min())
+            for text in law.warnings(film, thinnest=thinnest):
+                found[f"joint {name!r}: {text}"] = None
+    return tuple(found)

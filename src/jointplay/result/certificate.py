@@ -1,0 +1,141 @@
+"""Headline figures of a run with their numerical errors; `analysis.certify` finds them."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from jointplay.errors import MissingName
+
+MARKED = 0.05
+"""A figure whose relative error exceeds this is marked where it stands."""
+
+HEADLINE = (
+    "peak joint force",
+    "RMS joint force",
+    "peak tool error",
+    "RMS tool error",
+    "impacts",
+    "dissipated energy",
+)
+"""Beginnings of the names of the figures that are printed."""
+
+COUNTS = ("impacts",)
+"""Figures that are whole numbers, and so are their errors."""
+
+
+@dataclass(frozen=True)
+class CertifiedFigure:
+    """A figure of a run, and how far it may be from what the model says."""
+
+    name: str
+    value: float
+    error: float
+    """Numerical error, as large as it is expected to be in 9 of 10 cases; inf if unknown."""
+    unit: str
+
+    @property
+    def relative(self) -> float:
+        """Error over magnitude; 0 without error."""
+        if self.error == 0.0:
+            return 0.0
+        return self.error / abs(self.value) if self.value else math.inf
+
+    @property
+    def marked(self) -> bool:
+        """Whether the error exceeds 5 %."""
+        return not self.relative <= MARKED
+
+    def __str__(self) -> str:
+        """Value ± error and unit, the value with no more digits than the error allows."""
+        if self.name in COUNTS and math.isfinite(self.error):
+            return f"{self.value:.0f} ± {self.error:.0f}"
+        return f"{plus_minus(self.value, self.error)} {self.unit}".rstrip()
+
+
+def plus_minus(value: float, error: float) -> str:
+    """``677.1 ± 0.3``: the error with one digit (two if it begins with 1), the value as many."""
+    if not math.isfinite(error):
+        return f"{value:.4g} ± unknown"
+    if error == 0.0:
+        return f"{value:.6g} ± 0"
+    size = math.floor(math.log10(error))
+    digits = 1 - size if error < 2.0 * 10.0**size else -size
+    top = math.floor(math.log10(abs(value))) if value else size
+    digits = max(min(digits, 5 - top), 2 - top)  # three to six digits of the value
+    if -4 <= top < 6:
+        places = max(digits, 0)
+        shown = math.ceil(error * 10.0**digits - 1e-9) / 10.0**digits
+        return f"{round(value, digits):.{places}f} ± {shown:.{places}f}"
+    scale = 10.0**top
+    places = max(digits + top, 0)
+    shown = math.ceil(error / scale * 10.0**places - 1e-9) / 10.0**places
+    return f"({value / scale:.{places}f} ± {shown:.{places}f})e{top:d}"
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """The figures of a run with their errors, and the runs from which these come."""
+
+    figures: tuple[CertifiedFigure, ...]
+    runs: tuple[str, ...] = ()
+    """The further runs, in words."""
+    note: str = ""
+    """What else the reader must know."""
+
+    def __getitem__(self, name: str) -> CertifiedFigure:
+        """The figure `name`."""
+        for figure in self.figures:
+            if figure.name == name:
+                return figure
+        raise MissingName("certified figure", name, [figure.name for figure in self.figures])
+
+    @property
+    def headline(self) -> list[CertifiedFigure]:
+        """The figures that are printed; the others are those that the claims use."""
+        return [figure for figure in self.figures if figure.name.startswith(HEADLINE)]
+
+    @property
+    def marked(self) -> list[CertifiedFigure]:
+        """Figures whose error exceeds 5 %."""
+        return [figure for figure in self.figures if figure.marked]
+
+    def describe(self) -> dict[str, Any]:
+        """All as plain data; `from_description` reads it back. An unknown error is None."""
+        found = asdict(self)
+        for figure in found["figures"]:
+            if not math.isfinite(figure["error"]):
+                figure["error"] = None
+        return found
+
+    @classmethod
+    def from_description(cls, description: Mapping[str, Any]) -> Certificate:
+        """Build the certificate that `describe` described."""
+        figures = tuple(
+            CertifiedFigure(**(one | ({"error": math.inf} if one["error"] is None else {})))
+            for one in description["figures"]
+        )
+        return cls(figures, tuple(description["runs"]), description["note"])
+
+    @classmethod
+    def from_json(cls, text: str) -> Certificate:
+        """Build it from a result file's attribute."""
+        return cls.from_description(json.loads(text))
+
+    def __str__(self) -> str:
+        """One figure a line."""
+        lines = [f"  numerical errors, from {len(self.runs)} further runs:"] if self.runs else []
+        width = max((len(figure.name) for figure in self.headline), default=0)
+        for figure in self.headline:
+            mark = "  <- error above 5 %" if figure.marked else ""
+            lines.append(f"    {figure.name:<{width}}  {figure}{mark}")
+        others = [figure for figure in self.marked if figure not in self.headline]
+        if others:
+            names = ", ".join(figure.name for figure in others)
+            lines.append(f"    of the claims' measures above 5 %: {names}")
+        if self.note:
+            lines.append(f"  certificate: {self.note}")
+        return "\n".join(lines)

@@ -1,0 +1,167 @@
+"""What a run leaves behind: time histories, the run's own audit, and all it takes to run again."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Collection
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import xarray as xr
+
+from jointplay.contact.trust import trusting
+from jointplay.errors import JointplayError
+from jointplay.host import files
+from jointplay.host.late import late
+from jointplay.kernel import Status
+from jointplay.result import netcdf
+from jointplay.result.audit import Audit
+
+if TYPE_CHECKING:
+    from jointplay.plots import Plots
+    from jointplay.result.certificate import Certificate
+    from jointplay.simulation.simulation import Simulation
+
+FORMAT = 2
+"""Version of the file format."""
+
+AXES = ("x", "y", "z")
+
+
+class Result:
+    """Time histories of a run and their meaning.
+
+    Args:
+        dataset: of a run.
+        trust: modules from which laws of the user's own may be imported; see `load`.
+
+    Attributes:
+        dataset: `xarray.Dataset` with named dimensions and units; docs/results.md lists them.
+        audit: what the run says about its own quality.
+        status: how it ended.
+        message: the same in one line.
+    """
+
+    def __init__(self, dataset: xr.Dataset, trust: Collection[str] = ()) -> None:
+        """Wrap the dataset of a run."""
+        self.dataset = dataset
+        self.trust = tuple(trust)
+        self.audit = Audit(**json.loads(dataset.attrs["audit"]))
+        self.status = Status[dataset.attrs["status"].upper()]
+        self.message: str = dataset.attrs["message"]
+
+    def __getitem__(self, name: str) -> xr.DataArray:
+        """Variable `name` of the dataset."""
+        return self.dataset[name]
+
+    def __repr__(self) -> str:
+        """Status, size and audit, readable."""
+        sizes = ", ".join(f"{name}: {size}" for name, size in self.dataset.sizes.items())
+        return f"<jointplay Result: {self.message}>\n  {sizes}\n{self.judgement}"
+
+    @property
+    def judgement(self) -> str:
+        """The audit and, if there is one, the certificate, one line for each figure."""
+        return f"{self.audit}" + (f"\n{self.certificate}" if self.certificate else "")
+
+    @property
+    def certificate(self) -> Certificate | None:
+        """Headline figures with their numerical errors; None if the run was not certified."""
+        text = self.dataset.attrs.get("certificate")
+        if text is None:
+            return None
+        from jointplay.result.certificate import Certificate
+
+        return Certificate.from_json(text)
+
+    @certificate.setter
+    def certificate(self, certificate: Certificate) -> None:
+        self.dataset.attrs["certificate"] = json.dumps(certificate.describe())
+
+    def amend(self, **figures: Any) -> None:
+        """Put figures that were found later into the audit."""
+        self.audit = dataclasses.replace(self.audit, **figures)
+        self.dataset.attrs["audit"] = json.dumps(self.audit.describe())
+
+    @property
+    def time(self) -> np.ndarray:
+        """Times of the records [s]."""
+        return self.dataset["time"].values
+
+    @property
+    def joints(self) -> list[str]:
+        """Names of the clearance joints; empty for an ideal robot."""
+        return (
+            [str(name) for name in self.dataset["joint"].values] if "joint" in self.dataset else []
+        )
+
+    @property
+    def plot(self) -> Plots:
+        """Figures of this result: `result.plot.orbit()`, `.forces()`, `.deviation()` ..."""
+        plots: Plots = late("plots:Plots")(self)
+        return plots
+
+    @property
+    def simulation(self) -> Simulation:
+        """The simulation that made this result, built from what the result holds.
+
+        `result.simulation.run()` gives the same result, bit for bit on the same machine.
+
+        Raises:
+            JointplayError: it cannot be built: a law of the user's own that is not trusted (see
+                `load`), or inputs that make no simulation.
+        """
+        kind: type[Simulation] = late("simulation:Simulation")
+        with trusting(self.trust):
+            try:
+                return kind.from_description(json.loads(self.dataset.attrs["simulation"]))
+            except JointplayError:
+                raise
+            except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
+                reason = " ".join(str(error).split()) or type(error).__name__
+                raise JointplayError(
+                    f"the inputs that the result holds make no simulation: {reason}"
+                ) from None
+
+    def save(self, path: str | Path, overwrite: bool = False) -> Path:
+        """Write a NetCDF file with all parameters and versions inside, whole or not at all.
+
+        If it cannot be written, the result is still here: save it to another place.
+
+        Raises:
+            JointplayError: the file exists (and `overwrite` is false) or cannot be written.
+        """
+        path = Path(path)
+        if not overwrite and path.exists():
+            raise files.exists(path)
+        return files.write(path, netcdf.pack(self.dataset), overwrite=overwrite)
+
+    @classmethod
+    def load(cls, path: str | Path, trust: Collection[str] = ()) -> Result:
+        """Read a file that `save` wrote.
+
+        A file runs no code. If it names a law of the user's own, `simulation` finds it only among
+        those defined in this process or in the modules of `trust`.
+
+        Args:
+            path: the file.
+            trust: modules, such as ``"my_laws"``, that may be imported when the file names them.
+
+        Raises:
+            JointplayError: no such file, damaged, or not a jointplay result.
+        """
+        from jointplay.result.stored import check
+
+        path = Path(path)
+        if not files.is_file(path):
+            raise JointplayError(f"no result file {str(path)!r}")
+        dataset = netcdf.load(path)
+        if dataset.attrs.get("jointplay_format") != FORMAT:
+            raise JointplayError(
+                f"{str(path)!r} is not a jointplay result of format {FORMAT} "
+                f"(found {dataset.attrs.get('jointplay_format')!r})"
+            )
+        check(dataset, path)
+        return cls(dataset, trust)

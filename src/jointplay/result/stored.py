@@ -1,0 +1,272 @@
+"""Whether what a result file says can be what a run wrote: its inputs, its audit, its histories.
+
+Files come from anywhere. What is checked here by the models of scenario files and of the audit,
+readers need not doubt: they would stumble over it one by one, each in its own way.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+import xarray as xr
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+
+from jointplay.errors import JointplayError
+from jointplay.kernel import Status
+from jointplay.result.audit import Audit
+from jointplay.scenario.model import DRIVE, GEAR, JOINT, JOINT_FRICTION, PAYLOAD
+
+_AXES = ["x", "y", "z"]
+
+_HISTORIES = {
+    "q": ("time", "coordinate"),
+    "v": ("time", "coordinate"),
+    "drive": ("time", "coordinate"),
+    "tool_position": ("time", "axis"),
+    "tool_velocity": ("time", "axis"),
+    "energy_residual": ("time",),
+}
+"""Variables that every result has, and their dimensions."""
+
+_WITH_PLAY = {
+    "gap": ("time", "joint", "contact"),
+    "gap_min": ("time", "joint", "contact"),
+    "normal_force": ("time", "joint", "contact"),
+    "normal_force_peak": ("time", "joint", "contact"),
+    "friction_force": ("time", "joint", "contact"),
+    "joint_force": ("time", "joint", "axis"),
+    "joint_force_peak": ("time", "joint", "axis"),
+    "journal_centre": ("time", "joint", "axis"),
+    "mode": ("time", "joint"),
+    "form": ("time", "joint"),
+    "tilt": ("time", "joint"),
+}
+"""Those of results with clearance."""
+
+_TEXTS = ("status", "message", "audit", "simulation")
+
+
+class _Stored(BaseModel):
+    """A table of the inputs; keys that a later version adds are let through."""
+
+    model_config = ConfigDict(extra="allow", strict=True, arbitrary_types_allowed=True)
+
+
+class _Loop(_Stored):
+    bearing_link: str
+    journal_link: str
+    bearing_xyz: list[float]
+    bearing_rpy: list[float]
+    journal_xyz: list[float]
+    journal_rpy: list[float]
+
+
+class _Mechanism(_Stored):
+    urdf: str
+    urdf_text: str
+    clearance: dict[str, JOINT]  # type: ignore[valid-type]
+    loops: dict[str, _Loop] = {}
+    gears: dict[str, GEAR] = {}  # type: ignore[valid-type]
+    gravity: list[float]
+    tool: str
+    allow_unphysical: list[str]
+
+
+class _Motion(_Stored):
+    joints: list[str]
+    times: list[float]
+    positions: list[list[float]]
+    interpolation: str
+
+
+class _Simulation(_Stored):
+    mechanism: _Mechanism
+    motion: _Motion | None = None
+    drive: dict[str, DRIVE] | list[DRIVE]  # type: ignore[valid-type]
+    duration: float | None = None
+    step: float
+    integrator: str
+    record_every: int
+    joint_friction: dict[str, JOINT_FRICTION] | None = None  # type: ignore[valid-type]
+    seed: int | None = None
+    payloads: list[PAYLOAD] = []  # type: ignore[valid-type]
+    start: dict[str, float] = {}
+    start_speed: dict[str, float] = {}
+
+
+class _Figure(BaseModel):
+    model_config = ConfigDict(extra="forbid", strict=True)
+
+    name: str
+    value: float
+    error: Annotated[float, Field(ge=0.0, allow_inf_nan=False)] | None
+    unit: str
+
+
+class _Certificate(BaseModel):
+    model_config = ConfigDict(extra="forbid", strict=True)
+
+    figures: list[_Figure]
+    runs: list[str]
+    note: str
+
+
+_AUDIT = TypeAdapter(Audit)
+_CERTIFICATE = TypeAdapter(_Certificate)
+_SIMULATION = TypeAdapter(_Simulation)
+
+
+def check(dataset: xr.Dataset, path: Path) -> None:
+    """Refuse a file whose content no run can have written, naming `path`.
+
+    Raises:
+        JointplayError: what is missing, of another kind or out of range; one line.
+    """
+    for name in _TEXTS:
+        if not isinstance(dataset.attrs.get(name), str):
+            raise _wrong(path, f"its attribute {name!r} is missing or no text")
+    for name, value in dataset.attrs.items():
+        if isinstance(value, str) and not _writable(value):
+            raise _wrong(path, f"its attribute {name!r} is no text")
+    status = dataset.attrs["status"]
+    if status.upper() not in Status.__members__:
+        known = ", ".join(one.name.lower() for one in Status)
+        raise _wrong(path, f"it has the status {_short(status)}; known are {known}")
+    audit = _validated(path, dataset, "audit", _AUDIT)
+    given = _validated(path, dataset, "simulation", _SIMULATION)
+    if audit["step"] != given["step"]:
+        raise _wrong(
+            path, f"its step is {given['step']!r} s in one place and {audit['step']!r} in another"
+        )
+    if isinstance(given["drive"], list) and len(given["drive"]) != 1:
+        raise _wrong(path, f"simulation: one drive stands for all joints, got {given['drive']!r}")
+    if "certificate" in dataset.attrs:
+        _check_certificate(dataset, path)
+    versions = dataset.attrs.get("versions", "{}")
+    if not isinstance(_json(path, "versions", versions), dict):
+        raise _wrong(path, f"its attribute 'versions' is no table: {_short(versions)}")
+    wall = dataset.attrs.get("wall_time_s", 0.0)
+    try:
+        float(wall)
+    except (TypeError, ValueError):
+        raise _wrong(path, f"its attribute 'wall_time_s' is no number: {_short(wall)}") from None
+    _check_histories(dataset, path, given)
+
+
+def _check_certificate(dataset: xr.Dataset, path: Path) -> None:
+    from jointplay.result.certificate import Certificate
+
+    found = _validated(path, dataset, "certificate", _CERTIFICATE)
+    try:
+        for figure in Certificate.from_description(found).figures:
+            str(figure)
+    except (ArithmeticError, ValueError) as error:
+        raise _wrong(path, f"certificate: a figure cannot be shown: {error}") from None
+
+
+def _json(path: Path, name: str, text: Any) -> Any:
+    try:
+        found = json.loads(text)
+        json.dumps(found, ensure_ascii=False).encode()  # half characters cannot be shown
+        return found
+    except (TypeError, ValueError, RecursionError) as error:
+        raise _wrong(path, f"its attribute {name!r} is no JSON: {error}") from None
+
+
+def _validated(path: Path, dataset: xr.Dataset, name: str, model: TypeAdapter[Any]) -> Any:
+    given = _json(path, name, dataset.attrs[name])
+    try:
+        model.validate_json(json.dumps(_as_scenario(given)), strict=True)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        place = ".".join(str(part) for part in first["loc"])
+        raise _wrong(
+            path, f"{name}: {place}: {first['msg']}, got {_short(first['input'])}"
+        ) from None
+    except (RecursionError, OverflowError) as error:
+        raise _wrong(path, f"{name}: {error}") from None
+    return given
+
+
+def _as_scenario(given: Any) -> Any:
+    """Inputs with the tables that scenarios have too as they have them: without what is None."""
+    if not isinstance(given, dict):
+        return given
+    found = {
+        key: _entries(value) if key in ("drive", "joint_friction", "payloads") else value
+        for key, value in given.items()
+    }
+    if isinstance(found.get("mechanism"), dict):
+        found["mechanism"] = {
+            key: _entries(value) if key in ("clearance", "gears") else value
+            for key, value in found["mechanism"].items()
+        }
+    return found
+
+
+def _entries(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _without_none(one) for key, one in value.items()}
+    return [_without_none(one) for one in value] if isinstance(value, list) else value
+
+
+def _without_none(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _without_none(one) for key, one in value.items() if one is not None}
+    if isinstance(value, list):
+        return [_without_none(one) for one in value]
+    return value
+
+
+def _check_histories(dataset: xr.Dataset, path: Path, given: Any) -> None:
+    wanted = dict(_HISTORIES)
+    if "joint" in dataset.dims:
+        wanted |= _WITH_PLAY
+        names = given["mechanism"]["clearance"]
+        for joint in _names(dataset, path, "joint"):
+            if joint not in names:
+                raise _wrong(path, f"it has histories of the joint {_short(joint)}, not its inputs")
+        _names(dataset, path, "contact")
+    for name, dims in wanted.items():
+        if name not in dataset.data_vars:
+            raise _wrong(path, f"it has no variable {name!r}")
+        if dataset[name].dims != dims:
+            found = ", ".join(map(str, dataset[name].dims))
+            raise _wrong(path, f"{name} has the dimensions ({found}), not ({', '.join(dims)})")
+        if dataset[name].dtype.kind not in "fiu":
+            raise _wrong(path, f"{name} holds {dataset[name].dtype}, not numbers")
+    if "time" not in dataset.coords or dataset["time"].dtype.kind != "f":
+        raise _wrong(path, "it has no times")
+    _names(dataset, path, "coordinate")
+    if _names(dataset, path, "axis") != _AXES:
+        raise _wrong(path, f"its axes are {_short(_names(dataset, path, 'axis'))}, not x, y, z")
+    if "moving_joint" in dataset.dims:
+        _names(dataset, path, "moving_joint")
+
+
+def _names(dataset: xr.Dataset, path: Path, dimension: str) -> list[str]:
+    if dimension not in dataset.coords or dataset[dimension].ndim != 1:
+        raise _wrong(path, f"it has no names along {dimension!r}")
+    values = dataset[dimension].values.tolist()
+    if not all(isinstance(value, str) and _writable(value) for value in values):
+        raise _wrong(path, f"names along {dimension!r} are no text: {_short(values)}")
+    return values
+
+
+def _writable(text: str) -> bool:
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
+def _short(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def _wrong(path: Path, what: str) -> JointplayError:
+    return JointplayError(f"{str(path)!r} is damaged or not a result: {' '.join(what.split())}")

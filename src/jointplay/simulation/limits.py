@@ -1,0 +1,59 @@
+"""How large a run may be, and what its joints may be called: found out before anything is made."""
+
+from __future__ import annotations
+
+import math
+
+from jointplay.errors import JointplayError
+from jointplay.mechanism.mechanism import Mechanism
+from jointplay.result.netcdf import MEMORY_SHARE, memory
+
+MOST_STEPS = 10**12
+"""Most steps of a run: they would take months."""
+
+
+def check_numbers(step: float, duration: float, every: object, seed: object) -> None:
+    """Refuse numbers that no run can have: steps without end, records and seeds that are none."""
+    if not isinstance(every, int) or isinstance(every, bool) or not 1 <= every <= MOST_STEPS:
+        raise JointplayError(
+            f"record_every must be a whole number from 1 to {MOST_STEPS:.0e}, got {every!r:.60}"
+        )
+    if seed is not None and (not isinstance(seed, int) or not 0 <= seed < 2**63):
+        raise JointplayError(f"seed must be a whole number >= 0, got {seed!r:.60}")
+    if duration / step > MOST_STEPS:
+        raise JointplayError(
+            f"duration {duration:g} s is {duration / step:.3g} steps of {step:g} s; "
+            f"at most {MOST_STEPS:.0e} are possible"
+        )
+
+
+def check_memory(mechanism: Mechanism, duration: float, steps: int, every: int, nodes: int) -> None:
+    """Refuse a run whose tables (of `nodes`) and records would not fit, before any are made."""
+    nv, contacts = mechanism.model.nv, sum(len(j.contacts) for j in mechanism.clearance.values())
+    reference = nodes * 9.0 * max(len(mechanism.joints), 1)
+    record = 3.0 * nv + 20.0 + 10.0 * len(mechanism.clearance) + 3.0 * contacts
+    # Records are there twice when they are made into histories.
+    needed = 8.0 * (reference + 2.0 * record * (steps / every))
+    most = MEMORY_SHARE * memory()
+    if needed > most:
+        fitting = needed - 8.0 * reference
+        ratio = fitting / (most - 8.0 * reference) if most > 8.0 * reference else math.inf
+        advice = (
+            f"record_every = {math.ceil(every * ratio):.3g} would fit, or a shorter duration"
+            if math.isfinite(ratio) and every * ratio < steps
+            else "take a shorter duration"
+        )
+        raise JointplayError(
+            f"duration {duration:g} s with a record every {every} steps needs about "
+            f"{needed / 1e9:.3g} GB of memory, of which there are {most / 1e9:.3g}; {advice}"
+        )
+
+
+def check_names(mechanism: Mechanism) -> None:
+    """Refuse names that coordinates cannot be told by: what follows a dot is a part of a joint."""
+    for joint in mechanism.description.joints.values():
+        if joint.kind != "fixed" and "." in joint.name:
+            raise JointplayError(
+                f"the joint {joint.name!r} has a dot in its name, which stands before the parts of "
+                "a joint with clearance; give it another name to simulate it"
+            )

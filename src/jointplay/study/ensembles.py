@@ -1,0 +1,151 @@
+"""Ensembles of perturbed runs, kept on disk, for the claims."""
+
+from __future__ import annotations
+
+import csv
+import io
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor, as_completed
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from tqdm import tqdm
+
+from jointplay.analysis.claims import Measures, Verdict, judge
+from jointplay.errors import JointplayError
+from jointplay.host import files, workers
+from jointplay.study.cases import CASES, CONDITIONS, Condition, explicit, perturbed
+
+MOST_RUNS = 1000
+"""Most perturbed runs for each clearance and condition: days of computing."""
+
+
+class Ensembles:
+    """The perturbed runs behind the claims, on all cores.
+
+    Args:
+        runs: perturbed runs for each clearance and condition.
+        table: CSV file to which every run is written as soon as it is done.
+        jobs: processes; None takes one for each core.
+
+    Attributes:
+        measures: results so far, by condition, case and seed.
+    """
+
+    def __init__(self, runs: int, table: Path, jobs: int | None = None) -> None:
+        """Plan the runs."""
+        self.runs = runs
+        self.table = table
+        self.jobs = jobs or _cores()
+        self.measures: dict[tuple[Condition, str, int], Measures] = {}
+        self.unwritten: JointplayError | None = None
+        labels = [label for label, clearance in CASES.items() if clearance is not None]
+        self.plan = [
+            (condition, label, seed)
+            for condition in CONDITIONS
+            for label in labels
+            for seed in range(runs)
+        ]
+
+    @contextmanager
+    def started(
+        self, others: Sequence[str] = ()
+    ) -> Iterator[tuple[list[Future[Measures]], dict[str, Future[dict[str, float]]]]]:
+        """Run in the background while the block runs; Ctrl-C in the block ends the processes.
+
+        Whatever the block is doing, each run is kept and written to the table when it is done.
+
+        Args:
+            others: cases that are also run by the explicit method.
+
+        Yields:
+            The perturbed runs, and the explicit ones by case.
+        """
+        pool = ProcessPoolExecutor(self.jobs, initializer=workers.begin)
+        futures = []
+        try:
+            beside = {label: pool.submit(explicit, label) for label in others}
+            for key in self.plan:
+                future = pool.submit(perturbed, *key)
+                future.add_done_callback(partial(self._keep, key))
+                futures.append(future)
+            yield futures, beside
+        except BaseException:
+            workers.abandon(pool)
+            raise
+        else:
+            pool.shutdown()
+
+    def _keep(self, key: tuple[Condition, str, int], future: Future[Measures]) -> None:
+        if future.cancelled() or future.exception() is not None:
+            return
+        condition, label, seed = key
+        found = future.result()
+        row: dict[str, object] = {"gravity": condition.gravity, "inertia": condition.variant}
+        row |= {"clearance": label, "seed": seed, **found}
+        text = io.StringIO(newline="")
+        writer = csv.DictWriter(text, list(row))
+        if not self.measures:
+            writer.writeheader()
+        writer.writerow(row)
+        self.measures[key] = found
+        try:
+            with self.table.open("ab", buffering=0) as file:
+                file.write(text.getvalue().encode())  # at once: no kill leaves half a row
+        except OSError as error:
+            self.unwritten = files.cannot_write(self.table, error)
+
+    def wait(self, futures: Sequence[Future[Any]], progress: bool) -> None:
+        """Wait for the runs, those by the explicit method among them.
+
+        Raises:
+            JointplayError: a run did not complete, or the table cannot be written.
+        """
+        bar = tqdm(total=len(futures), desc="further runs", unit="run", disable=not progress)
+        with bar:
+            try:
+                for future in as_completed(futures):
+                    future.result()
+                    bar.update()
+                    if self.unwritten is not None:
+                        raise self.unwritten
+            except BrokenExecutor:
+                raise JointplayError(
+                    "a process was ended from outside (too little memory?); the runs so far are "
+                    f"in {str(self.table)!r}"
+                ) from None
+
+    def verdicts(self) -> list[Verdict]:
+        """Claims under each condition for which at least two runs of each case are there."""
+        verdicts = []
+        for condition in CONDITIONS:
+            small, large = (
+                [found for (c, name, _), found in sorted(self.measures.items(), key=_seed)
+                 if c == condition and name == label]
+                for label in ("0.2 mm", "0.5 mm")
+            )  # fmt: skip
+            if min(len(small), len(large)) >= 2:
+                verdicts += judge(small, large, str(condition))
+        return sorted(verdicts, key=lambda verdict: verdict.claim)
+
+
+def _seed(item: tuple[tuple[Condition, str, int], Measures]) -> int:
+    return item[0][2]
+
+
+def _found(
+    futures: Mapping[str, Future[dict[str, float]]],
+) -> dict[str, dict[str, float]]:
+    """What those that are done have found."""
+    return {
+        label: future.result()
+        for label, future in futures.items()
+        if future.done() and not future.cancelled() and future.exception() is None
+    }
+
+
+def _cores() -> int:
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

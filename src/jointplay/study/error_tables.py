@@ -1,0 +1,110 @@
+"""The study's figures with their numerical errors, and the explicit method beside."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from jointplay.host import files
+from jointplay.result.histories import versions
+from jointplay.result.result import Result
+from jointplay.study.cases import BESIDE, CASES, DIFFERS, EXPLICIT, EXPLICIT_STEP_S
+
+
+def errors_table(
+    cases: Mapping[str, Result], others: Mapping[str, Mapping[str, float]]
+) -> list[tuple[str, ...]]:
+    """Certified figures of the cases, and the explicit method's where they differ.
+
+    Args:
+        cases: results by label.
+        others: what `explicit` found, by label.
+
+    Returns:
+        Rows of case, figure, value ± error and unit, mark, the explicit method's value or nothing.
+    """
+    rows: list[tuple[str, ...]] = []
+    for label, result in cases.items():
+        certificate = result.certificate
+        for figure in certificate.headline if certificate else ():
+            other = others.get(label, {}).get(figure.name)
+            beside = ""
+            if other is not None and figure.name in BESIDE:
+                change = other / figure.value - 1.0 if figure.value else 0.0
+                if abs(other - figure.value) > max(figure.error, DIFFERS * abs(figure.value)):
+                    beside = f"{other:.4g} {figure.unit} ({100 * change:+.1f} %)"
+                else:
+                    beside = "the same"
+            mark = "above 5 %" if figure.marked else ""
+            rows.append((label, figure.name, str(figure), mark, beside))
+    return rows
+
+
+ERRORS_HEADER = (
+    "case",
+    "figure",
+    "value ± numerical error",
+    "error",
+    f"{EXPLICIT}, {1e6 * EXPLICIT_STEP_S:g} µs",
+)
+
+
+def measures_table(cases: Mapping[str, Result]) -> list[tuple[str, ...]]:
+    """What the claims use, a row for each measure and a column for each case that has it."""
+    found = {
+        label: {one.name: one for one in certificate.figures if one not in certificate.headline}
+        for label, result in cases.items()
+        if (certificate := result.certificate) is not None
+    }
+    played = {label: measures for label, measures in found.items() if measures}
+    names = dict.fromkeys(name for measures in played.values() for name in measures)
+    head = ("measure", *played)
+    rows = []
+    for name in names:
+        figures = [measures[name] for measures in played.values()]
+        rows.append((name, *(f"{one}{' (above 5 %)' if one.marked else ''}" for one in figures)))
+    return [head, *rows]
+
+
+def write_errors(
+    rows: Sequence[tuple[str, ...]], measures: Sequence[tuple[str, ...]], out: Path
+) -> None:
+    """Write ``errors.md``."""
+    made_with = ", ".join(f"{name} {version}" for name, version in versions().items())
+    found = len({label for label, *_ in rows})
+    used = [
+        "What the claims use, of these runs, by the names in ensemble.csv:",
+        "",
+        *("| " + " | ".join(row) + " |" for row in (measures[0], ["---"] * len(measures[0]))),
+        *("| " + " | ".join(row) + " |" for row in measures[1:]),
+        "",
+    ]
+    if len(measures) == 1:
+        used = []
+    lines = [
+        "# The study's figures with their numerical errors",
+        "",
+        "Each case was run again more finely (docs/certificates.md); errors above 5 % are marked. "
+        f"The last column is the explicit integration with a fixed step ({EXPLICIT}, "
+        f"{1e6 * EXPLICIT_STEP_S:g} µs) of the same case: its value where it differs by more than "
+        f"{100 * DIFFERS:g} % and the error.",
+        "",
+        *([f"**Incomplete: {found} of {len(CASES)} cases.**", ""] if found < len(CASES) else []),
+        *("| " + " | ".join(row) + " |" for row in (ERRORS_HEADER, ["---"] * len(ERRORS_HEADER))),
+        *("| " + " | ".join(row) + " |" for row in rows),
+        "",
+        *used,
+        f"Made with {made_with}.",
+        "",
+    ]
+    files.write(out / "errors.md", "\n".join(lines))
+
+
+def errors_text(rows: Sequence[tuple[str, ...]]) -> str:
+    """The same table for the terminal."""
+    table = [ERRORS_HEADER, *rows]
+    widths = [max(len(row[k]) for row in table) for k in range(len(ERRORS_HEADER))]
+    return "\n".join(
+        "  ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)).rstrip()
+        for row in table
+    )
