@@ -97,7 +97,7 @@ def misfit(mechanism: Mechanism, q: np.ndarray) -> dict[str, np.ndarray]:
     """What keeps each loop from being closed in configuration q, zero if it is.
 
     Returns:
-        By loop, journal against bearing: the centre's offset (3) [m] but for the direction of
+        By loop, and by lock as if it were one (`locked`), journal against bearing: the centre's offset (3) [m] but for the direction of
         sliding, and, unless the joint is a ball, the sine of the angle between the axes (2) - of
         all angles (3) for a slider - on an arm of `ANGLE_ARM_M` [m].
     """
@@ -113,7 +113,17 @@ def misfit(mechanism: Mechanism, q: np.ndarray) -> dict[str, np.ndarray]:
             found[name] = np.concatenate([pose.translation[:2], ANGLE_ARM_M * angles])
         else:
             found[name] = np.concatenate([pose.translation, ANGLE_ARM_M * turn[:2, 2]])
+    for name in mechanism.locks:
+        pose = mechanism.lock_pose(name)
+        found[locked(name)] = np.concatenate(
+            [pose.translation, ANGLE_ARM_M * pin.log3(pose.rotation)]
+        )
     return found
+
+
+def locked(name: str) -> str:
+    """What the lock of loop `name` is called beside the loop."""
+    return f"{name} (lock)"
 
 
 def assemble(
@@ -162,6 +172,8 @@ def _free(mechanism: Mechanism, held: Sequence[int], journals: bool) -> np.ndarr
     """Coordinates that may be moved: not `held`; of journals only what the ideal joint has too,
     unless all of them are wanted."""
     own = {mechanism.coordinate(name) for name in mechanism.clearance if _in_tree(mechanism, name)}
+    for name in mechanism.locks:
+        own.update(mechanism.carriage(name))
     every = (i for i in range(mechanism.model.nv) if journals or i in own or not mechanism.plays(i))
     return np.array([i for i in every if i not in held], int)
 
@@ -177,8 +189,8 @@ def _closed(
     moved = q.copy()
     if not len(free):
         return moved
-    ideal = set(mechanism.loops) - set(mechanism.clearance)
-    mixed = ideal and len(ideal) < len(mechanism.loops)
+    strict = set(mechanism.loops) - set(mechanism.clearance) | set(map(locked, mechanism.locks))
+    mixed = strict and len(mechanism.clearance.keys() & mechanism.loops.keys()) > 0
 
     def error(values: np.ndarray) -> np.ndarray:
         trial = q.copy()
@@ -186,7 +198,7 @@ def _closed(
         # A loop without clearance must be closed, whatever the others then have to bear.
         parts = _wanted(mechanism, trial, offsets)
         if mixed:
-            parts |= {name: _IDEAL_WEIGHT * parts[name] for name in ideal}
+            parts |= {name: _IDEAL_WEIGHT * parts[name] for name in strict}
         return np.concatenate(list(parts.values()))
 
     found = least_squares(error, q[free], xtol=1e-15, ftol=1e-15, gtol=1e-15, x_scale="jac")
@@ -255,7 +267,7 @@ def _blame(mechanism: Mechanism, q: np.ndarray, best: np.ndarray, held: Sequence
 def closing_rows(
     mechanism: Mechanism, q: np.ndarray, loops: Collection[str] | None = None
 ) -> np.ndarray:
-    """Jacobian of what `loops` (None: all) forbid in configuration q, shape (rows, nv).
+    """Jacobian of what `loops` (None: all) and all locks forbid in configuration q, (rows, nv).
 
     Relative velocities of journal and bearing that are zero while the loops stay closed, journals
     resting in their bearings.
@@ -266,6 +278,7 @@ def closing_rows(
         kind = mechanism.loop_kind(name)
         keep = {"spherical": [0, 1, 2], "prismatic": [0, 1, 3, 4, 5]}.get(kind, [0, 1, 2, 3, 4])
         rows.append(jacobian[keep])
+    rows += [mechanism.lock_jacobian(name, q) for name in mechanism.locks]
     return np.concatenate(rows)
 
 

@@ -38,7 +38,7 @@ from jointplay.mechanism.impact import (
     tooth_duration,
 )
 from jointplay.mechanism.loop import assemble, closing_rows, consistent_velocity
-from jointplay.mechanism.mechanism import Mechanism
+from jointplay.mechanism.mechanism import Mechanism, frame_index
 from jointplay.mechanism.payload import Payload, velocity_after_pick
 from jointplay.motion.reference import Motion
 from jointplay.result.histories import Phase, histories
@@ -65,9 +65,6 @@ NO_MASS = 1e-9
 
 FILM_LAG = 0.5
 """Part of the effective mass that a film's lag reckons with: it may fall on the way."""
-
-_RELATIVE = ("x", "y", "z", "roll", "pitch", "yaw")
-"""Freedoms in the order of the rows of `Mechanism.relative_jacobian`."""
 
 _CHUNK = 2000
 """Steps between two looks at the clock and the keyboard."""
@@ -261,7 +258,6 @@ class Run:
         )
         self.workspace.q[:], self.workspace.v[:] = q, v
         self._events = self._plan(step)
-        self._check_locks(q)
         self._check_step(step, q)
         constraints = mechanism.constraints(q, LOOP_CORRECTION / step)
         parts = (self.model, self.data, self.workspace, self.method, constraints)
@@ -412,22 +408,6 @@ class Run:
             events += [(round(time / step), payload, picked) for time, picked in times]
         return sorted(events, key=lambda event: event[0], reverse=True)
 
-    def _check_locks(self, q: np.ndarray) -> None:
-        for name in self.mechanism.loops:
-            joint = self.mechanism.clearance.get(name)
-            if joint is None:
-                continue
-            jacobian = self.mechanism.relative_jacobian(name, q)
-            for row, freedom in zip(jacobian, _RELATIVE, strict=True):
-                if freedom not in joint.freedoms and np.abs(row).max() > 1e-9:
-                    slider = joint.kind == "prismatic"
-                    where = "its slider into the URDF's tree" if slider else "it into the tree"
-                    raise JointplayError(
-                        f"joint {name!r} locks {freedom}, but it closes a loop whose other joints "
-                        f"leave {freedom} free; do not lock it, or put {where} and close the loop "
-                        "at another joint"
-                    )
-
     def _check_step(self, step: float, q: np.ndarray) -> None:
         for name in self.mechanism.clearance:
             mass = effective_mass(self.mechanism, name, q)
@@ -463,7 +443,9 @@ class Run:
                         q[self.mechanism.coordinates.index(f"{name}.{part}")] += distance
             else:
                 moves = self.mechanism.relative_jacobian(name, q)[:3]
-                q += np.linalg.pinv(moves) @ np.full(3, distance)
+                strict = closing_rows(self.mechanism, q, self._ideal_loops)
+                aside = np.concatenate([np.full(3, distance), np.zeros(len(strict))])
+                q += np.linalg.pinv(np.concatenate([moves, strict])) @ aside
 
     def execute(self, progress: bool = False, check_step: bool = True) -> Result:
         """Simulate; once only, for the workspace holds the state.
@@ -549,6 +531,11 @@ class Run:
                 return False
         return True
 
+    @property
+    def _ideal_loops(self) -> set[str]:
+        """Loops without clearance."""
+        return set(self.mechanism.loops) - set(self.mechanism.clearance)
+
     def _happen(self) -> None:
         """Pick and release what is due."""
         w = self.workspace
@@ -556,7 +543,7 @@ class Run:
             _, payload, picked = self._events.pop()
             last, driven, speed = self.phases[-1], self.model.copy(), w.v.copy()
             bodies = last.model.copy()  # without the armature of prescribed motion
-            frame = bodies.frames[bodies.getFrameId(payload.frame)]
+            frame = bodies.frames[frame_index(bodies, payload.frame)]
             body = frame.placement.act(payload.body)
             for model in (self.model, bodies):
                 held = model.inertias[frame.parentJoint]
@@ -564,8 +551,7 @@ class Run:
             brought = last.energy
             if w.steps > 0:
                 if picked:
-                    ideal = set(self.mechanism.loops) - set(self.mechanism.clearance)
-                    rows = closing_rows(self.mechanism, w.q, ideal)
+                    rows = closing_rows(self.mechanism, w.q, self._ideal_loops)
                     w.v[:] = velocity_after_pick(driven, self.model, w.q, speed, rows)
                 brought += _energy(bodies, w.q, w.v) - _energy(last.model, w.q, speed)
             row = -(-w.steps // self.simulation.record_every)
