@@ -79,7 +79,7 @@ class Lock:
             Pinocchio joint and frame of what is held.
         """
         at = int(model.getJointId(self.held))
-        whole = model.inertias[at]
+        whole = model.inertias[at].copy()  # what Pinocchio gives changes with the model
         model.inertias[at] = _scaled(whole, 1.0 - SHARE)
         model.inertias[carriage] = self.frame.actInv(_scaled(whole, SHARE))
         return at, self.frame

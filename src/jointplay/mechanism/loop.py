@@ -97,9 +97,10 @@ def misfit(mechanism: Mechanism, q: np.ndarray) -> dict[str, np.ndarray]:
     """What keeps each loop from being closed in configuration q, zero if it is.
 
     Returns:
-        By loop, and by lock as if it were one (`locked`), journal against bearing: the centre's offset (3) [m] but for the direction of
+        By loop, journal against bearing: the centre's offset (3) [m] but for the direction of
         sliding, and, unless the joint is a ball, the sine of the angle between the axes (2) - of
-        all angles (3) for a slider - on an arm of `ANGLE_ARM_M` [m].
+        all angles (3) for a slider - on an arm of `ANGLE_ARM_M` [m]. By lock (`locked`), what it
+        holds against its carriage: offset and all angles.
     """
     found = {}
     pin.forwardKinematics(mechanism.model, mechanism.data, q)

@@ -54,6 +54,8 @@ SHORTEST_MICRO_STEP_S = 2e-8
 _aba, _inverse, _WORLD = pin.aba, pin.computeMinverse, pin.Convention.WORLD
 _PREDICT, _NODES = int(Command.PREDICT), int(Command.NODES)
 _MACRO_STEP = int(Command.MACRO_STEP)
+_SET_OFF = 9
+"""Row of `Workspace.path` that has the half-step velocity with which the macro step began."""
 
 
 class Loop(ABC):
@@ -232,7 +234,11 @@ class MultiRate(Loop):
         self._correct(LOOP_CORRECTION_PER_MACRO / span)
         dynamics, state = self._dynamics(q, v, self._tau)
         dynamics(*state)
-        self.workspace.half += span * (self.data.ddq - self.workspace.free)
+        w = self.workspace
+        closing = span * (self.data.ddq - w.free)
+        w.half += closing
+        # No acceleration of the path: drawn on, it would be corrected back, and so on, growing.
+        w.path[_SET_OFF] += closing
 
     def begin(self) -> None:
         """Evaluate forces and acceleration, and set off half a step before."""
