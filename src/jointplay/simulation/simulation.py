@@ -166,15 +166,16 @@ class Simulation:
                 f"these numbers cannot be computed with, one is far too large or small: {error}"
             ) from None
 
-    def run(self, progress: bool = False, certify: bool = False) -> Result:
+    def run(self, progress: bool = False, certify: bool = False, check_step: bool = True) -> Result:
         """`prepare`, then `Run.execute`.
 
         Args:
             progress: see `Run.execute`.
             certify: run again more finely, and put the numerical errors of the headline figures
                 into `Result.certificate`.
+            check_step: see `Run.execute`.
         """
-        result = self.prepare(progress).execute(progress)
+        result = self.prepare(progress).execute(progress, check_step)
         if certify:
             find_errors = late("analysis.certify:certify")
             try:
