@@ -30,6 +30,9 @@ ANGLE_ARM_M = 0.1
 _IDEAL_WEIGHT = 1e3
 """Weight of loops without clearance beside those whose journal has room."""
 
+_NEWTON_STEPS, _NEWTON_REACH, _NEWTON_CHANGE = 8, 0.1, 1e-12
+"""Most steps of `follow`, the largest, and the one after which it is there [rad or m]."""
+
 PROXIMAL = pin.ProximalSettings(1e-12, 1e-10, 10)
 """Accuracy, regularisation and iterations of Pinocchio's solver: constraints may be redundant."""
 
@@ -167,6 +170,39 @@ def assemble(
         if mechanism.motor(name) not in held:  # unstrained
             best[mechanism.motor(name)] = best[mechanism.coordinate(name)]
     return best
+
+
+def follow(mechanism: Mechanism, q: np.ndarray, held: Sequence[int]) -> np.ndarray:
+    """`assemble` of a mechanism without clearance, from a q at which it is closed but for little.
+
+    By Newton's method, which takes a few tenths of the time.
+    """
+    rest = np.setdiff1d(np.arange(mechanism.model.nv), held)
+    moved = q.copy()
+    for _ in range(_NEWTON_STEPS):
+        rows = closing_rows(mechanism, moved)
+        left = _open(mechanism, moved)
+        change = np.linalg.lstsq(rows[:, rest], -left, rcond=1e-10)[0]
+        if not np.abs(change).max(initial=0.0) < _NEWTON_REACH:
+            break
+        moved[rest] += change
+        if np.abs(change).max(initial=0.0) < _NEWTON_CHANGE:
+            if np.abs(_open(mechanism, moved)).max(initial=0.0) < _NEWTON_CHANGE:
+                return moved
+            break
+    return assemble(mechanism, q, held)
+
+
+def _open(mechanism: Mechanism, q: np.ndarray) -> np.ndarray:
+    """By how much loops without clearance are open, in the order of `closing_rows`."""
+    pin.forwardKinematics(mechanism.model, mechanism.data, q)
+    found = []
+    for name in mechanism.loops:
+        pose = mechanism.journal_pose(name)
+        found.append(pose.translation)
+        if mechanism.loop_kind(name) != "spherical":  # no ideal slider closes a loop
+            found.append(np.array([-pose.rotation[1, 2], pose.rotation[0, 2]]))
+    return np.concatenate(found)
 
 
 def _free(mechanism: Mechanism, held: Sequence[int], journals: bool) -> np.ndarray:

@@ -10,7 +10,7 @@ from scipy.interpolate import make_interp_spline
 from tqdm import tqdm
 
 from jointplay.errors import JointplayError
-from jointplay.mechanism.loop import assemble, closing_rows
+from jointplay.mechanism.loop import assemble, closing_rows, follow
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.motion.reference import Motion
 
@@ -124,10 +124,15 @@ def _with_loops(
     maps = np.empty((len(nodes), ideal.model.nv, len(at)))
     guess = base
     for i in _shown(range(len(nodes)), progress):
-        guess = guess.copy()
-        guess[at] = positions[i]
-        q[i] = guess = assemble(ideal, guess, at)
-        maps[i] = driven_map(ideal, guess, at)
+        if i:
+            guess = guess + maps[i - 1] @ (positions[i] - guess[at])
+            guess[at] = positions[i]
+            guess = follow(ideal, guess, at)
+        else:
+            guess = guess.copy()
+            guess[at] = positions[0]
+            guess = assemble(ideal, guess, at)
+        q[i], maps[i] = guess, driven_map(ideal, guess, at)
     curve = make_interp_spline(nodes, q, k=5)
     model, data = ideal.model, ideal.data
     states = (curve(nodes), curve(nodes, 1), curve(nodes, 2))
