@@ -63,7 +63,8 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
     names = list(files.values())
     figures = scenario.figures and not options.no_figures
     if figures:
-        names += [f"{name}.{kind}" for name in plots.FIGURES for kind in ("png", "pdf")]
+        paper = all(plots.is_paper_robot(scenario.model(case).robot.urdf) for case in cases)
+        names += plots.file_names(paper)
     out = claim(options.out, names)
     if jobs == 1:
         interrupted = _one_by_one(scenario, files, certified, out, not options.quiet)
