@@ -454,7 +454,8 @@ class Run:
         Args:
             progress: show a bar with simulated time, speed and time left on standard error.
             check_step: where nothing else judges the step, run again with another one: see
-                `step_check`. Takes half of the run's time, two and a half times that in doubt.
+                `step_check`. Takes about half of the run's time, in doubt two and a half times
+                the run's.
 
         Returns:
             The result. Interrupted by Ctrl-C, or stopped because the state ran away, it holds
