@@ -82,7 +82,8 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
     print(f"\nresults in {out}")
     if interrupted or any(r.status == Status.INTERRUPTED for r in results.values()):
         missing = [case for case in cases if case not in results]
-        note = f"; nothing of: {', '.join(missing)}" if missing else ""
+        there = f"; there is {', '.join(path.name for path in saved.values())}" if saved else ""
+        note = f"; nothing of: {', '.join(missing)}" if missing else there
         print(f"interrupted{note}", file=sys.stderr)
         return INTERRUPTED
     return 0 if all(r.status == Status.COMPLETED for r in results.values()) else STOPPED
