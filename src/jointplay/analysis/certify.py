@@ -17,9 +17,9 @@ from jointplay.analysis.claims import START_UP, measure
 from jointplay.errors import JointplayError
 from jointplay.kernel import Status
 from jointplay.kernel.integrators import DEFAULT, integrator
+from jointplay.kernel.path import LARGEST_TURN, LEAST_STEPS
 from jointplay.result.certificate import COUNTS, Certificate, CertifiedFigure
 from jointplay.result.result import Result
-from jointplay.simulation.loop import LARGEST_TURN, LEAST_STEPS
 from jointplay.simulation.simulation import Run, Simulation
 
 SAFETY = 2.5

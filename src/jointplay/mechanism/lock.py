@@ -1,7 +1,7 @@
 """What a joint that closes a loop locks, where nothing else in the loop does.
 
 Pinocchio's constraints hold points or whole frames, not single freedoms. So the bearing carries one
-more body, a carriage, which has the freedoms that the joint leaves; a whole-frame constraint fixes
+more body, a carriage, which has the freedoms that the joint leaves; three points fix
 the journal to it. The carriage takes part of the inertia of the journal's link: fixed to each
 other, the two move exactly as that link did.
 """

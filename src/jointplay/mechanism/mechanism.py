@@ -356,19 +356,21 @@ class Mechanism:
                 constraint.m_baumgarte_parameters.Kd = 2.0 * frequency
                 found.append(constraint)
         for name, ((i, carriage), (j, held)) in self.locks.items():
-            constraint = pin.RigidConstraintModel(
-                pin.ContactType.CONTACT_6D,
-                self.model,
-                j,
-                held,
-                i,
-                carriage,
-                pin.ReferenceFrame.LOCAL,
-            )
-            constraint.name = name
-            constraint.m_baumgarte_parameters.Kp = frequency**2
-            constraint.m_baumgarte_parameters.Kd = 2.0 * frequency
-            found.append(constraint)
+            for point in (np.zeros(3), *(_AXIS_ARM_M * np.eye(3)[:2])):  # three hold a frame
+                at = pin.SE3(np.eye(3), point)
+                constraint = pin.RigidConstraintModel(
+                    pin.ContactType.CONTACT_3D,
+                    self.model,
+                    j,
+                    held * at,
+                    i,
+                    carriage * at,
+                    pin.ReferenceFrame.LOCAL,
+                )
+                constraint.name = name
+                constraint.m_baumgarte_parameters.Kp = frequency**2
+                constraint.m_baumgarte_parameters.Kd = 2.0 * frequency
+                found.append(constraint)
         return found
 
     def ideal(self) -> Mechanism:
