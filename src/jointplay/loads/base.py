@@ -204,11 +204,6 @@ def joint_site(mechanism: Mechanism, joint: str) -> Site:
     return Site(at, at)
 
 
-def joint_unit(mechanism: Mechanism, joint: str) -> str:
-    """Unit of the effort of a joint."""
-    return "N" if mechanism.description.joints[joint].kind == "prismatic" else "N m"
-
-
 def require_vector(name: str, value: Sequence[float], unit: str) -> Vector:
     """Return three finite components as floats, else raise naming them."""
     if isinstance(value, str) or not hasattr(value, "__len__") or len(value) != 3:

@@ -449,7 +449,7 @@ class Plots:
                     )
             panel.set_xlabel("time [s]")
             panel.set_ylabel("energy [J]")
-            _legend(panel, 4)
+            _legend(panel, 3)
         return _figure_of(panel)
 
     def spectrum(
