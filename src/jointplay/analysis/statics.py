@@ -247,7 +247,7 @@ class BlockPlay(Play):
 
 @dataclass(frozen=True)
 class TurnPlay(Play):
-    """A gear's backlash: the joint turns about its axis, or slides along it, while the motor stands."""
+    """A gear's backlash: the joint turns about its axis while the motor stands."""
 
     half: float
     """Half of the whole play [rad]."""
