@@ -98,7 +98,7 @@ def configurations(mechanism: Mechanism, poses: np.ndarray | Mapping[str, float]
 def tool_place(mechanism: Mechanism, q: np.ndarray) -> pin.SE3:
     """Where the tool is in configuration q (nq,)."""
     pin.framesForwardKinematics(mechanism.model, mechanism.data, q)
-    return mechanism.data.oMf[mechanism.tool_frame]
+    return mechanism.data.oMf[mechanism.tool_frame].copy()
 
 
 def _lever(

@@ -48,8 +48,7 @@ def along_motion(mechanism: Mechanism, motion: Motion, count: int = ALONG) -> np
     for name in motion.joints:
         if name not in names:
             raise MissingName("moving joint", name, names, " (in the motion)")
-    even = np.linspace(motion.times[0], motion.times[-1], count)
-    times = np.union1d(even, motion.times) if len(motion.times) <= count else even
+    times = times_along(motion, count)
     position = motion(times)[0]
     middles = middle(mechanism)
     values = np.tile([middles[name] for name in names], (len(times), 1))
@@ -57,6 +56,12 @@ def along_motion(mechanism: Mechanism, motion: Motion, count: int = ALONG) -> np
         values[:, names.index(name)] = position[:, column]
     _check(mechanism, names, values)
     return _fill(mechanism, names, values)
+
+
+def times_along(motion: Motion, count: int = ALONG) -> np.ndarray:
+    """Equal intervals over a motion, and its waypoints unless they are more, (n,) [s]."""
+    even = np.linspace(motion.times[0], motion.times[-1], count)
+    return np.union1d(even, motion.times) if len(motion.times) <= count else even
 
 
 def over_workspace(mechanism: Mechanism, count: int, seed: int = 0) -> np.ndarray:

@@ -60,7 +60,11 @@ def run(options: argparse.Namespace) -> int:
     plots.bars(found).savefig(out / "bars.png")
     plots.robot(work.mechanism, found, work.q).savefig(out / "robot.png", dpi=130)
     if work.kind == "motion":
-        plots.course(found).savefig(out / "course.png")
+        from jointplay.analysis.poses import times_along
+
+        assert work.motion is not None
+        time = times_along(work.motion)
+        plots.course(found, time).savefig(out / "course.png")
     if work.kind == "workspace":
         plots.workspace_map(found).savefig(out / "map.png")
     print(f"written to {options.out}: {', '.join(names)}")
