@@ -37,7 +37,7 @@ SAMPLES = 4000
 _ROUNDS = 80
 _QUANTILE_ROUNDS = 8
 _QUANTILE_POSES = 12
-_EXACT = 1e-7
+_EXACT = 2e-5
 _CLOSE = 0.9995
 """Part of the target that must be used up, second order included."""
 _MM = 1e3

@@ -12,7 +12,7 @@ from collections import defaultdict
 from jointplay.mechanism.urdf import Description, JointEntry
 
 _NAMED = re.compile(
-    r"(^|_)(tool0|tool|tcp|tool_?frame|ee_link|ee|eef|end_?effector|flange|gripper_frame_link|foot)$",
+    r"(^|_)(tool0|tool|tcp|tool_?frame|ee_link|ee|eef|end_?effector|flange|gripper_frame_link|foot|suction_?\w*|vacuum_?\w*|nozzle|spindle|torch|needle|pen)$",
     re.IGNORECASE,
 )
 """Frames that are called what a tool is called."""
