@@ -330,10 +330,19 @@ class _Problem:
         """The cheapest clearances with rows . c <= room [m]."""
         limits = [(self.least, self.most)] * len(start)
         if self.cost == "linear":
-            found = linprog(-self.weight, A_ub=rows, b_ub=room, bounds=limits, method="highs")
+            # The solver's tolerances are absolute: in parts of the room and of these clearances.
+            alone = (room[:, None] / np.maximum(rows, 1e-12)).min(axis=0)
+            unit = np.clip(alone, self.least, self.most)
+            found = linprog(
+                -self.weight * unit / unit.max(),
+                A_ub=rows * unit / room[:, None],
+                b_ub=np.ones(len(rows)),
+                bounds=[(self.least / u, self.most / u) for u in unit],
+                method="highs",
+            )
             if not found.success:
                 raise JointplayError(f"no clearances keep the target: {found.message}")
-            return np.asarray(found.x)
+            return np.clip(found.x * unit, self.least, self.most)
         # In logarithms of clearances the problem is convex too, and well scaled.
         cost = self.value(start)
         found = minimize(
