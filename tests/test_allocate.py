@@ -121,7 +121,9 @@ def test_a_target_that_all_keep_leaves_all_at_the_most(arm):
 
 
 def test_an_unreachable_target_says_what_can_be_reached(arm):
-    with pytest.raises(JointplayError, match=r"with 5 um in every joint the error is 15(\.\d*)? um"):
+    with pytest.raises(
+        JointplayError, match=r"with 5 um in every joint the error is 15(\.\d*)? um"
+    ):
         allocate(robot(arm), {}, 1e-5, least=5e-6)
     with pytest.raises(JointplayError, match="cannot be reached"):
         allocate(robot(arm, a=Gear(1e-3, 0.1, 1e4)), {}, 1e-4)

@@ -177,7 +177,7 @@ def test_a_joint_that_does_not_move_the_tool_adds_nothing(urdf):
 
 
 def test_budgets_refuse_what_they_cannot_do(two):
-    with pytest.raises(JointplayError, match="nothing has play.*joints: a, b"):
+    with pytest.raises(JointplayError, match=r"nothing has play.*joints: a, b"):
         budget(Mechanism(two), {})
     mechanism = Mechanism(two, {"a": bearing()})
     with pytest.raises(JointplayError, match="shape"):

@@ -58,8 +58,9 @@ def test_the_reason_names_the_last_joint(urdf):
 
 
 def test_a_robot_that_is_all_fingers_has_a_tool_nevertheless(urdf):
-    path = urdf(body("one"), body("two"), joint("finger_1", "base", "one"),
-                joint("finger_2", "one", "two"))
+    path = urdf(
+        body("one"), body("two"), joint("finger_1", "base", "one"), joint("finger_2", "one", "two")
+    )
     assert chosen(path) == "two"
 
 
@@ -69,8 +70,13 @@ def test_the_scaras_tool_is_what_its_mechanism_takes():
 
 @pytest.mark.parametrize(
     ("robot", "tool"),
-    [("ur5", "tool0"), ("panda", "panda_hand_tcp"), ("xarm7", "link_eef"), ("z1", "link06"),
-     ("kinova", "j2s6s200_end_effector")],
+    [
+        ("ur5", "tool0"),
+        ("panda", "panda_hand_tcp"),
+        ("xarm7", "link_eef"),
+        ("z1", "link06"),
+        ("kinova", "j2s6s200_end_effector"),
+    ],
 )
 def test_known_arms_get_the_frame_that_people_mean(robot, tool):
     assert chosen(robot_urdf(robot)) == tool

@@ -27,7 +27,7 @@ from jointplay.joints import Clearance, PrismaticJoint
 from jointplay.mechanism.mechanism import Mechanism
 
 COSTS = ("reciprocal", "reciprocal-squared", "linear")
-"""What a clearance c costs, times its weight: 1/c, 1/c^2 (c in mm), or how far it is below `most`."""
+"""What a clearance c [mm] costs, times its weight: 1/c, 1/c^2, or what `most` has more."""
 
 LEAST_M, MOST_M = 2e-6, 1e-3
 """Clearances that can be bought, unless others are given [m]."""
@@ -240,7 +240,10 @@ class _Model:
         factors = clearance / self.nominal
         joints = self.mechanism.clearance.items()
         return self.mechanism.with_clearance(
-            {name: scaled(joint, float(f)) for (name, joint), f in zip(joints, factors, strict=True)}
+            {
+                name: scaled(joint, float(f))
+                for (name, joint), f in zip(joints, factors, strict=True)
+            }
         )
 
     def error(self, clearance: np.ndarray) -> float:
@@ -249,7 +252,7 @@ class _Model:
         return float((rows @ clearance + offsets).max())
 
     def rows(self, clearance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The error at each pose in the form rows . clearance + offsets, exact here: (n, j), (n,)."""
+        """The error at each pose as rows . clearance + offsets, exact here: (n, j), (n,)."""
         scale = np.append(clearance / self.nominal, np.ones(len(self.parts) - self.j))
         return self._worst(scale) if self.quantile is None else self._at_quantile(scale)
 
@@ -441,5 +444,3 @@ def scaled(joint: Clearance, factor: float) -> Clearance:
     if getattr(joint, "walls", False):
         changes |= {"axial_clearance": factor * joint.ca, "journal_length": None}  # type: ignore[attr-defined]
     return replace(joint, **changes)  # type: ignore[arg-type]
-
-

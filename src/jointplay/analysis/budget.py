@@ -23,6 +23,7 @@ _REFINEMENTS = 6
 AXES = ("x", "y", "z", "about x", "about y", "about z")
 """Components of the tool's error, in world axes [m, rad]."""
 
+
 @dataclass(frozen=True)
 class Budget:
     """Error of the tool at n poses, by j sources of play; lengths in m, angles in rad.
@@ -90,7 +91,9 @@ class Budget:
 
         def row(name: str, values: Sequence[float], share: str) -> str:
             worst, rest, rms, turn = values
-            return f"{name:<27} {worst:>15.4f}  {share:>5}  {rest:>13.4f} {rms:>9.4f}  {turn:>17.4f}"
+            return (
+                f"{name:<27} {worst:>15.4f}  {share:>5}  {rest:>13.4f} {rms:>9.4f}  {turn:>17.4f}"
+            )
 
         for j, name in enumerate(self.joints):
             values = (
@@ -132,8 +135,10 @@ class Budget:
         out = io.StringIO()
         head = ["pose", "tool_x_m", "tool_y_m", "tool_z_m", "worst_m", "worst_turn_rad", "rest_m"]
         head += ["rms_m", "second_order_m"]
-        head += [f"worst_{axis.replace(' ', '_')}_{'m' if i < 3 else 'rad'}" for i, axis in
-                 enumerate(AXES)]
+        head += [
+            f"worst_{axis.replace(' ', '_')}_{'m' if i < 3 else 'rad'}"
+            for i, axis in enumerate(AXES)
+        ]
         head += [f"worst_part_{name}_m" for name in self.joints]
         out.write(",".join(head) + "\n")
         rest, axes = self.rest_error, self.axis_worst.sum(axis=1)

@@ -26,7 +26,7 @@ class Part:
     move: np.ndarray
     """Tool's displacement and rotation in world axes per displacement of the joint, (n, 6, 6)."""
     load: np.ndarray
-    """Gravity and the tool's load on the joint, about its centre, in bearing axes, (n, 6) [N, N m]."""
+    """Gravity and the tool's load on the joint, about its centre, bearing axes, (n, 6) [N, N m]."""
 
     def along(self, directions: np.ndarray, turn: bool = False) -> tuple[np.ndarray, np.ndarray]:
         """Farthest displacements of the tool that this play allows, along directions.
@@ -78,9 +78,7 @@ def sources(
         for j, (name, _) in enumerate([*names, *gears]):
             moves[j, i], loads[j, i] = _lever(mechanism, name, tool.translation, push)
     labels = [*names, *((name + GEAR, one) for name, one in gears)]
-    return tuple(
-        Part(name, one, moves[j], loads[j]) for j, (name, one) in enumerate(labels)
-    )
+    return tuple(Part(name, one, moves[j], loads[j]) for j, (name, one) in enumerate(labels))
 
 
 def configurations(mechanism: Mechanism, poses: np.ndarray | Mapping[str, float]) -> np.ndarray:

@@ -279,9 +279,7 @@ class _Link:
         torques = []
         for angle in (0.0, math.pi / 2.0, math.pi):
             q[at] = angle
-            torques.append(
-                -float(pin.computeGeneralizedGravity(ideal.model, ideal.data, q)[at])
-            )
+            torques.append(-float(pin.computeGeneralizedGravity(ideal.model, ideal.data, q)[at]))
         # Gravity about a fixed axis: c + a cos(angle) + b sin(angle).
         self.even = 0.5 * (torques[0] - torques[2])
         self.mean = 0.5 * (torques[0] + torques[2])

@@ -44,8 +44,17 @@ def to_sdf(mechanism: Mechanism, reduction: Reduction) -> str:
             _sdf_joint(model, body, body.name, parent, f"{body.name}_motor", friction, damping)
             half = 0.5 * reduction.dead_band
             stop = reduction.stiffness, reduction.damping
-            _sdf_joint(model, body, f"{body.name}_play", f"{body.name}_motor",
-                       f"{body.name}_link", 0.0, reduction.damping, (-half, half), stop)
+            _sdf_joint(
+                model,
+                body,
+                f"{body.name}_play",
+                f"{body.name}_motor",
+                f"{body.name}_link",
+                0.0,
+                reduction.damping,
+                (-half, half),
+                stop,
+            )
         else:
             _sdf_joint(model, body, body.name, parent, f"{body.name}_link", friction, damping)
         _link(model, f"{body.name}_link", place, body.inertia)
@@ -91,8 +100,13 @@ def _link(
         mass, lever, matrix = inertia.mass, inertia.lever, inertia.inertia
     _texts(inertial, pose=_numbers([*lever, 0.0, 0.0, 0.0]), mass=f"{mass:.17g}")
     tensor = ElementTree.SubElement(inertial, "inertia")
-    _texts(tensor, **{f"i{a}{b}": f"{matrix['xyz'.index(a), 'xyz'.index(b)]:.17g}"
-                      for a, b in ("xx", "xy", "xz", "yy", "yz", "zz")})
+    _texts(
+        tensor,
+        **{
+            f"i{a}{b}": f"{matrix['xyz'.index(a), 'xyz'.index(b)]:.17g}"
+            for a, b in ("xx", "xy", "xz", "yy", "yz", "zz")
+        },
+    )
     return link
 
 
@@ -106,8 +120,12 @@ def to_urdf(mechanism: Mechanism, reduction: Reduction) -> str:
     joint = next(j for j in root.findall("joint") if j.get("name") == reduction.joint)
     for old in joint.findall("dynamics"):
         joint.remove(old)
-    ElementTree.SubElement(joint, "dynamics", friction=f"{reduction.friction:.17g}",
-                           damping=f"{reduction.viscous:.17g}")
+    ElementTree.SubElement(
+        joint,
+        "dynamics",
+        friction=f"{reduction.friction:.17g}",
+        damping=f"{reduction.viscous:.17g}",
+    )
     if reduction.dead_band > 0.0:
         names = {one.get("name") for one in (*root.findall("joint"), *root.findall("link"))}
         motor, between = f"{reduction.joint}_motor", f"{reduction.joint}_play"
@@ -123,17 +141,22 @@ def to_urdf(mechanism: Mechanism, reduction: Reduction) -> str:
         ElementTree.SubElement(inertial, "mass", value="1e-06")
         vector = np.array([float(x) for x in axis.split()])
         matrix = _rotor(vector / np.linalg.norm(vector), reduction.rotor_inertia)
-        ElementTree.SubElement(inertial, "inertia", {
-            f"i{a}{b}": f"{matrix['xyz'.index(a), 'xyz'.index(b)]:.17g}"
-            for a, b in ("xx", "xy", "xz", "yy", "yz", "zz")
-        })
+        ElementTree.SubElement(
+            inertial,
+            "inertia",
+            {
+                f"i{a}{b}": f"{matrix['xyz'.index(a), 'xyz'.index(b)]:.17g}"
+                for a, b in ("xx", "xy", "xz", "yy", "yz", "zz")
+            },
+        )
         play = ElementTree.SubElement(root, "joint", name=between, type="revolute")
         ElementTree.SubElement(play, "parent", link=motor)
         ElementTree.SubElement(play, "child", link=child.get("link", ""))
         ElementTree.SubElement(play, "axis", xyz=axis)
         half = f"{0.5 * reduction.dead_band:.17g}"
-        ElementTree.SubElement(play, "limit", lower=f"-{half}", upper=half, effort="0",
-                               velocity="100")
+        ElementTree.SubElement(
+            play, "limit", lower=f"-{half}", upper=half, effort="0", velocity="100"
+        )
         ElementTree.SubElement(play, "dynamics", damping=f"{reduction.damping:.17g}", friction="0")
         child.set("link", motor)
     ElementTree.indent(root)

@@ -22,6 +22,8 @@ from jointplay.mechanism.mechanism import Mechanism
 
 ENCODERS = ("motor", "link")
 """Where the encoder sits: before the play, or after."""
+_STIFF = np.array([0.99, 0.9999, 1e-6])
+"""MuJoCo's impedance of the bore: as stiff as it bears."""
 _HELD = 1e6
 """Inertia of what moves as prescribed, when models are compared [kg m^2]."""
 
@@ -46,9 +48,16 @@ def to_mjcf(
     joint, geared = reduction.joint, reduction.dead_band > 0.0
     leans = tilt and reduction.tilt > 0.0
     root = ElementTree.Element("mujoco", model=mechanism.description.path.stem)
-    _put(root, "compiler", angle="radian", boundmass=1e-9, boundinertia=1e-12, balanceinertia="true")
-    _put(root, "option", timestep=timestep(reduction), integrator="implicitfast",
-         gravity=np.array(mechanism.gravity))
+    _put(
+        root, "compiler", angle="radian", boundmass=1e-9, boundinertia=1e-12, balanceinertia="true"
+    )
+    _put(
+        root,
+        "option",
+        timestep=timestep(reduction),
+        integrator="implicitfast",
+        gravity=np.array(mechanism.gravity),
+    )
     world = _put(root, "worldbody")
     places: dict[str, ElementTree.Element] = {"": world}
     for body in bodies(mechanism):
@@ -61,8 +70,14 @@ def to_mjcf(
             _lean(places[body.parent], element, body, reduction)
     if geared:
         rotor = _put(world, "body", name=f"{joint}.motor")
-        _put(rotor, "joint", name=f"{joint}.motor", type="hinge", axis=np.array([0.0, 0.0, 1.0]),
-             armature=reduction.rotor_inertia)
+        _put(
+            rotor,
+            "joint",
+            name=f"{joint}.motor",
+            type="hinge",
+            axis=np.array([0.0, 0.0, 1.0]),
+            armature=reduction.rotor_inertia,
+        )
         _put(rotor, "inertial", pos=np.zeros(3), mass=1e-6, diaginertia=np.full(3, 1e-9))
     carrier, place = tool_site(mechanism)
     _put(places.get(carrier, world), "site", name=f"{mechanism.tool}.tool", pos=place)
@@ -92,13 +107,26 @@ def _wiring(
         tendon = _put(root, "tendon")
     if geared:
         half = 0.5 * reduction.dead_band
-        play = _put(tendon, "fixed", name=f"{joint}.play", springlength=np.array([-half, half]),
-                    stiffness=reduction.stiffness, damping=reduction.damping)
+        play = _put(
+            tendon,
+            "fixed",
+            name=f"{joint}.play",
+            springlength=np.array([-half, half]),
+            stiffness=reduction.stiffness,
+            damping=reduction.damping,
+        )
         _put(play, "joint", joint=f"{joint}.motor", coef=1.0)
         _put(play, "joint", joint=joint, coef=-1.0)
     if leans:
-        rim = _put(tendon, "spatial", name=f"{joint}.rim", limited="true",
-                   range=np.array([0.0, reduction.half_length * reduction.tilt]))
+        rim = _put(
+            tendon,
+            "spatial",
+            name=f"{joint}.rim",
+            limited="true",
+            range=np.array([0.0, reduction.half_length * reduction.tilt]),
+            solreflimit=np.array([2.0 * timestep(reduction), 1.0]),
+            solimplimit=_STIFF,
+        )
         for end in ("bore", "rim"):
             _put(rim, "site", site=f"{joint}.{end}")
     actuator, sensor = _put(root, "actuator"), _put(root, "sensor")
@@ -111,8 +139,13 @@ def _wiring(
 
 def _body(parent: ElementTree.Element, body: Body) -> ElementTree.Element:
     quaternion = pin.Quaternion(body.placement.rotation)
-    element = _put(parent, "body", name=body.name, pos=body.placement.translation,
-                   quat=np.array([quaternion.w, quaternion.x, quaternion.y, quaternion.z]))
+    element = _put(
+        parent,
+        "body",
+        name=body.name,
+        pos=body.placement.translation,
+        quat=np.array([quaternion.w, quaternion.x, quaternion.y, quaternion.z]),
+    )
     inertia = body.inertia.inertia
     if body.inertia.mass > 0.0:
         rows = inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
@@ -151,7 +184,9 @@ def _lean(
 def _put(parent: ElementTree.Element, tag: str, **values: Any) -> ElementTree.Element:
     """Append an element; numbers are written so that they read back the same."""
     text = {
-        key: value if isinstance(value, str) else " ".join(f"{x + 0.0:.17g}" for x in np.ravel(value))
+        key: value
+        if isinstance(value, str)
+        else " ".join(f"{x + 0.0:.17g}" for x in np.ravel(value))
         for key, value in values.items()
     }
     return ElementTree.SubElement(parent, tag, text)

@@ -8,7 +8,19 @@ from __future__ import annotations
 
 from typing import Any
 
-MODULES = ("init", "check", "schema", "play", "report", "robots", "urdf", "wear", "budget", "allocate", "reduce")
+MODULES = (
+    "init",
+    "check",
+    "schema",
+    "play",
+    "report",
+    "robots",
+    "urdf",
+    "wear",
+    "budget",
+    "allocate",
+    "reduce",
+)
 """Modules with a command of their own, in the order of the help."""
 
 

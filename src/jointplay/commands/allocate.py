@@ -65,7 +65,7 @@ def run(options: argparse.Namespace) -> int:
     work = task(options)
     if options.verify is not None and work.motion is None:
         raise JointplayError("--verify simulates a motion: give --motion CSV or a scenario")
-    limits = {
+    limits: dict[str, Any] = {
         name: quantity(getattr(options, name), "m", f"--{name}")
         for name in ("least", "most")
         if getattr(options, name) is not None

@@ -79,7 +79,9 @@ def load_on_tool(
     if options.force is not None:
         parts = options.force.split(",")
         if len(parts) != 3:
-            raise JointplayError(f"--force must be three numbers fx,fy,fz [N], got {options.force!r}")
+            raise JointplayError(
+                f"--force must be three numbers fx,fy,fz [N], got {options.force!r}"
+            )
         force = [quantity(part, "N", "--force") for part in parts]
     if options.payload is not None:
         mass = quantity(options.payload, "kg", "--payload")

@@ -233,7 +233,7 @@ def _clearance(
 def _bearing(options: argparse.Namespace, kind: str, radial: float) -> Clearance:
     from jointplay.joints import ClearanceJoint, PrismaticJoint, SphericalJoint
 
-    sizes = {
+    sizes: dict[str, Any] = {
         name: quantity(getattr(options, name), "m", f"--{name.replace('_', '-')}")
         for name in ("bearing_radius", "bearing_length")
         if getattr(options, name) is not None

@@ -1,4 +1,4 @@
-"""`jointplay reduce`: a joint's play as a hinge with dead band and friction, for other simulators."""
+"""`jointplay reduce`: a joint's play as dead band and friction, for other simulators."""
 
 from __future__ import annotations
 
@@ -78,7 +78,9 @@ def run(options: argparse.Namespace) -> int:
         options.joint = []
         work = task(options)
         if joint not in work.mechanism.gears:
-            raise JointplayError("--clearance is missing, or --gear: without play nothing is reduced")
+            raise JointplayError(
+                "--clearance is missing, or --gear: without play nothing is reduced"
+            )
     mechanism = _with_gear(options, work.mechanism, scenario)
     wanted = list(dict.fromkeys(options.format or FORMATS))
     stem = joint.replace("/", "_")
@@ -151,8 +153,6 @@ def _with_gear(options: argparse.Namespace, mechanism: Any, scenario: bool) -> A
     if options.gear and not scenario:
         for name in ("stiffness", "rotor_inertia"):
             if name not in values:
-                raise JointplayError(
-                    f"{given[name][2]} is missing: a gear with play needs stiffness and rotor inertia"
-                )
+                raise JointplayError(f"{given[name][2]} is missing: a gear with play needs it")
     gears = {name: replace(gear, **values) for name, gear in mechanism.gears.items()}
     return mechanism._with(mechanism.clearance, gears)
