@@ -253,12 +253,12 @@ def follow(text: str, reduction: Reduction) -> Followed:
     data.qvel[link.dofadr] = (past["full"][1] - past["full"][0]) / (time[1] - time[0])
     angle = np.empty(len(grid))
     angle[0] = past["full"][0]
-    begun = clock.perf_counter()
+    begun = clock.process_time()
     for i in range(1, len(grid)):
         data.qvel[dof] = (goals[i] - data.qpos[at]) / step
         mujoco.mj_step(model, data)
         angle[i] = data.qpos[link.qposadr[0]]
-    spent = clock.perf_counter() - begun
+    spent = clock.process_time() - begun
     difference = angle - np.interp(grid, time, past["full"])
     return Followed(
         grid,
