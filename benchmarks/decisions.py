@@ -1,9 +1,9 @@
 """How far static budgets, allocations and reduced models can be trusted, and what they cost.
 
-    python benchmarks/decisions.py [--poses 30] [--jobs 2] [--out docs/images/decisions]
+    python benchmarks/decisions.py [--poses 30] [--jobs 2] [--parts times,reductions,poses] [--out docs/images/decisions]
 
-Writes decisions.csv (static bound and dynamic error at random poses, slow and fast), decisions.md
-(the numbers that docs/decisions.md quotes) and decisions.png.
+Writes times.md (CPU seconds of each command), reductions.md (MuJoCo against the full model), and
+poses.csv, poses.md, poses.png (static bound and dynamic error at random poses, slow and fast).
 """
 
 from __future__ import annotations
@@ -43,6 +43,13 @@ SPEEDS = {"slow": 2.0, "fast": 0.25}
 """Duration of a movement of `MOVE_RAD` in every joint [s]."""
 
 
+HEAD = (
+    "| joint | reversals | stated [urad] | MuJoCo, largest | MuJoCo, RMS | us a step | "
+    "s per s simulated | full model, s per s |",
+    "|" + " --- |" * 8,
+)
+
+
 def robot() -> jp.Mechanism:
     bearing = jp.ClearanceJoint(
         bearing_radius=20e-3, radial_clearance=CLEARANCE_M, axial_clearance=CLEARANCE_M
@@ -71,20 +78,8 @@ def one(number: int) -> dict[str, float]:
         row[f"{name}_rest"] = float(found.rest_error.max())
         row[f"{name}_peak"] = float(seen.peak.max())
         row[f"{name}_rms"] = float(seen.rms.mean())
+        row[f"{name}_step"] = seen.step
     return row
-
-
-def poses(count: int, jobs: int) -> list[dict[str, float]]:
-    with ProcessPoolExecutor(jobs) as pool:
-        found = []
-        for row in pool.map(one, range(count)):
-            found.append(row)
-            print(
-                f"pose {row['pose']:.0f}: bound {1e3 * row['slow_bound']:.3f} mm, slow "
-                f"{1e3 * row['slow_peak']:.3f}, fast {1e3 * row['fast_peak']:.3f}",
-                flush=True,
-            )
-        return found
 
 
 def budget_time() -> float:
@@ -177,25 +172,13 @@ def figure(rows: list[dict[str, float]], path: Path) -> None:
         drawn.savefig(path)
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--poses", type=int, default=30)
-    parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--out", type=Path, default=Path("docs/images/decisions"))
-    options = parser.parse_args()
-    options.out.mkdir(parents=True, exist_ok=True)
-    lines = [f"Budget of a 7-joint arm along a motion: {budget_time():.2f} s (all times: CPU)", ""]
-    lines += [f"- `{name}`: {spent:.1f} s" for name, spent in command_times().items()]
-    print("\n".join(lines), flush=True)
-    lines += [
-        "",
-        "| joint | reversals | stated [urad] | MuJoCo, largest | MuJoCo, RMS | us a step "
-        "| s per s simulated | full model, s per s |",
-        "|" + " --- |" * 8,
-    ]
-    lines += reductions()
-    rows = poses(options.poses, options.jobs)
-    lines.append("")
+def times() -> list[str]:
+    lines = [f"- budget of a 7-joint arm along a motion, in Python: {budget_time():.2f} s"]
+    return lines + [f"- `{name}`: {spent:.1f} s" for name, spent in command_times().items()]
+
+
+def summary(rows: list[dict[str, float]]) -> list[str]:
+    lines = []
     for name in SPEEDS:
         part = np.array([row[f"{name}_peak"] / row[f"{name}_bound"] for row in rows])
         rest = np.array([row[f"{name}_rms"] / row[f"{name}_rest"] for row in rows])
@@ -204,12 +187,37 @@ def main() -> None:
             f"{np.median(part):.2f}; {int((part > 1.0).sum())} of {len(rows)} beyond the bound; "
             f"RMS / error at rest {np.median(rest):.2f} (median)"
         )
-    (options.out / "decisions.md").write_text("\n".join(lines) + "\n")
+    return lines
+
+
+def write_poses(rows: list[dict[str, float]], out: Path) -> None:
     head = list(rows[0])
     text = [",".join(head)] + [",".join(f"{row[key]:.6g}" for key in head) for row in rows]
-    (options.out / "decisions.csv").write_text("\n".join(text) + "\n")
-    figure(rows, options.out / "decisions.png")
-    print("\n".join(lines))
+    (out / "poses.csv").write_text("\n".join(text) + "\n")
+    (out / "poses.md").write_text("\n".join(summary(rows)) + "\n")
+    figure(rows, out / "poses.png")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--poses", type=int, default=30)
+    parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--parts", default="times,reductions,poses")
+    parser.add_argument("--out", type=Path, default=Path("docs/images/decisions"))
+    options = parser.parse_args()
+    options.out.mkdir(parents=True, exist_ok=True)
+    parts = options.parts.split(",")
+    if "times" in parts:
+        (options.out / "times.md").write_text("\n".join(times()) + "\n")
+    if "reductions" in parts:
+        (options.out / "reductions.md").write_text("\n".join([*HEAD, *reductions()]) + "\n")
+    if "poses" in parts:
+        with ProcessPoolExecutor(options.jobs) as pool:
+            rows = []
+            for row in pool.map(one, range(options.poses)):
+                rows.append(row)
+                print({key: float(f"{value:.4g}") for key, value in row.items()}, flush=True)
+                write_poses(rows, options.out)
 
 
 if __name__ == "__main__":

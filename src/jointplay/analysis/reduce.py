@@ -36,7 +36,7 @@ from jointplay.motion.reference import Motion
 from jointplay.result.result import Result
 from jointplay.simulation.simulation import Simulation
 
-SAFETY = 2.0
+SAFETY = 3.0
 """What the largest difference in the fit's own reversals is multiplied by."""
 AMPLITUDE, PERIOD = 0.1, 2.0
 """Of the reversals [rad, s]."""
