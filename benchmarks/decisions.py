@@ -1,6 +1,6 @@
 """How far static budgets, allocations and reduced models can be trusted, and what they cost.
 
-    python benchmarks/decisions.py [--poses 30] [--jobs 2] [--parts times,reductions,poses] [--out docs/images/decisions]
+    python benchmarks/decisions.py [--poses 30] [--jobs 2] [--parts times,reductions,poses]
 
 Writes times.md (CPU seconds of each command), reductions.md (MuJoCo against the full model), and
 poses.csv, poses.md, poses.png (static bound and dynamic error at random poses, slow and fast).

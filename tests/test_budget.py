@@ -231,7 +231,7 @@ def test_the_command_prints_the_table_and_writes_the_files(two, tmp_path, capsys
     assert found == pytest.approx(
         sum(float(rows[0][f"worst_part_{name}_m"]) for name in "ab"), rel=1e-6
     )
-    for name in ("bars", "robot", "map"):
+    for name in ("bars", "robot", "reach", "map"):
         assert (out / f"{name}.png").stat().st_size > 5000
 
 

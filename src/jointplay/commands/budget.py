@@ -35,7 +35,7 @@ def run(options: argparse.Namespace) -> int:
 
     work = task(options)
     force = load_on_tool(options, work.mechanism.gravity)
-    names = ["budget.csv", "bars.png", "robot.png"]
+    names = ["budget.csv", "bars.png", "robot.png", "reach.png"]
     names += {"motion": ["course.png"], "workspace": ["map.png"]}.get(work.kind, [])
     out = files.claim(options.out, names) if options.out else None
     found = budget(work.mechanism, work.q, force=force)
@@ -59,6 +59,7 @@ def run(options: argparse.Namespace) -> int:
     files.write(out / "budget.csv", found.csv())
     plots.bars(found).savefig(out / "bars.png")
     plots.robot(work.mechanism, found, work.q).savefig(out / "robot.png", dpi=130)
+    plots.reachable(found).savefig(out / "reach.png")
     if work.kind == "motion":
         from jointplay.analysis.poses import times_along
 

@@ -1,4 +1,4 @@
-"""Figures of an error budget: bars by joint, the robot coloured by share, the workspace's map."""
+"""Figures of an error budget: bars, the coloured robot, the reachable set, course and map."""
 
 from __future__ import annotations
 
@@ -80,6 +80,35 @@ def robot(mechanism: Mechanism, budget: Budget, q: np.ndarray) -> Figure:
         shrink=0.6,
         label="share of the joint that carries the body [%]",
     )
+    return figure
+
+
+def reachable(budget: Budget, pose: int | None = None) -> Figure:
+    """All places that the tool can take at a pose, seen along x, y and z; and what rest is."""
+    at = budget.worst_pose if pose is None else pose
+    angle = np.linspace(0.0, 2.0 * np.pi, 241)
+    rest = 1e3 * budget.rest[at, :, :3].sum(axis=0)
+    with style():
+        figure = new_figure(8.5, 3.4)
+        axes: Any = figure.subplots(1, 3)
+        for panel, (i, j) in zip(axes, ((0, 1), (0, 2), (1, 2)), strict=True):
+            directions = np.zeros((len(budget.positions), len(angle), 3))
+            directions[..., i], directions[..., j] = np.cos(angle), np.sin(angle)
+            outline = np.zeros((len(angle), 3))
+            for part in budget.sources:
+                outline = outline + part.along(directions)[1][at, :, :3]
+                panel.plot(*(1e3 * outline[:, [i, j]]).T, color="0.75", lw=0.6)
+            panel.plot(*(1e3 * outline[:, [i, j]]).T, color=COLOURS[0], label="reachable")
+            panel.plot(rest[i], rest[j], "o", color=COLOURS[3], ms=5, label="at rest")
+            panel.plot(0.0, 0.0, "+", color="black", label="without play")
+            panel.set(xlabel=f"{'xyz'[i]} [mm]", ylabel=f"{'xyz'[j]} [mm]")
+            panel.set_aspect("equal", adjustable="datalim")
+        handles, labels = axes[0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside upper center", ncols=3)
+        figure.supxlabel(
+            f"grey: first joint, first two, ... of {', '.join(budget.joints)}\n{budget.accuracy}",
+            fontsize=5,
+        )
     return figure
 
 
