@@ -2,8 +2,8 @@
 
     python benchmarks/decisions.py [--poses 30] [--jobs 2] [--parts times,reductions,poses]
 
-Writes times.md (CPU seconds of each command), reductions.md (MuJoCo against the full model), and
-poses.csv, poses.md, poses.png (static bound and dynamic error at random poses, slow and fast).
+Writes times.txt (CPU seconds of each command), reductions.txt (MuJoCo against the full model), and
+poses.csv, poses.txt, poses.png (static bound and dynamic error at random poses, slow and fast).
 """
 
 from __future__ import annotations
@@ -194,7 +194,7 @@ def write_poses(rows: list[dict[str, float]], out: Path) -> None:
     head = list(rows[0])
     text = [",".join(head)] + [",".join(f"{row[key]:.6g}" for key in head) for row in rows]
     (out / "poses.csv").write_text("\n".join(text) + "\n")
-    (out / "poses.md").write_text("\n".join(summary(rows)) + "\n")
+    (out / "poses.txt").write_text("\n".join(summary(rows)) + "\n")
     figure(rows, out / "poses.png")
 
 
@@ -208,9 +208,9 @@ def main() -> None:
     options.out.mkdir(parents=True, exist_ok=True)
     parts = options.parts.split(",")
     if "times" in parts:
-        (options.out / "times.md").write_text("\n".join(times()) + "\n")
+        (options.out / "times.txt").write_text("\n".join(times()) + "\n")
     if "reductions" in parts:
-        (options.out / "reductions.md").write_text("\n".join([*HEAD, *reductions()]) + "\n")
+        (options.out / "reductions.txt").write_text("\n".join([*HEAD, *reductions()]) + "\n")
     if "poses" in parts:
         with ProcessPoolExecutor(options.jobs) as pool:
             rows = []

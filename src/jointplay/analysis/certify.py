@@ -17,9 +17,9 @@ from jointplay.analysis.claims import START_UP, measure
 from jointplay.errors import JointplayError
 from jointplay.kernel import Status
 from jointplay.kernel.integrators import DEFAULT, integrator
+from jointplay.kernel.path import LARGEST_TURN, LEAST_STEPS
 from jointplay.result.certificate import COUNTS, Certificate, CertifiedFigure
 from jointplay.result.result import Result
-from jointplay.simulation.loop import LARGEST_TURN, LEAST_STEPS
 from jointplay.simulation.simulation import Run, Simulation
 
 SAFETY = 2.5
@@ -146,7 +146,8 @@ def numerical_error(values: Mapping[str, float]) -> float:
     spread = float(np.ptp(list(values.values())))
     if uncertain > CONTRACTS * moved:
         return SAFETY * spread
-    error = moved + SAFETY * uncertain
+    # Two refinements may agree by chance: no error is known to better than a tenth of itself.
+    error = max(moved + SAFETY * uncertain, 1.1 * moved)
     if OWN not in values:
         # A quarter of the step leaves a quarter of an error of first order.
         error = max(error, moved * 4.0 / 3.0)

@@ -9,6 +9,8 @@ from __future__ import annotations
 from typing import Any
 
 MODULES = (
+    "scara",
+    "run",
     "init",
     "check",
     "schema",

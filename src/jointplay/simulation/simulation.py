@@ -345,20 +345,8 @@ class Run:
         first = mechanism.virtual_link(name) if mechanism.has_virtual_link(name) else None
         reach: dict[str, Any] = {}
         if first is None:
-            (i, bearing), (j, journal) = (
-                mechanism.bearing_frame(name),
-                mechanism.journal_frame(name),
-            )
-            frames = (self.data.oMi[i], self.data.oMi[j])
             reach = {
-                "frames": tuple(part for f in frames for part in (f.rotation, f.translation)),
-                "placements": np.concatenate(
-                    [
-                        part.ravel()
-                        for p in (bearing, journal)
-                        for part in (p.rotation, p.translation)
-                    ]
-                ),
+                "carriers": (mechanism.bearing_frame(name), mechanism.journal_frame(name)),
                 "signs": mechanism.signs(name),
             }
         if joint.film is not None:
