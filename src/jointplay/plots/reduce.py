@@ -25,6 +25,7 @@ def reversals(reduction: Reduction) -> Figure:
             for side in (-half, half):
                 panel.axhline(side, color="0.6", lw=0.7, ls=":")
             panel.set_ylabel("motor - link [mrad]")
+        axes[1].locator_params(axis="x", nbins=5)
         axes[0].set_xlabel("time [s]")
         axes[1].set_xlabel(f"motor of {reduction.joint} [rad]")
         figure.legend(loc="outside upper center", ncols=2)
