@@ -173,11 +173,11 @@ def test_without_loss_all_laws_are_springs(name):
     for contact in (joint.radial_contact, joint.axial_contact):
         p = law.parameters(contact)
         for depth in (1e-9, 1e-6, 3e-5):
-            still = law.function(depth, 0.0, 0.1, p)
-            assert law.function(depth, 0.1, 0.1, p) == still
-            assert law.function(depth, -0.05, 0.1, p) == still
+            still = law.function(depth, 0.0, 0.1, *p)
+            assert law.function(depth, 0.1, 0.1, *p) == still
+            assert law.function(depth, -0.05, 0.1, *p) == still
     if name not in ("linear-spring", "kelvin-voigt", "anagnostopoulos"):
-        hertz = jp.Hertz().function(3e-5, 0.0, 0.1, (joint.hertz_stiffness,))
+        hertz = jp.Hertz().function(3e-5, 0.0, 0.1, joint.hertz_stiffness)
         assert still == pytest.approx(hertz, rel=1e-12)
 
 
@@ -187,7 +187,7 @@ def test_forces_begin_at_zero_but_for_the_linear_dashpots(name):
     joint = jp.ClearanceJoint(radial_clearance=2e-4, axial_clearance=2e-4, restitution=0.7)
     for contact in (joint.radial_contact, joint.axial_contact):
         p = law.parameters(contact)
-        first, deep = (law.function(depth, 0.1, 0.1, p) for depth in (1e-12, 1e-5))
+        first, deep = (law.function(depth, 0.1, 0.1, *p) for depth in (1e-12, 1e-5))
         if name in ("kelvin-voigt", "anagnostopoulos"):
             assert first == pytest.approx(0.1 * p[1], rel=1e-3)
         else:
@@ -200,4 +200,4 @@ def test_energy_stored_does_not_depend_on_the_approach(name):
     p = law.parameters(
         jp.ClearanceJoint(radial_clearance=2e-4, axial_clearance=2e-4).radial_contact
     )
-    assert law.function(1e-5, 0.0, 1e-3, p) == law.function(1e-5, 0.0, 3.0, p) > 0.0
+    assert law.function(1e-5, 0.0, 1e-3, *p) == law.function(1e-5, 0.0, 3.0, *p) > 0.0

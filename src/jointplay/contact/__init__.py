@@ -5,12 +5,19 @@ from __future__ import annotations
 import inspect
 from typing import Any
 
-from jointplay.contact.film.law import CustomFilm, FilmLaw, FilmProperties
+from jointplay.contact.custom import (
+    CustomBristle,
+    CustomFilm,
+    CustomFriction,
+    CustomNormalForce,
+    custom_law,
+)
+from jointplay.contact.film.law import FilmForce, FilmLaw, FilmProperties
 from jointplay.contact.film.pinkus_sternlicht import PinkusSternlicht
 from jointplay.contact.film.short_bearing import ShortBearing
 from jointplay.contact.friction.ambrosio import Ambrosio
 from jointplay.contact.friction.bengisu_akay import BengisuAkay
-from jointplay.contact.friction.bristle import BristleLaw, CustomBristle
+from jointplay.contact.friction.bristle import BristleLaw, Bristles
 from jointplay.contact.friction.brown_mcphee import BrownMcPhee
 from jointplay.contact.friction.coulomb import Coulomb
 from jointplay.contact.friction.dahl import Dahl
@@ -19,8 +26,6 @@ from jointplay.contact.friction.lugre import LuGre
 from jointplay.contact.friction.threlfall import Threlfall
 from jointplay.contact.law import (
     ContactProperties,
-    CustomFriction,
-    CustomNormalForce,
     FrictionLaw,
     Law,
     NormalForceLaw,
@@ -48,7 +53,6 @@ from jointplay.contact.normal.pereira import Pereira
 from jointplay.contact.normal.radzimovsky import Radzimovsky
 from jointplay.contact.normal.zhang_sharf import ZhangSharf
 from jointplay.contact.normal.zhiying_qishao import ZhiyingQishao
-from jointplay.contact.trust import found
 from jointplay.errors import JointplayError, MissingName
 
 NORMAL_LAWS: dict[str, type[NormalForceLaw]] = {
@@ -127,9 +131,9 @@ def _built(kind: str, description: Any, laws: dict[str, Any], customs: tuple[Any
     for custom in customs:
         if name == custom.name:
             valid, required = _fields(custom)
+            valid = (*valid, "source")
             _check_fields(name, fields, valid, required)
-            function, parameters = fields.pop("function"), fields.pop("parameters", ())
-            return custom(found(function), tuple(parameters), **fields)
+            return custom_law(custom, fields)
     if name not in laws:
         raise MissingName(kind, name, [*laws, *(custom.name for custom in customs)])
     law: type[Law] = laws[name]
@@ -172,6 +176,7 @@ __all__ = [
     "Anagnostopoulos",
     "BengisuAkay",
     "BristleLaw",
+    "Bristles",
     "BrownMcPhee",
     "CarvalhoMartins",
     "ContactProperties",
@@ -183,6 +188,7 @@ __all__ = [
     "Dahl",
     "DubowskyFreudenstein",
     "Esdu78035",
+    "FilmForce",
     "FilmLaw",
     "FilmProperties",
     "Flores",

@@ -9,10 +9,13 @@ scenario that is run.
 from __future__ import annotations
 
 import importlib
+import inspect
 import sys
+import textwrap
 from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -26,9 +29,41 @@ _known: dict[str, Function] = {}
 _trusted: ContextVar[frozenset[str]] = ContextVar("trusted", default=frozenset())
 
 
-def path_of(function: Function) -> str:
+@dataclass(frozen=True)
+class Absent:
+    """A law's function that a result names and that is not at hand.
+
+    Its text can be shown; it is never run.
+    """
+
+    path: str
+    """``module:function``."""
+    source: str | None
+    """Its text, if the result has it."""
+    reason: str
+    """Why it is not at hand, and what would help."""
+
+    @property
+    def __name__(self) -> str:
+        """Name of the function."""
+        return self.path.rpartition(":")[2]
+
+
+def path_of(function: Function | Absent) -> str:
     """``module:function``, by which files name a law."""
+    if isinstance(function, Absent):
+        return function.path
     return f"{function.__module__}:{function.__qualname__}"
+
+
+def source_of(function: Function | Absent) -> str | None:
+    """Text of a law's function; None where Python does not know it."""
+    if isinstance(function, Absent):
+        return function.source
+    try:
+        return textwrap.dedent(inspect.getsource(function))
+    except (OSError, TypeError):
+        return None
 
 
 def know(function: Function) -> Function:
@@ -49,7 +84,7 @@ def trusting(modules: Collection[str]) -> Iterator[None]:
         _trusted.reset(token)
 
 
-def found(path: str) -> Function:
+def function_at(path: str) -> Function:
     """The function that ``module:function`` names, if it is known or its module trusted.
 
     Raises:

@@ -15,6 +15,7 @@ _PACKAGE = Path(__file__).parent
 SOURCES = (
     *sorted(_PACKAGE.glob("*.py")),
     *sorted((_PACKAGE.parent / "geometry").glob("*.py")),
+    _PACKAGE.parent / "contact" / "compiled.py",
     _PACKAGE.parent / "contact" / "law.py",
 )
 """Files whose change must compile the kernel again."""

@@ -15,7 +15,7 @@ import pinocchio as pin
 from tqdm import tqdm
 
 from jointplay import kernel
-from jointplay.contact.law import address, check_parameters
+from jointplay.contact.compiled import address, check_parameters
 from jointplay.errors import JointplayError, MissingName, require_finite, require_positive
 from jointplay.host.late import late
 from jointplay.joints import VIRTUAL_LINK

@@ -1,0 +1,71 @@
+"""Fields of values: each number has its unit, and the range that it must lie in, beside it.
+
+@dataclass(frozen=True)
+class LinearSpring:
+    stiffness: float | None = quantity("N/m", None, above=0.0)
+
+    def __post_init__(self):
+        check_fields(self)
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+from jointplay.errors import Where, require_finite, require_non_negative, require_positive
+
+UNITS = "units"
+_RANGE = "range"
+_WORDS = "words"
+
+
+def quantity(
+    *units: str,
+    default: Any = dataclasses.MISSING,
+    above: float | None = None,
+    least: float | None = None,
+    words: str = "",
+) -> Any:
+    """Field of a dataclass that holds a number, or several, in an SI unit.
+
+    Args:
+        units: of which one it has; ``""`` for pure numbers. Two where it depends on the joint:
+            that of revolute and that of prismatic joints.
+        default: of the field; without one it must be given.
+        above: 0.0 if the number must be positive, as `check_fields` demands.
+        least: 0.0 if it must not be negative.
+        words: what errors call it; the field's name, if not given.
+    """
+    if above not in (None, 0.0) or least not in (None, 0.0):
+        raise ValueError("a range begins at zero, or the class checks it itself")
+    check = require_positive if above == 0.0 else require_non_negative
+    check = require_finite if above is None and least is None else check
+    metadata = {UNITS: units, _RANGE: check, _WORDS: words}
+    return dataclasses.field(default=default, metadata=metadata)
+
+
+def units_of(field: dataclasses.Field[Any]) -> tuple[str, ...] | None:
+    """Units that a field of a dataclass can have; None if none is said."""
+    units: tuple[str, ...] | None = field.metadata.get(UNITS)
+    return units
+
+
+def check_fields(value: Any) -> None:
+    """Make floats of all single numbers of a dataclass that have a unit; they must be in range.
+
+    Fields that hold several numbers the class checks itself.
+
+    Raises:
+        JointplayError: a number that is not finite or out of its range, with the field's name as
+            its place.
+    """
+    for field in dataclasses.fields(value):
+        units, given = units_of(field), getattr(value, field.name)
+        several = isinstance(given, list | tuple) or getattr(given, "shape", ()) != ()
+        if units is None or several or (given is None and field.default is None):
+            continue
+        words = field.metadata[_WORDS] or field.name
+        where: Where = (field.name,)
+        number = field.metadata[_RANGE](words, given, units[0].replace("*", " "), where)
+        object.__setattr__(value, field.name, number)
