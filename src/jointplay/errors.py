@@ -81,3 +81,14 @@ def require_finite(name: str, value: float, unit: str, where: Where = ()) -> flo
     if not math.isfinite(number):
         raise JointplayError(f"{name} must be finite, got {number} {unit}".rstrip(), where)
     return number
+
+
+def require_vector(
+    name: str, values: object, unit: str, where: Where = ()
+) -> tuple[float, float, float]:
+    """Return three finite components as floats, else raise naming them with their `unit`."""
+    parts = () if isinstance(values, str) or not isinstance(values, Iterable) else tuple(values)
+    if len(parts) != 3:
+        raise JointplayError(f"{name} must have three components, got {values!r}", where)
+    x, y, z = (require_finite(name, value, unit, where) for value in parts)
+    return x, y, z

@@ -83,19 +83,19 @@ def test_fields_reach_the_law():
 @pytest.mark.parametrize(
     ("build", "description", "message"),
     [
-        (normal_law, {"law": "flores", "n": 1.5}, "law 'flores' has no field 'n'; available: none"),
+        (normal_law, {"law": "flores", "n": 1.5}, 'unknown key "n" of law "flores"; valid keys: law'),
         (
             normal_law,
             {"law": "kelvin-voigt", "dampng": 1.0},
-            "law 'kelvin-voigt' has no field 'dampng'; available: damping, stiffness",
+            'unknown key "dampng" of law "kelvin-voigt"; did you mean "damping"? valid keys: law,',
         ),
-        (normal_law, {"law": "kelvin-voigt"}, "law 'kelvin-voigt' needs the field 'damping'"),
+        (normal_law, {"law": "kelvin-voigt"}, "the key damping is missing"),
         (normal_law, "anagnostopoulos", "needs mass, the effective mass of the impact [kg]"),
-        (normal_law, {"stiffness": 1.0}, "normal-force law needs the field 'law'; available: lank"),
-        (normal_law, "coulomb", "no normal-force law 'coulomb'; available: lankarani-nikravesh"),
-        (friction_law, "hertz", "no friction law 'hertz'; available: ambrosio, coulomb"),
-        (friction_law, {"law": "coulomb", "mu": 0.1}, "has no field 'mu'; available: mu_d, v_t"),
-        (normal_law, {"law": "custom", "parameters": []}, "needs the field 'function'"),
+        (normal_law, {"stiffness": 1.0}, "the key law is missing; available: lank"),
+        (normal_law, "coulomb", 'no normal-force law "coulomb"; available: lankarani-nikravesh'),
+        (friction_law, "hertz", 'no friction law "hertz"; available: ambrosio, coulomb'),
+        (friction_law, {"law": "coulomb", "mu": 0.1}, 'unknown key "mu" of law "coulomb"; valid keys: law, mu_d, v_t'),
+        (normal_law, {"law": "custom", "parameters": []}, "the key function is missing"),
         (normal_law, {"law": "custom", "function": "math"}, "is named module:function, got 'math'"),
         (normal_law, {"law": "custom", "function": ":"}, "is named module:function, got ':'"),
     ],
@@ -109,7 +109,7 @@ def test_wrong_descriptions_name_the_field_and_the_choices(build, description, m
 
 def test_missing_names_survive_the_way_from_a_worker():
     with pytest.raises(MissingName) as caught:
-        normal_law("gravity")
+        jp.material("unobtainium")
     again = pickle.loads(pickle.dumps(caught.value))
     assert type(again) is MissingName
     assert str(again) == str(caught.value)

@@ -17,7 +17,7 @@ from jointplay.contact import (
     friction_law,
     normal_law,
 )
-from jointplay.contact.compiled import compiled_law, parameter_names
+from jointplay.contact.compiled import address, compiled_law, parameter_names
 from jointplay.contact.film.law import FilmProperties
 from jointplay.fields import units_of
 
@@ -65,6 +65,11 @@ def test_laws_are_frozen_and_each_number_has_a_unit(build, name):
         assert (units_of(field) is not None) == isinstance(
             getattr(law, field.name), float | None
         ), field.name
+
+
+@every
+def test_every_law_compiles(build, name):
+    assert address(made(name, build))
 
 
 @every

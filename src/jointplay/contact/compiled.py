@@ -106,12 +106,21 @@ def _compiled(function: Callable[..., Any], state: tuple[str, ...], answers: int
     signature = types.float64(*numbers, _NUMBERS)
     if answers:
         signature = types.void(*numbers, _NUMBERS, _NUMBERS)
-    packed = _packed(function, state, answers)
+    return compiled_function(_packed(function, state, answers), signature)
+
+
+@cache
+def compiled_function(function: Callable[..., Any], signature: Any) -> Any:
+    """Compiled `function`: its `address`, and `ctypes` to call it from Python.
+
+    Raises:
+        JointplayError: numba cannot compile it; the message carries numba's reason.
+    """
     try:
         try:
-            return numba.cfunc(signature, cache=True, error_model="numpy")(packed)
+            return numba.cfunc(signature, cache=True, error_model="numpy")(function)
         except RuntimeError:  # typed at a prompt: numba finds no file to keep its cache beside
-            return numba.cfunc(signature, error_model="numpy")(packed)
+            return numba.cfunc(signature, error_model="numpy")(function)
     except numba.core.errors.NumbaError as error:
         lines = [line.strip() for line in str(error).splitlines() if line.strip()]
         reason = next((line for line in lines if not line.startswith("Failed in")), "no reason")
@@ -141,6 +150,7 @@ def _packed(function: Callable[..., Any], state: tuple[str, ...], answers: int) 
     exec(compile("\n".join([head, *lines]), function.__code__.co_filename, "exec"), space)
     packed: Any = space["packed"]
     packed.__qualname__ = f"{function.__qualname__}.packed"
+    packed.__name__ = function.__name__
     line = function.__code__.co_firstlineno
     packed.__code__ = packed.__code__.replace(co_firstlineno=line)
     return packed

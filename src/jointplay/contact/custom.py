@@ -17,7 +17,7 @@ import math
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import Any, Self
 
 from jointplay.contact.compiled import (
     check_parameters,
@@ -27,8 +27,9 @@ from jointplay.contact.compiled import (
 from jointplay.contact.film.law import FilmLaw, FilmProperties
 from jointplay.contact.friction.bristle import BristleLaw
 from jointplay.contact.law import ContactProperties, FrictionLaw, Law, NormalForceLaw
-from jointplay.contact.trust import Absent, function_at, imported, know, path_of, source_of
+from jointplay.contact.trust import Absent, function_at, imported, know, named, path_of, source_of
 from jointplay.errors import JointplayError
+from jointplay.fields import quantity
 
 Parameters = Sequence[float] | Mapping[str, float]
 """Parameters of a law in the order of its arguments, or by name."""
@@ -37,9 +38,37 @@ _DEPTHS, _SPEEDS = (1e-7, 1e-5), (1e-3, 1.0, 3.0)
 """Depths [m] and approach speeds [m/s] at which a law's elastic force is looked at."""
 
 
+@dataclass(frozen=True)
+class Written:
+    """A law of one's own as files have it; see docs/laws.md."""
+
+    function: str
+    """``module:function`` of a module beside the scenario; of another with ``--trust MODULE``."""
+    parameters: tuple[float, ...] | dict[str, float] = quantity("", default=())
+    """Parameters of the function, in the order of its arguments or by name."""
+    source: str | None = None
+    """Text of the function, in results; it is shown, and never run."""
+
+
+@dataclass(frozen=True)
+class WrittenFilm(Written):
+    """A film law of one's own as files have it; see docs/lubrication.md."""
+
+    viscosity: float = quantity("Pa*s", default=1.0)
+    """Dynamic viscosity."""
+    hybrid: bool = True
+    """Dry contact takes over where the journal touches the bore."""
+    transition: float = quantity("m", default=1e-6)
+    """Depth of penetration at which nothing of the film is left."""
+    least_thickness: float = quantity("m", default=1e-6)
+    """Thickness below which a film is no thinner."""
+
+
 @dataclass(frozen=True, init=False, repr=False)
 class Custom(Law):
     """What the user's own laws of all kinds have in common."""
+
+    written = Written
 
     reference = "the user"
     validity = "what its author says"
@@ -88,6 +117,34 @@ class Custom(Law):
             **self._arguments(),
         }
 
+    @classmethod
+    def from_fields(cls, fields: dict[str, Any]) -> Self:
+        """Build the law from what `describe` said of it.
+
+        Where its function is not at hand, the law is one that can be shown and not run, if its
+        text is there.
+
+        Raises:
+            JointplayError: the function is neither known here nor of a trusted module (see
+                `trust`), and its text is not there either.
+        """
+        path, source = fields["function"], fields.get("source")
+        rest = {key: value for key, value in fields.items() if key not in ("function", "source")}
+        try:
+            function: Any = function_at(path)
+        except JointplayError as error:
+            if source is None:
+                raise
+            function = Absent(path, source, str(error))
+        if source is not None and source_of(function) not in (None, source):
+            warnings.warn(
+                f"the law {path!r} reads otherwise here than in the result; a rerun uses the one "
+                "that is here",
+                RuntimeWarning,
+                stacklevel=2,
+            )
+        return cls(function, **rest)
+
     def __repr__(self) -> str:
         """As one would write it where the function is at hand."""
         more = "".join(f", {name}={value!r}" for name, value in self._arguments().items())
@@ -96,7 +153,7 @@ class Custom(Law):
     def __reduce__(self) -> tuple[Any, ...]:
         """Go to another process by name, as to a file."""
         function = self.function
-        place = function if isinstance(function, Absent) else _named(function)
+        place = function if isinstance(function, Absent) else named(function)
         return _restored, (type(self), place, self.values, self._arguments())
 
 
@@ -212,6 +269,7 @@ class CustomFilm(Custom, FilmLaw):
 
     name = "custom-film"
     section = 1.0 / (2.0 * math.sqrt(3.0))
+    written = WrittenFilm
 
     def __init__(
         self,
@@ -236,34 +294,6 @@ class CustomFilm(Custom, FilmLaw):
     def parameters(self, film: FilmProperties) -> tuple[float, ...]:
         """c [m], R [m], L [m], viscosity [Pa s], and the user's own numbers."""
         return *FilmLaw.parameters(self, film), *self.values
-
-
-def custom_law(kind: type[Custom], given: Mapping[str, Any]) -> Any:
-    """Build a user's own law from what `Custom.describe` said of it.
-
-    Where its function is not at hand, the law is one that can be shown and not run, if its text
-    is there.
-
-    Raises:
-        JointplayError: the function is neither known here nor of a trusted module (see `trust`),
-            and its text is not there either.
-    """
-    rest = {key: value for key, value in given.items() if key not in ("function", "source")}
-    source = given.get("source")
-    try:
-        function: Any = function_at(given["function"])
-    except JointplayError as error:
-        if source is None:
-            raise
-        return kind(Absent(given["function"], source, str(error)), **rest)  # type: ignore[arg-type]
-    if source is not None and source_of(function) not in (None, source):
-        warnings.warn(
-            f"the law {given['function']!r} reads otherwise here than in the result; a rerun uses "
-            "the one that is here",
-            RuntimeWarning,
-            stacklevel=2,
-        )
-    return kind(function, **rest)
 
 
 def _in_order(
@@ -293,25 +323,6 @@ def _in_order(
             f"got {len(values)}"
         )
     return values
-
-
-def _named(function: Callable[..., Any]) -> str:
-    """Return ``module:function``, by which another process finds the function.
-
-    Raises:
-        JointplayError: it would not find it: a lambda, a nested function, one typed at a prompt.
-    """
-    path = path_of(function)
-    try:
-        there: Any = imported(path)
-    except JointplayError:
-        there = None
-    if getattr(there, "py_func", there) is not function:
-        raise JointplayError(
-            f"law {path!r} cannot be sent to another process: define it with def, at module level "
-            "of an importable file"
-        )
-    return path
 
 
 def _restored(

@@ -28,6 +28,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple
 
+from jointplay.codec import Described
 from jointplay.contact.compiled import (
     MAX_PARAMETERS,
     address,
@@ -96,8 +97,10 @@ class ContactProperties(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Law(ABC):
+class Law(Described, ABC):
     """A function of the contact state and the parameters it is called with."""
+
+    selector = ("law", "name")
 
     name: ClassVar[str]
     """The one word that selects the law."""
@@ -123,10 +126,6 @@ class Law(ABC):
     def __post_init__(self) -> None:
         """Check the fields."""
         check_fields(self)
-
-    def describe(self) -> dict[str, Any]:
-        """Name and fields of the law."""
-        return {"law": self.name, **vars(self)}
 
 
 @dataclass(frozen=True)

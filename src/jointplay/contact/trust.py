@@ -105,6 +105,25 @@ def function_at(path: str) -> Function:
     return imported(path)
 
 
+def named(function: Function) -> str:
+    """Return ``module:function``, by which another process finds the function.
+
+    Raises:
+        JointplayError: it would not find it: a lambda, a nested function, one typed at a prompt.
+    """
+    path = path_of(function)
+    try:
+        there: Any = imported(path)
+    except JointplayError:
+        there = None
+    if getattr(there, "py_func", there) is not function:
+        raise JointplayError(
+            f"law {path!r} cannot be sent to another process: define it with def, at module level "
+            "of an importable file"
+        )
+    return path
+
+
 def imported(path: str) -> Function:
     """The function that ``module:function`` names, whatever it may be.
 

@@ -8,14 +8,16 @@ Pinocchio enforces.
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
 from scipy.optimize import least_squares
 
-from jointplay.errors import JointplayError, require_finite
+from jointplay.codec import Described
+from jointplay.errors import JointplayError, require_vector
+from jointplay.fields import quantity
 
 if TYPE_CHECKING:
     from jointplay.joints import Clearance
@@ -35,7 +37,7 @@ PROXIMAL = pin.ProximalSettings(1e-12, 1e-10, 10)
 
 
 @dataclass(frozen=True)
-class Loop:
+class Loop(Described):
     """A joint between two links that closes a loop: where bearing and journal sit.
 
     z of both frames is the joint's axis (for a slider, the direction of sliding).
@@ -46,12 +48,12 @@ class Loop:
 
     bearing_link: str
     journal_link: str
-    bearing_xyz: Vector = (0.0, 0.0, 0.0)
+    bearing_xyz: Vector = quantity("m", default=(0.0, 0.0, 0.0))
     """Bearing's centre in its link's frame [m]."""
-    bearing_rpy: Vector = (0.0, 0.0, 0.0)
+    bearing_rpy: Vector = quantity("rad", default=(0.0, 0.0, 0.0))
     """Orientation of the bearing frame: roll, pitch, yaw as in URDF [rad]."""
-    journal_xyz: Vector = (0.0, 0.0, 0.0)
-    journal_rpy: Vector = (0.0, 0.0, 0.0)
+    journal_xyz: Vector = quantity("m", default=(0.0, 0.0, 0.0))
+    journal_rpy: Vector = quantity("rad", default=(0.0, 0.0, 0.0))
 
     def __post_init__(self) -> None:
         """Check the vectors."""
@@ -60,11 +62,8 @@ class Loop:
                 f"a loop needs two links, got {self.bearing_link!r} for both bearing and journal"
             )
         for name in ("bearing_xyz", "bearing_rpy", "journal_xyz", "journal_rpy"):
-            values: Sequence[float] = getattr(self, name)
             unit = "m" if name.endswith("xyz") else "rad"
-            if len(values) != 3:
-                raise JointplayError(f"{name} must have three components, got {values!r}")
-            checked = tuple(require_finite(name, value, unit) for value in values)
+            checked = require_vector(name, getattr(self, name), unit, (name,))
             object.__setattr__(self, name, checked)
 
     @property
@@ -76,17 +75,6 @@ class Loop:
     def journal(self) -> pin.SE3:
         """Journal frame in its link's frame."""
         return _placement(self.journal_xyz, self.journal_rpy)
-
-    def describe(self) -> dict[str, Any]:
-        """All fields as plain data."""
-        return asdict(self)
-
-    @classmethod
-    def from_description(cls, description: dict[str, Any]) -> Loop:
-        """Build the loop that `describe` described."""
-        links = ("bearing_link", "journal_link")
-        fields: Any = {k: v if k in links else tuple(v) for k, v in description.items()}
-        return cls(**fields)
 
 
 def _placement(xyz: Vector, rpy: Vector) -> pin.SE3:

@@ -10,15 +10,17 @@ A loop is cut at a joint with clearance and needs no coordinates at all.
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pinocchio as pin
 
+from jointplay.codec import Described, plain
 from jointplay.errors import JointplayError, MissingName, require_finite
-from jointplay.joints import VIRTUAL_LINK, Clearance, joint_from_description
+from jointplay.fields import quantity
+from jointplay.joints import VIRTUAL_LINK, Clearance
 from jointplay.mechanism import urdf
 from jointplay.mechanism.gear import Gear
 from jointplay.mechanism.loop import Loop
@@ -38,7 +40,25 @@ def frame_index(model: pin.Model, name: str) -> int:
     return int(model.getFrameId(name))
 
 
-class Mechanism:
+@dataclass(frozen=True, kw_only=True)
+class WrittenMechanism:
+    """A mechanism as result files have it; keys that a later version adds are let through."""
+
+    lets_through: ClassVar[bool] = True
+
+    urdf: str
+    """Name of the file."""
+    urdf_text: str
+    """All of its text."""
+    clearance: dict[str, Clearance]
+    gravity: tuple[float, float, float] = quantity("m/s^2")
+    tool: str
+    allow_unphysical: tuple[str, ...]
+    loops: dict[str, Loop] = field(default_factory=dict)
+    gears: dict[str, Gear] = field(default_factory=dict)
+
+
+class Mechanism(Described):
     """A robot or linkage from a URDF, ideal or with clearance in some of its joints.
 
     Args:
@@ -61,6 +81,8 @@ class Mechanism:
         JointplayError: see `urdf.read`; also a joint or link that does not exist, a joint of a kind
             that has no clearance of the given kind or has no coordinates.
     """
+
+    written = WrittenMechanism
 
     def __init__(
         self,
@@ -339,29 +361,50 @@ class Mechanism:
         return {
             "urdf": self.description.path.name,
             "urdf_text": self.description.text,
-            "clearance": {name: joint.describe() for name, joint in self._joints.items()},
-            "loops": {name: loop.describe() for name, loop in self.loops.items()},
-            "gears": {name: gear.describe() for name, gear in self.gears.items()},
+            "clearance": plain(self._joints),
+            "loops": plain(self.loops),
+            "gears": plain(self.gears),
             "gravity": list(self.gravity),
             "tool": self.tool,
             "allow_unphysical": list(self.allow_unphysical),
         }
 
     @classmethod
-    def from_description(cls, description: Mapping[str, Any]) -> Mechanism:
+    def from_fields(cls, fields: dict[str, Any]) -> Mechanism:
         """Build the mechanism that `describe` described."""
-        allowed = description["allow_unphysical"]
-        name = Path(description["urdf"]).name or "robot.urdf"
-        parsed = urdf.parse(description["urdf_text"], Path(name), allowed)
-        parsed = replace(parsed, stored=True)
+        allowed = fields["allow_unphysical"]
+        name = Path(fields["urdf"]).name or "robot.urdf"
+        parsed = replace(urdf.parse(fields["urdf_text"], Path(name), allowed), stored=True)
         mechanism = object.__new__(cls)
         mechanism._build(
             parsed,
-            {n: joint_from_description(fields) for n, fields in description["clearance"].items()},
-            {n: Loop.from_description(fields) for n, fields in description["loops"].items()},
-            {n: Gear(**fields) for n, fields in description["gears"].items()},
-            tuple(description["gravity"]),
-            description["tool"],
+            fields["clearance"],
+            fields.get("loops", {}),
+            fields.get("gears", {}),
+            fields["gravity"],
+            fields["tool"],
             allowed,
         )
         return mechanism
+
+    def __eq__(self, other: object) -> bool:
+        """Whether robot, joints, loops, gears, gravity and tool are the same."""
+        return isinstance(other, Mechanism) and self.describe() == other.describe()
+
+    def __hash__(self) -> int:
+        """Equal mechanisms hash alike."""
+        return hash((self.description.text, self.tool, self.gravity, tuple(self._joints)))
+
+    def __repr__(self) -> str:
+        """As one would write it, what is not given left out."""
+        parts = [repr(str(self.description.path))]
+        parts += [repr(self._joints)] if self._joints else []
+        given = {
+            "loops": self.loops,
+            "gears": self.gears,
+            "gravity": None if self.gravity == STANDARD_GRAVITY else self.gravity,
+            "tool": self.tool,
+            "allow_unphysical": self.allow_unphysical,
+        }
+        parts += [f"{name}={value!r}" for name, value in given.items() if value]
+        return f"Mechanism({', '.join(parts)})"

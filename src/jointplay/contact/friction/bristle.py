@@ -12,7 +12,6 @@ the plane of contact as that turns, and is zero when the contact begins.
 from __future__ import annotations
 
 import ctypes
-import math
 from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
@@ -30,15 +29,15 @@ class Bristles(NamedTuple):
     """r: rate at which they let go [1/s]."""
     stiffness: float
     """k [N/m]."""
-    damping: float = 0.0
+    damping: float
     """d, of the bristles [N s/m]."""
-    viscous: float = 0.0
+    viscous: float
     """c, viscous friction [N s/m]."""
-    cap: float = math.inf
-    """Largest force [N]."""
-    dwell_target: float = 0.0
+    cap: float
+    """Largest force [N], or infinity."""
+    dwell_target: float
     """What the dwell tends to."""
-    dwell_rate: float = 0.0
+    dwell_rate: float
     """How fast [1/s]."""
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from jointplay.contact.friction.bristle import BristleLaw, Bristles
@@ -35,4 +36,13 @@ class Dahl(BristleLaw):
     @staticmethod
     def function(speed: float, normal: float, dwell: float, mu_d: float, sigma0: float) -> Bristles:
         """Evaluate the law."""
-        return Bristles(1.0, release=sigma0 * speed / mu_d, stiffness=sigma0 * normal)
+        return Bristles(
+            bending=1.0,
+            release=sigma0 * speed / mu_d,
+            stiffness=sigma0 * normal,
+            damping=0.0,
+            viscous=0.0,
+            cap=math.inf,
+            dwell_target=0.0,
+            dwell_rate=0.0,
+        )

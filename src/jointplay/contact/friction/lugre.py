@@ -69,4 +69,7 @@ class LuGre(StribeckBristles):
             stiffness=sigma0 * normal,
             damping=sigma1 * normal,
             viscous=sigma2 * normal,
+            cap=math.inf,
+            dwell_target=0.0,
+            dwell_rate=0.0,
         )
