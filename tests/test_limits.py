@@ -11,12 +11,11 @@ import pytest
 from conftest import body, joint
 
 import jointplay as jp
-from jointplay import JointplayError
+from jointplay import JointplayError, codec
 from jointplay.commands.run_scenario import file_names
 from jointplay.host import numba_cache
 from jointplay.mechanism.loop import closing_rows, misfit
 from jointplay.mechanism.urdf import MOST_MOVING
-from jointplay.scenario.tables import mirror
 from jointplay.study import run_study, scara
 from jointplay.units import convert
 
@@ -124,12 +123,12 @@ def test_the_mass_of_an_impact_takes_its_unit():
 
 
 def test_a_number_without_a_unit_cannot_come_into_the_package():
+    @dataclasses.dataclass
     class Novel:
-        def __init__(self, length: float) -> None:
-            pass
+        length: float
 
     with pytest.raises(TypeError, match=r"Novel.length is a number without a unit"):
-        mirror(Novel)
+        codec.check(Novel, {"length": 1.0})
 
 
 def scenario(line="", new="", path="study.toml"):

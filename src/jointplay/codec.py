@@ -19,7 +19,7 @@ import difflib
 import inspect
 import textwrap
 import types
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
@@ -38,7 +38,7 @@ from typing import (
 import numpy as np
 
 from jointplay.errors import JointplayError, MissingName, within
-from jointplay.fields import units_of
+from jointplay.fields import CHOICES, units_of
 from jointplay.units import convert, expected, shown
 
 T = TypeVar("T")
@@ -55,6 +55,8 @@ class Field:
     required: bool
     text: str
     """Its explanation."""
+    choices: tuple[str, Collection[str] | Mapping[str, Any]] | None = None
+    """What its words are called, and these; a mapping has the values they stand for."""
 
 
 @dataclass(frozen=True)
@@ -166,11 +168,12 @@ def fields_of(kind: type) -> dict[str, Field]:
     fields = {}
     for one in dataclasses.fields(written):
         hint, units = hints[one.name], units_of(one)
-        if units is None and _measures(hint):
+        if units is None and CHOICES not in one.metadata and _measures(hint):
             raise TypeError(f"{kind.__name__}.{one.name} is a number without a unit; see `fields`")
         missing = dataclasses.MISSING
         required = one.default is missing and one.default_factory is missing
-        fields[one.name] = Field(one.name, hint, units or ("",), required, texts.get(one.name, ""))
+        text, choices = texts.get(one.name, ""), one.metadata.get(CHOICES)
+        fields[one.name] = Field(one.name, hint, units or ("",), required, text, choices)
     return fields
 
 
@@ -209,36 +212,42 @@ class Draft:
     """The word that chose the kind, where one did."""
     fields: Mapping[str, Any]
 
-    def make(self, **more: Any) -> Any:
-        """The value itself, with `more` fields.
+    def make(self, objects: bool = True) -> Any:
+        """The value itself; `objects` as in the function `make`.
 
         Raises:
             JointplayError: fields that do not go together; `where` has the place.
         """
         given = {}
-        for name, one in {**self.fields, **more}.items():
+        for name, one in self.fields.items():
             with within(name):
-                given[name] = make(one)
+                given[name] = make(one, objects)
         if issubclass(self.kind, Described):
             return self.kind.from_fields(given)
         return self.kind(**given)
 
 
-def make(checked: Any) -> Any:
-    """The value of what `check` gave, drafts within it made."""
+def make(checked: Any, objects: bool = True) -> Any:
+    """The value of what `check` gave, drafts within it made.
+
+    Args:
+        checked: drafts, and lists and dictionaries of them.
+        objects: without, drafts of the package's objects (`Described`) are left.
+    """
     if isinstance(checked, Draft):
-        return checked.make()
+        left = not objects and issubclass(checked.kind, Described)
+        return checked if left else checked.make(objects)
     if isinstance(checked, dict):
         made = {}
         for key, one in checked.items():
             with within(key):
-                made[key] = make(one)
+                made[key] = make(one, objects)
         return made
     if isinstance(checked, list | tuple):
         several = []
         for index, one in enumerate(checked):
             with within(index):
-                several.append(make(one))
+                several.append(make(one, objects))
         return type(checked)(several)
     return checked
 
@@ -256,9 +265,7 @@ def read(kind: type[T] | Any, data: Any) -> Any:
     return make(check(kind, data))
 
 
-def check(
-    kind: Any, data: Any, units: tuple[str, ...] = ("",), optional: Iterable[str] = ()
-) -> Any:
+def check(kind: Any, data: Any, units: tuple[str, ...] = ("",)) -> Any:
     """What `data` say, checked against a type but not yet made: `Draft` for objects.
 
     Args:
@@ -266,7 +273,6 @@ def check(
         data: numbers, text, lists and dictionaries.
         units: that numbers can have. A number of which there are several possible ones remembers
             its own (`units.Measured`).
-        optional: keys that may be left out although the class has no default.
 
     Raises:
         JointplayError: what cannot be; `where` has its place in the data.
@@ -287,7 +293,7 @@ def check(
         and origin is None
         and (dataclasses.is_dataclass(kind) or getattr(kind, "written", None))
     ):
-        return _table(kind, data, None, optional, {})
+        return _table(kind, data, None, {})
     if origin is not None and origin is not Literal:
         return _collection(origin, parts, data, units)
     return _simple(kind, data, units)
@@ -307,15 +313,14 @@ def _chosen(family: Family, data: Any) -> Draft:
         raise JointplayError(one_of(noun, word, members), where=place)
     member = members[word]
     if isinstance(member, Preset):
-        return _table(member.kind, data, (key, word), (), member.given)
-    return _table(member, data, (key, word), (), {})
+        return _table(member.kind, data, (key, word), member.given)
+    return _table(member, data, (key, word), {})
 
 
 def _table(
     kind: type,
     data: Any,
     word: tuple[str, str] | None,
-    optional: Iterable[str],
     preset: Mapping[str, Any],
 ) -> Draft:
     """A dataclass from a table of its fields."""
@@ -325,22 +330,37 @@ def _table(
         word = (selector[0], getattr(kind, selector[1]))
         if data[word[0]] != word[1]:
             raise JointplayError(f"{shown(data[word[0]])} is not {shown(word[1])}", (word[0],))
-    keys = [*([word[0]] if word else []), *fields]
+    form = getattr(kind, "written", None) or kind
+    keys = [*([word[0]] if word else []), *fields, *getattr(form, "further_keys", ())]
     if not isinstance(data, Mapping):
         raise JointplayError(f"{shown(data)} is no table; its keys are: {', '.join(keys)}")
-    form = getattr(kind, "written", None) or kind
     for key in data:
         if key not in keys and not getattr(form, "lets_through", False):
             whose = f" of {word[0]} {shown(word[1])}" if word else ""
             raise JointplayError(unknown_key(key, keys, whose), where=(key,))
     values = dict(preset)
-    for name, field in fields.items():
-        if name in data:
+    for name in data:  # in its order, so that the first error is the first in a file
+        if name in fields:
             with within(name):
-                values[name] = check(field.hint, data[name], field.units)
-        elif field.required and name not in optional:
+                values[name] = _field(fields[name], data[name])
+    for name, field in fields.items():
+        if field.required and name not in data:
             raise JointplayError(f"the key {name} is missing")
     return Draft(kind, word[1] if word else None, values)
+
+
+def _field(field: Field, data: Any) -> Any:
+    """Value of a field: one of its words, or what its type takes."""
+    if field.choices is None or data is None:
+        return check(field.hint, data, field.units)
+    noun, words = field.choices
+    if field.hint in (str, str | None) and (not isinstance(data, str) or data not in words):
+        raise JointplayError(one_of(noun, data, words))
+    if isinstance(data, str) and data not in words:
+        raise JointplayError(f"{one_of(noun, data, words)}, or a value")
+    if isinstance(words, Mapping) and isinstance(data, str) and field.hint not in (str, str | None):
+        return words[data]
+    return check(field.hint, data, field.units)
 
 
 def _one_of_several(data: Any, parts: Sequence[Any], units: tuple[str, ...]) -> Any:

@@ -11,11 +11,13 @@ class LinearSpring:
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Collection, Mapping
 from typing import Any
 
 from jointplay.errors import Where, require_finite, require_non_negative, require_positive
 
 UNITS = "units"
+CHOICES = "choices"
 _RANGE = "range"
 _WORDS = "words"
 
@@ -23,6 +25,8 @@ _WORDS = "words"
 def quantity(
     *units: str,
     default: Any = dataclasses.MISSING,
+    default_factory: Any = dataclasses.MISSING,
+    choices: tuple[str, Mapping[str, Any]] | None = None,
     above: float | None = None,
     least: float | None = None,
     words: str = "",
@@ -32,7 +36,8 @@ def quantity(
     Args:
         units: of which one it has; ``""`` for pure numbers. Two where it depends on the joint:
             that of revolute and that of prismatic joints.
-        default: of the field; without one it must be given.
+        default, default_factory: of the field; without one it must be given.
+        choices: what words are called that stand for a value, and these.
         above: 0.0 if the number must be positive, as `check_fields` demands.
         least: 0.0 if it must not be negative.
         words: what errors call it; the field's name, if not given.
@@ -42,7 +47,23 @@ def quantity(
     check = require_positive if above == 0.0 else require_non_negative
     check = require_finite if above is None and least is None else check
     metadata = {UNITS: units, _RANGE: check, _WORDS: words}
+    metadata |= {} if choices is None else {CHOICES: choices}
+    if default_factory is not dataclasses.MISSING:
+        return dataclasses.field(default_factory=default_factory, metadata=metadata)
     return dataclasses.field(default=default, metadata=metadata)
+
+
+def choice(
+    noun: str, choices: Collection[str] | Mapping[str, Any], *, default: Any = dataclasses.MISSING
+) -> Any:
+    """Field of a dataclass that holds one of several words.
+
+    Args:
+        noun: what one is called.
+        choices: the words; a mapping has the values for which they stand.
+        default: of the field; without one it must be given.
+    """
+    return dataclasses.field(default=default, metadata={CHOICES: (noun, choices)})
 
 
 def units_of(field: dataclasses.Field[Any]) -> tuple[str, ...] | None:

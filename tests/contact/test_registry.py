@@ -83,7 +83,11 @@ def test_fields_reach_the_law():
 @pytest.mark.parametrize(
     ("build", "description", "message"),
     [
-        (normal_law, {"law": "flores", "n": 1.5}, 'unknown key "n" of law "flores"; valid keys: law'),
+        (
+            normal_law,
+            {"law": "flores", "n": 1.5},
+            'unknown key "n" of law "flores"; valid keys: law',
+        ),
         (
             normal_law,
             {"law": "kelvin-voigt", "dampng": 1.0},
@@ -94,7 +98,11 @@ def test_fields_reach_the_law():
         (normal_law, {"stiffness": 1.0}, "the key law is missing; available: lank"),
         (normal_law, "coulomb", 'no normal-force law "coulomb"; available: lankarani-nikravesh'),
         (friction_law, "hertz", 'no friction law "hertz"; available: ambrosio, coulomb'),
-        (friction_law, {"law": "coulomb", "mu": 0.1}, 'unknown key "mu" of law "coulomb"; valid keys: law, mu_d, v_t'),
+        (
+            friction_law,
+            {"law": "coulomb", "mu": 0.1},
+            'unknown key "mu" of law "coulomb"; valid keys: law, mu_d, v_t',
+        ),
         (normal_law, {"law": "custom", "parameters": []}, "the key function is missing"),
         (normal_law, {"law": "custom", "function": "math"}, "is named module:function, got 'math'"),
         (normal_law, {"law": "custom", "function": ":"}, "is named module:function, got ':'"),

@@ -64,7 +64,7 @@ class WrittenFilm(Written):
     """Thickness below which a film is no thinner."""
 
 
-@dataclass(frozen=True, init=False, repr=False)
+@dataclass(frozen=True, init=False, repr=False, kw_only=True)
 class Custom(Law):
     """What the user's own laws of all kinds have in common."""
 

@@ -132,7 +132,7 @@ class Law(Described, ABC):
 class NormalForceLaw(Law):
     """Base of all normal-force laws F_n(delta, ddelta, ddelta0, parameters)."""
 
-    state = ("delta", "ddelta", "ddelta0")
+    state: ClassVar[tuple[str, ...]] = ("delta", "ddelta", "ddelta0")
 
     line: ClassVar[bool] = False
     """Whether the law is one of a cylinder in a bore."""
@@ -188,7 +188,7 @@ class NormalForceLaw(Law):
 class FrictionLaw(Law):
     """Base of all friction laws mu(speed, parameters); the force is -mu F_n v_t/|v_t| (eq. 20)."""
 
-    state = ("speed",)
+    state: ClassVar[tuple[str, ...]] = ("speed",)
 
     bristles: ClassVar[bool] = False
     """Whether the law is one of `bristle.BristleLaw`."""

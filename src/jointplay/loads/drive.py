@@ -242,7 +242,8 @@ def assign(
             wrong = [f"lacks {', '.join(missing)}"] if missing else []
             wrong += [f"names {', '.join(unknown)}"] if unknown else []
             raise JointplayError(
-                f"the motion {' and '.join(wrong)}; the moving joints are: {', '.join(joints)}"
+                f"the motion {' and '.join(wrong)}; the moving joints are: {', '.join(joints)}",
+                where=("motion",),
             )
         drives = {name: drive if name in names else Free() for name in joints}
     if unknown:

@@ -139,7 +139,8 @@ def assemble(
         if _fit(mechanism, moved):
             best = moved
         elif not _fit(mechanism, best):
-            raise JointplayError(_blame(mechanism, q, best, held))
+            loop, message = _blame(mechanism, q, best, held)
+            raise JointplayError(message, where=("loops", loop))
     for name in mechanism.gears:
         if mechanism.motor(name) not in held:  # unstrained
             best[mechanism.motor(name)] = best[mechanism.coordinate(name)]
@@ -224,8 +225,10 @@ def _has_room(joint: Clearance, pose: pin.SE3, leans: bool) -> bool:
     return bool(np.hypot(x, y) + lean <= room[0] and z + lean <= room[2])
 
 
-def _blame(mechanism: Mechanism, q: np.ndarray, best: np.ndarray, held: Sequence[int]) -> str:
-    """What to say of loops that cannot be closed."""
+def _blame(
+    mechanism: Mechanism, q: np.ndarray, best: np.ndarray, held: Sequence[int]
+) -> tuple[str, str]:
+    """The loop that stays open the most, and what to say of it."""
     gaps = {name: float(np.abs(part).max()) for name, part in misfit(mechanism, best).items()}
     worst = max(gaps, key=lambda name: gaps[name])
     what = f"the mechanism cannot be assembled: loop {worst!r} stays open by {gaps[worst]:.4g} m; "
@@ -233,11 +236,11 @@ def _blame(mechanism: Mechanism, q: np.ndarray, best: np.ndarray, held: Sequence
     given = [name for name in mechanism.joints if mechanism.coordinate(name) in held]
     if given and _gap(mechanism, freed, {}) <= ASSEMBLY_TOLERANCE_M:
         near = ", ".join(f"{name} = {freed[mechanism.coordinate(name)]:.6g}" for name in given)
-        return (
+        return worst, (
             f"{what}the positions given for {', '.join(given)} do not go together: it closes at "
             f"{near} [rad or m]; give fewer of them, or these"
         )
-    return f"{what}check lengths and frames, or start from other joint positions"
+    return worst, f"{what}check lengths and frames, or start from other joint positions"
 
 
 def closing_rows(

@@ -18,7 +18,7 @@ import numpy as np
 import pinocchio as pin
 
 from jointplay.codec import Described, plain
-from jointplay.errors import JointplayError, MissingName, require_finite
+from jointplay.errors import JointplayError, MissingName, require_finite, within
 from jointplay.fields import quantity
 from jointplay.joints import VIRTUAL_LINK, Clearance
 from jointplay.mechanism import urdf
@@ -118,40 +118,53 @@ class Mechanism(Described):
         self.gears = dict(gears)
         self.allow_unphysical = tuple(allow_unphysical)
         if len(gravity) != 3:
-            raise JointplayError(f"gravity must have three components, got {gravity!r}")
-        x, y, z = (require_finite("gravity", g, "m/s^2") for g in gravity)
+            raise JointplayError(
+                f"gravity must have three components, got {gravity!r}", where=("gravity",)
+            )
+        x, y, z = (require_finite("gravity", g, "m/s^2", ("gravity",)) for g in gravity)
         self.gravity = (x, y, z)
         for name in loops:
             if name in description.joints:
-                raise JointplayError(f"loop {name!r} has the name of a joint of the URDF")
+                raise JointplayError(
+                    f"loop {name!r} has the name of a joint of the URDF", where=("loops", name)
+                )
         for name, joint in joints.items():
-            self._check_joint(name, joint)
+            with within("clearance", name):
+                self._check_joint(name, joint)
         source = parse(description)
         self.model, self.coordinates = build(source, self._joints, self.gears)
         self.model.gravity.linear = np.array(self.gravity)
         self.data = self.model.createData()
         if tool is not None and not isinstance(tool, str):
-            raise JointplayError(f"tool must be the name of a frame, got {tool!r}")
+            raise JointplayError(f"tool must be the name of a frame, got {tool!r}", ("tool",))
         self.tool = tool if tool is not None else source.frames[source.nframes - 1].name
         if not self.model.existFrame(self.tool):
             frames = [frame.name for frame in source.frames if frame.name != "universe"]
-            raise MissingName("frame", self.tool, frames)
+            raise MissingName("frame", self.tool, frames, where=("tool",))
         self.tool_frame = frame_index(self.model, self.tool)
         for name, gear in gears.items():
-            if not isinstance(gear, Gear):
-                raise JointplayError(f"joint {name!r} needs a Gear, got {gear!r}")
-            entry = description.joints.get(name)
-            if entry is None or entry.kind not in ("revolute", "continuous"):
-                raise MissingName("joint for a gear", name, description.revolute)
+            with within("gears", name):
+                self._check_gear(name, gear)
         for name, loop in loops.items():
-            for link in (loop.bearing_link, loop.journal_link):
-                if not self.model.existFrame(link, pin.FrameType.BODY):
-                    raise MissingName(f"link for loop {name!r}:", link, description.links)
-            if self.bearing_frame(name)[0] == self.journal_frame(name)[0]:
-                raise JointplayError(
-                    f"loop {name!r} joins {loop.bearing_link!r} and {loop.journal_link!r}, which "
-                    "do not move against each other"
-                )
+            with within("loops", name):
+                self._check_loop(name, loop)
+
+    def _check_gear(self, name: str, gear: Gear) -> None:
+        if not isinstance(gear, Gear):
+            raise JointplayError(f"joint {name!r} needs a Gear, got {gear!r}")
+        entry = self.description.joints.get(name)
+        if entry is None or entry.kind not in ("revolute", "continuous"):
+            raise MissingName("joint for a gear", name, self.description.revolute)
+
+    def _check_loop(self, name: str, loop: Loop) -> None:
+        for link in (loop.bearing_link, loop.journal_link):
+            if not self.model.existFrame(link, pin.FrameType.BODY):
+                raise MissingName(f"link for loop {name!r}:", link, self.description.links)
+        if self.bearing_frame(name)[0] == self.journal_frame(name)[0]:
+            raise JointplayError(
+                f"loop {name!r} joins {loop.bearing_link!r} and {loop.journal_link!r}, which "
+                "do not move against each other"
+            )
 
     def _check_joint(self, name: str, joint: Clearance) -> None:
         if not isinstance(joint, Clearance):

@@ -28,7 +28,7 @@ class WrittenMotion:
     interpolation: str = INTERPOLATIONS[0]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, init=False, eq=False, repr=False)
 class Motion(Described):
     """Joint positions through waypoints. Equal motions have the same waypoints.
 
@@ -39,13 +39,13 @@ class Motion(Described):
 
     written = WrittenMotion
 
-    joints: Sequence[str]
+    joints: tuple[str, ...]
     """Names of the joints, one for each column of `positions`."""
-    times: Sequence[float] | np.ndarray = quantity("s")
+    times: np.ndarray
     """Times of the waypoints, increasing, shape (n,), n >= 2 [s]."""
-    positions: Sequence[Sequence[float]] | np.ndarray = quantity("rad", "m")
+    positions: np.ndarray
     """Joint positions, shape (n, joints) [rad, or m for prismatic joints]."""
-    interpolation: str = INTERPOLATIONS[0]
+    interpolation: str
     """How joints move between waypoints.
 
     ``rest-to-rest`` stops at each waypoint, moving by quintics with zero velocity and acceleration
@@ -55,12 +55,19 @@ class Motion(Described):
     crank).
     """
 
-    def __post_init__(self) -> None:
+    def __init__(
+        self,
+        joints: Sequence[str],
+        times: Sequence[float] | np.ndarray,
+        positions: Sequence[Sequence[float]] | np.ndarray,
+        interpolation: str = INTERPOLATIONS[0],
+    ) -> None:
         """Check the waypoints and fit the curve."""
-        object.__setattr__(self, "joints", tuple(self.joints))
-        for name in ("times", "positions"):
+        object.__setattr__(self, "joints", tuple(joints))
+        object.__setattr__(self, "interpolation", interpolation)
+        for name, given in (("times", times), ("positions", positions)):
             try:
-                values = np.array(getattr(self, name), float)
+                values = np.array(given, float)
             except (TypeError, ValueError) as error:
                 raise JointplayError(f"waypoints must be numbers: {error}", (name,)) from None
             values.flags.writeable = False
@@ -68,10 +75,9 @@ class Motion(Described):
         self._check()
         with np.errstate(all="ignore"):  # looked at below
             curve = self._fit()
-            object.__setattr__(self, "_curve", curve)
-            object.__setattr__(self, "_speed", curve.derivative(1))
-            object.__setattr__(self, "_acceleration", curve.derivative(2))
-        if not all(np.isfinite(c.c).all() for c in (self._curve, self._acceleration)):
+            curves = (curve, curve.derivative(1), curve.derivative(2))
+        object.__setattr__(self, "_curves", curves)
+        if not all(np.isfinite(one.c).all() for one in curves):
             raise JointplayError(
                 "the motion's accelerations are beyond all numbers: its waypoints are too far apart"
             )
@@ -138,15 +144,16 @@ class Motion(Described):
             Three arrays of shape (n, joints) [rad or m, and their derivatives by seconds].
         """
         time = np.asarray(time, float)
+        position, speed, acceleration = vars(self)["_curves"]
         if self.interpolation == "constant-speed":
-            return self._curve(time), self._speed(time), self._acceleration(time)
+            return position(time), speed(time), acceleration(time)
         inside = (time >= self.times[0]) & (time <= self.times[-1])
         held = np.clip(time, self.times[0], self.times[-1])
         moving = inside[:, None]
         return (
-            self._curve(held),
-            np.where(moving, self._speed(held), 0.0),
-            np.where(moving, self._acceleration(held), 0.0),
+            position(held),
+            np.where(moving, speed(held), 0.0),
+            np.where(moving, acceleration(held), 0.0),
         )
 
     @classmethod

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import fields
 from typing import Any
 
+from jointplay import codec
+from jointplay.contact.law import Law
 from jointplay.loads.drive import assign
 from jointplay.mechanism.impact import contact_duration
 from jointplay.scenario.load import Scenario
-from jointplay.scenario.tables import unit_of
 from jointplay.simulation.simulation import Run
 from jointplay.units import readable
 
@@ -89,18 +89,15 @@ def _or_none(name: str, value: float | None, unit: str) -> str:
 
 
 def _fields(thing: Any, joint: Any = None) -> str:
-    """Fields of a dataclass, with units; those not set left out."""
+    """Fields of a value, with units; those not set left out."""
     words = []
-    for field in fields(thing):
-        value = getattr(thing, field.name)
-        name = field.name.replace("_", " ")
-        units = unit_of(type(thing), field.name)
-        unit = (
-            units[1]
-            if len(units) > 1 and joint is not None and joint.kind == "prismatic"
-            else units[0]
-        )
-        if value is None or value is False or field.name == "frame":
+    kind: Any = type(thing)
+    for name, field in codec.fields_of(kind).items():
+        value = getattr(thing, name, None)
+        slides = len(field.units) > 1 and joint is not None and joint.kind == "prismatic"
+        unit = field.units[slides]
+        name = name.replace("_", " ")
+        if value is None or value is False or name == "frame":
             continue
         if value is True:
             words.append(name)
@@ -110,14 +107,9 @@ def _fields(thing: Any, joint: Any = None) -> str:
             words.append(f"{name} ({', '.join(readable(one, unit) for one in value)})")
         elif isinstance(value, str):
             words.append(f"{name} {value}")
-        elif hasattr(value, "describe"):  # a law
-            given = {k: v for k, v in value.describe().items() if k != "law" and v is not None}
-            inside = ", ".join(f"{k} {_value(value, k, v)}" for k, v in given.items())
+        elif isinstance(value, Law):
+            inside = _fields(value)
             words.append(f"{name} {value.name}{f' ({inside})' if inside else ''}")
         else:
             words.append(f"{name} ({_fields(value)})")
     return ", ".join(words)
-
-
-def _value(law: Any, name: str, value: Any) -> str:
-    return readable(value, unit_of(type(law), name)[0]) if isinstance(value, float) else str(value)

@@ -205,24 +205,27 @@ class Run:
         self.mechanism = mechanism
         limits.check_names(mechanism)
         self.method: Integrator = integrator(simulation.integrator)
-        step = require_positive("step", simulation.step, "s")
+        step = require_positive("step", simulation.step, "s", ("step",))
         if simulation.macro_step is not None:
-            require_positive("macro step", simulation.macro_step, "s")
+            require_positive("macro step", simulation.macro_step, "s", ("macro_step",))
         if simulation.tolerance is not None:
-            require_positive("tolerance", simulation.tolerance, "")
+            require_positive("tolerance", simulation.tolerance, "", ("tolerance",))
         for option in ("macro_step", "tolerance"):
             value = getattr(simulation, option)
             if value is not None and self.method.single_rate:
                 raise JointplayError(
                     f"{option} (got {value:g}) belongs to the integrator {DEFAULT!r}; "
-                    f"{self.method.name!r} has a fixed step: leave it out, or take {DEFAULT!r}"
+                    f"{self.method.name!r} has a fixed step: leave it out, or take {DEFAULT!r}",
+                    where=(option,),
                 )
         duration = self._duration()
         every = simulation.record_every
         limits.check_numbers(step, duration, every, simulation.seed)
         self.steps = round(duration / step)
         if self.steps < 1:
-            raise JointplayError(f"duration {duration:g} s is shorter than the step {step:g} s")
+            raise JointplayError(
+                f"duration {duration:g} s is shorter than the step {step:g} s", where=("duration",)
+            )
         limits.check_memory(mechanism, duration, self.steps, every)
         self.friction = self._friction()
         drives = assign(mechanism, simulation.motion, simulation.drive)
@@ -267,9 +270,11 @@ class Run:
         duration, motion = self.simulation.duration, self.simulation.motion
         if duration is None:
             if motion is None:
-                raise JointplayError("a simulation without motion needs a duration [s]")
+                raise JointplayError(
+                    "a simulation without motion needs a duration [s]", where=("duration",)
+                )
             duration = motion.duration
-        return require_positive("duration", duration, "s")
+        return require_positive("duration", duration, "s", ("duration",))
 
     def _friction(self) -> Mapping[str, JointFriction]:
         friction = self.simulation.joint_friction
@@ -429,7 +434,8 @@ class Run:
                 raise JointplayError(
                     f"step {step:g} s is too large for the contact stiffness at {name!r}: an "
                     f"impact at {REFERENCE_SPEED:g} m/s lasts {duration:.2g} s, so take at most "
-                    f"{duration / kernel.WELL_RESOLVED_STEPS:.2g} s"
+                    f"{duration / kernel.WELL_RESOLVED_STEPS:.2g} s",
+                    where=("step",),
                 )
 
     def displace(self, distance: float) -> None:

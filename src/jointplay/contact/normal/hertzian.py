@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import ClassVar
 
 from jointplay.contact.law import ContactProperties, NormalForceLaw
 from jointplay.contact.normal.restitution import effective_restitution
@@ -42,6 +44,13 @@ def hertz_warnings(law: str, contact: ContactProperties, max_depth: float) -> li
     return lines
 
 
+def hysteresis(
+    delta: float, ddelta: float, ddelta0: float, stiffness: float, factor: float
+) -> float:
+    """F_n = k delta^(3/2) [1 + a ddelta/ddelta0]."""
+    return stiffness * delta * math.sqrt(delta) * (1.0 + factor * ddelta / ddelta0)
+
+
 @dataclass(frozen=True)
 class HysteresisLaw(NormalForceLaw):
     """F_n = k delta^(3/2) [1 + a ddelta/ddelta0]; a law of this family is its factor a(c_e)."""
@@ -51,12 +60,7 @@ class HysteresisLaw(NormalForceLaw):
     def factor(restitution: float) -> float:
         """Hysteresis factor a for the nominal restitution c_e."""
 
-    @staticmethod
-    def function(
-        delta: float, ddelta: float, ddelta0: float, stiffness: float, factor: float
-    ) -> float:
-        """Evaluate the law."""
-        return stiffness * delta * math.sqrt(delta) * (1.0 + factor * ddelta / ddelta0)
+    function: ClassVar[Callable[..., float]] = staticmethod(hysteresis)
 
     def parameters(self, contact: ContactProperties) -> tuple[float, ...]:
         """k [N/m^1.5] and a."""
