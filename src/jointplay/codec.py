@@ -354,13 +354,16 @@ def _field(field: Field, data: Any) -> Any:
     if field.choices is None or data is None:
         return check(field.hint, data, field.units)
     noun, words = field.choices
-    if field.hint in (str, str | None) and (not isinstance(data, str) or data not in words):
+    if (isinstance(data, str) or is_word(field.hint)) and data not in words:
         raise JointplayError(one_of(noun, data, words))
-    if isinstance(data, str) and data not in words:
-        raise JointplayError(f"{one_of(noun, data, words)}, or a value")
-    if isinstance(words, Mapping) and isinstance(data, str) and field.hint not in (str, str | None):
+    if isinstance(words, Mapping) and not is_word(field.hint) and isinstance(data, str):
         return words[data]
     return check(field.hint, data, field.units)
+
+
+def is_word(hint: Any) -> bool:
+    """Whether a field's choices are its values, not words that stand for others."""
+    return hint in (str, str | None)
 
 
 def _one_of_several(data: Any, parts: Sequence[Any], units: tuple[str, ...]) -> Any:

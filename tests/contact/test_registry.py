@@ -85,7 +85,7 @@ def test_fields_reach_the_law():
     [
         (
             normal_law,
-            {"law": "flores", "n": 1.5},
+            {"law": "flores", "n": 1},
             'unknown key "n" of law "flores"; valid keys: law',
         ),
         (
@@ -96,12 +96,12 @@ def test_fields_reach_the_law():
         (normal_law, {"law": "kelvin-voigt"}, "the key damping is missing"),
         (normal_law, "anagnostopoulos", "needs mass, the effective mass of the impact [kg]"),
         (normal_law, {"stiffness": 1.0}, "the key law is missing; available: lank"),
-        (normal_law, "coulomb", 'no normal-force law "coulomb"; available: lankarani-nikravesh'),
+        (normal_law, "coulomb", "available: lankarani-nikravesh, hertz"),
         (friction_law, "hertz", 'no friction law "hertz"; available: ambrosio, coulomb'),
         (
             friction_law,
             {"law": "coulomb", "mu": 0.1},
-            'unknown key "mu" of law "coulomb"; valid keys: law, mu_d, v_t',
+            'did you mean "mu_d"? valid keys: law, mu_d, v_t',
         ),
         (normal_law, {"law": "custom", "parameters": []}, "the key function is missing"),
         (normal_law, {"law": "custom", "function": "math"}, "is named module:function, got 'math'"),

@@ -13,7 +13,6 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from jointplay.codec import register_names
 from jointplay.errors import JointplayError, MissingName, require_finite, require_positive
 from jointplay.joints import Material
 
@@ -62,9 +61,6 @@ def material(name: str) -> Material:
     """
     word, entry = _entry(name)
     return Material(name=word, **{key: entry[key] for key in entry if key != "source"})
-
-
-register_names(Material, material, materials(aliases=True))
 
 
 def source(name: str) -> str:

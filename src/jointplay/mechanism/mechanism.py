@@ -23,7 +23,7 @@ from jointplay.fields import quantity
 from jointplay.joints import VIRTUAL_LINK, Clearance
 from jointplay.mechanism import urdf
 from jointplay.mechanism.gear import Gear
-from jointplay.mechanism.loop import Loop
+from jointplay.mechanism.loop import Loop, refuse_name
 from jointplay.mechanism.model import build, parse
 
 STANDARD_GRAVITY = (0.0, 0.0, -9.81)
@@ -124,10 +124,8 @@ class Mechanism(Described):
         x, y, z = (require_finite("gravity", g, "m/s^2", ("gravity",)) for g in gravity)
         self.gravity = (x, y, z)
         for name in loops:
-            if name in description.joints:
-                raise JointplayError(
-                    f"loop {name!r} has the name of a joint of the URDF", where=("loops", name)
-                )
+            with within("loops", name):
+                refuse_name(name, description.joints)
         for name, joint in joints.items():
             with within("clearance", name):
                 self._check_joint(name, joint)

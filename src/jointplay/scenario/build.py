@@ -16,7 +16,7 @@ from jointplay.errors import JointplayError, MissingName, within
 from jointplay.host.files import is_file
 from jointplay.joints import Clearance
 from jointplay.loads.drive import ComputedTorque, Drive, JointFriction, Torque
-from jointplay.mechanism.loop import Loop
+from jointplay.mechanism.loop import Loop, refuse_name
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.mechanism.payload import Payload
 from jointplay.mechanism.robots import PREFIX, robot_urdf
@@ -97,6 +97,7 @@ def _mechanism(model: Model, folder: Path) -> Mechanism:
     for name, ends in model.loops.items():
         bearing, journal = ends.bearing, ends.journal
         with within("loops", name):
+            refuse_name(name, description.joints)
             loops[name] = Loop(
                 bearing.link, journal.link, bearing.xyz, bearing.rpy, journal.xyz, journal.rpy
             )

@@ -8,8 +8,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field, fields
 from typing import Any, ClassVar
 
+from jointplay.codec import register_names
 from jointplay.fields import choice, quantity
-from jointplay.joints import Clearance
+from jointplay.joints import Clearance, Material
+from jointplay.joints.materials import material, materials
 from jointplay.kernel.integrators import DEFAULT, INTEGRATORS
 from jointplay.loads.drive import Drive, JointFriction
 from jointplay.mechanism.gear import Gear
@@ -22,6 +24,8 @@ GRAVITY = {"balanced": (0.0, 0.0, 0.0), "loaded": STANDARD_GRAVITY}
 
 PATHS = ("joint", "line")
 """Ways between Cartesian waypoints."""
+
+register_names(Material, material, materials(aliases=True))
 
 ANGLE = ("rad", "m")
 ANGULAR_SPEED = ("rad/s", "m/s")

@@ -64,7 +64,7 @@ class _Tables:
         said = self.of(field.hint)
         if field.choices is not None:
             words = {"enum": list(field.choices[1])}
-            said = {"anyOf": [words, said]} if isinstance(field.choices[1], Mapping) else words
+            said = words if codec.is_word(field.hint) else {"anyOf": [words, said]}
         text = field.text
         if field.units != ("",) and "[" not in text:
             text = f"{text} [{' or '.join(field.units)}]".strip()
