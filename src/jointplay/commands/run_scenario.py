@@ -9,7 +9,7 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import (
     FIRST_COMPLETED,
     BrokenExecutor,
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from jointplay.kernel import Status
     from jointplay.result.result import Result
     from jointplay.scenario import Scenario
+    from jointplay.scenario.settings import Setting
     from jointplay.simulation.simulation import Run
 
 STOPPED = 1
@@ -40,16 +41,14 @@ _LOOK_S = 0.2
 """Interval at which progress is looked at."""
 
 
-def run(options: argparse.Namespace) -> int:
-    """Run the cases, draw the figures, say how each ended."""
+def run(scenario: Scenario, options: argparse.Namespace) -> int:
+    """Run the cases, draw the figures, say how each ended and what came out."""
     from jointplay import plots
     from jointplay.analysis.certify import further_runs
     from jointplay.host.files import claim
     from jointplay.kernel import Status
     from jointplay.result.result import Result
-    from jointplay.scenario import Scenario
 
-    scenario = Scenario.load(options.file, trust=options.trust)
     cases = _chosen(scenario, options.case)
     jobs = _jobs(options.jobs, len(cases))
     certified = {
@@ -72,9 +71,10 @@ def run(options: argparse.Namespace) -> int:
         progress = not options.quiet
         interrupted = _side_by_side(scenario, files, certified, out, jobs, total, progress)
     saved = {case: out / name for case, name in files.items() if (out / name).exists()}
-    results = {case: Result.load(path) for case, path in saved.items()}
+    results = {case: Result.load(path, scenario.trust) for case, path in saved.items()}
     for case, result in results.items():
         print(f"\n{case}: {result.message}\n{result.judgement}")
+        print("\n".join(_came_out(result, results, not options.quiet)))
     drawable = {case: result for case, result in results.items() if len(result.time) > 1}
     if figures and drawable:
         plots.save(drawable, out)
@@ -85,6 +85,15 @@ def run(options: argparse.Namespace) -> int:
         print(f"interrupted{note}", file=sys.stderr)
         return INTERRUPTED
     return 0 if all(r.status == Status.COMPLETED for r in results.values()) else STOPPED
+
+
+def _came_out(result: Result, results: Mapping[str, Result], progress: bool) -> list[str]:
+    """The headline of a case; its ideal mechanism is another case, or simulated for it."""
+    from jointplay.analysis import is_twin
+    from jointplay.analysis.headline import headline, reference
+
+    ideal = next((other for other in results.values() if is_twin(result, other)), None)
+    return headline(result, ideal or reference(result, progress))
 
 
 def _chosen(scenario: Scenario, wanted: Sequence[str]) -> list[str]:
@@ -135,6 +144,7 @@ def _execute(
         begin: told of each run before it begins.
     """
     from jointplay.scenario.keep import add_certificate, run_and_save
+    from jointplay.scenario.settings import words
 
     notes = {
         "scenario": scenario.text,
@@ -142,6 +152,8 @@ def _execute(
         "title": scenario.title,
         "case": case,
     }
+    if scenario.settings:
+        notes["settings"] = "\n".join(words(scenario.settings))
     begin(run)
     result = run_and_save(run, path, progress, notes)
     if certified:
@@ -196,7 +208,11 @@ def _side_by_side(
             for index, (case, name) in enumerate(files.items()):
                 trust, source = scenario.trust, str(scenario.path)
                 target = out / name
-                work = (source, scenario.text, trust, case, target, case in certified, index)
+                certify = case in certified
+                work = (
+                    *(source, scenario.text, trust, scenario.settings),
+                    *(case, target, certify, index),
+                )
                 futures[pool.submit(_work, *work)] = case
             pending = set(futures)
             while pending:
@@ -282,6 +298,7 @@ def _work(
     path: str,
     text: str,
     trust: tuple[str, ...],
+    settings: tuple[Setting, ...],
     case: str,
     target: Path,
     certified: bool,
@@ -293,7 +310,7 @@ def _work(
     with _idle:
         if _ending:
             return
-        scenario = Scenario(text, path, trust)
+        scenario = Scenario(text, path, trust, settings)
         prepared = scenario.prepare(case)
         with _ticking(index) as begin:
             _execute(scenario, case, prepared, target, certified, False, begin)
