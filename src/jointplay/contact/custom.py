@@ -27,7 +27,15 @@ from jointplay.contact.compiled import (
 from jointplay.contact.film.law import FilmLaw, FilmProperties
 from jointplay.contact.friction.bristle import BristleLaw
 from jointplay.contact.law import ContactProperties, FrictionLaw, Law, NormalForceLaw
-from jointplay.contact.trust import Absent, function_at, imported, know, named, path_of, source_of
+from jointplay.contact.trust import (
+    Absent,
+    function_or_absent,
+    imported,
+    know,
+    named,
+    path_of,
+    source_of,
+)
 from jointplay.errors import JointplayError
 from jointplay.fields import quantity
 
@@ -121,21 +129,13 @@ class Custom(Law):
     def from_fields(cls, fields: dict[str, Any]) -> Self:
         """Build the law from what `describe` said of it.
 
-        Where its function is not at hand, the law is one that can be shown and not run, if its
-        text is there.
-
         Raises:
             JointplayError: the function is neither known here nor of a trusted module (see
-                `trust`), and its text is not there either.
+                `trust`); within `trust.showing` the law is then one to be shown, not run.
         """
         path, source = fields["function"], fields.get("source")
         rest = {key: value for key, value in fields.items() if key not in ("function", "source")}
-        try:
-            function: Any = function_at(path)
-        except JointplayError as error:
-            if source is None:
-                raise
-            function = Absent(path, source, str(error))
+        function: Any = function_or_absent(path, source)
         if source is not None and source_of(function) not in (None, source):
             warnings.warn(
                 f"the law {path!r} reads otherwise here than in the result; a rerun uses the one "

@@ -26,6 +26,8 @@ Function = Callable[..., Any]
 _known: dict[str, Function] = {}
 """Functions of which this process has made a law, by ``module:function``."""
 
+_showing: ContextVar[bool] = ContextVar("showing", default=False)
+
 _trusted: ContextVar[frozenset[str]] = ContextVar("trusted", default=frozenset())
 
 
@@ -84,6 +86,30 @@ def trusting(modules: Collection[str]) -> Iterator[None]:
         _trusted.reset(token)
 
 
+@contextmanager
+def showing() -> Iterator[None]:
+    """Let laws whose functions are not at hand be made in the block, to be shown and not run."""
+    token = _showing.set(True)
+    try:
+        yield
+    finally:
+        _showing.reset(token)
+
+
+def function_or_absent(path: str, source: str | None) -> Function | Absent:
+    """The function that ``module:function`` names; within `showing`, its text will do.
+
+    Raises:
+        JointplayError: see `function_at`.
+    """
+    try:
+        return function_at(path)
+    except JointplayError as error:
+        if not _showing.get():
+            raise
+        return Absent(path, source, str(error))
+
+
 def function_at(path: str) -> Function:
     """The function that ``module:function`` names, if it is known or its module trusted.
 
@@ -96,6 +122,11 @@ def function_at(path: str) -> Function:
         raise JointplayError(f"a law of one's own is named module:function, got {path!r}")
     if path in _known:
         return _known[path]
+    if module == "__main__":
+        raise JointplayError(
+            f"the law {path!r} was typed in a script or a notebook that is not this one; to run it "
+            "again, define it here and make a law of it"
+        )
     ways = {".".join(parts[:size]) for size in range(1, len(parts) + 1)}
     if ways.isdisjoint(_trusted.get()):
         raise JointplayError(
