@@ -35,11 +35,11 @@ def begin(orphaned: Callable[[], None] | None = None) -> None:
             signal.signal(getattr(signal, name), signal.SIG_IGN)
     if orphaned is None:
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
-        _end_with_parent(signal.SIGKILL if hasattr(signal, "SIGKILL") else signal.SIGTERM)
+        end_with_parent(signal.SIGKILL if hasattr(signal, "SIGKILL") else signal.SIGTERM)
     threading.Thread(target=_watch, args=(orphaned, os.getppid()), daemon=True).start()
 
 
-def _end_with_parent(number: int) -> None:
+def end_with_parent(number: int) -> None:
     """Have Linux send this process a signal when its parent ends."""
     if sys.platform != "linux":
         return
