@@ -71,7 +71,9 @@ def task(result: Result) -> dict[str, Any]:
     """Inputs that a run must share with its ideal twin: mechanism, motion, drives, loads."""
     given = inputs(result)
     robot = {
-        key: value for key, value in given["mechanism"].items() if key not in ("clearance", "gears")
+        key: value
+        for key, value in given["mechanism"].items()
+        if key not in ("clearance", "gears", "urdf")  # the text counts, not the file's name
     }
     return {key: value for key, value in given.items() if key not in _MAY_DIFFER} | {
         "mechanism": robot

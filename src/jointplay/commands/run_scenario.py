@@ -12,7 +12,6 @@ import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import (
     FIRST_COMPLETED,
-    BrokenExecutor,
     Future,
     ProcessPoolExecutor,
     wait,
@@ -199,12 +198,18 @@ def _side_by_side(
 
     clocks = multiprocessing.RawArray(ctypes.c_double, len(files))
     begun = multiprocessing.RawArray(ctypes.c_int, len(files))
-    pool = ProcessPoolExecutor(jobs, initializer=_begin, initargs=(clocks, begun))
+    futures: dict[Future[None], str] = {}
     layout = "{percentage:3.0f}%|{bar}| {n:.3f}/{total:.3f} s simulated{postfix}, {remaining} left"
     bar = tqdm(total=total, disable=not progress, bar_format=layout, mininterval=_LOOK_S)
-    with bar:
-        futures: dict[Future[None], str] = {}
-        try:
+    processes = workers.pool(
+        jobs,
+        f"what is complete is in {str(out)!r}",
+        _begin,
+        (clocks, begun),
+        lambda pool: _wind_up(pool, futures),
+    )
+    try:
+        with bar, processes as pool:
             for index, (case, name) in enumerate(files.items()):
                 trust, source = scenario.trust, str(scenario.path)
                 target = out / name
@@ -229,19 +234,8 @@ def _side_by_side(
                     ended if now else "starting (the first start ever compiles)", refresh=False
                 )
                 bar.update(now - bar.n)
-        except KeyboardInterrupt:
-            _wind_up(pool, futures)
-            return True
-        except BrokenExecutor:
-            _wind_up(pool, futures)
-            raise JointplayError(
-                "a process was ended from outside (too little memory?); "
-                f"what is complete is in {str(out)!r}"
-            ) from None
-        except BaseException:
-            _wind_up(pool, futures)
-            raise
-        pool.shutdown()
+    except KeyboardInterrupt:
+        return True
     return False
 
 

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from jointplay.contact.law import ContactProperties, NormalForceLaw
-from jointplay.contact.normal.linear_spring import linear_stiffness
+from jointplay.contact.normal.linear_spring import linear_stiffness, spring_and_dashpot
 from jointplay.errors import JointplayError
 from jointplay.fields import quantity
 
@@ -60,12 +60,7 @@ class Anagnostopoulos(NormalForceLaw):
             )
         super().__post_init__()
 
-    @staticmethod
-    def function(
-        delta: float, ddelta: float, ddelta0: float, stiffness: float, damping: float
-    ) -> float:
-        """Evaluate the law."""
-        return stiffness * delta + damping * ddelta
+    function = staticmethod(spring_and_dashpot)
 
     @property
     def impact_mass(self) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from jointplay.contact.law import ContactProperties, NormalForceLaw
-from jointplay.contact.normal.linear_spring import linear_stiffness
+from jointplay.contact.normal.linear_spring import linear_stiffness, spring_and_dashpot
 from jointplay.fields import quantity
 
 
@@ -27,12 +27,7 @@ class KelvinVoigt(NormalForceLaw):
     stiffness: float | None = quantity("N/m", default=None, above=0.0)
     """k [N/m]; None takes it from the joint's Hertz stiffness (`linear_stiffness`)."""
 
-    @staticmethod
-    def function(
-        delta: float, ddelta: float, ddelta0: float, stiffness: float, damping: float
-    ) -> float:
-        """Evaluate eq. 17."""
-        return stiffness * delta + damping * ddelta
+    function = staticmethod(spring_and_dashpot)
 
     def parameters(self, contact: ContactProperties) -> tuple[float, ...]:
         """k [N/m] and b [N s/m]."""

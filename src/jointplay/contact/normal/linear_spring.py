@@ -23,6 +23,13 @@ def linear_stiffness(given: float | None, contact: ContactProperties) -> float:
     return 0.8 * contact.stiffness * math.sqrt(REFERENCE_PENETRATION_M)
 
 
+def spring_and_dashpot(
+    delta: float, ddelta: float, ddelta0: float, stiffness: float, damping: float
+) -> float:
+    """F_n = k delta + b ddelta."""
+    return stiffness * delta + damping * ddelta
+
+
 @dataclass(frozen=True)
 class LinearSpring(NormalForceLaw):
     """F_n = k delta (eq. 16)."""
