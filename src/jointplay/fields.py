@@ -21,6 +21,9 @@ CHOICES = "choices"
 _RANGE = "range"
 _WORDS = "words"
 
+_SINGLE = ("float", "float | None")
+"""Types of fields that hold a single number."""
+
 
 def quantity(
     *units: str,
@@ -83,8 +86,8 @@ def check_fields(value: Any) -> None:
     """
     for field in dataclasses.fields(value):
         units, given = units_of(field), getattr(value, field.name)
-        several = isinstance(given, list | tuple) or getattr(given, "shape", ()) != ()
-        if units is None or several or (given is None and field.default is None):
+        kind = "float" if field.type is float else str(field.type)
+        if units is None or kind not in _SINGLE or (given is None and field.default is None):
             continue
         words = field.metadata[_WORDS] or field.name
         where: Where = (field.name,)
