@@ -13,16 +13,11 @@ Numbers may be text with a unit, ``"0.2 mm"``. A class whose kinds are chosen by
 
 from __future__ import annotations
 
-import ast
 import dataclasses
 import difflib
-import inspect
-import textwrap
 import types
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
-from itertools import pairwise
 from typing import (
     Any,
     ClassVar,
@@ -32,31 +27,15 @@ from typing import (
     Union,
     get_args,
     get_origin,
-    get_type_hints,
 )
 
 import numpy as np
 
 from jointplay.errors import JointplayError, MissingName, within
-from jointplay.fields import CHOICES, units_of
+from jointplay.fields import Field, fields_of
 from jointplay.units import convert, expected, shown
 
 T = TypeVar("T")
-
-
-@dataclass(frozen=True)
-class Field:
-    """What a class says of one of its fields."""
-
-    name: str
-    hint: Any
-    units: tuple[str, ...]
-    """SI units that its numbers can have; ``("",)`` for pure numbers."""
-    required: bool
-    text: str
-    """Its explanation."""
-    choices: tuple[str, Collection[str] | Mapping[str, Any]] | None = None
-    """What its words are called, and these; a mapping has the values they stand for."""
 
 
 @dataclass(frozen=True)
@@ -154,53 +133,6 @@ def plain(value: Any) -> Any:
 
 def _fields(value: Any) -> dict[str, Any]:
     return {field.name: plain(getattr(value, field.name)) for field in dataclasses.fields(value)}
-
-
-@cache
-def fields_of(kind: type) -> dict[str, Field]:
-    """The fields of a class as they are written, by name.
-
-    Raises:
-        TypeError: one that holds a number has no unit.
-    """
-    written = getattr(kind, "written", None) or kind
-    hints, texts = get_type_hints(written), explanations(written)
-    fields = {}
-    for one in dataclasses.fields(written):
-        hint, units = hints[one.name], units_of(one)
-        if units is None and CHOICES not in one.metadata and _measures(hint):
-            raise TypeError(f"{kind.__name__}.{one.name} is a number without a unit; see `fields`")
-        missing = dataclasses.MISSING
-        required = one.default is missing and one.default_factory is missing
-        text, choices = texts.get(one.name, ""), one.metadata.get(CHOICES)
-        fields[one.name] = Field(one.name, hint, units or ("",), required, text, choices)
-    return fields
-
-
-def _measures(hint: Any) -> bool:
-    """Whether a type holds numbers that can have a unit."""
-    if isinstance(hint, type) and dataclasses.is_dataclass(hint):
-        return False
-    return hint is float or any(_measures(part) for part in get_args(hint))
-
-
-@cache
-def explanations(owner: type) -> dict[str, str]:
-    """What a dataclass says below its fields, and its bases below theirs."""
-    texts: dict[str, str] = {}
-    for base in reversed(owner.__mro__):
-        if "__dataclass_fields__" not in vars(base):
-            continue
-        try:
-            (body,) = ast.parse(textwrap.dedent(inspect.getsource(base))).body
-        except (OSError, SyntaxError, TypeError):  # made where no file is
-            continue
-        assert isinstance(body, ast.ClassDef)
-        for field, text in pairwise(body.body):
-            match field, text:
-                case ast.AnnAssign(target=ast.Name(name)), ast.Expr(ast.Constant(str(said))):
-                    texts[name] = said
-    return {name: " ".join(text.split()) for name, text in texts.items()}
 
 
 @dataclass(frozen=True)

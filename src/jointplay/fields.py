@@ -10,9 +10,14 @@ class LinearSpring:
 
 from __future__ import annotations
 
+import ast
 import dataclasses
+import inspect
+import textwrap
 from collections.abc import Collection, Mapping
-from typing import Any
+from functools import cache
+from itertools import pairwise
+from typing import Any, get_args, get_type_hints
 
 from jointplay.errors import Where, require_finite, require_non_negative, require_positive
 
@@ -93,3 +98,67 @@ def check_fields(value: Any) -> None:
         where: Where = (field.name,)
         number = field.metadata[_RANGE](words, given, units[0].replace("*", " "), where)
         object.__setattr__(value, field.name, number)
+
+
+@dataclasses.dataclass(frozen=True)
+class Field:
+    """What a class says of one of its fields."""
+
+    name: str
+    hint: Any
+    units: tuple[str, ...]
+    """SI units that its numbers can have; ``("",)`` for pure numbers."""
+    required: bool
+    text: str
+    """Its explanation."""
+    choices: tuple[str, Collection[str] | Mapping[str, Any]] | None = None
+    """What its words are called, and these; a mapping has the values they stand for."""
+
+
+@cache
+def fields_of(kind: type) -> dict[str, Field]:
+    """The fields of a class as they are written, by name.
+
+    Raises:
+        TypeError: one that holds a number has no unit.
+    """
+    written = getattr(kind, "written", None) or kind
+    hints, texts = get_type_hints(written), explanations(written)
+    fields = {}
+    for one in dataclasses.fields(written):
+        hint, units = hints[one.name], units_of(one)
+        if units is None and CHOICES not in one.metadata and _measures(hint):
+            raise TypeError(
+                f"{kind.__name__}.{one.name} is a number without a unit; see `quantity`"
+            )
+        missing = dataclasses.MISSING
+        required = one.default is missing and one.default_factory is missing
+        text, choices = texts.get(one.name, ""), one.metadata.get(CHOICES)
+        fields[one.name] = Field(one.name, hint, units or ("",), required, text, choices)
+    return fields
+
+
+def _measures(hint: Any) -> bool:
+    """Whether a type holds numbers that can have a unit."""
+    if isinstance(hint, type) and dataclasses.is_dataclass(hint):
+        return False
+    return hint is float or any(_measures(part) for part in get_args(hint))
+
+
+@cache
+def explanations(owner: type) -> dict[str, str]:
+    """What a dataclass says below its fields, and its bases below theirs."""
+    texts: dict[str, str] = {}
+    for base in reversed(owner.__mro__):
+        if "__dataclass_fields__" not in vars(base):
+            continue
+        try:
+            (body,) = ast.parse(textwrap.dedent(inspect.getsource(base))).body
+        except (OSError, SyntaxError, TypeError):  # made where no file is
+            continue
+        assert isinstance(body, ast.ClassDef)
+        for field, text in pairwise(body.body):
+            match field, text:
+                case ast.AnnAssign(target=ast.Name(name)), ast.Expr(ast.Constant(str(said))):
+                    texts[name] = said
+    return {name: " ".join(text.split()) for name, text in texts.items()}

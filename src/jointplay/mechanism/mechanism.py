@@ -242,14 +242,14 @@ class Mechanism(Described):
         model = self.model
         if name in self.loops:
             loop = self.loops[name]
-            found = []
+            sides = []
             for link, placement in (
                 (loop.bearing_link, loop.bearing),
                 (loop.journal_link, loop.journal),
             ):
                 frame = model.frames[model.getFrameId(link, pin.FrameType.BODY)]
-                found.append((int(frame.parentJoint), frame.placement * placement))
-            bearing, journal = found
+                sides.append((int(frame.parentJoint), frame.placement * placement))
+            bearing, journal = sides
         else:
             last = int(model.getJointId(name))
             first = last
@@ -302,7 +302,7 @@ class Mechanism(Described):
             q: an assembled configuration, shape (nq,).
             frequency: of Baumgarte's stabilisation, critically damped [rad/s].
         """
-        found = []
+        constraints = []
         for name in self.loops:
             if name in self.clearance:
                 continue
@@ -326,8 +326,8 @@ class Mechanism(Described):
                 constraint.name = name
                 constraint.m_baumgarte_parameters.Kp = frequency**2
                 constraint.m_baumgarte_parameters.Kd = 2.0 * frequency
-                found.append(constraint)
-        return found
+                constraints.append(constraint)
+        return constraints
 
     def ideal(self) -> Mechanism:
         """The same mechanism without clearance and without play in its gears."""

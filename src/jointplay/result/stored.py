@@ -138,9 +138,9 @@ def check(dataset: xr.Dataset, path: Path) -> None:
 def _check_certificate(dataset: xr.Dataset, path: Path) -> None:
     from jointplay.result.certificate import Certificate
 
-    found = _validated(path, dataset, "certificate", _CERTIFICATE)
+    given = _validated(path, dataset, "certificate", _CERTIFICATE)
     try:
-        for figure in Certificate.from_description(found).figures:
+        for figure in Certificate.from_description(given).figures:
             str(figure)
     except (ArithmeticError, ValueError) as error:
         raise _wrong(path, f"certificate: a figure cannot be shown: {error}") from None
@@ -148,9 +148,9 @@ def _check_certificate(dataset: xr.Dataset, path: Path) -> None:
 
 def _json(path: Path, name: str, text: Any) -> Any:
     try:
-        found = json.loads(text)
-        json.dumps(found, ensure_ascii=False).encode()  # half characters cannot be shown
-        return found
+        given = json.loads(text)
+        json.dumps(given, ensure_ascii=False).encode()  # half characters cannot be shown
+        return given
     except (TypeError, ValueError, RecursionError) as error:
         raise _wrong(path, f"its attribute {name!r} is no JSON: {error}") from None
 
@@ -196,8 +196,8 @@ def _check_histories(dataset: xr.Dataset, path: Path, given: Any) -> None:
         if name not in dataset.data_vars:
             raise _wrong(path, f"it has no variable {name!r}")
         if dataset[name].dims != dims:
-            found = ", ".join(map(str, dataset[name].dims))
-            raise _wrong(path, f"{name} has the dimensions ({found}), not ({', '.join(dims)})")
+            own = ", ".join(map(str, dataset[name].dims))
+            raise _wrong(path, f"{name} has the dimensions ({own}), not ({', '.join(dims)})")
         if dataset[name].dtype.kind not in "fiu":
             raise _wrong(path, f"{name} holds {dataset[name].dtype}, not numbers")
     if "time" not in dataset.coords or dataset["time"].dtype.kind != "f":

@@ -10,9 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from jointplay.codec import Draft, fields_of, unknown_key
+from jointplay.codec import Draft, unknown_key
 from jointplay.contact.trust import trusting
 from jointplay.errors import JointplayError, MissingName, within
+from jointplay.fields import fields_of
 from jointplay.host.files import is_file
 from jointplay.joints import Clearance
 from jointplay.loads.drive import ComputedTorque, Drive, JointFriction, Torque

@@ -10,9 +10,10 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from jointplay.codec import check, fields_of, make, unknown_key
+from jointplay.codec import check, make, unknown_key
 from jointplay.contact.trust import trusting
 from jointplay.errors import JointplayError, MissingName
+from jointplay.fields import fields_of
 from jointplay.scenario.build import MOTION_SOURCES, SHIPPED, build, locate
 from jointplay.scenario.model import NOT_IN_A_CASE, Integration, Model, Output
 from jointplay.scenario.places import Key, dotted, line_of, lines
@@ -261,10 +262,10 @@ def _place_of(error: JointplayError) -> Key:
 
 def _syntax(message: str) -> str:
     """Tomllib's message, its place in front."""
-    found = re.fullmatch(r"(.*) \(at (?:line (\d+), column (\d+)|end of document)\)", message)
-    if found is None:
+    parts = re.fullmatch(r"(.*) \(at (?:line (\d+), column (\d+)|end of document)\)", message)
+    if parts is None:
         return f": {message}"
-    what, line, column = found.groups()
+    what, line, column = parts.groups()
     place = f", line {line}, column {column}" if line else ", end of file"
     twice = re.match(r"Cannot (?:declare \((.*?),?\) twice|overwrite a value)", what)
     if twice:

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from typing import Any, Literal, Union, get_args, get_origin
 
 from jointplay import codec
+from jointplay.fields import Field, fields_of
 from jointplay.scenario.model import NOT_IN_A_CASE, Model
 
 CASE = "Case"
@@ -54,12 +55,12 @@ class _Tables:
 
     def properties(self, kind: type, preset: Mapping[str, Any] | None = None) -> dict[str, Any]:
         """Schemas of a class's fields but for those that are `preset`, with explanations."""
-        fields = codec.fields_of(kind).values()
+        fields = fields_of(kind).values()
         return {
             field.name: self.field(field) for field in fields if field.name not in (preset or {})
         }
 
-    def field(self, field: codec.Field) -> dict[str, Any]:
+    def field(self, field: Field) -> dict[str, Any]:
         """Schema of a field; its unit stands in the explanation, if not there already."""
         said = self.of(field.hint)
         if field.choices is not None:
@@ -107,7 +108,7 @@ class _Tables:
             preset = member if isinstance(member, codec.Preset) else codec.Preset(member, "", {})
             title = preset.title or preset.kind.__name__
             tables.append(self.table(preset.kind, title, (family.key, word), preset.given))
-            if not any(field.required for field in codec.fields_of(preset.kind).values()):
+            if not any(field.required for field in fields_of(preset.kind).values()):
                 bare.append(word)
         return {"anyOf": [*([{"enum": bare}] if family.bare else []), *tables]}
 
