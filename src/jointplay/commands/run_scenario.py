@@ -62,7 +62,8 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
     names = list(files.values())
     figures = scenario.figures and not options.no_figures
     if figures:
-        names += [f"{name}.{kind}" for name in plots.FIGURES for kind in ("png", "pdf")]
+        paper = all(plots.is_paper_robot(scenario.model(case).robot.urdf) for case in cases)
+        names += plots.file_names(paper)
     out = claim(options.out, names)
     if jobs == 1:
         interrupted = _one_by_one(scenario, files, certified, out, not options.quiet)
@@ -80,7 +81,8 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
     print(f"\nresults in {out}")
     if interrupted or any(r.status == Status.INTERRUPTED for r in results.values()):
         missing = [case for case in cases if case not in results]
-        note = f"; nothing of: {', '.join(missing)}" if missing else ""
+        there = f"; there is {', '.join(path.name for path in saved.values())}" if saved else ""
+        note = f"; nothing of: {', '.join(missing)}" if missing else there
         print(f"interrupted{note}", file=sys.stderr)
         return INTERRUPTED
     return 0 if all(r.status == Status.COMPLETED for r in results.values()) else STOPPED
