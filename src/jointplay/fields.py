@@ -109,8 +109,6 @@ class Field:
     units: tuple[str, ...]
     """SI units that its numbers can have; ``("",)`` for pure numbers."""
     required: bool
-    text: str
-    """Its explanation."""
     choices: tuple[str, Collection[str] | Mapping[str, Any]] | None = None
     """What its words are called, and these; a mapping has the values they stand for."""
 
@@ -123,7 +121,7 @@ def fields_of(kind: type) -> dict[str, Field]:
         TypeError: one that holds a number has no unit.
     """
     written = getattr(kind, "written", None) or kind
-    hints, texts = get_type_hints(written), explanations(written)
+    hints = get_type_hints(written)
     fields = {}
     for one in dataclasses.fields(written):
         hint, units = hints[one.name], units_of(one)
@@ -133,8 +131,8 @@ def fields_of(kind: type) -> dict[str, Field]:
             )
         missing = dataclasses.MISSING
         required = one.default is missing and one.default_factory is missing
-        text, choices = texts.get(one.name, ""), one.metadata.get(CHOICES)
-        fields[one.name] = Field(one.name, hint, units or ("",), required, text, choices)
+        choices = one.metadata.get(CHOICES)
+        fields[one.name] = Field(one.name, hint, units or ("",), required, choices)
     return fields
 
 
@@ -146,9 +144,10 @@ def _measures(hint: Any) -> bool:
 
 
 @cache
-def explanations(owner: type) -> dict[str, str]:
-    """What a dataclass says below its fields, and its bases below theirs."""
+def explanations(kind: type) -> dict[str, str]:
+    """What a class says below its fields as they are written, and its bases below theirs."""
     texts: dict[str, str] = {}
+    owner = getattr(kind, "written", None) or kind
     for base in reversed(owner.__mro__):
         if "__dataclass_fields__" not in vars(base):
             continue

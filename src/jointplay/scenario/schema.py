@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from typing import Any, Literal, Union, get_args, get_origin
 
 from jointplay import codec
-from jointplay.fields import Field, fields_of
+from jointplay.fields import Field, explanations, fields_of
 from jointplay.scenario.model import NOT_IN_A_CASE, Model
 
 CASE = "Case"
@@ -55,18 +55,19 @@ class _Tables:
 
     def properties(self, kind: type, preset: Mapping[str, Any] | None = None) -> dict[str, Any]:
         """Schemas of a class's fields but for those that are `preset`, with explanations."""
-        fields = fields_of(kind).values()
+        texts = explanations(kind)
         return {
-            field.name: self.field(field) for field in fields if field.name not in (preset or {})
+            name: self.field(field, texts.get(name, ""))
+            for name, field in fields_of(kind).items()
+            if name not in (preset or {})
         }
 
-    def field(self, field: Field) -> dict[str, Any]:
+    def field(self, field: Field, text: str) -> dict[str, Any]:
         """Schema of a field; its unit stands in the explanation, if not there already."""
         said = self.of(field.hint)
         if field.choices is not None:
             words = {"enum": list(field.choices[1])}
             said = words if codec.is_word(field.hint) else {"anyOf": [words, said]}
-        text = field.text
         if field.units != ("",) and "[" not in text:
             text = f"{text} [{' or '.join(field.units)}]".strip()
         return {**said, "description": text} if text else said
