@@ -268,7 +268,7 @@ def _table(
         raise JointplayError(f"{shown(data)} is no table; its keys are: {', '.join(keys)}")
     for key in data:
         if key not in keys and not getattr(form, "lets_through", False):
-            whose = f" of {word[0]} {shown(word[1])}" if word else ""
+            whose = f" of the {word[0]} {word[1]}" if word else ""
             raise JointplayError(unknown_key(key, keys, whose), where=(key,))
     values = dict(preset)
     for name in data:  # in its order, so that the first error is the first in a file

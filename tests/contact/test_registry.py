@@ -86,12 +86,12 @@ def test_fields_reach_the_law():
         (
             normal_law,
             {"law": "flores", "n": 1},
-            'unknown key "n" of law "flores"; valid keys: law',
+            'unknown key "n" of the law flores; valid keys: law',
         ),
         (
             normal_law,
             {"law": "kelvin-voigt", "dampng": 1.0},
-            'unknown key "dampng" of law "kelvin-voigt"; did you mean "damping"? valid keys: law,',
+            'unknown key "dampng" of the law kelvin-voigt; did you mean "damping"? valid keys: law,',
         ),
         (normal_law, {"law": "kelvin-voigt"}, "the key damping is missing"),
         (normal_law, "anagnostopoulos", "needs mass, the effective mass of the impact [kg]"),
