@@ -91,7 +91,7 @@ def test_fields_reach_the_law():
         (
             normal_law,
             {"law": "kelvin-voigt", "dampng": 1.0},
-            'unknown key "dampng" of the law kelvin-voigt; did you mean "damping"? valid keys: law,',
+            'unknown key "dampng" of the law kelvin-voigt; did you mean "damping"?',
         ),
         (normal_law, {"law": "kelvin-voigt"}, "the key damping is missing"),
         (normal_law, "anagnostopoulos", "needs mass, the effective mass of the impact [kg]"),

@@ -55,7 +55,7 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
     }
     total = 0.0
     for case in cases:  # before anything is written
-        run = scenario.prepare(case)
+        run = scenario.prepare(case, progress=not options.quiet)
         runs = 1 + (further_runs(run.simulation) if case in certified else 0)
         total += runs * run.steps * run.simulation.step
     files = dict(zip(cases, file_names(cases), strict=True))
@@ -172,7 +172,7 @@ def _one_by_one(
 
     for case, name in files.items():
         try:
-            prepared = scenario.prepare(case)
+            prepared = scenario.prepare(case, progress)
             if progress:
                 tqdm.write(f"case {case}:", file=sys.stderr)
             result = _execute(scenario, case, prepared, out / name, case in certified, progress)
@@ -326,8 +326,7 @@ def _ticking(index: int) -> Iterator[Callable[[Run], None]]:
         nonlocal past
         if runs:
             past += runs.pop().workspace.time
-        run.loop = _stoppable(run.loop)  # type: ignore[method-assign, assignment]
-        runs.append(run)
+        runs.append(_stoppable(run))
         _begun[index] += 1
 
     def tick() -> None:
@@ -344,8 +343,9 @@ def _ticking(index: int) -> Iterator[Callable[[Run], None]]:
         tell()
 
 
-def _stoppable(loop: Callable[[bool], Status]) -> Callable[[bool], Status]:
+def _stoppable(run: Run) -> Run:
     """Let the parent stop the time loop, but nothing else: half a file is worth nothing."""
+    loop: Callable[[bool], Status] = run.loop
 
     def guarded(progress: bool = False) -> Status:
         signal.signal(signal.SIGTERM, _interrupt)
@@ -356,4 +356,6 @@ def _stoppable(loop: Callable[[bool], Status]) -> Callable[[bool], Status]:
         finally:
             signal.signal(signal.SIGTERM, _end)
 
-    return guarded
+    run.loop = guarded  # type: ignore[method-assign, assignment]
+    run.guard = _stoppable
+    return run

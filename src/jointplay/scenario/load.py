@@ -153,12 +153,12 @@ class Scenario:
         except JointplayError as error:
             raise self._error(error.where, str(error), case, True) from None
 
-    def prepare(self, case: str | None = None) -> Run:
+    def prepare(self, case: str | None = None, progress: bool = False) -> Run:
         """A case made ready to step; see `simulation` and `Simulation.prepare`."""
         simulation = self.simulation(case)
         case = self.cases[0] if case is None else case
         try:
-            return simulation.prepare()
+            return simulation.prepare(progress)
         except JointplayError as error:
             raise self._error(_place_of(error), str(error), case, True) from None
 

@@ -6,7 +6,7 @@ import math
 import sys
 import time
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -28,16 +28,22 @@ from jointplay.loads.drive import (
     JointFriction,
     assign,
     drive_from_description,
+    table_nodes,
     tabulate,
 )
-from jointplay.mechanism.impact import REFERENCE_SPEED, contact_duration, effective_mass
+from jointplay.mechanism.impact import (
+    REFERENCE_SPEED,
+    contact_duration,
+    effective_mass,
+    tooth_duration,
+)
 from jointplay.mechanism.loop import assemble, closing_rows, consistent_velocity
-from jointplay.mechanism.mechanism import Mechanism
+from jointplay.mechanism.mechanism import Mechanism, frame_index
 from jointplay.mechanism.payload import Payload, velocity_after_pick
 from jointplay.motion.reference import Motion
 from jointplay.result.histories import Phase, histories
 from jointplay.result.result import Result
-from jointplay.simulation import limits
+from jointplay.simulation import limits, step_check
 from jointplay.simulation.loop import LOOP_CORRECTION, Adaptive, Loop, MultiRate, SingleRate
 
 MIN_CONTACT_STEPS = 4.0
@@ -59,9 +65,6 @@ NO_MASS = 1e-9
 
 FILM_LAG = 0.5
 """Part of the effective mass that a film's lag reckons with: it may fall on the way."""
-
-_RELATIVE = ("x", "y", "z", "roll", "pitch", "yaw")
-"""Freedoms in the order of the rows of `Mechanism.relative_jacobian`."""
 
 _CHUNK = 2000
 """Steps between two looks at the clock and the keyboard."""
@@ -146,29 +149,33 @@ class Simulation:
             }
         return cls(**fields)
 
-    def prepare(self) -> Run:
+    def prepare(self, progress: bool = False) -> Run:
         """Check everything and make ready to step.
+
+        Args:
+            progress: show a bar on standard error while a long motion is tabulated.
 
         Raises:
             JointplayError: a step, duration or record interval that makes no sense, a step too
                 large for the contact stiffness, or a motion that does not fit the mechanism.
         """
         try:
-            return Run(self)
+            return Run(self, progress)
         except (ArithmeticError, np.linalg.LinAlgError) as error:
             raise JointplayError(
                 f"these numbers cannot be computed with, one is far too large or small: {error}"
             ) from None
 
-    def run(self, progress: bool = False, certify: bool = False) -> Result:
+    def run(self, progress: bool = False, certify: bool = False, check_step: bool = True) -> Result:
         """`prepare`, then `Run.execute`.
 
         Args:
             progress: see `Run.execute`.
             certify: run again more finely, and put the numerical errors of the headline figures
                 into `Result.certificate`.
+            check_step: see `Run.execute`.
         """
-        result = self.prepare().execute(progress)
+        result = self.prepare(progress).execute(progress, check_step)
         if certify:
             find_errors = late("analysis.certify:certify")
             try:
@@ -197,10 +204,12 @@ def simulate(
 class Run:
     """A simulation made ready to step: its workspace, and the initial state in it."""
 
-    def __init__(self, simulation: Simulation) -> None:
+    def __init__(self, simulation: Simulation, progress: bool = False) -> None:
         """Check the numbers, place the journals, tabulate the drives."""
         self.simulation = simulation
         self.label = ""  # what the progress bar calls the run
+        self.guard: Callable[[Run], Run] = lambda run: run
+        """Makes a run that is part of this one stop as this one does; see `stopping`."""
         mechanism = simulation.mechanism
         self.mechanism = mechanism
         limits.check_names(mechanism)
@@ -226,13 +235,14 @@ class Run:
             raise JointplayError(
                 f"duration {duration:g} s is shorter than the step {step:g} s", where=("duration",)
             )
-        limits.check_memory(mechanism, duration, self.steps, every)
-        self.friction = self._friction()
         drives = assign(mechanism, simulation.motion, simulation.drive)
+        nodes = table_nodes(simulation.motion, drives, duration)
+        limits.check_memory(mechanism, duration, self.steps, every, nodes)
+        self.friction = self._friction()
         followed = [name for name, drive in drives.items() if drive.follows]
         q, v = self._initial_state(followed)
         tables, armature = tabulate(
-            mechanism, simulation.motion, drives, duration, self.friction, q
+            mechanism, simulation.motion, drives, duration, self.friction, q, progress
         )
         self.phases = [Phase(0, mechanism.model.copy())]
         # The run's own, for payloads and prescribed motion change its inertias.
@@ -252,7 +262,6 @@ class Run:
         )
         self.workspace.q[:], self.workspace.v[:] = q, v
         self._events = self._plan(step)
-        self._check_locks(q)
         self._check_step(step, q)
         constraints = mechanism.constraints(q, LOOP_CORRECTION / step)
         parts = (self.model, self.data, self.workspace, self.method, constraints)
@@ -350,20 +359,8 @@ class Run:
         first = mechanism.virtual_link(name) if mechanism.has_virtual_link(name) else None
         reach: dict[str, Any] = {}
         if first is None:
-            (i, bearing), (j, journal) = (
-                mechanism.bearing_frame(name),
-                mechanism.journal_frame(name),
-            )
-            frames = (self.data.oMi[i], self.data.oMi[j])
             reach = {
-                "frames": tuple(part for f in frames for part in (f.rotation, f.translation)),
-                "placements": np.concatenate(
-                    [
-                        part.ravel()
-                        for p in (bearing, journal)
-                        for part in (p.rotation, p.translation)
-                    ]
-                ),
+                "carriers": (mechanism.bearing_frame(name), mechanism.journal_frame(name)),
                 "signs": mechanism.signs(name),
             }
         if joint.film is not None:
@@ -405,22 +402,6 @@ class Run:
             events += [(round(time / step), payload, picked) for time, picked in times]
         return sorted(events, key=lambda event: event[0], reverse=True)
 
-    def _check_locks(self, q: np.ndarray) -> None:
-        for name in self.mechanism.loops:
-            joint = self.mechanism.clearance.get(name)
-            if joint is None:
-                continue
-            jacobian = self.mechanism.relative_jacobian(name, q)
-            for row, freedom in zip(jacobian, _RELATIVE, strict=True):
-                if freedom not in joint.freedoms and np.abs(row).max() > 1e-9:
-                    slider = joint.kind == "prismatic"
-                    where = "its slider into the URDF's tree" if slider else "it into the tree"
-                    raise JointplayError(
-                        f"joint {name!r} locks {freedom}, but it closes a loop whose other joints "
-                        f"leave {freedom} free; do not lock it, or put {where} and close the loop "
-                        "at another joint"
-                    )
-
     def _check_step(self, step: float, q: np.ndarray) -> None:
         for name in self.mechanism.clearance:
             mass = effective_mass(self.mechanism, name, q)
@@ -438,6 +419,15 @@ class Run:
                     where=("step",),
                 )
 
+        for name in self.mechanism.gears:
+            duration = tooth_duration(self.mechanism, name, q)
+            if duration < MIN_CONTACT_STEPS * step:
+                raise JointplayError(
+                    f"step {step:g} s is too large for the stiffness of the gear at {name!r}: an "
+                    f"impact of its teeth lasts {duration:.2g} s, so take at most "
+                    f"{duration / kernel.WELL_RESOLVED_STEPS:.2g} s"
+                )
+
     def displace(self, distance: float) -> None:
         """Move every journal aside by `distance` along each axis [m], before the run begins."""
         q = self.workspace.q
@@ -448,13 +438,18 @@ class Run:
                         q[self.mechanism.coordinates.index(f"{name}.{part}")] += distance
             else:
                 moves = self.mechanism.relative_jacobian(name, q)[:3]
-                q += np.linalg.pinv(moves) @ np.full(3, distance)
+                strict = closing_rows(self.mechanism, q, self._ideal_loops)
+                aside = np.concatenate([np.full(3, distance), np.zeros(len(strict))])
+                q += np.linalg.pinv(np.concatenate([moves, strict])) @ aside
 
-    def execute(self, progress: bool = False) -> Result:
+    def execute(self, progress: bool = False, check_step: bool = True) -> Result:
         """Simulate; once only, for the workspace holds the state.
 
         Args:
             progress: show a bar with simulated time, speed and time left on standard error.
+            check_step: where nothing else judges the step, run again with another one: see
+                `step_check`. Takes about half of the run's time, in doubt two and a half times
+                the run's.
 
         Returns:
             The result. Interrupted by Ctrl-C, or stopped because the state ran away, it holds
@@ -462,12 +457,13 @@ class Run:
             stopped also warns.
         """
         started = time.perf_counter()
+        start = self.workspace.q.copy(), self.workspace.v.copy()
         status = self.loop(progress)
         elapsed = time.perf_counter() - started
         message = self.message(status)
         if status not in (Status.COMPLETED, Status.INTERRUPTED):
             warnings.warn(message, RuntimeWarning, stacklevel=2)
-        return histories(
+        result = histories(
             self.mechanism,
             self.simulation.describe(),
             self.workspace,
@@ -477,6 +473,11 @@ class Run:
             message,
             elapsed,
         )
+        if check_step and status == Status.COMPLETED and step_check.wanted(self.simulation):
+            error = step_check.step_error(self, result, start, progress)
+            if error is not None:
+                result.amend(step_error=error.tool, relative_step_error=error.relative)
+        return result
 
     def loop(self, progress: bool = False) -> Status:
         """Step until the end, a failure, or Ctrl-C; returns why it stopped."""
@@ -526,6 +527,11 @@ class Run:
                 return False
         return True
 
+    @property
+    def _ideal_loops(self) -> set[str]:
+        """Loops without clearance."""
+        return set(self.mechanism.loops) - set(self.mechanism.clearance)
+
     def _happen(self) -> None:
         """Pick and release what is due."""
         w = self.workspace
@@ -533,7 +539,7 @@ class Run:
             _, payload, picked = self._events.pop()
             last, driven, speed = self.phases[-1], self.model.copy(), w.v.copy()
             bodies = last.model.copy()  # without the armature of prescribed motion
-            frame = bodies.frames[bodies.getFrameId(payload.frame)]
+            frame = bodies.frames[frame_index(bodies, payload.frame)]
             body = frame.placement.act(payload.body)
             for model in (self.model, bodies):
                 held = model.inertias[frame.parentJoint]
@@ -541,8 +547,7 @@ class Run:
             brought = last.energy
             if w.steps > 0:
                 if picked:
-                    ideal = set(self.mechanism.loops) - set(self.mechanism.clearance)
-                    rows = closing_rows(self.mechanism, w.q, ideal)
+                    rows = closing_rows(self.mechanism, w.q, self._ideal_loops)
                     w.v[:] = velocity_after_pick(driven, self.model, w.q, speed, rows)
                 brought += _energy(bodies, w.q, w.v) - _energy(last.model, w.q, speed)
             row = -(-w.steps // self.simulation.record_every)
