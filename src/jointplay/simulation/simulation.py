@@ -425,7 +425,8 @@ class Run:
                 raise JointplayError(
                     f"step {step:g} s is too large for the stiffness of the gear at {name!r}: an "
                     f"impact of its teeth lasts {duration:.2g} s, so take at most "
-                    f"{duration / kernel.WELL_RESOLVED_STEPS:.2g} s"
+                    f"{duration / kernel.WELL_RESOLVED_STEPS:.2g} s",
+                    where=("step",),
                 )
 
     def displace(self, distance: float) -> None:
