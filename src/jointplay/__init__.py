@@ -82,6 +82,7 @@ _HOMES = {
     "cartesian_motion": "motion.cartesian",
     "material": "joints.materials",
     "oil": "joints.materials",
+    "robot_scenario": "scenario.robot",
     "shipped": "mechanism.urdf",
     "simulate": "simulation",
     "wear_life": "analysis.wear",
@@ -149,6 +150,7 @@ if TYPE_CHECKING:
     from jointplay.mechanism.loop import Loop as Loop
     from jointplay.mechanism.payload import Payload as Payload
     from jointplay.mechanism.urdf import shipped as shipped
+    from jointplay.scenario.robot import robot_scenario as robot_scenario
     from jointplay.motion import Motion as Motion
     from jointplay.motion.cartesian import cartesian_motion as cartesian_motion
     from jointplay.result import Result as Result
