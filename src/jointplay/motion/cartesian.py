@@ -97,7 +97,7 @@ class _Arm:
             frames = [known.name for known in self.model.frames if known.name != "universe"]
             raise MissingName("frame", name, frames)
         self.frame = frame_index(self.model, name)
-        self.low, self.high = _limits(mechanism, self.joints)
+        self.low, self.high = joint_limits(mechanism, self.joints)
         self.rank = 0
 
     def pose(self, q: np.ndarray) -> pin.SE3:
@@ -300,7 +300,7 @@ def _waypoints(
     return moments, [_Target(*pair) for pair in zip(checked["positions"], turns, strict=True)]
 
 
-def _limits(mechanism: Mechanism, joints: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
+def joint_limits(mechanism: Mechanism, joints: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
     """Lower and upper limits that the URDF sets, infinite where it sets none."""
     source = parse(mechanism.description)
     low, high = np.full(len(joints), -np.inf), np.full(len(joints), np.inf)
