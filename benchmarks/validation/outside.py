@@ -376,7 +376,7 @@ def second_opinions(quick: bool = False, wrong: bool = False) -> Outcome:
         rows.append([f"`{name}`, depth at 10 kN/m", f"{theirs[1] / ours[1]:.4g}", why])
     depths = np.array([1e-6, 1e-5, 1e-4])
     law = laws["liu"]()
-    ours = [law.function(d, 0.0, 1.0, law.parameters(contact)) for d in depths]
+    ours = [law.function(d, 0.0, 1.0, *law.parameters(contact)) for d in depths]
     theirs = (
         np.pi / 2 * depths * contact.modulus * np.sqrt(depths / (2 * (contact.clearance + depths)))
     )
@@ -390,11 +390,11 @@ def second_opinions(quick: bool = False, wrong: bool = False) -> Outcome:
     slow, fast = 1e-3, 1e-2  # DyS: its v0 and v1
     speeds = np.array([0.5e-3, 4e-3, 2e-2])
     ramp = np.clip((speeds - slow) / (fast - slow), 0.0, 1.0)
-    ours = np.array([jp.Ambrosio.function(v, jp.Ambrosio(0.3, slow, fast).parameters())
+    ours = np.array([jp.Ambrosio.function(v, *jp.Ambrosio(0.3, slow, fast).parameters())
                      for v in speeds])  # fmt: skip
     errors.append(float(np.abs(ours - 0.3 * ramp).max()))
     grip = 0.3 * np.where(speeds <= fast, 1 - np.exp(-3 * speeds / fast), 0.95)
-    ours = np.array([jp.Threlfall.function(v, jp.Threlfall(0.3, fast).parameters())
+    ours = np.array([jp.Threlfall.function(v, *jp.Threlfall(0.3, fast).parameters())
                      for v in speeds])  # fmt: skip
     # Above its v0 DyS takes 0.95, which is 1 - e^-3 in two digits.
     errors.append(float(np.abs((ours - grip)[speeds <= fast]).max()))

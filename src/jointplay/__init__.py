@@ -84,6 +84,7 @@ _HOMES = {
     "cartesian_motion": "motion.cartesian",
     "material": "joints.materials",
     "oil": "joints.materials",
+    "robot_scenario": "scenario.robot",
     "reduce_joint": "analysis.reduce",
     "shipped": "mechanism.urdf",
     "simulate": "simulation",
@@ -161,6 +162,7 @@ if TYPE_CHECKING:
     from jointplay.result.audit import Audit as Audit
     from jointplay.result.certificate import Certificate as Certificate
     from jointplay.scenario import Scenario as Scenario
+    from jointplay.scenario.robot import robot_scenario as robot_scenario
     from jointplay.simulation import Simulation as Simulation
     from jointplay.simulation import simulate as simulate
 

@@ -214,7 +214,7 @@ def _run(
 ) -> tuple[Result | None, str]:
     """A refined run, or None and why there is none."""
     try:
-        prepared = simulation.prepare()
+        prepared = simulation.prepare(progress)
     except JointplayError as error:
         return None, f"the run is refused: {error}"
     if aside:
@@ -223,7 +223,7 @@ def _run(
     begin(prepared)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # said in the certificate
-        result = prepared.execute(progress)
+        result = prepared.execute(progress, check_step=False)
     if result.status == Status.INTERRUPTED:
         raise KeyboardInterrupt
     if result.status != Status.COMPLETED:
@@ -236,12 +236,12 @@ def _ideal(result: Result, progress: bool, begin: Begin) -> Result | None:
     if not analysis.has_play(result):
         return None
     try:
-        prepared = analysis.ideal_simulation(result).prepare()
+        prepared = analysis.ideal_simulation(result).prepare(progress)
         prepared.label = "certifying (ideal)"
         begin(prepared)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)
-            found = prepared.execute(progress)
+            found = prepared.execute(progress, check_step=False)
     except JointplayError:
         return None
     if found.status == Status.INTERRUPTED:

@@ -12,7 +12,6 @@ import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import (
     FIRST_COMPLETED,
-    BrokenExecutor,
     Future,
     ProcessPoolExecutor,
     wait,
@@ -56,7 +55,7 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
     }
     total = 0.0
     for case in cases:  # before anything is written
-        run = scenario.prepare(case)
+        run = scenario.prepare(case, progress=not options.quiet)
         runs = 1 + (further_runs(run.simulation) if case in certified else 0)
         total += runs * run.steps * run.simulation.step
     files = dict(zip(cases, file_names(cases), strict=True))
@@ -173,7 +172,7 @@ def _one_by_one(
 
     for case, name in files.items():
         try:
-            prepared = scenario.prepare(case)
+            prepared = scenario.prepare(case, progress)
             if progress:
                 tqdm.write(f"case {case}:", file=sys.stderr)
             result = _execute(scenario, case, prepared, out / name, case in certified, progress)
@@ -201,12 +200,18 @@ def _side_by_side(
 
     clocks = multiprocessing.RawArray(ctypes.c_double, len(files))
     begun = multiprocessing.RawArray(ctypes.c_int, len(files))
-    pool = ProcessPoolExecutor(jobs, initializer=_begin, initargs=(clocks, begun))
+    futures: dict[Future[None], str] = {}
     layout = "{percentage:3.0f}%|{bar}| {n:.3f}/{total:.3f} s simulated{postfix}, {remaining} left"
     bar = tqdm(total=total, disable=not progress, bar_format=layout, mininterval=_LOOK_S)
-    with bar:
-        futures: dict[Future[None], str] = {}
-        try:
+    processes = workers.pool(
+        jobs,
+        f"what is complete is in {str(out)!r}",
+        _begin,
+        (clocks, begun),
+        lambda pool: _wind_up(pool, futures),
+    )
+    try:
+        with bar, processes as pool:
             for index, (case, name) in enumerate(files.items()):
                 trust, source = scenario.trust, str(scenario.path)
                 target = out / name
@@ -231,19 +236,8 @@ def _side_by_side(
                     ended if now else "starting (the first start ever compiles)", refresh=False
                 )
                 bar.update(now - bar.n)
-        except KeyboardInterrupt:
-            _wind_up(pool, futures)
-            return True
-        except BrokenExecutor:
-            _wind_up(pool, futures)
-            raise JointplayError(
-                "a process was ended from outside (too little memory?); "
-                f"what is complete is in {str(out)!r}"
-            ) from None
-        except BaseException:
-            _wind_up(pool, futures)
-            raise
-        pool.shutdown()
+    except KeyboardInterrupt:
+        return True
     return False
 
 
@@ -332,8 +326,7 @@ def _ticking(index: int) -> Iterator[Callable[[Run], None]]:
         nonlocal past
         if runs:
             past += runs.pop().workspace.time
-        run.loop = _stoppable(run.loop)  # type: ignore[method-assign, assignment]
-        runs.append(run)
+        runs.append(_stoppable(run))
         _begun[index] += 1
 
     def tick() -> None:
@@ -350,8 +343,9 @@ def _ticking(index: int) -> Iterator[Callable[[Run], None]]:
         tell()
 
 
-def _stoppable(loop: Callable[[bool], Status]) -> Callable[[bool], Status]:
+def _stoppable(run: Run) -> Run:
     """Let the parent stop the time loop, but nothing else: half a file is worth nothing."""
+    loop: Callable[[bool], Status] = run.loop
 
     def guarded(progress: bool = False) -> Status:
         signal.signal(signal.SIGTERM, _interrupt)
@@ -362,4 +356,6 @@ def _stoppable(loop: Callable[[bool], Status]) -> Callable[[bool], Status]:
         finally:
             signal.signal(signal.SIGTERM, _end)
 
-    return guarded
+    run.loop = guarded  # type: ignore[method-assign, assignment]
+    run.guard = _stoppable
+    return run

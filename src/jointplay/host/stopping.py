@@ -124,5 +124,7 @@ def stoppable(run: Run) -> Run:
             raise KeyboardInterrupt
         return status
 
+    outer = run.guard
     run.loop = guarded  # type: ignore[method-assign, assignment]
+    run.guard = lambda other: stoppable(outer(other))
     return run

@@ -29,6 +29,7 @@ from jointplay.report.html import (
     paragraph,
     table,
 )
+from jointplay.report.laws import own_laws
 from jointplay.result.certificate import CertifiedFigure
 from jointplay.result.result import Result
 
@@ -130,7 +131,7 @@ def parameters(cases: Sequence[Case]) -> Html:
     )
     rows = [[_symbol(name), *(column.get(name) for column in columns)] for name in names]
     found = table(["parameter", *(dark(case) for case in cases)], rows, left=1 + len(cases))
-    return joined([found, _motions(cases), _robots(cases)])
+    return joined([found, own_laws(cases), _motions(cases), _robots(cases)])
 
 
 def _symbol(name: str) -> Html:
@@ -222,7 +223,7 @@ def _plain(value: Any) -> str:
 
 def _law(fields: dict[str, Any]) -> str:
     """A law or a material in one line: its name first."""
-    rest = {key: value for key, value in fields.items() if value is not None}
+    rest = {key: value for key, value in fields.items() if value is not None and key != "source"}
     name = next((str(rest.pop(key)) for key in ("law", "name") if key in rest), "")
     if set(rest) == {"young", "poisson"}:
         return f"E = {rest['young'] / 1e9:g} GPa, ν = {rest['poisson']:g}"
@@ -335,6 +336,7 @@ def audits(cases: Sequence[Case]) -> Html:
         "of the clearance [%]",
         "step [µs]",
         "friction needs [µs]",
+        "error by the step [µm]",
         "drift of ideal loops [µm]",
         "computed in [s]",
     ]
@@ -363,6 +365,7 @@ def audits(cases: Sequence[Case]) -> Html:
                 audit.energy_exchanged,
                 100.0 * audit.relative_energy_residual,
                 *contact,
+                None if audit.step_error is None else 1e6 * audit.step_error,
                 1e6 * audit.loop_drift if "loop_drift" in case.result.dataset else None,
                 None if wall is None else float(wall),
             ]

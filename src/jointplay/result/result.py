@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from collections.abc import Collection
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
 
-from jointplay.contact.trust import trusting
+from jointplay.contact.trust import showing, trusting
 from jointplay.errors import JointplayError
 from jointplay.host import files
 from jointplay.host.late import late
@@ -79,6 +80,11 @@ class Result:
     def certificate(self, certificate: Certificate) -> None:
         self.dataset.attrs["certificate"] = json.dumps(certificate.describe())
 
+    def amend(self, **figures: Any) -> None:
+        """Put figures that were found later into the audit."""
+        self.audit = dataclasses.replace(self.audit, **figures)
+        self.dataset.attrs["audit"] = json.dumps(self.audit.describe())
+
     @property
     def time(self) -> np.ndarray:
         """Times of the records [s]."""
@@ -101,14 +107,15 @@ class Result:
     def simulation(self) -> Simulation:
         """The simulation that made this result, built from what the result holds.
 
-        `result.simulation.run()` gives the same result, bit for bit on the same machine.
+        `result.simulation.run()` gives the same result, bit for bit on the same machine. A law of
+        the user's own that is not at hand (see `load`) can be looked at, and a run of it says what
+        is missing: code that a file brings is never run.
 
         Raises:
-            JointplayError: it cannot be built: a law of the user's own that is not trusted (see
-                `load`), or inputs that make no simulation.
+            JointplayError: its inputs make no simulation.
         """
         kind: type[Simulation] = late("simulation:Simulation")
-        with trusting(self.trust):
+        with trusting(self.trust), showing():
             try:
                 return kind.from_description(json.loads(self.dataset.attrs["simulation"]))
             except JointplayError:

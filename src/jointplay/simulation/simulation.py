@@ -6,7 +6,7 @@ import math
 import sys
 import time
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -15,7 +15,7 @@ import pinocchio as pin
 from tqdm import tqdm
 
 from jointplay import kernel
-from jointplay.contact.law import address, check_parameters
+from jointplay.contact.compiled import address, check_parameters
 from jointplay.errors import JointplayError, MissingName, require_finite, require_positive
 from jointplay.host.late import late
 from jointplay.joints import VIRTUAL_LINK
@@ -28,16 +28,22 @@ from jointplay.loads.drive import (
     JointFriction,
     assign,
     drive_from_description,
+    table_nodes,
     tabulate,
 )
-from jointplay.mechanism.impact import REFERENCE_SPEED, contact_duration, effective_mass
+from jointplay.mechanism.impact import (
+    REFERENCE_SPEED,
+    contact_duration,
+    effective_mass,
+    tooth_duration,
+)
 from jointplay.mechanism.loop import assemble, closing_rows, consistent_velocity
-from jointplay.mechanism.mechanism import Mechanism
+from jointplay.mechanism.mechanism import Mechanism, frame_index
 from jointplay.mechanism.payload import Payload, velocity_after_pick
 from jointplay.motion.reference import Motion
 from jointplay.result.histories import Phase, histories
 from jointplay.result.result import Result
-from jointplay.simulation import limits
+from jointplay.simulation import limits, step_check
 from jointplay.simulation.loop import LOOP_CORRECTION, Adaptive, Loop, MultiRate, SingleRate
 
 MIN_CONTACT_STEPS = 4.0
@@ -59,9 +65,6 @@ NO_MASS = 1e-9
 
 FILM_LAG = 0.5
 """Part of the effective mass that a film's lag reckons with: it may fall on the way."""
-
-_RELATIVE = ("x", "y", "z", "roll", "pitch", "yaw")
-"""Freedoms in the order of the rows of `Mechanism.relative_jacobian`."""
 
 _CHUNK = 2000
 """Steps between two looks at the clock and the keyboard."""
@@ -146,29 +149,33 @@ class Simulation:
             }
         return cls(**fields)
 
-    def prepare(self) -> Run:
+    def prepare(self, progress: bool = False) -> Run:
         """Check everything and make ready to step.
+
+        Args:
+            progress: show a bar on standard error while a long motion is tabulated.
 
         Raises:
             JointplayError: a step, duration or record interval that makes no sense, a step too
                 large for the contact stiffness, or a motion that does not fit the mechanism.
         """
         try:
-            return Run(self)
+            return Run(self, progress)
         except (ArithmeticError, np.linalg.LinAlgError) as error:
             raise JointplayError(
                 f"these numbers cannot be computed with, one is far too large or small: {error}"
             ) from None
 
-    def run(self, progress: bool = False, certify: bool = False) -> Result:
+    def run(self, progress: bool = False, certify: bool = False, check_step: bool = True) -> Result:
         """`prepare`, then `Run.execute`.
 
         Args:
             progress: see `Run.execute`.
             certify: run again more finely, and put the numerical errors of the headline figures
                 into `Result.certificate`.
+            check_step: see `Run.execute`.
         """
-        result = self.prepare().execute(progress)
+        result = self.prepare(progress).execute(progress, check_step)
         if certify:
             find_errors = late("analysis.certify:certify")
             try:
@@ -197,39 +204,45 @@ def simulate(
 class Run:
     """A simulation made ready to step: its workspace, and the initial state in it."""
 
-    def __init__(self, simulation: Simulation) -> None:
+    def __init__(self, simulation: Simulation, progress: bool = False) -> None:
         """Check the numbers, place the journals, tabulate the drives."""
         self.simulation = simulation
         self.label = ""  # what the progress bar calls the run
+        self.guard: Callable[[Run], Run] = lambda run: run
+        """Makes a run that is part of this one stop as this one does; see `stopping`."""
         mechanism = simulation.mechanism
         self.mechanism = mechanism
         limits.check_names(mechanism)
         self.method: Integrator = integrator(simulation.integrator)
-        step = require_positive("step", simulation.step, "s")
+        step = require_positive("step", simulation.step, "s", ("step",))
         if simulation.macro_step is not None:
-            require_positive("macro step", simulation.macro_step, "s")
+            require_positive("macro step", simulation.macro_step, "s", ("macro_step",))
         if simulation.tolerance is not None:
-            require_positive("tolerance", simulation.tolerance, "")
+            require_positive("tolerance", simulation.tolerance, "", ("tolerance",))
         for option in ("macro_step", "tolerance"):
             value = getattr(simulation, option)
             if value is not None and self.method.single_rate:
                 raise JointplayError(
                     f"{option} (got {value:g}) belongs to the integrator {DEFAULT!r}; "
-                    f"{self.method.name!r} has a fixed step: leave it out, or take {DEFAULT!r}"
+                    f"{self.method.name!r} has a fixed step: leave it out, or take {DEFAULT!r}",
+                    where=(option,),
                 )
         duration = self._duration()
         every = simulation.record_every
         limits.check_numbers(step, duration, every, simulation.seed)
         self.steps = round(duration / step)
         if self.steps < 1:
-            raise JointplayError(f"duration {duration:g} s is shorter than the step {step:g} s")
-        limits.check_memory(mechanism, duration, self.steps, every)
-        self.friction = self._friction()
+            raise JointplayError(
+                f"duration {duration:g} s is shorter than the step {step:g} s", where=("duration",)
+            )
         drives = assign(mechanism, simulation.motion, simulation.drive)
+        nodes = table_nodes(simulation.motion, drives, duration)
+        limits.check_memory(mechanism, duration, self.steps, every, nodes)
+        self.friction = self._friction()
         followed = [name for name, drive in drives.items() if drive.follows]
         q, v = self._initial_state(followed)
         tables, armature = tabulate(
-            mechanism, simulation.motion, drives, duration, self.friction, q
+            mechanism, simulation.motion, drives, duration, self.friction, q, progress
         )
         self.phases = [Phase(0, mechanism.model.copy())]
         # The run's own, for payloads and prescribed motion change its inertias.
@@ -249,7 +262,6 @@ class Run:
         )
         self.workspace.q[:], self.workspace.v[:] = q, v
         self._events = self._plan(step)
-        self._check_locks(q)
         self._check_step(step, q)
         constraints = mechanism.constraints(q, LOOP_CORRECTION / step)
         parts = (self.model, self.data, self.workspace, self.method, constraints)
@@ -267,9 +279,11 @@ class Run:
         duration, motion = self.simulation.duration, self.simulation.motion
         if duration is None:
             if motion is None:
-                raise JointplayError("a simulation without motion needs a duration [s]")
+                raise JointplayError(
+                    "a simulation without motion needs a duration [s]", where=("duration",)
+                )
             duration = motion.duration
-        return require_positive("duration", duration, "s")
+        return require_positive("duration", duration, "s", ("duration",))
 
     def _friction(self) -> Mapping[str, JointFriction]:
         friction = self.simulation.joint_friction
@@ -388,22 +402,6 @@ class Run:
             events += [(round(time / step), payload, picked) for time, picked in times]
         return sorted(events, key=lambda event: event[0], reverse=True)
 
-    def _check_locks(self, q: np.ndarray) -> None:
-        for name in self.mechanism.loops:
-            joint = self.mechanism.clearance.get(name)
-            if joint is None:
-                continue
-            jacobian = self.mechanism.relative_jacobian(name, q)
-            for row, freedom in zip(jacobian, _RELATIVE, strict=True):
-                if freedom not in joint.freedoms and np.abs(row).max() > 1e-9:
-                    slider = joint.kind == "prismatic"
-                    where = "its slider into the URDF's tree" if slider else "it into the tree"
-                    raise JointplayError(
-                        f"joint {name!r} locks {freedom}, but it closes a loop whose other joints "
-                        f"leave {freedom} free; do not lock it, or put {where} and close the loop "
-                        "at another joint"
-                    )
-
     def _check_step(self, step: float, q: np.ndarray) -> None:
         for name in self.mechanism.clearance:
             mass = effective_mass(self.mechanism, name, q)
@@ -417,7 +415,18 @@ class Run:
                 raise JointplayError(
                     f"step {step:g} s is too large for the contact stiffness at {name!r}: an "
                     f"impact at {REFERENCE_SPEED:g} m/s lasts {duration:.2g} s, so take at most "
-                    f"{duration / kernel.WELL_RESOLVED_STEPS:.2g} s"
+                    f"{duration / kernel.WELL_RESOLVED_STEPS:.2g} s",
+                    where=("step",),
+                )
+
+        for name in self.mechanism.gears:
+            duration = tooth_duration(self.mechanism, name, q)
+            if duration < MIN_CONTACT_STEPS * step:
+                raise JointplayError(
+                    f"step {step:g} s is too large for the stiffness of the gear at {name!r}: an "
+                    f"impact of its teeth lasts {duration:.2g} s, so take at most "
+                    f"{duration / kernel.WELL_RESOLVED_STEPS:.2g} s",
+                    where=("step",),
                 )
 
     def displace(self, distance: float) -> None:
@@ -430,13 +439,18 @@ class Run:
                         q[self.mechanism.coordinates.index(f"{name}.{part}")] += distance
             else:
                 moves = self.mechanism.relative_jacobian(name, q)[:3]
-                q += np.linalg.pinv(moves) @ np.full(3, distance)
+                strict = closing_rows(self.mechanism, q, self._ideal_loops)
+                aside = np.concatenate([np.full(3, distance), np.zeros(len(strict))])
+                q += np.linalg.pinv(np.concatenate([moves, strict])) @ aside
 
-    def execute(self, progress: bool = False) -> Result:
+    def execute(self, progress: bool = False, check_step: bool = True) -> Result:
         """Simulate; once only, for the workspace holds the state.
 
         Args:
             progress: show a bar with simulated time, speed and time left on standard error.
+            check_step: where nothing else judges the step, run again with another one: see
+                `step_check`. Takes about half of the run's time, in doubt two and a half times
+                the run's.
 
         Returns:
             The result. Interrupted by Ctrl-C, or stopped because the state ran away, it holds
@@ -444,12 +458,13 @@ class Run:
             stopped also warns.
         """
         started = time.perf_counter()
+        start = self.workspace.q.copy(), self.workspace.v.copy()
         status = self.loop(progress)
         elapsed = time.perf_counter() - started
         message = self.message(status)
         if status not in (Status.COMPLETED, Status.INTERRUPTED):
             warnings.warn(message, RuntimeWarning, stacklevel=2)
-        return histories(
+        result = histories(
             self.mechanism,
             self.simulation.describe(),
             self.workspace,
@@ -459,6 +474,11 @@ class Run:
             message,
             elapsed,
         )
+        if check_step and status == Status.COMPLETED and step_check.wanted(self.simulation):
+            error = step_check.step_error(self, result, start, progress)
+            if error is not None:
+                result.amend(step_error=error.tool, relative_step_error=error.relative)
+        return result
 
     def loop(self, progress: bool = False) -> Status:
         """Step until the end, a failure, or Ctrl-C; returns why it stopped."""
@@ -508,6 +528,11 @@ class Run:
                 return False
         return True
 
+    @property
+    def _ideal_loops(self) -> set[str]:
+        """Loops without clearance."""
+        return set(self.mechanism.loops) - set(self.mechanism.clearance)
+
     def _happen(self) -> None:
         """Pick and release what is due."""
         w = self.workspace
@@ -515,7 +540,7 @@ class Run:
             _, payload, picked = self._events.pop()
             last, driven, speed = self.phases[-1], self.model.copy(), w.v.copy()
             bodies = last.model.copy()  # without the armature of prescribed motion
-            frame = bodies.frames[bodies.getFrameId(payload.frame)]
+            frame = bodies.frames[frame_index(bodies, payload.frame)]
             body = frame.placement.act(payload.body)
             for model in (self.model, bodies):
                 held = model.inertias[frame.parentJoint]
@@ -523,8 +548,7 @@ class Run:
             brought = last.energy
             if w.steps > 0:
                 if picked:
-                    ideal = set(self.mechanism.loops) - set(self.mechanism.clearance)
-                    rows = closing_rows(self.mechanism, w.q, ideal)
+                    rows = closing_rows(self.mechanism, w.q, self._ideal_loops)
                     w.v[:] = velocity_after_pick(driven, self.model, w.q, speed, rows)
                 brought += _energy(bodies, w.q, w.v) - _energy(last.model, w.q, speed)
             row = -(-w.steps // self.simulation.record_every)
