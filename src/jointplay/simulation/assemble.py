@@ -1,0 +1,125 @@
+"""From a mechanism to what the kernels know of it, and whether it can be stepped at all."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from jointplay import kernel
+from jointplay.contact.law import address, check_parameters
+from jointplay.errors import JointplayError
+from jointplay.kernel.workspace import ContactSite, FilmSite
+from jointplay.mechanism.impact import REFERENCE_SPEED, contact_duration, effective_mass
+from jointplay.mechanism.mechanism import Mechanism
+
+MIN_CONTACT_STEPS = 4.0
+"""Fewer steps in an impact than this and the step is refused.
+
+At 4 steps the restitution of an impact scatters by 0.03 (0.07 at c_e = 0.5), at 2 an impact can
+gain energy (docs/validation.md).
+"""
+
+NO_MASS = 1e-9
+"""Part of the mechanism's mass below which what a contact meets counts as no mass."""
+
+FILM_LAG = 0.5
+"""Part of the effective mass that a film's lag reckons with: it may fall on the way."""
+
+_RELATIVE = ("x", "y", "z", "roll", "pitch", "yaw")
+"""Freedoms in the order of the rows of `Mechanism.relative_jacobian`."""
+
+
+def contact_site(mechanism: Mechanism, data: pin.Data, name: str, q: np.ndarray) -> ContactSite:
+    """What the kernels must know of the joint with clearance `name`.
+
+    Args:
+        mechanism: whose joint it is.
+        data: Pinocchio's, of the run.
+        name: of the joint.
+        q: configuration at the start, shape (nq,).
+    """
+    joint = mechanism.clearance[name]
+    parameters = [
+        check_parameters(joint.normal.parameters(joint.contact_properties(k)), joint.normal.name)
+        for k in range(len(joint.contacts))
+    ]
+    rubbing = check_parameters(joint.friction.parameters(), joint.friction.name)
+    first = mechanism.virtual_link(name) if mechanism.has_virtual_link(name) else None
+    reach: dict[str, Any] = {}
+    if first is None:
+        (i, bearing), (j, journal) = (
+            mechanism.bearing_frame(name),
+            mechanism.journal_frame(name),
+        )
+        frames = (data.oMi[i], data.oMi[j])
+        reach = {
+            "frames": tuple(part for f in frames for part in (f.rotation, f.translation)),
+            "placements": np.concatenate(
+                [part.ravel() for p in (bearing, journal) for part in (p.rotation, p.translation)]
+            ),
+            "signs": mechanism.signs(name),
+        }
+    if joint.film is not None:
+        law, properties = joint.film
+        reach["film"] = FilmSite(
+            address(law),
+            properties.contacts,
+            law.section * properties.length if properties.tilts else 0.0,
+            properties.clearance,
+            law.thickest(properties.clearance),
+            law.transition,
+            FILM_LAG * effective_mass(mechanism, name, q),
+            check_parameters(law.parameters(properties), law.name),
+        )
+        reach["must_not_touch"] = 0 if law.hybrid else properties.contacts
+    reach["wearing"] = len(joint.worn_widths) if joint.wears else 0
+    return ContactSite(
+        int(joint.shape),
+        joint.dimensions,
+        joint.depth_limit,
+        address(joint.normal),
+        address(joint.friction),
+        joint.friction.bristles,
+        parameters,
+        rubbing,
+        first,
+        **reach,
+    )
+
+
+def check_locks(mechanism: Mechanism, q: np.ndarray) -> None:
+    """Refuse a lock of what the other joints of a loop leave free."""
+    for name in mechanism.loops:
+        joint = mechanism.clearance.get(name)
+        if joint is None:
+            continue
+        jacobian = mechanism.relative_jacobian(name, q)
+        for row, freedom in zip(jacobian, _RELATIVE, strict=True):
+            if freedom not in joint.freedoms and np.abs(row).max() > 1e-9:
+                slider = joint.kind == "prismatic"
+                where = "its slider into the URDF's tree" if slider else "it into the tree"
+                raise JointplayError(
+                    f"joint {name!r} locks {freedom}, but it closes a loop whose other joints "
+                    f"leave {freedom} free; do not lock it, or put {where} and close the loop "
+                    "at another joint"
+                )
+
+
+def check_step(mechanism: Mechanism, mass_of_all: float, step: float, q: np.ndarray) -> None:
+    """Refuse a step [s] too large for an impact, and contacts that meet no mass."""
+    for name in mechanism.clearance:
+        mass = effective_mass(mechanism, name, q)
+        if not mass >= NO_MASS * mass_of_all:
+            raise JointplayError(
+                f"a contact in joint {name!r} would meet a mass of {mass:.2g} kg only: a link "
+                "beside it has no mass or inertia of its own; give it some"
+            )
+        duration = contact_duration(mechanism, name, q)
+        if duration < MIN_CONTACT_STEPS * step:
+            raise JointplayError(
+                f"step {step:g} s is too large for the contact stiffness at {name!r}: an "
+                f"impact at {REFERENCE_SPEED:g} m/s lasts {duration:.2g} s, so take at most "
+                f"{duration / kernel.WELL_RESOLVED_STEPS:.2g} s"
+            )
