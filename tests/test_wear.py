@@ -197,7 +197,7 @@ def test_scatter_of_perturbed_runs_is_reported(urdf):
 
 
 def test_interrupted_life_keeps_what_is_known(urdf, monkeypatch):
-    import jointplay.simulation.simulation as module
+    import jointplay.simulation.run as module
 
     simulation, calls, original = rubbing(urdf, 30.0, duration=0.05), [], module.Run.execute
 

@@ -15,7 +15,6 @@ from common import COLOURS, MARKERS, draw_ensembles, new_figure, spread
 from scipy.optimize import brentq
 
 import jointplay as jp
-from jointplay.kernel import Command
 from validation import Outcome, case
 from validation.mechanisms import FREE, body, joint, urdf
 
@@ -257,7 +256,7 @@ def _turning(
     run.workspace.q[1] -= shift[1] / ROD
     run.workspace.q[2] += shift[0]
     if nudge:
-        run.begin = functools.partial(_begin_nudged, run, transient, nudge)
+        _begin_nudged(run, transient, nudge)
     result = run.execute()
     per_turn = round(TURN / RECORD)
     at = slice(transient * per_turn, (transient + turns) * per_turn + 1)
@@ -277,11 +276,11 @@ def _turning(
 
 def _begin_nudged(run, transient: int, nudge: float) -> None:
     """Begin, go through the transient, and move the slider."""
-    type(run).begin(run)
+    run.begin()
     run.advance(round(transient * TURN / STEP))
-    run.workspace.do(Command.SETTLE if run.method.single_rate else Command.SETTLE_MACRO)
+    run.settle()
     run.workspace.q[2] += nudge
-    type(run).begin(run)
+    run.begin()
 
 
 def _runs(quick: bool, clearance: float, **changes: float) -> list[Turns]:

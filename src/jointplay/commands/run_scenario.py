@@ -26,7 +26,6 @@ from jointplay.host import stopping, workers
 from jointplay.host.stopping import INTERRUPTED
 
 if TYPE_CHECKING:
-    from jointplay.kernel import Status
     from jointplay.result.result import Result
     from jointplay.scenario import Scenario
     from jointplay.simulation.simulation import Run
@@ -313,7 +312,7 @@ def _ticking(index: int) -> Iterator[Callable[[Run], None]]:
         nonlocal past
         if runs:
             past += runs.pop().workspace.time
-        run.loop = _stoppable(run.loop)  # type: ignore[method-assign, assignment]
+        run.guards.append(_stoppable)
         runs.append(run)
         _begun[index] += 1
 
@@ -331,16 +330,13 @@ def _ticking(index: int) -> Iterator[Callable[[Run], None]]:
         tell()
 
 
-def _stoppable(loop: Callable[[bool], Status]) -> Callable[[bool], Status]:
+@contextmanager
+def _stoppable() -> Iterator[None]:
     """Let the parent stop the time loop, but nothing else: half a file is worth nothing."""
-
-    def guarded(progress: bool = False) -> Status:
-        signal.signal(signal.SIGTERM, _interrupt)
-        try:
-            if _ending:
-                raise KeyboardInterrupt
-            return loop(progress)
-        finally:
-            signal.signal(signal.SIGTERM, _end)
-
-    return guarded
+    signal.signal(signal.SIGTERM, _interrupt)
+    try:
+        if _ending:
+            raise KeyboardInterrupt
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, _end)

@@ -17,6 +17,7 @@ from jointplay.host.late import late
 from jointplay.kernel import Status
 from jointplay.result import netcdf
 from jointplay.result.audit import Audit
+from jointplay.result.judging import after_start_up
 
 if TYPE_CHECKING:
     from jointplay.plots import Plots
@@ -59,6 +60,14 @@ class Result:
         """Status, size and audit, readable."""
         sizes = ", ".join(f"{name}: {size}" for name, size in self.dataset.sizes.items())
         return f"<jointplay Result: {self.message}>\n  {sizes}\n{self.judgement}"
+
+    @property
+    def judge_from(self) -> float:
+        """From when on measures, figures and reports judge this run, if not told otherwise [s]."""
+        if self.audit.judged_from is not None:
+            return self.audit.judged_from
+        # Version 0.1, where every journal fell from the centre.
+        return after_start_up(float(self.time[-1]), bool(self.joints)) if len(self.time) else 0.0
 
     @property
     def judgement(self) -> str:

@@ -92,7 +92,10 @@ class _Simulation(_Stored):
     joint_friction: dict[str, JOINT_FRICTION] | None = None  # type: ignore[valid-type]
     seed: int | None = None
     payloads: list[PAYLOAD] = []  # type: ignore[valid-type]
-    start: dict[str, float] = {}
+    start: dict[str, float] | str | None = None
+    state: dict[str, list[float | None]] = {}
+    settle: float | str | None = None
+    judge_from: float | None = None
     start_speed: dict[str, float] = {}
 
 

@@ -64,14 +64,30 @@ class Events:
             _, payload, picked = self._planned.pop()
             self._exchange(w, payload, picked)
 
-    def _exchange(self, w: Workspace, payload: Payload, picked: bool) -> None:
-        last, driven, speed = self.phases[-1], self._model.copy(), w.v.copy()
-        bodies = last.model.copy()  # without the armature of prescribed motion
+    def memory(self) -> list[tuple[int, float]]:
+        """Row and energy of each phase so far, for a checkpoint."""
+        return [(phase.row, phase.energy) for phase in self.phases]
+
+    def recall(self, memory: Sequence[Sequence[float]]) -> None:
+        """Let what happened before a checkpoint have happened."""
+        for row, energy in list(memory)[len(self.phases) :]:
+            _, payload, picked = self._planned.pop()
+            bodies = self._change(payload, picked)
+            self.phases.append(Phase(int(row), bodies, float(energy)))
+
+    def _change(self, payload: Payload, picked: bool) -> pin.Model:
+        """Change the inertias of the run's model; returns the bodies that then are."""
+        bodies = self.phases[-1].model.copy()  # without the armature of prescribed motion
         frame = bodies.frames[bodies.getFrameId(payload.frame)]
         body = frame.placement.act(payload.body)
         for model in (self._model, bodies):
             held = model.inertias[frame.parentJoint]
             model.inertias[frame.parentJoint] = held + body if picked else held - body
+        return bodies
+
+    def _exchange(self, w: Workspace, payload: Payload, picked: bool) -> None:
+        last, driven, speed = self.phases[-1], self._model.copy(), w.v.copy()
+        bodies = self._change(payload, picked)
         brought = last.energy
         if w.steps > 0:
             if picked:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -105,6 +106,18 @@ class Loop(ABC):
     def settle(self) -> None:
         """Make the workspace's state (q, v) whole, for an event that is going to change it."""
 
+    def look(self) -> None:
+        """Evaluate the present state to be read; the caller brings the workspace back to it."""
+        return None
+
+    def memory(self) -> dict[str, float]:
+        """What is known beside the workspace, for a checkpoint."""
+        return {}
+
+    def recall(self, memory: Mapping[str, float]) -> None:
+        """Go on as the loop that had this memory."""
+        return None
+
     @abstractmethod
     def stretch(self, steps: int) -> bool:
         """Do some steps, no more than `steps`; returns whether all is well."""
@@ -137,6 +150,10 @@ class SingleRate(Loop):
     def settle(self) -> None:
         """Complete the work of the last step."""
         self.workspace.do(Command.SETTLE)
+
+    def recall(self, memory: Mapping[str, float]) -> None:
+        """Do not begin from the start again."""
+        self._begun = True
 
     def stretch(self, steps: int) -> bool:
         """Do `steps` steps."""
@@ -249,6 +266,19 @@ class MultiRate(Loop):
         """Find the velocity at the present instant."""
         self.workspace.do(Command.SETTLE_MACRO)
 
+    def look(self) -> None:
+        """Find the velocity at the present instant, for a moment."""
+        if not self.workspace.run["fresh"][0]:
+            self.settle()
+
+    def memory(self) -> dict[str, float]:
+        """Length of the next macro step, in steps."""
+        return {"macro": self._macro}
+
+    def recall(self, memory: Mapping[str, float]) -> None:
+        """Take the length of the next macro step."""
+        self._macro = int(memory["macro"])
+
     def _frames(self, nodes: int) -> None:
         """Frames and Jacobians at the first `nodes` nodes of the predicted path."""
         run = self.workspace.run
@@ -338,6 +368,15 @@ class Adaptive(MultiRate):
         fitting = (n for n in range(min(self._every, self._longest), 0, -1) if self._every % n == 0)
         self._unit = next(fitting)
         self._micro_step = self._dt
+
+    def memory(self) -> dict[str, float]:
+        """Length of the next macro and micro steps."""
+        return super().memory() | {"micro_step": self._micro_step}
+
+    def recall(self, memory: Mapping[str, float]) -> None:
+        """Take the lengths of the next steps."""
+        super().recall(memory)
+        self._micro_step = float(memory["micro_step"])
 
     def stretch(self, steps: int) -> bool:
         """Do one macro step as finely as it needs."""

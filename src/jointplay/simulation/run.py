@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import math
 import sys
 import time
 import warnings
-from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager, ExitStack
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import pinocchio as pin
 from tqdm import tqdm
 
@@ -17,12 +22,14 @@ from jointplay.kernel import Status
 from jointplay.kernel.integrators import DEFAULT, Integrator, integrator
 from jointplay.kernel.workspace import Workspace
 from jointplay.loads.drive import JointFriction, assign, tabulate
+from jointplay.result.audit import Judgement
 from jointplay.result.histories import Phase, histories
 from jointplay.result.result import Result
-from jointplay.simulation import ending, initial, limits
+from jointplay.simulation import checkpoint, ending, initial, limits
 from jointplay.simulation.assemble import check_locks, check_step, contact_site
 from jointplay.simulation.events import Events
 from jointplay.simulation.loop import LOOP_CORRECTION, Adaptive, Loop, MultiRate, SingleRate
+from jointplay.simulation.moment import Moment
 from jointplay.simulation.progress import Bar
 
 if TYPE_CHECKING:
@@ -46,32 +53,72 @@ class Run:
         self.friction = self._friction()
         drives = assign(mechanism, simulation.motion, simulation.drive)
         followed = [name for name, drive in drives.items() if drive.follows]
-        q, v = initial.initial_state(simulation, mechanism, followed)
+        start = initial.place(simulation, mechanism, followed)
+        if simulation.seed is not None and not simulation.stands:
+            start.perturb(simulation.seed, at_rest=False)
         tables, armature = tabulate(
-            mechanism, simulation.motion, drives, duration, self.friction, q
+            mechanism, simulation.motion, drives, duration, self.friction, start.q
         )
+        start.move()
         # The run's own, for payloads and prescribed motion change its inertias.
         self.model = mechanism.model.copy()
         for at, value in armature.items():
             self.model.armature[at] = value
         self.data = self.model.createData()
-        self.workspace = Workspace(
+        self.workspace = w = Workspace(
             self.data,
             self.model.nv,
-            [contact_site(mechanism, self.data, name, q) for name in mechanism.clearance],
+            [contact_site(mechanism, self.data, name, start.q) for name in mechanism.clearance],
             tables,
             step,
             simulation.record_every,
             self.steps // simulation.record_every + 2,
             own_acceleration=not self.method.single_rate,
         )
-        self.workspace.q[:], self.workspace.v[:] = q, v
+        w.q[:], w.v[:] = start.q, start.v
         self._events = Events(
             mechanism, self.model, simulation.payloads, step, simulation.record_every
         )
-        check_locks(mechanism, q)
-        check_step(mechanism, pin.computeTotalMass(self.model), step, q)
-        self._loop = self._make_loop(mechanism.constraints(q, LOOP_CORRECTION / step))
+        check_locks(mechanism, start.q)
+        check_step(mechanism, pin.computeTotalMass(self.model), step, start.q)
+        self.rest: initial.Rest | None = None
+        """Where the search for the place of rest ended; None if journals start centred."""
+        if simulation.stands and (mechanism.clearance or mechanism.gears):
+            self._events.happen(w)  # what is picked at 0 weighs from the first
+            bodies = self.phases[-1].model
+            self.rest = initial.rest(simulation, start, bodies, w, drives, self.friction)
+            self._stand(start)
+        self.judged_from = simulation.judged_from
+        """When figures begin to be judged [s]."""
+        self._unjudged: dict[str, np.ndarray] | None = None
+        self._begun = False
+        self._elapsed = 0.0
+        self.guards: list[Callable[[], AbstractContextManager[object]]] = []
+        """Contexts in which the time loop runs, such as one that takes signals."""
+        self._loop = self._make_loop(mechanism.constraints(w.q, LOOP_CORRECTION / step))
+
+    def _stand(self, start: initial.Start) -> None:
+        """Let the journals begin where they rest, if they do."""
+        rest, simulation = self.rest, self.simulation
+        assert rest is not None
+        if not rest.solved:
+            if simulation.start == "rest":
+                raise JointplayError(
+                    f"no place of rest was found: after {rest.trials} trials {rest.residual:.3g} N "
+                    f"of {rest.load:.3g} N are not balanced; start 'centred', or give a state in "
+                    "which the drives hold the machine"
+                )
+            # As the result says: to run it again is to run it like this.
+            self.simulation = replace(simulation, start="centred")
+            if simulation.seed is not None:
+                start.perturb(simulation.seed, at_rest=False)
+        else:
+            self.simulation = replace(simulation, start="rest")
+            start.q = rest.q
+            if simulation.seed is not None:
+                start.perturb(simulation.seed, at_rest=True)
+        start.move()
+        self.workspace.q[:], self.workspace.v[:] = start.q, start.v
 
     def _check_numbers(self) -> tuple[float, float]:
         """Refuse settings that make no sense; returns step and duration [s]."""
@@ -138,7 +185,7 @@ class Run:
         initial.displace(self.mechanism, self.workspace.q, distance)
 
     def execute(self, progress: bool = False) -> Result:
-        """Simulate; once only, for the workspace holds the state.
+        """Simulate to the end, from the start or from where the run stands; once only.
 
         Args:
             progress: show a bar with simulated time, speed and time left on standard error.
@@ -150,10 +197,19 @@ class Run:
         """
         started = time.perf_counter()
         status = self.loop(progress)
-        elapsed = time.perf_counter() - started
+        self._elapsed += time.perf_counter() - started
         message = self.message(status)
         if status not in (Status.COMPLETED, Status.INTERRUPTED):
             warnings.warn(message, RuntimeWarning, stacklevel=2)
+        return self.result(status, message)
+
+    def result(self, status: Status | None = None, message: str | None = None) -> Result:
+        """What was recorded so far, as a result.
+
+        Args:
+            status, message: how the run ended; if not given, as interrupted here.
+        """
+        status = Status.INTERRUPTED if status is None else status
         return histories(
             self.mechanism,
             self.simulation.describe(),
@@ -161,8 +217,20 @@ class Run:
             self.friction,
             self.phases,
             status,
-            message,
-            elapsed,
+            self.message(status) if message is None else message,
+            self._elapsed,
+            self.judgement(),
+        )
+
+    def judgement(self) -> Judgement:
+        """How the run began, and what its contacts did before it was judged."""
+        start = "centred" if self.rest is None or not self.rest.solved else "rest"
+        return Judgement(
+            start,
+            self.judged_from,
+            None if self.rest is None else self.rest.residual,
+            None if self.rest is None else self.rest.load,
+            self._unjudged,
         )
 
     def loop(self, progress: bool = False) -> Status:
@@ -173,23 +241,121 @@ class Run:
             tqdm.write(note, file=sys.stderr)
         kernel.compiled()
         bar = Bar(self.steps * self.simulation.step, progress, self.label)
-        try:
-            self.begin()
-            while workspace.steps < self.steps:
-                if not self.stretch():
-                    return workspace.status
-                bar.update(workspace.time)
-            self._loop.finish()
+        with ExitStack() as stack:
+            stack.callback(bar.close)
+            for guard in self.guards:
+                stack.enter_context(guard())
+            try:
+                for now in self.stretches():
+                    bar.update(now)
+            except KeyboardInterrupt:
+                return Status.INTERRUPTED
             return workspace.status
-        except KeyboardInterrupt:
-            return Status.INTERRUPTED
-        finally:
-            bar.close()
+
+    def stretches(self) -> Iterator[float]:
+        """Step to the end, or to a failure, and give the time after every stretch [s]."""
+        if not self._begun:
+            self.begin()
+        while self.workspace.steps < self.steps:
+            if not self.stretch():
+                return
+            yield self.workspace.time
+        self.finish()
+
+    def moments(self, every: float | None = None) -> Iterator[Moment]:
+        """Step to the end, or to a failure, and give a moment between macro steps to read.
+
+        The first is that of the start. To look changes nothing: the run is the same bit for bit.
+
+        Args:
+            every: a moment at the first macro step that ends at or after each multiple of this
+                [s]; None: one after every macro step.
+
+        Raises:
+            JointplayError: `every` is not positive.
+        """
+        if every is not None:
+            require_positive("every", every, "s")
+        kernel.compiled()
+        if not self._begun:
+            self.begin()
+        yield self.moment()
+        given = 0 if every is None else math.floor(self.workspace.time / every + 1e-9)
+        for now in self.stretches():
+            due = given if every is None else math.floor(now / every + 1e-9)
+            if every is None or due > given:
+                given = due
+                yield self.moment()
+
+    def moment(self) -> Moment:
+        """The present instant, to be read; the run must have begun."""
+        w = self.workspace
+        kept = [array.copy() for array in w.state()]
+        self._loop.look()
+        touching = (w.contacts["touching"] > 0) & (w.joints["touching"] > 0)[:, None]
+        if self.method.single_rate:
+            touching = w.contacts["touching"] > 0
+        moment = Moment(
+            w.time,
+            w.steps,
+            w.q.copy(),
+            w.v.copy(),
+            self.mechanism,
+            w.joints["pose"].copy(),
+            w.joints["wrench"].copy(),
+            np.where(touching, w.contacts["normal_now"], 0.0),
+        )
+        for array, values in zip(w.state(), kept, strict=True):
+            np.copyto(array, values)
+        return moment
 
     def begin(self) -> None:
-        """Evaluate forces and acceleration of the initial state, payloads picked at 0 in hand."""
+        """Evaluate forces and acceleration of the state, payloads picked at 0 in hand.
+
+        Begin again whenever you have changed q or v of the workspace, after `settle`.
+        """
         self._events.happen(self.workspace)
         self._loop.begin()
+        self._begun = True
+
+    def settle(self) -> None:
+        """Make q and v of the workspace whole, to be changed; then `begin` again."""
+        self._loop.settle()
+
+    def finish(self) -> None:
+        """Record the last state."""
+        self._loop.finish()
+
+    def checkpoint(self, path: str | Path) -> Path:
+        """Write the run as it stands; `Simulation.resume` continues it bit for bit.
+
+        Between stretches or moments, or after Ctrl-C within them. An older file of that name is
+        replaced, at once or not at all.
+
+        Raises:
+            JointplayError: the file cannot be written.
+        """
+        return checkpoint.save(self, Path(path))
+
+    def memory(self) -> dict[str, Any]:
+        """What a checkpoint holds beside the workspace."""
+        return {
+            "begun": self._begun,
+            "elapsed": self._elapsed,
+            "unresolved": self.workspace.unresolved,
+            "events": self._events.memory(),
+            "loop": self._loop.memory(),
+            "unjudged": self._unjudged,
+        }
+
+    def recall(self, memory: Mapping[str, Any]) -> None:
+        """Go on as the run that had this memory; its workspace has been restored."""
+        self._events.recall(memory["events"])
+        if memory["begun"]:
+            self._loop.recall(memory["loop"])
+        self._begun, self._elapsed = bool(memory["begun"]), float(memory["elapsed"])
+        self.workspace.unresolved = int(memory["unresolved"])
+        self._unjudged = memory["unjudged"]
 
     def stretch(self, most: int = _CHUNK) -> bool:
         """Do some steps, up to `most`, then what is due; returns whether all is well."""
@@ -198,8 +364,13 @@ class Run:
         due = self._events.next_step
         if due is not None:
             steps = min(steps, due - w.steps)
+        judged = round(self.judged_from / self.simulation.step)
+        if self.method.single_rate and w.steps < judged:
+            steps = min(steps, judged - w.steps)
         if not self._loop.stretch(steps):
             return False
+        if self._unjudged is None and w.steps >= judged > 0:
+            self._unjudged = w.contact_statistics()
         if due is not None and due == w.steps:
             self._loop.settle()
             self._events.happen(w)

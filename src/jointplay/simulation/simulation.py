@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from jointplay.errors import JointplayError
+from jointplay.errors import JointplayError, MissingName
 from jointplay.host.late import late
 from jointplay.kernel.integrators import DEFAULT
 from jointplay.loads.drive import ComputedTorque, Drive, JointFriction, drive_from_description
@@ -17,7 +18,9 @@ from jointplay.mechanism.mechanism import Mechanism
 from jointplay.mechanism.payload import Payload
 from jointplay.motion.reference import Motion
 from jointplay.result.result import Result
-from jointplay.simulation.initial import PERTURBATION
+from jointplay.simulation import checkpoint, judging
+from jointplay.simulation.initial import PERTURBATION, STARTS, pair
+from jointplay.simulation.moment import Moment
 from jointplay.simulation.run import Run
 
 __all__ = ["PERTURBATION", "Run", "Simulation", "simulate"]
@@ -55,10 +58,56 @@ class Simulation:
     seed: int | None = None
     """Displaces each journal at the start by a random vector of up to half its clearances."""
     payloads: Sequence[Payload] = ()
-    start: Mapping[str, float] = field(default_factory=dict)
-    """Where joints without reference begin [rad or m]; in loops, if not given, they follow."""
+    start: str | Mapping[str, float] | None = None
+    """``"rest"``: journals begin where they lie under gravity and drives; ``"centred"``: in the
+    middle of their bearings. None: at rest wherever gravity acts, if there is a place of rest.
+
+    A mapping is the older way to give the positions of `state`."""
     start_speed: Mapping[str, float] = field(default_factory=dict)
-    """How fast [rad/s or m/s]."""
+    """The older way to give the speeds of `state`."""
+    state: Mapping[str, float | tuple[float | None, float | None]] = field(default_factory=dict)
+    """Position [rad or m], or position and speed, at the start, by name of a joint without
+    reference or of any coordinate: ``joint.x`` and so on are the journal's own. None leaves
+    one of the two open. In loops, what is not given follows."""
+    settle: float | str | None = None
+    """Time at the start in which the motion settles and is not judged [s], or as ``"2 turns"``:
+    until a driven joint has turned so often."""
+    judge_from: float | None = None
+    """When figures begin to be judged [s]; None: when the run has settled, see `judged_from`."""
+
+    def __post_init__(self) -> None:
+        """Bring the older ways to give a state into `state`."""
+        if isinstance(self.start, Mapping) or self.start_speed:
+            places = dict(self.start) if isinstance(self.start, Mapping) else {}
+            speeds = dict(self.start_speed)
+            state: dict[str, Any] = {
+                name: (places.get(name), speeds.get(name)) for name in {**places, **speeds}
+            }
+            object.__setattr__(self, "state", {**state, **self.state})
+            object.__setattr__(self, "start_speed", {})
+            if isinstance(self.start, Mapping):
+                object.__setattr__(self, "start", None)
+        if self.start is not None and self.start not in STARTS:
+            raise MissingName("start", str(self.start), STARTS)
+
+    @property
+    def stands(self) -> bool:
+        """Whether journals shall begin where they rest under load."""
+        if self.start is not None:
+            return self.start == "rest"
+        return any(self.mechanism.gravity)
+
+    @property
+    def judged_from(self) -> float:
+        """When figures begin to be judged [s].
+
+        `judge_from` if given, else when `settle` is over; else, where journals fall into their
+        bearings at the start, after `START_UP`, if the run is more than twice as long; else 0.
+
+        Raises:
+            JointplayError: numbers that make no sense, or turns of what does not turn.
+        """
+        return judging.judged_from(self)
 
     def describe(self) -> dict[str, Any]:
         """All inputs as plain data; `from_description` reads it back."""
@@ -79,14 +128,25 @@ class Simulation:
             else {name: asdict(value) for name, value in self.joint_friction.items()},
             "seed": self.seed,
             "payloads": [payload.describe() for payload in self.payloads],
-            "start": dict(self.start),
-            "start_speed": dict(self.start_speed),
+            "start": self.start,
+            "state": {name: list(pair(name, value)) for name, value in self.state.items()},
+            "settle": self.settle,
+            "judge_from": self.judge_from,
         }
 
     @classmethod
     def from_description(cls, description: Mapping[str, Any]) -> Simulation:
-        """Build the simulation that `describe` described."""
+        """Build the simulation that `describe` described.
+
+        Descriptions of version 0.1, which say nothing of the start, began centred.
+        """
         fields = dict(description)
+        if "state" not in fields:
+            places, speeds = fields.pop("start", {}), fields.pop("start_speed", {})
+            fields["state"] = {
+                name: (places.get(name), speeds.get(name)) for name in {**places, **speeds}
+            }
+            fields["start"] = "centred"
         fields["mechanism"] = Mechanism.from_description(fields["mechanism"])
         if fields["motion"] is not None:
             fields["motion"] = Motion.from_description(fields["motion"])
@@ -101,6 +161,29 @@ class Simulation:
                 name: JointFriction(**value) for name, value in fields["joint_friction"].items()
             }
         return cls(**fields)
+
+    def steps(self, every: float | None = None) -> Iterator[Moment]:
+        """Run, and look at the state between macro steps.
+
+        Stop the loop when you have seen enough; `Run.moments` also gives the run to hold.
+
+        Args:
+            every: at most so often [s]; None: after every macro step.
+        """
+        return self.prepare().moments(every)
+
+    @staticmethod
+    def resume(path: str | Path, trust: Collection[str] = ()) -> Run:
+        """A run as `Run.checkpoint` left it, to be continued bit for bit.
+
+        Args:
+            path: the file.
+            trust: modules from which laws of the user's own may be imported.
+
+        Raises:
+            JointplayError: no such file, damaged, or of another version.
+        """
+        return checkpoint.resume(Path(path), trust)
 
     def prepare(self) -> Run:
         """Check everything and make ready to step.
