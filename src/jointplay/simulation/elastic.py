@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from jointplay.contact.law import MAX_PARAMETERS, address, call_normal, pointer
-from jointplay.geometry import touch
+from jointplay.geometry import classify_many, touch
 from jointplay.host.numba_cache import njit
 from jointplay.joints import Clearance
 
@@ -41,17 +41,17 @@ def _wrench(shape, dimensions, count, law, parameters, pose, out):
 
 @njit(cache=True, error_model="numpy")
 def _energy(shape, dimensions, count, law, parameters, pose, nodes, weights):
-    """Energy that the contacts store at a pose [J], and the smallest gap [m]."""
-    total, least = 0.0, np.inf
+    """Energy that the contacts store at a pose [J]."""
+    total = 0.0
     for k in range(count):
         gap = touch(shape, dimensions, 0, k, pose[0], pose[1], pose[2], pose, 3)[0]
-        least = min(least, gap)
-        if gap < 0.0:
+        depth = max(-gap, 0.0)
+        if depth > 0.0:
             own = pointer(parameters[k].ctypes.data)
             for n in range(nodes.size):
-                force = call_normal(law, -0.5 * gap * (1.0 + nodes[n]), 0.0, 1.0, own)
-                total -= 0.5 * gap * weights[n] * force
-    return total, least
+                force = call_normal(law, 0.5 * depth * (1.0 + nodes[n]), 0.0, 1.0, own)
+                total += 0.5 * depth * weights[n] * force
+    return total
 
 
 @njit(cache=True, error_model="numpy")
@@ -98,10 +98,15 @@ class ElasticJoint:
         self.reach = float(np.linalg.norm(joint.outline.size))
         """Farthest point of the journal from its centre [m]."""
 
-    def energy(self, pose: np.ndarray) -> tuple[float, float]:
-        """Energy stored at a pose (12,) of the journal in its bearing [J], smallest gap [m]."""
-        stored, gap = _energy(*self._of, pose, _NODES, _WEIGHTS)
-        return float(stored), float(gap)
+    def energy(self, pose: np.ndarray) -> float:
+        """Energy stored at a pose (12,) of the journal in its bearing [J]."""
+        return float(_energy(*self._of, pose, _NODES, _WEIGHTS))
+
+    def smallest_gap(self, pose: np.ndarray) -> float:
+        """At a pose (12,) of the journal in its bearing; negative in penetration [m]."""
+        shape, dimensions, count, *_ = self._of
+        gaps, _, _ = classify_many(shape, dimensions, count, pose[None])
+        return float(gaps.min())
 
     def wrench(self, pose: np.ndarray) -> np.ndarray:
         """Force on the journal and moment about its centre, bearing axes, (6,) [N, N m]."""

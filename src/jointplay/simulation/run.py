@@ -103,9 +103,14 @@ class Run:
         assert rest is not None
         if not rest.solved:
             if simulation.start == "rest":
+                what = (
+                    f"after {rest.trials} trials {rest.residual:.3g} N of {rest.load:.3g} N are "
+                    "not balanced"
+                    if rest.inside
+                    else "a journal would break out of its bearing"
+                )
                 raise JointplayError(
-                    f"no place of rest was found: after {rest.trials} trials {rest.residual:.3g} N "
-                    f"of {rest.load:.3g} N are not balanced; start 'centred', or give a state in "
+                    f"no place of rest was found: {what}; start 'centred', or give a state in "
                     "which the drives hold the machine"
                 )
             # As the result says: to run it again is to run it like this.

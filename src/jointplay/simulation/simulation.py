@@ -60,7 +60,8 @@ class Simulation:
     payloads: Sequence[Payload] = ()
     start: str | Mapping[str, float] | None = None
     """``"rest"``: journals begin where they lie under gravity and drives; ``"centred"``: in the
-    middle of their bearings. None: at rest wherever gravity acts, if there is a place of rest.
+    middle of their bearings. None: at rest where gravity acts or the reference moves from the
+    first, if there is a place of rest.
 
     A mapping is the older way to give the positions of `state`."""
     start_speed: Mapping[str, float] = field(default_factory=dict)
@@ -95,7 +96,12 @@ class Simulation:
         """Whether journals shall begin where they rest under load."""
         if self.start is not None:
             return self.start == "rest"
-        return any(self.mechanism.gravity)
+        if any(self.mechanism.gravity):
+            return True
+        if self.motion is None:
+            return False
+        _, speed, acceleration = self.motion(np.zeros(1))  # inertia presses
+        return bool(speed.any() or acceleration.any())
 
     @property
     def judged_from(self) -> float:

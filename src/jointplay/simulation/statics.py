@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
+import eigenpy
 import numpy as np
 import pinocchio as pin
 
@@ -20,14 +21,20 @@ from jointplay.mechanism.loop import ANGLE_ARM_M, closing_rows, misfit
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.simulation.elastic import ElasticJoint
 
-TOLERANCE = 1e-6
+TOLERANCE = 1e-4
 """Unbalanced force, relative to the largest force of a joint, below which a state is at rest."""
 
 SOLVED = 1e-10
 """The same at which the search ends."""
 
-MOST_TRIALS = 600
-"""States tried before the search is given up."""
+MOST_TRIALS = 100
+"""States tried of all joints together, before the search goes on joint by joint or is given up."""
+
+MOST_LOCAL = 150
+"""States tried of one joint."""
+
+_ROUNDING = 1e-14
+"""Part of an energy that rounding blurs."""
 
 _ANGLE = 1e-3
 """Displacement by which a joint is asked what its ideal twin would follow [m or rad]."""
@@ -45,11 +52,13 @@ class Rest:
     """Largest elastic force of a joint, or the weight if none is pressed [N]."""
     trials: int
     """States tried."""
+    inside: bool
+    """Whether all journals are in their bearings still."""
 
     @property
     def solved(self) -> bool:
-        """Whether what is left unbalanced is nothing beside the load."""
-        return bool(self.residual <= TOLERANCE * self.load)
+        """Whether what is left unbalanced is little beside the load, less than friction holds."""
+        return bool(self.inside and self.residual <= TOLERANCE * self.load)
 
 
 def limited(joint: Clearance) -> list[str]:
@@ -148,6 +157,7 @@ class Balance:
         mechanism = self._mechanism
         nv = self._model.nv
         play, own = set(), set()
+        blocks: dict[str, set[int]] = {}
         for name, joint in mechanism.clearance.items():
             if name in mechanism.loops:
                 continue
@@ -157,10 +167,13 @@ class Balance:
             own |= set(members.values())
             film = joint.film is not None and not joint.film[0].hybrid
             if not film and not given & set(members.values()):
-                play |= {members[part] for part in limited(joint)}
+                blocks[name] = {members[part] for part in limited(joint)}
+                play |= blocks[name]
         own -= {mechanism.coordinate(n) for n in mechanism.clearance if n not in mechanism.loops}
         every = np.eye(nv)
         columns = [every[:, sorted((play | sprung) - given)]]
+        # What moves one journal only, unless it has to close an ideal loop.
+        self._blocks = {} if self._ideal else {n: sorted(at) for n, at in blocks.items() if at}
         # Joints that no drive holds are held where they are, as far as loops leave them free.
         held = {mechanism.motor(n) for n, one in drives.items() if one.follows}
         held |= {mechanism.coordinate(n) for n, one in drives.items() if one.follows}
@@ -217,23 +230,23 @@ class Balance:
         linear = columns[:3] + np.cross(columns[3:], centre, axisa=0, axisc=0)
         return np.concatenate([turn.T @ linear, turn.T @ columns[3:]])
 
-    def energy(self, q: np.ndarray) -> float:
-        """Potential energy [J]; infinite where a law fails."""
+    def energy(self, q: np.ndarray, names: Collection[str]) -> float:
+        """Potential energy [J], of contacts of the joints `names`; infinite where a law fails."""
         away = q - self._start
         pin.forwardKinematics(self._model, self._data, q)
         total = pin.computePotentialEnergy(self._model, self._data, q)
         pull = self._rest - q
         total += 0.5 * float(self._springs @ pull**2) - float(self._constant @ away)
         total += float(self._inertia @ away)
-        for name, one in self._elastic.items():
-            total += one.energy(self._pose(name))[0]
+        for name in names:
+            total += self._elastic[name].energy(self._pose(name))
         for row in self._gears:
             if int(row["motor"]) not in self._trailing:
                 depth = abs(q[row["motor"]] - q[row["link"]]) - row["half_play"]
                 total += 0.5 * row["stiffness"] * max(depth, 0.0) ** 2
         return float(total) if np.isfinite(total) else np.inf
 
-    def slopes(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+    def slopes(self, q: np.ndarray, names: Collection[str]) -> tuple[np.ndarray, np.ndarray, float]:
         """Gradient (nv,) and curvature (nv, nv) of the energy, and the largest joint force [N]."""
         curvature = pin.computeGeneralizedGravityDerivatives(self._model, self._data, q)
         curvature = np.array(curvature).reshape(len(q), len(q)) + np.diag(self._springs)
@@ -241,7 +254,8 @@ class Balance:
         gradient += self._inertia - self._constant - self._springs * (self._rest - q)
         pin.computeJointJacobians(self._model, self._data, q)
         load = 0.0
-        for name, one in self._elastic.items():
+        for name in names:
+            one = self._elastic[name]
             pose, moves = self._pose(name), self._jacobian(name)
             wrench = one.wrench(pose)
             gradient -= moves.T @ wrench
@@ -294,46 +308,98 @@ class Balance:
         """Search for the equilibrium next to the start, downhill."""
         q, trials, residual, load = self._start.copy(), 0, 0.0, 0.0
         moving = self._speed.any() or self._acceleration.any()
-        for _ in range(3 if moving else 1):
+        for _ in range(3 if moving else 2):
             self.refresh(q)
-            q, residual, load, tried = self._descend(q, MOST_TRIALS - trials)
+            # Joint by joint first: what the others do to its load is of second order.
+            for name, at in self._blocks.items():
+                q, *_ = self._descend(q, MOST_LOCAL, {name}, at)
+            q, residual, load, tried = self._descend(q, MOST_TRIALS)
             trials += tried
-        return Rest(self.trail(self.close(q)), residual, load or self.weight(), trials)
+            if residual <= SOLVED * load and not moving:
+                break
+        q = self.close(q)
+        return Rest(self.trail(q), residual, load or self.weight(), trials, self._inside(q))
 
-    def _descend(self, q: np.ndarray, most: int) -> tuple[np.ndarray, float, float, int]:
+    def _inside(self, q: np.ndarray) -> bool:
+        pin.forwardKinematics(self._model, self._data, q)
+        return all(
+            self._elastic[name].smallest_gap(self._pose(name)) > -joint.depth_limit
+            for name, joint in self._mechanism.clearance.items()
+        )
+
+    def _descend(
+        self,
+        q: np.ndarray,
+        most: int,
+        names: Collection[str] | None = None,
+        at: Collection[int] = (),
+    ) -> tuple[np.ndarray, float, float, int]:
         """Newton's method in a trust region; returns q, residual [N], load [N] and trials."""
+        names = self._elastic if names is None else names
         ways = self.basis * self.scale
-        height, radius, trials = self.energy(q), 1.0, 0
-        gradient, curvature, load = self.slopes(q)
-        slope, bend = ways.T @ gradient, ways.T @ curvature @ ways
+        if at:
+            ways = ways[:, np.abs(ways[list(at)]).any(axis=0)]
+        radius, trials = 1.0, 0
+        here = self._look(q, ways, names)
         while True:
-            residual = float(np.abs(slope).max(initial=0.0)) / self._room
+            residual = float(np.abs(here.slope).max(initial=0.0)) / self._room
+            load = here.load
             if residual <= SOLVED * (load or self.weight()) or trials >= most or radius < 1e-12:
-                return q, residual, load, trials
-            step = _step(slope, bend, radius)
-            expected = -float(slope @ step + 0.5 * step @ bend @ step)
-            there = self.close(q + ways @ step)
-            new, trials = self.energy(there), trials + 1
-            gain = height - new
-            # Where a gain drowns in rounding, the slopes decide.
-            small = expected < 1e-11 * max(abs(height), 1e-12) + 1e-16
-            if gain < 0.1 * expected and not small:
-                radius = 0.25 * float(np.linalg.norm(step))
+                return here.q, residual, load, trials
+            step, expected = _step(here.slope, here.bend, radius)
+            size = float(np.linalg.norm(step))
+            there = self._look(self.close(here.q + ways @ step), ways, names)
+            trials += 1
+            straight = here.gain(there, expected)
+            if straight <= 0.1 and trials < most:
+                # Along curved walls, and where a wall is met: a second step leads back to it.
+                step, _ = _step(there.slope, there.bend, size)
+                there = self._look(self.close(there.q + ways @ step), ways, names)
+                trials += 1
+            gain = here.gain(there, expected)
+            if not gain > 0.1:
+                radius = 0.25 * size
                 continue
-            gradient, curvature, pressed = self.slopes(there)
-            steeper = ways.T @ gradient
-            if small and np.abs(steeper).max() >= np.abs(slope).max():
-                radius = 0.25 * float(np.linalg.norm(step))
-                continue
-            if gain > 0.5 * expected:
-                radius = max(radius, 2.0 * float(np.linalg.norm(step)))
-            q, height, load, slope = there, new, pressed, steeper
-            bend = ways.T @ curvature @ ways
+            if gain > 0.5 or straight <= 0.1:
+                radius = max(radius, 2.0 * size)
+            here = there
+
+    def _look(self, q: np.ndarray, ways: np.ndarray, names: Collection[str]) -> _Place:
+        gradient, curvature, load = self.slopes(q, names)
+        height = self.energy(q, names)
+        return _Place(q, height, ways.T @ gradient, ways.T @ curvature @ ways, load)
 
 
-def _step(slope: np.ndarray, bend: np.ndarray, radius: float) -> np.ndarray:
-    """The lowest point of a quadratic within a ball."""
-    sizes, axes = np.linalg.eigh(0.5 * (bend + bend.T))
+@dataclass(frozen=True)
+class _Place:
+    """A state that was tried, in the coordinates of the search."""
+
+    q: np.ndarray
+    height: float
+    slope: np.ndarray
+    bend: np.ndarray
+    load: float
+
+    def gain(self, other: _Place, expected: float) -> float:
+        """Part of the expected gain that another place brings.
+
+        Where the gain drowns in rounding, 1 if it is less steep there, else 0.
+        """
+        if expected < _ROUNDING * max(abs(self.height), expected):
+            return float(np.linalg.norm(other.slope) < np.linalg.norm(self.slope))
+        return (self.height - other.height) / expected
+
+
+def _step(slope: np.ndarray, bend: np.ndarray, radius: float) -> tuple[np.ndarray, float]:
+    """Step to the lowest point of a quadratic within a ball, and how much lower that is."""
+    step = _lowest(slope, bend, radius)
+    return step, -float(slope @ step + 0.5 * step @ bend @ step)
+
+
+def _lowest(slope: np.ndarray, bend: np.ndarray, radius: float) -> np.ndarray:
+    # Eigen's, for on a busy machine the threads of numpy's wait for each other.
+    found = eigenpy.SelfAdjointEigenSolver(0.5 * (bend + bend.T))
+    sizes, axes = found.eigenvalues(), found.eigenvectors()
     along = axes.T @ slope
     least = 1e-13 * max(float(np.abs(sizes).max()), 1e-30)
     low = max(0.0, -float(sizes.min())) + least
