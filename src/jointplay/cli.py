@@ -223,6 +223,18 @@ def _add_run(commands: argparse._SubParsersAction[_Parser]) -> None:
     group.add_argument(
         "--seed", type=int, metavar="N", help="displace the journal at the start at random"
     )
+    group.add_argument(
+        "--start",
+        choices=("rest", "centred"),
+        help="where the journal begins: where it lies under load, or in the middle of its bearing "
+        "(default: at rest where gravity acts)",
+    )
+    group.add_argument(
+        "--settle",
+        metavar="TIME",
+        help="what is not judged at the start: seconds, or '2 turns' of a driven joint",
+    )
+    _number(group, "--judge-from", "when figures begin to be judged [s] (default: when settled)")
     group = run.add_argument_group("integration and output")
     _number(group, "--step", "time step [s] (default 1e-5)", 1e-5)
     _number(group, "--duration", "simulated time [s] (default: the motion's)")
@@ -482,7 +494,17 @@ def _simulation(options: argparse.Namespace) -> Simulation:
         record_every=options.record_every,
         joint_friction=_joint_friction(options.joint_friction),
         seed=options.seed,
+        start=options.start,
+        settle=_settle(options.settle),
+        judge_from=options.judge_from,
     )
+
+
+def _settle(text: str | None) -> float | str | None:
+    try:
+        return None if text is None else float(text)
+    except ValueError:
+        return text  # of turns, or told what it must be
 
 
 def _gravity(text: str) -> tuple[float, float, float]:

@@ -63,9 +63,13 @@ class Result:
 
     @property
     def judge_from(self) -> float:
-        """From when on measures, figures and reports judge this run, if not told otherwise [s]."""
-        if self.audit.judged_from is not None:
-            return self.audit.judged_from
+        """From when on measures, figures and reports judge this run, if not told otherwise [s].
+
+        0 for a run that was interrupted before: then all there is is judged.
+        """
+        found = self.audit.judged_from
+        if found is not None:
+            return found if len(self.time) and self.time[-1] > found else 0.0
         # Version 0.1, where every journal fell from the centre.
         return after_start_up(float(self.time[-1]), bool(self.joints)) if len(self.time) else 0.0
 

@@ -25,6 +25,7 @@ from jointplay.mechanism.robots import PREFIX, robot_urdf
 from jointplay.mechanism.urdf import shipped
 from jointplay.motion.cartesian import cartesian_motion
 from jointplay.motion.reference import Motion
+from jointplay.result.result import AXES
 from jointplay.scenario.model import CUSTOM_LAWS, KINDS, Model
 from jointplay.scenario.tables import (
     ANGLE,
@@ -145,8 +146,10 @@ def build(model: Model, folder: Path) -> Simulation:
         joint_friction=_joint_friction(model, mechanism),
         seed=integration.seed,
         payloads=_payloads(model, mechanism),
-        start=start,
-        start_speed=start_speed,
+        state={name: (start.get(name), start_speed.get(name)) for name in {**start, **start_speed}},
+        start=integration.start,
+        settle=integration.settle,
+        judge_from=integration.judge_from,
     )
 
 
@@ -234,10 +237,14 @@ def _fit(
     path: tuple[str | int, ...],
 ) -> float:
     """`value` as float, if its unit is one for this joint: units are (revolute's, prismatic's)."""
-    if joint not in mechanism.joints:
+    kind = f"a {path[0]} of a journal"
+    if joint in mechanism.joints:
+        kind = mechanism.description.joints[joint].kind
+        unit = units[kind == "prismatic"]
+    elif path[0] in ("start", "start_speed") and joint in mechanism.coordinates:
+        unit = units[joint.rpartition(".")[2] in AXES]
+    else:
         raise Misplaced(path, str(MissingName("moving joint", joint, mechanism.joints)))
-    kind = mechanism.description.joints[joint].kind
-    unit = units[kind == "prismatic"]
     if isinstance(value, Measured) and value.unit not in ("", unit):
         raise Misplaced(
             path,

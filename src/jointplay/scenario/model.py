@@ -6,7 +6,15 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, ConfigDict, Discriminator, Field, Tag, WithJsonSchema
+from pydantic import (
+    BeforeValidator,
+    ConfigDict,
+    Discriminator,
+    Field,
+    PlainValidator,
+    Tag,
+    WithJsonSchema,
+)
 
 from jointplay.contact import (
     FILM_LAWS,
@@ -28,6 +36,7 @@ from jointplay.mechanism.gear import Gear
 from jointplay.mechanism.mechanism import STANDARD_GRAVITY
 from jointplay.mechanism.payload import Payload
 from jointplay.motion.reference import INTERPOLATIONS
+from jointplay.result.judging import STARTS
 from jointplay.scenario.tables import (
     ANGLE,
     ANGULAR_SPEED,
@@ -38,7 +47,7 @@ from jointplay.scenario.tables import (
     trouble,
     vector,
 )
-from jointplay.units import expected, shown
+from jointplay.units import convert, expected, shown
 
 GRAVITY = {"balanced": (0.0, 0.0, 0.0), "loaded": STANDARD_GRAVITY}
 """Gravity by word [m/s^2]: none, as if the weight were balanced, or 9.81 m/s^2 along -z."""
@@ -315,6 +324,22 @@ class MotionTable(Written):
     """Between Cartesian waypoints: joints in step, or the frame on a straight line."""
 
 
+def _settle(value: Any) -> float | str:
+    if isinstance(value, str) and "turn" in value:
+        return value
+    try:
+        return float(convert(value, "s"))
+    except ValueError as error:
+        raise trouble(f"{error}, or as in '2 turns'") from None
+
+
+SETTLE = Annotated[
+    float | str,
+    PlainValidator(_settle),
+    WithJsonSchema({"type": ["number", "string"], "x-unit": "s"}),
+]
+
+
 class Integration(Written):
     """Time integration, and the start."""
 
@@ -332,6 +357,13 @@ class Integration(Written):
     """Simulated time; the motion's if not given."""
     seed: int | None = None
     """Displaces each journal at the start by a random vector of up to half its clearances."""
+    start: _word("start", STARTS) | None = None  # type: ignore[valid-type]
+    """Where journals begin: ``rest``, where they lie under gravity and drives, or ``centred``; at
+    rest where gravity acts or the reference moves from the first, if not given."""
+    settle: SETTLE | None = None  # type: ignore[valid-type]
+    """Time at the start that is not judged, or ``"2 turns"`` of a driven joint."""
+    judge_from: quantity("s") | None = None  # type: ignore[valid-type]
+    """When figures begin to be judged; when the run has settled if not given."""
     certify: bool = False
     """Whether the case is run again more finely, for the numerical errors of its figures."""
 
@@ -372,10 +404,11 @@ class Model(Written):
     motion: MotionTable | None = None
     """Reference motion."""
     start: _each(quantity(*ANGLE)) = Field({})  # type: ignore[valid-type]
-    """Position at the start of joints without reference; with ``tool_position``, where inverse
+    """Position at the start of joints without reference, or of single coordinates such as
+    ``"joint_b.x"``; with ``tool_position``, where inverse
     kinematics begins."""
     start_speed: _each(quantity(*ANGULAR_SPEED)) = Field({})  # type: ignore[valid-type]
-    """Speed at the start of joints without reference."""
+    """Speed at the start of the same."""
     payloads: _list(PAYLOAD) = Field([])  # type: ignore[valid-type]
     """Bodies that the tool picks up and releases."""
     integration: Integration = Integration()

@@ -20,9 +20,6 @@ if TYPE_CHECKING:
     from jointplay.kernel.workspace import Workspace
     from jointplay.simulation.simulation import Simulation
 
-STARTS = ("rest", "centred")
-"""Where journals begin: where they lie under load, or in the middle of their bearings."""
-
 PERTURBATION = 0.5
 """Largest displacement of a perturbed journal at the start, relative to its clearances.
 

@@ -17,9 +17,10 @@ from jointplay.loads.drive import ComputedTorque, Drive, JointFriction, drive_fr
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.mechanism.payload import Payload
 from jointplay.motion.reference import Motion
+from jointplay.result.judging import STARTS
 from jointplay.result.result import Result
 from jointplay.simulation import checkpoint, judging
-from jointplay.simulation.initial import PERTURBATION, STARTS, pair
+from jointplay.simulation.initial import PERTURBATION, pair
 from jointplay.simulation.moment import Moment
 from jointplay.simulation.run import Run
 
