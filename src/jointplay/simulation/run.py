@@ -257,12 +257,16 @@ class Run:
                 return Status.INTERRUPTED
             return workspace.status
 
-    def stretches(self) -> Iterator[float]:
-        """Step to the end, or to a failure, and give the time after every stretch [s]."""
+    def stretches(self, most: int = _CHUNK) -> Iterator[float]:
+        """Step to the end, or to a failure, and give the time after every stretch [s].
+
+        Args:
+            most: steps of a stretch, at most; the multi-rate method stops after each macro step.
+        """
         if not self._begun:
             self.begin()
         while self.workspace.steps < self.steps:
-            if not self.stretch():
+            if not self.stretch(most if self.method.single_rate else _CHUNK):
                 return
             yield self.workspace.time
         self.finish()
@@ -286,7 +290,8 @@ class Run:
             self.begin()
         yield self.moment()
         given = 0 if every is None else math.floor(self.workspace.time / every + 1e-9)
-        for now in self.stretches():
+        most = 1 if every is None else max(round(every / self.simulation.step), 1)
+        for now in self.stretches(most):
             due = given if every is None else math.floor(now / every + 1e-9)
             if every is None or due > given:
                 given = due
