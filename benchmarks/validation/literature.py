@@ -159,7 +159,7 @@ def _prepare(turns: float, bearing: jp.ClearanceJoint | None, **options) -> jp.s
     )
     return jp.Simulation(
         robot, motion, drive={"crank_pin": jp.Prescribed()}, joint_friction={},
-        start={"guide": CRANK + ROD}, **options,
+        state={"guide": CRANK + ROD}, start="centred", **options,
     ).prepare()  # fmt: skip
 
 
@@ -887,8 +887,8 @@ def guided(
     first, second = START[0], START[1] - START[0]
     return jp.simulate(
         robot, duration=duration, step=step, integrator="rk4", record_every=round(1e-5 / step),
-        start={"main": 0.0, "big_end": 0.0, "small_end": 0.0},
-        start_speed={"main": first, "big_end": second, "small_end": -START[1]}, **FREE,
+        state={"main": (0.0, first), "big_end": (0.0, second), "small_end": (0.0, -START[1])},
+        **FREE,
     )  # fmt: skip
 
 

@@ -117,6 +117,17 @@ def test_loops_rest_with_a_driven_crank():
     assert fallen.peak_force > 3.0 * rested.peak_force
 
 
+def test_the_slider_of_a_fast_crank_presses_from_the_first():
+    simulation = jp.Scenario.load("jointplay:slider_crank.toml").simulation("0.2 mm")
+    simulation = dataclasses.replace(simulation, duration=2e-4)
+    run = simulation.prepare()
+    # At the outer dead centre: m r omega^2 (1 + r / l).
+    speed, radius, rod, mass = 5000 * 2 * np.pi / 60, 0.05, 0.12, 0.14
+    assert run.rest.load == pytest.approx(mass * radius * speed**2 * (1 + radius / rod), rel=1e-2)
+    force = np.linalg.norm(run.execute()["joint_force"].values[:, 0], axis=1)
+    assert force == pytest.approx(run.rest.load, rel=0.02)
+
+
 @pytest.mark.parametrize("encoder", ["link", "motor"])
 def test_teeth_bear_what_hangs_on_them(urdf, encoder):
     gear = jp.Gear(play=1e-2, stiffness=500.0, damping=0.1, rotor_inertia=1e-3)

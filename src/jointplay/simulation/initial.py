@@ -12,7 +12,7 @@ import pinocchio as pin
 from jointplay.errors import JointplayError, MissingName, require_finite
 from jointplay.joints import VIRTUAL_LINK
 from jointplay.loads.drive import Drive, JointFriction
-from jointplay.mechanism.loop import assemble, consistent_velocity
+from jointplay.mechanism.loop import ASSEMBLY_TOLERANCE_M, assemble, consistent_velocity, misfit
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.simulation.statics import Balance, Rest
 
@@ -205,6 +205,10 @@ def rest(
                 index = simulation.motion.joints.index(name)
                 at = [mechanism.coordinate(name), mechanism.motor(name)]
                 along[at] = acceleration[0, index]
+    given = list(start.given)
+    gaps = misfit(mechanism, start.q) if mechanism.loops else {}
+    if any(np.abs(gap).max() > ASSEMBLY_TOLERANCE_M for gap in gaps.values()):
+        given += start.held  # which have put journals aside: there they shall be
     balance = Balance(
         mechanism,
         bodies,
@@ -212,7 +216,7 @@ def rest(
         drives,
         friction,
         start.acceleration(along),
-        [*start.given, *start.held],
+        given,
     )
     return balance.settle()
 

@@ -62,7 +62,7 @@ class Simulation:
     start: str | Mapping[str, float] | None = None
     """``"rest"``: journals begin where they lie under gravity and drives; ``"centred"``: in the
     middle of their bearings. None: at rest where gravity acts or the reference moves from the
-    first, if there is a place of rest.
+    first, if there is a place of rest; centred where a film that is not hybrid must not break.
 
     A mapping is the older way to give the positions of `state`."""
     start_speed: Mapping[str, float] = field(default_factory=dict)
@@ -97,6 +97,9 @@ class Simulation:
         """Whether journals shall begin where they rest under load."""
         if self.start is not None:
             return self.start == "rest"
+        joints = self.mechanism.clearance.values()
+        if any(joint.film is not None and not joint.film[0].hybrid for joint in joints):
+            return False  # such a film carries in motion only, and its journal must not touch
         if any(self.mechanism.gravity):
             return True
         if self.motion is None:
