@@ -363,7 +363,7 @@ def _without_clearance(case: _Case) -> dict[str, Any]:
         for key, value in fields["mechanism"].items()
         if key not in ("clearance", "gears", "urdf")
     }
-    own = ("mechanism", "duration", "record_every", "seed")
+    own = ("mechanism", "duration", "record_every", "seed", "start", "settle", "judge_from")
     shared = {key: value for key, value in fields.items() if key not in own}
     return json.loads(json.dumps(shared | {"mechanism": mechanism}))  # type: ignore[no-any-return]
 

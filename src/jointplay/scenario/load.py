@@ -33,7 +33,7 @@ _EXPECTED = {
 _BLAMED = {
     "integration": (
         *("step", "macro_step", "macro step", "tolerance"),
-        *("duration", "integrator", "seed"),
+        *("duration", "integrator", "seed", "settle", "judge_from"),
     ),
     "output": ("record_every",),
     "motion": ("motion",),
