@@ -147,7 +147,8 @@ def numerical_error(values: Mapping[str, float]) -> float:
     spread = float(np.ptp(list(values.values())))
     if uncertain > CONTRACTS * moved:
         return SAFETY * spread
-    error = moved + SAFETY * uncertain
+    # Two refinements may agree by chance: no error is known to better than a tenth of itself.
+    error = max(moved + SAFETY * uncertain, 1.1 * moved)
     if OWN not in values:
         # A quarter of the step leaves a quarter of an error of first order.
         error = max(error, moved * 4.0 / 3.0)

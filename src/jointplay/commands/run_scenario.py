@@ -9,7 +9,7 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import (
     FIRST_COMPLETED,
     BrokenExecutor,
@@ -28,6 +28,7 @@ from jointplay.host.stopping import INTERRUPTED
 if TYPE_CHECKING:
     from jointplay.result.result import Result
     from jointplay.scenario import Scenario
+    from jointplay.scenario.settings import Setting
     from jointplay.simulation.simulation import Run
 
 STOPPED = 1
@@ -39,16 +40,14 @@ _LOOK_S = 0.2
 """Interval at which progress is looked at."""
 
 
-def run(options: argparse.Namespace) -> int:
-    """Run the cases, draw the figures, say how each ended."""
+def run(scenario: Scenario, options: argparse.Namespace) -> int:
+    """Run the cases, draw the figures, say how each ended and what came out."""
     from jointplay import plots
     from jointplay.analysis.certify import further_runs
     from jointplay.host.files import claim
     from jointplay.kernel import Status
     from jointplay.result.result import Result
-    from jointplay.scenario import Scenario
 
-    scenario = Scenario.load(options.file, trust=options.trust)
     cases = _chosen(scenario, options.case)
     jobs = _jobs(options.jobs, len(cases))
     certified = {
@@ -63,7 +62,8 @@ def run(options: argparse.Namespace) -> int:
     names = list(files.values())
     figures = scenario.figures and not options.no_figures
     if figures:
-        names += [f"{name}.{kind}" for name in plots.FIGURES for kind in ("png", "pdf")]
+        paper = all(plots.is_paper_robot(scenario.model(case).robot.urdf) for case in cases)
+        names += plots.file_names(paper)
     out = claim(options.out, names)
     if jobs == 1:
         interrupted = _one_by_one(scenario, files, certified, out, not options.quiet)
@@ -71,19 +71,30 @@ def run(options: argparse.Namespace) -> int:
         progress = not options.quiet
         interrupted = _side_by_side(scenario, files, certified, out, jobs, total, progress)
     saved = {case: out / name for case, name in files.items() if (out / name).exists()}
-    results = {case: Result.load(path) for case, path in saved.items()}
+    results = {case: Result.load(path, scenario.trust) for case, path in saved.items()}
     for case, result in results.items():
         print(f"\n{case}: {result.message}\n{result.judgement}")
+        print("\n".join(_came_out(result, results, not options.quiet)))
     drawable = {case: result for case, result in results.items() if len(result.time) > 1}
     if figures and drawable:
         plots.save(drawable, out)
     print(f"\nresults in {out}")
     if interrupted or any(r.status == Status.INTERRUPTED for r in results.values()):
         missing = [case for case in cases if case not in results]
-        note = f"; nothing of: {', '.join(missing)}" if missing else ""
+        there = f"; there is {', '.join(path.name for path in saved.values())}" if saved else ""
+        note = f"; nothing of: {', '.join(missing)}" if missing else there
         print(f"interrupted{note}", file=sys.stderr)
         return INTERRUPTED
     return 0 if all(r.status == Status.COMPLETED for r in results.values()) else STOPPED
+
+
+def _came_out(result: Result, results: Mapping[str, Result], progress: bool) -> list[str]:
+    """The headline of a case; its ideal mechanism is another case, or simulated for it."""
+    from jointplay.analysis import is_twin
+    from jointplay.analysis.headline import headline, reference
+
+    ideal = next((other for other in results.values() if is_twin(result, other)), None)
+    return headline(result, ideal or reference(result, progress))
 
 
 def _chosen(scenario: Scenario, wanted: Sequence[str]) -> list[str]:
@@ -134,6 +145,7 @@ def _execute(
         begin: told of each run before it begins.
     """
     from jointplay.scenario.keep import add_certificate, run_and_save
+    from jointplay.scenario.settings import words
 
     notes = {
         "scenario": scenario.text,
@@ -141,6 +153,8 @@ def _execute(
         "title": scenario.title,
         "case": case,
     }
+    if scenario.settings:
+        notes["settings"] = "\n".join(words(scenario.settings))
     begin(run)
     result = run_and_save(run, path, progress, notes)
     if certified:
@@ -195,7 +209,11 @@ def _side_by_side(
             for index, (case, name) in enumerate(files.items()):
                 trust, source = scenario.trust, str(scenario.path)
                 target = out / name
-                work = (source, scenario.text, trust, case, target, case in certified, index)
+                certify = case in certified
+                work = (
+                    *(source, scenario.text, trust, scenario.settings),
+                    *(case, target, certify, index),
+                )
                 futures[pool.submit(_work, *work)] = case
             pending = set(futures)
             while pending:
@@ -281,6 +299,7 @@ def _work(
     path: str,
     text: str,
     trust: tuple[str, ...],
+    settings: tuple[Setting, ...],
     case: str,
     target: Path,
     certified: bool,
@@ -292,7 +311,7 @@ def _work(
     with _idle:
         if _ending:
             return
-        scenario = Scenario(text, path, trust)
+        scenario = Scenario(text, path, trust, settings)
         prepared = scenario.prepare(case)
         with _ticking(index) as begin:
             _execute(scenario, case, prepared, target, certified, False, begin)

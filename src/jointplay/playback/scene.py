@@ -27,7 +27,7 @@ from jointplay.mechanism.mechanism import Mechanism
 from jointplay.mechanism.visuals import Visuals, visuals
 from jointplay.playback.closeup import close_up, continuous
 from jointplay.playback.tracks import Impacts, Packer, impacts, keep, strongest
-from jointplay.plots import COLOURS
+from jointplay.plots.figures import colours
 from jointplay.result.result import Result
 
 BUDGET = 60_000
@@ -105,8 +105,7 @@ def build(
     taken = [_Case(label, result) for label, result in cases.items()]
     entries = []
     drawn: dict[str, int] = {}
-    shift = 0 if any(not case.result.joints for case in taken) else 1
-    for index, case in enumerate(taken):
+    for index, (case, colour) in enumerate(zip(taken, colours(cases), strict=True)):
         entry = case.pack(packer, max(budget // len(taken), 4))
         look = visuals(case.mechanism, meshes)
         if look.missing:
@@ -123,7 +122,7 @@ def build(
         entry["ghost"] = None
         if ghosts and (case.result.joints or case.mechanism.gears):
             entry["ghost"] = _ghost(case, taken, packer, notes, progress)
-        entry["colour"] = COLOURS[(index + shift) % len(COLOURS)]
+        entry["colour"] = colour
         entries.append(entry)
     contents = {
         "cases": entries,
@@ -342,6 +341,10 @@ def _ghost(
             duration=float(case.time[-1]),
             record_every=max(1, round(TWIN_RECORD_S / case.simulation.step)),
             seed=None,
+            start=None,
+            settle=None,
+            judge_from=None,
+            state={name: at for name, at in case.simulation.state.items() if "." not in name},
         )
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)

@@ -92,7 +92,7 @@ def glance(cases: Sequence[Case], start: float) -> Html:
         "ended",
         "tool error, RMS [mm]",
         "tool error, peak [mm]",
-        "error at the end of dwells, largest [mm]",
+        "error at stops, largest [mm]",
         "contacts begun [1/s]",
         "force at the joint, peak [N]",
         "penetration, largest [µm]",
@@ -111,7 +111,7 @@ def glance(cases: Sequence[Case], start: float) -> Html:
             ends = [
                 1e3 * float(analysis.error_at(case.error, stop.end)[3])
                 for stop in _stops(case)
-                if stop.kind == "dwell"
+                if stop.at_rest and stop.end > 0.0
             ]
             row[-1] = max(ends) if ends else None
         if case.joints:
@@ -134,7 +134,9 @@ def glance(cases: Sequence[Case], start: float) -> Html:
 def parameters(cases: Sequence[Case]) -> Html:
     """Every input, a column for each case, then motion and robot in full."""
     columns = [_parameters(case.result) for case in cases]
-    names = list(dict.fromkeys(name for column in columns for name in column))
+    names = dict.fromkeys(
+        name for column in columns for name, value in column.items() if value is not None
+    )
     rows = [[_symbol(name), *(column.get(name) for column in columns)] for name in names]
     found = table(["parameter", *(dark(case) for case in cases)], rows, left=1 + len(cases))
     return joined([found, _motions(cases), _robots(cases)])
@@ -586,7 +588,8 @@ def accuracies(cases: Sequence[Case], start: float) -> Html:
     whole = table(
         ["case", "axis", "mean [mm]", "RMS [mm]", "peak [mm]"],
         rows,
-        "Tool position less the ideal robot's at the same time, world axes; total: the distance",
+        "Tool position less the ideal mechanism's at the same time, world axes; total: the "
+        "distance",
         left=2,
     )
     rows = []
@@ -718,8 +721,8 @@ def claims(cases: Sequence[Case], source: Path | None) -> Html:
         )
         parts.append(
             paragraph(
-                "No claim is decided on single runs: impacts magnify small differences. `jointplay "
-                "scara` judges ensembles."
+                "No claim is decided on single runs: impacts magnify small differences. Ensembles "
+                "are judged by the command jointplay scara."
             )
         )
     return joined(parts) or paragraph(

@@ -16,6 +16,7 @@ from jointplay.errors import JointplayError, MissingName
 from jointplay.scenario.build import MOTION_SOURCES, SHIPPED, Misplaced, build, locate
 from jointplay.scenario.model import NOT_IN_A_CASE, Model
 from jointplay.scenario.places import Key, dotted, line_of, lines
+from jointplay.scenario.settings import Setting, given_by, tree
 from jointplay.scenario.tables import unknown_key
 from jointplay.simulation.simulation import Run, Simulation
 from jointplay.units import shown
@@ -53,21 +54,37 @@ _DEEP_KEY = re.compile(
 
 _SELECTORS = ("kind", "law")
 
+_WORDS = {"normal": "law", "friction": "law", "lubricant": "law", "drive": "kind"}
+"""Keys whose bare word stands for a table with this one key."""
+
 
 class Scenario:
     """A TOML file that describes one or several cases to simulate.
 
     Attributes:
         path, text: the file.
+        settings: single keys that count more than the file, and more than each of its cases.
         trust: modules from which it may take laws.
         title: what it is about.
         cases: labels of its cases, in order; a file without cases has one, named like the file.
         figures: whether figures that compare the cases are wanted.
     """
 
-    def __init__(self, text: str, path: str | Path, trust: Collection[str] = ()) -> None:
-        """Check the scenario `text`, naming `path` in errors; see `load`."""
+    def __init__(
+        self,
+        text: str,
+        path: str | Path,
+        trust: Collection[str] = (),
+        settings: Sequence[Setting] = (),
+        label: str = "",
+    ) -> None:
+        """Check the scenario `text`, naming `path` in errors; see `load`.
+
+        `label` is that of the only case of a file that names none; by default the file's name.
+        """
         self.path = Path(path)
+        self.settings = tuple(settings)
+        self._set = tree(self.settings)
         self.trust = tuple(trust)
         self.text = text
         data = self._parsed(text)
@@ -78,7 +95,7 @@ class Scenario:
             self._changes[label] = dict(self._table(changes, ("cases", label)))
         self._named = bool(self._changes)
         if not self._named:
-            self._changes = {self.path.stem: {}}
+            self._changes = {label or self.path.stem: {}}
         self.cases = tuple(self._changes)
         models = [self.model(case) for case in self.cases]
         self.title = models[0].title or self.path.stem
@@ -104,12 +121,15 @@ class Scenario:
             raise JointplayError(f"{self.path}: {error}") from None
 
     @classmethod
-    def load(cls, path: str | Path, trust: Collection[str] = ()) -> Scenario:
+    def load(
+        cls, path: str | Path, trust: Collection[str] = (), settings: Sequence[Setting] = ()
+    ) -> Scenario:
         """Read and check a scenario file; ``jointplay:scara.toml`` is one that ships.
 
         Args:
             path: the file.
             trust: modules from which it may take laws, besides those that lie beside it.
+            settings: keys that count more than the file's; see `settings.parse`.
 
         Raises:
             JointplayError: the file cannot be read, is no TOML, or says what cannot be. The
@@ -122,7 +142,7 @@ class Scenario:
         except (OSError, ValueError) as error:
             reason = getattr(error, "strerror", None) or error
             raise JointplayError(f"cannot read the scenario {str(path)!r}: {reason}") from None
-        return cls(text, path, trust)
+        return cls(text, path, trust, settings)
 
     def simulation(
         self, case: str | None = None, changes: Mapping[str, Any] | None = None
@@ -186,7 +206,11 @@ class Scenario:
         if "figures" in (self._changes[case].get("output") or {}):
             message = "figures compare all cases; give this in [output]"
             raise self._error(("cases", case, "output", "figures"), message)
-        merged = merge(self._base, self._changes[case])
+        for key in NOT_IN_A_CASE:
+            if key in self._set and key != "title":
+                source = next(s.source for s in self.settings if s.key[0] == key)
+                raise JointplayError(f"{source}: settings hold for all cases, and name none")
+        merged = merge(merge(self._base, self._changes[case]), self._set)
         data = merge(merged, changes or {})
         try:
             return Model.model_validate(data)
@@ -224,6 +248,9 @@ class Scenario:
     def _error(
         self, path: Key, message: str, case: str | None = None, built: bool = False
     ) -> JointplayError:
+        source = given_by(self.settings, path)
+        if source is not None:
+            return JointplayError(f"{source}: {' '.join(message.split())}")
         place = self._place(path, case)
         line = self._line(place)
         words = [str(self.path)]
@@ -242,6 +269,8 @@ def merge(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]
     merged = dict(base)
     for key, value in changes.items():
         before = merged.get(key)
+        if isinstance(before, str) and isinstance(value, Mapping) and key in _WORDS:
+            before = {_WORDS[key]: before}
         if isinstance(before, Mapping) and isinstance(value, Mapping):
             other = any(
                 value.get(word, before.get(word)) != before.get(word) for word in _SELECTORS

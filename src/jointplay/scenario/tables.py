@@ -136,8 +136,16 @@ class Table(BaseModel):
             raise trouble(f"{shown(given)} is no table; its keys are: {', '.join(cls.keys())}")
         for key in given:
             if key not in cls.model_fields:
-                raise trouble(unknown_key(key, cls.keys()), key)
+                raise trouble(unknown_key(key, cls.keys(), cls._owner()), key)
         return given
+
+    @classmethod
+    def _owner(cls) -> str:
+        """Whose keys these are, for tables that a word selects."""
+        for word in ("law", "kind"):
+            if word in cls.model_fields and cls.model_fields[word].default:
+                return f" of the {word} {cls.model_fields[word].default}"
+        return ""
 
     @classmethod
     def keys(cls) -> list[str]:
@@ -150,10 +158,10 @@ class Table(BaseModel):
         return {name: getattr(self, name) for name in fields if name in self.model_fields_set}
 
 
-def unknown_key(key: str, keys: Iterable[str]) -> str:
+def unknown_key(key: str, keys: Iterable[str], owner: str = "") -> str:
     """What to say of a key that does not exist."""
     keys = list(keys)
-    return f'unknown key "{key}"; {closest(key, keys)}valid keys: {", ".join(keys)}'
+    return f'unknown key "{key}"{owner}; {closest(key, keys)}valid keys: {", ".join(keys)}'
 
 
 def one_of(kind: str, value: Any, choices: Iterable[str]) -> str:
