@@ -126,6 +126,6 @@ def ideal_simulation(result: Result) -> Simulation:
         start=None,
         settle=None,
         judge_from=None,
-        state=_state(simulation.describe()),
+        state={name: (at[0], at[1]) for name, at in _state(simulation.describe()).items()},
         **fixed,
     )
