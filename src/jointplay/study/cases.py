@@ -84,8 +84,8 @@ def scara(
     urdf, unphysical = VARIANTS[condition.variant]
     robot = {"urdf": urdf, "gravity": condition.gravity, "allow_unphysical": list(unphysical)}
     changes: dict[str, Any] = {"robot": robot, "output": {"record_every": record_every}}
-    # As the paper's journals fall from the centre; `judging.START_UP` is then not judged.
-    changes["integration"] = {"start": "centred"} | ({} if seed is None else {"seed": seed})
+    if seed is not None:
+        changes["integration"] = {"seed": seed}
     if clearance is None:
         return scenario().simulation("ideal", changes)
     # Any case with clearance will do: the clearance is all in which they differ.
