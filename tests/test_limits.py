@@ -358,3 +358,40 @@ def test_a_package_that_cannot_be_written_to_runs_with_a_hint(monkeypatch):
     with pytest.warns(RuntimeWarning, match="name a folder in NUMBA_CACHE_DIR"):
         numba_cache.ensure()
     assert Path(numba_cache.numba.config.CACHE_DIR).is_dir()
+
+
+def test_a_thousand_seconds_are_tabulated_no_further_than_the_motion_goes():
+    long = dataclasses.replace(scara(2e-4), duration=1000.0, record_every=10**6)
+    assert len(long.prepare().workspace.reference) == 30_002
+    free = dataclasses.replace(long, motion=None, drive=jp.Torque((0.0, 0.5), (1.0, 2.0)))
+    assert len(free.prepare().workspace.reference) == 5_002
+    loose = dataclasses.replace(long, motion=None, drive=jp.Free())
+    assert len(loose.prepare().workspace.reference) == 2
+
+
+def test_after_the_end_of_its_motion_a_prescribed_joint_stands_still(urdf):
+    robot = jp.Mechanism(
+        urdf(body("arm", com="0.1 0 0"), joint("pin", "base", "arm", axis="0 1 0"))
+    )
+    motion = jp.Motion(["pin"], [0.0, 0.10005], [[0.0], [1.0]])
+    result = jp.simulate(robot, motion, drive=jp.Prescribed(), duration=0.3)
+    after = result.time > 0.1003
+    assert np.abs(result["q"].values[after, 0] - 1.0).max() < 1e-8
+    weight = 2.0 * 9.81 * 0.1 * np.cos(1.0)
+    assert np.abs(np.abs(result["drive"].values[after, 0]) - weight).max() < 1e-6 * weight
+
+
+def test_after_its_last_point_a_torque_stays(urdf):
+    robot = jp.Mechanism(urdf(body("arm"), joint("pin", "base", "arm")), gravity=(0, 0, 0))
+    torque = jp.Torque((0.0, 0.05), (0.0, 1.0))
+    result = jp.simulate(robot, drive={"pin": torque}, duration=0.2)
+    assert np.abs(result["drive"].values[result.time > 0.05, 0] - 1.0).max() < 1e-12
+
+
+def test_a_motion_that_takes_long_to_tabulate_has_a_bar(urdf, monkeypatch, capsys):
+    monkeypatch.setattr("jointplay.motion.ideal._PATIENCE_S", 0.0)
+    simulation = dataclasses.replace(scara(2e-4), duration=0.01)
+    simulation.prepare(progress=True)
+    assert "tabulating the motion" in capsys.readouterr().err
+    simulation.prepare()
+    assert capsys.readouterr().err == ""

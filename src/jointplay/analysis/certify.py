@@ -17,10 +17,10 @@ from jointplay.analysis.claims import measure
 from jointplay.errors import JointplayError
 from jointplay.kernel import Status
 from jointplay.kernel.integrators import DEFAULT, integrator
+from jointplay.kernel.path import LARGEST_TURN, LEAST_STEPS
 from jointplay.result.certificate import COUNTS, Certificate, CertifiedFigure
 from jointplay.result.judging import START_UP
 from jointplay.result.result import Result
-from jointplay.simulation.loop import LARGEST_TURN, LEAST_STEPS
 from jointplay.simulation.simulation import Run, Simulation
 
 SAFETY = 2.5
@@ -215,7 +215,7 @@ def _run(
 ) -> tuple[Result | None, str]:
     """A refined run, or None and why there is none."""
     try:
-        prepared = simulation.prepare()
+        prepared = simulation.prepare(progress)
     except JointplayError as error:
         return None, f"the run is refused: {error}"
     if aside:
@@ -224,7 +224,7 @@ def _run(
     begin(prepared)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # said in the certificate
-        result = prepared.execute(progress)
+        result = prepared.execute(progress, check_step=False)
     if result.status == Status.INTERRUPTED:
         raise KeyboardInterrupt
     if result.status != Status.COMPLETED:
@@ -237,12 +237,12 @@ def _ideal(result: Result, progress: bool, begin: Begin) -> Result | None:
     if not analysis.has_play(result):
         return None
     try:
-        prepared = analysis.ideal_simulation(result).prepare()
+        prepared = analysis.ideal_simulation(result).prepare(progress)
         prepared.label = "certifying (ideal)"
         begin(prepared)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)
-            found = prepared.execute(progress)
+            found = prepared.execute(progress, check_step=False)
     except JointplayError:
         return None
     if found.status == Status.INTERRUPTED:

@@ -55,7 +55,7 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
     }
     total = 0.0
     for case in cases:  # before anything is written
-        run = scenario.prepare(case)
+        run = scenario.prepare(case, progress=not options.quiet)
         runs = 1 + (further_runs(run.simulation) if case in certified else 0)
         total += runs * run.steps * run.simulation.step
     files = dict(zip(cases, file_names(cases), strict=True))
@@ -172,7 +172,7 @@ def _one_by_one(
 
     for case, name in files.items():
         try:
-            prepared = scenario.prepare(case)
+            prepared = scenario.prepare(case, progress)
             if progress:
                 tqdm.write(f"case {case}:", file=sys.stderr)
             result = _execute(scenario, case, prepared, out / name, case in certified, progress)

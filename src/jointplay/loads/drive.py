@@ -262,6 +262,22 @@ def assign(
     return drives
 
 
+def table_nodes(motion: Motion | None, drives: Mapping[str, Drive], duration: float) -> int:
+    """Nodes of the table of all drives for a run of `duration` seconds.
+
+    It ends where nothing changes any more: the kernels go on with its last node.
+    """
+    ends = [0.0]
+    for drive in drives.values():
+        if isinstance(drive, Torque):
+            ends.append(drive.times[-1])
+        elif drive.follows and motion is not None:
+            ends.append(motion.still_from)
+    last = min(max(ends), duration)
+    still = 1 if last < duration else 0  # both of the last two nodes, for cubics
+    return max(math.ceil(last / REFERENCE_NODE_S - 1e-9) + 1 + still, 2)
+
+
 def tabulate(
     mechanism: Mechanism,
     motion: Motion | None,
@@ -269,6 +285,7 @@ def tabulate(
     duration: float,
     friction: Mapping[str, JointFriction],
     start: np.ndarray,
+    progress: bool = False,
 ) -> tuple[Tables, dict[int, float]]:
     """Tabulate all drives.
 
@@ -279,11 +296,12 @@ def tabulate(
         duration: until when the table must reach [s].
         friction: friction by joint.
         start: configuration of `mechanism` at the start, loops closed, shape (nq,).
+        progress: show a bar on standard error if it takes long.
 
     Returns:
         The tables, and the armature that the model needs, by coordinate [kg m^2 or kg].
     """
-    nodes = max(math.ceil(duration / REFERENCE_NODE_S - 1e-9) + 1, 2)
+    nodes = table_nodes(motion, drives, duration)
     times = np.arange(nodes) * REFERENCE_NODE_S
     driven = [name for name, drive in drives.items() if drive.kind != "free"]
     follows = [name for name in driven if drives[name].follows]
@@ -294,7 +312,7 @@ def tabulate(
         order = [motion.joints.index(name) for name in follows]
         position, velocity, acceleration = (values[:, order] for values in motion(times))
         if any(isinstance(drives[name], ComputedTorque) for name in follows):
-            effort, carried = ideal_motion(mechanism, motion, follows, times, start)
+            effort, carried = ideal_motion(mechanism, motion, follows, times, start, progress)
     model = mechanism.model
     own = pin.crba(model, mechanism.data, start).reshape(model.nv, model.nv).diagonal().copy()
     armature: dict[int, float] = {}

@@ -113,6 +113,19 @@ def effective_mass(mechanism: Mechanism, joint: str, q: np.ndarray) -> float:
     return 1.0 / softest
 
 
+def tooth_duration(mechanism: Mechanism, joint: str, q: np.ndarray) -> float:
+    """Duration of an impact of the teeth in a joint's gear, in configuration q [s].
+
+    pi sqrt(J / k): the motor's inertia and the smallest that the joint can have, in series, on the
+    gear's spring. Loops without clearance are left open.
+    """
+    gear = mechanism.gears[joint]
+    at = mechanism.coordinate(joint)
+    inverse = pin.computeMinverse(mechanism.model, mechanism.data, q)
+    inertia = 1.0 / (1.0 / gear.rotor_inertia + float(inverse[at, at]))
+    return math.pi * math.sqrt(inertia / gear.stiffness)
+
+
 def friction_slope(law: FrictionLaw) -> float:
     """Steepest rise of the friction coefficient with the sliding speed [s/m], by sampling."""
     speeds = np.logspace(-6.0, 1.0, 1401)

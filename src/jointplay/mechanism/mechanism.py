@@ -21,11 +21,15 @@ from jointplay.errors import JointplayError, MissingName, require_finite
 from jointplay.joints import VIRTUAL_LINK, Clearance, joint_from_description
 from jointplay.mechanism import urdf
 from jointplay.mechanism.gear import Gear
+from jointplay.mechanism.lock import Lock
 from jointplay.mechanism.loop import Loop
 from jointplay.mechanism.model import build, parse
 
 STANDARD_GRAVITY = (0.0, 0.0, -9.81)
 """Gravity in world axes [m/s^2]."""
+
+RELATIVE = ("x", "y", "z", "roll", "pitch", "yaw")
+"""Freedoms in the order of the rows of `Mechanism.relative_jacobian`."""
 
 _AXIS_ARM_M = 0.05
 """Distance of the two points that hold the axis of an ideal revolute joint in a loop."""
@@ -56,6 +60,8 @@ class Mechanism:
         coordinates: names of the generalised coordinates, in the order of q and v.
         clearance: those of the joints that have clearance.
         loops, gears: as given.
+        locks: by loop whose joint locks what nothing else in the loop does: frames of the carriage
+            and of what is fixed to it (`mechanism.lock`).
 
     Raises:
         JointplayError: see `urdf.read`; also a joint or link that does not exist, a joint of a kind
@@ -105,9 +111,7 @@ class Mechanism:
         for name, joint in joints.items():
             self._check_joint(name, joint)
         source = parse(description)
-        self.model, self.coordinates = build(source, self._joints, self.gears)
-        self.model.gravity.linear = np.array(self.gravity)
-        self.data = self.model.createData()
+        self._make(source, {})
         if tool is not None and not isinstance(tool, str):
             raise JointplayError(f"tool must be the name of a frame, got {tool!r}")
         self.tool = tool if tool is not None else source.frames[source.nframes - 1].name
@@ -130,6 +134,42 @@ class Mechanism:
                     f"loop {name!r} joins {loop.bearing_link!r} and {loop.journal_link!r}, which "
                     "do not move against each other"
                 )
+
+        needed = {
+            name: Lock.between(
+                name,
+                self.clearance[name].freedoms,
+                self.model,
+                self.bearing_frame(name),
+                self.journal_frame(name),
+            )
+            for name in loops
+            if self._needs_lock(name)
+        }
+        if needed:
+            self._make(source, needed)
+            self.tool_frame = frame_index(self.model, self.tool)
+
+    def _make(self, source: pin.Model, locks: Mapping[str, Lock]) -> None:
+        """Build the model, with what `locks` need."""
+        self.model, self.coordinates = build(source, self._joints, self.gears, locks)
+        self.model.gravity.linear = np.array(self.gravity)
+        self.locks = {}
+        for name, lock in locks.items():
+            carriage = int(self.model.getJointId(name))
+            held = lock.share(self.model, carriage)
+            self.locks[name] = ((carriage, pin.SE3.Identity()), held)
+        self.data = self.model.createData()
+
+    def _needs_lock(self, name: str) -> bool:
+        """Whether a loop's joint locks what the loop's other joints leave free."""
+        joint = self.clearance.get(name)
+        if joint is None or joint.freedoms == VIRTUAL_LINK:
+            return False
+        locked = [row for row, part in enumerate(RELATIVE) if part not in joint.freedoms]
+        somewhere = np.random.default_rng(0).uniform(-1.0, 1.0, (3, self.model.nq))
+        moves = [self.relative_jacobian(name, q)[locked] for q in somewhere]
+        return bool(np.abs(moves).max() > 1e-9)
 
     def _check_joint(self, name: str, joint: Clearance) -> None:
         if not isinstance(joint, Clearance):
@@ -156,7 +196,7 @@ class Mechanism:
     def joints(self) -> tuple[str, ...]:
         """Names of the URDF's moving joints, in the order of the ideal robot's coordinates."""
         names = (c.split(".")[0] for c in self.coordinates)
-        return tuple(dict.fromkeys(names))
+        return tuple(name for name in dict.fromkeys(names) if name not in self.loops)
 
     def coordinate(self, joint: str) -> int:
         """Index in q of the ideal coordinate of `joint` (yaw, or z of a slider, with clearance).
@@ -168,7 +208,7 @@ class Mechanism:
         name = joint
         if given is not None and (joint in self.clearance or given.kind == "spherical"):
             name = f"{joint}.{given.drive_coordinate}"
-        if name not in self.coordinates:
+        if name not in self.coordinates or joint in self.loops:
             raise MissingName("moving joint", joint, self.joints)
         return self.coordinates.index(name)
 
@@ -192,6 +232,11 @@ class Mechanism:
         """Index in q of the first of the coordinates of the joint's virtual link."""
         first = self.clearance[joint].freedoms[0]
         return self.coordinates.index(f"{joint}.{first}")
+
+    def carriage(self, loop: str) -> list[int]:
+        """Indices in q of the carriage of a lock."""
+        parts = self.clearance[loop].freedoms
+        return [self.coordinates.index(f"{loop}.{part}") for part in parts]
 
     def loop_kind(self, name: str) -> str:
         """Kind of joint that closes the loop `name`."""
@@ -232,13 +277,19 @@ class Mechanism:
         (i, bearing), (j, journal) = self._frames(joint)
         return (self.data.oMi[i] * bearing).actInv(self.data.oMi[j] * journal)
 
+    def lock_pose(self, joint: str) -> pin.SE3:
+        """What a lock holds in its carriage's frame, after `pin.forwardKinematics`."""
+        (i, carriage), (j, held) = self.locks[joint]
+        return (self.data.oMi[i] * carriage).actInv(self.data.oMi[j] * held)
+
     def signs(self, joint: str) -> np.ndarray:
         """+1 for coordinates that move the journal only, -1 the bearing only, 0 else, (nv,)."""
+        return self._signs(*self._frames(joint))
+
+    def _signs(self, first: tuple[int, pin.SE3], second: tuple[int, pin.SE3]) -> np.ndarray:
+        """The same for any two frames, the second in the journal's place."""
         signs = np.zeros(self.model.nv)
-        for (index, _), sign in (
-            (self.journal_frame(joint), 1.0),
-            (self.bearing_frame(joint), -1.0),
-        ):
+        for (index, _), sign in ((second, 1.0), (first, -1.0)):
             while index > 0:
                 member = self.model.joints[index]
                 signs[member.idx_v : member.idx_v + member.nv] += sign
@@ -251,16 +302,26 @@ class Mechanism:
         Velocity of the journal's centre and angular velocity, both in the bearing frame, per
         generalised velocity in configuration q.
         """
+        return self._relative(*self._frames(joint), q)
+
+    def lock_jacobian(self, joint: str, q: np.ndarray) -> np.ndarray:
+        """Motion of what a lock holds relative to its carriage, shape (6, nv); none is allowed."""
+        return self._relative(*self.locks[joint], q)
+
+    def _relative(
+        self, first: tuple[int, pin.SE3], second: tuple[int, pin.SE3], q: np.ndarray
+    ) -> np.ndarray:
+        """`relative_jacobian` of any two frames."""
         pin.computeJointJacobians(self.model, self.data, q)
-        (i, bearing), (j, journal) = self._frames(joint)
+        (i, bearing), (j, journal) = first, second
         turn = (self.data.oMi[i] * bearing).rotation
         centre = (self.data.oMi[j] * journal).translation
-        columns = self.data.J.reshape(6, self.model.nv) * self.signs(joint)
+        columns = self.data.J.reshape(6, self.model.nv) * self._signs(first, second)
         linear = columns[:3] + np.cross(columns[3:], centre, axisa=0, axisc=0)
         return np.concatenate([turn.T @ linear, turn.T @ columns[3:]])
 
     def constraints(self, q: np.ndarray, frequency: float) -> list[pin.RigidConstraintModel]:
-        """Pinocchio's constraints for the loops without clearance.
+        """Pinocchio's constraints for the loops without clearance, and for locks.
 
         A ball needs its centre held; a revolute joint a second point on its axis, unless the
         mechanism keeps the axes parallel by itself (as planar ones do).
@@ -288,6 +349,22 @@ class Mechanism:
                     journal * up,
                     i,
                     bearing * up,
+                    pin.ReferenceFrame.LOCAL,
+                )
+                constraint.name = name
+                constraint.m_baumgarte_parameters.Kp = frequency**2
+                constraint.m_baumgarte_parameters.Kd = 2.0 * frequency
+                found.append(constraint)
+        for name, ((i, carriage), (j, held)) in self.locks.items():
+            for point in (np.zeros(3), *(_AXIS_ARM_M * np.eye(3)[:2])):  # three hold a frame
+                at = pin.SE3(np.eye(3), point)
+                constraint = pin.RigidConstraintModel(
+                    pin.ContactType.CONTACT_3D,
+                    self.model,
+                    j,
+                    held * at,
+                    i,
+                    carriage * at,
                     pin.ReferenceFrame.LOCAL,
                 )
                 constraint.name = name

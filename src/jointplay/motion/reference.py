@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -100,6 +101,11 @@ class Motion:
     def duration(self) -> float:
         """Time of the last waypoint [s]."""
         return float(self.times[-1])
+
+    @property
+    def still_from(self) -> float:
+        """Time from which all joints stand still [s]; inf if they go on."""
+        return math.inf if self.interpolation == "constant-speed" else self.duration
 
     def __call__(self, time: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Position, velocity and acceleration at the times `time` (n,) [s].

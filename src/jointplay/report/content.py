@@ -350,6 +350,7 @@ def audits(cases: Sequence[Case]) -> Html:
         "of the clearance [%]",
         "step [µs]",
         "friction needs [µs]",
+        "error by the step [µm]",
         "drift of ideal loops [µm]",
         "computed in [s]",
     ]
@@ -378,6 +379,7 @@ def audits(cases: Sequence[Case]) -> Html:
                 audit.energy_exchanged,
                 100.0 * audit.relative_energy_residual,
                 *contact,
+                None if audit.step_error is None else 1e6 * audit.step_error,
                 1e6 * audit.loop_drift if "loop_drift" in case.result.dataset else None,
                 None if wall is None else float(wall),
             ]

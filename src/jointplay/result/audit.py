@@ -14,7 +14,7 @@ from jointplay.kernel import WELL_RESOLVED_STEPS
 from jointplay.kernel.integrators import DEFAULT, integrator
 from jointplay.kernel.layout import FRICTION
 from jointplay.kernel.workspace import Workspace
-from jointplay.mechanism.impact import friction_step_limit
+from jointplay.mechanism.impact import friction_step_limit, tooth_duration
 from jointplay.mechanism.mechanism import Mechanism
 
 DRIFT_WARNING_M = 1e-6
@@ -28,6 +28,9 @@ ENERGY_WARNING = 0.01
 
 UNDER_RESOLVED_WARNING = 1e-3
 """Share of the normal impulse in contacts of too few steps above which a run warns."""
+
+STEP_WARNING = 0.01
+"""Error by the step, relative to the motion, above which a run warns."""
 
 FED_WARNING = 0.01
 """What friction may give back, relative to the energy exchanged, before a run warns."""
@@ -84,6 +87,18 @@ class Audit:
     """Macro steps in which the shortest micro steps did not reach the tolerance."""
     friction_fed: float = 0.0
     """Largest fall of the energy that friction has taken up: what bristles gave back [J]."""
+    step_error: float | None = None
+    """Largest error of the tool's position because of the step, estimated [m]; see `step_check`.
+
+    None where that is not looked for, or was given up.
+    """
+    relative_step_error: float | None = None
+    """The same of all coordinates but motors, weighted with masses, relative to their motion."""
+    tooth_steps: float = math.inf
+    """Steps in an impact of gear teeth, of those that touched the fewest; inf without.
+
+    Also where steps are chosen by a tolerance.
+    """
     loop_drift: float = 0.0
     """Largest gap of a loop without clearance [m]."""
     start: str = "centred"
@@ -164,6 +179,7 @@ class Audit:
             unsolved=int(workspace.run["unsolved"][0]),
             unresolved=workspace.unresolved,
             friction_fed=float((np.maximum.accumulate(rubbed) - rubbed).max(initial=0.0)),
+            tooth_steps=_tooth_steps(mechanism, simulation, workspace),
             loop_drift=float(drift.max(initial=0.0)),
             law_warnings=out_of_range(mechanism, statistics),
             **_judged(workspace, statistics, judgement or Judgement()),
@@ -219,6 +235,13 @@ class Audit:
                 f"friction gave back {self.friction_fed:.3g} J: its bristles are not passive with "
                 "these parameters (docs/laws.md)"
             )
+        if self.relative_step_error is not None and not self.relative_step_error <= STEP_WARNING:
+            found.append(self._step_too_large())
+        if self.relative_step_error is None and self.tooth_steps < WELL_RESOLVED_STEPS:
+            found.append(
+                f"impacts of gear teeth last {self.tooth_steps:.2g} steps, fewer than "
+                f"{WELL_RESOLVED_STEPS}: reduce the step"
+            )
         if self.loop_drift > DRIFT_WARNING_M:
             found.append(
                 f"ideal loops drifted apart by {self.loop_drift:.2g} m: reduce the step, or use rk4"
@@ -241,6 +264,18 @@ class Audit:
             f"largest joint force {self.peak_force:.4g} N (before: {self.peak_force_before:.4g} N)"
         )
 
+    def _step_too_large(self) -> str:
+        """What to say of a step that another step contradicts."""
+        assert self.step_error is not None
+        assert self.relative_step_error is not None
+        if not math.isfinite(self.relative_step_error):
+            return "with half the step the run ends otherwise: reduce the step"
+        return (
+            "half the step gives another motion: the tool is off by about "
+            f"{self.step_error:.2g} m, all coordinates by {100 * self.relative_step_error:.2g} % "
+            "of how far they move: reduce the step"
+        )
+
     def describe(self) -> dict[str, Any]:
         """Fields of the audit as plain data."""
         return asdict(self)
@@ -261,6 +296,11 @@ class Audit:
             ]
         if self.peak_force is not None:
             lines.append(f"  {self.headline}")
+        if self.step_error is not None and self.relative_step_error is not None:
+            lines.append(
+                f"  error by the step: tool {self.step_error:.2g} m, "
+                f"{100 * self.relative_step_error:.2g} % of the motion"
+            )
         if self.loop_drift:
             lines.append(f"  drift of ideal loops: {self.loop_drift:.3g} m")
         return "\n".join(lines + [f"  warning: {text}" for text in self.warnings])
@@ -287,6 +327,21 @@ def _judged(
         if judgement.judged_from > 0.0:
             found["peak_force_before"] = float(sizes[~late].max(initial=0.0))
     return found
+
+
+def _tooth_steps(
+    mechanism: Mechanism, simulation: Mapping[str, Any], workspace: Workspace
+) -> float:
+    """See `Audit.tooth_steps`."""
+    q, steps = workspace.recorded("q"), math.inf
+    if not len(q) or simulation["tolerance"] is not None:
+        return steps
+    for name, gear in mechanism.gears.items():
+        twist = np.abs(q[:, mechanism.motor(name)] - q[:, mechanism.coordinate(name)])
+        if twist.max() > gear.play / 2.0:
+            duration = tooth_duration(mechanism, name, q[0])
+            steps = min(steps, duration / float(simulation["step"]))
+    return steps
 
 
 def out_of_range(mechanism: Mechanism, statistics: Mapping[str, np.ndarray]) -> tuple[str, ...]:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from collections.abc import Collection
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
@@ -91,6 +92,11 @@ class Result:
     @certificate.setter
     def certificate(self, certificate: Certificate) -> None:
         self.dataset.attrs["certificate"] = json.dumps(certificate.describe())
+
+    def amend(self, **figures: Any) -> None:
+        """Put figures that were found later into the audit."""
+        self.audit = dataclasses.replace(self.audit, **figures)
+        self.dataset.attrs["audit"] = json.dumps(self.audit.describe())
 
     @property
     def time(self) -> np.ndarray:

@@ -170,12 +170,12 @@ class Scenario:
         except JointplayError as error:
             raise self._in_case(case, model, error) from None
 
-    def prepare(self, case: str | None = None) -> Run:
+    def prepare(self, case: str | None = None, progress: bool = False) -> Run:
         """A case made ready to step; see `simulation` and `Simulation.prepare`."""
         simulation = self.simulation(case)
         case = self.cases[0] if case is None else case
         try:
-            return simulation.prepare()
+            return simulation.prepare(progress)
         except JointplayError as error:
             raise self._in_case(case, self.model(case), error) from None
 

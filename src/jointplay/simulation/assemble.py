@@ -5,13 +5,17 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import pinocchio as pin
 
 from jointplay import kernel
 from jointplay.contact.law import address, check_parameters
 from jointplay.errors import JointplayError
 from jointplay.kernel.workspace import ContactSite, FilmSite
-from jointplay.mechanism.impact import REFERENCE_SPEED, contact_duration, effective_mass
+from jointplay.mechanism.impact import (
+    REFERENCE_SPEED,
+    contact_duration,
+    effective_mass,
+    tooth_duration,
+)
 from jointplay.mechanism.mechanism import Mechanism
 
 MIN_CONTACT_STEPS = 4.0
@@ -27,16 +31,12 @@ NO_MASS = 1e-9
 FILM_LAG = 0.5
 """Part of the effective mass that a film's lag reckons with: it may fall on the way."""
 
-_RELATIVE = ("x", "y", "z", "roll", "pitch", "yaw")
-"""Freedoms in the order of the rows of `Mechanism.relative_jacobian`."""
 
-
-def contact_site(mechanism: Mechanism, data: pin.Data, name: str, q: np.ndarray) -> ContactSite:
+def contact_site(mechanism: Mechanism, name: str, q: np.ndarray) -> ContactSite:
     """What the kernels must know of the joint with clearance `name`.
 
     Args:
         mechanism: whose joint it is.
-        data: Pinocchio's, of the run.
         name: of the joint.
         q: configuration at the start, shape (nq,).
     """
@@ -49,16 +49,8 @@ def contact_site(mechanism: Mechanism, data: pin.Data, name: str, q: np.ndarray)
     first = mechanism.virtual_link(name) if mechanism.has_virtual_link(name) else None
     reach: dict[str, Any] = {}
     if first is None:
-        (i, bearing), (j, journal) = (
-            mechanism.bearing_frame(name),
-            mechanism.journal_frame(name),
-        )
-        frames = (data.oMi[i], data.oMi[j])
         reach = {
-            "frames": tuple(part for f in frames for part in (f.rotation, f.translation)),
-            "placements": np.concatenate(
-                [part.ravel() for p in (bearing, journal) for part in (p.rotation, p.translation)]
-            ),
+            "carriers": (mechanism.bearing_frame(name), mechanism.journal_frame(name)),
             "signs": mechanism.signs(name),
         }
     if joint.film is not None:
@@ -89,24 +81,6 @@ def contact_site(mechanism: Mechanism, data: pin.Data, name: str, q: np.ndarray)
     )
 
 
-def check_locks(mechanism: Mechanism, q: np.ndarray) -> None:
-    """Refuse a lock of what the other joints of a loop leave free."""
-    for name in mechanism.loops:
-        joint = mechanism.clearance.get(name)
-        if joint is None:
-            continue
-        jacobian = mechanism.relative_jacobian(name, q)
-        for row, freedom in zip(jacobian, _RELATIVE, strict=True):
-            if freedom not in joint.freedoms and np.abs(row).max() > 1e-9:
-                slider = joint.kind == "prismatic"
-                where = "its slider into the URDF's tree" if slider else "it into the tree"
-                raise JointplayError(
-                    f"joint {name!r} locks {freedom}, but it closes a loop whose other joints "
-                    f"leave {freedom} free; do not lock it, or put {where} and close the loop "
-                    "at another joint"
-                )
-
-
 def check_step(mechanism: Mechanism, mass_of_all: float, step: float, q: np.ndarray) -> None:
     """Refuse a step [s] too large for an impact, and contacts that meet no mass."""
     for name in mechanism.clearance:
@@ -121,5 +95,13 @@ def check_step(mechanism: Mechanism, mass_of_all: float, step: float, q: np.ndar
             raise JointplayError(
                 f"step {step:g} s is too large for the contact stiffness at {name!r}: an "
                 f"impact at {REFERENCE_SPEED:g} m/s lasts {duration:.2g} s, so take at most "
+                f"{duration / kernel.WELL_RESOLVED_STEPS:.2g} s"
+            )
+    for name in mechanism.gears:
+        duration = tooth_duration(mechanism, name, q)
+        if duration < MIN_CONTACT_STEPS * step:
+            raise JointplayError(
+                f"step {step:g} s is too large for the stiffness of the gear at {name!r}: an "
+                f"impact of its teeth lasts {duration:.2g} s, so take at most "
                 f"{duration / kernel.WELL_RESOLVED_STEPS:.2g} s"
             )

@@ -10,7 +10,7 @@ import pinocchio as pin
 from jointplay.errors import MissingName
 from jointplay.kernel.workspace import Workspace
 from jointplay.mechanism.loop import closing_rows
-from jointplay.mechanism.mechanism import Mechanism
+from jointplay.mechanism.mechanism import Mechanism, frame_index
 from jointplay.mechanism.payload import Payload, velocity_after_pick
 from jointplay.result.histories import Phase
 
@@ -78,7 +78,7 @@ class Events:
     def _change(self, payload: Payload, picked: bool) -> pin.Model:
         """Change the inertias of the run's model; returns the bodies that then are."""
         bodies = self.phases[-1].model.copy()  # without the armature of prescribed motion
-        frame = bodies.frames[bodies.getFrameId(payload.frame)]
+        frame = bodies.frames[frame_index(bodies, payload.frame)]
         body = frame.placement.act(payload.body)
         for model in (self._model, bodies):
             held = model.inertias[frame.parentJoint]

@@ -12,7 +12,13 @@ import pinocchio as pin
 from jointplay.errors import JointplayError, MissingName, require_finite
 from jointplay.joints import VIRTUAL_LINK
 from jointplay.loads.drive import Drive, JointFriction
-from jointplay.mechanism.loop import ASSEMBLY_TOLERANCE_M, assemble, consistent_velocity, misfit
+from jointplay.mechanism.loop import (
+    ASSEMBLY_TOLERANCE_M,
+    assemble,
+    closing_rows,
+    consistent_velocity,
+    misfit,
+)
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.simulation.statics import Balance, Rest
 
@@ -230,4 +236,6 @@ def displace(mechanism: Mechanism, q: np.ndarray, distance: float) -> None:
                     q[mechanism.coordinates.index(f"{name}.{part}")] += distance
         else:
             moves = mechanism.relative_jacobian(name, q)[:3]
-            q += np.linalg.pinv(moves) @ np.full(3, distance)
+            strict = closing_rows(mechanism, q, set(mechanism.loops) - set(mechanism.clearance))
+            aside = np.concatenate([np.full(3, distance), np.zeros(len(strict))])
+            q += np.linalg.pinv(np.concatenate([moves, strict])) @ aside

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 from jointplay.errors import JointplayError
-from jointplay.loads.drive import REFERENCE_NODE_S
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.result.netcdf import MEMORY_SHARE, memory
 
@@ -28,10 +27,10 @@ def check_numbers(step: float, duration: float, every: object, seed: object) -> 
         )
 
 
-def check_memory(mechanism: Mechanism, duration: float, steps: int, every: int) -> None:
-    """Refuse a run whose tables and records would not fit, before any are made."""
+def check_memory(mechanism: Mechanism, duration: float, steps: int, every: int, nodes: int) -> None:
+    """Refuse a run whose tables (of `nodes`) and records would not fit, before any are made."""
     nv, contacts = mechanism.model.nv, sum(len(j.contacts) for j in mechanism.clearance.values())
-    reference = duration / REFERENCE_NODE_S * 9.0 * max(len(mechanism.joints), 1)
+    reference = nodes * 9.0 * max(len(mechanism.joints), 1)
     record = 3.0 * nv + 20.0 + 10.0 * len(mechanism.clearance) + 3.0 * contacts
     # Records are there twice when they are made into histories.
     needed = 8.0 * (reference + 2.0 * record * (steps / every))

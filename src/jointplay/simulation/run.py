@@ -21,12 +21,12 @@ from jointplay.errors import JointplayError, MissingName, require_positive
 from jointplay.kernel import Status
 from jointplay.kernel.integrators import DEFAULT, Integrator, integrator
 from jointplay.kernel.workspace import Workspace
-from jointplay.loads.drive import JointFriction, assign, tabulate
+from jointplay.loads.drive import JointFriction, assign, table_nodes, tabulate
 from jointplay.result.audit import Judgement
 from jointplay.result.histories import Phase, histories
 from jointplay.result.result import Result
-from jointplay.simulation import checkpoint, ending, initial, limits
-from jointplay.simulation.assemble import check_locks, check_step, contact_site
+from jointplay.simulation import checkpoint, ending, initial, limits, step_check
+from jointplay.simulation.assemble import check_step, contact_site
 from jointplay.simulation.events import Events
 from jointplay.simulation.loop import LOOP_CORRECTION, Adaptive, Loop, MultiRate, SingleRate
 from jointplay.simulation.moment import Moment
@@ -42,7 +42,7 @@ _CHUNK = 2000
 class Run:
     """A simulation made ready to step: its workspace, and the initial state in it."""
 
-    def __init__(self, simulation: Simulation) -> None:
+    def __init__(self, simulation: Simulation, progress: bool = False) -> None:
         """Check the numbers, place the journals, tabulate the drives."""
         self.simulation = simulation
         self.label = ""  # what the progress bar calls the run
@@ -50,14 +50,16 @@ class Run:
         limits.check_names(mechanism)
         self.method: Integrator = integrator(simulation.integrator)
         step, duration = self._check_numbers()
-        self.friction = self._friction()
         drives = assign(mechanism, simulation.motion, simulation.drive)
+        nodes = table_nodes(simulation.motion, drives, duration)
+        limits.check_memory(mechanism, duration, self.steps, simulation.record_every, nodes)
+        self.friction = self._friction()
         followed = [name for name, drive in drives.items() if drive.follows]
         start = initial.place(simulation, mechanism, followed)
         if simulation.seed is not None and not simulation.stands:
             start.perturb(simulation.seed, at_rest=False)
         tables, armature = tabulate(
-            mechanism, simulation.motion, drives, duration, self.friction, start.q
+            mechanism, simulation.motion, drives, duration, self.friction, start.q, progress
         )
         start.move()
         # The run's own, for payloads and prescribed motion change its inertias.
@@ -68,7 +70,7 @@ class Run:
         self.workspace = w = Workspace(
             self.data,
             self.model.nv,
-            [contact_site(mechanism, self.data, name, start.q) for name in mechanism.clearance],
+            [contact_site(mechanism, name, start.q) for name in mechanism.clearance],
             tables,
             step,
             simulation.record_every,
@@ -79,7 +81,6 @@ class Run:
         self._events = Events(
             mechanism, self.model, simulation.payloads, step, simulation.record_every
         )
-        check_locks(mechanism, start.q)
         check_step(mechanism, pin.computeTotalMass(self.model), step, start.q)
         self.rest: initial.Rest | None = None
         """Where the search for the place of rest ended; None if journals start centred."""
@@ -146,7 +147,6 @@ class Run:
         self.steps = round(duration / step)
         if self.steps < 1:
             raise JointplayError(f"duration {duration:g} s is shorter than the step {step:g} s")
-        limits.check_memory(self.mechanism, duration, self.steps, every)
         return step, duration
 
     def _duration(self) -> float:
@@ -189,11 +189,14 @@ class Run:
         """Move every journal aside by `distance` along each axis [m], before the run begins."""
         initial.displace(self.mechanism, self.workspace.q, distance)
 
-    def execute(self, progress: bool = False) -> Result:
+    def execute(self, progress: bool = False, check_step: bool = True) -> Result:
         """Simulate to the end, from the start or from where the run stands; once only.
 
         Args:
             progress: show a bar with simulated time, speed and time left on standard error.
+            check_step: where nothing else judges the step, run again with another one: see
+                `step_check`. Takes about half of the run's time, in doubt two and a half times
+                the run's. Not for a run that was continued.
 
         Returns:
             The result. Interrupted by Ctrl-C, or stopped because the state ran away, it holds
@@ -201,12 +204,25 @@ class Run:
             stopped also warns.
         """
         started = time.perf_counter()
+        whole = not self._begun
+        start = self.workspace.q.copy(), self.workspace.v.copy()
         status = self.loop(progress)
         self._elapsed += time.perf_counter() - started
         message = self.message(status)
         if status not in (Status.COMPLETED, Status.INTERRUPTED):
             warnings.warn(message, RuntimeWarning, stacklevel=2)
-        return self.result(status, message)
+        result = self.result(status, message)
+        check_step = check_step and whole and step_check.wanted(self.simulation)
+        if check_step and status == Status.COMPLETED:
+            error = step_check.step_error(self, result, start, progress)
+            if error is not None:
+                result.amend(step_error=error.tool, relative_step_error=error.relative)
+        return result
+
+    def guard(self, other: Run) -> Run:
+        """Make a run that is part of this one stop as this one does; returns it."""
+        other.guards += self.guards
+        return other
 
     def result(self, status: Status | None = None, message: str | None = None) -> Result:
         """What was recorded so far, as a result.
@@ -257,16 +273,16 @@ class Run:
                 return Status.INTERRUPTED
             return workspace.status
 
-    def stretches(self, most: int = _CHUNK) -> Iterator[float]:
+    def stretches(self, pause: int = _CHUNK) -> Iterator[float]:
         """Step to the end, or to a failure, and give the time after every stretch [s].
 
         Args:
-            most: steps of a stretch, at most; the multi-rate method stops after each macro step.
+            pause: steps of a stretch; the multi-rate method stops at the macro step that passes it.
         """
         if not self._begun:
             self.begin()
         while self.workspace.steps < self.steps:
-            if not self.stretch(most if self.method.single_rate else _CHUNK):
+            if not self.stretch(pause=self.workspace.steps + pause):
                 return
             yield self.workspace.time
         self.finish()
@@ -367,17 +383,23 @@ class Run:
         self.workspace.unresolved = int(memory["unresolved"])
         self._unjudged = memory["unjudged"]
 
-    def stretch(self, most: int = _CHUNK) -> bool:
-        """Do some steps, up to `most`, then what is due; returns whether all is well."""
+    def stretch(self, most: int = _CHUNK, pause: int | None = None) -> bool:
+        """Do some steps, then what is due; returns whether all is well.
+
+        Args:
+            most: this many at most.
+            pause: return after the first macro step that ends at or after this step, if earlier;
+                the run is the same with and without.
+        """
         w = self.workspace
         steps = min(most, self.steps - w.steps)
         due = self._events.next_step
         if due is not None:
             steps = min(steps, due - w.steps)
         judged = round(self.judged_from / self.simulation.step)
-        if self.method.single_rate and w.steps < judged:
-            steps = min(steps, judged - w.steps)
-        if not self._loop.stretch(steps):
+        if w.steps < judged:
+            pause = judged if pause is None else min(pause, judged)
+        if not self._loop.stretch(steps, pause):
             return False
         if self._unjudged is None and w.steps >= judged > 0:
             self._unjudged = w.contact_statistics()

@@ -195,29 +195,33 @@ class Simulation:
         """
         return checkpoint.resume(Path(path), trust)
 
-    def prepare(self) -> Run:
+    def prepare(self, progress: bool = False) -> Run:
         """Check everything and make ready to step.
+
+        Args:
+            progress: show a bar on standard error while a long motion is tabulated.
 
         Raises:
             JointplayError: a step, duration or record interval that makes no sense, a step too
                 large for the contact stiffness, or a motion that does not fit the mechanism.
         """
         try:
-            return Run(self)
+            return Run(self, progress)
         except (ArithmeticError, np.linalg.LinAlgError) as error:
             raise JointplayError(
                 f"these numbers cannot be computed with, one is far too large or small: {error}"
             ) from None
 
-    def run(self, progress: bool = False, certify: bool = False) -> Result:
+    def run(self, progress: bool = False, certify: bool = False, check_step: bool = True) -> Result:
         """`prepare`, then `Run.execute`.
 
         Args:
             progress: see `Run.execute`.
             certify: run again more finely, and put the numerical errors of the headline figures
                 into `Result.certificate`.
+            check_step: see `Run.execute`.
         """
-        result = self.prepare().execute(progress)
+        result = self.prepare(progress).execute(progress, check_step)
         if certify:
             find_errors = late("analysis.certify:certify")
             try:

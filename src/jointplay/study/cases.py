@@ -115,7 +115,7 @@ def run_case(label: str, out: Path, progress: bool) -> Result:
     if progress:
         tqdm.write(f"case {label}:", file=sys.stderr)
     simulation = scara(CASES[label])
-    result = run_and_save(simulation.prepare(), out / FILES[label], progress)
+    result = run_and_save(simulation.prepare(progress), out / FILES[label], progress)
     if result.status == Status.INTERRUPTED or stopping.told():
         raise KeyboardInterrupt
     add_certificate(result, out / FILES[label], simulation, progress)
