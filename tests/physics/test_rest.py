@@ -125,7 +125,8 @@ def test_the_slider_of_a_fast_crank_presses_from_the_first():
     speed, radius, rod, mass = 5000 * 2 * np.pi / 60, 0.05, 0.12, 0.14
     assert run.rest.load == pytest.approx(mass * radius * speed**2 * (1 + radius / rod), rel=1e-2)
     force = np.linalg.norm(run.execute()["joint_force"].values[:, 0], axis=1)
-    assert force == pytest.approx(run.rest.load, rel=0.02)
+    assert force[0] == pytest.approx(run.rest.load, rel=1e-3)
+    assert force.max() < 1.2 * run.rest.load  # it rings a little; centred, it strikes with 30 kN
 
 
 @pytest.mark.parametrize("encoder", ["link", "motor"])
