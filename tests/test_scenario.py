@@ -99,7 +99,7 @@ def test_the_papers_study_is_its_shipped_scenario(clearance, condition):
         allow_unphysical=unphysical,
     )
     motion = jp.Motion.from_csv(jp.shipped("scara_motion.csv"))
-    expected = jp.Simulation(robot, motion, record_every=20, seed=3).describe()
+    expected = jp.Simulation(robot, motion, record_every=20, seed=3, start="centred").describe()
     assert scara(clearance, condition, 20, 3).describe() == expected
 
 

@@ -410,7 +410,9 @@ def _first_impacts(theirs: str, quick: bool, **joint: object) -> tuple[float, li
     """Largest distance of our journal from theirs over the clearance, and by time."""
     data, _ = read("engines_slider_crank.csv")
     clearance = 0.2e-3
-    shipped = jp.Scenario.load(jp.shipped("slider_crank.toml")).simulation("0.2 mm")
+    shipped = jp.Scenario.load(jp.shipped("slider_crank.toml")).simulation(
+        "0.2 mm", {"integration": {"start": "centred"}}
+    )
     mechanism = jp.Mechanism(
         jp.shipped("slider_crank.urdf"),
         {
@@ -510,7 +512,8 @@ def experiment_findings(quick: bool = False, wrong: bool = False) -> Outcome:
             motion = jp.Motion(["crank_pin"], [0, lasts], [[0], [speed * lasts]], "constant-speed")
             result = jp.simulate(
                 robot, motion, drive={"crank_pin": jp.Prescribed()}, joint_friction={},
-                start={"guide": CRANK + ROD}, step=2e-6, integrator="rk4", record_every=2,
+                state={"guide": CRANK + ROD}, start="centred", step=2e-6, integrator="rk4",
+                record_every=2,
             )  # fmt: skip
             peak = np.linalg.norm(result["joint_force_peak"].values[:, 0], axis=1).max()
             found[i, k] = peak / SLIDER_MASS

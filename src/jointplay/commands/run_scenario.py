@@ -25,7 +25,6 @@ from jointplay.host import stopping, workers
 from jointplay.host.stopping import INTERRUPTED
 
 if TYPE_CHECKING:
-    from jointplay.kernel import Status
     from jointplay.result.result import Result
     from jointplay.scenario import Scenario
     from jointplay.scenario.settings import Setting
@@ -326,7 +325,8 @@ def _ticking(index: int) -> Iterator[Callable[[Run], None]]:
         nonlocal past
         if runs:
             past += runs.pop().workspace.time
-        runs.append(_stoppable(run))
+        run.guards.append(_stoppable)
+        runs.append(run)
         _begun[index] += 1
 
     def tick() -> None:
@@ -343,19 +343,13 @@ def _ticking(index: int) -> Iterator[Callable[[Run], None]]:
         tell()
 
 
-def _stoppable(run: Run) -> Run:
+@contextmanager
+def _stoppable() -> Iterator[None]:
     """Let the parent stop the time loop, but nothing else: half a file is worth nothing."""
-    loop: Callable[[bool], Status] = run.loop
-
-    def guarded(progress: bool = False) -> Status:
-        signal.signal(signal.SIGTERM, _interrupt)
-        try:
-            if _ending:
-                raise KeyboardInterrupt
-            return loop(progress)
-        finally:
-            signal.signal(signal.SIGTERM, _end)
-
-    run.loop = guarded  # type: ignore[method-assign, assignment]
-    run.guard = _stoppable
-    return run
+    signal.signal(signal.SIGTERM, _interrupt)
+    try:
+        if _ending:
+            raise KeyboardInterrupt
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, _end)

@@ -21,7 +21,7 @@ from jointplay.mechanism.impact import elastic_energy
 from jointplay.mechanism.loop import ANGLE_ARM_M, locked
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.mechanism.tree import Motion, Tree
-from jointplay.result.audit import Audit
+from jointplay.result.audit import Audit, Judgement
 from jointplay.result.result import AXES, FORMAT, Result
 
 
@@ -45,6 +45,7 @@ def histories(
     status: Status,
     message: str,
     wall_time: float,
+    judgement: Judgement | None = None,
 ) -> Result:
     """Make a `Result` of the records that a run left in its workspace.
 
@@ -56,6 +57,7 @@ def histories(
         phases: bodies as payloads come and go.
         status, message: how the run ended.
         wall_time: what it took [s].
+        judgement: how the run began and from when on it is judged; None: centred, from the start.
     """
     n = workspace.rows
     q, v = (np.ascontiguousarray(workspace.recorded(name)) for name in ("q", "v"))
@@ -143,6 +145,7 @@ def histories(
         work,
         residual,
         drift,
+        judgement,
     )
     dataset = xr.Dataset(
         {

@@ -18,6 +18,7 @@ from jointplay.host.late import late
 from jointplay.kernel import Status
 from jointplay.result import netcdf
 from jointplay.result.audit import Audit
+from jointplay.result.judging import after_start_up
 
 if TYPE_CHECKING:
     from jointplay.plots import Plots
@@ -60,6 +61,18 @@ class Result:
         """Status, size and audit, readable."""
         sizes = ", ".join(f"{name}: {size}" for name, size in self.dataset.sizes.items())
         return f"<jointplay Result: {self.message}>\n  {sizes}\n{self.judgement}"
+
+    @property
+    def judge_from(self) -> float:
+        """From when on measures, figures and reports judge this run, if not told otherwise [s].
+
+        0 for a run that was interrupted before: then all there is is judged.
+        """
+        found = self.audit.judged_from
+        if found is not None:
+            return found if len(self.time) and self.time[-1] > found else 0.0
+        # Version 0.1, where every journal fell from the centre.
+        return after_start_up(float(self.time[-1]), bool(self.joints)) if len(self.time) else 0.0
 
     @property
     def judgement(self) -> str:

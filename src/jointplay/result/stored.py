@@ -73,7 +73,10 @@ class Inputs:
     joint_friction: dict[str, JointFriction] | None = None
     seed: int | None = None
     payloads: tuple[Payload, ...] = ()
-    start: dict[str, float] = quantity("", default_factory=dict)
+    start: dict[str, float] | str | None = quantity("", default=None)
+    state: dict[str, list[float | None]] = quantity("", default_factory=dict)
+    settle: float | str | None = quantity("s", default=None)
+    judge_from: float | None = quantity("s", default=None)
     start_speed: dict[str, float] = quantity("", default_factory=dict)
 
 

@@ -24,6 +24,7 @@ from jointplay.mechanism.robots import PREFIX, robot_urdf
 from jointplay.mechanism.urdf import read, shipped
 from jointplay.motion.cartesian import cartesian_motion
 from jointplay.motion.reference import INTERPOLATIONS, Motion
+from jointplay.result.result import AXES
 from jointplay.scenario.model import ANGLE, ANGULAR_SPEED, PATHS, Model
 from jointplay.simulation.simulation import Simulation
 from jointplay.units import WORDS, Measured, expected, shown
@@ -84,8 +85,10 @@ def build(model: Model, folder: Path) -> Simulation:
         joint_friction=_joint_friction(model, mechanism),
         seed=integration.seed,
         payloads=_payloads(model, mechanism),
-        start=start,
-        start_speed=start_speed,
+        state={name: (start.get(name), start_speed.get(name)) for name in {**start, **start_speed}},
+        start=integration.start,
+        settle=integration.settle,
+        judge_from=integration.judge_from,
     )
 
 
@@ -195,10 +198,14 @@ def _fit(
     path: tuple[str | int, ...],
 ) -> float:
     """`value` as float, if its unit is one for this joint: units are (revolute's, prismatic's)."""
-    if joint not in mechanism.joints:
+    kind = f"a {path[0]} of a journal"
+    if joint in mechanism.joints:
+        kind = mechanism.description.joints[joint].kind
+        unit = units[kind == "prismatic"]
+    elif path[0] in ("start", "start_speed") and joint in mechanism.coordinates:
+        unit = units[joint.rpartition(".")[2] in AXES]
+    else:
         raise MissingName("moving joint", joint, mechanism.joints, where=path)
-    kind = mechanism.description.joints[joint].kind
-    unit = units[kind == "prismatic"]
     if isinstance(value, Measured) and value.unit not in ("", unit):
         raise JointplayError(
             f"{shown(value.text)} is no {WORDS[unit][0]}, but joint {joint!r} is {kind}; "

@@ -18,6 +18,7 @@ from jointplay.mechanism.gear import Gear
 from jointplay.mechanism.mechanism import STANDARD_GRAVITY
 from jointplay.mechanism.payload import Payload, Vector
 from jointplay.motion.reference import INTERPOLATIONS
+from jointplay.result.judging import STARTS
 
 GRAVITY = {"balanced": (0.0, 0.0, 0.0), "loaded": STANDARD_GRAVITY}
 """Gravity by word [m/s^2]: none, as if the weight were balanced, or 9.81 m/s^2 along -z."""
@@ -116,6 +117,13 @@ class Integration:
     """Simulated time; the motion's if not given."""
     seed: int | None = None
     """Displaces each journal at the start by a random vector of up to half its clearances."""
+    start: str | None = choice("start", STARTS, default=None)
+    """Where journals begin: ``rest``, where they lie under gravity and drives, or ``centred``; at
+    rest where gravity acts or the reference moves from the first, if not given."""
+    settle: float | str | None = quantity("s", default=None)
+    """Time at the start that is not judged, or ``"2 turns"`` of a driven joint."""
+    judge_from: float | None = quantity("s", default=None)
+    """When figures begin to be judged; when the run has settled if not given."""
     certify: bool = False
     """Whether the case is run again more finely, for the numerical errors of its figures."""
 
@@ -163,10 +171,10 @@ class Model:
     motion: MotionTable | None = None
     """Reference motion."""
     start: dict[str, float] = quantity(*ANGLE, default_factory=dict)
-    """Position at the start of joints without reference; with ``tool_position``, where inverse
-    kinematics begins."""
+    """Position at the start of joints without reference, or of single coordinates such as
+    ``"joint_b.x"``; with ``tool_position``, where inverse kinematics begins."""
     start_speed: dict[str, float] = quantity(*ANGULAR_SPEED, default_factory=dict)
-    """Speed at the start of joints without reference."""
+    """Speed at the start of the same."""
     payloads: list[HeldPayload] = field(default_factory=list)
     """Bodies that the tool picks up and releases."""
     integration: Integration = Integration()
