@@ -105,8 +105,11 @@ def test_a_users_function_is_named_in_files_and_not_run_untrusted(urdf, tmp_path
     result = jp.simulate(slider(urdf), duration=0.01, loads=loads, **QUIET)
     result.save(tmp_path / "run.nc")
     monkeypatch.setattr(trust, "_known", {})
+    shown = jp.Result.load(tmp_path / "run.nc").simulation
+    assert shown.loads["pull"].function.source.startswith("def pull(time, pose")
+    assert shown.loads["pull"].describe() == loads["pull"].describe()
     with pytest.raises(jp.JointplayError, match="my_wrench_of_tests:pull' is code that no one"):
-        _ = jp.Result.load(tmp_path / "run.nc").simulation
+        shown.run()
     trusted = jp.Result.load(tmp_path / "run.nc", trust=["my_wrench_of_tests"])
     again = trusted.simulation.run()
     assert np.array_equal(again["q"].values, result["q"].values)

@@ -27,7 +27,7 @@ def slider_crank(clearance=None, gravity=FLAT):
 
 def turning(mechanism, speed, duration, **options):
     motion = jp.Motion(["crank_pin"], [0, duration], [[0], [speed * duration]], "constant-speed")
-    options = {"start": {"guide": R + L}, "integrator": "rk4"} | options
+    options = {"state": {"guide": R + L}, "start": "centred", "integrator": "rk4"} | options
     return jp.simulate(mechanism, motion, drive={"crank_pin": Prescribed()}, **options)
 
 

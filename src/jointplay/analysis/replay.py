@@ -109,7 +109,7 @@ def replay(result: Result, windows: Sequence[tuple[float, float]]) -> Replay:
         workspace.status,
         "repeated",
         0.0,
-        simulation.loads,
+        loads=simulation.loads,
     ).dataset
     found = np.rint(again["time"].values / step).astype(int)
     same = again["q"].values[np.isin(found, kept)]
@@ -126,9 +126,9 @@ def _repeat(run: Run, steps: int) -> None:
         if run.loop() == Status.INTERRUPTED:
             raise KeyboardInterrupt
         return
-    run.begin()
-    while run.workspace.steps <= steps and run.stretch():
-        pass
+    for _ in run.stretches():
+        if run.workspace.steps > steps:
+            break
 
 
 def _phases(run: Run, simulation: Simulation) -> list[Phase]:

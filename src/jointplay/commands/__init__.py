@@ -8,7 +8,21 @@ from __future__ import annotations
 
 from typing import Any
 
-MODULES = ("scara", "run", "init", "check", "schema", "play", "report", "robots", "urdf", "wear")
+MODULES = (
+    "scara",
+    "run",
+    "init",
+    "check",
+    "schema",
+    "play",
+    "report",
+    "robots",
+    "urdf",
+    "wear",
+    "budget",
+    "allocate",
+    "reduce",
+)
 """Modules with a command of their own, in the order of the help."""
 
 

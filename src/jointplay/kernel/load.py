@@ -24,7 +24,7 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
-from jointplay.contact.law import pointer
+from jointplay.contact.compiled import pointer
 from jointplay.kernel.frames import pose_of_frames, twist_by
 from jointplay.kernel.layout import (
     ALWAYS,

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
 
+from jointplay.errors import JointplayError
 from jointplay.kernel import Command, Status, enter, layout
 from jointplay.kernel.path import MIDDLE, MIDDLE_SPEED, ROWS
 
@@ -153,6 +154,12 @@ class Workspace:
         width = max((len(site.parameters) for site in sites), default=0)
         self.fields, columns = _layout(nv, nj, width, loads)
         self._kept: list[np.ndarray] = []  # what the record points to must live as long
+        self._arrays: dict[str, np.ndarray] = {}  # the same by name, but for Pinocchio's frames
+        self._addresses: dict[str, set[str]] = {
+            "run": {"record", "windows"},
+            "joints": set(),
+            "loads": set(),
+        }
         self.run = np.zeros(1, layout.RUN)
         # Views of single fields: to look a field up costs more than to read it.
         self._row, self._step = self.run["row"], self.run["step"]
@@ -239,6 +246,8 @@ class Workspace:
         """Let the record's field `name` point to an array."""
         self.run[name] = array.ctypes.data
         self._kept.append(array)
+        self._arrays[name] = array
+        self._addresses["run"].add(name)
         return array
 
     def _room(self, name: str, *shape: int) -> np.ndarray:
@@ -253,7 +262,7 @@ class Workspace:
         if site.first is None:
             assert site.carriers is not None
             assert site.signs is not None
-            support, signs = self._reach(joint, site.carriers, site.signs, data)
+            support, signs = self._reach("joints", joint, site.carriers, site.signs, data)
         else:
             support = site.first + np.arange(6)
             signs = np.ones(6, np.int64)
@@ -268,6 +277,8 @@ class Workspace:
         for name, array in arrays.items():
             joint[name] = array.ctypes.data
             self._kept.append(array)
+            self._arrays[f"{name}.{j}"] = array
+        self._addresses["joints"] |= {*arrays, "normal_law", "friction_law", "film_law"}
         joint["friction_parameters"][: len(site.friction_parameters)] = site.friction_parameters
         joint["first"] = layout.NO_VIRTUAL_LINK if site.first is None else site.first
         joint["nsupport"], joint["shape"] = n, site.shape
@@ -282,7 +293,7 @@ class Workspace:
             joint["film_parameters"][: len(site.film.parameters)] = site.film.parameters
 
     def _reach(
-        self, row: np.ndarray, carriers: Carriers, signs: np.ndarray, data: pin.Data
+        self, kind: str, row: np.ndarray, carriers: Carriers, signs: np.ndarray, data: pin.Data
     ) -> tuple[np.ndarray, np.ndarray]:
         """Let a joint or load be reached through its frames; returns support and signs."""
         for part, (index, placement) in zip(PARTS, carriers, strict=True):
@@ -292,6 +303,7 @@ class Workspace:
                 row[f"{part}_{name}"] = view.ctypes.data
                 self._kept.append(view)
             row[f"{part}_placement"] = [*placement.rotation.ravel(), *placement.translation]
+            self._addresses[kind] |= {f"{part}_rotation", f"{part}_translation"}
         support = np.flatnonzero(signs)
         return support, signs[support].astype(np.int64)
 
@@ -310,7 +322,7 @@ class Workspace:
             self._changing.append(arrays["out"])
         else:
             assert site.signs is not None
-            support, signs = self._reach(load, site.carriers, site.signs, data)
+            support, signs = self._reach("loads", load, site.carriers, site.signs, data)
             n = len(support)
             arrays |= {"support": support.astype(np.int64), "signs": signs}
             arrays["reach"] = np.zeros((6, n))
@@ -323,6 +335,8 @@ class Workspace:
         for name, array in arrays.items():
             load[name] = array.ctypes.data
             self._kept.append(array)
+            self._arrays[f"load.{name}.{index}"] = array
+        self._addresses["loads"] |= {*arrays, "law", "place", "rate", "out"}
         load["law"], load["stores"], load["implicit"] = site.law, site.stores, site.implicit
         load["nseen"], load["npushed"] = len(site.seen), len(site.pushed)
         load["bounded"] = int(bool(site.bounds))
@@ -361,6 +375,7 @@ class Workspace:
             self.run["found_minv"],
             self.run["found_free"],
         )
+        self._addresses["run"] |= {"open_minv", "open_free"}
         self._room("found_free", nv)
         for name in ("found_minv", "closing_minv"):
             self._room(name, nv, nv)
@@ -372,6 +387,44 @@ class Workspace:
         """All arrays that a macro step changes, but for the records: to come back to a state."""
         records = [self.run, self.joints, self.contacts, self.loads]
         return [*records, *self._changing, *self.sliding_work]
+
+    def snapshot(self) -> dict[str, np.ndarray]:
+        """Copies of all that the run has written, by name: to come back to it in another process.
+
+        The table of the reference is left out; addresses are zero.
+        """
+        found = {name: array.copy() for name, array in self._arrays.items() if name != "reference"}
+        found["run"] = self.run.copy()
+        for name, fields in self._addresses.items():
+            for field in fields:
+                found[name][field] = 0
+        found["written"] = self.record[: self.rows].copy()
+        return found
+
+    def restore(self, snapshot: Mapping[str, np.ndarray]) -> None:
+        """Come back to what `snapshot` found in a workspace of the same simulation.
+
+        Raises:
+            JointplayError: the snapshot is that of another simulation.
+        """
+        own = {name: array for name, array in self._arrays.items() if name != "reference"}
+        own["run"] = self.run
+        for name, array in own.items():
+            given = snapshot.get(name)
+            if given is None or given.shape != array.shape or given.dtype != array.dtype:
+                raise JointplayError(f"the state of {name!r} is not that of this simulation")
+        written = snapshot["written"]
+        if written.ndim != 2 or written.shape[1] != self.record.shape[1]:
+            raise JointplayError("the records are not those of this simulation")
+        rows = int(self.run["rows"][0])
+        for name, array in own.items():
+            if array.dtype.names is None:
+                np.copyto(array, snapshot[name])
+                continue
+            for field in set(array.dtype.names) - self._addresses.get(name, set()):
+                array[field] = snapshot[name][field]
+        self._set(rows=rows, nwindows=len(self.windows))
+        self.record[: len(written)] = written
 
     def make_room(self, rows: int) -> None:
         """Have room for `rows` records, before the first of them is written."""

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from jointplay.loads.base import WORLD, Load, from_description
+from jointplay.codec import Family, read, register
+from jointplay.loads.base import WORLD, Load
 from jointplay.loads.controller import Controller
 from jointplay.loads.joint_spring import Stop, TorsionSpring
 from jointplay.loads.loaded_friction import LoadedFriction
@@ -29,9 +30,18 @@ LOADS: dict[str, type[Load]] = {
 """Kinds of load by the word that selects them."""
 
 
+register(Load, Family("kind", "load", LOADS, bare=False))
+
+
 def load_from_description(description: Mapping[str, Any]) -> Load:
-    """Build the load that `Load.describe` described; see `base.from_description`."""
-    return from_description(description, LOADS)
+    """Build the load that `Load.describe` described.
+
+    Raises:
+        JointplayError: no load of that kind, a value that cannot be, or a function of the user's
+            own that is neither known here nor of a trusted module (see `contact.trust`).
+    """
+    load: Load = read(Load, description)
+    return load
 
 
 __all__ = [

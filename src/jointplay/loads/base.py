@@ -14,9 +14,8 @@ what is conserved and of what is not. A new load is a class in a module of its o
 
 from __future__ import annotations
 
-import dataclasses
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, ClassVar, NamedTuple
@@ -24,9 +23,10 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from jointplay.contact.law import compiled_function, named
-from jointplay.contact.trust import found, imported, path_of
-from jointplay.errors import JointplayError, MissingName, require_finite
+from jointplay.codec import Described
+from jointplay.contact.compiled import compiled_function
+from jointplay.contact.trust import Absent
+from jointplay.errors import JointplayError, MissingName, Where, require_finite
 from jointplay.kernel.layout import NEVER
 from jointplay.kernel.load import LOAD_LAW
 from jointplay.mechanism.mechanism import Mechanism, frame_index
@@ -61,16 +61,17 @@ class Site:
     """The law's wrench acts on the second, its opposite on the first."""
 
 
-class Load(ABC):
+class Load(Described, ABC):
     """Something that pushes on a mechanism. Subclasses are frozen dataclasses.
 
-    `units` has the SI units of the arguments that are numbers, two of them (of revolute and of
-    prismatic joints) where they depend on the joint that the load's `joint` names.
+    Their numbers are fields with units (`fields.quantity`), of revolute and of prismatic joints
+    where these depend on the joint that the load's `joint` names.
     """
+
+    selector = ("kind", "kind")
 
     kind: ClassVar[str]
     """The one word that selects the load."""
-    units: ClassVar[Mapping[str, str | tuple[str, ...]]] = {}
     stores: ClassVar[bool] = False
     """Whether its answer at rest is the slope of an energy: a spring's."""
 
@@ -113,50 +114,6 @@ class Load(ABC):
         """Joints whose actuator it is: torques that their limit of effort concerns."""
         return ()
 
-    def describe(self) -> dict[str, Any]:
-        """Kind and fields as plain data; functions by their ``module:function``."""
-        fields = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}  # type: ignore[arg-type]
-        return {"kind": self.kind, **{name: _plain(value) for name, value in fields.items()}}
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        """Go to another process by the names of its functions, as to a file."""
-        fields = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}  # type: ignore[arg-type]
-        names = [name for name, value in fields.items() if callable(value)]
-        paths = {name: named(fields.pop(name)) for name in names}
-        return _restored, (type(self), fields, paths)
-
-
-def _plain(value: Any) -> Any:
-    if callable(value):
-        return path_of(value)
-    if isinstance(value, tuple):
-        return [_plain(one) for one in value]
-    return value
-
-
-def _restored(kind: type[Load], fields: dict[str, Any], paths: dict[str, str]) -> Load:
-    return kind(**fields, **{name: imported(path) for name, path in paths.items()})
-
-
-def from_description(description: Mapping[str, Any], kinds: Mapping[str, type[Load]]) -> Load:
-    """Build the load of one of `kinds` that `Load.describe` described.
-
-    Raises:
-        MissingName: no load of that kind.
-        JointplayError: a function of the user's own that is neither known here nor of a trusted
-            module (see `contact.trust`), or an impossible value.
-    """
-    fields = dict(description)
-    kind = fields.pop("kind", None)
-    if kind not in kinds:
-        raise MissingName("load", kind, kinds)
-    for name, value in fields.items():
-        if isinstance(value, list):
-            fields[name] = tuple(tuple(one) if isinstance(one, list) else one for one in value)
-    if "function" in fields:
-        fields["function"] = found(fields["function"])
-    return kinds[kind](**fields)
-
 
 def address(load: Load) -> int:
     """Machine address of the load's compiled law.
@@ -164,7 +121,19 @@ def address(load: Load) -> int:
     Raises:
         JointplayError: numba cannot compile it; the message carries numba's reason.
     """
-    return int(compiled_function(load.law(), LOAD_LAW).address)
+    return int(compiled_law(load).address)
+
+
+def compiled_law(load: Load) -> Any:
+    """The load's compiled law: its `address`, and `ctypes` to call it from Python.
+
+    Raises:
+        JointplayError: see `address`; or it is a function that is not at hand.
+    """
+    law = load.law()
+    if isinstance(law, Absent):
+        raise JointplayError(law.reason)
+    return compiled_function(law, LOAD_LAW)
 
 
 def frame(mechanism: Mechanism, name: str, at: Vector = (0.0, 0.0, 0.0)) -> Frame:
@@ -204,20 +173,14 @@ def joint_site(mechanism: Mechanism, joint: str) -> Site:
     return Site(at, at)
 
 
-def require_vector(name: str, value: Sequence[float], unit: str) -> Vector:
-    """Return three finite components as floats, else raise naming them."""
-    if isinstance(value, str) or not hasattr(value, "__len__") or len(value) != 3:
-        raise JointplayError(f"{name} must have three components, got {value!r}")
-    x, y, z = (require_finite(name, one, unit) for one in value)
-    return x, y, z
-
-
-def require_increasing(name: str, values: Sequence[float], unit: str) -> tuple[float, ...]:
+def require_increasing(
+    name: str, values: Sequence[float], unit: str, where: Where = ()
+) -> tuple[float, ...]:
     """Return finite numbers that increase as floats, else raise naming the first that does not."""
-    checked = tuple(require_finite(name, one, unit) for one in values)
+    checked = tuple(require_finite(name, one, unit, where) for one in values)
     for before, after in pairwise(checked):
         if after <= before:
             raise JointplayError(
-                f"{name} must increase: {before:g} {unit} is followed by {after:g} {unit}"
+                f"{name} must increase: {before:g} {unit} is followed by {after:g} {unit}", where
             )
     return checked

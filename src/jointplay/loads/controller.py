@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import inspect
+import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 
-from jointplay.contact.law import plain
-from jointplay.contact.trust import know, path_of
-from jointplay.errors import JointplayError, MissingName, require_finite, require_positive
-from jointplay.loads.base import Load, Series, Site
+from jointplay.contact.trust import Absent, path_of
+from jointplay.errors import JointplayError, MissingName, require_positive
+from jointplay.fields import choice, quantity
+from jointplay.loads.base import Series, Site
+from jointplay.loads.function import OfFunction, WrittenFunction
 from jointplay.mechanism.mechanism import Mechanism
 
 ENCODERS = ("link", "motor", "both")
@@ -33,15 +35,28 @@ def _held(time: Any, x: Any, dx: Any, p: Any, out: Any) -> None:
 Sample = Callable[[float, np.ndarray, np.ndarray], Any]
 
 
+@dataclass(frozen=True, kw_only=True)
+class WrittenController(WrittenFunction):
+    """What files say of a controller."""
+
+    joints: tuple[str, ...]
+    """Joints whose torques it gives."""
+    period: float | None = quantity("s", default=None)
+    """Between two samples [s]; without, the function is compiled."""
+    encoder: str = choice("encoder", ENCODERS, default=ENCODERS[0])
+    """What it sees: ``link``, ``motor``, or ``both``."""
+
+
 @dataclass(frozen=True)
-class Controller(Load):
+class Controller(OfFunction):
     """A controller of the user's own, that gives the torques of some joints.
 
     With a `period` it is a Python callable, called at the times 0, period, 2 period, ...; its
     torques are held in between (zero-order hold). A function is called as
     ``function(time, q, v, p)`` and returns the torques; of a class, for controllers with a memory,
     an object ``function(*parameters)`` is made at the start of each run, and called as
-    ``object(time, q, v)``.
+    ``object(time, q, v)``. For checkpoints it needs ``memory()``, which returns its state as plain
+    data, and ``recall(memory)``.
 
     Without a period it is compiled like a law and evaluated in every micro step:
     ``function(time, q, v, p, out)`` writes the torques into ``out``.
@@ -58,40 +73,38 @@ class Controller(Load):
             multiple of its step, a function that numba cannot compile.
     """
 
+    written = WrittenController
+
     kind: ClassVar[str] = "controller"
-    units: ClassVar[dict[str, str]] = {"parameters": "", "period": "s"}
 
     joints: tuple[str, ...]
     """Joints whose torques it gives."""
     function: Callable[..., Any]
     """At module level of an importable file (files then name it as ``module:function``)."""
-    parameters: tuple[float, ...] = ()
+    parameters: tuple[float, ...] = quantity("", default=())
     """Numbers for the function."""
-    period: float | None = None
+    period: float | None = quantity("s", default=None)
     """Between two samples [s]; without, the function is compiled."""
-    encoder: str = "link"
+    encoder: str = choice("encoder", ENCODERS, default=ENCODERS[0])
     """What it sees: ``link``, ``motor``, or ``both``."""
 
     def __post_init__(self) -> None:
         """Check everything."""
         if isinstance(self.joints, str) or not self.joints:
-            raise JointplayError(f"a controller needs the names of its joints, got {self.joints!r}")
+            raise JointplayError(
+                f"a controller needs the names of its joints, got {self.joints!r}", ("joints",)
+            )
         object.__setattr__(self, "joints", tuple(self.joints))
         if len(set(self.joints)) < len(self.joints):
             raise JointplayError(f"a controller has a joint twice: {', '.join(self.joints)}")
-        checked = tuple(require_finite("parameter", one, "") for one in self.parameters)
-        object.__setattr__(self, "parameters", checked)
         if self.encoder not in ENCODERS:
-            raise MissingName("encoder", self.encoder, ENCODERS)
+            raise MissingName("encoder", self.encoder, ENCODERS, where=("encoder",))
         if self.period is None:
             expected: tuple[str, ...] = ("time", "q", "v", "p", "out")
         else:
-            require_positive("period of a controller", self.period, "s")
+            require_positive("period of a controller", self.period, "s", ("period",))
             expected = ("time", "q", "v", "p")
-        if self.period is not None and inspect.isclass(self.function):
-            know(self.function)
-        else:
-            object.__setattr__(self, "function", plain(self.function, expected))
+        self._keep(expected, may_be_class=self.period is not None)
 
     def site(self, mechanism: Mechanism) -> Site:
         """Coordinates that the encoders see, and those that the motors turn."""
@@ -128,6 +141,8 @@ class Controller(Load):
         Raises:
             JointplayError: a class that does not take the parameters.
         """
+        if isinstance(self.function, Absent):
+            raise JointplayError(self.function.reason)
         if inspect.isclass(self.function):
             try:
                 made: Any = self.function(*self.parameters)
@@ -140,6 +155,28 @@ class Controller(Load):
             return sample
         function, parameters = self.function, self.parameters
         return lambda time, q, v: function(time, q, v, parameters)
+
+    def remember(self, sample: Sample) -> Any:
+        """State of a run's object, by its own `memory`; None of a function, which has none.
+
+        Raises:
+            JointplayError: an object without `memory` and `recall`, or a memory that no JSON holds.
+        """
+        if not inspect.isclass(self.function):
+            return None
+        name = path_of(self.function)
+        if not all(callable(getattr(sample, way, None)) for way in ("memory", "recall")):
+            raise JointplayError(
+                f"the controller {name!r} is an object whose state no checkpoint can know; give it "
+                "memory(), which returns plain data, and recall(memory)"
+            )
+        state: Any = sample.memory()  # type: ignore[attr-defined]
+        try:
+            return json.loads(json.dumps(state))
+        except (TypeError, ValueError) as error:
+            raise JointplayError(
+                f"the memory of the controller {name!r} is no plain data: {error}"
+            ) from error
 
     def torques(self, sample: Sample, time: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Torques at a time, checked, shape (joints,) [N m or N].

@@ -14,6 +14,7 @@ from jointplay.errors import (
     require_non_negative,
     require_positive,
 )
+from jointplay.fields import quantity
 from jointplay.kernel.layout import ALWAYS, IF_PRESSED, NEVER
 from jointplay.loads.base import Load, Series, Site, joint_site
 from jointplay.mechanism.mechanism import Mechanism
@@ -58,8 +59,8 @@ class _AtJoint(Load):
         return (Series("torque", answers[:, 0], "N m or N"),)
 
     def _check(self, name: str) -> None:
-        require_positive(f"stiffness of a {name}", self.stiffness, "N m/rad")
-        require_non_negative(f"damping of a {name}", self.damping, "N m s/rad")
+        require_positive(f"stiffness of a {name}", self.stiffness, "N m/rad", ("stiffness",))
+        require_non_negative(f"damping of a {name}", self.damping, "N m s/rad", ("damping",))
 
 
 @dataclass(frozen=True)
@@ -71,25 +72,20 @@ class TorsionSpring(_AtJoint):
     """
 
     kind: ClassVar[str] = "torsion-spring"
-    units: ClassVar[dict[str, tuple[str, ...]]] = {
-        "stiffness": STIFFNESS,
-        "damping": DAMPING,
-        "rest": ANGLE,
-    }
 
     joint: str
     """Joint that it turns."""
-    stiffness: float
+    stiffness: float = quantity(*STIFFNESS)
     """[N m/rad, or N/m for prismatic joints]."""
-    damping: float = 0.0
+    damping: float = quantity(*DAMPING, default=0.0)
     """[N m s/rad or N s/m]."""
-    rest: float = 0.0
+    rest: float = quantity(*ANGLE, default=0.0)
     """Position at which it does not push [rad or m]."""
 
     def __post_init__(self) -> None:
         """Check the numbers."""
         self._check("torsion spring")
-        require_finite("rest of a torsion spring", self.rest, "rad")
+        require_finite("rest of a torsion spring", self.rest, "rad", ("rest",))
 
     def law(self) -> Callable[..., None]:
         """Linear."""
@@ -118,29 +114,23 @@ class Stop(_AtJoint):
     """
 
     kind: ClassVar[str] = "stop"
-    units: ClassVar[dict[str, tuple[str, ...]]] = {
-        "stiffness": STIFFNESS,
-        "damping": DAMPING,
-        "lower": ANGLE,
-        "upper": ANGLE,
-    }
 
     joint: str
     """Joint that it stops."""
-    stiffness: float
+    stiffness: float = quantity(*STIFFNESS)
     """[N m/rad, or N/m for prismatic joints]."""
-    damping: float = 0.0
+    damping: float = quantity(*DAMPING, default=0.0)
     """[N m s/rad or N s/m]."""
-    lower: float | None = None
+    lower: float | None = quantity(*ANGLE, default=None)
     """Where the lower one begins; the URDF's limit if not given [rad or m]."""
-    upper: float | None = None
+    upper: float | None = quantity(*ANGLE, default=None)
     """The upper one."""
 
     def __post_init__(self) -> None:
         """Check the numbers."""
         self._check("stop")
         ends = [
-            require_finite(f"{name} stop", value, "rad")
+            require_finite(f"{name} stop", value, "rad", (name,))
             for name, value in (("lower", self.lower), ("upper", self.upper))
             if value is not None
         ]

@@ -9,7 +9,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from jointplay.errors import JointplayError, require_non_negative
+from jointplay.errors import JointplayError
+from jointplay.fields import check_fields, quantity
 from jointplay.kernel.layout import ALWAYS
 from jointplay.loads.base import Load, Series, Site, joint_site
 from jointplay.mechanism.mechanism import Mechanism
@@ -43,22 +44,19 @@ class LoadedFriction(Load):
 
     kind: ClassVar[str] = "loaded-friction"
     stores: ClassVar[bool] = True  # its answer at rest is zero
-    units: ClassVar[dict[str, str]] = {"coefficient": "", "radius": "m", "axial_radius": "m"}
 
     joint: str
     """Joint that it brakes."""
-    coefficient: float
+    coefficient: float = quantity("", least=0.0, words="coefficient of friction")
     """Of friction."""
-    radius: float = 0.0
+    radius: float = quantity("m", default=0.0, least=0.0, words="bearing radius")
     """Of the bearing [m]."""
-    axial_radius: float = 0.0
+    axial_radius: float = quantity("m", default=0.0, least=0.0, words="axial radius")
     """Mean radius of the face that takes the force along the axis [m]."""
 
     def __post_init__(self) -> None:
         """Check the numbers."""
-        require_non_negative("coefficient of friction", self.coefficient, "")
-        require_non_negative("bearing radius", self.radius, "m")
-        require_non_negative("axial radius", self.axial_radius, "m")
+        check_fields(self)
 
     def site(self, mechanism: Mechanism) -> Site:
         """The joint's coordinate."""

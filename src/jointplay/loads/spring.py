@@ -14,7 +14,9 @@ from jointplay.errors import (
     require_finite,
     require_non_negative,
     require_positive,
+    require_vector,
 )
+from jointplay.fields import quantity
 from jointplay.kernel.layout import ALWAYS, NEVER
 from jointplay.loads.base import (
     WORLD,
@@ -25,7 +27,6 @@ from jointplay.loads.base import (
     between,
     frame,
     require_increasing,
-    require_vector,
 )
 from jointplay.mechanism.mechanism import Mechanism
 
@@ -78,8 +79,8 @@ class _Between(Load):
 
     def _check(self) -> None:
         for name in ("at", "other_at"):
-            object.__setattr__(self, name, require_vector(name, getattr(self, name), "m"))
-        require_non_negative("spring damping", self.damping, "N s/m")
+            object.__setattr__(self, name, require_vector(name, getattr(self, name), "m", (name,)))
+        require_non_negative("spring damping", self.damping, "N s/m", ("damping",))
 
     def site(self, mechanism: Mechanism) -> Site:
         """Between both points."""
@@ -112,34 +113,27 @@ class Spring(_Between):
     """
 
     kind: ClassVar[str] = "spring"
-    units: ClassVar[dict[str, str]] = {
-        "stiffness": "N/m",
-        "free_length": "m",
-        "damping": "N*s/m",
-        "at": "m",
-        "other_at": "m",
-    }
 
     frame: str
     """Link or frame that it pulls on."""
-    stiffness: float
+    stiffness: float = quantity("N/m")
     """[N/m]."""
-    free_length: float
+    free_length: float = quantity("m")
     """Length at which it does not pull [m]."""
     other: str = WORLD
     """The other one; ``world`` is the ground."""
-    at: Vector = (0.0, 0.0, 0.0)
+    at: Vector = quantity("m", default=(0.0, 0.0, 0.0))
     """Point in the axes of `frame` [m]."""
-    other_at: Vector = (0.0, 0.0, 0.0)
+    other_at: Vector = quantity("m", default=(0.0, 0.0, 0.0))
     """Point in the axes of `other` [m]."""
-    damping: float = 0.0
+    damping: float = quantity("N*s/m", default=0.0)
     """[N s/m]."""
 
     def __post_init__(self) -> None:
         """Check the numbers."""
         self._check()
-        require_positive("spring stiffness", self.stiffness, "N/m")
-        require_non_negative("free length", self.free_length, "m")
+        require_positive("spring stiffness", self.stiffness, "N/m", ("stiffness",))
+        require_non_negative("free length", self.free_length, "m", ("free_length",))
 
     def law(self) -> Callable[..., None]:
         """Force along the line between the points."""
@@ -172,34 +166,29 @@ class CurveSpring(_Between):
     """
 
     kind: ClassVar[str] = "curve-spring"
-    units: ClassVar[dict[str, str]] = {
-        "lengths": "m",
-        "forces": "N",
-        "damping": "N*s/m",
-        "at": "m",
-        "other_at": "m",
-    }
 
     frame: str
     """Link or frame that it pulls on."""
-    lengths: tuple[float, ...]
+    lengths: tuple[float, ...] = quantity("m")
     """Increasing [m]."""
-    forces: tuple[float, ...]
+    forces: tuple[float, ...] = quantity("N")
     """Force at each length [N]."""
     other: str = WORLD
     """The other one; ``world`` is the ground."""
-    at: Vector = (0.0, 0.0, 0.0)
+    at: Vector = quantity("m", default=(0.0, 0.0, 0.0))
     """Point in the axes of `frame` [m]."""
-    other_at: Vector = (0.0, 0.0, 0.0)
+    other_at: Vector = quantity("m", default=(0.0, 0.0, 0.0))
     """Point in the axes of `other` [m]."""
-    damping: float = 0.0
+    damping: float = quantity("N*s/m", default=0.0)
     """[N s/m]."""
 
     def __post_init__(self) -> None:
         """Check the points."""
         self._check()
-        lengths = require_increasing("spring lengths", self.lengths, "m")
-        forces = tuple(require_finite("spring forces", one, "N") for one in self.forces)
+        lengths = require_increasing("spring lengths", self.lengths, "m", ("lengths",))
+        forces = tuple(
+            require_finite("spring forces", one, "N", ("forces",)) for one in self.forces
+        )
         if len(lengths) != len(forces) or len(lengths) < 2:
             raise JointplayError(
                 "a spring's curve needs as many lengths as forces and at least two, got "

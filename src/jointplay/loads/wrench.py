@@ -8,8 +8,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from jointplay.contact.law import plain
-from jointplay.errors import JointplayError, MissingName, require_finite
+from jointplay.errors import JointplayError, MissingName, require_vector
+from jointplay.fields import choice, quantity
 from jointplay.loads.base import (
     WORLD,
     Load,
@@ -19,8 +19,8 @@ from jointplay.loads.base import (
     between,
     frame,
     require_increasing,
-    require_vector,
 )
+from jointplay.loads.function import OfFunction, WrittenFunction
 from jointplay.mechanism.mechanism import Mechanism
 
 AXES = ("world", "frame")
@@ -77,7 +77,7 @@ class _OnFrame(Load):
 
 def _check_axes(axes: str) -> None:
     if axes not in AXES:
-        raise MissingName("axes for a wrench", axes, AXES)
+        raise MissingName("axes for a wrench", axes, AXES, where=("axes",))
 
 
 @dataclass(frozen=True)
@@ -89,23 +89,22 @@ class Wrench(_OnFrame):
     """
 
     kind: ClassVar[str] = "wrench"
-    units: ClassVar[dict[str, str]] = {"force": "N", "moment": "N*m", "at": "m"}
 
     frame: str
     """Link or frame that it acts on."""
-    force: Vector = (0.0, 0.0, 0.0)
+    force: Vector = quantity("N", default=(0.0, 0.0, 0.0))
     """[N]."""
-    moment: Vector = (0.0, 0.0, 0.0)
+    moment: Vector = quantity("N*m", default=(0.0, 0.0, 0.0))
     """[N m]."""
-    at: Vector = (0.0, 0.0, 0.0)
+    at: Vector = quantity("m", default=(0.0, 0.0, 0.0))
     """Point in the frame's axes at which the force acts [m]."""
-    axes: str = "world"
+    axes: str = choice("axes for a wrench", AXES, default=AXES[0])
     """Axes of force and moment: ``world``, or ``frame``: they turn with it."""
 
     def __post_init__(self) -> None:
         """Check the numbers."""
         for name, unit in (("force", "N"), ("moment", "N m"), ("at", "m")):
-            object.__setattr__(self, name, require_vector(name, getattr(self, name), unit))
+            object.__setattr__(self, name, require_vector(name, getattr(self, name), unit, (name,)))
         _check_axes(self.axes)
 
     def law(self) -> Callable[..., None]:
@@ -128,27 +127,28 @@ class WrenchOverTime(_OnFrame):
     """
 
     kind: ClassVar[str] = "wrench-over-time"
-    units: ClassVar[dict[str, str]] = {"times": "s", "forces": "N", "moments": "N*m", "at": "m"}
 
     frame: str
     """Link or frame that it acts on."""
-    times: tuple[float, ...]
+    times: tuple[float, ...] = quantity("s")
     """Increasing [s]."""
-    forces: tuple[Vector, ...] = ()
+    forces: tuple[Vector, ...] = quantity("N", default=())
     """Force at each time [N]; none if not given."""
-    moments: tuple[Vector, ...] = ()
+    moments: tuple[Vector, ...] = quantity("N*m", default=())
     """Moment at each time [N m]; none if not given."""
-    at: Vector = (0.0, 0.0, 0.0)
+    at: Vector = quantity("m", default=(0.0, 0.0, 0.0))
     """Point in the frame's axes at which the force acts [m]."""
-    axes: str = "world"
+    axes: str = choice("axes for a wrench", AXES, default=AXES[0])
     """Axes of force and moment: ``world``, or ``frame``: they turn with it."""
 
     def __post_init__(self) -> None:
         """Check the table."""
-        object.__setattr__(self, "times", require_increasing("wrench times", self.times, "s"))
-        object.__setattr__(self, "at", require_vector("at", self.at, "m"))
+        object.__setattr__(
+            self, "times", require_increasing("wrench times", self.times, "s", ("times",))
+        )
+        object.__setattr__(self, "at", require_vector("at", self.at, "m", ("at",)))
         for name, unit in (("forces", "N"), ("moments", "N m")):
-            rows = tuple(require_vector(name, row, unit) for row in getattr(self, name))
+            rows = tuple(require_vector(name, row, unit, (name,)) for row in getattr(self, name))
             if rows and len(rows) != len(self.times):
                 raise JointplayError(
                     f"a wrench over time has {len(self.times)} times but {len(rows)} {name}"
@@ -170,8 +170,18 @@ class WrenchOverTime(_OnFrame):
         return np.array([n, self.axes == "frame", *self.times, *table], float)
 
 
+@dataclass(frozen=True, kw_only=True)
+class WrittenWrench(WrittenFunction):
+    """What files say of a wrench by a function of one's own."""
+
+    frame: str
+    """Link or frame that it acts on."""
+    at: Vector = quantity("m", default=(0.0, 0.0, 0.0))
+    """Point in the frame's axes at which the force acts [m]."""
+
+
 @dataclass(frozen=True)
-class WrenchFunction(_OnFrame):
+class WrenchFunction(OfFunction, _OnFrame):
     """A force and moment on a frame by a function of the user's own, compiled like a law.
 
     ``function(time, pose, twist, p, out)`` has the time [s]; the point's position [m] and the
@@ -184,25 +194,23 @@ class WrenchFunction(_OnFrame):
             compiles is found out when a run is prepared.
     """
 
+    written = WrittenWrench
+
     kind: ClassVar[str] = "wrench-function"
-    units: ClassVar[dict[str, str]] = {"parameters": "", "at": "m"}
 
     frame: str
     """Link or frame that it acts on."""
     function: Callable[..., Any]
     """At module level of an importable file (files then name it as ``module:function``)."""
-    parameters: tuple[float, ...] = ()
+    parameters: tuple[float, ...] = quantity("", default=())
     """Numbers that the function finds in p."""
-    at: Vector = (0.0, 0.0, 0.0)
+    at: Vector = quantity("m", default=(0.0, 0.0, 0.0))
     """Point in the frame's axes at which the force acts [m]."""
 
     def __post_init__(self) -> None:
         """Check signature and numbers."""
-        function = plain(self.function, ("time", "pose", "twist", "p", "out"))
-        object.__setattr__(self, "function", function)
-        object.__setattr__(self, "at", require_vector("at", self.at, "m"))
-        checked = tuple(require_finite("parameter", one, "") for one in self.parameters)
-        object.__setattr__(self, "parameters", checked)
+        self._keep(("time", "pose", "twist", "p", "out"))
+        object.__setattr__(self, "at", require_vector("at", self.at, "m", ("at",)))
 
     def law(self) -> Callable[..., None]:
         """The user's own."""

@@ -9,16 +9,15 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from jointplay.contact.friction.bristle import BristleLaw
-from jointplay.contact.law import (
+from jointplay.contact.compiled import (
     MAX_PARAMETERS,
-    FrictionLaw,
-    NormalForceLaw,
     address,
     call_normal,
     compiled_law,
     pointer,
 )
+from jointplay.contact.friction.bristle import BristleLaw
+from jointplay.contact.law import FrictionLaw, NormalForceLaw
 from jointplay.errors import JointplayError
 from jointplay.host.numba_cache import njit
 from jointplay.mechanism.mechanism import Mechanism

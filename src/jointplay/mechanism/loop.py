@@ -8,14 +8,16 @@ Pinocchio enforces.
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
 from scipy.optimize import least_squares
 
-from jointplay.errors import JointplayError, require_finite
+from jointplay.codec import Described
+from jointplay.errors import JointplayError, require_vector
+from jointplay.fields import quantity
 
 if TYPE_CHECKING:
     from jointplay.joints import Clearance
@@ -37,8 +39,14 @@ PROXIMAL = pin.ProximalSettings(1e-12, 1e-10, 10)
 """Accuracy, regularisation and iterations of Pinocchio's solver: constraints may be redundant."""
 
 
+def refuse_name(name: str, joints: Collection[str]) -> None:
+    """Raise if a loop has the name of one of the URDF's `joints`."""
+    if name in joints:
+        raise JointplayError(f"loop {name!r} has the name of a joint of the URDF")
+
+
 @dataclass(frozen=True)
-class Loop:
+class Loop(Described):
     """A joint between two links that closes a loop: where bearing and journal sit.
 
     z of both frames is the joint's axis (for a slider, the direction of sliding).
@@ -49,12 +57,12 @@ class Loop:
 
     bearing_link: str
     journal_link: str
-    bearing_xyz: Vector = (0.0, 0.0, 0.0)
+    bearing_xyz: Vector = quantity("m", default=(0.0, 0.0, 0.0))
     """Bearing's centre in its link's frame [m]."""
-    bearing_rpy: Vector = (0.0, 0.0, 0.0)
+    bearing_rpy: Vector = quantity("rad", default=(0.0, 0.0, 0.0))
     """Orientation of the bearing frame: roll, pitch, yaw as in URDF [rad]."""
-    journal_xyz: Vector = (0.0, 0.0, 0.0)
-    journal_rpy: Vector = (0.0, 0.0, 0.0)
+    journal_xyz: Vector = quantity("m", default=(0.0, 0.0, 0.0))
+    journal_rpy: Vector = quantity("rad", default=(0.0, 0.0, 0.0))
 
     def __post_init__(self) -> None:
         """Check the vectors."""
@@ -63,11 +71,8 @@ class Loop:
                 f"a loop needs two links, got {self.bearing_link!r} for both bearing and journal"
             )
         for name in ("bearing_xyz", "bearing_rpy", "journal_xyz", "journal_rpy"):
-            values: Sequence[float] = getattr(self, name)
             unit = "m" if name.endswith("xyz") else "rad"
-            if len(values) != 3:
-                raise JointplayError(f"{name} must have three components, got {values!r}")
-            checked = tuple(require_finite(name, value, unit) for value in values)
+            checked = require_vector(name, getattr(self, name), unit, (name,))
             object.__setattr__(self, name, checked)
 
     @property
@@ -79,17 +84,6 @@ class Loop:
     def journal(self) -> pin.SE3:
         """Journal frame in its link's frame."""
         return _placement(self.journal_xyz, self.journal_rpy)
-
-    def describe(self) -> dict[str, Any]:
-        """All fields as plain data."""
-        return asdict(self)
-
-    @classmethod
-    def from_description(cls, description: dict[str, Any]) -> Loop:
-        """Build the loop that `describe` described."""
-        links = ("bearing_link", "journal_link")
-        fields: Any = {k: v if k in links else tuple(v) for k, v in description.items()}
-        return cls(**fields)
 
 
 def _placement(xyz: Vector, rpy: Vector) -> pin.SE3:
@@ -165,7 +159,8 @@ def assemble(
         if _fit(mechanism, moved):
             best = moved
         elif not _fit(mechanism, best):
-            raise JointplayError(_blame(mechanism, q, best, held))
+            loop, message = _blame(mechanism, q, best, held)
+            raise JointplayError(message, where=("loops", loop))
     for name in mechanism.gears:
         if mechanism.motor(name) not in held:  # unstrained
             best[mechanism.motor(name)] = best[mechanism.coordinate(name)]
@@ -285,8 +280,10 @@ def _has_room(joint: Clearance, pose: pin.SE3, leans: bool) -> bool:
     return bool(np.hypot(x, y) + lean <= room[0] and z + lean <= room[2])
 
 
-def _blame(mechanism: Mechanism, q: np.ndarray, best: np.ndarray, held: Sequence[int]) -> str:
-    """What to say of loops that cannot be closed."""
+def _blame(
+    mechanism: Mechanism, q: np.ndarray, best: np.ndarray, held: Sequence[int]
+) -> tuple[str, str]:
+    """The loop that stays open the most, and what to say of it."""
     gaps = {name: float(np.abs(part).max()) for name, part in misfit(mechanism, best).items()}
     worst = max(gaps, key=lambda name: gaps[name])
     what = f"the mechanism cannot be assembled: loop {worst!r} stays open by {gaps[worst]:.4g} m; "
@@ -294,11 +291,11 @@ def _blame(mechanism: Mechanism, q: np.ndarray, best: np.ndarray, held: Sequence
     given = [name for name in mechanism.joints if mechanism.coordinate(name) in held]
     if given and _gap(mechanism, freed, {}) <= ASSEMBLY_TOLERANCE_M:
         near = ", ".join(f"{name} = {freed[mechanism.coordinate(name)]:.6g}" for name in given)
-        return (
+        return worst, (
             f"{what}the positions given for {', '.join(given)} do not go together: it closes at "
             f"{near} [rad or m]; give fewer of them, or these"
         )
-    return f"{what}check lengths and frames, or start from other joint positions"
+    return worst, f"{what}check lengths and frames, or start from other joint positions"
 
 
 def closing_rows(

@@ -10,19 +10,21 @@ A loop is cut at a joint with clearance and needs no coordinates at all.
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pinocchio as pin
 
-from jointplay.errors import JointplayError, MissingName, require_finite
-from jointplay.joints import VIRTUAL_LINK, Clearance, joint_from_description
+from jointplay.codec import Described, plain
+from jointplay.errors import JointplayError, MissingName, require_finite, within
+from jointplay.fields import quantity
+from jointplay.joints import VIRTUAL_LINK, Clearance
 from jointplay.mechanism import urdf
 from jointplay.mechanism.gear import Gear
 from jointplay.mechanism.lock import Lock
-from jointplay.mechanism.loop import Loop
+from jointplay.mechanism.loop import Loop, refuse_name
 from jointplay.mechanism.model import build, parse
 
 STANDARD_GRAVITY = (0.0, 0.0, -9.81)
@@ -53,7 +55,25 @@ def signs_between(model: pin.Model, first: int, second: int) -> np.ndarray:
     return signs
 
 
-class Mechanism:
+@dataclass(frozen=True, kw_only=True)
+class WrittenMechanism:
+    """A mechanism as result files have it; keys that a later version adds are let through."""
+
+    lets_through: ClassVar[bool] = True
+
+    urdf: str
+    """Name of the file."""
+    urdf_text: str
+    """All of its text."""
+    clearance: dict[str, Clearance]
+    gravity: tuple[float, float, float] = quantity("m/s^2")
+    tool: str
+    allow_unphysical: tuple[str, ...]
+    loops: dict[str, Loop] = field(default_factory=dict)
+    gears: dict[str, Gear] = field(default_factory=dict)
+
+
+class Mechanism(Described):
     """A robot or linkage from a URDF, ideal or with clearance in some of its joints.
 
     Args:
@@ -78,6 +98,8 @@ class Mechanism:
         JointplayError: see `urdf.read`; also a joint or link that does not exist, a joint of a kind
             that has no clearance of the given kind or has no coordinates.
     """
+
+    written = WrittenMechanism
 
     def __init__(
         self,
@@ -113,39 +135,32 @@ class Mechanism:
         self.gears = dict(gears)
         self.allow_unphysical = tuple(allow_unphysical)
         if len(gravity) != 3:
-            raise JointplayError(f"gravity must have three components, got {gravity!r}")
-        x, y, z = (require_finite("gravity", g, "m/s^2") for g in gravity)
+            raise JointplayError(
+                f"gravity must have three components, got {gravity!r}", where=("gravity",)
+            )
+        x, y, z = (require_finite("gravity", g, "m/s^2", ("gravity",)) for g in gravity)
         self.gravity = (x, y, z)
         for name in loops:
-            if name in description.joints:
-                raise JointplayError(f"loop {name!r} has the name of a joint of the URDF")
+            with within("loops", name):
+                refuse_name(name, description.joints)
         for name, joint in joints.items():
-            self._check_joint(name, joint)
+            with within("clearance", name):
+                self._check_joint(name, joint)
         source = parse(description)
         self._make(source, {})
         if tool is not None and not isinstance(tool, str):
-            raise JointplayError(f"tool must be the name of a frame, got {tool!r}")
+            raise JointplayError(f"tool must be the name of a frame, got {tool!r}", ("tool",))
         self.tool = tool if tool is not None else source.frames[source.nframes - 1].name
         if not self.model.existFrame(self.tool):
             frames = [frame.name for frame in source.frames if frame.name != "universe"]
-            raise MissingName("frame", self.tool, frames)
+            raise MissingName("frame", self.tool, frames, where=("tool",))
         self.tool_frame = frame_index(self.model, self.tool)
         for name, gear in gears.items():
-            if not isinstance(gear, Gear):
-                raise JointplayError(f"joint {name!r} needs a Gear, got {gear!r}")
-            entry = description.joints.get(name)
-            if entry is None or entry.kind not in ("revolute", "continuous"):
-                raise MissingName("joint for a gear", name, description.revolute)
+            with within("gears", name):
+                self._check_gear(name, gear)
         for name, loop in loops.items():
-            for link in (loop.bearing_link, loop.journal_link):
-                if not self.model.existFrame(link, pin.FrameType.BODY):
-                    raise MissingName(f"link for loop {name!r}:", link, description.links)
-            if self.bearing_frame(name)[0] == self.journal_frame(name)[0]:
-                raise JointplayError(
-                    f"loop {name!r} joins {loop.bearing_link!r} and {loop.journal_link!r}, which "
-                    "do not move against each other"
-                )
-
+            with within("loops", name):
+                self._check_loop(name, loop)
         needed = {
             name: Lock.between(
                 name,
@@ -160,6 +175,23 @@ class Mechanism:
         if needed:
             self._make(source, needed)
             self.tool_frame = frame_index(self.model, self.tool)
+
+    def _check_gear(self, name: str, gear: Gear) -> None:
+        if not isinstance(gear, Gear):
+            raise JointplayError(f"joint {name!r} needs a Gear, got {gear!r}")
+        entry = self.description.joints.get(name)
+        if entry is None or entry.kind not in ("revolute", "continuous"):
+            raise MissingName("joint for a gear", name, self.description.revolute)
+
+    def _check_loop(self, name: str, loop: Loop) -> None:
+        for link in (loop.bearing_link, loop.journal_link):
+            if not self.model.existFrame(link, pin.FrameType.BODY):
+                raise MissingName(f"link for loop {name!r}:", link, self.description.links)
+        if self.bearing_frame(name)[0] == self.journal_frame(name)[0]:
+            raise JointplayError(
+                f"loop {name!r} joins {loop.bearing_link!r} and {loop.journal_link!r}, which "
+                "do not move against each other"
+            )
 
     def _make(self, source: pin.Model, locks: Mapping[str, Lock]) -> None:
         """Build the model, with what `locks` need."""
@@ -265,14 +297,14 @@ class Mechanism:
         model = self.model
         if name in self.loops:
             loop = self.loops[name]
-            found = []
+            sides = []
             for link, placement in (
                 (loop.bearing_link, loop.bearing),
                 (loop.journal_link, loop.journal),
             ):
                 frame = model.frames[model.getFrameId(link, pin.FrameType.BODY)]
-                found.append((int(frame.parentJoint), frame.placement * placement))
-            bearing, journal = found
+                sides.append((int(frame.parentJoint), frame.placement * placement))
+            bearing, journal = sides
         else:
             last = int(model.getJointId(name))
             first = last
@@ -335,7 +367,7 @@ class Mechanism:
             q: an assembled configuration, shape (nq,).
             frequency: of Baumgarte's stabilisation, critically damped [rad/s].
         """
-        found = []
+        constraints = []
         for name in self.loops:
             if name in self.clearance:
                 continue
@@ -359,7 +391,7 @@ class Mechanism:
                 constraint.name = name
                 constraint.m_baumgarte_parameters.Kp = frequency**2
                 constraint.m_baumgarte_parameters.Kd = 2.0 * frequency
-                found.append(constraint)
+                constraints.append(constraint)
         for name, ((i, carriage), (j, held)) in self.locks.items():
             for point in (np.zeros(3), *(_AXIS_ARM_M * np.eye(3)[:2])):  # three hold a frame
                 at = pin.SE3(np.eye(3), point)
@@ -375,8 +407,8 @@ class Mechanism:
                 constraint.name = name
                 constraint.m_baumgarte_parameters.Kp = frequency**2
                 constraint.m_baumgarte_parameters.Kd = 2.0 * frequency
-                found.append(constraint)
-        return found
+                constraints.append(constraint)
+        return constraints
 
     def ideal(self) -> Mechanism:
         """The same mechanism without clearance and without play in its gears."""
@@ -421,29 +453,50 @@ class Mechanism:
         return {
             "urdf": self.description.path.name,
             "urdf_text": self.description.text,
-            "clearance": {name: joint.describe() for name, joint in self._joints.items()},
-            "loops": {name: loop.describe() for name, loop in self.loops.items()},
-            "gears": {name: gear.describe() for name, gear in self.gears.items()},
+            "clearance": plain(self._joints),
+            "loops": plain(self.loops),
+            "gears": plain(self.gears),
             "gravity": list(self.gravity),
             "tool": self.tool,
             "allow_unphysical": list(self.allow_unphysical),
         }
 
     @classmethod
-    def from_description(cls, description: Mapping[str, Any]) -> Mechanism:
+    def from_fields(cls, fields: dict[str, Any]) -> Mechanism:
         """Build the mechanism that `describe` described."""
-        allowed = description["allow_unphysical"]
-        name = Path(description["urdf"]).name or "robot.urdf"
-        parsed = urdf.parse(description["urdf_text"], Path(name), allowed)
-        parsed = replace(parsed, stored=True)
+        allowed = fields["allow_unphysical"]
+        name = Path(fields["urdf"]).name or "robot.urdf"
+        parsed = replace(urdf.parse(fields["urdf_text"], Path(name), allowed), stored=True)
         mechanism = object.__new__(cls)
         mechanism._build(
             parsed,
-            {n: joint_from_description(fields) for n, fields in description["clearance"].items()},
-            {n: Loop.from_description(fields) for n, fields in description["loops"].items()},
-            {n: Gear(**fields) for n, fields in description["gears"].items()},
-            tuple(description["gravity"]),
-            description["tool"],
+            fields["clearance"],
+            fields.get("loops", {}),
+            fields.get("gears", {}),
+            fields["gravity"],
+            fields["tool"],
             allowed,
         )
         return mechanism
+
+    def __eq__(self, other: object) -> bool:
+        """Whether robot, joints, loops, gears, gravity and tool are the same."""
+        return isinstance(other, Mechanism) and self.describe() == other.describe()
+
+    def __hash__(self) -> int:
+        """Equal mechanisms hash alike."""
+        return hash((self.description.text, self.tool, self.gravity, tuple(self._joints)))
+
+    def __repr__(self) -> str:
+        """As one would write it, what is not given left out."""
+        parts = [repr(str(self.description.path))]
+        parts += [repr(self._joints)] if self._joints else []
+        given = {
+            "loops": self.loops,
+            "gears": self.gears,
+            "gravity": None if self.gravity == STANDARD_GRAVITY else self.gravity,
+            "tool": self.tool,
+            "allow_unphysical": self.allow_unphysical,
+        }
+        parts += [f"{name}={value!r}" for name, value in given.items() if value]
+        return f"Mechanism({', '.join(parts)})"

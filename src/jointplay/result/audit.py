@@ -32,8 +32,28 @@ UNDER_RESOLVED_WARNING = 1e-3
 STEP_WARNING = 0.01
 """Error by the step, relative to the motion, above which a run warns."""
 
+FEW_UNSOLVED = 10
+"""So many steps whose velocities are known to less than the solve's tolerance are not worth a word:
+a first step from rest, or a corner of a friction law hit exactly."""
+
 FED_WARNING = 0.01
 """What friction may give back, relative to the energy exchanged, before a run warns."""
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """How a run began, and from when on it is judged."""
+
+    start: str = "centred"
+    """Where journals began."""
+    judged_from: float = 0.0
+    """[s]."""
+    residual: float | None = None
+    """Unbalanced force of the place of rest [N]."""
+    load: float | None = None
+    """Largest force of a joint there [N]."""
+    before: Mapping[str, np.ndarray] | None = None
+    """`Workspace.contact_statistics` when judging began; None: at the start, or it never did."""
 
 
 @dataclass(frozen=True)
@@ -85,6 +105,22 @@ class Audit:
     """
     loop_drift: float = 0.0
     """Largest gap of a loop without clearance [m]."""
+    start: str = "centred"
+    """Where journals began: ``rest`` or ``centred``."""
+    start_residual: float | None = None
+    """Largest force that the search for the place of rest left unbalanced [N]; None: no search."""
+    start_load: float | None = None
+    """Largest force of a joint there [N]."""
+    judged_from: float | None = None
+    """When figures begin to be judged [s]; None in results of version 0.1."""
+    judged_impacts: int | None = None
+    """Contacts that began from then on."""
+    judged_impulse: float | None = None
+    """Their normal impulse, with that of contacts that lasted [N s]."""
+    peak_force: float | None = None
+    """Largest force of a joint from then on [N]; None without clearance."""
+    peak_force_before: float | None = None
+    """Largest force of a joint before [N]; None if all is judged."""
     law_warnings: tuple[str, ...] = ()
     """In what normal-force and film laws were used beyond their range; see `out_of_range`."""
     limit_warnings: tuple[str, ...] = ()
@@ -105,6 +141,7 @@ class Audit:
         work: np.ndarray,
         residual: np.ndarray,
         drift: np.ndarray,
+        judgement: Judgement | None = None,
         limit_warnings: tuple[str, ...] = (),
     ) -> Audit:
         """Audit the records in `workspace` of `simulation`, which is given as plain data.
@@ -154,6 +191,7 @@ class Audit:
             loop_drift=float(drift.max(initial=0.0)),
             law_warnings=out_of_range(mechanism, statistics),
             limit_warnings=limit_warnings,
+            **_judged(workspace, statistics, judgement or Judgement()),
         )
 
     @property
@@ -191,7 +229,7 @@ class Audit:
                 "a jammed journal may be off by tens of per cent; take the integrator "
                 f"{DEFAULT!r}, which does"
             )
-        if self.unsolved:
+        if self.unsolved > FEW_UNSOLVED:
             found.append(
                 f"the velocities of {self.unsolved} steps were not found: friction falls too "
                 "steeply with speed for this step; reduce it"
@@ -218,6 +256,22 @@ class Audit:
                 f"ideal loops drifted apart by {self.loop_drift:.2g} m: reduce the step, or use rk4"
             )
         return found + list(self.law_warnings) + list(self.limit_warnings)
+
+    @property
+    def headline(self) -> str:
+        """How the run began and its largest force, and from when on that is judged; a line."""
+        began = f"journals start {'at rest' if self.start == 'rest' else 'centred'}"
+        if self.start_residual is not None:
+            found = "" if self.start == "rest" else ", for no place of rest was found"
+            began += f"{found} (unbalanced {self.start_residual:.1g} N of {self.start_load:.3g} N)"
+        if self.peak_force is None:
+            return began
+        if not self.judged_from:
+            return f"{began}; largest joint force {self.peak_force:.4g} N, judged from the start"
+        return (
+            f"{began}; from {self.judged_from:g} s on, {self.judged_impacts} contacts began, "
+            f"largest joint force {self.peak_force:.4g} N (before: {self.peak_force_before:.4g} N)"
+        )
 
     def _step_too_large(self) -> str:
         """What to say of a step that another step contradicts."""
@@ -249,6 +303,8 @@ class Audit:
                 f"  largest penetration: {self.largest_penetration:.3g} m, "
                 f"{100 * self.penetration_over_clearance:.2g} % of the clearance",
             ]
+        if self.peak_force is not None:
+            lines.append(f"  {self.headline}")
         if self.step_error is not None and self.relative_step_error is not None:
             lines.append(
                 f"  error by the step: tool {self.step_error:.2g} m, "
@@ -257,6 +313,29 @@ class Audit:
         if self.loop_drift:
             lines.append(f"  drift of ideal loops: {self.loop_drift:.3g} m")
         return "\n".join(lines + [f"  warning: {text}" for text in self.warnings])
+
+
+def _judged(
+    workspace: Workspace, statistics: Mapping[str, np.ndarray], judgement: Judgement
+) -> dict[str, Any]:
+    """Headlines of the part of a run that is judged."""
+    before = judgement.before or {name: np.zeros(1) for name in ("onsets", "impulse")}
+    found: dict[str, Any] = {
+        "start": judgement.start,
+        "start_residual": judgement.residual,
+        "start_load": judgement.load,
+        "judged_from": judgement.judged_from,
+        "judged_impacts": int((statistics["onsets"] - before["onsets"]).sum()),
+        "judged_impulse": float((statistics["impulse"] - before["impulse"]).sum()),
+    }
+    peaks = workspace.recorded("force_peak").reshape(workspace.rows, -1, 3)
+    if peaks.shape[1]:
+        sizes = np.linalg.norm(peaks, axis=2).max(axis=1)
+        late = workspace.recorded("time")[:, 0] >= judgement.judged_from
+        found["peak_force"] = float(sizes[late].max(initial=0.0))
+        if judgement.judged_from > 0.0:
+            found["peak_force_before"] = float(sizes[~late].max(initial=0.0))
+    return found
 
 
 def _tooth_steps(

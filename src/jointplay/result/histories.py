@@ -24,7 +24,7 @@ from jointplay.mechanism.impact import elastic_energy
 from jointplay.mechanism.loop import ANGLE_ARM_M, locked
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.mechanism.tree import Frame, Motion, Tree
-from jointplay.result.audit import Audit
+from jointplay.result.audit import Audit, Judgement
 from jointplay.result.loads import Acting, Pushes
 from jointplay.result.result import AXES, FORMAT, Result
 
@@ -49,6 +49,7 @@ def histories(
     status: Status,
     message: str,
     wall_time: float,
+    judgement: Judgement | None = None,
     loads: Mapping[str, Load] | None = None,
 ) -> Result:
     """Make a `Result` of the records that a run left in its workspace.
@@ -61,6 +62,7 @@ def histories(
         phases: bodies as payloads come and go.
         status, message: how the run ended.
         wall_time: what it took [s].
+        judgement: how the run began and from when on it is judged; None: centred, from the start.
         loads: by name, in the order of the run's.
     """
     n = workspace.rows
@@ -156,6 +158,7 @@ def histories(
         work,
         residual,
         drift,
+        judgement,
         _beyond_limits(mechanism, simulation, workspace, acting),
     )
     dataset = xr.Dataset(

@@ -16,14 +16,16 @@ def check_numbers(step: float, duration: float, every: object, seed: object) -> 
     """Refuse numbers that no run can have: steps without end, records and seeds that are none."""
     if not isinstance(every, int) or isinstance(every, bool) or not 1 <= every <= MOST_STEPS:
         raise JointplayError(
-            f"record_every must be a whole number from 1 to {MOST_STEPS:.0e}, got {every!r:.60}"
+            f"record_every must be a whole number from 1 to {MOST_STEPS:.0e}, got {every!r:.60}",
+            where=("record_every",),
         )
     if seed is not None and (not isinstance(seed, int) or not 0 <= seed < 2**63):
-        raise JointplayError(f"seed must be a whole number >= 0, got {seed!r:.60}")
+        raise JointplayError(f"seed must be a whole number >= 0, got {seed!r:.60}", ("seed",))
     if duration / step > MOST_STEPS:
         raise JointplayError(
             f"duration {duration:g} s is {duration / step:.3g} steps of {step:g} s; "
-            f"at most {MOST_STEPS:.0e} are possible"
+            f"at most {MOST_STEPS:.0e} are possible",
+            where=("duration",),
         )
 
 
@@ -45,7 +47,8 @@ def check_memory(mechanism: Mechanism, duration: float, steps: int, every: int, 
         )
         raise JointplayError(
             f"duration {duration:g} s with a record every {every} steps needs about "
-            f"{needed / 1e9:.3g} GB of memory, of which there are {most / 1e9:.3g}; {advice}"
+            f"{needed / 1e9:.3g} GB of memory, of which there are {most / 1e9:.3g}; {advice}",
+            where=("duration",),
         )
 
 

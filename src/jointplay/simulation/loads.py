@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, cast
 
 import numpy as np
 import pinocchio as pin
@@ -36,12 +38,20 @@ def check(loads: Mapping[str, Load]) -> None:
             raise JointplayError(f"{name!r} must be a load such as jp.loads.Spring, got {load!r}")
 
 
-def load_site(load: Load, mechanism: Mechanism, bounds: tuple[float, ...]) -> LoadSite:
-    """What the kernels must know of a load."""
+def load_site(load: Load, mechanism: Mechanism, bounds: Mapping[str, float]) -> LoadSite:
+    """What the kernels must know of a load.
+
+    Args:
+        load: what acts.
+        mechanism: on what.
+        bounds: largest efforts of actuators by joint, to which they are cut [N m or N].
+    """
     site = load.site(mechanism)
     law, numbers = address(load), load.numbers(mechanism)
     if site.frames is None:
-        return LoadSite(law, numbers, load.stores, load.implicit(), site.seen, site.pushed, bounds)
+        largest = tuple(bounds.get(name, math.inf) for name in load.driven())
+        cut = largest if any(math.isfinite(one) for one in largest) else ()
+        return LoadSite(law, numbers, load.stores, load.implicit(), site.seen, site.pushed, cut)
     (i, _), (j, _) = site.frames
     return LoadSite(
         law,
@@ -77,7 +87,8 @@ def check_step(loads: Mapping[str, Load], mechanism: Mechanism, step: float, q: 
         raise JointplayError(
             f"step {step:g} s is too large for the load {stiffest!r}: the mechanism would swing on "
             f"its springs at {frequency / (2.0 * np.pi):.3g} Hz, so take at most "
-            f"{FINE_STEP_TURN / frequency:.2g} s"
+            f"{FINE_STEP_TURN / frequency:.2g} s",
+            where=("step",),
         )
 
 
@@ -111,7 +122,11 @@ class Sampling:
     """
 
     def __init__(
-        self, loads: Mapping[str, Load], sites: list[LoadSite], workspace: Workspace, step: float
+        self,
+        loads: Mapping[str, Load],
+        sites: Sequence[LoadSite],
+        workspace: Workspace,
+        step: float,
     ) -> None:
         """Make the samplers."""
         self._workspace = workspace
@@ -134,6 +149,20 @@ class Sampling:
     def until_next(self, step: int) -> int | None:
         """Steps from `step` until a sample is due after it; None if none ever is."""
         return min((every - step % every for _, _, every, _ in self._members), default=None)
+
+    def memory(self) -> list[Any]:
+        """State of each controller that has one, by its own `memory`, for a checkpoint.
+
+        Raises:
+            JointplayError: a controller that has a state and does not say it.
+        """
+        return [load.remember(sampler) for load, _, _, sampler in self._members]
+
+    def recall(self, memory: Sequence[Any]) -> None:
+        """Let the controllers go on with these states."""
+        for (_, _, _, sampler), state in zip(self._members, memory, strict=True):
+            if state is not None:
+                cast(Any, sampler).recall(state)
 
     def due(self, step: int) -> bool:
         """Whether a sample is due at `step`."""

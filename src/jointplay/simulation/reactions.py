@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -57,6 +58,23 @@ class Reactions:
     def until_next(self, step: int) -> int | None:
         """Steps from `step` until they are found again; None if never."""
         return self.every - step % self.every if self._members else None
+
+    def due(self, step: int) -> bool:
+        """Whether they are found at `step`."""
+        return bool(self._members) and step % self.every == 0
+
+    def memory(self) -> list[Any] | None:
+        """Time and state of the last look, for a checkpoint."""
+        if self._before is None:
+            return None
+        time, q, v = self._before
+        return [time, q.tolist(), v.tolist()]
+
+    def recall(self, memory: Sequence[Any] | None) -> None:
+        """Go on from that look."""
+        if memory is not None:
+            time, q, v = memory
+            self._before = float(time), np.array(q, float), np.array(v, float)
 
     def begin(self, model: pin.Model, v: np.ndarray, acceleration: np.ndarray) -> None:
         """Take the forces of the first instant, which no friction has changed yet."""
