@@ -91,7 +91,8 @@ def moved_by_pinocchio(mechanism, model, q, v, pairs):
         pose = bearing.actInv(journal)
         bearings.append(bearing.rotation.ravel())
         poses.append(np.concatenate([pose.translation, pose.rotation.ravel()]))
-    return np.concatenate([place.translation, speed.linear]), energy, bearings, poses
+    turned = np.concatenate([place.rotation.ravel(), speed.angular])
+    return np.concatenate([place.translation, speed.linear]), turned, energy, bearings, poses
 
 
 def reactions_by_pinocchio(model, q, v, effort, joints, constraints):
@@ -136,8 +137,14 @@ def test_bodies_move_as_in_pinocchio(branched, clearance):
     expected = [
         moved_by_pinocchio(mechanism, model, *state, pairs) for state in zip(q, v, strict=True)
     ]
-    tool, energy, bearings, poses = (np.array(part) for part in zip(*expected, strict=True))
+    tool, turned, energy, bearings, poses = (
+        np.array(part) for part in zip(*expected, strict=True)
+    )
     agree(motion.tool, tool)
+    rotations = [pin.Quaternion(w, x, y, z).toRotationMatrix() for w, x, y, z in motion.orientation]
+    agree(np.reshape(rotations, (RECORDS, 9)), turned[:, :9])
+    agree(np.linalg.norm(motion.orientation, axis=1), np.ones(RECORDS))
+    agree(motion.spin, turned[:, 9:])
     agree(motion.energy, energy)
     agree(motion.bearings, bearings.transpose(1, 0, 2))
     agree(motion.poses, poses.transpose(1, 0, 2))
@@ -254,7 +261,8 @@ def test_a_result_has_what_pinocchio_says_of_its_states(make):
             total[loops.index(constraint.name)] += hold
         forces.append(np.concatenate([force, total]))
         drift.append([np.abs(part).max() for part in misfit(mechanism, q[i]).values()])
-    tool, energy, _, poses = (np.array(part) for part in zip(*moved, strict=True))
+    tool, turned, energy, _, poses = (np.array(part) for part in zip(*moved, strict=True))
+    agree(result["tool_angular_velocity"], turned[:, 9:], 1e-12)
     agree(result["tool_position"], tool[:, :3], 1e-12)
     agree(result["tool_velocity"], tool[:, 3:], 1e-12)
     agree(result["kinetic_energy"], energy[:, 0], 1e-12)
