@@ -269,7 +269,11 @@ def _motion(
             raise Misplaced(("motion", key), unknown_key(key, keys) + f" (with {source})")
     if source == "file":
         with at("motion", "file"):
-            return Motion.from_csv(locate(given["file"], folder), table.interpolation)
+            file = locate(given["file"], folder)
+            if file.suffix.lower() == ".mcap":
+                word = given.get("interpolation", "spline")
+                return Motion.from_mcap(file, interpolation=word)
+            return Motion.from_csv(file, table.interpolation)
     if source == "speeds":
         return _turning(model, mechanism, start)
     if table.times is None:
