@@ -15,10 +15,10 @@ import xarray as xr
 from scipy.interpolate import CubicHermiteSpline, CubicSpline
 from scipy.spatial.transform import Rotation, RotationSpline
 
+from jointplay.analysis.twin import has_play, is_twin
 from jointplay.errors import JointplayError, MissingName
 from jointplay.motion.reference import Motion
 from jointplay.result.result import AXES, Result
-from jointplay.analysis.twin import has_play, is_twin
 
 TOOL_MOTIONS = ("tool_position", "tool_velocity", "tool_orientation", "tool_angular_velocity")
 """Histories of the tool that are measured against those of the ideal mechanism."""

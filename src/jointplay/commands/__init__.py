@@ -8,7 +8,19 @@ from __future__ import annotations
 
 from typing import Any
 
-MODULES = ("scara", "run", "init", "check", "schema", "play", "report", "robots", "urdf", "wear")
+MODULES = (
+    "scara",
+    "run",
+    "init",
+    "check",
+    "schema",
+    "play",
+    "report",
+    "export",
+    "robots",
+    "urdf",
+    "wear",
+)
 """Modules with a command of their own, in the order of the help."""
 
 

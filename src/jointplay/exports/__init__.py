@@ -41,7 +41,9 @@ KINDS = {
         (".yaml", ".yml", ".csv"),
         "joint positions: ROS 2 JointTrajectory (YAML), or a CSV that is a motion",
     ),
-    "mcap": Kind("exports.bag:mcap", (".mcap",), "ROS 2 bag: joint states, trajectory, tool, forces"),
+    "mcap": Kind(
+        "exports.bag:mcap", (".mcap",), "ROS 2 bag: joint states, trajectory, tool, forces"
+    ),
     "rerun": Kind("exports.rerun_log:rrd", (".rrd",), "rerun.io recording: robot and histories"),
 }
 """Kinds of file by name."""
@@ -73,13 +75,27 @@ def export(
         JointplayError: no such kind, a wrong ending, the file exists or cannot be written, or a
             library of an extra is missing.
     """
+    kind = check(path, to, overwrite)
+    maker: Maker = late(KINDS[kind].maker)
+    content = maker(thinned(result, every), Path(path).suffix.lower(), progress)
+    return files.write(path, content, overwrite=overwrite)
+
+
+def check(path: str | Path, to: str | None = None, overwrite: bool = False) -> str:
+    """Kind of file that `path` will be; refuses what cannot be written, before any work is done.
+
+    Raises:
+        JointplayError: no such kind, a wrong ending, or a file that exists or cannot be written.
+    """
     path = Path(path)
     suffix = path.suffix.lower()
     if to is None:
         to = next((name for name, kind in KINDS.items() if suffix in kind.suffixes), None)
         if to is None:
             known = dict.fromkeys(s for kind in KINDS.values() for s in kind.suffixes)
-            raise JointplayError(f"{path.name!r} must end in one of {', '.join(known)}")
+            raise JointplayError(
+                f"the name of the file must end in one of {', '.join(known)}, got {path.name!r}"
+            )
     if to not in KINDS:
         raise MissingName("kind of export", to, KINDS)
     if suffix not in KINDS[to].suffixes:
@@ -87,8 +103,7 @@ def export(
         raise JointplayError(f"the name of a {to} file must end in {choices}, got {path.name!r}")
     if not overwrite:
         files.check_new(path)
-    maker: Maker = late(KINDS[to].maker)
-    return files.write(path, maker(thinned(result, every), suffix, progress), overwrite=overwrite)
+    return to
 
 
 def needs(extra: str, package: str, error: ImportError) -> JointplayError:

@@ -49,7 +49,9 @@ def rows_of(result: Result) -> list[tuple[str, str]]:
         found.append((f"peak force in {joint}", f"{forces.max(initial=0.0):.4g} N"))
     if result.joints:
         found.append(("contacts", str(audit.impacts)))
-        found.append(("largest penetration", readable(audit.largest_penetration, "m")))
+        found.append(
+            ("largest penetration", readable(float(f"{audit.largest_penetration:.3g}"), "m"))
+        )
     percent = 100.0 * audit.relative_energy_residual
     found.append(("energy residual", f"{audit.energy_residual:.3g} J, {percent:.2g} % of exchange"))
     if result.certificate is not None:
@@ -79,7 +81,7 @@ def _figure(result: Result) -> Figure:
     figure = new_figure(_WIDTH, _HEIGHT)
     left, right = figure.subplots(1, 2)
     result.plot.displacement(ax=left)
-    left.set_title("tool")
+    left.set_ylabel("tool [m]")
     if result.joints:
         for joint in result.joints[:6]:
             result.plot.forces("total", joint, ax=right, label=joint, color=None)

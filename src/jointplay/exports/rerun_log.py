@@ -7,7 +7,6 @@ the joints, and ``histories/...`` with all numbers of `Result.to_dataframe`. The
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -38,6 +37,7 @@ def rrd(result: Result, suffix: str, progress: bool) -> bytes:
         import rerun as rr
     except ImportError as error:
         raise exports.needs("rerun", "rerun-sdk", error) from None
+    escape = rr.escape_entity_path_part
     mechanism = result.simulation.mechanism
     recording = rr.RecordingStream("jointplay")
     stream = recording.binary_stream()
@@ -49,31 +49,25 @@ def rrd(result: Result, suffix: str, progress: bool) -> bytes:
     links, poses, bearings = _poses(mechanism, result, progress)
     for name, pose in zip(links, poses, strict=True):
         moved = rr.Transform3D.columns(translation=pose[:, :3], quaternion=pose[:, 3:])
-        recording.send_columns(f"robot/{_plain(name)}", [time], moved)
+        recording.send_columns(f"robot/{escape(name)}", [time], moved)
     _tool(rr, recording, result, time)
     _forces(rr, recording, result, bearings, ARROW * reach, time)
     for name, (values, unit) in columns(result).items():
         if name == "time":
             continue
-        # One plot for each variable and joint: what lies in one folder has one unit.
-        place = "histories/" + "/".join(_plain(part) for part in name.split("."))
-        recording.send_columns(
-            f"{place} [{unit}]" if unit else place,
-            [time],
-            rr.Scalars.columns(scalars=values.astype(float)),
-        )
+        variable, _, rest = name.partition(".")
+        place = f"histories/{variable}" + (f"/{escape(rest)}" if rest else "")
+        recording.log(place, rr.SeriesLines(names=[f"{name} [{unit}]"]), static=True)
+        found = rr.Scalars.columns(scalars=values.astype(float))
+        recording.send_columns(place, [time], found)
     recording.flush()
-    found: bytes = stream.read() or b""
-    return found
-
-
-def _plain(name: str) -> str:
-    """A name that opens no folder."""
-    return name.replace("/", "_")
+    content: bytes = stream.read() or b""
+    return content
 
 
 def _robot(rr: Any, recording: Any, mechanism: Mechanism) -> float:
     """Log the shapes of all links; returns the robot's size [m]."""
+    escape = rr.escape_entity_path_part
     look = visuals(mechanism)
     order = list(dict.fromkeys(look.links))
     for shape, link in zip(look.geometry.geometryObjects, look.links, strict=True):
@@ -85,7 +79,7 @@ def _robot(rr: Any, recording: Any, mechanism: Mechanism) -> float:
         if shape.overrideMaterial:
             colour = [int(255 * part) for part in shape.meshColor]
         recording.log(
-            f"robot/{_plain(link)}/{Path(shape.name).name}",
+            f"robot/{escape(link)}/{escape(shape.name)}",
             rr.Mesh3D(
                 vertex_positions=mesh.vertices @ place.rotation.T + place.translation,
                 triangle_indices=mesh.faces,
@@ -136,7 +130,7 @@ def _forces(
     largest = float(np.linalg.norm(result["joint_force_peak"].values, axis=2).max(initial=0.0))
     for joint in result.joints:
         arrows = result["joint_force_peak"].sel(joint=joint).values * (longest / (largest or 1.0))
-        place = f"force/{_plain(joint)}"
+        place = f"force/{rr.escape_entity_path_part(joint)}"
         recording.log(place, rr.Arrows3D.from_fields(colors=[_RED]), static=True)
         found = rr.Arrows3D.columns(vectors=arrows, origins=origins[joint])
         recording.send_columns(place, [time], found)

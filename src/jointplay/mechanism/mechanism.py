@@ -9,20 +9,25 @@ A loop is cut at a joint with clearance and needs no coordinates at all.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
+from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
 
 from jointplay.errors import JointplayError, MissingName, require_finite
+from jointplay.host.late import late
 from jointplay.joints import VIRTUAL_LINK, Clearance, joint_from_description
 from jointplay.mechanism import urdf
 from jointplay.mechanism.gear import Gear
 from jointplay.mechanism.loop import Loop
 from jointplay.mechanism.model import build, parse
+
+if TYPE_CHECKING:
+    from jointplay.mechanism.visuals import Visuals
 
 STANDARD_GRAVITY = (0.0, 0.0, -9.81)
 """Gravity in world axes [m/s^2]."""
@@ -151,6 +156,33 @@ class Mechanism:
                 f"joint {name!r} is {entry.kind}, not {words}; "
                 f"{words} joints: {', '.join(choices) or 'none'}"
             )
+
+    @cached_property
+    def visual_model(self) -> pin.GeometryModel:
+        """Shapes as the URDF has them, for `model`; stand-ins where it has none."""
+        look: Visuals = late("mechanism.visuals:visuals")(self)
+        return look.geometry
+
+    @cached_property
+    def collision_model(self) -> pin.GeometryModel:
+        """Collision shapes as the URDF has them, for `model`, with no pairs of them chosen."""
+        look: Visuals = late("mechanism.visuals:collisions")(self)
+        return look.geometry
+
+    def visualizer(self, meshes: Sequence[str | Path] = (), open: bool = False) -> Any:
+        """Pinocchio's MeshcatVisualizer, ready: it plays `Result.q`, in a notebook too.
+
+            viz = mechanism.visualizer()  # its viz.viewer.jupyter_cell() is for a notebook
+            viz.play(result.q[::10], 1e-3)
+
+        Args:
+            meshes: folders where meshes may be, too.
+            open: whether to open a window of the browser.
+
+        Raises:
+            JointplayError: a given folder does not exist, or loops cannot be closed.
+        """
+        return late("mechanism.visuals:visualizer")(self, meshes, open)
 
     @property
     def joints(self) -> tuple[str, ...]:

@@ -24,7 +24,6 @@ from jointplay.mechanism.tree import Motion, Tree
 from jointplay.result.audit import Audit
 from jointplay.result.result import AXES, FORMAT, Result
 
-
 QUATERNION = ("w", "x", "y", "z")
 """Components of orientations, in their order."""
 CONVENTION = (
