@@ -70,10 +70,10 @@ def deviation(result: Result, ideal: Result, of: str = "tool_position") -> xr.Da
     rounding = 1e-9 * max(float(ideal.time[-1]), 1e-3)
     ours = result[of].sel(time=result.time <= ideal.time[-1] + rounding)
     time = ours["time"].values
+    reference: Any
     if len(ideal.time) >= len(time) and np.allclose(ideal.time[: len(time)], time, 0.0, rounding):
-        reference = ideal[of].values[: len(time)]
-        if of == "tool_orientation":
-            reference = _rotations(reference)
+        kept = ideal[of].values[: len(time)]
+        reference = _rotations(kept) if of == "tool_orientation" else kept
     elif len(ideal.time) < 2:
         raise JointplayError(f"the reference has {len(ideal.time)} record; it needs at least 2")
     else:

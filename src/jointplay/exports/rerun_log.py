@@ -39,7 +39,7 @@ def rrd(result: Result, suffix: str, progress: bool) -> bytes:
         raise exports.needs("rerun", "rerun-sdk", error) from None
     escape = rr.escape_entity_path_part
     mechanism = result.simulation.mechanism
-    recording = rr.RecordingStream("jointplay")
+    recording: Any = rr.RecordingStream("jointplay")
     stream = recording.binary_stream()
     time = rr.TimeColumn("time", duration=result.time)
     recording.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)

@@ -32,7 +32,8 @@ def columns(result: Result) -> dict[str, tuple[np.ndarray, str]]:
         variable = variable.transpose("time", ...)
         labels = [variable[dimension].values for dimension in variable.dims[1:]]
         for index in itertools.product(*(range(len(label)) for label in labels)):
-            values = variable.values[(slice(None), *index)]
+            place: Any = (slice(None), *index)
+            values = variable.values[place]
             if values.dtype.kind == "f" and len(values) and np.isnan(values).all():
                 continue
             parts = [str(label[i]) for label, i in zip(labels, index, strict=True)]

@@ -200,8 +200,10 @@ def visualizer(mechanism: Mechanism, folders: Sequence[str | Path], open_browser
     made.display(assemble(mechanism, np.zeros(mechanism.model.nq), []))
     places = np.array([made.visual_data.oMg[k].translation for k in range(len(look.links))])
     centre = 0.5 * (places.min(axis=0) + places.max(axis=0))
-    made.setCameraTarget(centre)
-    made.setCameraPosition(centre + look.reach * np.array(_VIEW))
+    x, y, z = look.reach * np.array(_VIEW)
+    # Released versions of meshcat have no call for this; its camera's frame has y up.
+    made.viewer["/Cameras/default"].set_transform(pin.SE3(np.eye(3), centre).homogeneous)
+    made.viewer["/Cameras/default/rotated/<object>"].set_property("position", [x, z, -y])
     return made
 
 

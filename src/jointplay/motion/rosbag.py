@@ -5,7 +5,9 @@ Read by the library ``mcap-ros2-support``, which runs nothing that a file says.
 
 from __future__ import annotations
 
+import io
 from collections.abc import Iterable
+from contextlib import redirect_stderr
 from pathlib import Path
 from typing import Any
 
@@ -36,7 +38,6 @@ def read(path: str | Path, topic: str | None = None) -> tuple[list[str], np.ndar
     """
     path = Path(path)
     try:
-        from mcap.exceptions import McapError
         from mcap.reader import make_reader
         from mcap_ros2.decoder import DecoderFactory
     except ImportError as error:
@@ -47,19 +48,20 @@ def read(path: str | Path, topic: str | None = None) -> tuple[list[str], np.ndar
     if not is_file(path):
         raise JointplayError(f"no bag {str(path)!r}")
     try:
-        with path.open("rb") as file:
-            reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        with path.open("rb") as file, redirect_stderr(io.StringIO()):  # which the parser prints to
+            factories = [DecoderFactory()]
+            reader = make_reader(file, validate_crcs=True, decoder_factories=factories)
             kind, chosen = _choose(reader, path, topic)
             messages = [one[3] for one in reader.iter_decoded_messages([chosen])]
+        where = f"{path}, topic {chosen}"
+        if not messages:
+            raise JointplayError(f"{where}: there is no message")
+        return _trajectory(messages[-1], where) if kind == _TRAJECTORY else _states(messages, where)
     except JointplayError:
         raise
-    except (McapError, OSError, ValueError, LookupError, EOFError, ArithmeticError) as error:
+    except Exception as error:  # its libraries raise whatever they stumble over
         reason = " ".join(str(error).split()) or type(error).__name__
         raise JointplayError(f"cannot read the bag {str(path)!r}: {reason}") from None
-    where = f"{path}, topic {chosen}"
-    if not messages:
-        raise JointplayError(f"{where}: there is no message")
-    return _trajectory(messages[-1], where) if kind == _TRAJECTORY else _states(messages, where)
 
 
 def _choose(reader: Any, path: Path, topic: str | None) -> tuple[str, str]:
