@@ -185,6 +185,33 @@ def test_bags_hold_joint_states_trajectory_tool_and_forces(result, tmp_path):
     assert [force.x, force.y, force.z] == row["joint_force"].values[0].tolist()
 
 
+def test_messages_are_those_of_ros(result, bagged):
+    """Against the definitions, and the reader, of another implementation."""
+    from rosbags.highlevel import AnyReader
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    from jointplay.exports.bag import definition
+
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    with AnyReader([bagged], default_typestore=store) as reader:
+        assert reader.message_count == 1 + 5 * len(exports.thinned(result, 200).time)
+        for connection, _, raw in reader.messages():
+            kind = connection.msgtype
+            for name, (_, fields) in get_types_from_msg(definition(kind), kind).items():
+                assert fields == store.fielddefs[name][1], name
+            assert store.deserialize_cdr(raw, kind).header.stamp.sec == 0
+
+
+def test_trajectory_files_have_the_fields_of_the_message(result, tmp_path):
+    from rosbags.typesys import Stores, get_typestore
+
+    fields = get_typestore(Stores.ROS2_HUMBLE).fielddefs
+    read = yaml.safe_load(result.export(tmp_path / "t.yaml", every=500).read_text())
+    kind = "trajectory_msgs/msg/JointTrajectory"
+    assert list(read) == [name for name, _ in fields[kind][1]]
+    assert list(read["points"][0]) == [name for name, _ in fields[f"{kind}Point"][1]]
+
+
 def test_bags_come_back_as_motions(result, tmp_path):
     path = result.export(tmp_path / "r.mcap", every=10)
     names = ["joint_a", "joint_b.yaw", "stroke", "joint_c"]

@@ -296,7 +296,8 @@ class MotionTable(Written):
     """Reference motion: a file, joint positions, constant speeds, or positions of the tool."""
 
     file: str | None = None
-    """CSV with the header ``time_s,<joint>,...``, in rad and m; a path like that of the URDF."""
+    """CSV with the header ``time_s,<joint>,...``, in rad and m, or ROS 2 bag (.mcap); a path like
+    that of the URDF."""
     times: list[quantity("s")] | None = None  # type: ignore[valid-type]
     """Times of the waypoints."""
     joints: dict[str, list[quantity(*ANGLE)]] | None = None  # type: ignore[valid-type]
