@@ -284,3 +284,24 @@ def test_a_run_without_records_gives_an_empty_result(make):
                      run.phases, Status.INTERRUPTED, "interrupted", 0.0)  # fmt: skip
     assert len(made.time) == 0
     assert made.audit.loop_drift == 0.0
+
+
+@pytest.mark.parametrize("rpy", ["0 0 0", "3.1 0 0", "0 3.1 0", "0 0 3.1", "2 2 2"])
+@pytest.mark.parametrize("axis", ["1 0 0", "0 0.6 0.8"])
+def test_orientations_are_right_at_any_angle_and_turn_without_jumps(urdf, rpy, axis):
+    path = urdf(
+        BODY.format(name="l0", mass=1.0), joint("j0", "base", "l0", "continuous", axis, rpy=rpy)
+    )
+    mechanism = jp.Mechanism(path)
+    q = np.linspace(-7.0, 7.0, 141)[:, None]
+    motion = Motion.of(len(q), 0)
+    frame = mechanism.model.frames[mechanism.tool_frame]
+    tool = frame.parentJoint, frame.placement
+    Tree(mechanism.model).move(motion, 0, len(q), q, np.zeros_like(q), tool, [])
+    for (w, x, y, z), angle in zip(motion.orientation, q, strict=True):
+        pin.framesForwardKinematics(mechanism.model, mechanism.data, angle)
+        expected = mechanism.data.oMf[mechanism.tool_frame].rotation
+        assert np.abs(pin.Quaternion(w, x, y, z).toRotationMatrix() - expected).max() < 1e-14
+    # A tenth of a radian is a twentieth on the sphere of quaternions.
+    steps = np.linalg.norm(np.diff(motion.orientation, axis=0), axis=1)
+    assert steps == pytest.approx(2.0 * np.sin(0.1 / 4.0), rel=1e-9)
