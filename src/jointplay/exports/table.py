@@ -13,6 +13,7 @@ import json
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from tqdm import tqdm
 
 from jointplay import exports
 from jointplay.result.result import Result
@@ -20,6 +21,8 @@ from jointplay.result.result import Result
 if TYPE_CHECKING:
     import pandas as pd
 
+_BLOCK = 1000
+"""Rows that are written before the progress is shown."""
 _EFFORT = {"rad": "N m", "m": "N"}
 
 
@@ -82,7 +85,13 @@ def csv(result: Result, suffix: str, progress: bool) -> bytes:
     table = dataframe(result)
     units = table.attrs["units"]
     table.columns = [f"{name} [{units[name]}]" for name in table.columns]
-    return table.to_csv(index=False).encode()
+    parts = []
+    with tqdm(desc="table", total=len(table), disable=not progress, unit="record") as bar:
+        for first in range(0, max(len(table), 1), _BLOCK):
+            block = table.iloc[first : first + _BLOCK]
+            parts.append(block.to_csv(index=False, header=first == 0))
+            bar.update(len(block))
+    return "".join(parts).encode()
 
 
 def parquet(result: Result, suffix: str, progress: bool) -> bytes:

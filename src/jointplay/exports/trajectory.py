@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from tqdm import tqdm
 
 from jointplay import exports
 from jointplay.analysis.twin import inputs
@@ -21,6 +22,8 @@ from jointplay.joints import VIRTUAL_LINK
 from jointplay.result.result import Result
 
 _NANO = 1_000_000_000
+_BLOCK = 500
+"""Points that are written before the progress is shown."""
 _SEEN: dict[str | None, str] = {"revolute": "yaw", "prismatic": "z"}
 """The coordinate that the ideal joint would have, by the kind of joint."""
 
@@ -106,7 +109,13 @@ def trajectory(result: Result, suffix: str, progress: bool) -> bytes:
     except ImportError as error:
         raise exports.needs("ros", "PyYAML", error) from None
     dumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
-    dumped: str = yaml.dump(
-        message(found), Dumper=dumper, sort_keys=False, default_flow_style=None, width=10_000
-    )
-    return dumped.encode()
+    options = {"sort_keys": False, "default_flow_style": None, "width": 10_000}
+    whole = message(found)
+    points = whole.pop("points")
+    parts = [yaml.dump(whole, Dumper=dumper, **options), "points:\n"]
+    with tqdm(desc="points", total=len(points), disable=not progress, unit="record") as bar:
+        for first in range(0, len(points), _BLOCK):
+            block = points[first : first + _BLOCK]
+            parts.append(yaml.dump(block, Dumper=dumper, **options))
+            bar.update(len(block))
+    return "".join(parts).encode()
