@@ -415,7 +415,8 @@ def test_results_of_earlier_versions_are_written_without_the_orientation(result,
 
 def test_a_notebook_shows_figures_and_a_picture(result):
     page = result._repr_html_()
-    peak = np.linalg.norm(result["joint_force_peak"].values[:, 0], axis=1).max()
+    judged = result.time >= result.judge_from
+    peak = np.linalg.norm(result["joint_force_peak"].values[judged, 0], axis=1).max()
     assert "<th style='text-align:left'>peak force in joint_b</th>" in page
     assert f"{peak:.4g} N" in page
     assert "data:image/png;base64," in page

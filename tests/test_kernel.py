@@ -9,8 +9,11 @@ import sys
 from pathlib import Path
 
 import pytest
+from numba import njit
 
 from jointplay.kernel import enter
+from jointplay.kernel.layout import internal
+from jointplay.kernel.parts import PartLibrary
 
 stamp = importlib.import_module("jointplay.kernel.sources")
 PACKAGE = Path(stamp.__file__).parent
@@ -128,3 +131,29 @@ def test_numba_honours_the_stamp(tmp_path, monkeypatch):
     assert answer(22, (caller, helper)) == (22, 0)
     assert answer(333, (caller, helper)) == (333, 0)
     assert answer(333, (caller, helper)) == (333, 1)
+
+
+@internal
+def doubled(x):
+    return 2.0 * x
+
+
+@internal
+def doubled_and_one(x):
+    return doubled(x) + 1.0
+
+
+@njit
+def called(x):
+    return doubled_and_one(x) if x > 0.0 else doubled(x)
+
+
+def test_parts_of_a_kernel_are_translated_to_machine_code_with_their_entry_only():
+    """Optimised and translated one by one, they make a first start take half as long again."""
+    assert (called(3.0), called(-3.0)) == (7.0, -6.0)
+    for part in (doubled, doubled_and_one):
+        (one,) = part.overloads.values()
+        assert isinstance(one.library, PartLibrary)
+        assert one.library.get_pointer_to_function(one.fndesc.llvm_func_name) == 0
+    (entry,) = called.overloads.values()
+    assert not isinstance(entry.library, PartLibrary)

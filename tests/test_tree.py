@@ -137,9 +137,7 @@ def test_bodies_move_as_in_pinocchio(branched, clearance):
     expected = [
         moved_by_pinocchio(mechanism, model, *state, pairs) for state in zip(q, v, strict=True)
     ]
-    tool, turned, energy, bearings, poses = (
-        np.array(part) for part in zip(*expected, strict=True)
-    )
+    tool, turned, energy, bearings, poses = (np.array(part) for part in zip(*expected, strict=True))
     agree(motion.tool, tool)
     rotations = [pin.Quaternion(w, x, y, z).toRotationMatrix() for w, x, y, z in motion.orientation]
     agree(np.reshape(rotations, (RECORDS, 9)), turned[:, :9])

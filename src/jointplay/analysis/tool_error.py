@@ -88,6 +88,7 @@ def deviation(result: Result, ideal: Result, of: str = "tool_position") -> xr.Da
     difference.attrs = {
         "units": "rad" if of == "tool_orientation" else ours.attrs["units"],
         "long_name": f"{of.replace('_', ' ')} - ideal, world axes",
+        "judge_from": result.judge_from,
     }
     return difference
 
@@ -126,12 +127,15 @@ def _with_total(vectors: np.ndarray) -> np.ndarray:
     return np.column_stack([vectors, np.linalg.norm(vectors, axis=1)])
 
 
-def accuracy(error: xr.DataArray, start: float = 0.0) -> Accuracy:
+def accuracy(error: xr.DataArray, start: float | None = None) -> Accuracy:
     """Mean, RMS and peak of the tool's `deviation` from the time `start` [s] on.
+
+    None: from when on the run is judged, `Result.judge_from`.
 
     Raises:
         JointplayError: nothing was recorded from `start` on.
     """
+    start = float(error.attrs.get("judge_from", 0.0)) if start is None else start
     kept = error.sel(time=error["time"] >= start).values
     if not len(kept):
         raise JointplayError(

@@ -20,6 +20,9 @@ MODULES = (
     "robots",
     "urdf",
     "wear",
+    "budget",
+    "allocate",
+    "reduce",
 )
 """Modules with a command of their own, in the order of the help."""
 

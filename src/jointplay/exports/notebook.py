@@ -44,9 +44,11 @@ def rows_of(result: Result) -> list[tuple[str, str]]:
         ("coordinates", f"{len(names)}: {_few(names)}"),
         ("clearance in", _few(result.joints) or "no joint"),
     ]
+    start = result.judge_from
+    since = f" from {start:g} s on" if start > 0.0 else ""
     for k, joint in enumerate(result.joints):
-        forces = np.linalg.norm(result["joint_force_peak"].values[:, k], axis=1)
-        found.append((f"peak force in {joint}", f"{forces.max(initial=0.0):.4g} N"))
+        forces = np.linalg.norm(result["joint_force_peak"].values[time >= start, k], axis=1)
+        found.append((f"peak force in {joint}", f"{forces.max(initial=0.0):.4g} N{since}"))
     if result.joints:
         found.append(("contacts", str(audit.impacts)))
         found.append(
