@@ -151,6 +151,42 @@ def build(model: Model, folder: Path) -> Simulation:
 
 
 def _mechanism(model: Model, folder: Path) -> Mechanism:
+    """The mechanism as a whole, or if that fails part by part: an error then has a place."""
+    try:
+        return _whole(model, folder)
+    except JointplayError:
+        return _part_by_part(model, folder)
+
+
+def _whole(model: Model, folder: Path) -> Mechanism:
+    robot = model.robot
+    path = locate(robot.urdf, folder)
+    joints = {
+        name: _joint(table, folder)
+        for name, table in model.joints.items()
+        if not (table.ideal and _plain_when_ideal(table.kind, name in model.loops))
+    }
+    mechanism = Mechanism(
+        path,
+        joints,
+        loops={name: _loop(ends) for name, ends in model.loops.items()},
+        gears={name: Gear(**table.given()) for name, table in model.gears.items()},
+        gravity=robot.gravity,
+        tool=robot.tool,
+        allow_unphysical=robot.allow_unphysical,
+    )
+    for name in model.joints:
+        if name not in mechanism.description.joints and name not in model.loops:
+            raise MissingName("joint", name, [*mechanism.description.joints, *model.loops])
+    return mechanism
+
+
+def _loop(ends: Any) -> Loop:
+    bearing, journal = ends.bearing, ends.journal
+    return Loop(bearing.link, journal.link, bearing.xyz, bearing.rpy, journal.xyz, journal.rpy)
+
+
+def _part_by_part(model: Model, folder: Path) -> Mechanism:
     robot = model.robot
     with at("robot", "urdf"):
         path = locate(robot.urdf, folder)
@@ -162,14 +198,10 @@ def _mechanism(model: Model, folder: Path) -> Mechanism:
     }
     with at("robot", "tool"):
         Mechanism(path, **options)
-    # Part by part, so that an error has a place.
     loops: dict[str, Loop] = {}
     for name, ends in model.loops.items():
         with at("loops", name):
-            bearing, journal = ends.bearing, ends.journal
-            loops[name] = Loop(
-                bearing.link, journal.link, bearing.xyz, bearing.rpy, journal.xyz, journal.rpy
-            )
+            loops[name] = _loop(ends)
             Mechanism(path, loops=loops, **options)
     joints: dict[str, Clearance] = {}
     for name, table in model.joints.items():

@@ -63,6 +63,7 @@ class Scenario:
         title: what it is about.
         cases: labels of its cases, in order; a file without cases has one, named like the file.
         figures: whether figures that compare the cases are wanted.
+        sweep: the table [sweep] as it stands, empty if there is none; `jointplay.sweep` reads it.
     """
 
     def __init__(self, text: str, path: str | Path, trust: Collection[str] = ()) -> None:
@@ -72,6 +73,7 @@ class Scenario:
         self.text = text
         data = self._parsed(text)
         cases = data.pop("cases", {})
+        self.sweep = dict(self._table(data.pop("sweep", {}), ("sweep",)))
         self._base = data
         self._changes: dict[str, dict[str, Any]] = {}
         for label, changes in self._table(cases, ("cases",)).items():
@@ -186,8 +188,7 @@ class Scenario:
         if "figures" in (self._changes[case].get("output") or {}):
             message = "figures compare all cases; give this in [output]"
             raise self._error(("cases", case, "output", "figures"), message)
-        merged = merge(self._base, self._changes[case])
-        data = merge(merged, changes or {})
+        data = merge(self.data(case), changes or {})
         try:
             return Model.model_validate(data)
         except ValidationError as error:
@@ -196,6 +197,14 @@ class Scenario:
         path, message = located[0]
         more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
         raise self._error(path, message + more, case)
+
+    def data(self, case: str) -> dict[str, Any]:
+        """What the file says of a case, as TOML has it; see `model`."""
+        return merge(self._base, self._changes[case])
+
+    def error(self, path: Key, message: str) -> JointplayError:
+        """An error of the key at `path`, with file and line."""
+        return self._error(path, message)
 
     def _table(self, value: Any, path: Key) -> Mapping[str, Any]:
         if not isinstance(value, Mapping):

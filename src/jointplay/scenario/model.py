@@ -351,7 +351,7 @@ class Model(Written):
     @classmethod
     def keys(cls) -> list[str]:
         """Keys that the file can have."""
-        return [*cls.model_fields, "cases"]
+        return [*cls.model_fields, "cases", "sweep"]
 
     title: str = ""
     """What the scenario is about, in a line."""
@@ -384,5 +384,5 @@ class Model(Written):
     """What is kept."""
 
 
-NOT_IN_A_CASE = ("title", "cases")
+NOT_IN_A_CASE = ("title", "cases", "sweep")
 """Keys that a case does not have."""

@@ -29,6 +29,10 @@ def schema() -> dict[str, Any]:
         "description": "Changes of the tables above, by name; all cases are run.",
         "additionalProperties": {"$ref": f"#/$defs/{CASE}"},
     }
+    tables["sweep"] = {
+        "type": "object",
+        "description": "Many cases: axes over keys of the tables above; see docs/sweeps.md.",
+    }
     return {"$schema": "http://json-schema.org/draft-07/schema#", **made, "title": "Scenario"}
 
 
