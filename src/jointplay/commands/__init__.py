@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from typing import Any
 
-MODULES = ("init", "check", "schema", "play", "report", "robots", "urdf", "wear")
+MODULES = ("init", "check", "schema", "play", "report", "robots", "urdf", "wear",
+           "sweep", "plot_sweep", "uncertainty")  # fmt: skip
 """Modules with a command of their own, in the order of the help."""
 
 
