@@ -82,10 +82,10 @@ _HOMES = {
     "cartesian_motion": "motion.cartesian",
     "material": "joints.materials",
     "oil": "joints.materials",
-    "open_sweep": "sweep",
+    "open_sweep": "sweeps",
     "shipped": "mechanism.urdf",
     "simulate": "simulation",
-    "sweep": "sweep",
+    "sweep": "sweeps",
     "wear_life": "analysis.wear",
     "worn_depth": "analysis.wear",
 }
@@ -159,8 +159,8 @@ if TYPE_CHECKING:
     from jointplay.scenario import Scenario as Scenario
     from jointplay.simulation import Simulation as Simulation
     from jointplay.simulation import simulate as simulate
-    from jointplay.sweep import open_sweep as open_sweep
-    from jointplay.sweep import sweep as sweep
+    from jointplay.sweeps import open_sweep as open_sweep
+    from jointplay.sweeps import sweep as sweep
 
 
 def __getattr__(name: str) -> Any:

@@ -29,9 +29,7 @@ def add(commands: Any) -> None:
         help="x and y, and hue for lines, or z (the measure) for a heat map; DIMENSION=VALUE "
         "takes only the cases nearest to a value",
     )
-    parser.add_argument(
-        "--out", metavar="FILE", help="picture (default: beside STORE, as .png)"
-    )
+    parser.add_argument("--out", metavar="FILE", help="picture (default: beside STORE, as .png)")
     parser.set_defaults(handler=run)
 
 
@@ -39,7 +37,7 @@ def run(options: argparse.Namespace) -> int:
     """Draw, say where."""
     from jointplay.host import files
     from jointplay.plots.sweep import draw
-    from jointplay.sweep import open_sweep
+    from jointplay.sweeps import open_sweep
 
     given: dict[str, str] = {}
     for word in options.words:

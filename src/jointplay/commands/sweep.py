@@ -1,4 +1,4 @@
-"""`jointplay sweep FILE`: many cases of a scenario, on all cores or a cluster, kept in one store."""
+"""`jointplay sweep FILE`: many cases of a scenario, on all cores or a cluster, in one store."""
 
 from __future__ import annotations
 
@@ -48,8 +48,8 @@ def run(options: argparse.Namespace) -> int:
     """Run the sweep, print the table."""
     import numpy as np
 
-    from jointplay.sweep import open_sweep, plan, run_plan
-    from jointplay.sweep.table import table
+    from jointplay.sweeps import open_sweep, plan, run_plan
+    from jointplay.sweeps.table import table
 
     made = plan(options.file, trust=options.trust)
     if not options.quiet:

@@ -33,8 +33,8 @@ def run(options: argparse.Namespace) -> int:
     """Print the statements; draw how they converged."""
     from jointplay.host import files
     from jointplay.plots.sweep import draw_convergence
-    from jointplay.sweep import open_sweep
-    from jointplay.sweep.statements import statements
+    from jointplay.sweeps import open_sweep
+    from jointplay.sweeps.statements import statements
 
     out = files.check_new(options.out) if options.out else None
     found = open_sweep(Path(options.store))

@@ -55,9 +55,7 @@ def _parsed(text: str, path: str) -> pin.Model:
             said = [*str(error).splitlines(), *noise]
             reason = next((line.strip() for line in said if line.strip()), "no reason given")
             reason = reason.replace(str(file), Path(path).name)
-            raise JointplayError(
-                f"Pinocchio cannot read the URDF {path!r}: {reason}"
-            ) from None
+            raise JointplayError(f"Pinocchio cannot read the URDF {path!r}: {reason}") from None
 
 
 def build(

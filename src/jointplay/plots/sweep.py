@@ -10,10 +10,10 @@ import xarray as xr
 
 from jointplay.errors import JointplayError, MissingName
 from jointplay.plots.style import COLOURS, StyledFigure, new_figure, style
-from jointplay.sweep.plan import SAMPLE
-from jointplay.sweep.statements import samples_of
-from jointplay.sweep.table import label, measured, scale, select, shown
-from jointplay.sweep.uncertainty import convergence, enough, estimate
+from jointplay.sweeps.plan import SAMPLE
+from jointplay.sweeps.statements import samples_of
+from jointplay.sweeps.table import label, measured, scale, select, shown
+from jointplay.sweeps.uncertainty import convergence, enough, estimate
 
 MOST_LINES = 12
 
@@ -60,7 +60,9 @@ def draw(
         raise MissingName("dimension for hue", hue, [d for d in dims if d != x])
     groups = [None] if hue is None else list(range(values.sizes[hue]))
     if len(groups) > MOST_LINES:
-        raise JointplayError(f"hue {hue} has {len(groups)} values; at most {MOST_LINES} can be drawn")
+        raise JointplayError(
+            f"hue {hue} has {len(groups)} values; at most {MOST_LINES} can be drawn"
+        )
     with style(look):
         figure = new_figure(6.0, 3.8, look)
         axes = figure.subplots()

@@ -63,7 +63,7 @@ class Scenario:
         title: what it is about.
         cases: labels of its cases, in order; a file without cases has one, named like the file.
         figures: whether figures that compare the cases are wanted.
-        sweep: the table [sweep] as it stands, empty if there is none; `jointplay.sweep` reads it.
+        sweep: the table [sweep] as it stands, empty if there is none; `jointplay.sweeps` reads it.
     """
 
     def __init__(self, text: str, path: str | Path, trust: Collection[str] = ()) -> None:

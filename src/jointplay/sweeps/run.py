@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import os
-
 from collections.abc import Collection, Iterator, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -15,10 +15,10 @@ from tqdm import tqdm
 from jointplay.errors import JointplayError
 from jointplay.host import stopping
 from jointplay.scenario import Scenario
-from jointplay.sweep.case import Bench, Outcome, job, joints
-from jointplay.sweep.estimate import MANY, Estimate, estimate
-from jointplay.sweep.plan import Index, Plan, plan
-from jointplay.sweep.store import DONE, FAILED, Store, open_sweep
+from jointplay.sweeps.case import Bench, Outcome, job, joints
+from jointplay.sweeps.estimate import MANY, estimate
+from jointplay.sweeps.plan import Index, Plan, plan
+from jointplay.sweeps.store import FAILED, Store, open_sweep
 
 
 class Workers(Protocol):
@@ -138,10 +138,10 @@ def run_plan(
 
 def _workers(made: Plan, number: int, scheduler: str | None) -> Workers:
     if scheduler is not None:
-        from jointplay.sweep.cluster import ClusterWorkers
+        from jointplay.sweeps.cluster import ClusterWorkers
 
         return ClusterWorkers(job(made, send_files=True), scheduler)
-    from jointplay.sweep.local import LocalWorkers
+    from jointplay.sweeps.local import LocalWorkers
 
     return LocalWorkers(job(made), number)
 
@@ -149,9 +149,7 @@ def _workers(made: Plan, number: int, scheduler: str | None) -> Workers:
 def _run_all(store: Store, workers: Workers, left: int, progress: bool) -> None:
     """Run the cases that have not been run."""
     made = store.plan
-    cases = (
-        (index, made.changes(index)) for index in made.indices() if store.state[index] == 0
-    )
+    cases = ((index, made.changes(index)) for index in made.indices() if store.state[index] == 0)
     layout = (
         "{percentage:3.0f}%|{bar}| {n}/{total} cases{postfix}, {elapsed} gone, {remaining} left"
     )
@@ -195,10 +193,8 @@ def _largest_so_far(made: Plan, path: Path) -> Plan:
 def _give_up(store: Store, error: BaseException) -> None:
     """Keep what there is; say how to go on."""
     done = int(np.count_nonzero(store.state))
-    try:
+    with suppress(JointplayError):  # the disk is full: the journal has it all
         store.close()
-    except JointplayError:  # the disk is full: the journal has it all
-        pass
     note = f"{done} of {store.plan.count} cases are kept; --resume goes on"
     if isinstance(error, JointplayError):
         error.args = (f"{error}; {note}",)
@@ -243,14 +239,9 @@ def _check_joints(made: Plan, bench: Bench) -> None:
             mechanism = bench.simulation({"joints": plain}).mechanism
             names = [*mechanism.joints, *mechanism.loops]
         if name not in names:
-            raise JointplayError(
-                f"{made.scenario.path}, sweep: {one_of('joint', name, names)}"
-            )
+            raise JointplayError(f"{made.scenario.path}, sweep: {one_of('joint', name, names)}")
 
 
 def cores() -> int:
     """Cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-

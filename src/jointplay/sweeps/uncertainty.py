@@ -127,7 +127,9 @@ def estimate(
         return Estimate(statistic, float(x[0]) if statistic == "mean" else 0.0, -np.inf, np.inf, n)
     if statistic == "mean":
         half = stats.t.ppf(0.5 + confidence / 2.0, n - 1) * x.std(ddof=1) / np.sqrt(n)
-        return Estimate(statistic, float(x.mean()), float(x.mean() - half), float(x.mean() + half), n)
+        return Estimate(
+            statistic, float(x.mean()), float(x.mean() - half), float(x.mean() + half), n
+        )
     rng = np.random.default_rng(0)
     found = [x[rng.integers(n, size=n)].std(ddof=1) for _ in range(RESAMPLES)]
     tail = (1.0 - confidence) / 2.0

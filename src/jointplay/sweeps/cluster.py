@@ -11,8 +11,8 @@ from typing import Any
 
 from jointplay.errors import JointplayError
 from jointplay.result.histories import versions
-from jointplay.sweep.case import COST, FAILED, Job, Outcome, run_cases
-from jointplay.sweep.plan import Index
+from jointplay.sweeps.case import COST, FAILED, Job, Outcome, run_cases
+from jointplay.sweeps.plan import Index
 
 Case = tuple[Index, Mapping[str, Any]]
 
@@ -76,7 +76,9 @@ class ClusterWorkers:
         try:
             found = self.client.run(version, on_error="return")
         except Exception as error:
-            raise JointplayError(f"the workers of {self.address!r} do not answer: {error}") from None
+            raise JointplayError(
+                f"the workers of {self.address!r} do not answer: {error}"
+            ) from None
         for worker, said in found.items():
             if isinstance(said, BaseException):
                 words = " ".join(str(said).split())

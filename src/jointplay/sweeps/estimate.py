@@ -6,8 +6,8 @@ import time
 from dataclasses import dataclass
 
 from jointplay.errors import JointplayError
-from jointplay.sweep.case import Bench
-from jointplay.sweep.plan import Plan
+from jointplay.sweeps.case import Bench
+from jointplay.sweeps.plan import Plan
 
 MANY = 20_000
 """Cases above which a sweep asks whether it is meant."""
@@ -16,7 +16,7 @@ PATIENCE_S = 2.0
 """How long a case is tried [s]."""
 
 MEASURES_BYTES = 300
-"""What the measures of a case take in the store, compressed, and its line of the journal [bytes]."""
+"""What the measures of a case take in the store [bytes]."""
 
 
 @dataclass(frozen=True)
@@ -56,13 +56,19 @@ def estimate(made: Plan, bench: Bench, processes: int) -> Estimate:
     seconds = ready + (time.perf_counter() - started) / share
     records = run.steps / run.simulation.record_every
     kept = 8.0 * 3.0 * records * len(made.histories)
-    return Estimate(made.count * seconds / processes, processes, made.count * (MEASURES_BYTES + kept))
+    return Estimate(
+        made.count * seconds / processes, processes, made.count * (MEASURES_BYTES + kept)
+    )
 
 
 def _time(seconds: float) -> str:
     for size, name in ((86400.0, "days"), (3600.0, "hours"), (60.0, "minutes")):
         if seconds >= 2.0 * size:
-            return f"{seconds / size:.2g} {name}" if seconds < 100 * size else f"{seconds / size:.0f} {name}"
+            return (
+                f"{seconds / size:.2g} {name}"
+                if seconds < 100 * size
+                else f"{seconds / size:.0f} {name}"
+            )
     return f"{seconds:.0f} seconds"
 
 

@@ -1,4 +1,4 @@
-"""The store of a sweep: labelled Zarr arrays over its dimensions, and a journal of what is finished.
+"""The store of a sweep: labelled Zarr arrays over its dimensions, and a journal of what is done.
 
 A finished case is one line of the journal. The arrays are filled from it now and then, and at the
 end; filled again, they are what they were. So whatever is killed, and whenever, nothing that was
@@ -23,11 +23,11 @@ import zarr
 from jointplay.errors import JointplayError
 from jointplay.host import files
 from jointplay.result.histories import versions
-from jointplay.sweep import histories
-from jointplay.sweep.case import DONE, FAILED, Outcome
-from jointplay.sweep.journal import SYNC_S, Journal
-from jointplay.sweep.measures import about
-from jointplay.sweep.plan import REPEAT, SAMPLE, Index, Plan
+from jointplay.sweeps import histories
+from jointplay.sweeps.case import DONE, FAILED, Outcome
+from jointplay.sweeps.journal import SYNC_S, Journal
+from jointplay.sweeps.measures import about
+from jointplay.sweeps.plan import REPEAT, SAMPLE, Index, Plan
 
 FORMAT = 1
 """Version of the store's format."""
@@ -76,7 +76,9 @@ class Store:
                 f"{str(self.path)!r} exists; go on with it by --resume, or choose another name"
             )
         if not there and files.is_folder(self.path) and _others(self.path):
-            raise JointplayError(f"{str(self.path)!r} is a folder of other things; choose another name")
+            raise JointplayError(
+                f"{str(self.path)!r} is a folder of other things; choose another name"
+            )
         files.claim(self.path, [])
         try:
             self.plan = plan
@@ -202,7 +204,7 @@ class Store:
         unit: str,
         tail: Mapping[str, int] | None = None,
     ) -> zarr.Array[Any]:
-        """A new array over the dimensions of the sweep and those of `tail`."""
+        """Make an array over the dimensions of the sweep and those of `tail`."""
         tail = tail or {}
         chunks = _chunks(self.plan.shape) if not tail else (1,) * len(self.plan.shape)
         with _quiet():
@@ -236,6 +238,7 @@ class Store:
     def labels(
         self, name: str, dimension: str, values: np.ndarray, attrs: Mapping[str, Any]
     ) -> None:
+        """Write the coordinate of a dimension."""
         whole = values.astype(object) if values.dtype.kind in "UO" else values
         with _quiet():
             array = self.group.create_array(
@@ -380,7 +383,7 @@ def _short(text: str) -> str:
 
 def _grown(attrs: Mapping[str, Any], plan: Plan) -> set[str]:
     """Keys in which the plan is the old one made larger."""
-    from jointplay.sweep.sampling import GROWING
+    from jointplay.sweeps.sampling import GROWING
 
     old, new = attrs["identity"], plan.identity
     found = set()

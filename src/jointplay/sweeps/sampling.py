@@ -36,8 +36,10 @@ def points(method: str, samples: int, dimensions: int, seed: int) -> np.ndarray:
     """
     if method not in METHODS:
         raise JointplayError(one_of("sampling", method, METHODS))
-    if not isinstance(samples, int) or isinstance(samples, bool) or not (
-        1 <= samples <= MOST_SAMPLES
+    if (
+        not isinstance(samples, int)
+        or isinstance(samples, bool)
+        or not (1 <= samples <= MOST_SAMPLES)
     ):
         raise JointplayError(
             f"samples must be a whole number from 1 to {MOST_SAMPLES}, got {samples!r:.40}"

@@ -21,10 +21,10 @@ from jointplay.scenario.build import locate
 from jointplay.scenario.load import merge
 from jointplay.scenario.places import Key, dotted
 from jointplay.scenario.tables import one_of, unknown_key
-from jointplay.sweep import sampling
-from jointplay.sweep.axes import Axis, read
-from jointplay.sweep.keys import put
-from jointplay.sweep.uncertainty import Until, read_until
+from jointplay.sweeps import sampling
+from jointplay.sweeps.axes import Axis, read
+from jointplay.sweeps.keys import put
+from jointplay.sweeps.uncertainty import Until, read_until
 from jointplay.units import convert, shown
 
 Index = tuple[int, ...]
@@ -300,7 +300,9 @@ def _case(scenario: Scenario, case: Any) -> str:
 def _whole(given: Mapping[str, Any], word: str, default: int, least: int) -> int:
     value = given.get(word, default)
     if not isinstance(value, int) or isinstance(value, bool) or not least <= value < 2**62:
-        raise JointplayError(f"{word} must be a whole number of at least {least}, got {shown(value)}")
+        raise JointplayError(
+            f"{word} must be a whole number of at least {least}, got {shown(value)}"
+        )
     return value
 
 
@@ -386,7 +388,9 @@ def _check_keys(made: Plan) -> None:
         places |= dict.fromkeys(keys if axis.keys else (), axis.name)
     seed: Key = ("integration", "seed")
     if made.repeats > 1 and seed in places:
-        raise JointplayError(f"repeats sets integration.seed, and so does axis {shown(places[seed])}")
+        raise JointplayError(
+            f"repeats sets integration.seed, and so does axis {shown(places[seed])}"
+        )
 
 
 def measure_function(name: str, folder: Path, trust: Collection[str]) -> Any:

@@ -1,4 +1,4 @@
-"""Time histories in the store of a sweep: arrays over its dimensions, the time and what else they have.
+"""Time histories in the store of a sweep: arrays over its dimensions, the time, and axes or joints.
 
 Cases can differ in length and in joints: an array grows as needed, and what a case has not is NaN.
 """
@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from jointplay.sweep.case import History
-from jointplay.sweep.plan import Index
+from jointplay.sweeps.case import History
+from jointplay.sweeps.plan import Index
 
 if TYPE_CHECKING:
-    from jointplay.sweep.store import Store
+    from jointplay.sweeps.store import Store
 
 SUFFIX = "_history"
 """What the names of the arrays end with."""

@@ -6,9 +6,9 @@ import numpy as np
 import xarray as xr
 
 from jointplay.errors import JointplayError
-from jointplay.sweep.plan import REPEAT, SAMPLE
-from jointplay.sweep.table import measured, scale
-from jointplay.sweep.uncertainty import (
+from jointplay.sweeps.plan import REPEAT, SAMPLE
+from jointplay.sweeps.table import measured, scale
+from jointplay.sweeps.uncertainty import (
     Estimate,
     SobolIndices,
     convergence,

@@ -9,8 +9,8 @@ import numpy as np
 import xarray as xr
 
 from jointplay.errors import JointplayError, MissingName
-from jointplay.sweep.case import FAILED
-from jointplay.sweep.plan import REPEAT, SAMPLE
+from jointplay.sweeps.case import FAILED
+from jointplay.sweeps.plan import REPEAT, SAMPLE
 
 SHOWN = (
     ("tool_error_rms_total", "µm", 1e6),
@@ -35,10 +35,7 @@ def table(dataset: xr.Dataset, rows: int = 20) -> str:
     state = dataset["state"].values
     dims = [d for d in dataset.attrs["sizes"] if d not in (SAMPLE, REPEAT)]
     over = [d for d in dataset.attrs["sizes"] if d in (SAMPLE, REPEAT)]
-    own = [
-        (name, str(dataset[name].attrs.get("units", "")), 1.0)
-        for name in _own(dataset)
-    ]
+    own = [(name, str(dataset[name].attrs.get("units", "")), 1.0) for name in _own(dataset)]
     columns = [c for c in (*SHOWN, *own) if c[0] in dataset]
     header = [*(label(dataset, d) for d in dims), *(_head(*c[:2]) for c in columns)]
     values = [mean(dataset[name], over) * factor for name, _, factor in columns]
@@ -64,7 +61,7 @@ def table(dataset: xr.Dataset, rows: int = 20) -> str:
 
 def _own(dataset: xr.Dataset) -> list[str]:
     """Measures of the user's own."""
-    from jointplay.sweep.measures import ABOUT
+    from jointplay.sweeps.measures import ABOUT
 
     dims = set(dataset.attrs["sizes"])
     return [
@@ -83,9 +80,7 @@ def measured(dataset: xr.Dataset, name: str) -> xr.DataArray:
         MissingName: there is none of the name.
     """
     dims = tuple(dataset.attrs["sizes"])
-    names = [
-        str(n) for n, v in dataset.data_vars.items() if v.dims == dims and v.dtype.kind == "f"
-    ]
+    names = [str(n) for n, v in dataset.data_vars.items() if v.dims == dims and v.dtype.kind == "f"]
     if name not in names:
         raise MissingName("measure", name, names)
     return dataset[name]

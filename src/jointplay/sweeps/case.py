@@ -23,8 +23,8 @@ from jointplay.result.result import Result
 from jointplay.scenario import Scenario
 from jointplay.scenario.build import PREFIX, SHIPPED
 from jointplay.simulation.simulation import Simulation
-from jointplay.sweep.measures import COST, measure, own
-from jointplay.sweep.plan import Index, Plan, measure_function
+from jointplay.sweeps.measures import COST, measure, own
+from jointplay.sweeps.plan import Index, Plan, measure_function
 
 DONE, FAILED = 1, 2
 """States of a case that has been run; 0: not yet."""
@@ -198,7 +198,14 @@ class Bench:
         inputs = task(result)
         inputs |= {
             name: getattr(simulation, name)
-            for name in ("step", "integrator", "macro_step", "tolerance", "record_every", "duration")
+            for name in (
+                "step",
+                "integrator",
+                "macro_step",
+                "tolerance",
+                "record_every",
+                "duration",
+            )
         }
         key = json.dumps(inputs, sort_keys=True)
         if key not in self._ideals:
@@ -231,9 +238,7 @@ def _history(result: Result, name: str) -> History:
     if name not in result.dataset:
         return History(("time",), np.full(len(result.time), np.nan), {"time": result.time}, {})
     variable = result[name]
-    labels = {
-        str(d): variable[d].values for d in variable.dims if d in variable.coords
-    }
+    labels = {str(d): variable[d].values for d in variable.dims if d in variable.coords}
     dims = tuple(str(d) for d in variable.dims)
     return History(dims, variable.values, labels, dict(variable.attrs))
 
@@ -242,9 +247,7 @@ _benches: dict[Job | str, Bench] = {}
 _one = threading.Lock()
 
 
-def run_cases(
-    work: Job, cases: Sequence[tuple[Index, Mapping[str, Any]]]
-) -> list[Outcome]:
+def run_cases(work: Job, cases: Sequence[tuple[Index, Mapping[str, Any]]]) -> list[Outcome]:
     """Run some cases in this process, which remembers the sweep's scenario."""
     with _one:  # threads of a cluster's worker take turns
         key = json.dumps([work.text, work.path, work.case, work.measures, work.start], default=str)

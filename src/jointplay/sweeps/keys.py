@@ -84,7 +84,9 @@ def kinds(path: Key) -> list[Mapping[str, Any]]:
         if not there:
             where = f" in {dotted(path[:depth])}" if depth else ""
             if not known:
-                raise JointplayError(f"{dotted(path)}: {dotted(path[:depth])} has no keys of its own")
+                raise JointplayError(
+                    f"{dotted(path)}: {dotted(path[:depth])} has no keys of its own"
+                )
             raise JointplayError(unknown_key(str(part), known) + where)
         here = there
     if path[0] in NOT_SWEPT:

@@ -128,7 +128,9 @@ def _forces(result: Result, joints: Sequence[str], kept: np.ndarray) -> Iterator
         values = forces.values[kept]
         sizes = np.sqrt(np.einsum("njk,njk->nj", values, values))
         found = {
-            labels[k]: float(sizes[:, k].max() if how == "peak" else np.sqrt(np.mean(sizes[:, k] ** 2)))
+            labels[k]: float(
+                sizes[:, k].max() if how == "peak" else np.sqrt(np.mean(sizes[:, k] ** 2))
+            )
             for k in wanted
         }
         yield f"{how}_force", max(found.values())

@@ -14,7 +14,6 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from jointplay.errors import JointplayError
 from jointplay.host.files import cannot_write
 
 SYNC_S = 1.0

@@ -12,7 +12,7 @@ from scipy import stats
 from jointplay.errors import JointplayError
 from jointplay.scenario.places import Key, dotted
 from jointplay.scenario.tables import closest, one_of, unknown_key
-from jointplay.sweep.keys import is_whole, kinds, path_of, units_of
+from jointplay.sweeps.keys import is_whole, kinds, path_of, units_of
 from jointplay.units import convert, shown
 
 SPACINGS = ("linear", "log")
@@ -99,7 +99,9 @@ def read(name: str, given: Any) -> Axis:
     units = units_of(keys[0])
     for key in keys[1:]:
         if units_of(key) != units:
-            raise JointplayError(f"{dotted(key)} and {dotted(keys[0])} take values of different kinds")
+            raise JointplayError(
+                f"{dotted(key)} and {dotted(keys[0])} take values of different kinds"
+            )
     label = dotted(keys[0][-1:]) if "." in name or "[" in name else name
     if source == "values":
         return _list(label, keys, given["values"], units)
@@ -248,10 +250,14 @@ def _distribution(
         for word in (*needed, *(word for word in optional if word in given))
     }
     for low, high in (("from", "to"), ("from", "mode"), ("mode", "to")):
-        if low in at and high in at and not (
-            at[low] < at[high] or ("mode" in (low, high) and at[low] == at[high])
+        if (
+            low in at
+            and high in at
+            and not (at[low] < at[high] or ("mode" in (low, high) and at[low] == at[high]))
         ):
-            raise JointplayError(f"{low} must be less than {high}, got {at[low]:g} and {at[high]:g}")
+            raise JointplayError(
+                f"{low} must be less than {high}, got {at[low]:g} and {at[high]:g}"
+            )
     for word in ("std", "sigma", "median"):
         if word in at and at[word] <= 0.0:
             raise JointplayError(f"{word} must be greater than zero, got {at[word]:g}")

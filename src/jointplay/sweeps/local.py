@@ -20,8 +20,8 @@ from typing import Any
 
 from jointplay.errors import JointplayError
 from jointplay.host import workers
-from jointplay.sweep.case import COST, FAILED, Job, Outcome
-from jointplay.sweep.plan import Index
+from jointplay.sweeps.case import COST, FAILED, Job, Outcome
+from jointplay.sweeps.plan import Index
 
 Case = tuple[Index, Mapping[str, Any]]
 
@@ -34,7 +34,7 @@ AHEAD_S = 0.5
 MOST_AHEAD = 64
 """And no more cases than this."""
 
-_PROGRAM = "import sys; from jointplay.sweep.local import nursery; nursery()"
+_PROGRAM = "import sys; from jointplay.sweeps.local import nursery; nursery()"
 
 
 class LocalWorkers:
@@ -165,7 +165,6 @@ def nursery() -> None:
         return
     workers.begin()
     from jointplay import kernel
-    from jointplay.sweep import case as _  # imports what the workers need
 
     with suppress(Exception):
         kernel.compiled()
@@ -187,7 +186,7 @@ def nursery() -> None:
 
 def _serve(connection: Connection, job: Job) -> None:
     """Run the cases that come, one after the other."""
-    from jointplay.sweep.case import run_cases
+    from jointplay.sweeps.case import run_cases
 
     workers.begin()
     with suppress(EOFError, BrokenPipeError, ConnectionResetError):
