@@ -6,6 +6,7 @@ import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -301,7 +302,7 @@ def _motion(
             raise Misplaced(("motion", key), unknown_key(key, keys) + f" (with {source})")
     if source == "file":
         with at("motion", "file"):
-            return Motion.from_csv(locate(given["file"], folder), table.interpolation)
+            return _from_csv(locate(given["file"], folder), table.interpolation)
     if source == "speeds":
         return _turning(model, mechanism, start)
     if table.times is None:
@@ -319,6 +320,20 @@ def _motion(
     with waypoint("times"):
         positions = np.array(columns).reshape(len(columns), len(table.times)).T
         return Motion(list(given["joints"]), table.times, positions, table.interpolation)
+
+
+def _from_csv(path: Path, interpolation: str) -> Motion:
+    """Motion of a file, which is read again only once it has changed."""
+    try:
+        found = path.stat()
+    except (OSError, ValueError):  # which from_csv puts into words
+        return Motion.from_csv(path, interpolation)
+    return _read_csv(path, interpolation, (found.st_mtime_ns, found.st_size, found.st_ino))
+
+
+@lru_cache(maxsize=16)
+def _read_csv(path: Path, interpolation: str, stamp: tuple[int, ...]) -> Motion:
+    return Motion.from_csv(path, interpolation)
 
 
 def _turning(model: Model, mechanism: Mechanism, start: dict[str, float]) -> Motion:

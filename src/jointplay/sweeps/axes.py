@@ -155,9 +155,8 @@ def _list(name: str, keys: tuple[Key, ...], values: Any, units: tuple[str, ...] 
         raise JointplayError(f"{len(values)} values; at most {MOST_VALUES} are possible")
     coordinate, unit = _coordinate(values, units)
     if len(np.unique(coordinate)) < len(values):
-        seen: set[Any] = set()
-        twice = next(v for v, c in zip(values, coordinate.tolist(), strict=True)
-                     if c in seen or seen.add(c))  # fmt: skip
+        _, first = np.unique(coordinate, return_index=True)
+        twice = values[int(np.setdiff1d(np.arange(len(values)), first)[0])]
         raise JointplayError(f"the value {shown(twice)} is given twice")
     return Axis(name, keys, tuple(values), coordinate, unit)
 

@@ -18,12 +18,13 @@ import numpy as np
 from jointplay.analysis.twin import ideal_simulation, task
 from jointplay.errors import JointplayError
 from jointplay.kernel import Status
+from jointplay.motion.reference import Motion
 from jointplay.result.histories import versions
 from jointplay.result.result import Result
 from jointplay.scenario import Scenario
 from jointplay.scenario.build import PREFIX, SHIPPED
 from jointplay.simulation.simulation import Simulation
-from jointplay.sweeps.measures import COST, measure, own
+from jointplay.sweeps.measures import COST, measure, own, rests_of
 from jointplay.sweeps.plan import Index, Plan, measure_function
 
 DONE, FAILED = 1, 2
@@ -70,7 +71,7 @@ class History:
 
     dims: tuple[str, ...]
     values: np.ndarray
-    labels: Mapping[str, Sequence[Any]]
+    labels: Mapping[str, np.ndarray]
     """Coordinates of its dimensions, the time [s] among them."""
     attrs: Mapping[str, Any]
 
@@ -124,7 +125,9 @@ class Bench:
         self.measures = {
             name: measure_function(name, path.parent, work.trust) for name in work.measures
         }
+        self._integration = self.scenario.data(work.case).get("integration", {})
         self._ideals: OrderedDict[str, Result] = OrderedDict()
+        self._rests: tuple[Motion | None, float, tuple[float, ...]] | None = None
 
     def _unpack(self, inputs: Mapping[str, str], folder: Path) -> Path:
         """Write the files into a folder of this process; their places are kept apart."""
@@ -180,16 +183,27 @@ class Bench:
         result = simulation.prepare().execute()
         if result.status != Status.COMPLETED:
             raise JointplayError(result.message)
-        model = self.scenario.model(self.job.case, self._relocated(changes))
-        if model.integration.certify:
+        if self._certified(changes):
             from jointplay.analysis.certify import certify
 
             result.certificate = certify(result, simulation=simulation)
         ideal = self._ideal(result, simulation) if self.job.tool_error else None
-        values = measure(result, ideal, self.job.joints, self.job.start, simulation.motion)
+        rests = self._rests_of(simulation.motion, float(result.time[-1])) if ideal else ()
+        values = measure(result, ideal, self.job.joints, self.job.start, rests)
         for name, function in self.measures.items():
             values |= own(name, function(result))
         return values, {name: _history(result, name) for name in self.job.histories}
+
+    def _certified(self, changes: Mapping[str, Any]) -> bool:
+        """Whether the case asks for the numerical errors of its figures."""
+        table = {**self._integration, **changes.get("integration", {})}
+        return bool(table.get("certify", False))
+
+    def _rests_of(self, motion: Motion | None, end: float) -> tuple[float, ...]:
+        """Times at which the reference stands still; of one motion they are looked up once."""
+        if self._rests is None or self._rests[0] is not motion or self._rests[1] != end:
+            self._rests = motion, end, rests_of(motion, end)
+        return self._rests[2]
 
     def _ideal(self, result: Result, simulation: Simulation) -> Result:
         """The ideal mechanism's run of the same work; the run itself, if it is that."""

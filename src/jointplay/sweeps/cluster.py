@@ -154,11 +154,11 @@ class ClusterWorkers:
                 self._seconds += outcome.values.get(COST, 0.0)
                 yield outcome
             return
-        error = self._error(future)
-        if isinstance(error, JointplayError):  # not of a case: of the sweep
-            raise error
-        if type(error).__name__ != "KilledWorker":
-            raise self._lost() from error
+        cause = self._error(future)
+        if isinstance(cause, JointplayError):  # not of a case: of the sweep
+            raise cause
+        if type(cause).__name__ != "KilledWorker":
+            raise self._lost() from cause
         if len(batch) > 1:
             for case in batch:
                 submit([case])

@@ -16,7 +16,7 @@ from collections import deque
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from multiprocessing.connection import Connection, wait
-from typing import Any
+from typing import Any, cast
 
 from jointplay.errors import JointplayError
 from jointplay.host import workers
@@ -49,7 +49,7 @@ class LocalWorkers:
         """Start them; they import while the sweep is made ready."""
         self.job, self.number = job, number
         self._groups: list[subprocess.Popen[bytes]] = []
-        self._waiting: dict[Connection, deque[Case]] = {}
+        self._waiting: dict[Connection[Any, Any], deque[Case]] = {}
         self._deaths: dict[Index, int] = {}
         self._seconds = 0.0
         self._done = 0
@@ -92,8 +92,8 @@ class LocalWorkers:
             self._feed(connection, take)
         while any(self._waiting.values()):
             busy = [connection for connection, queue in self._waiting.items() if queue]
-            for connection in wait(busy):
-                assert isinstance(connection, Connection)
+            for ready in wait(busy):
+                connection = cast("Connection[Any, Any]", ready)
                 try:
                     said = connection.recv()
                 except (EOFError, OSError):
@@ -111,7 +111,7 @@ class LocalWorkers:
                 self._feed(connection, take)
                 yield said
 
-    def _feed(self, connection: Connection, take: Any) -> None:
+    def _feed(self, connection: Connection[Any, Any], take: Any) -> None:
         """Have a worker's next cases wait for it, so that it need not wait for them."""
         mean = self._seconds / self._done if self._done else AHEAD_S
         ahead = int(min(max(AHEAD_S / max(mean, 1e-3), 1.0), MOST_AHEAD)) + 1
@@ -126,7 +126,7 @@ class LocalWorkers:
             except OSError:  # it is dead, which `run` finds
                 return
 
-    def _died(self, connection: Connection, left: deque[Case]) -> Outcome | None:
+    def _died(self, connection: Connection[Any, Any], left: deque[Case]) -> Outcome | None:
         """Replace a dead worker; the case that it died of is tried again, or has failed."""
         queue = self._waiting.pop(connection)
         connection.close()
@@ -184,7 +184,7 @@ def nursery() -> None:
             os.waitpid(child, 0)
 
 
-def _serve(connection: Connection, job: Job) -> None:
+def _serve(connection: Connection[Any, Any], job: Job) -> None:
     """Run the cases that come, one after the other."""
     from jointplay.sweeps.case import run_cases
 

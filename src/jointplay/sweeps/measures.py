@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from jointplay.analysis.contact_statistics import shares
-from jointplay.analysis.tool_error import COMPONENTS, accuracy, deviation, error_at, stops
+from jointplay.analysis.tool_error import COMPONENTS, deviation, stops
+from jointplay.geometry import Mode
 from jointplay.motion.reference import Motion
 from jointplay.result.result import Result
 
@@ -62,32 +62,38 @@ def about(name: str) -> tuple[str, str]:
 
 
 def measure(
-    result: Result, ideal: Result | None, joints: Sequence[str], start: float, motion: Motion | None
+    result: Result,
+    ideal: Result | None,
+    joints: Sequence[str],
+    start: float,
+    rests: Sequence[float] = (),
 ) -> dict[str, float]:
     """Measures of a run, by name; `ABOUT` has their units.
 
     Args:
         result: the run, completed.
-        ideal: the ideal mechanism's run of the same work, if the tool error is wanted and the run
-            is not itself ideal.
+        ideal: the ideal mechanism's run of the same work, or the run itself if it is ideal; None if
+            the tool error is not wanted.
         joints: the joints that have clearance in some case, whose forces are wanted.
         start: what is before is left out of errors, forces and shares [s].
-        motion: the reference, for the tool error at its stops.
+        rests: times at which the reference stands still [s].
     """
     found: dict[str, float] = {}
     if ideal is not None:
-        found |= _tool_error(result, ideal, start, motion)
-    found |= dict(_forces(result, joints, result.time >= start))
+        found |= dict(_tool_error(result, ideal, start, rests))
+    kept = result.time >= start
+    found |= dict(_forces(result, joints, kept))
     audit = result.audit
     found["impacts"] = float(audit.impacts)
     found["impulse"] = audit.normal_impulse
-    losses = {n: float(result[n].values[-1]) for n in LOSSES if n in result.dataset}
+    losses = {n: float(_values(result, n)[-1]) for n in LOSSES if n in result.dataset.variables}
     found["dissipated_energy"] = sum(losses.values())
     found |= losses
-    for joint in result.joints:
+    for k, joint in enumerate(result.joints):
         at = f"_{joint}" if len(joints) > 1 else ""
-        for mode, share in shares(result, joint, start=start).items():
-            found[f"share_{mode}{at}"] = share
+        modes = np.bincount(_values(result, "mode")[kept, k], minlength=len(Mode))
+        for mode in Mode:
+            found[f"share_{mode.name.lower()}{at}"] = float(modes[mode] / max(kept.sum(), 1))
     found["penetration"] = audit.largest_penetration
     found["energy_error"] = audit.relative_energy_residual
     found["under_resolved"] = audit.under_resolved_impulse
@@ -99,40 +105,50 @@ def measure(
     return found
 
 
+def _values(result: Result, name: str) -> np.ndarray:
+    """A variable without its labels, which cost more than the reckoning."""
+    values: np.ndarray = result.dataset.variables[name].values
+    return values
+
+
 def _tool_error(
-    result: Result, ideal: Result, start: float, motion: Motion | None
-) -> dict[str, float]:
-    error = deviation(result, ideal)
-    found: dict[str, float] = {}
-    whole = accuracy(error, start)
+    result: Result, ideal: Result, start: float, rests: Sequence[float]
+) -> Iterator[tuple[str, float]]:
+    """Peak, RMS and largest error at rest of the tool: those of `analysis.accuracy`."""
+    time = result.time
+    if np.array_equal(ideal.time, time):
+        error = _values(result, "tool_position") - _values(ideal, "tool_position")
+    else:
+        error = deviation(result, ideal).values
+        time = time[: len(error)]
+    error = np.column_stack([error, np.linalg.norm(error, axis=1)])
+    kept = error[time >= start]
+    at = [int(np.abs(time - rest).argmin()) for rest in rests if start <= rest <= time[-1]]
     for k, part in enumerate(COMPONENTS):
-        found[f"tool_error_peak_{part}"] = float(whole.peak[k])
-        found[f"tool_error_rms_{part}"] = float(whole.rms[k])
-    if motion is not None:
-        ends = [s.end for s in stops(motion, float(result.time[-1])) if s.at_rest and s.start > 0]
-        ends = [end for end in ends if end >= start]
-        if ends:
-            largest = np.abs([error_at(error, end) for end in ends]).max(axis=0)
-            for k, part in enumerate(COMPONENTS):
-                found[f"tool_error_stops_{part}"] = float(largest[k])
-    return found
+        if len(kept):
+            yield f"tool_error_peak_{part}", float(np.abs(kept[:, k]).max())
+            yield f"tool_error_rms_{part}", float(np.sqrt(np.mean(kept[:, k] ** 2)))
+        if at:
+            yield f"tool_error_stops_{part}", float(np.abs(error[at, k]).max())
+
+
+def rests_of(motion: Motion | None, end: float) -> tuple[float, ...]:
+    """Times up to `end` at which the reference stands still, the start aside [s]."""
+    if motion is None:
+        return ()
+    return tuple(stop.end for stop in stops(motion, end) if stop.at_rest and stop.start > 0.0)
 
 
 def _forces(result: Result, joints: Sequence[str], kept: np.ndarray) -> Iterator[tuple[str, float]]:
     """Peak and RMS of the joints' forces, of an ideal mechanism too: there they are reactions."""
+    dimension = "joint" if result.joints else "moving_joint"
+    labels = [str(label) for label in _values(result, dimension)]
+    wanted = [k for k, label in enumerate(labels) if label in joints] or range(len(labels))
     for how, name in _JOINT_FORCE.items():
-        dimension = "joint" if result.joints else "moving_joint"
-        forces = result[name if result.joints else "reaction_force"]
-        labels = [str(label) for label in forces[dimension].values]
-        wanted = [k for k, label in enumerate(labels) if label in joints] or range(len(labels))
-        values = forces.values[kept]
-        sizes = np.sqrt(np.einsum("njk,njk->nj", values, values))
-        found = {
-            labels[k]: float(
-                sizes[:, k].max() if how == "peak" else np.sqrt(np.mean(sizes[:, k] ** 2))
-            )
-            for k in wanted
-        }
+        values = _values(result, name if result.joints else "reaction_force")[kept]
+        squares = np.einsum("njk,njk->nj", values, values)
+        sums = squares.max(axis=0) if how == "peak" else squares.mean(axis=0)
+        found = {labels[k]: float(np.sqrt(sums[k])) for k in wanted}
         yield f"{how}_force", max(found.values())
         if len(joints) > 1:
             for label, value in found.items():

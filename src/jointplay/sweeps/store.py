@@ -82,6 +82,7 @@ class Store:
         files.claim(self.path, [])
         try:
             self.plan = plan
+            self.group: Any  # zarr's own types know no group whose members are all arrays
             self.state = np.zeros(plan.shape, np.int8)
             self._pending: list[Outcome] = []
             self._synced = self._flushed = time.monotonic()
@@ -191,7 +192,7 @@ class Store:
         with _quiet():
             zarr.consolidate_metadata(self.group.store)
 
-    def _arrays(self) -> dict[str, zarr.Array[Any]]:
+    def _arrays(self) -> dict[str, Any]:
         with _quiet():
             return dict(self.group.arrays())
 

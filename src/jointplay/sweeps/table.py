@@ -44,7 +44,7 @@ def table(dataset: xr.Dataset, rows: int = 20) -> str:
     count = int(np.prod(shape)) if shape else 1
     for index in list(np.ndindex(*shape))[:rows]:
         where = [shown(dataset, d, k) for d, k in zip(dims, index, strict=True)]
-        lines.append([*where, *(_text(v[index]) for v in values)])
+        lines.append([*where, *(_text(float(v[index])) for v in values)])
     text = _aligned([header, *lines])
     if over and count:
         runs = int(np.prod([dataset.sizes[d] for d in over]))

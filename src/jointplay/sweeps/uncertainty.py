@@ -120,9 +120,10 @@ def estimate(
         return Estimate(statistic, float("nan"), -np.inf, np.inf, 0)
     if statistic == "quantile":
         low, high = order_interval(n, probability, confidence)
-        bounds = (x[low] if low >= 0 else -np.inf, x[high] if high < n else np.inf)
+        below = float(x[low]) if low >= 0 else -np.inf
+        above = float(x[high]) if high < n else np.inf
         name = f"{100 * probability:g} %"
-        return Estimate(name, float(np.quantile(x, probability)), *map(float, bounds), n)
+        return Estimate(name, float(np.quantile(x, probability)), below, above, n)
     if n < 2:
         return Estimate(statistic, float(x[0]) if statistic == "mean" else 0.0, -np.inf, np.inf, n)
     if statistic == "mean":
