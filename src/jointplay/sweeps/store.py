@@ -105,15 +105,10 @@ class Store:
         self._coordinates()
         # With these attributes it is a store; without, the rest of one that was not made.
         self.group.attrs.update(
-            {
+            self._about()
+            | {
                 "jointplay_sweep": FORMAT,
-                "identity": plan.identity,
-                "sizes": plan.sizes,
-                "title": plan.scenario.title,
                 "case": plan.case,
-                "scenario": plan.scenario.text,
-                "scenario_file": plan.scenario.path.name,
-                "sweep": json.dumps(dict(plan.given), default=str),
                 "sampling": plan.sampling,
                 "sampled": [axis.name for axis in plan.drawn],
                 "inputs": plan.inputs,
@@ -121,6 +116,18 @@ class Store:
             }
         )
         self._consolidate()
+
+    def _about(self) -> dict[str, Any]:
+        """What of the attributes changes as the sweep grows."""
+        plan = self.plan
+        return {
+            "identity": plan.identity,
+            "sizes": plan.sizes,
+            "title": plan.scenario.title,
+            "scenario": plan.scenario.text,
+            "scenario_file": plan.scenario.path.name,
+            "sweep": json.dumps(dict(plan.given), default=str),
+        }
 
     def _reopen(self, extend: bool) -> None:
         """Go on with an old store.
@@ -184,7 +191,7 @@ class Store:
                 if tuple(names[: len(dims)]) == tuple(dims):
                     array.resize((*plan.shape, *array.shape[len(dims) :]))
             self._coordinates()
-            self.group.attrs.update({"identity": plan.identity, "sizes": plan.sizes})
+            self.group.attrs.update(self._about())
             self._consolidate()
 
     def _consolidate(self) -> None:

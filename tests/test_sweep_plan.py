@@ -168,14 +168,14 @@ def test_units_of_a_key_are_those_of_the_scenario(key, units):
          'samples = 5\nsampling = "saltelli"', "power of two"),
     ],
 )  # fmt: skip
-def test_what_cannot_be_is_said_in_a_line_with_its_place(axes, options, words, refused):
-    said = refused(axes, options)
+def test_what_cannot_be_is_said_in_a_line_with_its_place(axes, options, words, unplannable):
+    said = unplannable(axes, options)
     assert words in said
     assert "study.toml" in said
 
 
-def test_errors_of_an_axis_name_its_line(refused):
-    said = refused('a = { key = "integration.step", values = [1e-5] }\nb = 3')
+def test_errors_of_an_axis_name_its_line(unplannable):
+    said = unplannable('a = { key = "integration.step", values = [1e-5] }\nb = 3')
     assert "study.toml, line 23, sweep.axes.b: 3 is no axis" in said
 
 
@@ -219,7 +219,9 @@ def test_distributions_have_the_mean_and_width_that_textbooks_give(kind):
 
 
 def test_a_normal_distribution_can_be_cut_off():
-    axis = read("c", {"key": MU, "distribution": "normal", "mean": 0, "std": 1, "from": -1, "to": 2})
+    axis = read(
+        "c", {"key": MU, "distribution": "normal", "mean": 0, "std": 1, "from": -1, "to": 2}
+    )
     values = axis.quantile(np.array([1e-9, 1 - 1e-9]))
     np.testing.assert_allclose(values, [-1.0, 2.0], atol=1e-6)
 

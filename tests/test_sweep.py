@@ -20,14 +20,16 @@ VARYING = "cost"
 @pytest.fixture(scope="module")
 def done(tmp_path_factory):
     """A small sweep that was run once: its store and the scenario."""
-    from tests.sweeps.conftest import GRID, SCENARIO
+    from sweep_scenario import GRID, SCENARIO
 
     folder = tmp_path_factory.mktemp("sweep")
     path = folder / "study.toml"
     (folder / "own.py").write_text(
         "def longest(result):\n    return {'reach': abs(result['tool_position'].values).max()}\n"
     )
-    options = 'measures = ["own:longest"]\nhistories = ["tool_position", "joint_force"]\nrepeats = 2'
+    options = (
+        'measures = ["own:longest"]\nhistories = ["tool_position", "joint_force"]\nrepeats = 2'
+    )
     path.write_text(SCENARIO.format(axes=GRID, options=options, duration="0.02 s"))
     jp.sweep(path, folder / "store.zarr")
     return folder / "store.zarr", path
@@ -67,7 +69,7 @@ def test_cases_are_those_that_single_runs_give(done):
     assert float(found["tool_error_peak_x"]) == pytest.approx(error.peak[0], rel=1e-12)
     peak = np.linalg.norm(result["joint_force_peak"].values, axis=2).max()
     assert float(found["peak_force"]) == pytest.approx(peak, rel=1e-12)
-    assert float(found["impacts"]) == result.audit.impacts
+    assert float(found["impacts"]) == result.audit.impacts > 0
     for mode, share in shares(result, "joint_b").items():
         assert float(found[f"share_{mode}"]) == pytest.approx(share)
     np.testing.assert_array_equal(found["tool_position_history"], result["tool_position"])
@@ -84,7 +86,6 @@ def test_the_ideal_joint_has_no_tool_error_and_the_force_of_its_reaction(done):
     force = result["reaction_force"].sel(moving_joint="joint_b").values
     assert float(found["peak_force"]) == pytest.approx(np.linalg.norm(force, axis=1).max())
     assert np.isnan(found["joint_force_history"]).all()
-    assert np.isnan(found["share_free_flight"] if "share_free_flight" in found else np.nan)
 
 
 def test_resuming_a_finished_sweep_runs_nothing(done, monkeypatch):
@@ -101,11 +102,11 @@ def test_a_store_is_not_overwritten(done):
 
 def test_a_changed_scenario_on_an_old_store_is_refused_with_the_difference(done):
     path = done[1].with_name("changed.toml")
-    path.write_text(done[1].read_text().replace('gravity = "balanced"', 'gravity = "loaded"'))
+    path.write_text(done[1].read_text().replace('gravity = "loaded"', 'gravity = "balanced"'))
     with pytest.raises(jp.JointplayError) as error:
         jp.sweep(path, done[0], resume=True)
     said = str(error.value)
-    assert 'robot.gravity is "loaded", and was "balanced"' in said
+    assert 'robot.gravity is "balanced", and was "loaded"' in said
     with pytest.raises(jp.JointplayError, match="and was"):
         jp.sweep(path, done[0], extend=True)
 
@@ -167,8 +168,8 @@ def test_what_cannot_be_drawn_is_said_in_a_line(words, said, done, tmp_path, cap
     assert error.count("\n") == 1
 
 
-def test_a_failed_case_is_kept_with_its_error_and_the_rest_goes_on(scenario, tmp_path):
-    path = scenario(
+def test_a_failed_case_is_kept_with_its_error_and_the_rest_goes_on(swept, tmp_path):
+    path = swept(
         'c = { key = "joints.joint_b.radial_clearance", values = ["0.1 mm", "50 mm", "0.2 mm"] }'
     )
     found = jp.sweep(path, tmp_path / "s.zarr", jobs=1)
@@ -178,31 +179,29 @@ def test_a_failed_case_is_kept_with_its_error_and_the_rest_goes_on(scenario, tmp
     assert "1 of 3 cases failed" in table(found)
 
 
-def test_a_measure_that_raises_fails_its_case_only(scenario, tmp_path):
-    (tmp_path / "mine.py").write_text(
-        "def bad(result):\n    return 1.0 / result.audit.impacts\n"
-    )
-    path = scenario('c = { key = "joints.joint_b.radial_clearance", values = [0, "0.2 mm"] }',
+def test_a_measure_that_raises_fails_its_case_only(swept, tmp_path):
+    (tmp_path / "mine.py").write_text("def bad(result):\n    return 1.0 / result.audit.impacts\n")
+    path = swept('c = { key = "joints.joint_b.radial_clearance", values = [0, "0.2 mm"] }',
                     'measures = ["mine:bad"]', "1 ms")  # fmt: skip
     found = jp.sweep(path, tmp_path / "s.zarr", jobs=1)
     assert found["state"].values[0] == 2
     assert str(found["error"].values[0]) == "ZeroDivisionError: float division by zero"
 
 
-def test_measures_elsewhere_must_be_trusted(scenario, tmp_path):
-    path = scenario(options='measures = ["statistics:mean"]')
+def test_measures_elsewhere_must_be_trusted(swept, tmp_path):
+    path = swept(options='measures = ["statistics:mean"]')
     with pytest.raises(jp.JointplayError, match="--trust statistics"):
         jp.sweep(path, tmp_path / "s.zarr")
 
 
-def test_a_joint_that_does_not_exist_is_named_with_those_that_do(scenario, tmp_path):
-    path = scenario('c = { key = "joints.joint_d.radial_clearance", values = ["0.1 mm"] }')
+def test_a_joint_that_does_not_exist_is_named_with_those_that_do(swept, tmp_path):
+    path = swept('c = { key = "joints.joint_d.radial_clearance", values = ["0.1 mm"] }')
     with pytest.raises(jp.JointplayError, match=r'no joint "joint_d".*did you mean "joint_'):
         jp.sweep(path, tmp_path / "s.zarr")
 
 
-def test_a_million_cases_are_asked_about(scenario, tmp_path, capsys):
-    path = scenario(
+def test_a_million_cases_are_asked_about(swept, tmp_path, capsys):
+    path = swept(
         'c = { key = "joints.joint_b.radial_clearance", from = 1e-4, to = 2e-4, number = 1000 }\n'
         'd = { key = "joints.joint_b.friction.mu_d", from = 0, to = 0.1, number = 1000 }'
     )
@@ -213,12 +212,12 @@ def test_a_million_cases_are_asked_about(scenario, tmp_path, capsys):
     assert not (tmp_path / "s").exists()
 
 
-def test_more_values_samples_and_repeats_are_added_to_a_store(scenario, tmp_path):
+def test_more_values_samples_and_repeats_are_added_to_a_store(swept, tmp_path):
     axes = 'mu = {{ key = "joints.joint_b.friction.mu_d", values = [{}] }}'
     options = "repeats = 2"
-    path = scenario(axes.format("0.0, 0.1"), options, "2 ms")
+    path = swept(axes.format("0.0, 0.1"), options, "2 ms")
     first = jp.sweep(path, tmp_path / "s.zarr", jobs=1).load()
-    path = scenario(axes.format("0.0, 0.1, 0.2"), "repeats = 3", "2 ms")
+    path = swept(axes.format("0.0, 0.1, 0.2"), "repeats = 3", "2 ms")
     with pytest.raises(jp.JointplayError, match="--extend adds the new cases"):
         jp.sweep(path, tmp_path / "s.zarr", resume=True)
     more = jp.sweep(path, tmp_path / "s.zarr", jobs=1, extend=True).load()
@@ -235,30 +234,28 @@ cr = { key = "joints.joint_b.radial_clearance", distribution = "normal", mean = 
 """  # noqa: E501
 
 
-def test_a_sweep_stops_by_itself_when_the_precision_is_reached(scenario, tmp_path):
-    options = (
-        "samples = 4\nuntil = { measure = 'dissipated_energy', precision = 0.06, most = 512 }"
-    )
-    path = scenario(SAMPLED, options, "5 ms")
+def test_a_sweep_stops_by_itself_when_the_precision_is_reached(swept, tmp_path):
+    options = "samples = 4\nuntil = { measure = 'tool_error_rms_total', precision = 0.0015, most = 512 }"
+    path = swept(SAMPLED, options, "20 ms")
     found = jp.sweep(path, tmp_path / "s.zarr")
     number = found.sizes["sample"]
     assert 4 < number < 512
     from jointplay.sweeps.uncertainty import estimate
 
-    values = found["dissipated_energy"].values
-    assert estimate(values).relative <= 0.06
-    assert estimate(values[: number // 2]).relative > 0.06
+    values = found["tool_error_rms_total"].values
+    assert estimate(values).relative <= 0.0015
+    assert estimate(values[: number // 2]).relative > 0.0015
     again = jp.sweep(path, tmp_path / "s.zarr", resume=True)
     assert again.sizes["sample"] == number
 
 
-def test_sobol_indices_are_printed_of_a_saltelli_design(scenario, tmp_path, capsys):
+def test_sobol_indices_are_printed_of_a_saltelli_design(swept, tmp_path, capsys):
     pytest.importorskip("SALib")
-    path = scenario(SAMPLED, 'samples = 8\nsampling = "saltelli"', "5 ms")
+    path = swept(SAMPLED, 'samples = 8\nsampling = "saltelli"', "20 ms")
     store = tmp_path / "s.zarr"
     assert jp.sweep(path, store).sizes == {"sample": 32}
     out = tmp_path / "c.png"
-    assert main(["uncertainty", str(store), "dissipated_energy", "--out", str(out)]) == 0
+    assert main(["uncertainty", str(store), "tool_error_rms_total", "--out", str(out)]) == 0
     said = capsys.readouterr().out
     assert "Sobol indices" in said
     assert "mu" in said
@@ -289,13 +286,13 @@ def test_the_ideal_run_is_done_once_for_cases_that_share_it(planned, monkeypatch
     assert len(ran) == 1
 
 
-def test_files_travel_with_the_job(scenario, tmp_path):
+def test_files_travel_with_the_job(swept, tmp_path):
     from jointplay.sweeps import plan
 
     urdf = jp.shipped("scara.urdf").read_text()
     (tmp_path / "here").mkdir()
     (tmp_path / "here" / "arm.urdf").write_text(urdf)
-    path = scenario()
+    path = swept()
     path.write_text(path.read_text().replace("jointplay:scara.urdf", "here/arm.urdf"))
     made = plan(path)
     work = job(made, send_files=True)
@@ -307,14 +304,16 @@ def test_files_travel_with_the_job(scenario, tmp_path):
     assert here.values == there.values
 
 
-def test_a_script_needs_no_guard_to_run_a_sweep(scenario, tmp_path):
-    path = scenario(duration="1 ms")
+def test_a_script_needs_no_guard_to_run_a_sweep(swept, tmp_path):
+    path = swept(duration="1 ms")
     script = tmp_path / "script.py"
     script.write_text(
         f"import jointplay as jp\nd = jp.sweep({str(path)!r}, {str(tmp_path / 's.zarr')!r}, "
         "{'joints.joint_b.friction.mu_d': [0.0, 0.1]}, jobs=2)\nprint(d.sizes['mu_d'])\n"
     )
-    done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [sys.executable, str(script)], capture_output=True, text=True, check=False
+    )
     assert done.returncode == 0, done.stderr
     assert done.stdout == "2\n"
 
