@@ -529,7 +529,7 @@ def test_every_quantity_has_a_unit_that_is_known():
     """An argument that is new in a class and no pure number must be entered in `UNITS`."""
     pure = {
         *("poisson", "restitution", "mu_d", "mu_s", "n", "p", "q", "damping_ratio"),
-        *("parameters", "seed", "record_every"),
+        *("parameters", "seed", "record_every", "faster"),
     }
     for name, table in schema()["$defs"].items():
         for key, value in table["properties"].items():

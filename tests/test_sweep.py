@@ -235,7 +235,9 @@ cr = { key = "joints.joint_b.radial_clearance", distribution = "normal", mean = 
 
 
 def test_a_sweep_stops_by_itself_when_the_precision_is_reached(swept, tmp_path):
-    options = "samples = 4\nuntil = { measure = 'tool_error_rms_total', precision = 0.0015, most = 512 }"
+    options = (
+        "samples = 4\nuntil = { measure = 'tool_error_rms_total', precision = 0.0015, most = 512 }"
+    )
     path = swept(SAMPLED, options, "20 ms")
     found = jp.sweep(path, tmp_path / "s.zarr")
     number = found.sizes["sample"]

@@ -100,15 +100,20 @@ def descendants(pid):
 
 
 def kill_at_random(folder, times, seed, path, reference, duration):
-    """Kill the driver or a worker at random moments, go on, and compare."""
+    """Kill a sweep's driver or one of its workers, go on, kill again; stores that are whole are
+    compared, and begun anew. Returns how many cases were finished before the kills.
+    """
     rng = random.Random(seed)
-    kept = 0
-    for number in range(times):
+    kept, number, kills = 0, 0, 0
+    before: dict = {}
+    while True:
         store = folder / f"s{number}"
-        process = start("sweep", path, "--out", store, "--quiet", "--jobs", 2)
+        process = start("sweep", path, "--out", store, "--resume", "--quiet", "--jobs", 2)
         try:
-            process.communicate(timeout=rng.uniform(0.0, 1.1 * duration))
+            if kills < times:
+                process.communicate(timeout=rng.uniform(0.0, 1.1 * duration))
         except subprocess.TimeoutExpired:
+            kills += 1
             pids = descendants(process.pid)
             victim = rng.choice([process.pid, process.pid, *pids])
             with suppress(ProcessLookupError):
@@ -116,13 +121,19 @@ def kill_at_random(folder, times, seed, path, reference, duration):
             if victim == process.pid:
                 end(process)
                 gone(pids)
-            else:  # which the sweep itself makes good
-                _, err, status = end(process)
-                assert status == 0, err
-        kept += resume(path, store)
+                after = finished(store) if store.is_dir() else {}
+                assert before.items() <= after.items()  # none ran again, none is lost
+                before = after
+                kept += len(after)
+                continue
+        _, err, status = end(process)  # a worker that is killed the sweep itself makes good
+        assert status == 0, err
+        assert before.items() <= finished(store).items()
         same(store, reference)
         shutil.rmtree(store)
-    return kept
+        number, before = number + 1, {}
+        if kills >= times:
+            return kept
 
 
 @needs_proc

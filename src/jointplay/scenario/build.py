@@ -14,7 +14,7 @@ import numpy as np
 
 from jointplay.contact import film_law, friction_law, normal_law
 from jointplay.contact.trust import trusting
-from jointplay.errors import JointplayError, MissingName
+from jointplay.errors import JointplayError, MissingName, require_positive
 from jointplay.host.files import is_file
 from jointplay.joints import Clearance, Material
 from jointplay.loads.drive import DRIVES, ComputedTorque, Drive, JointFriction
@@ -49,10 +49,10 @@ _LAWS: dict[str, Callable[[dict[str, Any]], Any]] = {
 """What builds the laws of a joint, by key."""
 
 MOTION_SOURCES = {
-    "file": ("interpolation",),
-    "joints": ("times", "interpolation"),
+    "file": ("interpolation", "faster"),
+    "joints": ("times", "interpolation", "faster"),
     "speeds": (),
-    "tool_position": ("times", "tool_rpy", "frame", "path"),
+    "tool_position": ("times", "tool_rpy", "frame", "path", "faster"),
 }
 """Keys of [motion] of which there is one, and those that go with it."""
 
@@ -284,9 +284,21 @@ def _motion(
     model: Model, mechanism: Mechanism, folder: Path, start: dict[str, float]
 ) -> Motion | None:
     """The reference; takes out of `start` what it uses."""
-    table = model.motion
-    if table is None:
+    if model.motion is None:
         return None
+    motion = _as_given(model, model.motion, mechanism, folder, start)
+    faster = model.motion.faster
+    if faster == 1.0:
+        return motion
+    with at("motion", "faster"):
+        require_positive("faster", faster, "")
+        return Motion(motion.joints, motion.times / faster, motion.positions, motion.interpolation)
+
+
+def _as_given(
+    model: Model, table: Any, mechanism: Mechanism, folder: Path, start: dict[str, float]
+) -> Motion:
+    """The reference at the speed that the scenario gives it."""
     given = table.given()
     sources = [key for key in MOTION_SOURCES if key in given]
     if len(sources) != 1:

@@ -311,6 +311,8 @@ class MotionTable(Written):
     """Its roll, pitch and yaw at each time; free if not given."""
     frame: str | None = None
     """Frame that moves like this; the tool if not given."""
+    faster: quantity("") = 1.0  # type: ignore[valid-type]
+    """How many times as fast as given the motion is; it takes so much less time."""
     path: _word("path", PATHS) = "joint"  # type: ignore[valid-type]
     """Between Cartesian waypoints: joints in step, or the frame on a straight line."""
 
