@@ -257,15 +257,17 @@ def _history(result: Result, name: str) -> History:
     return History(dims, variable.values, labels, dict(variable.attrs))
 
 
-_benches: dict[Job | str, Bench] = {}
+_benches: list[Bench] = []
 _one = threading.Lock()
 
 
 def run_cases(work: Job, cases: Sequence[tuple[Index, Mapping[str, Any]]]) -> list[Outcome]:
-    """Run some cases in this process, which remembers the sweep's scenario."""
+    """Run some cases in this process, which remembers the sweep until it gets another.
+
+    Raises:
+        JointplayError: the sweep cannot be run here; see `Bench`.
+    """
     with _one:  # threads of a cluster's worker take turns
-        key = json.dumps([work.text, work.path, work.case, work.measures, work.start], default=str)
-        bench = _benches.get(key)
-        if bench is None or bench.job != work:
-            bench = _benches[key] = Bench(work)
-        return [bench.run(index, changes) for index, changes in cases]
+        if not _benches or _benches[0].job != work:
+            _benches[:] = [Bench(work)]
+        return [_benches[0].run(index, changes) for index, changes in cases]

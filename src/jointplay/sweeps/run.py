@@ -13,11 +13,10 @@ import xarray as xr
 from tqdm import tqdm
 
 from jointplay.errors import JointplayError
-from jointplay.host import stopping
 from jointplay.scenario import Scenario
 from jointplay.sweeps.case import Bench, Outcome, job, joints
 from jointplay.sweeps.estimate import MANY, estimate
-from jointplay.sweeps.plan import Index, Plan, plan
+from jointplay.sweeps.plan import REPEAT, SAMPLE, Index, Plan, plan
 from jointplay.sweeps.store import FAILED, Store, open_sweep
 
 
@@ -116,7 +115,7 @@ def run_plan(
         while True:
             left = int(np.count_nonzero(store.state == 0))
             if left and workers is None:
-                workers = _workers(made, min(number, left), scheduler)
+                workers = _workers(made, number if made.until else min(number, left), scheduler)
             if workers is not None:
                 _run_all(store, workers, left, progress)
             if _enough(made, store):
@@ -169,12 +168,17 @@ def _run_all(store: Store, workers: Workers, left: int, progress: bool) -> None:
 
 
 def _enough(made: Plan, store: Store) -> bool:
-    """Whether the sweep is over: it has no aim, has reached it, or may not go on."""
-    if made.until is None:
+    """Whether the sweep is over: it has no aim, may not go on, or has reached it everywhere."""
+    if made.until is None or 2 * made.samples > made.until.most:
         return True
-    if 2 * made.samples > made.until.most:
-        return True
-    return made.until.reached(store.column(made.until.measure))
+    values = np.moveaxis(store.column(made.until.measure), list(made.sizes).index(SAMPLE), 0)
+    if made.sampling == "saltelli":  # of each block, the two points that are independent
+        block = len(made.drawn) + 2
+        values = np.concatenate([values[::block], values[block - 1 :: block]])
+    if REPEAT in made.sizes:
+        values = values.mean(axis=-1)  # repeats of a point are no samples of their own
+    points = values.reshape(len(values), -1).T
+    return all(made.until.reached(point) for point in points if np.isfinite(point).any())
 
 
 def _largest_so_far(made: Plan, path: Path) -> Plan:
@@ -194,12 +198,12 @@ def _give_up(store: Store, error: BaseException) -> None:
     """Keep what there is; say how to go on."""
     done = int(np.count_nonzero(store.state))
     with suppress(JointplayError):  # the disk is full: the journal has it all
-        store.close()
+        store.close(whole=False)
     note = f"{done} of {store.plan.count} cases are kept; --resume goes on"
     if isinstance(error, JointplayError):
         error.args = (f"{error}; {note}",)
     elif isinstance(error, KeyboardInterrupt):
-        stopping.say(f"stopped: {note}")
+        error.args = (note,)
 
 
 def probe(made: Plan) -> Bench:

@@ -328,11 +328,15 @@ class Store:
         """Bring the arrays up to date and let go of the store.
 
         Args:
-            whole: have everything on disk, and empty the journal.
+            whole: have everything on disk, and empty the journal. Not after an interruption, which
+                can have come anywhere: then the journal is what counts.
+
+        Raises:
+            JointplayError: the disk is full; the journal has it all.
         """
         try:
+            self.flush()
             if whole:
-                self.flush()
                 with _writing(self.path):
                     self._consolidate()
                 os.sync()
