@@ -58,11 +58,19 @@ def draw(
         raise MissingName("dimension", x, [*dims, *sampled])
     if hue is not None and (hue not in dims or hue == x):
         raise MissingName("dimension for hue", hue, [d for d in dims if d != x])
-    groups = [None] if hue is None else list(range(values.sizes[hue]))
+    groups: list[int | None] = [None] if hue is None else list(range(values.sizes[hue]))
     if len(groups) > MOST_LINES:
         raise JointplayError(
             f"hue {hue} has {len(groups)} values; at most {MOST_LINES} can be drawn"
         )
+    return _lines(dataset, x, y, hue, groups, look)
+
+
+def _lines(
+    dataset: xr.Dataset, x: str, y: str, hue: str | None, groups: list[int | None], look: str
+) -> StyledFigure:
+    """A line, or points, for each value of `hue`."""
+    values, sampled = measured(dataset, y), list(dataset.attrs["sampled"])
     with style(look):
         figure = new_figure(6.0, 3.8, look)
         axes = figure.subplots()

@@ -25,7 +25,8 @@ from jointplay.scenario import Scenario
 from jointplay.scenario.build import PREFIX, SHIPPED
 from jointplay.simulation.simulation import Simulation
 from jointplay.sweeps.measures import COST, measure, own, rests_of
-from jointplay.sweeps.plan import Index, Plan, measure_function
+from jointplay.sweeps.own_measures import measure_function
+from jointplay.sweeps.plan import Index, Plan
 
 DONE, FAILED = 1, 2
 """States of a case that has been run; 0: not yet."""

@@ -14,10 +14,12 @@ from tqdm import tqdm
 
 from jointplay.errors import JointplayError
 from jointplay.scenario import Scenario
-from jointplay.sweeps.case import Bench, Outcome, job, joints
+from jointplay.sweeps.case import FAILED, Bench, Outcome, job, joints
 from jointplay.sweeps.estimate import MANY, estimate
-from jointplay.sweeps.plan import REPEAT, SAMPLE, Index, Plan, plan
-from jointplay.sweeps.store import FAILED, Store, open_sweep
+from jointplay.sweeps.opened import open_sweep
+from jointplay.sweeps.plan import REPEAT, SAMPLE, Index, Plan
+from jointplay.sweeps.store import Store
+from jointplay.sweeps.table_read import plan
 
 
 class Workers(Protocol):

@@ -10,27 +10,25 @@ from __future__ import annotations
 import json
 import os
 import time
-import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import xarray as xr
 import zarr
 
 from jointplay.errors import JointplayError
 from jointplay.host import files
 from jointplay.result.histories import versions
+from jointplay.scenario.places import dotted
 from jointplay.sweeps import histories
-from jointplay.sweeps.case import DONE, FAILED, Outcome
+from jointplay.sweeps.case import Outcome
+from jointplay.sweeps.differences import differences, grown
 from jointplay.sweeps.journal import SYNC_S, Journal
 from jointplay.sweeps.measures import about
+from jointplay.sweeps.opened import FORMAT, check_format, quiet
 from jointplay.sweeps.plan import REPEAT, SAMPLE, Index, Plan
-
-FORMAT = 1
-"""Version of the store's format."""
 
 JOURNAL = "journal"
 """Name of the journal within the store."""
@@ -43,9 +41,6 @@ FLUSH_S = 60.0
 
 MOST_DIFFERENCES = 4
 """Differences that a message names."""
-
-GROWS = ("samples", "repeats")
-"""Keys of a sweep that may grow."""
 
 
 class Store:
@@ -142,9 +137,9 @@ class Store:
         if "jointplay_sweep" not in attrs:  # killed while it was made
             self._make()
             return
-        _check_format(attrs, self.path)
+        check_format(attrs, self.path)
         found = differences(attrs["identity"], self.plan.identity)
-        smaller = _grown(attrs, self.plan)
+        smaller = grown(attrs, self.plan)
         mine, theirs = versions()["jointplay"], attrs["versions"].get("jointplay")
         if mine != theirs:
             found.append(("version", f"jointplay is {mine}, and was {theirs}"))
@@ -196,11 +191,11 @@ class Store:
 
     def _consolidate(self) -> None:
         """Write into one file what the arrays are, so that a reader need not look for them."""
-        with _quiet():
+        with quiet():
             zarr.consolidate_metadata(self.group.store)
 
     def _arrays(self) -> dict[str, Any]:
-        with _quiet():
+        with quiet():
             return dict(self.group.arrays())
 
     def array(
@@ -215,7 +210,7 @@ class Store:
         """Make an array over the dimensions of the sweep and those of `tail`."""
         tail = tail or {}
         chunks = _chunks(self.plan.shape) if not tail else (1,) * len(self.plan.shape)
-        with _quiet():
+        with quiet():
             return self.group.create_array(
                 name,
                 shape=(*self.plan.shape, *tail.values()),
@@ -232,10 +227,10 @@ class Store:
         plan = self.plan
         found: dict[str, tuple[str, Any, str, str]] = {}
         for axis in plan.axes:
-            text = ", ".join(_dotted(key) for key in axis.keys)
+            text = ", ".join(dotted(key) for key in axis.keys)
             found[axis.name] = (axis.name, axis.coordinate, axis.unit, text)
         for k, axis in enumerate(plan.drawn):
-            text = ", ".join(_dotted(key) for key in axis.keys)
+            text = ", ".join(dotted(key) for key in axis.keys)
             found[axis.name] = (SAMPLE, plan.drawn_values[:, k], axis.unit, text)
         if REPEAT in plan.sizes:
             seeds = plan.seed + np.arange(plan.repeats)
@@ -248,7 +243,7 @@ class Store:
     ) -> None:
         """Write the coordinate of a dimension."""
         whole = values.astype(object) if values.dtype.kind in "UO" else values
-        with _quiet():
+        with quiet():
             array = self.group.create_array(
                 name,
                 shape=values.shape,
@@ -364,69 +359,10 @@ def _chunks(shape: Index) -> Index:
     return tuple(reversed(found))
 
 
-def _dotted(path: Any) -> str:
-    from jointplay.scenario.places import dotted
-
-    return dotted(path)
-
-
 def _others(folder: Path) -> bool:
     """Whether there is something in the folder that no sweep left there."""
     return any(not (one.name.endswith(".partial") or one.name in (JOURNAL, "state", "error"))
                for one in folder.iterdir())  # fmt: skip
-
-
-def differences(old: Mapping[str, str], new: Mapping[str, str]) -> list[Any]:
-    """In what two sweeps differ: key, and a few words."""
-    found = []
-    for key in dict.fromkeys((*old, *new)):
-        was, now = old.get(key, "not given"), new.get(key, "not given")
-        if was != now:
-            if key.startswith("file ") and "not given" not in (was, now):
-                found.append((key, f"{key} has changed"))
-            else:
-                found.append((key, f"{key} is {_short(now)}, and was {_short(was)}"))
-    return found
-
-
-def _short(text: str) -> str:
-    return text if len(text) <= 80 else f"{text[:60]}...{text[-15:]}"
-
-
-def _grown(attrs: Mapping[str, Any], plan: Plan) -> set[str]:
-    """Keys in which the plan is the old one made larger."""
-    from jointplay.sweeps.sampling import GROWING
-
-    old, new = attrs["identity"], plan.identity
-    found = set()
-    for word in GROWS:
-        key = f"sweep.{word}"
-        grows = word != "samples" or plan.sampling in GROWING
-        if grows and json.loads(new.get(key, "0")) >= json.loads(old.get(key, "1")):
-            found.add(key)
-    for key in new:
-        if key.startswith("sweep.axes.") and key in old:
-            was, now = json.loads(old[key]), json.loads(new[key])
-            if isinstance(was, list) and isinstance(now, list) and now[: len(was)] == was:
-                found.add(key)
-    same_dims = list(attrs["sizes"]) == list(plan.sizes)
-    return found if same_dims else set()
-
-
-def _check_format(attrs: Mapping[str, Any], path: Path) -> None:
-    if attrs.get("jointplay_sweep") != FORMAT:
-        raise JointplayError(
-            f"{str(path)!r} is not a sweep of format {FORMAT} "
-            f"(found {attrs.get('jointplay_sweep')!r})"
-        )
-
-
-@contextmanager
-def _quiet() -> Iterator[None]:
-    """Without zarr's notes on what Zarr 3 has not settled, and on the journal beside the arrays."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        yield
 
 
 @contextmanager
@@ -436,31 +372,3 @@ def _writing(path: Path) -> Iterator[None]:
         yield
     except OSError as error:
         raise files.cannot_write(path, error) from None
-
-
-def open_sweep(path: str | Path) -> xr.Dataset:
-    """The store of a sweep as one dataset over its dimensions, read when it is looked at.
-
-    Variables are the measures (docs/sweeps.md), ``state`` (0: not run, 1: done, 2: failed) and
-    ``error``. Of a sweep that is under way it shows what has been written so far.
-
-    Raises:
-        JointplayError: no such store, or none of a sweep.
-    """
-    path = Path(path)
-    if not (path / "zarr.json").is_file():
-        raise JointplayError(f"no sweep {str(path)!r}")
-    try:
-        with _quiet():
-            dataset = xr.open_zarr(path, chunks=None, consolidated=None, mask_and_scale=False)
-    except Exception as error:  # zarr and xarray raise whatever they stumble over
-        words = " ".join(str(error).split()) or type(error).__name__
-        raise JointplayError(f"{str(path)!r} is damaged or not a sweep: {words}") from None
-    _check_format(dataset.attrs, path)
-    coordinates = [*dataset.attrs["sizes"], *dataset.attrs["sampled"]]
-    dataset = dataset.set_coords([name for name in coordinates if name in dataset.variables])
-    dataset.encoding["source"] = str(path)
-    return dataset
-
-
-__all__ = ["DONE", "FAILED", "Store", "differences", "open_sweep"]
