@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 
 import jointplay as jp
-from jointplay.sweeps import open_sweep, plan
+from jointplay.sweeps import open_sweep, plan_of
 from jointplay.sweeps.case import Bench, Outcome, job
 from jointplay.sweeps.local import LocalWorkers
 from jointplay.sweeps.store import Store
@@ -43,7 +43,7 @@ def scenario(duration):
 def planned(duration, number):
     """A study of so many clearances."""
     axis = {"keys": CLEARANCES, "from": "0.1 mm", "to": "0.5 mm", "number": number}
-    return plan(scenario(duration), {"clearance": axis}, case="0.2 mm")
+    return plan_of(scenario(duration), {"clearance": axis}, case="0.2 mm")
 
 
 def pairs(duration, number):

@@ -129,9 +129,9 @@ def planned(swept):
     """The plan of such a scenario."""
 
     def make(axes=GRID, options="", **given):
-        from jointplay.sweeps import plan
+        from jointplay.sweeps import plan_of
 
-        return plan(swept(axes, options), **given)
+        return plan_of(swept(axes, options), **given)
 
     return make
 

@@ -289,14 +289,14 @@ def test_the_ideal_run_is_done_once_for_cases_that_share_it(planned, monkeypatch
 
 
 def test_files_travel_with_the_job(swept, tmp_path):
-    from jointplay.sweeps import plan
+    from jointplay.sweeps import plan_of
 
     urdf = jp.shipped("scara.urdf").read_text()
     (tmp_path / "here").mkdir()
     (tmp_path / "here" / "arm.urdf").write_text(urdf)
     path = swept()
     path.write_text(path.read_text().replace("jointplay:scara.urdf", "here/arm.urdf"))
-    made = plan(path)
+    made = plan_of(path)
     work = job(made, send_files=True)
     here = Bench(job(made)).run((2, 1), made.changes((2, 1)))
     (tmp_path / "here" / "arm.urdf").unlink()

@@ -15,7 +15,7 @@ from test_kills import end, gone, needs_proc, start
 from test_sweep_kills import AXES, descendants, grown, resume, same
 
 import jointplay as jp
-from jointplay.sweeps import plan
+from jointplay.sweeps import plan_of
 from jointplay.sweeps.case import job
 
 pytest.importorskip("distributed")
@@ -159,7 +159,7 @@ def test_workers_with_another_version_are_refused_with_both(cluster, reference, 
     from jointplay.sweeps.cluster import ClusterWorkers
 
     cluster.add(1)
-    work = job(plan(reference[0]), send_files=True)
+    work = job(plan_of(reference[0]), send_files=True)
     other = type(work)(**{**vars(work), "version": "99.0"})
     with pytest.raises(jp.JointplayError, match=r"worker .* has jointplay .*, here is 99.0"):
         ClusterWorkers(other, cluster.address)
@@ -168,7 +168,7 @@ def test_workers_with_another_version_are_refused_with_both(cluster, reference, 
 def test_a_worker_that_joins_with_another_version_is_refused_as_well(reference):
     from jointplay.sweeps.case import run_cases
 
-    work = job(plan(reference[0]))
+    work = job(plan_of(reference[0]))
     other = type(work)(**{**vars(work), "version": "99.0"})
     with pytest.raises(jp.JointplayError, match=r"started with 99.0; install the same"):
         run_cases(other, [])

@@ -99,6 +99,23 @@ def descendants(pid):
     return found
 
 
+def wait_for_a_moment(process, store, rng, duration):
+    """Wait for a random time, or for some more cases and a little; whether it still runs then."""
+    if rng.random() < 0.3:
+        end_of_wait, more = time.monotonic() + rng.uniform(0.0, duration), CASES + 1
+    else:
+        end_of_wait, more = time.monotonic() + PATIENCE_S, rng.randint(1, 12)
+    journal = store / "journal"
+    lines = None
+    while process.poll() is None and time.monotonic() < end_of_wait:
+        found = journal.read_bytes().count(b"\n") if journal.exists() else 0
+        lines = found if lines is None else lines
+        if found >= lines + more:
+            end_of_wait, more = time.monotonic() + rng.uniform(0.0, 0.1), CASES + 1
+        time.sleep(0.002)
+    return process.poll() is None
+
+
 def kill_at_random(folder, times, seed, path, reference, duration):
     """Kill a sweep's driver or one of its workers, go on, kill again; stores that are whole are
     compared, and begun anew. Returns how many cases were finished before the kills.
@@ -109,10 +126,7 @@ def kill_at_random(folder, times, seed, path, reference, duration):
     while True:
         store = folder / f"s{number}"
         process = start("sweep", path, "--out", store, "--resume", "--quiet", "--jobs", 2)
-        try:
-            if kills < times:
-                process.communicate(timeout=rng.uniform(0.0, 1.1 * duration))
-        except subprocess.TimeoutExpired:
+        if kills < times and wait_for_a_moment(process, store, rng, duration):
             kills += 1
             pids = descendants(process.pid)
             victim = rng.choice([process.pid, process.pid, *pids])

@@ -49,9 +49,9 @@ def run(options: argparse.Namespace) -> int:
     runs = {case: scenario.prepare(case) for case in scenario.cases}
     print(summary(scenario, runs))
     if scenario.sweep:
-        from jointplay.sweeps import plan
+        from jointplay.sweeps import plan_of
 
-        print(f"sweep: {plan(scenario).words}")
+        print(f"sweep: {plan_of(scenario).words}")
     if not options.no_picture:
         first = next(iter(runs.values()))
         shown = next((run for run in runs.values() if run.mechanism.clearance), first)

@@ -48,10 +48,10 @@ def run(options: argparse.Namespace) -> int:
     """Run the sweep, print the table."""
     import numpy as np
 
-    from jointplay.sweeps import open_sweep, plan, run_plan
+    from jointplay.sweeps import open_sweep, plan_of, run_plan
     from jointplay.sweeps.table import table
 
-    made = plan(options.file, trust=options.trust)
+    made = plan_of(options.file, trust=options.trust)
     if not options.quiet:
         print(f"{made.scenario.path}: {made.words}", flush=True)
     run_plan(

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy import stats
 
 from jointplay.errors import JointplayError
 from jointplay.scenario.places import Key, dotted
@@ -268,6 +267,8 @@ def _distribution(
 
 def _frozen(kind: str, at: Mapping[str, float]) -> Any:
     """The distribution as scipy has it."""
+    from scipy import stats
+
     if kind == "uniform":
         return stats.uniform(at["from"], at["to"] - at["from"])
     if kind == "log-uniform":

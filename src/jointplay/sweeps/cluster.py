@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import queue
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -97,15 +98,16 @@ class ClusterWorkers:
         Raises:
             JointplayError: the scheduler was lost.
         """
-        from distributed import as_completed
-
         pending: dict[Any, list[Case]] = {}
-        running = as_completed(with_results=False, raise_errors=False)
+        ended: queue.SimpleQueue[Any] = queue.SimpleQueue()
 
         def submit(batch: Sequence[Case]) -> None:
             future = self.client.submit(run_cases, self.job, list(batch), pure=False)
-            pending[future] = list(batch)
-            running.add(future)
+            pending[future.key] = list(batch)
+            kept[future.key] = future
+            future.add_done_callback(lambda one: ended.put(one.key))
+
+        kept: dict[Any, Any] = {}
 
         def feed() -> None:
             while len(pending) < AHEAD * max(self.number, 1):
@@ -116,27 +118,14 @@ class ClusterWorkers:
 
         feed()
         while pending:
-            future = self._next(running)
-            batch = pending.pop(future)
-            yield from self._outcomes(future, batch, submit)
-            feed()
-
-    def _next(self, running: Any) -> Any:
-        """The next task that has ended.
-
-        Raises:
-            JointplayError: the scheduler was lost.
-        """
-        while True:
             try:
-                return running.next(timeout=1)
-            except TimeoutError:
-                if self.client.status not in ("running", "connecting"):
+                key = ended.get(timeout=1.0)
+            except queue.Empty:
+                if self.client.status != "running":  # it is looking for its scheduler, in vain
                     raise self._lost() from None
-                if self.client.status == "connecting":
-                    raise self._lost() from None
-            except StopAsyncIteration:
-                raise self._lost() from None
+                continue
+            yield from self._outcomes(kept.pop(key), pending.pop(key), submit)
+            feed()
 
     def _lost(self) -> JointplayError:
         return JointplayError(f"the scheduler at {self.address!r} was lost")

@@ -19,7 +19,7 @@ from jointplay.sweeps.estimate import MANY, estimate
 from jointplay.sweeps.opened import open_sweep
 from jointplay.sweeps.plan import REPEAT, SAMPLE, Index, Plan
 from jointplay.sweeps.store import Store
-from jointplay.sweeps.table_read import plan
+from jointplay.sweeps.table_read import plan_of
 
 
 class Workers(Protocol):
@@ -74,7 +74,7 @@ def sweep(
         KeyboardInterrupt: Ctrl-C; what was finished is kept.
     """
     run_plan(
-        plan(source, axes, trust=trust, **options),
+        plan_of(source, axes, trust=trust, **options),
         store,
         jobs=jobs,
         scheduler=scheduler,

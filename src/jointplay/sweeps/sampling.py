@@ -5,7 +5,6 @@ from __future__ import annotations
 import warnings
 
 import numpy as np
-from scipy.stats import qmc
 
 from jointplay.errors import JointplayError
 from jointplay.scenario.tables import one_of
@@ -44,6 +43,8 @@ def points(method: str, samples: int, dimensions: int, seed: int) -> np.ndarray:
         raise JointplayError(
             f"samples must be a whole number from 1 to {MOST_SAMPLES}, got {samples!r:.40}"
         )
+    from scipy.stats import qmc  # which takes half a second that workers need not spend
+
     if method == "saltelli":
         found = _saltelli(samples, dimensions, seed)
     elif method == "random":
@@ -61,6 +62,8 @@ def _saltelli(samples: int, dimensions: int, seed: int) -> np.ndarray:
     """Blocks of d + 2 points: one of A, d with a column of B, one of B (Saltelli et al. 2010)."""
     if samples & (samples - 1):
         raise JointplayError(f"samples must be a power of two with saltelli, got {samples}")
+    from scipy.stats import qmc
+
     design = qmc.Sobol(2 * dimensions, seed=seed).random(samples)
     a, b = design[:, :dimensions], design[:, dimensions:]
     blocks = np.repeat(a[:, None], dimensions + 2, axis=1)

@@ -23,7 +23,7 @@ RESERVED = (SAMPLE, REPEAT, "time", "joint", "contact", "axis", "coordinate", "s
 MOST_CASES = 100_000_000
 
 
-def plan(
+def plan_of(
     source: Scenario | str | Path,
     axes: Mapping[str, Any] | None = None,
     *,

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy import stats
 
 from jointplay.errors import JointplayError
 from jointplay.scenario.tables import one_of, unknown_key
@@ -127,6 +126,8 @@ def estimate(
     if n < 2:
         return Estimate(statistic, float(x[0]) if statistic == "mean" else 0.0, -np.inf, np.inf, n)
     if statistic == "mean":
+        from scipy import stats
+
         half = stats.t.ppf(0.5 + confidence / 2.0, n - 1) * x.std(ddof=1) / np.sqrt(n)
         return Estimate(
             statistic, float(x.mean()), float(x.mean() - half), float(x.mean() + half), n
@@ -140,6 +141,8 @@ def estimate(
 
 def order_interval(n: int, probability: float, confidence: float) -> tuple[int, int]:
     """Positions of the order statistics that enclose a quantile; -1 or n where there are none."""
+    from scipy import stats
+
     tail = (1.0 - confidence) / 2.0
     low = int(stats.binom.ppf(tail, n, probability)) - 1
     high = int(stats.binom.ppf(1.0 - tail, n, probability))
