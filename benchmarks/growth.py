@@ -5,6 +5,7 @@ CPU times but for the cores, which are wall time of the same cases by one worker
 
 import tempfile
 import time
+from pathlib import Path
 
 import numpy as np
 from common import COLOURS, Benchmark, Case, new_figure
@@ -12,6 +13,7 @@ from mechanism_cost import JOINT, LINK
 from scale import LONG_S, SHORT_S, bookkeeping, gain, messages, pairs
 
 import jointplay as jp
+from jointplay.kernel import Status
 
 PLAY = {"radial_clearance": 0.2e-3, "axial_clearance": 0.2e-3}
 DURATIONS = (0.2, 0.5, 1.0, 2.0, 3.0)
@@ -21,7 +23,7 @@ CASES = (10, 100, 1000, 10_000, 100_000)
 
 
 def arm(joints, loose, folder):
-    """An arm of so many links swinging slowly, the last `loose` joints with clearance."""
+    """An arm of so many links, drifting freely, the last `loose` joints with clearance."""
     parts = [
         LINK.format(i=i) + JOINT.format(i=i, parent=f"l{i - 1}" if i else "base", x=0.2 if i else 0)
         for i in range(joints)
@@ -31,9 +33,8 @@ def arm(joints, loose, folder):
         file.write(f'<robot name="arm"><link name="base"/>{"".join(parts)}</robot>')
     clearance = {f"j{i}": jp.ClearanceJoint(**PLAY) for i in range(joints - loose, joints)}
     robot = jp.Mechanism(path, clearance, gravity=(0, 0, 0))
-    still, swung = np.zeros(joints), np.full(joints, 0.3 / joints)
-    motion = jp.Motion(robot.joints, [0, 0.5, 1.0], [still, swung, still])
-    return jp.Simulation(robot, motion, duration=0.2, record_every=100)
+    speeds = {name: 0.5 / joints for name in robot.joints}
+    return jp.Simulation(robot, drive={}, start_speed=speeds, duration=0.2, record_every=100)
 
 
 def cost(simulation):
@@ -42,7 +43,9 @@ def cost(simulation):
     for _ in range(2):
         run = simulation.prepare()
         began = time.process_time()
-        run.loop()
+        status = run.loop()
+        if status != Status.COMPLETED:
+            raise SystemExit(run.message(status))
         found.append(time.process_time() - began)
     return min(found)
 
@@ -56,8 +59,6 @@ def main():
         joints = [cost(arm(n, 1, folder)) / 20_000 for n in JOINTS]
         loose = [cost(arm(5, n, folder)) / 20_000 for n in LOOSE]
         (bare, case), outcome = pairs(SHORT_S, 40 if args.quick else 200)
-        from pathlib import Path
-
         kept, _ = bookkeeping(outcome, 2000, Path(folder))
     driver = kept + messages(100)
     ratio, seconds = gain(8 if args.quick else 24, 1 if args.quick else 3)

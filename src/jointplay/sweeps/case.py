@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import tempfile
 import threading
 import time
@@ -161,7 +162,14 @@ class Bench:
         except Exception as error:  # a measure of the user's own can raise anything
             state, said = FAILED, f"{type(error).__name__}: {error}"
         values[COST] = time.process_time() - began
-        return Outcome(index, state, values, " ".join(said.split())[:LONGEST_ERROR], kept)
+        return Outcome(index, state, values, self._portable(said)[:LONGEST_ERROR], kept)
+
+    def _portable(self, said: str) -> str:
+        """An error in a line, with the names that files have in the scenario, wherever it ran."""
+        for name, place in self._names.items():
+            said = said.replace(place, name)
+        folder = str(self.scenario.path.parent)
+        return " ".join(said.replace(f"{folder}{os.sep}", "").split())
 
     def simulation(self, changes: Mapping[str, Any]) -> Simulation:
         """The simulation of a case."""
