@@ -24,6 +24,13 @@ MOST_BATCH = 256
 AHEAD = 3
 """Tasks for each thread of a worker that the scheduler has at a time."""
 
+_LOGGERS = (
+    "distributed",
+    *(f"distributed.{part}" for part in ("client", "core", "comm", "batched", "utils", "worker")),
+    "tornado.application",
+    "asyncio",
+)
+
 CONNECT_S = 15
 """How long a scheduler, and then its first worker, is waited for [s]."""
 
@@ -53,7 +60,8 @@ class ClusterWorkers:
             raise JointplayError(
                 "a cluster needs dask.distributed: pip install 'jointplay[cluster]'"
             ) from None
-        logging.getLogger("distributed").setLevel(logging.CRITICAL)
+        for name in _LOGGERS:  # what they log is said here in a line, or is of no consequence
+            logging.getLogger(name).setLevel(logging.CRITICAL + 1)
         self.job, self.address = job, address
         try:
             self.client: Any = Client(address, timeout=CONNECT_S, set_as_default=False)
