@@ -355,7 +355,7 @@ def figures_of(ensemble, mechanism, beside=None):
         if values.std() < 1e-4 * abs(values.mean()):
             values = np.full(1, values.mean())  # they agree to all the digits that are shown
         text = spread(values)
-        # A step that does not follow friction changes a jammed journal's peak more than a law does.
+        # A step that is too long can change a peak more than a law does.
         doubtful = key.startswith("peak_force") and ensemble["audit_warnings"].any()
         comparable = beside is not None and not doubtful
         if comparable and key.startswith("peak_force"):
@@ -449,6 +449,8 @@ $${law.formula}$$
 
 def index(cards, found, runs, quick):
     """README.md: every law with its card, and the comparison."""
+    doubtful = any(ensemble["audit_warnings"].any() for ensemble in found.values())
+    never = "" if doubtful else " It never does here."
     command = "python benchmarks/law_cards.py --force" + (" --quick" if quick else "")
     level = f"{100 * SIGNIFICANT:g}"
     cycle = f"its first {QUICK:g} s" if quick else "one cycle of 3 s"
@@ -478,10 +480,8 @@ and validity, what it does alone, and what it does in two mechanisms beside the 
   **Bold** ones differ from those of the paper's laws, or of the dry joint, by more than chance
   (Welch's test at {level} %: of a hundred equal ones, one is bold). Warnings: how many
   of the law's range the first run raised; the card has them.
-- **†**: the audit warns of the step, mostly for friction in the SCARA's jammed journal
-  ([integrators.md](../integrators.md)). Such peak forces are the step's as much as the law's, and
-  are not compared: at 10 µs sliding leaves the ramp of friction laws that are steep near rest.
-  Bristles are followed; for peaks with other friction laws take a smaller step.
+- **†**: the audit warns of more than the law's range, the card says of what. Such peak forces are
+  not compared.{never}
 """
     ]
     for family, title in TITLES.items():

@@ -39,32 +39,60 @@ LAWS = ("tests/contact/test_restitution.py", "tests/contact/test_line_contact.py
         "tests/test_contact_laws.py", "tests/contact/test_validity.py")  # fmt: skip
 TARGETS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "geometry": (
-        ("geometry.py",), ("tests/test_geometry.py", "tests/test_geometry_properties.py")
+        ("geometry/bore.py", "geometry/cylinder.py", "geometry/forms.py", "geometry/touching.py"),
+        ("tests/test_geometry.py", "tests/test_geometry_properties.py"),
     ),
     "laws": (
         (
-            "contact/restitution.py", "contact/hertzian.py", "contact/line_contact.py",
-            "contact/johnson.py", "contact/radzimovsky.py", "contact/goldsmith.py",
-            "contact/dubowsky_freudenstein.py", "contact/pereira.py", "contact/esdu_78035.py",
-            "contact/liu.py", "contact/lankarani_nikravesh.py", "contact/hunt_crossley.py",
-            "contact/hunt_crossley_1975.py", "contact/herbert_mcwhannell.py", "contact/lee_wang.py",
-            "contact/gonthier.py", "contact/zhiying_qishao.py", "contact/flores.py",
-            "contact/hu_guo.py", "contact/carvalho_martins.py", "contact/gharib_hurmuzlu.py",
-            "contact/kelvin_voigt.py", "contact/anagnostopoulos.py", "contact/linear_spring.py",
+            "contact/normal/restitution.py",
+            "contact/normal/hertzian.py",
+            "contact/normal/line_contact.py",
+            "contact/normal/johnson.py",
+            "contact/normal/radzimovsky.py",
+            "contact/normal/goldsmith.py",
+            "contact/normal/dubowsky_freudenstein.py",
+            "contact/normal/pereira.py",
+            "contact/normal/esdu_78035.py",
+            "contact/normal/liu.py",
+            "contact/normal/lankarani_nikravesh.py",
+            "contact/normal/hunt_crossley.py",
+            "contact/normal/hunt_crossley_1975.py",
+            "contact/normal/herbert_mcwhannell.py",
+            "contact/normal/lee_wang.py",
+            "contact/normal/gonthier.py",
+            "contact/normal/zhiying_qishao.py",
+            "contact/normal/flores.py",
+            "contact/normal/hu_guo.py",
+            "contact/normal/carvalho_martins.py",
+            "contact/normal/gharib_hurmuzlu.py",
+            "contact/normal/kelvin_voigt.py",
+            "contact/normal/anagnostopoulos.py",
+            "contact/normal/linear_spring.py",
         ),
         LAWS,
     ),
     "friction": (
         (
-            "contact/ambrosio.py", "contact/coulomb.py", "contact/threlfall.py",
-            "contact/bengisu_akay.py", "contact/brown_mcphee.py", "contact/dahl.py",
-            "contact/lugre.py", "contact/gonthier_friction.py",
+            "contact/friction/ambrosio.py",
+            "contact/friction/coulomb.py",
+            "contact/friction/threlfall.py",
+            "contact/friction/bengisu_akay.py",
+            "contact/friction/brown_mcphee.py",
+            "contact/friction/dahl.py",
+            "contact/friction/lugre.py",
+            "contact/friction/gonthier_friction.py",
         ),
-        ("tests/test_contact_laws.py", "tests/contact/test_friction.py",
-         "tests/physics/test_bristles.py"),
+        (
+            "tests/test_contact_laws.py",
+            "tests/contact/test_friction.py",
+            "tests/physics/test_bristles.py",
+        ),
     ),
-    "film": (("contact/short_bearing.py", "contact/pinkus_sternlicht.py"), ("tests/test_film.py",)),
-}  # fmt: skip
+    "film": (
+        ("contact/film/short_bearing.py", "contact/film/pinkus_sternlicht.py"),
+        ("tests/test_film.py",),
+    ),
+}
 """Modules, and the tests that must notice."""
 
 COMPILED = ("film",)

@@ -46,18 +46,19 @@ class Stepper:
         self.run = case.simulation(record_every=10, **options).prepare()
         self.workspace = self.run.workspace
         self.run.begin()
-        self.stretches = 0
+        self.macros = 0
 
     def advance(self, steps):
         """Seconds per step over the next `steps` steps, or a few more: whole macro steps."""
-        before, self.stretches = self.workspace.steps, 0
+        before, macros = self.workspace.steps, self.workspace.macro_steps
         end = min(before + steps, self.run.steps)
         started = time.thread_time()
         while self.workspace.steps < end:
-            self.stretches += 1
             if not self.run.stretch(steps):
                 raise SystemExit(self.run.message(self.workspace.status))
-        return (time.thread_time() - started) / max(self.workspace.steps - before, 1)
+        spent = time.thread_time() - started
+        self.macros = self.workspace.macro_steps - macros
+        return spent / max(self.workspace.steps - before, 1)
 
 
 def seconds_per_call(function, *arguments):
@@ -119,7 +120,7 @@ def cycle(duration, samples, bar):
         start = main.workspace.steps
         step = main.advance(CHUNK)
         taken = max(main.workspace.steps - start, 1)
-        pinocchio = inertia(main.run) * main.stretches / taken
+        pinocchio = inertia(main.run) * main.macros / taken
         note(STEP, step)
         note(PINOCCHIO, pinocchio)
         note(COMPILED, step - pinocchio)

@@ -113,6 +113,11 @@ def test_an_explicit_method_that_does_not_come_closer_gets_more_than_the_distanc
     assert 840.0 < numerical_error(values) < 1300.0
 
 
+def test_refinements_that_agree_by_chance_leave_a_tenth_of_the_error():
+    values = {PLAIN: 110.0, FINER: 100.0, FINEST: 100.0, ASIDE: 100.0, OWN: 104.0}
+    assert numerical_error(values) == pytest.approx(11.0)
+
+
 def test_figures_that_are_no_numbers_have_unknown_errors():
     assert numerical_error({PLAIN: 1.0, FINER: math.nan, FINEST: 1.0}) == math.inf
 

@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from jointplay import Result, cli
+from jointplay import Result
+from jointplay.commands.flags import FLAGS
 from jointplay.contact import NORMAL_LAWS
 from jointplay.kernel import Status
 from jointplay.kernel.integrators import INTEGRATORS
@@ -37,36 +38,54 @@ def test_version():
     assert re.fullmatch(r"jointplay \d+\.\d+\.\d+\n", jointplay("--version").stdout)
 
 
-def test_choices_named_without_loading_the_package_are_the_real_ones():
-    assert set(cli.LAWS) == set(NORMAL_LAWS)
-    assert "{" + ",".join(INTEGRATORS) + "}" in jointplay("run", "--help").stdout
+def test_help_of_run_says_what_the_scenario_tables_say():
+    text = " ".join(jointplay("run", "--help").stdout.split())
+    assert ", ".join(INTEGRATORS) in text
+    assert next(iter(NORMAL_LAWS)) in text
+    assert "C_r, radial, not diametral [m]" in text
+    for flag in FLAGS:
+        assert flag.name in text
+        assert flag.keys[0].replace("-", "") in text.replace("- ", "").replace("-", "")
 
 
 BAD_INPUT = {
     "missing URDF": (["--urdf", "nowhere.urdf"], "nowhere.urdf"),
-    "unknown joint": (["--joint", "elbow"], "'elbow'; available: joint_a, joint_b, joint_c"),
-    "not revolute": (["--joint", "stroke"], "'stroke' is prismatic"),
+    "unknown joint": (
+        ["--joint", "elbow"],
+        "--joint elbow: no joint 'elbow'; available: joint_a, joint_b",
+    ),
+    "not revolute": (
+        ["--joint", "stroke", "--set", "joints.stroke.kind=revolute"],
+        "'stroke' is prismatic",
+    ),
     "negative clearance": (["--radial", "-1e-4"], "-0.0001 m"),
     "zero clearance": (["--axial", "0"], "got 0 m"),
-    "not a number": (["--radial", "wide"], "'wide'"),
+    "not a number": (["--radial", "wide"], '--radial: "wide" is no length'),
     "non-finite": (["--radial", "nan"], "nan"),
     "journal too large": (["--journal-radius", "0.02"], "0.02 m does not fit"),
     "restitution": (["--restitution", "1.5"], "(0, 1], got 1.5"),
     "friction": (["--friction", "-0.1"], "-0.1"),
     "step too large": (["--step", "1e-3"], "0.001 s is too large for the contact stiffness"),
-    "gravity": (["--gravity", "down"], "'down'"),
+    "gravity": (["--gravity", "down"], '--gravity: no gravity "down"'),
     "motion": (["--motion", "none.csv"], "none.csv"),
     "unphysical link": (["--urdf", shipped("scara_as_printed.urdf")], "'arm1'"),
     "no joint chosen": (["--urdf", shipped("scara.urdf")], "joint_a, joint_b, joint_c"),
-    "no motion given": (
-        ["--urdf", shipped("scara.urdf"), "--joint", "joint_b"],
-        "time_s,joint_a,joint_b,stroke,joint_c",
+    "two robots": (["ur5", "--urdf", "scara.urdf"], "--urdf scara.urdf beside ur5"),
+    "no robot": (["nothing_like_it"], "nothing_like_it"),
+    "not a setting": (["--set", "step"], '--set "step": give KEY=VALUE'),
+    "not a key": (["--set", "a..b=1"], '"a..b" is no key'),
+    "unknown key": (
+        ["--set", "integration.stepp=1"],
+        '--set integration.stepp: unknown key "stepp"; did you mean "step"?',
     ),
-    "law": (["--law", "magnetic"], "'magnetic'"),
-    "law without its parameter": (["--law", "kelvin-voigt"], "--damping"),
-    "parameter of another law": (["--damping", "3"], "kelvin-voigt"),
-    "law without its mass": (["--law", "anagnostopoulos"], "--impact-mass"),
-    "mass of another law": (["--impact-mass", "3"], "anagnostopoulos"),
+    "setting of a case": (["--set", "cases.x.title=1"], "--set cases.x.title"),
+    "joint of no joint": (["--ideal", "--radial", "1e-4"], "--radial is for a joint"),
+    "case of a robot": (["--case", "one"], "--case needs a scenario"),
+    "law": (["--law", "magnetic"], '--law: no normal-force law "magnetic"'),
+    "law without its parameter": (["--law", "kelvin-voigt"], "the key damping is missing"),
+    "parameter of another law": (["--damping", "3"], "of the law lankarani-nikravesh"),
+    "law without its mass": (["--law", "anagnostopoulos"], "needs mass"),
+    "mass of another law": (["--impact-mass", "3"], "of the law lankarani-nikravesh"),
     "tool": (["--tool", "hammer"], "suction_cup"),
     "joint friction": (["--joint-friction", "joint_a=1"], "'joint_a=1'"),
     "duration": (["--duration", "0"], "got 0 s"),
@@ -121,6 +140,35 @@ def test_run_passes_its_options_on(tmp_path):
     assert simulation.mechanism.gravity == (0.0, 0.0, -1.62)
     assert simulation.joint_friction["joint_c"].viscous == 0.2
     assert (simulation.step, simulation.integrator, simulation.seed) == (5e-6, "rk4", 7)
+
+
+def test_any_robot_by_name_moves_and_says_what_came_out(tmp_path):
+    done = jointplay(
+        *("run", "ur5", "--joint", "elbow_joint", "--joint", "wrist_1_joint", "--out", tmp_path),
+        *("--radial", "0.1 mm", "--set", "joints.wrist_1_joint.axial_clearance=0.3 mm", *SHORT),
+        *("--set", "integration.duration=10 ms"),
+    )
+    assert done.returncode == 0, done.stderr
+    assert "no motion given" in done.stderr
+    for words in ("tool error peak", "peak force in elbow_joint", "contacts ", "cost "):
+        assert words in done.stdout
+    result = Result.load(tmp_path / "result.nc")
+    joints = result.simulation.mechanism.clearance
+    assert [joint.cr for joint in joints.values()] == [1e-4, 1e-4]
+    assert joints["wrist_1_joint"].ca == 3e-4
+    assert result.time[-1] == pytest.approx(0.01)
+    assert "joints.wrist_1_joint.axial_clearance" in result.dataset.attrs["settings"]
+
+
+def test_settings_count_more_than_a_scenario_and_its_cases(tmp_path):
+    done = jointplay(
+        *("run", "jointplay:scara.toml", "--case", "0.5 mm", "--out", tmp_path, *SHORT),
+        *("--set", 'joints.joint_b.radial_clearance="0.3 mm"', "--restitution", "0.7"),
+    )
+    assert done.returncode == 0, done.stderr
+    (path,) = tmp_path.glob("*.nc")
+    joint = Result.load(path).simulation.mechanism.clearance["joint_b"]
+    assert (joint.cr, joint.ca, joint.restitution) == (3e-4, 5e-4, 0.7)
 
 
 def test_run_draws_its_figures(tmp_path):

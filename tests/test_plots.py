@@ -28,21 +28,21 @@ def colours(axes):
 RED, BLUE, MAGENTA = map(to_hex, ("#D55E00", "#0072B2", "#CC79A7"))
 
 
-@pytest.mark.parametrize("name", ["fig09", "fig10"])
+@pytest.mark.parametrize("name", ["tool_displacement", "tool_velocity"])
 def test_tool_histories_show_all_cases_in_the_papers_colours(cases, name):
     figure = plots.FIGURES[name](cases)
     for row, axis in enumerate("xyz"):
         panel, difference = figure.axes[2 * row], figure.axes[2 * row + 1]
         assert colours(panel) == [RED, BLUE, MAGENTA]
         assert colours(difference) == [BLUE, MAGENTA]
-        assert panel.get_ylabel().endswith("[m]" if name == "fig09" else "[m/s]")
-        variable = "tool_position" if name == "fig09" else "tool_velocity"
+        assert panel.get_ylabel().endswith("[m]" if name == "tool_displacement" else "[m/s]")
+        variable = "tool_position" if name == "tool_displacement" else "tool_velocity"
         drawn = panel.get_lines()[1].get_ydata()
         assert np.array_equal(drawn, cases["0.2 mm"][variable].sel(axis=axis))
 
 
 def test_orbit_stays_near_the_clearance_circle(cases):
-    figure = plots.FIGURES["fig12"](cases)
+    figure = plots.FIGURES["journal_orbit"](cases)
     assert len(figure.axes) == 2
     for axes, radius in zip(figure.axes, (0.2, 0.5), strict=True):
         circle, orbit = axes.get_lines()
@@ -51,7 +51,7 @@ def test_orbit_stays_near_the_clearance_circle(cases):
         assert "[mm]" in axes.get_xlabel()
 
 
-@pytest.mark.parametrize(("name", "axis"), [("fig13", "x"), ("fig14", "y"), ("fig15", "z")])
+@pytest.mark.parametrize(("name", "axis"), [("force_x", "x"), ("force_y", "y"), ("force_z", "z")])
 def test_force_figures_show_held_peaks(cases, name, axis):
     figure = plots.FIGURES[name](cases)
     assert [colours(axes)[0] for axes in figure.axes] == [RED, BLUE, MAGENTA]

@@ -133,7 +133,7 @@ def test_page_works_in_a_browser_without_a_network(page, tmp_path):
         tab.goto(page.as_uri())
         tab.wait_for_function("window.jointplayReport && window.jointplayReport.ready")
         shots = []
-        for name in ("fig09", "fig12", "contacts"):
+        for name in ("tool_displacement", "journal_orbit", "contacts"):
             tab.evaluate(f"document.getElementById('chart-{name}').scrollIntoView()")
             tab.wait_for_selector(f"#chart-{name}.drawn")
             shots.append(tmp_path / f"{name}.png")

@@ -56,9 +56,11 @@ def deviation(result: Result, ideal: Result, of: str = "tool_position") -> xr.Da
             f"the reference {reason}; take an ideal run of the same robot, motion, drive and "
             "gravity, such as analysis.twin(result)"
         )
-    ours = result[of].sel(time=result.time <= ideal.time[-1])
+    # Times that are multiples of another step differ in their last bits.
+    rounding = 1e-9 * max(float(ideal.time[-1]), 1e-3)
+    ours = result[of].sel(time=result.time <= ideal.time[-1] + rounding)
     time = ours["time"].values
-    if len(ideal.time) >= len(time) and np.array_equal(ideal.time[: len(time)], time):
+    if len(ideal.time) >= len(time) and np.allclose(ideal.time[: len(time)], time, 0.0, rounding):
         reference = ideal[of].values[: len(time)]
     elif len(ideal.time) < 2:
         raise JointplayError(f"the reference has {len(ideal.time)} record; it needs at least 2")
@@ -71,6 +73,7 @@ def deviation(result: Result, ideal: Result, of: str = "tool_position") -> xr.Da
     difference.attrs = {
         "units": ours.attrs["units"],
         "long_name": f"{of.replace('_', ' ')} - ideal, world axes",
+        "judge_from": result.judge_from,
     }
     return difference
 
@@ -92,12 +95,15 @@ def _with_total(vectors: np.ndarray) -> np.ndarray:
     return np.column_stack([vectors, np.linalg.norm(vectors, axis=1)])
 
 
-def accuracy(error: xr.DataArray, start: float = 0.0) -> Accuracy:
+def accuracy(error: xr.DataArray, start: float | None = None) -> Accuracy:
     """Mean, RMS and peak of the tool's `deviation` from the time `start` [s] on.
+
+    None: from when on the run is judged, `Result.judge_from`.
 
     Raises:
         JointplayError: nothing was recorded from `start` on.
     """
+    start = float(error.attrs.get("judge_from", 0.0)) if start is None else start
     kept = error.sel(time=error["time"] >= start).values
     if not len(kept):
         raise JointplayError(

@@ -8,8 +8,24 @@ from __future__ import annotations
 
 from typing import Any
 
-MODULES = ("init", "check", "schema", "play", "report", "robots", "urdf", "wear",
-           "sweep", "plot_sweep", "uncertainty")  # fmt: skip
+MODULES = (
+    "scara",
+    "run",
+    "init",
+    "check",
+    "schema",
+    "play",
+    "report",
+    "robots",
+    "urdf",
+    "wear",
+    "budget",
+    "allocate",
+    "reduce",
+    "sweep",
+    "plot_sweep",
+    "uncertainty",
+)
 """Modules with a command of their own, in the order of the help."""
 
 

@@ -9,10 +9,9 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import (
     FIRST_COMPLETED,
-    BrokenExecutor,
     Future,
     ProcessPoolExecutor,
     wait,
@@ -26,9 +25,9 @@ from jointplay.host import stopping, workers
 from jointplay.host.stopping import INTERRUPTED
 
 if TYPE_CHECKING:
-    from jointplay.kernel import Status
     from jointplay.result.result import Result
     from jointplay.scenario import Scenario
+    from jointplay.scenario.settings import Setting
     from jointplay.simulation.simulation import Run
 
 STOPPED = 1
@@ -40,16 +39,14 @@ _LOOK_S = 0.2
 """Interval at which progress is looked at."""
 
 
-def run(options: argparse.Namespace) -> int:
-    """Run the cases, draw the figures, say how each ended."""
+def run(scenario: Scenario, options: argparse.Namespace) -> int:
+    """Run the cases, draw the figures, say how each ended and what came out."""
     from jointplay import plots
     from jointplay.analysis.certify import further_runs
     from jointplay.host.files import claim
     from jointplay.kernel import Status
     from jointplay.result.result import Result
-    from jointplay.scenario import Scenario
 
-    scenario = Scenario.load(options.file, trust=options.trust)
     cases = _chosen(scenario, options.case)
     jobs = _jobs(options.jobs, len(cases))
     certified = {
@@ -57,14 +54,15 @@ def run(options: argparse.Namespace) -> int:
     }
     total = 0.0
     for case in cases:  # before anything is written
-        run = scenario.prepare(case)
+        run = scenario.prepare(case, progress=not options.quiet)
         runs = 1 + (further_runs(run.simulation) if case in certified else 0)
         total += runs * run.steps * run.simulation.step
     files = dict(zip(cases, file_names(cases), strict=True))
     names = list(files.values())
     figures = scenario.figures and not options.no_figures
     if figures:
-        names += [f"{name}.{kind}" for name in plots.FIGURES for kind in ("png", "pdf")]
+        paper = all(plots.is_paper_robot(scenario.model(case).robot.urdf) for case in cases)
+        names += plots.file_names(paper)
     out = claim(options.out, names)
     if jobs == 1:
         interrupted = _one_by_one(scenario, files, certified, out, not options.quiet)
@@ -72,19 +70,30 @@ def run(options: argparse.Namespace) -> int:
         progress = not options.quiet
         interrupted = _side_by_side(scenario, files, certified, out, jobs, total, progress)
     saved = {case: out / name for case, name in files.items() if (out / name).exists()}
-    results = {case: Result.load(path) for case, path in saved.items()}
+    results = {case: Result.load(path, scenario.trust) for case, path in saved.items()}
     for case, result in results.items():
         print(f"\n{case}: {result.message}\n{result.judgement}")
+        print("\n".join(_came_out(result, results, not options.quiet)))
     drawable = {case: result for case, result in results.items() if len(result.time) > 1}
     if figures and drawable:
         plots.save(drawable, out)
     print(f"\nresults in {out}")
     if interrupted or any(r.status == Status.INTERRUPTED for r in results.values()):
         missing = [case for case in cases if case not in results]
-        note = f"; nothing of: {', '.join(missing)}" if missing else ""
+        there = f"; there is {', '.join(path.name for path in saved.values())}" if saved else ""
+        note = f"; nothing of: {', '.join(missing)}" if missing else there
         print(f"interrupted{note}", file=sys.stderr)
         return INTERRUPTED
     return 0 if all(r.status == Status.COMPLETED for r in results.values()) else STOPPED
+
+
+def _came_out(result: Result, results: Mapping[str, Result], progress: bool) -> list[str]:
+    """The headline of a case; its ideal mechanism is another case, or simulated for it."""
+    from jointplay.analysis import is_twin
+    from jointplay.analysis.headline import headline, reference
+
+    ideal = next((other for other in results.values() if is_twin(result, other)), None)
+    return headline(result, ideal or reference(result, progress))
 
 
 def _chosen(scenario: Scenario, wanted: Sequence[str]) -> list[str]:
@@ -135,6 +144,7 @@ def _execute(
         begin: told of each run before it begins.
     """
     from jointplay.scenario.keep import add_certificate, run_and_save
+    from jointplay.scenario.settings import words
 
     notes = {
         "scenario": scenario.text,
@@ -142,6 +152,8 @@ def _execute(
         "title": scenario.title,
         "case": case,
     }
+    if scenario.settings:
+        notes["settings"] = "\n".join(words(scenario.settings))
     begin(run)
     result = run_and_save(run, path, progress, notes)
     if certified:
@@ -159,7 +171,7 @@ def _one_by_one(
 
     for case, name in files.items():
         try:
-            prepared = scenario.prepare(case)
+            prepared = scenario.prepare(case, progress)
             if progress:
                 tqdm.write(f"case {case}:", file=sys.stderr)
             result = _execute(scenario, case, prepared, out / name, case in certified, progress)
@@ -187,16 +199,26 @@ def _side_by_side(
 
     clocks = multiprocessing.RawArray(ctypes.c_double, len(files))
     begun = multiprocessing.RawArray(ctypes.c_int, len(files))
-    pool = ProcessPoolExecutor(jobs, initializer=_begin, initargs=(clocks, begun))
+    futures: dict[Future[None], str] = {}
     layout = "{percentage:3.0f}%|{bar}| {n:.3f}/{total:.3f} s simulated{postfix}, {remaining} left"
     bar = tqdm(total=total, disable=not progress, bar_format=layout, mininterval=_LOOK_S)
-    with bar:
-        futures: dict[Future[None], str] = {}
-        try:
+    processes = workers.pool(
+        jobs,
+        f"what is complete is in {str(out)!r}",
+        _begin,
+        (clocks, begun),
+        lambda pool: _wind_up(pool, futures),
+    )
+    try:
+        with bar, processes as pool:
             for index, (case, name) in enumerate(files.items()):
                 trust, source = scenario.trust, str(scenario.path)
                 target = out / name
-                work = (source, scenario.text, trust, case, target, case in certified, index)
+                certify = case in certified
+                work = (
+                    *(source, scenario.text, trust, scenario.settings),
+                    *(case, target, certify, index),
+                )
                 futures[pool.submit(_work, *work)] = case
             pending = set(futures)
             while pending:
@@ -213,19 +235,8 @@ def _side_by_side(
                     ended if now else "starting (the first start ever compiles)", refresh=False
                 )
                 bar.update(now - bar.n)
-        except KeyboardInterrupt:
-            _wind_up(pool, futures)
-            return True
-        except BrokenExecutor:
-            _wind_up(pool, futures)
-            raise JointplayError(
-                "a process was ended from outside (too little memory?); "
-                f"what is complete is in {str(out)!r}"
-            ) from None
-        except BaseException:
-            _wind_up(pool, futures)
-            raise
-        pool.shutdown()
+    except KeyboardInterrupt:
+        return True
     return False
 
 
@@ -282,6 +293,7 @@ def _work(
     path: str,
     text: str,
     trust: tuple[str, ...],
+    settings: tuple[Setting, ...],
     case: str,
     target: Path,
     certified: bool,
@@ -293,7 +305,7 @@ def _work(
     with _idle:
         if _ending:
             return
-        scenario = Scenario(text, path, trust)
+        scenario = Scenario(text, path, trust, settings)
         prepared = scenario.prepare(case)
         with _ticking(index) as begin:
             _execute(scenario, case, prepared, target, certified, False, begin)
@@ -313,7 +325,7 @@ def _ticking(index: int) -> Iterator[Callable[[Run], None]]:
         nonlocal past
         if runs:
             past += runs.pop().workspace.time
-        run.loop = _stoppable(run.loop)  # type: ignore[method-assign, assignment]
+        run.guards.append(_stoppable)
         runs.append(run)
         _begun[index] += 1
 
@@ -331,16 +343,13 @@ def _ticking(index: int) -> Iterator[Callable[[Run], None]]:
         tell()
 
 
-def _stoppable(loop: Callable[[bool], Status]) -> Callable[[bool], Status]:
+@contextmanager
+def _stoppable() -> Iterator[None]:
     """Let the parent stop the time loop, but nothing else: half a file is worth nothing."""
-
-    def guarded(progress: bool = False) -> Status:
-        signal.signal(signal.SIGTERM, _interrupt)
-        try:
-            if _ending:
-                raise KeyboardInterrupt
-            return loop(progress)
-        finally:
-            signal.signal(signal.SIGTERM, _end)
-
-    return guarded
+    signal.signal(signal.SIGTERM, _interrupt)
+    try:
+        if _ending:
+            raise KeyboardInterrupt
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, _end)

@@ -1,8 +1,9 @@
 """The compiled part of the time loop.
 
-`layout` has the records that hold a run, `vectors` and `frames` the geometry, `contact`, `film` and
-`drive` the forces, `solve` the velocity solve, `record` the records, `multirate` and `singlerate`
-the methods. All of it is entered through one compiled function, `enter`.
+`layout` has the records that hold a run, `vectors`, `bodies` and `frames` the geometry, `contact`,
+`film` and `drive` the forces, `solve` the velocity solve, `record` the records, `multirate` and
+`singlerate` the methods, `path` and `loops` what the first asks of Pinocchio and makes of it. All
+of it is entered through one compiled function, `enter`.
 """
 
 from __future__ import annotations
@@ -12,9 +13,8 @@ from functools import cache
 from typing import Any
 
 from jointplay.host.numba_cache import njit
-from jointplay.kernel import multirate, singlerate
+from jointplay.kernel import multirate, path, singlerate
 from jointplay.kernel import record as records
-from jointplay.kernel.frames import nodes
 from jointplay.kernel.layout import (
     AZIMUTHS,
     JOINT_FRICTION_SPEED,
@@ -30,46 +30,48 @@ from jointplay.kernel.sources import stamp
 class Command(IntEnum):
     """What `enter` shall do."""
 
-    MACRO_STEP = 0
-    PREDICT = 1
-    NODES = 2
-    RESTART = 3
-    SET_OFF = 4
-    SETTLE_MACRO = 5
-    FINISH = 6
-    BEGIN = 7
-    REFRESH = 8
-    LOAD = 9
-    SETTLE = 10
-    RECORD = 11
-    SEMI_IMPLICIT_EULER = 12
-    RUNGE_KUTTA_4 = 13
-    TAKE_MIDDLE = 14
-    ADAPTIVE_STEP = 15
+    ADVANCE = 0
+    PLAN = 1
+    RESTART = 2
+    SET_OFF = 3
+    SETTLE_MACRO = 4
+    FINISH = 5
+    BEGIN = 6
+    REFRESH = 7
+    LOAD = 8
+    SETTLE = 9
+    RECORD = 10
+    SEMI_IMPLICIT_EULER = 11
+    RUNGE_KUTTA_4 = 12
+    TAKE_MIDDLE = 13
+    ADAPTIVE_STEP = 14
 
 
 (
-    _MACRO_STEP, _PREDICT, _NODES, _RESTART, _SET_OFF, _SETTLE_MACRO, _FINISH, _BEGIN, _REFRESH,
+    _ADVANCE, _PLAN, _RESTART, _SET_OFF, _SETTLE_MACRO, _FINISH, _BEGIN, _REFRESH,
     _LOAD, _SETTLE, _RECORD, _EULER, _RUNGE_KUTTA, _TAKE_MIDDLE, _ADAPTIVE_STEP,
 ) = (int(command) for command in Command)  # fmt: skip
+
+THERE = -1
+"""What `enter` returns where a run has got as far as it should for now."""
 
 
 @njit(cache=True, error_model="numpy")
 def enter(table, command) -> int:
-    """Carry out a `Command` on a run (`layout.RUN`, an array of one); returns its status."""
+    """Carry out a `Command` on a run (`layout.RUN`, an array of one); returns its status.
+
+    Or `THERE`, where `ADVANCE` has come to the step that it should not go beyond.
+    """
     run = table[0]
-    if command == _MACRO_STEP:
-        multirate.find_path_error(run)
-        if not run.path_error > run.path_limit:
-            multirate.take_middle(run)
-            multirate.macro_step(run)
+    if command == _ADVANCE:
+        multirate.advance(run)
+        if run.status == 0 and run.step >= run.until:
+            return THERE
     elif command == _TAKE_MIDDLE:
-        multirate.find_path_error(run)
-        if not run.path_error > run.path_limit:
-            multirate.take_middle(run)
+        path.judge(run)
     elif command == _ADAPTIVE_STEP:
         multirate.adaptive_step(run)
-        multirate.leave(run)
+        path.leave(run)
     elif command == _SETTLE_MACRO:
         multirate.settle_macro(run)
     elif command == _EULER:
@@ -78,10 +80,8 @@ def enter(table, command) -> int:
         singlerate.runge_kutta_4(run)
     elif command == _LOAD:
         singlerate.load(run)
-    elif command == _PREDICT:
-        multirate.predict(run)
-    elif command == _NODES:
-        nodes(run)
+    elif command == _PLAN:
+        path.plan(run)
     elif command == _RESTART:
         multirate.restart(run)
     elif command == _SET_OFF:
@@ -116,6 +116,7 @@ __all__ = [
     "JOINT_FRICTION_SPEED",
     "MIN_APPROACH_SPEED",
     "POWERS",
+    "THERE",
     "WELL_RESOLVED_STEPS",
     "Command",
     "Status",

@@ -2,8 +2,8 @@
 
 Where bearing and journal are neighbours in the tree, joined by the six coordinates of the virtual
 link, both are known from these coordinates. Otherwise - a loop cut at the joint, a locked freedom,
-bearing and journal exchanged - they come from Pinocchio's frames and Jacobians: at every step for
-single-rate methods, at three nodes of a predicted path (`nodes`) for the multi-rate one.
+bearing and journal exchanged - they come from frames and Jacobians: Pinocchio's for single-rate
+methods, those of `bodies` for the multi-rate one.
 
 A contact wrench needs no external force: the force F on the journal and its reaction -F on the
 bearing, at the same point, *are* a generalised force tau += J^T w, J being the motion of the
@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 
-from jointplay.kernel.layout import POSE, floats, internal, joints, matrix, wholes
+from jointplay.kernel.layout import floats, internal, matrix, wholes
 from jointplay.kernel.vectors import add, along, cross, put, scale, vector
 
 
@@ -65,7 +65,7 @@ def _in_axes(rows, a):
 
 @internal
 def pose_of_frames(run, joint, pose, reach):
-    """Pose of the journal (12) and `reach` (6 n) from Pinocchio's frames and Jacobian.
+    """Pose of the journal (12) and `reach` (6 n) from the frames that carry it and its bearing.
 
     Only coordinates that move one of both and not the other enter, so that a common motion cannot
     blur what they do.
@@ -97,70 +97,6 @@ def pose_of_frames(run, joint, pose, reach):
         for r in range(3):
             reach[r * n + k] = moving[r]
             reach[(3 + r) * n + k] = turning[r]
-
-
-@internal
-def nodes(run):
-    """Fill node `run.node` of the path of every joint that is reached through frames."""
-    for joint in joints(run):
-        if joint.first >= 0:
-            continue
-        n = joint.nsupport
-        size = 2 * POSE + 6 * n
-        at = joint.nodes + 8 * size * run.node
-        pose, rate = floats(at, POSE), floats(at + 8 * POSE, POSE)
-        reach = floats(at + 16 * POSE, 6 * n)
-        pose_of_frames(run, joint, pose, reach)
-        v = floats(run.path + 8 * (4 + 2 * run.node) * run.nv, run.nv)
-        _twist(joint, reach, v, joint.twist)
-        put(rate, 0, vector(joint.twist, 0))
-        omega = vector(joint.twist, 3)
-        for k in range(3):
-            column = cross(omega, (pose[3 + k], pose[6 + k], pose[9 + k]))
-            rate[3 + k], rate[6 + k], rate[9 + k] = column
-
-
-@internal
-def pose_on_path(run, joint, q):
-    """Pose of the journal and `reach` at the run's time, from the nodes of the path.
-
-    Between nodes the pose follows cubics through poses and rates, `reach` a parabola; what
-    the coordinates differ from the predicted ones is added to first order.
-    """
-    n = joint.nsupport
-    size = 2 * POSE + 6 * n
-    data = matrix(joint.nodes, 3, size)
-    span = 0.5 * run.path_span
-    elapsed = run.time - run.path_start
-    s = elapsed / span if span > 0.0 else 0.0
-    e = 1 if s >= 1.0 else 0
-    x = s - e
-    y = 1.0 - x
-    here, there = (1.0 + 2.0 * x) * y * y, x * x * (3.0 - 2.0 * x)
-    leave, come = span * x * y * y, -span * x * x * y
-    pose, reach = joint.pose, floats(joint.reach, 6 * n)
-    for i in range(POSE):
-        pose[i] = (
-            here * data[e, i]
-            + there * data[e + 1, i]
-            + leave * data[e, POSE + i]
-            + come * data[e + 1, POSE + i]
-        )
-    w0, w1, w2 = 0.5 * (s - 1.0) * (s - 2.0), s * (2.0 - s), 0.5 * s * (s - 1.0)
-    for i in range(6 * n):
-        k = 2 * POSE + i
-        reach[i] = w0 * data[0, k] + w1 * data[1, k] + w2 * data[2, k]
-    path, support = matrix(run.path, 10, run.nv), wholes(joint.support, n)
-    shift, turn = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
-    for k in range(n):
-        i = support[k]
-        off = q[i] - (path[0, i] + elapsed * (path[1, i] + 0.5 * elapsed * path[2, i]))
-        shift = along(shift, off, (reach[k], reach[n + k], reach[2 * n + k]))
-        turn = along(turn, off, (reach[3 * n + k], reach[4 * n + k], reach[5 * n + k]))
-    put(pose, 0, add(vector(pose, 0), shift))
-    for k in range(3):
-        column = (pose[3 + k], pose[6 + k], pose[9 + k])
-        pose[3 + k], pose[6 + k], pose[9 + k] = add(column, cross(turn, column))
 
 
 @internal

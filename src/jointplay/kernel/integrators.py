@@ -29,7 +29,7 @@ class Integrator:
         return self.stages > 0
 
 
-MULTI_RATE = Integrator("multi-rate", 2, 0, Command.MACRO_STEP)
+MULTI_RATE = Integrator("multi-rate", 2, 0, Command.ADVANCE)
 """Leapfrog on an inertia that changes slowly; implicit in velocity: see `kernel.multirate`."""
 
 SEMI_IMPLICIT_EULER = Integrator("semi-implicit-euler", 1, 1, Command.SEMI_IMPLICIT_EULER)

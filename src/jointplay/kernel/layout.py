@@ -16,7 +16,9 @@ from llvmlite import ir
 from numba import carray, from_dtype, njit, types
 from numba.extending import intrinsic
 
-from jointplay.contact.law import BRISTLE_NUMBERS, FILM_NUMBERS, MAX_PARAMETERS, pointer
+from jointplay.contact.compiled import MAX_PARAMETERS, pointer
+from jointplay.contact.law import BRISTLE_NUMBERS, FILM_NUMBERS
+from jointplay.kernel.parts import PartCompiler
 
 
 class Status(IntEnum):
@@ -59,9 +61,6 @@ SPEED_LIMIT = 1e4
 NO_VIRTUAL_LINK = -1
 """`first` of a joint whose bearing and journal are reached through their frames."""
 
-NODES = 3
-"""Places of a macro step at which frames are evaluated: its start, middle and end."""
-
 POSE = 12
 """Numbers of a pose: the journal's centre and its orientation row by row, in the bearing frame."""
 
@@ -93,9 +92,13 @@ RUN = _record(
     free_rate=_INT,  # their rates; then as of the middle of the last macro step
     minv_middle=_INT,
     free_middle=_INT,
-    found_minv=_INT,  # (nv, nv) Pinocchio's, its upper triangle
-    found_free=_INT,  # (nv,) Pinocchio's
-    path=_INT,  # (10, nv): q, v, a of the predicted path; q and v at its nodes; `half` at its start
+    minv_slope=_INT,  # first and second divided differences of the middles
+    free_slope=_INT,
+    minv_curve=_INT,
+    free_curve=_INT,
+    found_minv=_INT,  # (nv, nv) Pinocchio's, its upper triangle, loops without clearance closed
+    found_free=_INT,  # (nv,) likewise
+    path=_INT,  # (9, nv) see `path`
     # The velocity solve, its arrays used as far as the n coordinates reach that take part.
     slope=_INT,  # (n, n) of d(contact_push)/dv
     compliance=_INT,  # (n, n) of `minv`
@@ -103,7 +106,13 @@ RUN = _record(
     inverse=_INT,  # (n, n) of the last `system`, of `factored` coordinates
     trial=_INT,  # (7, nv) see `solve`
     scratch=_INT,  # (4 nv + powers,) of Runge-Kutta
-    jacobian=_INT,  # (6, nv) Pinocchio's data.J
+    jacobian=_INT,  # (6, nv) column by column: Pinocchio's data.J, or of `bodies`
+    open_minv=_INT,  # (nv, nv) and (nv,) Pinocchio's without loops, if there are `holds`
+    open_free=_INT,
+    held=_INT,  # see `loops`: (3 nh, nv)
+    lacking=_INT,  # (2, 3 nh)
+    closing=_INT,  # (2, nv)
+    closing_minv=_INT,  # (nv, nv)
     reference=_INT,  # (nref, 3 nu)
     record=_INT,  # (rows, columns)
     windows=_INT,  # (nwindows, 2) steps from which and to which every step is recorded
@@ -115,6 +124,8 @@ RUN = _record(
     drives=_INT,
     frictions=_INT,
     gears=_INT,
+    bodies=_INT,
+    holds=_INT,
     # Sizes.
     nv=_INT,
     nj=_INT,
@@ -123,18 +134,24 @@ RUN = _record(
     nd=_INT,
     nf=_INT,
     ng=_INT,
+    nb=_INT,  # bodies, the ground among them; 0 if none need be placed
+    nh=_INT,
     nref=_INT,
     record_columns=_INT,
     nwindows=_INT,
     # How to go on.
     every=_INT,
-    macro=_INT,  # planned length of the macro step, in steps
+    until=_INT,  # step that no macro step goes beyond
+    wish=_INT,  # length that the next macro step should have, in steps
+    longest=_INT,
+    unit=_INT,  # macro steps are multiples of this, unless they are shorter from the first
+    fixed=_INT,  # whether their length is given
+    macro=_INT,  # planned length of the macro step
     micro=_INT,  # its micro steps, if adaptive
     rows=_INT,  # room for records
     fresh=_INT,  # whether no step has led to the state
-    through_frames=_INT,  # whether any joint is reached through frames
+    through_frames=_INT,  # whether any joint is reached through frames of Pinocchio's
     prescribed=_INT,  # whether any coordinate's motion is prescribed
-    node=_INT,  # which of the path's nodes `frames` fills
     dt=_FLOAT,  # of the step that follows; then of the one before
     dt_before=_FLOAT,
     reference_interval=_FLOAT,
@@ -146,7 +163,10 @@ RUN = _record(
     bad_contact=_INT,
     pending=_INT,  # whether the works of the last step are not complete
     commit=_INT,  # whether `load` completes a step or a stage
-    known_middles=_INT,  # middles of macro steps known so far, up to 2
+    known_middles=_INT,  # middles of macro steps known so far, up to 3
+    known_free=_INT,  # those since velocities jumped
+    refused=_INT,  # whether a macro step is to be planned anew
+    macros=_INT,  # macro steps done
     touching=_INT,
     active=_INT,  # coordinates of the velocity solve
     events=_INT,  # contacts that have begun or ended in this macro step
@@ -161,10 +181,12 @@ RUN = _record(
     fastest=_FLOAT,  # of the speeds of `turning` [rad/s]
     departure=_FLOAT,  # of these angles from the last path, about [rad]; and how much of it is
     departure_limit=_FLOAT,  # too much
+    tolerance=_FLOAT,  # of `path_error`
     middle_time=_FLOAT,
+    mean_time=_FLOAT,  # of the last mean acceleration in `path`
+    middles_apart=_FLOAT,  # the last two
     pushed=_FLOAT,  # speed that contacts gave in the last adaptive step, as in `path_error`
-    path_error=_FLOAT,  # of the acceleration at the middle of the path, relative; and how much
-    path_limit=_FLOAT,  # of it is too much
+    path_error=_FLOAT,  # of the acceleration at the middle of the path, relative
     work=(_FLOAT, (len(POWERS),)),  # since the start [J]
     before=(_FLOAT, (len(POWERS),)),  # powers at the start of the step [W]
     power=(_FLOAT, (len(POWERS),)),  # powers now [W]
@@ -181,7 +203,6 @@ JOINT = _record(
     support=_INT,  # (nsupport,) coordinates that move journal and bearing against each other
     signs=_INT,  # (nsupport,) +1 for those that move the journal, -1 for the bearing
     reach=_INT,  # (6, nsupport) motion of the journal per velocity of these coordinates
-    nodes=_INT,  # (3, 24 + 6 nsupport) poses, their rates and `reach` along the path
     bearing_rotation=_INT,
     bearing_translation=_INT,
     journal_rotation=_INT,
@@ -274,11 +295,33 @@ FRICTION_ROW = _record(
     coordinate=_INT, coulomb=_FLOAT, stiction=_FLOAT, stribeck=_FLOAT, viscous=_FLOAT
 )
 GEAR_ROW = _record(motor=_INT, link=_INT, half_play=_FLOAT, stiffness=_FLOAT, damping=_FLOAT)
+BODY = _record(
+    parent=_INT,  # place among the bodies; 0 is the ground
+    coordinate=_INT,
+    slides=_INT,  # along its z; else it turns about it
+    turn=(_FLOAT, (9,)),  # orientation in the parent at coordinate zero, row by row
+    shift=(_FLOAT, (3,)),  # origin in the parent at coordinate zero
+    # Now, in the world.
+    rotation=(_FLOAT, (9,)),  # column by column
+    origin=(_FLOAT, (3,)),
+    omega=(_FLOAT, (3,)),
+    alpha=(_FLOAT, (3,)),  # angular acceleration, and that of the origin, at constant speeds
+    lift=(_FLOAT, (3,)),
+)
+"""One body that a coordinate moves."""
+
+HOLD = _record(one=_INT, other=_INT, place=(_FLOAT, (3,)), other_place=(_FLOAT, (3,)))
+"""Two points of two bodies that a loop without clearance holds together."""
 
 _CONTACT_SIZE = CONTACT.itemsize
 
-internal = njit(error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
-"""For functions that only kernels call: without wrappers they compile faster."""
+internal = njit(
+    error_model="numpy",
+    no_cpython_wrapper=True,
+    no_cfunc_wrapper=True,
+    pipeline_class=PartCompiler,
+)
+"""For functions that only kernels call."""
 
 
 def _pointer_to(element: Any) -> Any:
@@ -298,6 +341,7 @@ _whole = _pointer_to(types.int64)
 _joint, _contact = _pointer_to(from_dtype(JOINT)), _pointer_to(from_dtype(CONTACT))
 _drive, _friction = _pointer_to(from_dtype(DRIVE_ROW)), _pointer_to(from_dtype(FRICTION_ROW))
 _gear = _pointer_to(from_dtype(GEAR_ROW))
+_body, _hold = _pointer_to(from_dtype(BODY)), _pointer_to(from_dtype(HOLD))
 
 
 @intrinsic
@@ -358,6 +402,18 @@ def frictions(run):
 def gears(run):
     """Records of the gears."""
     return carray(_gear(run.gears), (run.ng,))
+
+
+@internal
+def bodies(run):
+    """Records of the bodies to be placed, parents first."""
+    return carray(_body(run.bodies), (run.nb,))
+
+
+@internal
+def holds(run):
+    """Records of the points held together."""
+    return carray(_hold(run.holds), (run.nh,))
 
 
 @internal

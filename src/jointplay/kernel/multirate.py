@@ -2,7 +2,7 @@
 
 Once a macro step Pinocchio gives the inverse mass matrix and the acceleration without forces at
 the predicted middle of the step. Between, micro steps run here alone, on these two, which change
-in time along the line through this macro step's middle and the last one's:
+in time along the parabola through this macro step's middle and the last two (`path`):
 
     solve for v_n:   v_n = v_half + dt/2 (a_free + M^-1 [tau(q_n, t_n) + tau_c(q_n, v_n)])
     v_half <- 2 v_n - v_half,      q_{n+1} = q_n + dt v_half
@@ -19,6 +19,8 @@ import math
 
 import numpy as np
 
+from jointplay.kernel import path
+from jointplay.kernel.bodies import place_bodies
 from jointplay.kernel.contact import gap_of, lose, remember
 from jointplay.kernel.drive import drive, lose_in_joints, prescribe, work_of_drives
 from jointplay.kernel.film import lose_to_film
@@ -35,9 +37,9 @@ from jointplay.kernel.layout import (
     joints,
     matrix,
 )
+from jointplay.kernel.loops import project
 from jointplay.kernel.record import due, record
 from jointplay.kernel.solve import (
-    LEAST_COMPLIANCE,
     SPEED,
     TRIALS,
     answer,
@@ -49,10 +51,7 @@ from jointplay.kernel.solve import (
 _NP = len(POWERS)
 _RUN_AWAY = int(Status.RUN_AWAY)
 
-LEAST_APART = 0.3
-"""Middles nearer to each other than this, relative to the macro step, do not make a line."""
-
-LEAST_STEPS = 2
+LEAST_DONE = 2
 """A macro step is not ended before this many micro steps."""
 
 ONSET_HALVINGS = 20
@@ -60,94 +59,6 @@ ONSET_HALVINGS = 20
 
 LEAST_PART_OF_STEP = 1e-3
 """A step is not divided nearer to its ends than this."""
-
-
-@internal
-def predict(run):
-    """Predict the path of the next macro step, `run.macro` micro steps long."""
-    nv = run.nv
-    path = matrix(run.path, 10, nv)
-    q, half, a = floats(run.q, nv), floats(run.half, nv), floats(run.a, nv)
-    done = run.time - run.path_start
-    span = run.macro * run.dt
-    for i in range(nv):
-        # The acceleration of a contact that lasts swings; its mean is what moves the arm.
-        mean = (half[i] - path[9, i]) / done if run.touching > 0 and done > 0.0 else a[i]
-        if done == 0.0:  # planned anew
-            mean = path[2, i]
-        path[0, i], path[1, i], path[2, i] = q[i], half[i] + 0.5 * run.dt_before * mean, mean
-        path[9, i] = half[i]
-        for node in range(3):
-            s = 0.5 * node * span
-            path[3 + 2 * node, i] = q[i] + s * (path[1, i] + 0.5 * s * mean)
-            path[4 + 2 * node, i] = path[1, i] + s * mean
-    run.path_start, run.path_span = run.time, span
-
-
-@internal
-def find_path_error(run):
-    """Compare Pinocchio's answer at the predicted middle with the line through the last two's.
-
-    The difference of the accelerations is `run.path_error`, relative to the whole acceleration; -1
-    where there is no line, or velocities have jumped since.
-    """
-    nv = run.nv
-    apart = run.path_start + 0.5 * run.path_span - run.middle_time
-    found, found_free = matrix(run.found_minv, nv, nv), floats(run.found_free, nv)
-    middle, rate = matrix(run.minv_middle, nv, nv), matrix(run.minv_rate, nv, nv)
-    free_middle, free_rate = floats(run.free_middle, nv), floats(run.free_rate, nv)
-    push, effort = floats(run.contact_push, nv), floats(run.drive, nv)
-    weights = floats(run.weights, nv)
-    run.path_error = -1.0
-    if run.known_middles < 2 or run.events > 0:
-        return
-    wrong = whole = least = 0.0
-    for i in range(nv):
-        least = max(least, LEAST_COMPLIANCE * middle[i, i])
-    for i in range(nv):
-        miss = found_free[i] - free_middle[i] - apart * free_rate[i]
-        acceleration = found_free[i]
-        for k in range(nv):
-            value = found[i, k] if i <= k else found[k, i]
-            miss += (value - middle[i, k] - apart * rate[i, k]) * (push[k] + effort[k])
-            acceleration += value * (push[k] + effort[k])
-        wrong += weights[i] * miss * miss / max(middle[i, i], least)
-        whole += weights[i] * acceleration * acceleration / max(middle[i, i], least)
-    if whole > 0.0:
-        run.path_error = math.sqrt(wrong / whole)
-
-
-@internal
-def take_middle(run):
-    """Take Pinocchio's answer at the predicted middle, and draw the line through the last one's.
-
-    Where a contact has begun or ended in between, velocities have jumped, and the acceleration
-    without forces with them: its line is then level.
-    """
-    nv, span = run.nv, run.path_span
-    now = run.path_start + 0.5 * span
-    apart = now - run.middle_time
-    known = run.known_middles > 0
-    fresh = not known or apart > LEAST_APART * span
-    slope = 1.0 / apart if known and fresh else 0.0
-    smooth = slope if run.events == 0 else 0.0
-    minv, found = matrix(run.minv, nv, nv), matrix(run.found_minv, nv, nv)
-    rate, middle = matrix(run.minv_rate, nv, nv), matrix(run.minv_middle, nv, nv)
-    free, found_free = floats(run.free, nv), floats(run.found_free, nv)
-    free_rate, free_middle = floats(run.free_rate, nv), floats(run.free_middle, nv)
-    for i in range(nv):
-        free_rate[i] = smooth * (found_free[i] - free_middle[i])
-        free_middle[i] = found_free[i]
-        free[i] = found_free[i] - 0.5 * span * free_rate[i]
-        for k in range(nv):
-            value = found[i, k] if i <= k else found[k, i]
-            if fresh:
-                rate[i, k] = slope * (value - middle[i, k])
-            middle[i, k] = value
-            minv[i, k] = value - 0.5 * span * rate[i, k]
-    run.events = 0
-    run.middle_time = now
-    run.known_middles = min(run.known_middles + 1, 2)
 
 
 @internal
@@ -246,19 +157,25 @@ def evaluate(run):
 
 
 @internal
+def _follow(values, rates, curves, size, dt):
+    """Go `dt` along parabolas."""
+    value, rate, curve = floats(values, size), floats(rates, size), floats(curves, size)
+    for i in range(size):
+        value[i] += dt * (rate[i] + dt * curve[i])
+        rate[i] += 2.0 * dt * curve[i]
+
+
+@internal
 def _step(run, dt):
     """Go from the state just evaluated to the one `dt` later."""
     nv = run.nv
     q, v, half = floats(run.q, nv), floats(run.v, nv), floats(run.half, nv)
-    free, free_rate = floats(run.free, nv), floats(run.free_rate, nv)
-    minv, minv_rate = floats(run.minv, nv * nv), floats(run.minv_rate, nv * nv)
     ratio = dt / run.dt_before
     for i in range(nv):
         half[i] = v[i] + ratio * (v[i] - half[i])
         q[i] += dt * half[i]
-        free[i] += dt * free_rate[i]
-    for i in range(nv * nv):
-        minv[i] += dt * minv_rate[i]
+    _follow(run.free, run.free_rate, run.free_curve, nv, dt)
+    _follow(run.minv, run.minv_rate, run.minv_curve, nv * nv, dt)
     run.dt_before = dt
 
 
@@ -285,8 +202,7 @@ def _least_gap(run, part, dt):
     there, ratio = matrix(run.trial, TRIALS, nv)[SPEED], dt / run.dt_before
     for i in range(nv):
         there[i] = q[i] + part * dt * (v[i] + ratio * (v[i] - half[i]))
-    now = run.time
-    run.time = now + part * dt
+    place_bodies(run, there)
     least = np.inf
     for j in range(run.nj):
         joint = joints(run)[j]
@@ -294,7 +210,6 @@ def _least_gap(run, part, dt):
         for k in range(joint.count):
             if contacts(run, j)[k].touching == 0:
                 least = min(least, gap_of(joint, k))
-    run.time = now
     return least
 
 
@@ -314,24 +229,12 @@ def _onset(run, dt):
 
 
 @internal
-def leave(run):
-    """See how fast angles change at the end of a macro step, and how far off its path it ended."""
-    nv = run.nv
-    path, half, turning = matrix(run.path, 10, nv), floats(run.half, nv), floats(run.turning, nv)
-    done = run.time - run.path_start
-    run.fastest = run.departure = 0.0
-    for i in range(nv):
-        expected = path[1, i] + (done - 0.5 * run.dt_before) * path[2, i]
-        run.fastest = max(run.fastest, turning[i] * abs(half[i]))
-        run.departure = max(run.departure, turning[i] * abs(half[i] - expected) * done)
-
-
-@internal
 def macro_step(run):
     """Micro steps of a macro step, each `run.dt` long, until the state leaves its predicted path.
 
     Impacts, which no path foresees, so end macro steps.
     """
+    run.macros += 1
     for k in range(run.macro):
         evaluate(run)
         _pass(run, run.dt, due(run))
@@ -340,8 +243,8 @@ def macro_step(run):
         _step(run, run.dt)
         run.step += 1
         run.time = run.step * run.dt
-        leave(run)
-        if run.departure > run.departure_limit and k + 1 >= LEAST_STEPS:
+        path.leave(run)
+        if run.departure > run.departure_limit and k + 1 >= LEAST_DONE:
             return
 
 
@@ -407,7 +310,7 @@ def restart(run):
     """Forget the past: something outside has set q and v."""
     nv = run.nv
     v, half, a = floats(run.v, nv), floats(run.half, nv), floats(run.a, nv)
-    run.touching = run.known_middles = run.events = 0
+    run.touching = run.known_middles = run.known_free = run.events = 0
     run.path_start = run.time
     run.dt_before = run.dt
     for i in range(nv):
@@ -415,21 +318,10 @@ def restart(run):
 
 
 @internal
-def _begin_line(run):
-    """Let the line of inverse mass matrix and free acceleration begin at the present instant."""
-    nv = run.nv
-    found, middle = matrix(run.found_minv, nv, nv), matrix(run.minv_middle, nv, nv)
-    free, free_middle = floats(run.found_free, nv), floats(run.free_middle, nv)
-    for i in range(nv):
-        free_middle[i] = free[i]
-        for k in range(nv):
-            middle[i, k] = found[i, k] if i <= k else found[k, i]
-    run.middle_time, run.known_middles, run.departure = run.time, 1, 0.0
-
-
-@internal
 def set_off(run):
     """Put `half` half a step before the state (q, v), with the forces at it."""
+    if run.nh > 0:
+        project(run, floats(run.q, run.nv), floats(run.v, run.nv))
     nv = run.nv
     q, v, half = floats(run.q, nv), floats(run.v, nv), floats(run.half, nv)
     a, tau, push = floats(run.a, nv), floats(run.tau, nv), floats(run.contact_push, nv)
@@ -441,13 +333,25 @@ def set_off(run):
     drive(run, q, v, run.time, tau)
     find_touching(run, q, v)
     answer(run, q, v)
-    path = matrix(run.path, 10, nv)
     for i in range(nv):
         a[i] = free[i]
         for k in range(nv):
             a[i] += (minv[i, k] if i <= k else minv[k, i]) * (tau[k] + push[k])
         half[i] = v[i] - 0.5 * run.dt * a[i]
-        path[9, i] = half[i]
-        path[2, i] = a[i]
-    _begin_line(run)
+    path.begin(run)
     run.fresh = 1
+
+
+@internal
+def advance(run):
+    """Do the macro step that was planned, Pinocchio asked, and plan the next."""
+    path.judge(run)
+    if run.refused != 0:
+        return
+    first, macro = run.step, run.macro
+    macro_step(run)
+    done = run.step - first
+    if run.fixed == 0 and done < macro:
+        run.wish = min(max(2 * done, path.LEAST_STEPS), run.longest)
+    if run.status == 0 and run.step < run.until:
+        path.plan(run)

@@ -19,12 +19,13 @@ from __future__ import annotations
 
 import math
 
+from jointplay.kernel.bodies import place_bodies
 from jointplay.kernel.contact import bend, respond, steepen, touch
 from jointplay.kernel.drive import rub_joints, steepen_joints, turn_gears
 from jointplay.kernel.film import carry, steepen_film
 from jointplay.kernel.frames import (
+    pose_of_frames,
     pose_of_virtual_link,
-    pose_on_path,
     push,
     push_slope,
     twist,
@@ -43,7 +44,7 @@ from jointplay.kernel.vectors import inlined
 TOLERANCE = 1e-9
 """Error of the velocity solve, as the root of twice its kinetic energy [kg^0.5 m/s]."""
 
-RELATIVE_TOLERANCE = 1e-11
+RELATIVE_TOLERANCE = 1e-9
 """The same relative to the state's own."""
 
 LEAST_COMPLIANCE = 1e-14
@@ -66,11 +67,11 @@ LEAST_PART = 1.0 / 64.0
 
 @internal
 def find_pose(run, joint, q):
-    """Pose of the journal of a joint at the coordinates q and the run's time."""
+    """Pose of the journal of a joint at the coordinates q, at which `place_bodies` was called."""
     if joint.first >= 0:
         pose_of_virtual_link(q, joint)
     else:
-        pose_on_path(run, joint, q)
+        pose_of_frames(run, joint, joint.pose, floats(joint.reach, 6 * joint.nsupport))
 
 
 @internal
@@ -82,6 +83,7 @@ def find_touching(run, q, half):
     for i in range(nv):
         marks[i] = 0.0
     run.touching = 0
+    place_bodies(run, q)
     for j in range(run.nj):
         joint = joints(run)[j]
         find_pose(run, joint, q)

@@ -12,9 +12,14 @@ from pathlib import Path
 from typing import Any
 
 _PACKAGE = Path(__file__).parent
+_PLAIN = ("integrators.py", "workspace.py")
+"""Modules of the package without compiled code."""
+
 SOURCES = (
-    *sorted(_PACKAGE.glob("*.py")),
+    *sorted(path for path in _PACKAGE.glob("*.py") if path.name not in _PLAIN),
+    _PACKAGE.parent / "host" / "numba_cache.py",
     *sorted((_PACKAGE.parent / "geometry").glob("*.py")),
+    _PACKAGE.parent / "contact" / "compiled.py",
     _PACKAGE.parent / "contact" / "law.py",
 )
 """Files whose change must compile the kernel again."""

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
 
+from jointplay.errors import JointplayError
 from jointplay.kernel import Command, Status, enter, layout
+from jointplay.kernel.path import MIDDLE, MIDDLE_SPEED, ROWS
 
 
 @dataclass(frozen=True)
@@ -46,10 +48,8 @@ class ContactSite:
         friction_parameters: of the friction law.
         first: index of the virtual link's first coordinate, or None where bearing and journal are
             reached through their frames; then are needed
-        frames: views of Pinocchio's memory: rotation and translation of the joints that carry
-            bearing and journal.
-        placements: of the bearing in its joint's frame and of the journal in its, rotation row by
-            row and translation each, shape (24,).
+        carriers: Pinocchio joint that carries the bearing, and the bearing's placement in it; the
+            same of the journal.
         film: None for a dry joint.
         wearing: this many contacts, from the first, count their sliding work.
         must_not_touch: this many contacts, from the first, end the run when they touch.
@@ -66,8 +66,7 @@ class ContactSite:
     parameters: Sequence[tuple[float, ...]]
     friction_parameters: tuple[float, ...]
     first: int | None
-    frames: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray] | None = None
-    placements: np.ndarray | None = None
+    carriers: tuple[tuple[int, pin.SE3], tuple[int, pin.SE3]] | None = None
     signs: np.ndarray | None = None
     film: FilmSite | None = None
     must_not_touch: int = 0
@@ -75,6 +74,9 @@ class ContactSite:
 
 
 PARTS = ("bearing", "journal")
+
+CarriedFrame = tuple[int, np.ndarray]
+"""A body by its place, and a frame's rotation, row by row, and origin in it, shape (12,)."""
 
 
 class Workspace:
@@ -95,8 +97,8 @@ class Workspace:
         drives, frictions, gears: records of what acts on single coordinates.
         contacts: records of the contacts, shape (nj, width).
         record: what was recorded, a row each.
-        inverse_mass, free: what the multi-rate method takes from Pinocchio; shapes (nv, nv) - the
-            upper triangle - and (nv,).
+        middle: q and v in the middle of the macro step that is planned, shape (nv,).
+        inverse_mass: Pinocchio's, its upper triangle, shape (nv, nv).
     """
 
     def __init__(
@@ -115,10 +117,13 @@ class Workspace:
         width = max((len(site.parameters) for site in sites), default=0)
         self.fields, columns = _layout(nv, nj, width)
         self._kept: list[np.ndarray] = []  # what the record points to must live as long
+        self._arrays: dict[str, np.ndarray] = {}  # the same by name, but for Pinocchio's frames
+        self._addresses: dict[str, set[str]] = {"run": {"record", "windows"}, "joints": set()}
         self.run = np.zeros(1, layout.RUN)
         # Views of single fields: to look a field up costs more than to read it.
         self._row, self._step = self.run["row"], self.run["step"]
         self._time, self._status = self.run["time"], self.run["status"]
+        self._macros = self.run["macros"]
         self.unresolved = 0
         """Macro steps in which the shortest adaptive micro steps did not reach the tolerance."""
         self.q, self.v, self.tau = (self._room(name, nv) for name in ("q", "v", "tau"))
@@ -126,20 +131,22 @@ class Workspace:
         self._changing = [self.q, self.v, self.half, self.drive, self.tau]
         self._changing += [self._room(name, nv) for name in ("contact_push", "free")]
         self._changing.append(self._room("minv", nv, nv))
-        for name in ("free_rate", "free_middle"):
+        self._changing += [self._room("free_rate", nv), self._room("minv_rate", nv, nv)]
+        for name in ("free_middle", "free_slope", "free_curve"):
             self._room(name, nv)
-        for name in ("minv_rate", "minv_middle", "compliance"):
+        for name in ("minv_middle", "minv_slope", "minv_curve", "compliance"):
             self._room(name, nv, nv)
         for name in ("slope", "system"):
             self._room(name, nv, nv)
         self._changing.append(self._room("inverse", nv, nv))
         self._room("trial", 7, nv)
         self._room("scratch", 4 * nv + len(layout.POWERS))
-        self.path = self._room("path", 10, nv)
+        path = self._room("path", ROWS, nv)
+        self.middle = (path[MIDDLE], path[MIDDLE_SPEED])
         for name in ("touched", "place"):
             self._point(name, np.zeros(nv, np.int64))
         self.inverse_mass = self._point("found_minv", data.Minv)
-        self.free = self._point("found_free", data.ddq)
+        self._point("found_free", data.ddq)
         self._point("jacobian", data.J)
         if own_acceleration:
             self.acceleration = self._room("a", nv)
@@ -160,10 +167,11 @@ class Workspace:
         self.reference = self._point("reference", np.ascontiguousarray(tables.reference, float))
         self.windows = np.zeros((0, 2))
         self.record = np.zeros((rows, columns))
+        self.sites = tuple(sites)
         self.sliding_work: list[np.ndarray] = []
         """For each joint, normal force x sliding distance by contact and azimuth [N m]."""
         for j, site in enumerate(sites):
-            self._write(j, site, nv)
+            self._write(j, site, data)
         self._set(
             nv=nv,
             nj=nj,
@@ -192,28 +200,33 @@ class Workspace:
         """Let the record's field `name` point to an array."""
         self.run[name] = array.ctypes.data
         self._kept.append(array)
+        self._arrays[name] = array
+        self._addresses["run"].add(name)
         return array
 
     def _room(self, name: str, *shape: int) -> np.ndarray:
         return self._point(name, np.zeros(shape))
 
-    def _write(self, j: int, site: ContactSite, nv: int) -> None:
+    def _write(self, j: int, site: ContactSite, data: pin.Data) -> None:
         joint = self.joints[j]
         parameters = self.contacts["parameters"][j]
         for row, values in zip(parameters, site.parameters, strict=False):
             row[: len(values)] = values
         self.sliding_work.append(np.zeros((site.wearing, layout.AZIMUTHS)))
         if site.first is None:
-            assert site.frames is not None
-            assert site.placements is not None
+            assert site.carriers is not None
             assert site.signs is not None
             support = np.flatnonzero(site.signs)
             signs = site.signs[support].astype(np.int64)
-            places = [f"{part}_{what}" for part in PARTS for what in ("rotation", "translation")]
-            for name, frame in zip(places, site.frames, strict=True):
-                joint[name] = frame.ctypes.data
-                self._kept.append(frame)
-            joint["bearing_placement"], joint["journal_placement"] = np.split(site.placements, 2)
+            for part, (index, placement) in zip(PARTS, site.carriers, strict=True):
+                frame = data.oMi[index]
+                for name in ("rotation", "translation"):
+                    view = getattr(frame, name)
+                    joint[f"{part}_{name}"] = view.ctypes.data
+                    self._kept.append(view)
+                row = [*placement.rotation.ravel(), *placement.translation]
+                joint[f"{part}_placement"] = row
+                self._addresses["joints"] |= {f"{part}_rotation", f"{part}_translation"}
         else:
             support = site.first + np.arange(6)
             signs = np.ones(6, np.int64)
@@ -223,12 +236,13 @@ class Workspace:
             "support": support.astype(np.int64),
             "signs": signs,
             "reach": np.zeros((6, n)),
-            "nodes": np.zeros((layout.NODES, 2 * layout.POSE + 6 * n)),
             "sliding_work": self.sliding_work[j],
         }
         for name, array in arrays.items():
             joint[name] = array.ctypes.data
             self._kept.append(array)
+            self._arrays[f"{name}.{j}"] = array
+        self._addresses["joints"] |= {*arrays, "normal_law", "friction_law", "film_law"}
         joint["friction_parameters"][: len(site.friction_parameters)] = site.friction_parameters
         joint["first"] = layout.NO_VIRTUAL_LINK if site.first is None else site.first
         joint["nsupport"], joint["shape"] = n, site.shape
@@ -242,14 +256,87 @@ class Workspace:
                 joint[name] = getattr(site.film, name)
             joint["film_parameters"][: len(site.film.parameters)] = site.film.parameters
 
-    def own_inertia(self) -> None:
-        """Have `inverse_mass` and `free` apart from Pinocchio's data, to be filled in."""
-        self.inverse_mass = self._room("found_minv", *self.inverse_mass.shape)
-        self.free = self._room("found_free", *self.free.shape)
+    def place(self, bodies: np.ndarray, carried: Sequence[CarriedFrame]) -> None:
+        """Have the kernels place the bodies that joints are reached through, instead of Pinocchio.
+
+        Args:
+            bodies: of `layout.BODY`, the ground first.
+            carried: bearing and journal, in turn, of every joint that is reached through frames.
+        """
+        self._point("bodies", bodies)
+        self._room("jacobian", len(self.q), 6)
+        frames = iter(carried)
+        for joint, site in zip(self.joints, self.sites, strict=True):
+            if site.carriers is None:
+                continue
+            for part, (carrier, place) in zip(PARTS, frames, strict=False):
+                body = bodies[carrier : carrier + 1]
+                joint[f"{part}_rotation"] = body["rotation"].ctypes.data
+                joint[f"{part}_translation"] = body["origin"].ctypes.data
+                joint[f"{part}_placement"] = place
+        self._set(nb=len(bodies), through_frames=0)
+
+    def hold(self, holds: np.ndarray) -> None:
+        """Have the kernels close the loops without clearance; after `place`.
+
+        Args:
+            holds: of `layout.HOLD`.
+        """
+        nv, rows = len(self.q), 3 * len(holds)
+        self._point("holds", holds)
+        self.run["open_minv"], self.run["open_free"] = (
+            self.run["found_minv"],
+            self.run["found_free"],
+        )
+        self._addresses["run"] |= {"open_minv", "open_free"}
+        self._room("found_free", nv)
+        for name in ("found_minv", "closing_minv"):
+            self._room(name, nv, nv)
+        for name, shape in {"held": (rows, nv), "lacking": (2, rows), "closing": (2, nv)}.items():
+            self._room(name, *shape)
+        self._set(nh=len(holds))
 
     def state(self) -> list[np.ndarray]:
         """All arrays that a macro step changes, but for the records: to come back to a state."""
         return [self.run, self.joints, self.contacts, *self._changing, *self.sliding_work]
+
+    def snapshot(self) -> dict[str, np.ndarray]:
+        """Copies of all that the run has written, by name: to come back to it in another process.
+
+        The table of the reference is left out; addresses are zero.
+        """
+        found = {name: array.copy() for name, array in self._arrays.items() if name != "reference"}
+        found["run"] = self.run.copy()
+        for name, fields in self._addresses.items():
+            for field in fields:
+                found[name][field] = 0
+        found["written"] = self.record[: self.rows].copy()
+        return found
+
+    def restore(self, snapshot: Mapping[str, np.ndarray]) -> None:
+        """Come back to what `snapshot` found in a workspace of the same simulation.
+
+        Raises:
+            JointplayError: the snapshot is that of another simulation.
+        """
+        own = {name: array for name, array in self._arrays.items() if name != "reference"}
+        own["run"] = self.run
+        for name, array in own.items():
+            given = snapshot.get(name)
+            if given is None or given.shape != array.shape or given.dtype != array.dtype:
+                raise JointplayError(f"the state of {name!r} is not that of this simulation")
+        written = snapshot["written"]
+        if written.ndim != 2 or written.shape[1] != self.record.shape[1]:
+            raise JointplayError("the records are not those of this simulation")
+        rows = int(self.run["rows"][0])
+        for name, array in own.items():
+            if array.dtype.names is None:
+                np.copyto(array, snapshot[name])
+                continue
+            for field in set(array.dtype.names) - self._addresses.get(name, set()):
+                array[field] = snapshot[name][field]
+        self._set(rows=rows, nwindows=len(self.windows))
+        self.record[: len(written)] = written
 
     def make_room(self, rows: int) -> None:
         """Have room for `rows` records, before the first of them is written."""
@@ -279,6 +366,11 @@ class Workspace:
     def steps(self) -> int:
         """Steps done so far."""
         return self._step.item()
+
+    @property
+    def macro_steps(self) -> int:
+        """Macro steps done so far, of the multi-rate method."""
+        return self._macros.item()
 
     @property
     def time(self) -> float:

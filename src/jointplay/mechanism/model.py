@@ -15,6 +15,7 @@ from jointplay.errors import JointplayError
 from jointplay.host.streams import caught_stderr
 from jointplay.joints import VIRTUAL_LINK, Clearance
 from jointplay.mechanism.gear import Gear
+from jointplay.mechanism.lock import Lock
 from jointplay.mechanism.urdf import Description
 
 _REVOLUTE = ("JointModelR", "JointModelRevolute")
@@ -59,13 +60,18 @@ def _parsed(text: str, path: str) -> pin.Model:
 
 
 def build(
-    source: pin.Model, joints: Mapping[str, Clearance], gears: Mapping[str, Gear]
+    source: pin.Model,
+    joints: Mapping[str, Clearance],
+    gears: Mapping[str, Gear],
+    locks: Mapping[str, Lock],
 ) -> tuple[pin.Model, tuple[str, ...]]:
     """Copy `source` joint by joint, those with clearance as virtual links; append the motors.
 
     A bearing frame is turned so that its z is the joint's axis. The bodies, frames and joints
     beyond are turned back, so that at zero yaw everything stands where it stood.
     Continuous joints become ordinary revolute ones: one coordinate, which may exceed a turn.
+    Carriages of `locks` come straight after the body that carries them: Pinocchio needs the joints
+    of a branch side by side.
 
     Returns:
         The model, and the names of its coordinates: the joint's own name, or with what follows the
@@ -81,6 +87,14 @@ def build(
     moved = {0: 0}
     turned = {0: pin.SE3.Identity()}  # old joint frame as seen from the new one
     coordinates: list[str] = []
+
+    def carriages(carrier: int) -> None:
+        for loop, lock in locks.items():
+            if lock.carrier == model.names[carrier]:
+                _virtual_link(model, carrier, lock.placement, loop, lock.freedoms)
+                coordinates.extend(f"{loop}.{freedom}" for freedom in lock.freedoms)
+
+    carriages(0)
     for old in range(1, source.njoints):
         name = source.names[old]
         given = joints.get(name)
@@ -101,6 +115,7 @@ def build(
         moved[old] = new
         model.appendBodyToJoint(new, turned[old].act(source.inertias[old]), pin.SE3.Identity())
         model.addJointFrame(new)
+        carriages(new)
     for frame in source.frames:
         if frame.type == pin.FrameType.JOINT or frame.name == "universe":
             continue

@@ -103,6 +103,20 @@ class Tree:
             np.array(model.gravity.linear),
         )
 
+    @property
+    def bodies(self) -> Bodies:
+        """All bodies, at coordinate zero."""
+        return self._data
+
+    def frames(self, frames: Sequence[Frame]) -> tuple[np.ndarray, np.ndarray]:
+        """Bodies that carry the frames (nf,), and rotation and origin of each in them (nf, 12)."""
+        carriers = np.array([self._bodies[index] for index, _ in frames], dtype=np.int64)
+        places = np.empty((len(frames), 12))
+        for row, (index, placement) in zip(places, frames, strict=True):
+            place = self._turned[index] * placement
+            row[:9], row[9:] = place.rotation.ravel(), place.translation
+        return carriers, places
+
     def move(
         self,
         motion: Motion,
@@ -122,7 +136,7 @@ class Tree:
             tool: frame whose motion is wanted.
             pairs: frames whose poses are wanted, the second in the first.
         """
-        carriers, places = self._frames([tool, *(frame for pair in pairs for frame in pair)])
+        carriers, places = self.frames([tool, *(frame for pair in pairs for frame in pair)])
         _move(self._data, q, v, first, end, carriers, places, *motion)
 
     def reactions(
@@ -156,21 +170,12 @@ class Tree:
                 (held.joint2_id, held.joint2_placement),
             )
         ]
-        carriers, places = self._frames(frames)
+        carriers, places = self.frames(frames)
         wanted = np.array([self._bodies[index] for index in joints], dtype=np.int64)
         forces = np.empty((end - first, len(wanted), 3))
         holds = np.empty((end - first, len(constraints), 3))
         _react(self._data, q, v, effort, first, end, wanted, carriers, places, forces, holds)
         return forces, holds
-
-    def _frames(self, frames: Sequence[Frame]) -> tuple[np.ndarray, np.ndarray]:
-        """Bodies that carry the frames (nf,), and rotation and origin of each in them (nf, 12)."""
-        carriers = np.array([self._bodies[index] for index, _ in frames], dtype=np.int64)
-        places = np.empty((len(frames), 12))
-        for row, (index, placement) in zip(places, frames, strict=True):
-            place = self._turned[index] * placement
-            row[:9], row[9:] = place.rotation.ravel(), place.translation
-        return carriers, places
 
 
 _REGULAR = 1e-8

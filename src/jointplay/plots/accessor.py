@@ -459,7 +459,7 @@ class Plots:
         ideal: Result | None = None,
         *,
         of: str = "acceleration",
-        start: float = 0.0,
+        start: float | None = None,
         ax: Axes | None = None,
         style: str = "screen",
         **line: Any,
@@ -470,7 +470,7 @@ class Plots:
             axis: x, y, z, total, or None for x, y and z.
             ideal: ideal run whose motion is subtracted; needed for ``deviation``.
             of: ``acceleration`` or ``deviation``.
-            start: records before this are left out [s].
+            start: records before this are left out [s]; None: before the run is judged.
             ax: see the class.
             style: see the class.
             line: see the class.

@@ -1,4 +1,4 @@
-"""The paper's Figures 9-15 and an overview, for one or several cases, as PNG and PDF."""
+"""Figures of one or several cases, named by what they show; the paper's, as it numbers them."""
 
 from __future__ import annotations
 
@@ -19,6 +19,12 @@ from jointplay.mechanism.mechanism import Mechanism
 from jointplay.plots.style import COLOURS, new_figure, style
 from jointplay.result.result import AXES, Result
 
+PAPER_ROBOTS = ("scara.urdf", "scara_as_printed.urdf")
+
+_LEGEND_COLUMNS = 3
+_ORBITS = 3
+"""Columns of a legend, and of orbits, at most."""
+
 Cases = Mapping[str, Result]
 """Results by label, in drawing order; the first one without clearance is the reference."""
 
@@ -35,10 +41,15 @@ def joint_of(cases: Cases) -> str | None:
 
 def coloured(cases: Cases) -> Iterator[tuple[str, Result, str]]:
     """Label, result and colour of each case."""
+    for (label, result), colour in zip(cases.items(), colours(cases), strict=True):
+        yield label, result, colour
+
+
+def colours(cases: Cases) -> list[str]:
+    """The colour of each case, wherever it is drawn: figures, report, player."""
     # Without an ideal case the first colour stays free: red means ideal.
     shift = 0 if reference(cases) is not None else 1
-    for index, (label, result) in enumerate(cases.items()):
-        yield label, result, COLOURS[(index + shift) % len(COLOURS)]
+    return [COLOURS[(index + shift) % len(COLOURS)] for index in range(len(cases))]
 
 
 def compared(cases: Cases) -> Iterator[tuple[str, Result, str, Result]]:
@@ -49,6 +60,18 @@ def compared(cases: Cases) -> Iterator[tuple[str, Result, str, Result]]:
             yield label, result, colour, ideal
 
 
+def is_paper(cases: Cases) -> bool:
+    """Whether the cases are runs of the paper's robot, whose figures have the paper's numbers."""
+    return all(
+        is_paper_robot(analysis.inputs(result)["mechanism"]["urdf"]) for result in cases.values()
+    )
+
+
+def is_paper_robot(urdf: str) -> bool:
+    """Whether a URDF of this name is the paper's robot."""
+    return Path(urdf.rpartition(":")[2]).name in PAPER_ROBOTS
+
+
 def _figure(width: float, height: float, rows: int, columns: int, **options: Any) -> Any:
     figure = new_figure(width, height)
     return figure, figure.subplots(rows, columns, squeeze=False, **options)
@@ -56,7 +79,9 @@ def _figure(width: float, height: float, rows: int, columns: int, **options: Any
 
 def _legend(figure: Figure, axes: Any) -> None:
     handles, labels = axes.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper center", ncols=len(labels))
+    figure.legend(
+        handles, labels, loc="outside upper center", ncols=min(len(labels), _LEGEND_COLUMNS)
+    )
     for line in figure.legends[0].get_lines():
         line.set_linewidth(2.0)
 
@@ -83,17 +108,17 @@ def _tool_history(cases: Cases, of: str) -> Figure:
 
 
 def tool_displacement(cases: Cases) -> Figure:
-    """Figure 9: displacement of the end effector over time."""
+    """Displacement of the end effector over time (Figure 9)."""
     return _tool_history(cases, "tool_position")
 
 
 def tool_velocity(cases: Cases) -> Figure:
-    """Figure 10: velocity of the end effector over time."""
+    """Velocity of the end effector over time (Figure 10)."""
     return _tool_history(cases, "tool_velocity")
 
 
 def tool_path(cases: Cases) -> Figure:
-    """Figure 11: path of the end effector in `plane_of` the cases, a close-up where it differs."""
+    """Path of the end effector in `plane_of` the cases, a close-up where it differs (Figure 11)."""
     pairs = list(compared(cases))
     plane = plane_of(cases)
     across = [AXES.index(axis) for axis in plane]
@@ -135,22 +160,27 @@ def force_joints(result: Result, cases: Cases) -> list[str]:
 
 
 def journal_orbit(cases: Cases) -> Figure:
-    """Figure 12: path of the journal's centre inside the clearance circle, a row for each joint."""
-    shown = [item for item in coloured(cases) if item[1].joints]
-    rows = joints_of(cases)
-    figure, panels = _figure(4.3 * len(shown), 0.4 + 4.1 * len(rows), len(rows), len(shown))
-    for row, joint in zip(panels, rows, strict=True):
-        for panel, (label, result, colour) in zip(row, shown, strict=True):
-            if joint not in result.joints:
-                panel.set_axis_off()
-                continue
-            result.plot.orbit(joint, ax=panel, color=colour)
-            panel.set_title(f"{label}: {panel.get_title()}", fontsize=9)
+    """Path of the journal's centre inside the clearance circle, joint by joint (Figure 12)."""
+    shown = [
+        (joint, *item)
+        for joint in joints_of(cases)
+        for item in coloured(cases)
+        if joint in item[1].joints
+    ]
+    columns = min(max(len(result.joints) and len(cases) for result in cases.values()), _ORBITS)
+    columns = max(1, min(columns, len(shown)))
+    rows = -(-len(shown) // columns)
+    figure, panels = _figure(4.3 * columns, 0.4 + 4.1 * rows, rows, columns)
+    for panel in panels.flat[len(shown) :]:
+        panel.set_axis_off()
+    for panel, (joint, label, result, colour) in zip(panels.flat, shown, strict=False):
+        result.plot.orbit(joint, ax=panel, color=colour)
+        panel.set_title(f"{label}: {panel.get_title()}", fontsize=9)
     return figure
 
 
 def joint_force(cases: Cases, axis: str) -> Figure:
-    """Figures 13-15: force on the journal along a world axis over time, one panel a case and joint.
+    """Force on the journal along a world axis over time, a panel a case and joint (Figures 13-15).
 
     With clearance the contact force, each record showing the force at the instant since the last
     record at which its magnitude was largest; for the ideal robot the constraint force.
@@ -222,7 +252,8 @@ def overview(cases: Cases) -> Figure:
         error.set_ylabel("tool error [mm]")
     error.set_xlabel("")
     force.set_ylabel("contact force [N]")
-    error.legend()
+    handles, labels = error.get_legend_handles_labels()
+    error.legend(handles[::-1], labels[::-1])  # drawn from the last case on, named from the first
     label, result, colour = shown[-1]
     result.plot.orbit(ax=orbit, color=colour)
     orbit.set_title(f"journal centre in its bearing, {label}", fontsize=9)
@@ -236,16 +267,25 @@ def _force(axis: str) -> Callable[[Cases], Figure]:
 
 
 FIGURES: dict[str, Callable[[Cases], Figure]] = {
-    "fig09": tool_displacement,
-    "fig10": tool_velocity,
-    "fig11": tool_path,
-    "fig12": journal_orbit,
-    "fig13": _force("x"),
-    "fig14": _force("y"),
-    "fig15": _force("z"),
+    "tool_displacement": tool_displacement,
+    "tool_velocity": tool_velocity,
+    "tool_path": tool_path,
+    "journal_orbit": journal_orbit,
+    "force_x": _force("x"),
+    "force_y": _force("y"),
+    "force_z": _force("z"),
     "overview": overview,
 }
-NEEDS_CLEARANCE = ("fig12", "overview")
+NEEDS_CLEARANCE = ("journal_orbit", "overview")
+
+PAPER = {name: f"fig{9 + k:02d}" for k, name in enumerate(FIGURES) if name != "overview"}
+"""Names of the paper's figures."""
+
+
+def file_names(paper: bool) -> list[str]:
+    """Names of all files that `save` may write, for the paper's robot or for another."""
+    names = [PAPER.get(name, name) if paper else name for name in FIGURES]
+    return [f"{name}.{kind}" for name in names for kind in ("png", "pdf")]
 
 
 def _drawn(cases: Cases) -> Iterator[tuple[str, Figure]]:
@@ -255,16 +295,18 @@ def _drawn(cases: Cases) -> Iterator[tuple[str, Figure]]:
 
 
 def save(cases: Cases, folder: str | Path) -> list[Path]:
-    """Draw Figures 9-15 and an overview into `folder`, each as PNG and PDF.
+    """Draw all figures into `folder`, each as PNG and PDF; the paper's under their numbers.
 
-    Figure 12 and the overview are left out if no case has clearance.
+    Orbits and overview are left out if no case has clearance.
 
     Returns:
         The files written.
     """
     written = []
+    paper = is_paper(cases)
     with style():
-        for name, figure in _drawn(cases):
+        for shown, figure in _drawn(cases):
+            name = PAPER.get(shown, shown) if paper else shown
             for kind in ("png", "pdf"):
                 drawn = io.BytesIO()
                 figure.savefig(drawn, format=kind)
@@ -302,7 +344,7 @@ def _states(cases: Cases) -> Iterator[tuple[str, Figure]]:
         yield label, figure
 
 
-def _spectra(cases: Cases, start: float) -> Figure:
+def _spectra(cases: Cases, start: float | None) -> Figure:
     figure, panels = _figure(7.0, 6.5, 3, 1, sharex=True)
     for panel, axis in zip(panels[:, 0], AXES, strict=True):
         for label, result, colour in coloured(cases):
@@ -317,13 +359,15 @@ def _spectra(cases: Cases, start: float) -> Figure:
     return figure
 
 
-def save_pdf(cases: Cases, path: str | Path, start: float = 0.0, look: str = "paper") -> Path:
+def save_pdf(
+    cases: Cases, path: str | Path, start: float | None = None, look: str = "paper"
+) -> Path:
     """Draw every figure of the cases into one PDF, vector graphics, a figure a page.
 
     Args:
         cases: results by label.
         path: the file; an existing one is refused.
-        start: records before this are left out of spectra [s].
+        start: records before this are left out of spectra [s]; None: before each run is judged.
         look: style of the pages' type; pages keep the size they have on screen.
 
     Raises:
@@ -333,7 +377,7 @@ def save_pdf(cases: Cases, path: str | Path, start: float = 0.0, look: str = "pa
     return files.write(path, pdf(cases, start, look))
 
 
-def pdf(cases: Cases, start: float = 0.0, look: str = "paper") -> bytes:
+def pdf(cases: Cases, start: float | None = None, look: str = "paper") -> bytes:
     """The file that `save_pdf` writes."""
     drawn = io.BytesIO()
     with style(look), PdfPages(drawn) as pages:

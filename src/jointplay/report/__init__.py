@@ -11,6 +11,7 @@ from jointplay.errors import JointplayError
 from jointplay.host.files import check_new
 from jointplay.host.files import write as write_file
 from jointplay.playback.policy import as_data, as_script, policy
+from jointplay.plots.figures import is_paper
 from jointplay.report import cases as _cases
 from jointplay.report import content
 from jointplay.report.cases import Case, Say
@@ -113,17 +114,21 @@ def page(cases: Sequence[Case], title: str, claims: Path | None) -> str:
         "Assumptions": content.assumptions(cases, start),
         "Audit": content.audits(cases) + content.certificates(cases),
         "Motion of the tool": paragraph(hint)
-        + chart("fig09", "fig09d", "fig10", "fig10d", "fig11"),
+        + chart(
+            *("tool_displacement", "tool_displacement_error"),
+            *("tool_velocity", "tool_velocity_error", "tool_path"),
+        ),
         "Accuracy": content.accuracies(cases, start),
-        "Journal": chart("fig12", "modes") + content.modes(cases, start),
-        "Forces": chart("fig13", "fig14", "fig15"),
+        "Journal": chart("journal_orbit", "modes") + content.modes(cases, start),
+        "Forces": chart("force_x", "force_y", "force_z"),
         "Impacts": content.impacts(cases, start)
         + chart("impacts")
         + content.singles(cases)
         + chart("contacts", "gaps"),
         "Spectrum": chart("spectrum") + content.spectra(cases, start),
-        "Claims": content.claims(cases, claims),
     }
+    if claims is not None or is_paper({case.label: case.result for case in cases}):
+        sections["Claims"] = content.claims(cases, claims)
     end = max(case.duration for case in cases)
     data = json.dumps(
         {"charts": drawn, "layout": pack.layout, "end": end}, separators=(",", ":"), allow_nan=False

@@ -11,7 +11,7 @@ from jointplay import analysis
 from jointplay.errors import JointplayError
 from jointplay.geometry import Mode
 from jointplay.plots.accessor import CONTACT_COLOURS, MODE_NAMES
-from jointplay.plots.figures import force_joints, plane_of
+from jointplay.plots.figures import PAPER, force_joints, is_paper, plane_of
 from jointplay.plots.style import MODE_COLOURS
 from jointplay.report.cases import Case
 from jointplay.report.series import EXACT, Pack, Thinning
@@ -87,21 +87,24 @@ def _panel(label: str, traces: list[dict[str, Any]], **more: Any) -> Chart:
 def charts(cases: Sequence[Case], pack: Pack, start: float) -> list[Chart]:
     """All charts of a report; their series go into `pack`."""
     histories = [Histories(case, pack) for case in cases]
+    paper = is_paper({case.label: case.result for case in cases})
     found = [
-        *_tool(histories, "tool_position", "fig09", "Figure 9: displacement of the tool"),
-        *_tool(histories, "tool_velocity", "fig10", "Figure 10: velocity of the tool"),
+        *_tool(histories, "tool_position", "tool_displacement", "Displacement of the tool"),
+        *_tool(histories, "tool_velocity", "tool_velocity", "Velocity of the tool"),
         _path(histories, cases),
         *_orbits(histories),
-        *(
-            _forces(histories, cases, axis, f"fig{13 + k}", f"Figure {13 + k}")
-            for k, axis in enumerate(AXES)
-        ),
+        *(_forces(histories, cases, axis, f"force_{axis}") for axis in AXES),
         *_modes(histories),
         *_places(histories, "normal_force_peak", 1.0, "contacts", "Normal force of each contact"),
         *_places(histories, "gap_min", 1e3, "gaps", "Gap of each contact"),
         *_impacts(cases, pack, start),
         *_spectra(cases, pack, start),
     ]
+    for chart in found:
+        number = PAPER.get(chart["id"].removesuffix("_error"), "") if paper else ""
+        if number:
+            title = chart["title"]
+            chart["title"] = f"Figure {int(number[3:])}: {title[0].lower()}{title[1:]}"
     return [chart for chart in found if chart["panels"]]
 
 
@@ -125,7 +128,7 @@ def _tool(histories: list[Histories], of: str, name: str, title: str) -> list[Ch
             )
     return [
         _chart("time", name, title, panels),
-        _chart("time", f"{name}d", f"{title}, less the ideal robot's", differences),
+        _chart("time", f"{name}_error", f"{title}, less the ideal mechanism's", differences),
     ]
 
 
@@ -144,7 +147,7 @@ def _path(histories: list[Histories], cases: Sequence[Case]) -> Chart:
         traces = []  # on a straight line there is no path to see
     name = "the XOY plane" if plane == "xy" else f"the {plane} plane"
     panels = [_panel(f"{plane[1]} [m]", traces, across=f"{plane[0]} [m]")] if traces else []
-    return _chart("plane", "fig11", f"Figure 11: path of the tool in {name}", panels)
+    return _chart("plane", "tool_path", f"Path of the tool in {name}", panels)
 
 
 def _orbits(histories: list[Histories]) -> list[Chart]:
@@ -162,13 +165,11 @@ def _orbits(histories: list[Histories]) -> list[Chart]:
                     outline=None if outline is None else np.round(1e3 * outline, 6).tolist(),
                 )
             )
-    title = "Figure 12: journal centre in its bearing, with its clearance"
-    return [_chart("plane", "fig12", title, panels)]
+    title = "Journal centre in its bearing, with its clearance"
+    return [_chart("plane", "journal_orbit", title, panels)]
 
 
-def _forces(
-    histories: list[Histories], cases: Sequence[Case], axis: str, name: str, figure: str
-) -> Chart:
+def _forces(histories: list[Histories], cases: Sequence[Case], axis: str, name: str) -> Chart:
     k, panels = AXES.index(axis), []
     by_label = {case.label: case.result for case in cases}
     for h in histories:
@@ -179,7 +180,7 @@ def _forces(
                 force = h.result["reaction_force"].sel(moving_joint=joint).values[:, k]
             traces = [h.series(force, _COARSE)]
             panels.append(_panel(f"F{axis} [N]", traces, title=f"{h.case.label}, {joint}"))
-    title = f"{figure}: force on the journal along world {axis}"
+    title = f"Force on the journal along world {axis}"
     return _chart("time", name, title, panels, same=True)
 
 

@@ -18,10 +18,10 @@ from jointplay.kernel import AZIMUTHS, POWERS, Status
 from jointplay.kernel.workspace import Workspace
 from jointplay.loads.drive import JointFriction
 from jointplay.mechanism.impact import elastic_energy
-from jointplay.mechanism.loop import ANGLE_ARM_M
+from jointplay.mechanism.loop import ANGLE_ARM_M, locked
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.mechanism.tree import Motion, Tree
-from jointplay.result.audit import Audit
+from jointplay.result.audit import Audit, Judgement
 from jointplay.result.result import AXES, FORMAT, Result
 
 
@@ -45,6 +45,7 @@ def histories(
     status: Status,
     message: str,
     wall_time: float,
+    judgement: Judgement | None = None,
 ) -> Result:
     """Make a `Result` of the records that a run left in its workspace.
 
@@ -56,6 +57,7 @@ def histories(
         phases: bodies as payloads come and go.
         status, message: how the run ended.
         wall_time: what it took [s].
+        judgement: how the run began and from when on it is judged; None: centred, from the start.
     """
     n = workspace.rows
     q, v = (np.ascontiguousarray(workspace.recorded(name)) for name in ("q", "v"))
@@ -94,8 +96,9 @@ def histories(
             "constraint force of the parent on the child at the joint, world axes",
         )
     closed = [name for name in mechanism.loops if name not in mechanism.clearance]
-    if closed:
-        gaps = [_drift(mechanism, name, body["poses"][name]) for name in closed]
+    strict = [*closed, *map(locked, mechanism.locks)]
+    if strict:
+        gaps = [_drift(mechanism, name, body["poses"][name]) for name in strict]
         drift = np.stack(gaps, axis=1)
         variables["loop_drift"] = (("time", "loop"), drift, "m", "gap of the ideal loop")
     variables["contact_elastic_energy"] = (("time",), elastic, "J", "stored in the contacts")
@@ -127,13 +130,13 @@ def histories(
         coordinates |= {"joint": list(mechanism.clearance), "contact": contact_names(mechanism)}
     else:
         coordinates["moving_joint"] = [*mechanism.joints, *closed]
-    if closed:
-        coordinates["loop"] = closed
+    if strict:
+        coordinates["loop"] = strict
     if "sliding_work" in variables:
         azimuths = 2.0 * np.pi * np.arange(AZIMUTHS) / AZIMUTHS
         text = "around the bore, from the bearing's x axis"
         coordinates["azimuth"] = ("azimuth", azimuths, {"units": "rad", "long_name": text})
-    drift = variables["loop_drift"][1] if closed else np.zeros(0)
+    drift = variables["loop_drift"][1] if strict else np.zeros(0)
     audit = Audit.of(
         mechanism,
         simulation,
@@ -142,6 +145,7 @@ def histories(
         work,
         residual,
         drift,
+        judgement,
     )
     dataset = xr.Dataset(
         {
@@ -236,6 +240,8 @@ def _kinematics(
     """
     names = list(dict.fromkeys([*mechanism.clearance, *mechanism.loops]))
     pairs = [(mechanism.bearing_frame(name), mechanism.journal_frame(name)) for name in names]
+    names += map(locked, mechanism.locks)
+    pairs += mechanism.locks.values()
     frame = mechanism.model.frames[mechanism.tool_frame]
     tool = int(frame.parentJoint), frame.placement
     motion, n = Motion.of(len(q), len(pairs)), len(q)
@@ -252,9 +258,11 @@ def _kinematics(
 
 
 def _drift(mechanism: Mechanism, name: str, poses: np.ndarray) -> np.ndarray:
-    """Largest part of the `misfit` of an ideal loop, by the journal's poses (n, 12): (n,) [m]."""
+    """Largest `misfit` of an ideal loop or a lock, by the journal's poses (n, 12): (n,) [m]."""
     parts = [poses[:, :3]]
-    if mechanism.loop_kind(name) != "spherical":  # an ideal slider closes no loop
+    if name not in mechanism.loops:
+        parts.append(ANGLE_ARM_M * poses[:, [5, 8, 6]])
+    elif mechanism.loop_kind(name) != "spherical":  # an ideal slider closes no loop
         parts.append(ANGLE_ARM_M * poses[:, [5, 8]])
     return np.abs(np.concatenate(parts, axis=1)).max(axis=1)
 

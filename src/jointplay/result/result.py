@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from collections.abc import Collection
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
 
-from jointplay.contact.trust import trusting
+from jointplay.contact.trust import showing, trusting
 from jointplay.errors import JointplayError
 from jointplay.host import files
 from jointplay.host.late import late
 from jointplay.kernel import Status
 from jointplay.result import netcdf
 from jointplay.result.audit import Audit
+from jointplay.result.judging import after_start_up
 
 if TYPE_CHECKING:
     from jointplay.plots import Plots
@@ -61,6 +63,18 @@ class Result:
         return f"<jointplay Result: {self.message}>\n  {sizes}\n{self.judgement}"
 
     @property
+    def judge_from(self) -> float:
+        """From when on measures, figures and reports judge this run, if not told otherwise [s].
+
+        0 for a run that was interrupted before: then all there is is judged.
+        """
+        found = self.audit.judged_from
+        if found is not None:
+            return found if len(self.time) and self.time[-1] > found else 0.0
+        # Version 0.1, where every journal fell from the centre.
+        return after_start_up(float(self.time[-1]), bool(self.joints)) if len(self.time) else 0.0
+
+    @property
     def judgement(self) -> str:
         """The audit and, if there is one, the certificate, one line for each figure."""
         return f"{self.audit}" + (f"\n{self.certificate}" if self.certificate else "")
@@ -78,6 +92,11 @@ class Result:
     @certificate.setter
     def certificate(self, certificate: Certificate) -> None:
         self.dataset.attrs["certificate"] = json.dumps(certificate.describe())
+
+    def amend(self, **figures: Any) -> None:
+        """Put figures that were found later into the audit."""
+        self.audit = dataclasses.replace(self.audit, **figures)
+        self.dataset.attrs["audit"] = json.dumps(self.audit.describe())
 
     @property
     def time(self) -> np.ndarray:
@@ -101,14 +120,15 @@ class Result:
     def simulation(self) -> Simulation:
         """The simulation that made this result, built from what the result holds.
 
-        `result.simulation.run()` gives the same result, bit for bit on the same machine.
+        `result.simulation.run()` gives the same result, bit for bit on the same machine. A law of
+        the user's own that is not at hand (see `load`) can be looked at, and a run of it says what
+        is missing: code that a file brings is never run.
 
         Raises:
-            JointplayError: it cannot be built: a law of the user's own that is not trusted (see
-                `load`), or inputs that make no simulation.
+            JointplayError: its inputs make no simulation.
         """
         kind: type[Simulation] = late("simulation:Simulation")
-        with trusting(self.trust):
+        with trusting(self.trust), showing():
             try:
                 return kind.from_description(json.loads(self.dataset.attrs["simulation"]))
             except JointplayError:

@@ -4,21 +4,20 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
-from jointplay.kernel import Command, compiled
+from jointplay.kernel import THERE, Command, compiled, layout
 from jointplay.kernel.integrators import Integrator
-from jointplay.kernel.workspace import Workspace
+from jointplay.kernel.workspace import CarriedFrame, Workspace
 from jointplay.mechanism.loop import PROXIMAL
+from jointplay.mechanism.tree import Frame, Tree
 
 LOOP_CORRECTION = 0.1
 """Frequency of Baumgarte's stabilisation of ideal loops, times the step; of single-rate methods."""
-
-LOOP_CORRECTION_PER_MACRO = 0.5
-"""The same times the macro step, at whose pace the multi-rate method evaluates it."""
 
 LONGEST_MACRO_STEP_S = 2e-4
 """Macro steps that an error estimate chooses are no longer than this [s]."""
@@ -30,30 +29,51 @@ says differs from it by no more, or the next macro step is shorter.
 The error between the middles is a small part of that. Measured: docs/integrators.md.
 """
 
-REFUSED = 4.0
-"""A macro step whose middle is so many times the tolerance off is planned anew."""
-
-LARGEST_TURN = 0.02
-"""Angle by which no joint turns further in a macro step that an error estimate chooses [rad]."""
-
 LARGEST_DEPARTURE = 1e-5
 """Angle by which the state may leave the path that was predicted for a macro step [rad]."""
 
-LEAST_STEPS = 8
-"""Macro steps are planned no shorter than this many steps where one has been ended early."""
-
-GROWTH = 1.5
-"""By how much a macro step is longer than the one before at most."""
-
 LOOP_TOLERANCE = 3e-5
-"""The same with ideal loops, which drift apart by what the line is off."""
+"""`MACRO_TOLERANCE` with ideal loops, which drift apart by what the parabola is off."""
 
 SHORTEST_MICRO_STEP_S = 2e-8
 """Adaptive micro steps are halved down to this [s]."""
 
 _aba, _inverse, _WORLD = pin.aba, pin.computeMinverse, pin.Convention.WORLD
-_PREDICT, _NODES = int(Command.PREDICT), int(Command.NODES)
-_MACRO_STEP = int(Command.MACRO_STEP)
+_ADVANCE, _PLAN, _TAKE_MIDDLE = (
+    int(command) for command in (Command.ADVANCE, Command.PLAN, Command.TAKE_MIDDLE)
+)
+
+
+def moving_bodies(
+    model: pin.Model, frames: Sequence[Frame]
+) -> tuple[np.ndarray, list[CarriedFrame]]:
+    """Bodies between some frames and the ground, for the kernels.
+
+    Args:
+        model: of the run.
+        frames: joints of Pinocchio's, and placements in them.
+
+    Returns:
+        Records of `layout.BODY`, the ground first, parents before their children; and by frame the
+        body that carries it, and its place in that.
+    """
+    tree = Tree(model)
+    every = tree.bodies
+    carriers, places = tree.frames(frames)
+    needed = {0}
+    for body in map(int, carriers):
+        while body not in needed:
+            needed.add(body)
+            body = int(every.parents[body])
+    numbers = {body: number for number, body in enumerate(sorted(needed))}
+    rows = np.zeros(len(numbers), layout.BODY)
+    rows["rotation"][0] = np.eye(3).ravel()
+    for body, number in numbers.items():
+        row = rows[number]
+        row["parent"], row["coordinate"] = numbers[int(every.parents[body])], body - 1
+        row["slides"] = every.slides[body]
+        row["turn"], row["shift"] = every.turns[body], every.shifts[body]
+    return rows, [(numbers[int(b)], place) for b, place in zip(carriers, places, strict=True)]
 
 
 class Loop(ABC):
@@ -105,9 +125,27 @@ class Loop(ABC):
     def settle(self) -> None:
         """Make the workspace's state (q, v) whole, for an event that is going to change it."""
 
+    def look(self) -> None:
+        """Evaluate the present state to be read; the caller brings the workspace back to it."""
+        return None
+
+    def memory(self) -> dict[str, float]:
+        """What is known beside the workspace, for a checkpoint."""
+        return {}
+
+    def recall(self, memory: Mapping[str, float]) -> None:
+        """Go on as the loop that had this memory."""
+        return None
+
     @abstractmethod
-    def stretch(self, steps: int) -> bool:
-        """Do some steps, no more than `steps`; returns whether all is well."""
+    def stretch(self, steps: int, pause: int | None = None) -> bool:
+        """Do some steps, no more than `steps`; returns whether all is well.
+
+        Args:
+            steps: to do at most.
+            pause: return at or after this step, between macro steps, if that is earlier; what
+                follows is the same as without.
+        """
 
     @abstractmethod
     def finish(self) -> None:
@@ -138,8 +176,14 @@ class SingleRate(Loop):
         """Complete the work of the last step."""
         self.workspace.do(Command.SETTLE)
 
-    def stretch(self, steps: int) -> bool:
-        """Do `steps` steps."""
+    def recall(self, memory: Mapping[str, float]) -> None:
+        """Do not begin from the start again."""
+        self._begun = True
+
+    def stretch(self, steps: int, pause: int | None = None) -> bool:
+        """Do `steps` steps, or fewer."""
+        if pause is not None:
+            steps = min(steps, max(pause - self.workspace.steps, 1))
         enter, run = self._enter, self.workspace.run
         command, load = int(self.method.command), int(Command.LOAD)
         dynamics, state = self._call
@@ -170,144 +214,95 @@ class MultiRate(Loop):
     def __init__(self, *args: Any, macro_step: float | None = None) -> None:
         """Prepare the calls."""
         super().__init__(*args)
-        w, nv = self.workspace, self.model.nv
-        self._dt = dt = float(w.run["dt"][0])
-        self._nodes = [(w.path[3 + 2 * k], w.path[4 + 2 * k]) for k in range(3)]
-        self._zero = np.zeros(nv)
-        self._planned, self._fastest = w.run["macro"], w.run["fastest"]
-        self._path_error, self._path_limit = w.run["path_error"], w.run["path_limit"]
-        self._through_frames, self._node = w.needs_jacobians, w.run["node"]
-        self._fixed = macro_step is not None
+        w, run = self.workspace, self.workspace.run
+        self._dt = float(run["dt"][0])
+        self._middle = w.middle
+        self._zero = np.zeros(self.model.nv)
+        self._until = run["until"]
         for joint in self.model.joints[1:]:
             if joint.nv == 1 and "P" not in joint.shortname()[len("JointModel") :][:1]:
                 w.turning[joint.idx_v] = 1.0
             if joint.shortname() == "JointModelSphericalZYX":
                 w.turning[joint.idx_v : joint.idx_v + 3] = 1.0
-        w.run["departure_limit"] = np.inf if self._fixed else LARGEST_DEPARTURE
+        self._planned_on = False
+        fixed = macro_step is not None
+        run["fixed"], run["unit"] = fixed, 1
+        run["departure_limit"] = np.inf if fixed else LARGEST_DEPARTURE
         longest = LONGEST_MACRO_STEP_S if macro_step is None else macro_step
-        self._longest = max(round(longest / dt), 1)
-        self._macro = self._longest if self._fixed else max(self._longest // 10, 1)
-        self._tolerance = LOOP_TOLERANCE if len(self._models) else MACRO_TOLERANCE
-        if len(self._models):
-            # What Pinocchio's data hold is of one call; here an answer is made of several.
-            self._tau = np.zeros(nv)
-            self._other = self.model.createData()
-            w.own_inertia()
+        run["longest"] = max(round(longest / self._dt), 1)
+        run["wish"] = run["longest"] if fixed else max(int(run["longest"][0]) // 10, 1)
+        run["tolerance"] = LOOP_TOLERANCE if len(self._models) else MACRO_TOLERANCE
+        if w.needs_jacobians or len(self._models):
+            self._place_bodies()
 
-    def _inertia(self, q: np.ndarray, v: np.ndarray) -> None:
-        """Inverse mass matrix, and acceleration without forces, of this state."""
-        if len(self._models):
-            self._inertia_of_loops(q, v)
-            return
+    def _place_bodies(self) -> None:
+        """Let the kernels know the bodies that joints and loops without clearance are reached by.
+
+        Where they are must be known at every micro step: no call of Pinocchio is cheap enough.
+        """
+        w = self.workspace
+        reached = [frame for site in w.sites for frame in site.carriers or ()]
+        held = [
+            frame
+            for one in self._models
+            for frame in (
+                (one.joint1_id, one.joint1_placement),
+                (one.joint2_id, one.joint2_placement),
+            )
+        ]
+        bodies, carried = moving_bodies(self.model, [*reached, *held])
+        w.place(bodies, carried[: len(reached)])
+        if held:
+            pairs = zip(carried[len(reached) :: 2], carried[len(reached) + 1 :: 2], strict=True)
+            points = [(i, j, one[9:], other[9:]) for (i, one), (j, other) in pairs]
+            w.hold(np.array(points, layout.HOLD))
+
+    def _ask(self, q: np.ndarray, v: np.ndarray) -> None:
+        """Have Pinocchio find inverse mass matrix, and acceleration without forces, of a state."""
         _aba(self.model, self.data, q, v, self._zero, self._none, _WORLD)
         _inverse(self.model, self.data)
 
-    def _inertia_of_loops(self, q: np.ndarray, v: np.ndarray) -> None:
-        """The same with ideal loops: accelerations per force, the constraints' forces included."""
-        w = self.workspace
-        self._correct(0.0)
-        dynamics, state = self._dynamics(q, v, self._tau)
-        dynamics(*state)
-        w.free[:] = self.data.ddq
-        pin.computeMinverse(self.model, self._other, q)
-        # Forces large enough for their effect not to drown in the acceleration there is.
-        sizes = (1.0 + np.abs(w.free).max()) / self._other.Minv.diagonal()
-        for i, size in enumerate(sizes):
-            self._tau[i] = size
-            dynamics(*state)
-            w.inverse_mass[:, i] = (self.data.ddq - w.free) / size
-            self._tau[i] = 0.0
-
-    def _correct(self, frequency: float) -> None:
-        """Set the frequency of Baumgarte's stabilisation [rad/s]."""
-        for constraint in self._models:
-            constraint.m_baumgarte_parameters.Kp = frequency**2
-            constraint.m_baumgarte_parameters.Kd = 2.0 * frequency
-
-    def _close_loops(self, span: float, q: np.ndarray, v: np.ndarray) -> None:
-        """Add what Baumgarte's stabilisation does in a macro step of `span` seconds to the speeds.
-
-        At once, for within the step it would spoil the line that the acceleration follows.
-        """
-        self._correct(LOOP_CORRECTION_PER_MACRO / span)
-        dynamics, state = self._dynamics(q, v, self._tau)
-        dynamics(*state)
-        self.workspace.half += span * (self.data.ddq - self.workspace.free)
-
     def begin(self) -> None:
         """Evaluate forces and acceleration, and set off half a step before."""
-        w = self.workspace
-        w.run["macro"] = 0
+        w, self._planned_on = self.workspace, False
         w.do(Command.RESTART)
-        w.do(Command.PREDICT)
-        if self._through_frames:
-            self._frames(1)
-        self._inertia(w.q, w.v)
+        self._ask(w.q, w.v)
         w.do(Command.SET_OFF)
 
     def settle(self) -> None:
         """Find the velocity at the present instant."""
         self.workspace.do(Command.SETTLE_MACRO)
 
-    def _frames(self, nodes: int) -> None:
-        """Frames and Jacobians at the first `nodes` nodes of the predicted path."""
-        run = self.workspace.run
-        for node in range(nodes):
-            pin.computeJointJacobians(self.model, self.data, self._nodes[node][0])
-            self._node[0] = node
-            self._enter(run, _NODES)
+    def look(self) -> None:
+        """Find the velocity at the present instant, for a moment."""
+        if not self.workspace.run["fresh"][0]:
+            self.settle()
 
-    def stretch(self, steps: int) -> bool:
-        """Do one macro step."""
-        w = self.workspace
-        before = w.steps
-        macro = self._prepare(min(steps, self._macro), _MACRO_STEP)
-        done = w.steps - before
-        if not self._fixed and done < macro:
-            self._macro = min(max(2 * done, LEAST_STEPS), self._longest)
-        return not w.failed
+    def memory(self) -> dict[str, float]:
+        """Whether the next macro step is planned already."""
+        return {"planned_on": float(self._planned_on)}
 
-    def _prepare(self, macro: int, command: int, unit: int = 1) -> int:
-        """Ask Pinocchio for what a macro step needs and let the kernels carry out `command` on it.
+    def recall(self, memory: Mapping[str, float]) -> None:
+        """Go on with the macro step that was planned."""
+        self._planned_on = bool(memory["planned_on"])
 
-        Where the answer is too far from what was expected a shorter step is planned instead.
-
-        Args:
-            macro: length of the macro step, in steps.
-            command: is not carried out where the answer is too far off.
-            unit: the length remains a multiple of this, unless it is shorter from the first.
-
-        Returns:
-            The length that was taken.
-        """
-        fastest = self._fastest.item()
-        if not self._fixed and fastest * macro * self._dt > LARGEST_TURN:
-            macro = max(int(LARGEST_TURN / (fastest * self._dt * unit)), 1) * unit
-        while True:
-            self._ask(macro)
-            limit = np.inf if self._fixed or macro <= unit else REFUSED * self._tolerance
-            self._path_limit[0] = limit
-            self._enter(self.workspace.run, command)
-            error = self._path_error.item()
-            if not error > limit:
-                break
-            macro = max(macro // (4 * unit), 1) * unit
-        if not self._fixed:
-            # What is not a number says nothing; the run's own check will find it.
-            factor = (0.5 * self._tolerance / max(error, 1e-12)) ** 0.5 if error > 0.0 else GROWTH
-            best = int(macro * min(max(factor, 0.25), GROWTH) + 0.9)
-            self._macro = min(max(best, 1), self._longest)
-        return macro
-
-    def _ask(self, macro: int) -> None:
-        """Ask Pinocchio for all that a macro step of so many steps needs."""
-        self._planned[0] = macro
-        self._enter(self.workspace.run, _PREDICT)
-        if self._through_frames:
-            self._frames(3)
-        self._inertia(*self._nodes[1])
-        if len(self._models):
-            self._close_loops(macro * self._dt, *self._nodes[1])
+    def stretch(self, steps: int, pause: int | None = None) -> bool:
+        """Do `steps` steps, or fewer; a stretch that paused is taken up again first."""
+        run, enter, (q, v) = self.workspace.run, self._enter, self._middle
+        model, data, zero, none = self.model, self.data, self._zero, self._none
+        if not self._planned_on:
+            self._until[0] = self.workspace.steps + steps
+            enter(run, _PLAN)
+        self._planned_on = False
+        state = 0
+        while state == 0:
+            _aba(model, data, q, v, zero, none, _WORLD)
+            _inverse(model, data)
+            state = enter(run, _ADVANCE)
+            if state == 0 and pause is not None and self.workspace.steps >= pause:
+                self._planned_on = True
+                return True
+        return bool(state == THERE)
 
     def finish(self) -> None:
         """Record the last state."""
@@ -333,16 +328,31 @@ class Adaptive(MultiRate):
         self._tolerated = tolerance
         self._state = w.state()
         self._kept = [array.copy() for array in self._state]
-        self._every = int(w.run["every"][0])
+        self._every, longest = int(w.run["every"][0]), int(w.run["longest"][0])
         # Macro steps go from record to record, or divide the way between them.
-        fitting = (n for n in range(min(self._every, self._longest), 0, -1) if self._every % n == 0)
-        self._unit = next(fitting)
+        fitting = (n for n in range(min(self._every, longest), 0, -1) if self._every % n == 0)
+        w.run["unit"] = next(fitting)
+        self._planned, self._refused = w.run["macro"], w.run["refused"]
         self._micro_step = self._dt
 
-    def stretch(self, steps: int) -> bool:
-        """Do one macro step as finely as it needs."""
-        macro = min(steps, max(self._macro // self._unit, 1) * self._unit)
-        macro = self._prepare(macro, int(Command.TAKE_MIDDLE), self._unit)
+    def memory(self) -> dict[str, float]:
+        """Length of the next macro and micro steps."""
+        return super().memory() | {"micro_step": self._micro_step}
+
+    def recall(self, memory: Mapping[str, float]) -> None:
+        """Take the lengths of the next steps."""
+        super().recall(memory)
+        self._micro_step = float(memory["micro_step"])
+
+    def stretch(self, steps: int, pause: int | None = None) -> bool:
+        """Do one macro step, of no more than `steps` steps, as finely as it needs."""
+        self._until[0] = self.workspace.steps + steps
+        self._enter(self.workspace.run, _PLAN)
+        self._refused[0] = 1
+        while self._refused.item():
+            self._ask(*self._middle)
+            self._enter(self.workspace.run, _TAKE_MIDDLE)
+        macro = self._planned.item()
         span = macro * self._dt
         for kept, array in zip(self._kept, self._state, strict=True):
             np.copyto(kept, array)

@@ -17,9 +17,9 @@ from jointplay.study.verdicts import write_claims
 
 def output_names() -> list[str]:
     """Every file that the study writes."""
-    from jointplay.plots import FIGURES
+    from jointplay.plots import file_names
 
-    drawn = [f"{name}.{kind}" for name in FIGURES for kind in ("png", "pdf")]
+    drawn = file_names(paper=True)
     return [*FILES.values(), *drawn, "errors.md", "ensemble.csv", "claims.csv", "claims.md"]
 
 

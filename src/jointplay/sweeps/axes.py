@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from jointplay.codec import closest, one_of, unknown_key
 from jointplay.errors import JointplayError
 from jointplay.scenario.places import Key, dotted
-from jointplay.scenario.tables import closest, one_of, unknown_key
 from jointplay.sweeps.keys import is_whole, kinds, path_of, units_of
 from jointplay.units import convert, shown
 

@@ -24,6 +24,7 @@ from jointplay.result.histories import versions
 from jointplay.result.result import Result
 from jointplay.scenario import Scenario
 from jointplay.scenario.build import PREFIX, SHIPPED
+from jointplay.scenario.settings import Setting
 from jointplay.simulation.simulation import Simulation
 from jointplay.sweeps.measures import COST, measure, own, rests_of
 from jointplay.sweeps.own_measures import measure_function
@@ -52,6 +53,7 @@ class Job:
     start: float
     tool_error: bool
     version: str
+    settings: tuple[Setting, ...] = ()
     inputs: Mapping[str, str] | None = None
     """Texts of the files that the scenario names, where they cannot be reached; see `Plan`."""
 
@@ -92,6 +94,7 @@ def job(plan: Plan, send_files: bool = False) -> Job:
         plan.start,
         plan.tool_error,
         versions()["jointplay"],
+        plan.scenario.settings,
         plan.inputs if send_files else None,
     )
 
@@ -123,7 +126,7 @@ class Bench:
         if work.inputs is not None:
             self._folder = tempfile.TemporaryDirectory(prefix="jointplay-sweep-")
             path = self._unpack(work.inputs, Path(self._folder.name)) / path.name
-        self.scenario = Scenario(text, path, work.trust)
+        self.scenario = Scenario(text, path, work.trust, work.settings)
         self.measures = {
             name: measure_function(name, path.parent, work.trust) for name in work.measures
         }

@@ -8,10 +8,12 @@ from copy import deepcopy
 from functools import cache
 from typing import Any
 
+from jointplay.codec import unknown_key
 from jointplay.errors import JointplayError
+from jointplay.fields import Field
 from jointplay.scenario.model import Model
 from jointplay.scenario.places import Key, dotted
-from jointplay.scenario.tables import unknown_key
+from jointplay.scenario.schema import Tables
 from jointplay.units import shown
 
 _PART = re.compile(r'"([^"]*)"|\[(\d+)\]|([^."\[\]]+)')
@@ -49,9 +51,30 @@ def path_of(name: str) -> Key:
     return tuple(found)
 
 
+class _Units(Tables):
+    """The schema of scenarios, with the units of its numbers where programs find them."""
+
+    def field(self, field: Field, text: str) -> dict[str, Any]:
+        """Schema of a field, the units at its numbers."""
+        found = super().field(field, text)
+        _mark(found, " or ".join(field.units))
+        return found
+
+
+def _mark(node: Any, unit: str) -> None:
+    """Note the unit at all numbers of a schema."""
+    if node.get("type") == ["number", "string"]:
+        node["x-unit"] = unit
+    for inner in (*node.get("anyOf", ()), node.get("items"), node.get("additionalProperties")):
+        if isinstance(inner, dict):
+            _mark(inner, unit)
+
+
 @cache
 def _schema() -> Mapping[str, Any]:
-    return Model.model_json_schema()
+    tables = _Units()
+    own = tables.properties(Model)
+    return {"$defs": tables.definitions, "properties": own}
 
 
 def _inside(node: Any) -> list[Mapping[str, Any]]:

@@ -233,7 +233,7 @@ def probe(made: Plan) -> Bench:
 
 def _check_joints(made: Plan, bench: Bench) -> None:
     """Say of a joint that does not exist that it is the axis which names it."""
-    from jointplay.scenario.tables import one_of
+    from jointplay.codec import one_of
 
     tables = made.base.get("joints", {})
     names: list[str] | None = None

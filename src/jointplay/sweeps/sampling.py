@@ -6,8 +6,8 @@ import warnings
 
 import numpy as np
 
+from jointplay.codec import one_of
 from jointplay.errors import JointplayError
-from jointplay.scenario.tables import one_of
 
 METHODS = ("sobol", "latin-hypercube", "random", "saltelli")
 """`saltelli` is the design that Sobol indices are reckoned from: n (d + 2) points."""

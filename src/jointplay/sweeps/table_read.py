@@ -7,10 +7,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from jointplay.codec import one_of, unknown_key
 from jointplay.errors import JointplayError, MissingName
 from jointplay.scenario import Scenario
 from jointplay.scenario.places import Key, dotted
-from jointplay.scenario.tables import one_of, unknown_key
 from jointplay.sweeps import sampling
 from jointplay.sweeps.axes import Axis, read
 from jointplay.sweeps.plan import REPEAT, SAMPLE, WORDS, Plan

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from jointplay.codec import one_of, unknown_key
 from jointplay.errors import JointplayError
-from jointplay.scenario.tables import one_of, unknown_key
 from jointplay.units import shown
 
 STATISTICS = ("mean", "quantile", "std")

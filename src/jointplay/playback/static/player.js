@@ -8,7 +8,9 @@ const IMPACT_WINDOW = [5e-4, 2e-3];  // before and after, s
 const STRONG = 0.25;              // of the largest: impacts that are slowed down
 const LEAD = 5e-4;                // jumping to an impact stops this long before it, s
 const HOLD = 0.1;                 // s of viewing for which forces show while playing
-const SIDEBAR = 268, FOOTER = 128;
+const SIDEBAR = 268;
+const NARROW = 720;               // px; below, the legend is hidden first and close-ups stand below the robot
+const SEEN = 0.06;                // of the robot's reach: what the largest deviation is magnified to, at least
 
 const $ = id => document.getElementById(id);
 const speedName = s => s < 1 ? `1/${Math.round(1 / s)}` : `${s}`;
@@ -24,6 +26,9 @@ function quantity(value, unit) {
 class Player {
     constructor(viewer, contents, block) {
         Object.assign(this, {viewer, contents});
+        // Meshcat takes the window's height; its pane ends above the bar.
+        const resize = viewer.set_3d_pane_size.bind(viewer), pane = $("meshcat-pane");
+        viewer.set_3d_pane_size = () => resize(pane.clientWidth, pane.clientHeight);
         this.cases = contents.cases.map((entry, i) => new Case(viewer, block, entry, i, contents.cases));
         this.start = Math.min(...contents.cases.map(c => c.start));
         this.end = Math.max(...contents.cases.map(c => c.end));
@@ -32,7 +37,8 @@ class Player {
         this.speed = 1;
         this.joint = contents.joint;
         this.layout = this.joint ? "both" : "robot";
-        this.sidebar = true;
+        this.sidebar = window.innerWidth >= NARROW;
+        document.body.classList.toggle("narrow", !this.sidebar);
         this.closeups = this.cases.flatMap(c => c.joints.map(joint => new CloseUp(viewer, c, joint)));
         const reach = Math.max(...contents.cases.map(c => c.reach));
         const joints = this.cases.flatMap(c => c.entry.joints);
@@ -173,11 +179,18 @@ class Player {
 
     // Rectangles of the views in CSS pixels, from the top left.
     rects() {
-        const width = window.innerWidth, height = Math.max(window.innerHeight - FOOTER, 50);
-        const x = this.sidebar ? Math.min(SIDEBAR, 0.5 * width) : 0;
+        const width = window.innerWidth, height = Math.max($("frame").clientHeight, 50);
+        const x = this.sidebar && width >= NARROW ? SIDEBAR : 0;
         const whole = {x, y: 0, w: Math.max(width - x, 50), h: height};
         const close = this.layout === "robot" ? [] : this.shownCloseups();
         if (!close.length) return {robot: whole, close: []};
+        if (this.layout === "both" && width < NARROW) {
+            const h = Math.round(0.42 * height), w = Math.floor(width / close.length);
+            return {
+                robot: {...whole, h: height - h},
+                close: close.map((view, i) => ({view, x: i * w, y: height - h, w: w - 1, h})),
+            };
+        }
         if (this.layout === "both") {
             const w = Math.round(0.38 * whole.w), h = Math.floor(height / close.length);
             return {
@@ -282,6 +295,12 @@ class Player {
             const element = box.querySelector(".scale");
             if (element.dataset.text !== scale) { element.innerHTML = scale; element.dataset.text = scale; }
         }
+        const magnified = $("magnified");
+        magnified.hidden = !robot || this.view.deviation === 1 || !this.cases.some(c => c.visible && c.ideal);
+        if (!magnified.hidden) {
+            magnified.textContent = `deviations from the ideal twin \u00d7 ${this.view.deviation}`;
+            Object.assign(magnified.style, {left: `${robot.x + 9}px`, top: `${robot.y + 6}px`});
+        }
         this.tags.forEach((tag, i) => {
             const c = this.cases[i];
             const at = new THREE.Vector3((c.box.min.x + c.box.max.x) / 2, (c.box.min.y + c.box.max.y) / 2,
@@ -347,7 +366,7 @@ class Player {
         }
         if (t >= this.end) {
             if (this.loop) t = this.start;
-            else { t = this.end; this.setPlaying(false); }
+            else { t = this.end; this.setPlaying(false); if (this.recorder) this.recorder.stop(); }
         }
         this.show(t, this.playing ? t - HOLD * (this.speedNow || this.speed) : t);
     }
@@ -369,6 +388,19 @@ class Player {
     }
 
     refresh() { this.show(this.t); }
+
+    // The bar takes the height it needs; the canvas ends above it.
+    fit() {
+        document.documentElement.style.setProperty("--footer", `${$("player").offsetHeight}px`);
+        this.viewer.set_3d_pane_size();
+    }
+
+    // So much that the largest deviation of a tool is seen at first sight.
+    firstDeviation() {
+        const largest = Math.max(0, ...this.cases.filter(c => c.ideal).map(c => c.largestDeviation()));
+        if (!largest) return 1;
+        return FACTORS.find(factor => factor * largest >= SEEN * this.reach) || FACTORS[FACTORS.length - 1];
+    }
 
     setPlaying(playing) {
         if (playing && this.t >= this.end) this.t = this.start;
@@ -422,7 +454,26 @@ class Player {
         $("slider").value = String((this.t - this.start) / (this.end - this.start));
     }
 
-    // Contact force over time, strongest in each pixel; ticks at impacts.
+    // What the timeline can show: names, units, and a value for each record of a case.
+    makeSignals() {
+        const signals = {};
+        for (const name of this.contents.joints) {
+            const of = (c, value) => {
+                const joint = c.joints.find(one => one.name === name);
+                return joint ? row => value(joint, row) : null;
+            };
+            signals[`contact force, ${name}`] = {unit: "N", of: c => of(c, (j, row) => j.size[row]), joint: name};
+            signals[`displacement, ${name}`] = {unit: "m", of: c => of(c, (j, row) => Math.hypot(
+                ...j.displacement.values.subarray(3 * row, 3 * row + 3))), joint: name};
+            signals[`tilt, ${name}`] = {unit: "rad", of: c => of(c, (j, row) => Math.abs(j.tilt_angle.values[row])), joint: name};
+        }
+        if (this.cases.some(c => c.ideal)) {
+            signals["tool error"] = {unit: "m", of: c => c.ideal ? row => c.deviationAt(row) : null};
+        }
+        return signals;
+    }
+
+    // The chosen signal over time, largest in each pixel; ticks at impacts.
     drawTimeline() {
         const canvas = $("timeline"), ratio = window.devicePixelRatio || 1;
         const w = canvas.clientWidth, h = canvas.clientHeight;
@@ -432,35 +483,73 @@ class Player {
         const pen = canvas.getContext("2d");
         pen.scale(ratio, ratio);
         pen.clearRect(0, 0, w, h);
-        const largest = Math.max(1e-9, ...this.cases.filter(c => c.visible)
-            .flatMap(c => c.entry.joints.filter(j => j.name === this.joint).map(j => j.largest)));
+        const signal = this.signals[$("signal").value];
         const xOf = t => (t - this.start) / (this.end - this.start) * w;
+        const tops = [];
         for (const c of this.cases) {
-            if (!c.visible) continue;
-            for (const joint of c.joints) {
-                if (joint.name !== this.joint) continue;
-                const top = new Float32Array(w + 1);
-                for (let row = 0; row < c.time.length; row++) {
-                    const x = Math.round(xOf(c.time[row]));
-                    top[x] = Math.max(top[x], joint.size[row]);
-                }
-                pen.strokeStyle = c.entry.colour;
-                pen.globalAlpha = 0.75;
-                pen.beginPath();
-                for (let x = 0; x <= w; x++) {
-                    if (!top[x]) continue;
-                    pen.moveTo(x + 0.5, h);
-                    pen.lineTo(x + 0.5, h - (h - 9) * Math.sqrt(top[x] / largest));
-                }
-                pen.stroke();
+            const value = c.visible && signal ? signal.of(c) : null;
+            if (!value) continue;
+            const top = new Float32Array(w + 1);
+            for (let row = 0; row < c.time.length; row++) {
+                const x = Math.round(xOf(c.time[row]));
+                top[x] = Math.max(top[x], value(row));
             }
+            tops.push({colour: c.entry.colour, top});
+        }
+        const largest = Math.max(1e-12, ...tops.map(({top}) => top.reduce((a, b) => Math.max(a, b), 0)));
+        for (const {colour, top} of tops) {
+            pen.strokeStyle = colour;
+            pen.globalAlpha = 0.75;
+            pen.beginPath();
+            for (let x = 0; x <= w; x++) {
+                if (!top[x]) continue;
+                pen.moveTo(x + 0.5, h);
+                pen.lineTo(x + 0.5, h - (h - 9) * Math.sqrt(top[x] / largest));
+            }
+            pen.stroke();
         }
         pen.globalAlpha = 1;
         for (const hit of this.impacts) {
             pen.fillStyle = hit.colour;
             pen.fillRect(xOf(hit.t) - 0.5, 0, 1.5, 5);
         }
-        $("timeline").title = `contact force at ${this.joint || "-"}, 0 to ${quantity(largest, "N")} (square-root scale); ticks: impacts`;
+        $("signal-is").textContent = signal
+            ? `0 to ${quantity(largest, signal.unit)}, square-root scale${this.impacts.length ? "; ticks: impacts" : ""}` : "";
+        canvas.title = signal ? `${$("signal").value} ${$("signal-is").textContent}` : "";
+    }
+
+    // ---- keeping what is seen ------------------------------------------------------------------
+
+    save(blob, name) {
+        const link = document.createElement("a");
+        link.href = URL.createObjectURL(blob);
+        link.download = name;
+        link.click();
+        setTimeout(() => URL.revokeObjectURL(link.href), 1000);
+    }
+
+    canvas() { return this.viewer.renderer.domElement; }
+
+    keepPicture() {
+        this.render();  // in the same task: later the drawing buffer is empty
+        this.canvas().toBlob(blob => this.save(blob, `${document.title}.png`), "image/png");
+    }
+
+    keepFilm() {
+        if (this.recorder) { this.recorder.stop(); return; }
+        if (!window.MediaRecorder) { $("status").textContent = "this browser keeps no films"; return; }
+        const chunks = [], recorder = new MediaRecorder(this.canvas().captureStream(30), {mimeType: "video/webm"});
+        recorder.ondataavailable = event => chunks.push(event.data);
+        recorder.onstop = () => {
+            this.recorder = null;
+            $("film").textContent = "film";
+            this.setPlaying(false);
+            this.save(new Blob(chunks, {type: "video/webm"}), `${document.title}.webm`);
+        };
+        this.recorder = recorder;
+        $("film").textContent = "stop the film";
+        recorder.start();
+        this.setPlaying(true);
     }
 
     // ---- controls ----------------------------------------------------------------------------
@@ -592,11 +681,22 @@ class Player {
             line.textContent = note;
             return line;
         }));
+        this.signals = this.makeSignals();
+        for (const name of Object.keys(this.signals)) $("signal").append(new Option(name, name));
+        $("signal-row").hidden = !Object.keys(this.signals).length;
+        $("signal").onchange = () => {
+            const {joint} = this.signals[$("signal").value];
+            if (joint && joint !== this.joint) this.setJoint(joint);
+            this.drawTimeline();
+        };
+        $("picture").onclick = () => this.keepPicture();
+        $("film").onclick = () => this.keepFilm();
         this.setForceFactor(1);
-        this.setDeviation(1);
+        this.setDeviation(this.firstDeviation());
         this.setLayout(this.layout);
+        this.fit();
         this.collectImpacts();
-        window.addEventListener("resize", () => { this.drawTimeline(); this.dirty(); });
+        window.addEventListener("resize", () => { this.fit(); this.drawTimeline(); this.dirty(); });
         window.addEventListener("keydown", event => {
             if (event.target.tagName === "SELECT" || event.ctrlKey || event.metaKey || event.altKey) return;
             const act = {

@@ -161,6 +161,18 @@ class Case {
         }
     }
 
+    // Distance of the tool from its twin's in a record, m.
+    deviationAt(row) {
+        const real = this.tool.values, ideal = this.idealTool.values, at = 3 * row;
+        return Math.hypot(real[at] - ideal[at], real[at + 1] - ideal[at + 1], real[at + 2] - ideal[at + 2]);
+    }
+
+    largestDeviation() {
+        let largest = 0;
+        for (let row = 0; row < this.time.length; row++) largest = Math.max(largest, this.deviationAt(row));
+        return largest;
+    }
+
     makeJoint(entry, table) {
         const joint = {entry, name: entry.name, placement: new THREE.Matrix4().fromArray(entry.placement)};
         for (const name of ["force", "mode", "tilt_angle", "turn", "slide", "displacement", "tilt",
@@ -215,7 +227,9 @@ class Case {
         const from = rowAt(this.time, held), to = this.place.b;
         let top = to;
         for (let row = from; row < to; row++) if (joint.size[row] > joint.size[top]) top = row;
-        Object.assign(joint, {from, to, top, modeNow: joint.mode.values[to], force_N: joint.size[top]});
+        // A peak may have come and gone between two records: while it lasted, bodies penetrated.
+        const mode = joint.size[top] > 0 ? joint.mode.values[top] || 2 : joint.mode.values[to];
+        Object.assign(joint, {from, to, top, modeNow: mode, force_N: joint.size[top]});
         const matrix = joint.ringNode.matrix;
         matrix.multiplyMatrices(this.matrices[joint.entry.carrier], joint.placement);
         joint.ringNode.matrixWorldNeedsUpdate = true;
@@ -223,8 +237,7 @@ class Case {
         paint(joint.ring, MODES[joint.modeNow].colour);
         const force = Case.vector.fromArray(joint.force.values, 3 * top);
         const wanted = joint.size[top] * view.metresPerNewton * view.forceFactor;
-        // A peak may have come and gone between two records: while it lasted, bodies penetrated.
-        paint(joint.arrow, MODES[joint.mode.values[top] || 2].colour);
+        paint(joint.arrow, MODES[joint.modeNow].colour);
         aimArrow(joint.arrow, Case.other.setFromMatrixPosition(matrix), force,
             wanted, view.longest, view.thickness);
     }

@@ -179,12 +179,15 @@
         legendgroup: "clearance", hoverinfo: "skip", xaxis: "x" + xn, yaxis: "y" + n });
       if (panel.outline) seen.add("clearance");
       for (const trace of panel.traces) {
+        const unit = (label) => plain((/\[(.*)\]/.exec(label || "") || ["", ""])[1]);
+        const below = time ? "s" : chart.kind === "spectrum" ? "Hz" : unit(panel.across);
         const base = { name: plain(trace.name), legendgroup: trace.name, showlegend: !seen.has(trace.name),
+          hovertemplate: `%{y:.5~g} ${unit(panel.label)} at %{x:.6~g} ${below}`,
           xaxis: "x" + xn, yaxis: "y" + n, type: "scatter" };
         seen.add(trace.name);
         const line = { color: trace.color, width: 1.2, dash: trace.dash || "solid" };
         if (trace.from !== undefined) {
-          data.push({ ...base, ...spans(trace), mode: "lines", hoverinfo: "x+name",
+          data.push({ ...base, ...spans(trace), mode: "lines", hovertemplate: "%{x:.6~g} s",
             line: { color: trace.color, width: 16 } });
         } else if (time || chart.kind === "plane") {
           const { count: points, ...drawn } = time ? reduce(trace) : curve(trace);
@@ -219,6 +222,28 @@
       host.classList.add("drawn");
       if (entry.chart.kind === "time") host.on("plotly_relayout", zoomed);
     }
+  }
+
+  // Off the screen, charts are drawn one by one while nothing else is to do: they must be there to be
+  // printed and searched.
+  const PAPER = 686;  // CSS px between the margins of the printed page
+  function drawRest() {
+    const next = [...hosts].find(([, entry]) => entry.stale);
+    if (!next) { state.whole = true; return; }
+    draw(next[0]).then(() => later(drawRest));
+  }
+  const later = window.requestIdleCallback || ((act) => setTimeout(act, 20));
+
+  function fit() {
+    document.documentElement.style.setProperty("--bar", `${document.querySelector("nav").offsetHeight}px`);
+    const host = document.querySelector(".chart");
+    if (host) document.documentElement.style.setProperty("--fit", String(Math.min(1, PAPER / host.clientWidth)));
+  }
+
+  function beforePrint() {
+    // Tables, but not the text of the robot.
+    for (const details of document.querySelectorAll("details:not(:has(pre))")) details.open = true;
+    for (const [host, entry] of hosts) if (entry.stale) draw(host);
   }
 
   function zoomed(event) {
@@ -285,6 +310,10 @@
       });
     }
     show(null);
+    fit();
+    window.addEventListener("resize", fit);
+    window.addEventListener("beforeprint", beforePrint);
+    later(drawRest);
     state.ready = true;
   }
   begin();

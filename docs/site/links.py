@@ -1,0 +1,48 @@
+"""Hooks of the documentation site: links that leave docs/, and formulas as MathML."""
+
+import html
+import re
+
+import latex2mathml.converter
+
+PAGES = {
+    "SECURITY.md": "reference/security.md",
+    "CHANGELOG.md": "reference/changes.md",
+    "benchmarks/README.md": "reference/benchmarks.md",
+}
+"""Files outside docs/ that have a page of the site."""
+
+_LINK = re.compile(r"\]\((?:\.\./)+((?:SECURITY|CHANGELOG|benchmarks/)[^)#]*)(#[^)]*)?\)")
+_STRANGE = re.compile(
+    r"<script[^>]*>(?:(?!</script>).)*?https?://cdnjs(?:(?!</script>).)*?</script>", re.S
+)
+_FORMULA = re.compile(r'<(span|div) class="arithmatex">(.*?)</\1>', re.S)
+
+
+def on_page_markdown(markdown, page, **_):
+    """Links out of docs/ go to the page that shows the file, or stay as its name."""
+    up = "../" * page.file.src_uri.count("/")
+
+    def inside(link):
+        target, anchor = link[1], link[2] or ""
+        if target in PAGES:
+            return f"]({up}{PAGES[target]}{anchor})"
+        return f"]({up}{PAGES['benchmarks/README.md']})"
+
+    return _LINK.sub(inside, markdown)
+
+
+def on_page_content(content, **_):
+    """Formulas become MathML, which browsers draw without any script."""
+
+    def drawn(formula):
+        block = formula[1] == "div"
+        text = html.unescape(formula[2].strip())[2:-2]
+        return latex2mathml.converter.convert(text, display="block" if block else "inline")
+
+    return _FORMULA.sub(drawn, content)
+
+
+def on_post_page(output, **_):
+    """Pages of notebooks bring a script that fetches another one; nothing here is fetched."""
+    return _STRANGE.sub("", output)

@@ -1,0 +1,90 @@
+"""What a run comes to, in a few lines: tool error, at stops too, forces, contacts, cost."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from jointplay.analysis.contact_statistics import contacts
+from jointplay.analysis.tool_error import accuracy, deviation, error_at, stops
+from jointplay.analysis.twin import has_play, twin
+from jointplay.errors import JointplayError
+from jointplay.result.result import Result
+
+MOST_STOPS = 6
+"""Stops that are listed one by one."""
+
+
+def reference(result: Result, progress: bool = False) -> Result | None:
+    """The ideal mechanism's run against which the tool's error is measured, simulated now.
+
+    None where the result has no play, or its ideal mechanism cannot be simulated.
+    """
+    if not has_play(result) or len(result.time) < 2:
+        return None
+    try:
+        return twin(result, progress)
+    except JointplayError:
+        return None
+
+
+def headline(result: Result, ideal: Result | None, start: float = 0.0) -> list[str]:
+    """Lines that say what came out of a run.
+
+    Args:
+        result: the run.
+        ideal: see `reference`; without it nothing is said of the tool.
+        start: nothing before this time is judged [s].
+    """
+    since = f" from {start:g} s on" if start > 0.0 else ""
+    lines = []
+    if ideal is not None:
+        error = deviation(result, ideal)
+        kept = error.sel(time=error["time"] >= start)
+        sizes = np.linalg.norm(kept.values, axis=1)
+        at = float(kept["time"][int(sizes.argmax())])
+        rms = accuracy(error, start).rms[-1]
+        lines.append(
+            f"tool error{since} peak {_mm(sizes.max())} at t = {at:.4g} s, RMS {_mm(rms)}"
+            " (against the ideal mechanism)"
+        )
+        lines += _at_stops(result, error, start)
+    if result.joints:
+        lines += [_force(result, joint, start) for joint in result.joints]
+        number = sum(len(one.start) for one in contacts(result, start))
+        lines.append(f"contacts{since} {number} in {len(result.joints)} joint(s)")
+    simulated = float(result.time[-1]) if len(result.time) else 0.0
+    wall = float(result.dataset.attrs.get("wall_time_s", 0.0))
+    if wall > 0.0:
+        lines.append(f"cost {wall:.2f} s for {simulated:.4g} s simulated")
+    return lines
+
+
+def _at_stops(result: Result, error: object, start: float) -> list[str]:
+    motion = result.simulation.motion
+    if motion is None or motion.interpolation == "constant-speed":
+        return []
+    times = [stop.end for stop in stops(motion, float(result.time[-1])) if stop.at_rest]
+    times = [time for time in times if time >= start and time > 0.0]
+    if not times:
+        return []
+    sizes = [float(error_at(error, time)[-1]) for time in times]  # type: ignore[arg-type]
+    if len(times) > MOST_STOPS:
+        worst = int(np.argmax(sizes))
+        return [
+            f"at its {len(times)} stops: worst {_mm(sizes[worst])} at t = {times[worst]:.4g} s, "
+            f"mean {_mm(float(np.mean(sizes)))}"
+        ]
+    each = ", ".join(f"{_mm(s)} (t = {t:.4g} s)" for t, s in zip(times, sizes, strict=True))
+    return [f"at its stops: {each}"]
+
+
+def _force(result: Result, joint: str, start: float) -> str:
+    judged = result.time >= start
+    forces = result["joint_force_peak"].sel(joint=joint).values[judged]
+    sizes = np.linalg.norm(forces, axis=1)
+    at = float(result.time[judged][int(sizes.argmax())])
+    return f"peak force in {joint} {sizes.max():.4g} N at t = {at:.4g} s"
+
+
+def _mm(metres: float) -> str:
+    return f"{1e3 * metres:.4g} mm"

@@ -1,0 +1,135 @@
+"""Loops without clearance: the inverse mass matrix and the acceleration of the closed mechanism.
+
+Points p and p' are held together: J a + g = 0, J the Jacobian of p - p', g its acceleration at
+constant speeds. From Pinocchio's M^-1 and a of the open tree follow, row j of J by row,
+
+    u = M^-1 j / sqrt(j M^-1 j),    a <- a - u (j a + g) / sqrt(j M^-1 j),    M^-1 <- M^-1 - u u^T
+
+the row with the largest j M^-1 j first. What is left in the end is zero for rows that say again
+what others have said. The same steps close what a loop has drifted apart, in positions and speeds.
+"""
+
+from __future__ import annotations
+
+from jointplay.kernel.bodies import lifted, place_bodies, swing_bodies, times
+from jointplay.kernel.layout import bodies, floats, holds, internal, matrix
+from jointplay.kernel.vectors import add, cross, vector
+
+REDUNDANT = 1e-10
+"""Rows of less inverse mass than this, relative to the first one's, hold nothing any more."""
+
+
+@internal
+def _hold(run, k, sign, at, place, lacking, moving):
+    """Add one point of held pair k to its rows, and its place or acceleration to `lacking`."""
+    rows = matrix(run.held, 3 * run.nh, run.nv)
+    columns, every = floats(run.jacobian, 6 * run.nv), bodies(run)
+    arm = times(every[at].rotation, place[0], place[1], place[2])
+    point = add(vector(every[at].origin, 0), arm)
+    value = lifted(every[at], arm) if moving else point
+    for r in range(3):
+        lacking[3 * k + r] += sign * value[r]
+    b = at
+    while b > 0:
+        i = every[b].coordinate
+        column = add(vector(columns, 6 * i), cross(vector(columns, 6 * i + 3), point))
+        for r in range(3):
+            rows[3 * k + r, i] += sign * column[r]
+        b = every[b].parent
+
+
+@internal
+def _rows(run, lacking, moving):
+    """Find the rows of all pairs, the bodies placed, and what each pair lacks."""
+    rows = floats(run.held, 3 * run.nh * run.nv)
+    for i in range(3 * run.nh * run.nv):
+        rows[i] = 0.0
+    for i in range(3 * run.nh):
+        lacking[i] = 0.0
+    for k in range(run.nh):
+        hold = holds(run)[k]
+        _hold(run, k, 1.0, hold.one, hold.place, lacking, moving)
+        _hold(run, k, -1.0, hold.other, hold.other_place, lacking, moving)
+
+
+@internal
+def _inverse_mass_of(rows, minv, r):
+    """j M^-1 j of row r."""
+    total = 0.0
+    for i in range(minv.shape[0]):
+        if rows[r, i] != 0.0:
+            for k in range(minv.shape[0]):
+                total += rows[r, i] * minv[i, k] * rows[r, k]
+    return total
+
+
+@internal
+def _constrain(run, minv, lacking, x):
+    """Take from `minv` what the rows forbid, and from the vectors x (2, nv) what they lack."""
+    nv, size = run.nv, 3 * run.nh
+    rows = matrix(run.held, size, nv)
+    first = 0.0
+    for step in range(size):
+        best, most = -1, 0.0
+        for r in range(size):
+            mass = _inverse_mass_of(rows, minv, r)
+            if mass > most:
+                best, most = r, mass
+        if step == 0:
+            first = most
+        if best < 0 or most <= REDUNDANT * first:
+            return
+        u = floats(run.scratch, nv)
+        for i in range(nv):
+            u[i] = 0.0
+            for k in range(nv):
+                u[i] += minv[i, k] * rows[best, k]
+        for one in range(2):
+            open_by = lacking[one, best]
+            for i in range(nv):
+                open_by += rows[best, i] * x[one, i]
+            for i in range(nv):
+                x[one, i] -= u[i] * (open_by / most)
+        for i in range(nv):
+            for k in range(nv):
+                minv[i, k] -= u[i] * u[k] / most
+
+
+@internal
+def project(run, q, v):
+    """Put into `found_minv` and `found_free` those of the closed mechanism at the state (q, v)."""
+    nv = run.nv
+    given, free = matrix(run.open_minv, nv, nv), floats(run.open_free, nv)
+    minv, found = matrix(run.found_minv, nv, nv), floats(run.found_free, nv)
+    x, lacking = matrix(run.closing, 2, nv), matrix(run.lacking, 2, 3 * run.nh)
+    place_bodies(run, q)
+    swing_bodies(run, v)
+    _rows(run, lacking[0], True)
+    for i in range(nv):
+        x[0, i], x[1, i] = free[i], 0.0
+        for k in range(nv):
+            minv[i, k] = given[i, k] if i <= k else given[k, i]
+    _constrain(run, minv, lacking, x)
+    for i in range(nv):
+        found[i] = x[0, i]
+
+
+@internal
+def close(run):
+    """Close at once what has drifted apart since the last macro step, in places and speeds."""
+    nv = run.nv
+    q, half, a = floats(run.q, nv), floats(run.half, nv), floats(run.a, nv)
+    given, minv = matrix(run.open_minv, nv, nv), matrix(run.closing_minv, nv, nv)
+    x, lacking = matrix(run.closing, 2, nv), matrix(run.lacking, 2, 3 * run.nh)
+    place_bodies(run, q)
+    _rows(run, lacking[0], False)
+    for r in range(3 * run.nh):
+        lacking[1, r] = 0.0
+    for i in range(nv):
+        x[0, i], x[1, i] = 0.0, half[i] + 0.5 * run.dt_before * a[i]
+        for k in range(nv):
+            minv[i, k] = given[i, k] if i <= k else given[k, i]
+    _constrain(run, minv, lacking, x)
+    for i in range(nv):
+        q[i] += x[0, i]
+        half[i] = x[1, i] - 0.5 * run.dt_before * a[i]

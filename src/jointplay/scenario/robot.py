@@ -1,0 +1,171 @@
+"""A scenario for a bare robot: a URDF, and what stands for all that nobody said."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jointplay.errors import JointplayError
+from jointplay.host import files
+from jointplay.mechanism.mechanism import Mechanism
+from jointplay.mechanism.model import parse
+from jointplay.mechanism.robots import PREFIX, robot_urdf
+from jointplay.mechanism.urdf import read
+from jointplay.scenario.build import SHIPPED, locate
+from jointplay.scenario.load import Scenario
+from jointplay.scenario.settings import Setting, tree
+
+SCARA = f"{SHIPPED}scara.urdf"
+SCARA_JOINT = "joint_b"
+SCARA_MOTION = f"{SHIPPED}scara_motion.csv"
+
+LABEL = "result"
+"""Case of a bare robot, after which its file is named."""
+
+_STEEL = {"young": 207e9, "poisson": 0.3}
+_LAWS = {
+    "normal": {"law": "lankarani-nikravesh"},
+    "friction": {"law": "ambrosio", "mu_d": 0.1, "v0": 1e-4, "v1": 1e-3},
+}
+_MATERIALS = {"bearing_material": _STEEL, "journal_material": _STEEL, "restitution": 0.9}
+JOINTS: Mapping[str, Mapping[str, Any]] = {
+    "revolute": {
+        "kind": "revolute",
+        "bearing_radius": 10e-3,
+        "bearing_length": 40e-3,
+        "radial_clearance": 2e-4,
+        "axial_clearance": 2e-4,
+        **_MATERIALS,
+        **_LAWS,
+    },
+    "prismatic": {"kind": "prismatic", "clearance": 2e-4, **_MATERIALS, **_LAWS},
+}
+"""A joint with clearance of which no more is said than its name, by the kind it has in the URDF."""
+
+_INSTEAD = {"journal_radius": "radial_clearance", "journal_length": "axial_clearance"}
+"""Dimensions that stand for a clearance."""
+
+SWING = 0.2
+SLIDE = 0.05
+"""Way of a joint of which no motion is given, at most, there and back [rad, m]."""
+PART = 0.25
+"""Part of the way to its farther limit that it goes at most."""
+SWING_S = 1.0
+"""Time that it takes to get there [s]."""
+
+
+def _there(place: str) -> bool:
+    """Whether there is a file or folder of this name, which may be one that none can have."""
+    return files.is_file(Path(place)) or files.is_folder(Path(place))
+
+
+def is_robot(place: str) -> bool:
+    """Whether `place` names a robot rather than a scenario file."""
+    if place.startswith(PREFIX) or place.lower().endswith((".urdf", ".xml", ".xacro")):
+        return True
+    if place.lower().endswith(".toml") or _there(place):
+        return False
+    try:
+        robot_urdf(place)
+    except JointplayError:
+        return False
+    return True
+
+
+def robot_scenario(
+    place: str | None,
+    joints: Sequence[str] = (),
+    settings: Sequence[Setting] = (),
+    ideal: bool = False,
+) -> tuple[Scenario, str]:
+    """Scenario of one robot with clearance in some of its joints.
+
+    Args:
+        place: path of a URDF, ``jointplay:NAME``, ``example-robot-data:NAME`` or just NAME; None
+            takes the SCARA.
+        joints: names of those with clearance; by default the SCARA's joint B.
+        settings: keys that count more than what is taken for granted.
+        ideal: none has clearance.
+
+    Returns:
+        The scenario, and what the user must be told of it; empty if nothing.
+
+    Raises:
+        JointplayError: the robot cannot be read, no joint was named, or see `Scenario`.
+    """
+    given = tree(settings)
+    scara = place is None
+    place = SCARA if place is None else _prefixed(place)
+    # The URDF alone: what is wrong elsewhere is said when the scenario is built.
+    path = locate(place, Path())
+    allowed = given.get("robot", {}).get("allow_unphysical", [])
+    description = read(path, allowed if isinstance(allowed, list) else [])
+    if not joints and not ideal and "joints" not in given:
+        if not scara:
+            choices = ", ".join(description.revolute) or "none"
+            raise JointplayError(f"--joint is missing; revolute joints of {path}: {choices}")
+        joints = (SCARA_JOINT,)
+    told = ""
+    text: dict[str, Any] = {"robot": {"urdf": place if ":" in place else str(path.resolve())}}
+    if "motion" not in given:
+        if scara:
+            text["motion"] = {"file": SCARA_MOTION}
+        else:
+            text["motion"], told = _there_and_back(Mechanism(path, allow_unphysical=allowed))
+    named = []
+    for name in () if ideal else joints:
+        known = description.joints.get(name)
+        own = given.get("joints", {}).get(name, {})
+        kind = "prismatic" if known is not None and known.kind == "prismatic" else "revolute"
+        wanted = own.get("kind", kind)
+        table = dict(JOINTS.get(wanted, {"kind": wanted, **_MATERIALS, **_LAWS}))
+        for instead, derived in _INSTEAD.items():
+            if instead in own and derived not in own:
+                table.pop(derived, None)
+        named.append(Setting(("joints", name), table, f"--joint {name}"))
+    written = "\n".join(f"{key} = {_inline(value)}" for key, value in text.items())
+    return Scenario(written, place, (), (*named, *settings), LABEL), told
+
+
+def _prefixed(place: str) -> str:
+    """A bare name of example-robot-data gets its prefix."""
+    if ":" in place or _there(place) or "/" in place or place.endswith(".urdf"):
+        return place
+    return f"{PREFIX}{place}"
+
+
+def _there_and_back(mechanism: Mechanism) -> tuple[dict[str, Any], str]:
+    """A motion for who gave none: every joint a little way there and back, within its limits."""
+    model = parse(mechanism.description)
+    ways = {}
+    for name in mechanism.joints:
+        at = model.joints[model.getJointId(name)].idx_q
+        if model.joints[model.getJointId(name)].nq != 1:  # a continuous joint: without limits
+            low, high = -np.inf, np.inf
+        else:
+            low, high = model.lowerPositionLimit[at], model.upperPositionLimit[at]
+        begin = float(np.clip(0.0, low, high))
+        room = max(high - begin, begin - low)
+        slides = mechanism.description.joints[name].kind == "prismatic"
+        way = min(SLIDE if slides else SWING, PART * room)
+        end = begin + (way if high - begin >= begin - low else -way)
+        ways[name] = [begin, end, begin]
+    motion = {"times": [0.0, SWING_S, 2.0 * SWING_S], "joints": ways}
+    told = (
+        f"no motion given: every joint moves up to {SWING:g} rad or {SLIDE:g} m there and back in "
+        f"{2.0 * SWING_S:g} s; --motion CSV or --set motion... gives another"
+    )
+    return motion, told
+
+
+def _inline(value: Any) -> str:
+    """A value as TOML writes it in one line."""
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{json.dumps(k)} = {_inline(v)}" for k, v in value.items()) + "}"
+    if isinstance(value, list):
+        return "[" + ", ".join(map(_inline, value)) + "]"
+    return json.dumps(value, ensure_ascii=False)

@@ -1,0 +1,105 @@
+"""Settings: single keys of a scenario given on top of its file, as by ``--set KEY=VALUE``."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from jointplay.errors import JointplayError
+from jointplay.scenario.places import Key, dotted
+from jointplay.units import shown
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A key, its value as TOML has it, and who gave it."""
+
+    key: tuple[str, ...]
+    value: Any
+    source: str
+    """What errors name: the option that gave it."""
+
+
+def parse(text: str) -> Setting:
+    """A setting written as ``KEY=VALUE``: a dotted key, and its value as in a scenario file.
+
+    Text needs no quotes, for shells take them away: ``drive.kind=prescribed``.
+
+    Raises:
+        JointplayError: there is no key, or no value.
+    """
+    name, equals, value = text.partition("=")
+    if "\n" in name or not equals or not name.strip() or not value.strip():
+        raise JointplayError(
+            f"--set {shown(text)}: give KEY=VALUE, such as "
+            'joints.joint_b.radial_clearance="0.3 mm" or integration.step=5e-6'
+        )
+    name, value = name.strip(), value.strip()
+    try:
+        table = tomllib.loads(f"{name} = 0")
+    except (tomllib.TOMLDecodeError, RecursionError):
+        raise JointplayError(
+            f"--set {shown(text)}: {shown(name)} is no key; parts are joined by dots, and quoted "
+            "where they have other signs than letters, digits, - and _"
+        ) from None
+    key = []
+    here: Any = table
+    while isinstance(here, dict):
+        ((part, here),) = here.items()
+        key.append(part)
+    return Setting(tuple(key), _value(value), f"--set {name}")
+
+
+def _value(text: str) -> Any:
+    """A value as TOML reads it, or the text itself where TOML does not."""
+    for written in (text, json.dumps(text, ensure_ascii=False)):
+        try:
+            table = tomllib.loads(f"value = {written}")
+        except (ValueError, RecursionError):
+            continue
+        if set(table) == {"value"}:
+            return table["value"]
+    return text
+
+
+def tree(settings: Iterable[Setting]) -> dict[str, Any]:
+    """All settings as tables within tables; of two for one key the later counts."""
+    root: dict[str, Any] = {}
+    for setting in settings:
+        here = root
+        for part in setting.key[:-1]:
+            below = here.get(part)
+            if not isinstance(below, dict):
+                below = here[part] = {}
+            here = below
+        here[setting.key[-1]] = setting.value
+    return root
+
+
+def given_by(settings: Iterable[Setting], path: Key) -> str | None:
+    """Which setting gave the key at `path`, the last one of several; None if none did."""
+    source = None
+    for setting in settings:
+        size = min(len(setting.key), len(path))
+        if size and tuple(path[:size]) == setting.key[:size] and len(path) >= len(setting.key):
+            source = setting.source
+    return source
+
+
+def words(settings: Iterable[Setting]) -> list[str]:
+    """Settings as lines that `parse` reads, to be kept with a result."""
+    return [f"{dotted(s.key)}={_written(s.value)}" for s in settings]
+
+
+def _written(value: Any) -> str:
+    if isinstance(value, Mapping):
+        inside = ", ".join(f"{json.dumps(k)} = {_written(v)}" for k, v in value.items())
+        return f"{{{inside}}}"
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(_written, value))}]"
+    if isinstance(value, float):
+        return repr(value)
+    return json.dumps(value, ensure_ascii=False, default=str)

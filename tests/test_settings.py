@@ -1,0 +1,51 @@
+import pytest
+
+from jointplay import JointplayError, Scenario
+from jointplay.scenario.settings import given_by, parse, tree, words
+
+SCARA = "jointplay:scara.toml"
+
+
+@pytest.mark.parametrize(
+    ("text", "key", "value"),
+    [
+        ("integration.step=5e-6", ("integration", "step"), 5e-6),
+        ('joints.b.radial_clearance="0.3 mm"', ("joints", "b", "radial_clearance"), "0.3 mm"),
+        ("joints.b.radial_clearance=0.3 mm", ("joints", "b", "radial_clearance"), "0.3 mm"),
+        ('joints."my joint".ideal = true', ("joints", "my joint", "ideal"), True),
+        ("motion.times=[0, '1 s']", ("motion", "times"), [0, "1 s"]),
+        ("title=a = b", ("title",), "a = b"),
+    ],
+)
+def test_a_setting_is_read_as_toml_and_text_needs_no_quotes(text, key, value):
+    setting = parse(text)
+    assert (setting.key, setting.value) == (key, value)
+    assert [(one.key, one.value) for one in map(parse, words([setting]))] == [(key, value)]
+
+
+@pytest.mark.parametrize("text", ["", "=", "step", "step=", "=3", "a b=1", "a..b=1", "[a]\nb=1"])
+def test_what_is_no_setting_is_refused_with_an_example(text):
+    with pytest.raises(JointplayError, match="--set"):
+        parse(text)
+
+
+def test_later_settings_count_more_and_are_blamed():
+    settings = [parse("a.b=1"), parse("a.c=2"), parse("a.b=3")]
+    assert tree(settings) == {"a": {"b": 3, "c": 2}}
+    assert given_by(settings, ("a", "c", 0)) == "--set a.c"
+    assert given_by(settings, ("a",)) is None
+
+
+def test_settings_reach_every_case_and_errors_name_them():
+    scenario = Scenario.load(SCARA, settings=[parse("joints.joint_b.normal.law=flores")])
+    for case in scenario.cases:
+        assert scenario.model(case).joints["joint_b"].fields["normal"].word == "flores"
+    with pytest.raises(JointplayError, match=r"^--set integration\.step: .*negative|^--set"):
+        Scenario.load(SCARA, settings=[parse("integration.step=wide")])
+
+
+def test_a_key_of_a_law_keeps_the_law_that_a_word_chose():
+    text = "joints.joint_b.friction.mu_d=0.3"
+    scenario = Scenario.load("jointplay:scara.toml", settings=[parse(text)])
+    friction = scenario.model("0.2 mm").joints["joint_b"].fields["friction"]
+    assert (friction.word, friction.fields["mu_d"]) == ("ambrosio", 0.3)
