@@ -23,6 +23,9 @@ MODULES = (
     "budget",
     "allocate",
     "reduce",
+    "sweep",
+    "plot_sweep",
+    "uncertainty",
 )
 """Modules with a command of their own, in the order of the help."""
 

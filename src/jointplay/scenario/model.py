@@ -91,6 +91,8 @@ class MotionTable:
     """Its roll, pitch and yaw at each time; free if not given."""
     frame: str | None = None
     """Frame that moves like this; the tool if not given."""
+    faster: float | None = quantity("", default=None)
+    """How many times as fast as given the motion is; it takes so much less time."""
     path: str | None = choice("path", PATHS, default=None)
     """Between Cartesian waypoints: joints in step, or the frame on a straight line."""
 
@@ -151,7 +153,7 @@ class HeldPayload(Payload):
 class Model:
     """A scenario, cases aside. What describes objects of the package is checked, not yet made."""
 
-    further_keys: ClassVar[tuple[str, ...]] = ("cases",)
+    further_keys: ClassVar[tuple[str, ...]] = ("cases", "sweep")
 
     title: str = ""
     """What the scenario is about, in a line."""
@@ -184,5 +186,5 @@ class Model:
     """What is kept."""
 
 
-NOT_IN_A_CASE = ("title", "cases")
+NOT_IN_A_CASE = ("title", "cases", "sweep")
 """Keys that a case does not have."""
