@@ -8,6 +8,7 @@ import pytest
 from conftest import body, joint
 
 import jointplay as jp
+from jointplay.mechanism.robots import robot_urdf
 from jointplay.study import scara
 
 SHAPE = """<{tag}><origin xyz="0.1 0.2 0.3" rpy="0.1 0.2 0.3"/>
@@ -86,3 +87,14 @@ def test_collision_meshes_that_are_missing_are_left_out(urdf):
     shape = SHAPE.format(tag="collision", form='mesh filename="package://none/none.stl"')
     path = urdf(body("l0").replace("</link>", f"{shape}</link>"), joint("j0", "base", "l0"))
     assert jp.Mechanism(path).collision_model.ngeoms == 0
+
+
+def test_collada_meshes_are_shown_whole():
+    mechanism = jp.Mechanism(robot_urdf("ur5"))
+    given = [shape.meshPath for shape in mechanism.visual_model.geometryObjects]
+    assert all(path.endswith(".dae") for path in given)
+    viz = mechanism.visualizer()
+    # What has no file any more goes to the browser triangle by triangle, all that coal has read.
+    assert {shape.meshPath for shape in viz.visual_model.geometryObjects} == {""}
+    assert sum(shape.geometry.num_tris for shape in viz.visual_model.geometryObjects) > 10_000
+    assert [shape.meshPath for shape in mechanism.visual_model.geometryObjects] == given

@@ -192,6 +192,11 @@ def visualizer(mechanism: Mechanism, folders: Sequence[str | Path], open_browser
     from jointplay.mechanism.loop import assemble
 
     look, shapes = visuals(mechanism, folders), collisions(mechanism, folders)
+    for shape in (*look.geometry.geometryObjects, *shapes.geometry.geometryObjects):
+        if Path(shape.meshPath).suffix.lower() == ".dae":
+            # Meshcat shows one part of a Collada file; the surface read here has them all.
+            shape.meshPath = ""
+            shape.meshColor = shape.meshColor if shape.overrideMaterial else _GREY
     made = MeshcatVisualizer(mechanism.model, shapes.geometry, look.geometry)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # textures that meshcat cannot show
