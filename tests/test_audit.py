@@ -75,7 +75,7 @@ def test_sound_run_does_not_warn():
             {"under_resolved": 2, "shortest_contact_steps": 7, "under_resolved_impulse": 0.002},
             "2 of 5 contacts lasted fewer",
         ),
-        ({"unsolved": 3}, "velocities of 3 steps"),
+        ({"unsolved": 30}, "velocities of 30 steps"),
         ({"unresolved": 2}, "2 macro steps did not reach the tolerance"),
         ({"friction_fed": 0.02}, "friction gave back 0.02 J"),
         ({"penetration_over_clearance": 0.6}, "60 % of its clearance"),

@@ -282,3 +282,10 @@ def test_figures_state_what_they_show(two):
     for figure in (plots.bars(found), plots.workspace_map(found), plots.course(found)):
         assert "static, rigid contact" in figure.get_supxlabel()
     assert "static" in plots.robot(mechanism, found, q).axes[0].get_title()
+
+
+def test_a_folder_called_like_a_robot_is_not_taken_for_it(tmp_path, monkeypatch, capsys):
+    (tmp_path / "ur5").mkdir()
+    monkeypatch.chdir(tmp_path)
+    assert main(["budget", "ur5", "--clearance", "0.1 mm"]) == 0
+    assert "tool: 'tool0'" in capsys.readouterr().out

@@ -193,7 +193,7 @@ def _urdf(place: str) -> Path:
 
     if place.startswith("jointplay:"):
         return shipped(place.removeprefix("jointplay:"))
-    if place.startswith(PREFIX) or Path(place).suffix or Path(place).exists():
+    if place.startswith(PREFIX) or Path(place).suffix or Path(place).is_file():
         return resolve(place)
     return robot_urdf(place)
 

@@ -32,6 +32,10 @@ UNDER_RESOLVED_WARNING = 1e-3
 STEP_WARNING = 0.01
 """Error by the step, relative to the motion, above which a run warns."""
 
+FEW_UNSOLVED = 10
+"""So many steps whose velocities are known to less than the solve's tolerance are not worth a word:
+a first step from rest, or a corner of a friction law hit exactly."""
+
 FED_WARNING = 0.01
 """What friction may give back, relative to the energy exchanged, before a run warns."""
 
@@ -220,7 +224,7 @@ class Audit:
                 "a jammed journal may be off by tens of per cent; take the integrator "
                 f"{DEFAULT!r}, which does"
             )
-        if self.unsolved:
+        if self.unsolved > FEW_UNSOLVED:
             found.append(
                 f"the velocities of {self.unsolved} steps were not found: friction falls too "
                 "steeply with speed for this step; reduce it"

@@ -7,7 +7,7 @@ readers need not doubt: they would stumble over it one by one, each in its own w
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
@@ -73,9 +73,9 @@ class Inputs:
     joint_friction: dict[str, JointFriction] | None = None
     seed: int | None = None
     payloads: tuple[Payload, ...] = ()
-    start: dict[str, float] | str | None = None
-    state: dict[str, list[float | None]] = field(default_factory=dict)
-    settle: float | str | None = None
+    start: dict[str, float] | str | None = quantity("", default=None)
+    state: dict[str, list[float | None]] = quantity("", default_factory=dict)
+    settle: float | str | None = quantity("s", default=None)
     judge_from: float | None = quantity("s", default=None)
     start_speed: dict[str, float] = quantity("", default_factory=dict)
 
