@@ -16,6 +16,7 @@ MODULES = (
     "schema",
     "play",
     "report",
+    "export",
     "robots",
     "urdf",
     "wear",

@@ -252,7 +252,7 @@ def _as_given(
             )
     if source == "file":
         with within("motion", "file"):
-            return _from_csv(locate(given["file"], folder), interpolation)
+            return _from_file(locate(given["file"], folder), table.interpolation)
     if source == "speeds":
         return _turning(model, mechanism, start)
     if table.times is None:
@@ -273,18 +273,24 @@ def _as_given(
         return Motion(list(given["joints"]), table.times, positions, interpolation)
 
 
-def _from_csv(path: Path, interpolation: str) -> Motion:
+def _from_file(path: Path, interpolation: str | None) -> Motion:
     """Motion of a file, which is read again only once it has changed."""
     try:
         found = path.stat()
-    except (OSError, ValueError):  # which from_csv puts into words
-        return Motion.from_csv(path, interpolation)
-    return _read_csv(path, interpolation, (found.st_mtime_ns, found.st_size, found.st_ino))
+    except (OSError, ValueError):  # which those who read put into words
+        return _read(path, interpolation)
+    return _read_once(path, interpolation, (found.st_mtime_ns, found.st_size, found.st_ino))
 
 
 @lru_cache(maxsize=16)
-def _read_csv(path: Path, interpolation: str, stamp: tuple[int, ...]) -> Motion:
-    return Motion.from_csv(path, interpolation)
+def _read_once(path: Path, interpolation: str | None, stamp: tuple[int, ...]) -> Motion:
+    return _read(path, interpolation)
+
+
+def _read(path: Path, interpolation: str | None) -> Motion:
+    if path.suffix.lower() == ".mcap":  # recorded, and dense
+        return Motion.from_mcap(path, interpolation=interpolation or "spline")
+    return Motion.from_csv(path, interpolation or INTERPOLATIONS[0])
 
 
 def _turning(model: Model, mechanism: Mechanism, start: dict[str, float]) -> Motion:

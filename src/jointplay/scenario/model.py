@@ -75,7 +75,8 @@ class MotionTable:
     """Reference motion: a file, joint positions, constant speeds, or positions of the tool."""
 
     file: str | None = None
-    """CSV with the header ``time_s,<joint>,...``, in rad and m; a path like that of the URDF."""
+    """CSV with the header ``time_s,<joint>,...``, in rad and m, or ROS 2 bag (.mcap); a path like
+    that of the URDF."""
     times: list[float] | None = quantity("s", default=None)
     """Times of the waypoints."""
     joints: dict[str, list[float]] | None = quantity(*ANGLE, default=None)
@@ -83,7 +84,7 @@ class MotionTable:
     speeds: dict[str, float] | None = quantity(*ANGULAR_SPEED, default=None)
     """Constant speed, by joint, from the position in [start]; needs a duration."""
     interpolation: str | None = choice("interpolation", INTERPOLATIONS, default=None)
-    """How joints move between waypoints; ``rest-to-rest`` if not given."""
+    """How joints move between waypoints; if not given ``rest-to-rest``, for a bag ``spline``."""
     tool_position: list[Vector] | None = quantity("m", default=None)
     """Position of the frame at each time, in world axes; inverse kinematics finds the joints'."""
     tool_rpy: list[Vector] | None = quantity("rad", default=None)
