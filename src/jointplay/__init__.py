@@ -84,10 +84,12 @@ _HOMES = {
     "cartesian_motion": "motion.cartesian",
     "material": "joints.materials",
     "oil": "joints.materials",
+    "open_sweep": "sweeps",
     "robot_scenario": "scenario.robot",
     "reduce_joint": "analysis.reduce",
     "shipped": "mechanism.urdf",
     "simulate": "simulation",
+    "sweep": "sweeps",
     "wear_life": "analysis.wear",
     "worn_depth": "analysis.wear",
 }
@@ -166,6 +168,8 @@ if TYPE_CHECKING:
     from jointplay.scenario.robot import robot_scenario as robot_scenario
     from jointplay.simulation import Simulation as Simulation
     from jointplay.simulation import simulate as simulate
+    from jointplay.sweeps import open_sweep as open_sweep
+    from jointplay.sweeps import sweep as sweep
 
 
 def __getattr__(name: str) -> Any:

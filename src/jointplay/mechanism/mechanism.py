@@ -26,6 +26,7 @@ from jointplay.mechanism.gear import Gear
 from jointplay.mechanism.lock import Lock
 from jointplay.mechanism.loop import Loop, refuse_name
 from jointplay.mechanism.model import build, parse
+from jointplay.mechanism.shown import Shown
 
 STANDARD_GRAVITY = (0.0, 0.0, -9.81)
 """Gravity in world axes [m/s^2]."""
@@ -73,7 +74,7 @@ class WrittenMechanism:
     gears: dict[str, Gear] = field(default_factory=dict)
 
 
-class Mechanism(Described):
+class Mechanism(Described, Shown):
     """A robot or linkage from a URDF, ideal or with clearance in some of its joints.
 
     Args:

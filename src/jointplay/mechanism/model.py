@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Mapping
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -34,23 +35,28 @@ _SINGLE = {
 def parse(description: Description) -> pin.Model:
     """Pinocchio's own reading of the URDF, from a file because its text reader names no errors.
 
+    The same text is read once: what is returned is shared, and must not be changed.
+
     Raises:
         JointplayError: Pinocchio cannot read it.
     """
+    return _parsed(description.text, str(description.path))
+
+
+@lru_cache(maxsize=32)
+def _parsed(text: str, path: str) -> pin.Model:
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "robot.urdf"
         noise: list[str] = []
         try:
-            file.write_text(description.text, encoding="utf-8")
+            file.write_text(text, encoding="utf-8")
             with caught_stderr(noise):
                 return pin.buildModelFromUrdf(str(file))
         except (ValueError, RuntimeError) as error:
             said = [*str(error).splitlines(), *noise]
             reason = next((line.strip() for line in said if line.strip()), "no reason given")
-            reason = reason.replace(str(file), description.path.name)
-            raise JointplayError(
-                f"Pinocchio cannot read the URDF {str(description.path)!r}: {reason}"
-            ) from None
+            reason = reason.replace(str(file), Path(path).name)
+            raise JointplayError(f"Pinocchio cannot read the URDF {path!r}: {reason}") from None
 
 
 def build(

@@ -151,12 +151,12 @@ class Plots:
         style: str = "screen",
         **line: Any,
     ) -> Figure:
-        """Tool's difference from the ideal robot over time [mm, mm/s].
+        """Tool's difference from the ideal robot over time [mm, mm/s, mrad, mrad/s].
 
         Args:
             axis: x, y, z, total, or None for x, y and z.
             ideal: the ideal robot's run; None simulates it (`analysis.twin`).
-            of: ``tool_position`` or ``tool_velocity``.
+            of: one of `analysis.tool_error.TOOL_MOTIONS`.
             ax: see the class.
             style: see the class.
             line: see the class.
@@ -168,7 +168,7 @@ class Plots:
             )
         reference = analysis.twin(self.result) if ideal is None else ideal
         error = analysis.deviation(self.result, reference, of)
-        unit = "mm" if of == "tool_position" else "mm/s"
+        unit = f"m{error.attrs['units']}"
         with self._axes(ax, style) as panel:
             time, values = error["time"].values, 1e3 * error.values
             self._components(panel, time, values, axis, "deviation", unit, line)

@@ -328,7 +328,8 @@ def _judged(
         "judged_impacts": int((statistics["onsets"] - before["onsets"]).sum()),
         "judged_impulse": float((statistics["impulse"] - before["impulse"]).sum()),
     }
-    peaks = workspace.recorded("force_peak").reshape(workspace.rows, -1, 3)
+    recorded = workspace.recorded("force_peak")
+    peaks = recorded.reshape(len(recorded), recorded.shape[1] // 3, 3)
     if peaks.shape[1]:
         sizes = np.linalg.norm(peaks, axis=2).max(axis=1)
         late = workspace.recorded("time")[:, 0] >= judgement.judged_from

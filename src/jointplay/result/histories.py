@@ -28,6 +28,13 @@ from jointplay.result.audit import Audit, Judgement
 from jointplay.result.loads import Acting, Pushes
 from jointplay.result.result import AXES, FORMAT, Result
 
+QUATERNION = ("w", "x", "y", "z")
+"""Components of orientations, in their order."""
+CONVENTION = (
+    "Hamilton quaternion w, x, y, z of the active rotation from the tool's axes to the world's: "
+    "v_world = R(quaternion) v_tool; the scalar comes first, signs do not jump"
+)
+
 
 @dataclass(frozen=True)
 class Phase:
@@ -76,6 +83,7 @@ def histories(
         "drive": (("time", "coordinate"), workspace.recorded("drive"), "", "drive efforts"),
         "tool_position": (("time", "axis"), body["position"], "m", f"{mechanism.tool}, world axes"),
         "tool_velocity": (("time", "axis"), body["velocity"], "m/s", "of the tool, world axes"),
+        **_turning(body),
         "kinetic_energy": (("time",), body["kinetic"], "J", "kinetic energy"),
         "potential_energy": (("time",), body["potential"], "J", "potential energy of gravity"),
     }
@@ -138,6 +146,7 @@ def histories(
         "coordinate": list(mechanism.coordinates),
         "coordinate_unit": ("coordinate", units),
         "axis": list(AXES),
+        "quaternion": list(QUATERNION),
     }
     if mechanism.clearance:
         coordinates |= {"joint": list(mechanism.clearance), "contact": contact_names(mechanism)}
@@ -183,6 +192,7 @@ def histories(
             "v": "coordinate_unit per second",
             "drive": "N m for rad, N for m",
         }[name]
+    dataset["tool_orientation"].attrs["comment"] = CONVENTION
     if mechanism.clearance:
         for name, kind in (("mode", Mode), ("form", Form)):
             members = [member.name.lower() for member in kind]  # type: ignore[var-annotated]
@@ -201,6 +211,20 @@ def _beyond_limits(
     effort = workspace.recorded("drive") + acting.driven(workspace)
     time, q, v = (workspace.recorded(name) for name in ("time", "q", "v"))
     return beyond(mechanism, time[:, 0], q, v, effort)
+
+
+def _turning(body: Mapping[str, Any]) -> dict[str, Any]:
+    """The tool's orientation and angular velocity."""
+    text = "orientation of the tool in the world, unit quaternion w, x, y, z"
+    return {
+        "tool_orientation": (("time", "quaternion"), body["orientation"], "1", text),
+        "tool_angular_velocity": (
+            ("time", "axis"),
+            body["spin"],
+            "rad/s",
+            "angular velocity of the tool, world axes",
+        ),
+    }
 
 
 def versions() -> dict[str, str]:
@@ -278,6 +302,8 @@ def _kinematics(
     return {
         "position": motion.tool[:, :3],
         "velocity": motion.tool[:, 3:],
+        "orientation": motion.orientation,
+        "spin": motion.spin,
         "kinetic": motion.energy[:, 0],
         "potential": motion.energy[:, 1],
         "bearings": dict(zip(names, motion.bearings.reshape(len(pairs), n, 3, 3), strict=True)),

@@ -53,6 +53,12 @@ _WITH_PLAY = {
 }
 """Those of results with clearance."""
 
+_MAY_HAVE = {
+    "tool_orientation": ("time", "quaternion"),
+    "tool_angular_velocity": ("time", "axis"),
+}
+"""Those that earlier versions did not write."""
+
 _TEXTS = ("status", "message", "audit", "simulation")
 
 
@@ -200,6 +206,7 @@ def _check_histories(dataset: xr.Dataset, path: Path, given: Any) -> None:
             if joint not in names:
                 raise _wrong(path, f"it has histories of the joint {_short(joint)}, not its inputs")
         _names(dataset, path, "contact")
+    wanted |= {name: dims for name, dims in _MAY_HAVE.items() if name in dataset.data_vars}
     for name, dims in wanted.items():
         if name not in dataset.data_vars:
             raise _wrong(path, f"it has no variable {name!r}")
@@ -213,6 +220,9 @@ def _check_histories(dataset: xr.Dataset, path: Path, given: Any) -> None:
     _names(dataset, path, "coordinate")
     if _names(dataset, path, "axis") != _AXES:
         raise _wrong(path, f"its axes are {_short(_names(dataset, path, 'axis'))}, not x, y, z")
+    if "quaternion" in dataset.dims and _names(dataset, path, "quaternion") != [*"wxyz"]:
+        found = _short(_names(dataset, path, "quaternion"))
+        raise _wrong(path, f"its quaternions are {found}, not w, x, y, z")
     if "moving_joint" in dataset.dims:
         _names(dataset, path, "moving_joint")
 

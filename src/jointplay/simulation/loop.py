@@ -29,8 +29,9 @@ says differs from it by no more, or the next macro step is shorter.
 The error between the middles is a small part of that. Measured: docs/integrators.md.
 """
 
-LARGEST_DEPARTURE = 1e-5
-"""Angle by which the state may leave the path that was predicted for a macro step [rad]."""
+LARGEST_DEPARTURE = 3.0
+"""Angle by which the state may leave the path that was predicted for a macro step, over the micro
+step [rad/s]: in proportion, so that smaller micro steps bring this error down with their own."""
 
 LOOP_TOLERANCE = 3e-5
 """`MACRO_TOLERANCE` with ideal loops, which drift apart by what the parabola is off."""
@@ -231,7 +232,7 @@ class MultiRate(Loop):
         self._planned_on = False
         fixed = macro_step is not None
         run["fixed"], run["unit"] = fixed, 1
-        run["departure_limit"] = np.inf if fixed else LARGEST_DEPARTURE
+        run["departure_limit"] = np.inf if fixed else LARGEST_DEPARTURE * self._dt
         longest = LONGEST_MACRO_STEP_S if macro_step is None else macro_step
         run["longest"] = max(round(longest / self._dt), 1)
         run["wish"] = run["longest"] if fixed else max(int(run["longest"][0]) // 10, 1)
