@@ -138,6 +138,7 @@ class Case:
             simulation = replace(simulation, mechanism=simulation.mechanism.ideal())
         if self.duration is not None:
             simulation = replace(simulation, duration=self.duration)
+        simulation = replace(simulation, start="centred")
         return settings.apply(simulation, INTERVAL[self.mechanism])
 
 

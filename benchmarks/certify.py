@@ -64,9 +64,13 @@ class Configuration:
             )
             gravity = (0.0, 0.0, -9.81 if self.loaded else 0.0)
             robot = jp.Mechanism(jp.shipped("scara.urdf"), {JOINT: bearing}, gravity=gravity)
-            return jp.Simulation(robot, motion(), **options)
+            return jp.Simulation(robot, motion(), start="centred", **options)
         base = jp.Scenario.load("jointplay:slider_crank.toml").simulation(
-            "0.1 mm", {"joints": {"piston_pin": {"radial_clearance": self.clearance}}}
+            "0.1 mm",
+            {
+                "joints": {"piston_pin": {"radial_clearance": self.clearance}},
+                "integration": {"start": "centred"},
+            },
         )
         pin = base.mechanism.clearance["piston_pin"]
         pin = replace(pin, friction=law)

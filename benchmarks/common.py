@@ -55,6 +55,7 @@ class Case:
             "integrator": self.integrator,
             "record_every": round(RECORD_INTERVAL / self.step),
             "seed": seed,
+            "start": "centred",
         } | options
         return jp.Simulation(
             jp.Mechanism(jp.shipped("scara.urdf"), bearing, gravity=gravity), motion(), **options

@@ -33,7 +33,7 @@ def simulations(records):
         "slider-crank, planar": slider_crank(jp.ClearanceJoint.planar(radial_clearance=0.5e-3)),
     }
     found = {
-        name: jp.Simulation(mechanism, motion, **more, **options)
+        name: jp.Simulation(mechanism, motion, **{"start": "centred"} | more, **options)
         for name, (mechanism, motion, more) in built.items()
     }
     scenario = jp.Scenario.load("jointplay:four_bar.toml")

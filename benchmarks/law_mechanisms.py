@@ -107,7 +107,7 @@ class Trial:
             return build("film", self.name, viscosity=viscosity(self.mechanism))
         if self.name == "anagnostopoulos":
             robot, reference, options = self._robot(self._base())
-            q = jp.Simulation(robot, reference, **options).prepare().workspace.q
+            q = jp.Simulation(robot, reference, start="centred", **options).prepare().workspace.q
             return build("normal", self.name, mass=effective_mass(robot, self._place, q))
         law = build(self.family, self.name)
         if self.family == "friction" and self.mechanism == CRANK:
@@ -129,7 +129,7 @@ class Trial:
             options |= {"duration": QUICK} if self.quick else {}
         else:
             options |= {"step": 1e-6, "record_every": 4, "duration": self.turns * TURN}
-        return jp.Simulation(robot, reference, seed=seed, **options)
+        return jp.Simulation(robot, reference, seed=seed, start="centred", **options)
 
     @property
     def _place(self):

@@ -148,6 +148,7 @@ def sliding(law, cycles=1.5):
         mechanism,
         motion,
         drive={"along": jp.Prescribed()},
+        start="centred",
         joint_friction={},
         step=1e-5,
     )

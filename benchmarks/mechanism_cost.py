@@ -65,7 +65,15 @@ def slider_crank(joint):
         tool="slider",
     )
     motion = jp.Motion(["crank_pin"], [0, 1], [[0], [SPEED]], "constant-speed")
-    return mechanism, motion, {"drive": {"crank_pin": jp.Prescribed()}, "start": {"guide": 0.17}}
+    return (
+        mechanism,
+        motion,
+        {
+            "drive": {"crank_pin": jp.Prescribed()},
+            "state": {"guide": 0.17},
+            "start": "centred",
+        },
+    )
 
 
 def mechanisms(folder):

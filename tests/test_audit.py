@@ -56,6 +56,12 @@ def test_short_contact_without_impulse_is_no_doubt():
 
 def test_sound_run_does_not_warn():
     assert GOOD.warnings == []
+    assert (
+        Audit(**(GOOD.describe() | {"relative_step_error": 0.009, "step_error": 1.0})).warnings
+        == []
+    )
+    found = {"tooth_steps": 6.0, "relative_step_error": 0.0, "step_error": 0.0}
+    assert Audit(**(GOOD.describe() | found)).warnings == []  # another step gives the same
     assert "warning" not in str(GOOD)
 
 
@@ -69,10 +75,13 @@ def test_sound_run_does_not_warn():
             {"under_resolved": 2, "shortest_contact_steps": 7, "under_resolved_impulse": 0.002},
             "2 of 5 contacts lasted fewer",
         ),
-        ({"unsolved": 3}, "velocities of 3 steps"),
+        ({"unsolved": 30}, "velocities of 30 steps"),
         ({"unresolved": 2}, "2 macro steps did not reach the tolerance"),
         ({"friction_fed": 0.02}, "friction gave back 0.02 J"),
         ({"penetration_over_clearance": 0.6}, "60 % of its clearance"),
+        ({"step_error": 8e-3, "relative_step_error": 0.09}, "tool is off by about 0.008 m"),
+        ({"step_error": math.inf, "relative_step_error": math.inf}, "the run ends otherwise"),
+        ({"tooth_steps": 6.0}, "gear teeth last 6 steps"),
         ({"friction_step_limit": 4e-6}, "does not follow friction"),
         ({"friction_step_limit": 5e-6}, "does not follow friction"),
     ],

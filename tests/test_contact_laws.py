@@ -28,7 +28,7 @@ DELTA, DDELTA, DDELTA0 = 7e-6, -0.03, 0.1
 
 def value(law, *state):
     p = law.parameters() if len(state) == 1 else law.parameters(STEEL)
-    return law.function(*state, p)
+    return law.function(*state, *p)
 
 
 def test_each_law_is_its_formula():

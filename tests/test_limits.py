@@ -11,12 +11,11 @@ import pytest
 from conftest import body, joint
 
 import jointplay as jp
-from jointplay import JointplayError
+from jointplay import JointplayError, codec
 from jointplay.commands.run_scenario import file_names
 from jointplay.host import numba_cache
 from jointplay.mechanism.loop import closing_rows, misfit
 from jointplay.mechanism.urdf import MOST_MOVING
-from jointplay.scenario.tables import mirror
 from jointplay.study import run_study, scara
 from jointplay.units import convert
 
@@ -124,12 +123,12 @@ def test_the_mass_of_an_impact_takes_its_unit():
 
 
 def test_a_number_without_a_unit_cannot_come_into_the_package():
+    @dataclasses.dataclass
     class Novel:
-        def __init__(self, length: float) -> None:
-            pass
+        length: float
 
     with pytest.raises(TypeError, match=r"Novel.length is a number without a unit"):
-        mirror(Novel)
+        codec.check(Novel, {"length": 1.0})
 
 
 def scenario(line="", new="", path="study.toml"):
@@ -232,32 +231,31 @@ def closed(run):
 
 
 def test_a_loop_with_play_in_a_further_joint_is_assembled():
-    run = four_bar(5e-5, duration=1e-3).prepare()
+    run = four_bar(5e-5, duration=1e-3, start="centred").prepare()
     assert closed(run) < 1e-9
     v = run.workspace.v
     assert v[run.mechanism.coordinate("crank_pin")] == pytest.approx(20.0 * np.pi)
     assert np.abs(closing_rows(run.mechanism, run.workspace.q) @ v).max() < 1e-9
 
 
-FREE = {"motion": None, "drive": {}, "duration": 1e-3}
+FREE = {"motion": None, "drive": {}, "duration": 1e-3, "start": "centred"}
 
 
 def test_the_crank_alone_is_enough_to_start_a_loop_with_play_in_two_joints():
-    given = {"start": {"crank_pin": 0.7}, "start_speed": {"crank_pin": 5.0}}
-    run = four_bar(5e-5, **FREE, **given).prepare()
+    run = four_bar(5e-5, **FREE, state={"crank_pin": (0.7, 5.0)}).prepare()
     assert closed(run) < 1e-9
     assert run.workspace.q[run.mechanism.coordinate("crank_pin")] == 0.7
     assert np.abs(closing_rows(run.mechanism, run.workspace.q) @ run.workspace.v).max() < 1e-9
 
 
 def test_positions_given_to_the_last_digit_may_leave_the_journal_off_centre():
-    exact = four_bar(5e-5, **FREE, start={"crank_pin": 0.7}).prepare()
+    exact = four_bar(5e-5, **FREE, state={"crank_pin": 0.7}).prepare()
     mechanism = exact.mechanism
     given = {
         name: round(float(exact.workspace.q[mechanism.coordinate(name)]), 4)
         for name in ("crank_pin", "coupler_pin", "rocker_pin")
     }
-    run = four_bar(5e-5, **FREE, start=given).prepare()
+    run = four_bar(5e-5, **FREE, state=given).prepare()
     for name, value in given.items():
         assert run.workspace.q[mechanism.coordinate(name)] == value
     assert closed(run) < 5e-5
@@ -266,7 +264,7 @@ def test_positions_given_to_the_last_digit_may_leave_the_journal_off_centre():
 def test_positions_that_do_not_go_together_are_blamed_not_the_lengths():
     start = {"crank_pin": 0.3, "coupler_pin": 2.0, "rocker_pin": 1.0}
     with pytest.raises(JointplayError, match="given for crank_pin, coupler_pin, rocker_pin do not"):
-        four_bar(5e-5, **FREE, start=start).prepare()
+        four_bar(5e-5, **FREE, state=start).prepare()
 
 
 def test_a_journal_may_fly_at_the_start():
@@ -359,3 +357,40 @@ def test_a_package_that_cannot_be_written_to_runs_with_a_hint(monkeypatch):
     with pytest.warns(RuntimeWarning, match="name a folder in NUMBA_CACHE_DIR"):
         numba_cache.ensure()
     assert Path(numba_cache.numba.config.CACHE_DIR).is_dir()
+
+
+def test_a_thousand_seconds_are_tabulated_no_further_than_the_motion_goes():
+    long = dataclasses.replace(scara(2e-4), duration=1000.0, record_every=10**6)
+    assert len(long.prepare().workspace.reference) == 30_002
+    free = dataclasses.replace(long, motion=None, drive=jp.Torque((0.0, 0.5), (1.0, 2.0)))
+    assert len(free.prepare().workspace.reference) == 5_002
+    loose = dataclasses.replace(long, motion=None, drive=jp.Free())
+    assert len(loose.prepare().workspace.reference) == 2
+
+
+def test_after_the_end_of_its_motion_a_prescribed_joint_stands_still(urdf):
+    robot = jp.Mechanism(
+        urdf(body("arm", com="0.1 0 0"), joint("pin", "base", "arm", axis="0 1 0"))
+    )
+    motion = jp.Motion(["pin"], [0.0, 0.10005], [[0.0], [1.0]])
+    result = jp.simulate(robot, motion, drive=jp.Prescribed(), duration=0.3)
+    after = result.time > 0.1003
+    assert np.abs(result["q"].values[after, 0] - 1.0).max() < 1e-8
+    weight = 2.0 * 9.81 * 0.1 * np.cos(1.0)
+    assert np.abs(np.abs(result["drive"].values[after, 0]) - weight).max() < 1e-6 * weight
+
+
+def test_after_its_last_point_a_torque_stays(urdf):
+    robot = jp.Mechanism(urdf(body("arm"), joint("pin", "base", "arm")), gravity=(0, 0, 0))
+    torque = jp.Torque((0.0, 0.05), (0.0, 1.0))
+    result = jp.simulate(robot, drive={"pin": torque}, duration=0.2)
+    assert np.abs(result["drive"].values[result.time > 0.05, 0] - 1.0).max() < 1e-12
+
+
+def test_a_motion_that_takes_long_to_tabulate_has_a_bar(urdf, monkeypatch, capsys):
+    monkeypatch.setattr("jointplay.motion.ideal._PATIENCE_S", 0.0)
+    simulation = dataclasses.replace(scara(2e-4), duration=0.01)
+    simulation.prepare(progress=True)
+    assert "tabulating the motion" in capsys.readouterr().err
+    simulation.prepare()
+    assert capsys.readouterr().err == ""

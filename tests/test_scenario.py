@@ -11,12 +11,12 @@ import pytest
 
 import jointplay as jp
 from jointplay.contact import FILM_LAWS, FRICTION_LAWS, NORMAL_LAWS, CustomBristle, Dahl, LuGre
+from jointplay.joints import JOINT_WORDS
 from jointplay.kernel import Status
 from jointplay.loads.drive import DRIVES
 from jointplay.result import Result
 from jointplay.scenario import Scenario
 from jointplay.scenario.load import merge
-from jointplay.scenario.model import KINDS
 from jointplay.scenario.places import lines
 from jointplay.scenario.schema import schema
 from jointplay.study import CASES, CONDITIONS, scara
@@ -99,7 +99,7 @@ def test_the_papers_study_is_its_shipped_scenario(clearance, condition):
         allow_unphysical=unphysical,
     )
     motion = jp.Motion.from_csv(jp.shipped("scara_motion.csv"))
-    expected = jp.Simulation(robot, motion, record_every=20, seed=3).describe()
+    expected = jp.Simulation(robot, motion, record_every=20, seed=3, start="centred").describe()
     assert scara(clearance, condition, 20, 3).describe() == expected
 
 
@@ -508,7 +508,8 @@ def test_schema_accepts_what_ships_and_marks_mistakes():
 def test_schema_has_units_and_explanations():
     joint = schema()["$defs"]["ClearanceJoint"]["properties"]
     assert joint["radial_clearance"]["description"] == "C_r, radial, not diametral [m]."
-    assert schema()["$defs"]["LuGre"]["properties"]["v_s"]["description"] == "Stribeck speed [m/s]."
+    speed = schema()["$defs"]["LuGre"]["properties"]["v_s"]["description"]
+    assert speed == "Speed over which the friction falls from static to dynamic [m/s]."
 
 
 def test_documentation_has_every_key_and_word():
@@ -517,7 +518,7 @@ def test_documentation_has_every_key_and_word():
     for name, table in schema()["$defs"].items():
         if name != "Case":
             assert not set(table["properties"]) - words - {"law"}, name
-    assert not {*NORMAL_LAWS, *FRICTION_LAWS, *FILM_LAWS, *DRIVES, *KINDS} - words
+    assert not {*NORMAL_LAWS, *FRICTION_LAWS, *FILM_LAWS, *DRIVES, *JOINT_WORDS} - words
     for table in schema()["properties"]:
         assert f"[{table}" in text or f"[[{table}" in text or table in words, table
     for block in re.findall(r"```toml\n(.*?)```", text, re.S):
@@ -526,10 +527,10 @@ def test_documentation_has_every_key_and_word():
 
 
 def test_every_quantity_has_a_unit_that_is_known():
-    """An argument that is new in a class and no pure number must be entered in `UNITS`."""
+    """A field that is new in a class and no pure number has its unit, or `codec` refuses it."""
     pure = {
         *("poisson", "restitution", "mu_d", "mu_s", "n", "p", "q", "damping_ratio"),
-        *("parameters", "seed", "record_every"),
+        *("parameters", "seed", "record_every", "tolerance", "faster"),
     }
     for name, table in schema()["$defs"].items():
         for key, value in table["properties"].items():
@@ -550,3 +551,25 @@ def test_materials_by_name_or_with_units():
     wrong = refusal(words.replace('"bronze"', '"bronce"'))
     assert "line 9, joints.joint_b.bearing_material" in wrong
     assert 'did you mean "bronze"' in wrong
+
+
+def test_a_motion_can_be_faster_than_given():
+    scenario = Scenario.load("jointplay:scara.toml")
+    plain, fast = (
+        scenario.simulation("0.2 mm", {"motion": {"faster": times}}).motion for times in (1.0, 2.0)
+    )
+    assert fast.duration == plain.duration / 2.0
+    at = np.linspace(0.0, 1.4, 20)
+    np.testing.assert_allclose(fast(at)[0], plain(2.0 * at)[0], atol=1e-12)
+    np.testing.assert_allclose(fast(at)[1], 2.0 * plain(2.0 * at)[1], atol=1e-9)
+    with pytest.raises(jp.JointplayError, match=r"motion.faster.*greater than zero"):
+        scenario.simulation("0.2 mm", {"motion": {"faster": 0.0}})
+
+
+def test_a_mechanism_is_built_whole_yet_errors_name_their_part():
+    scenario = Scenario.load("jointplay:scara_ab.toml")
+    joints = {"joint_a": {}, "joint_b": {"bearing_radius": "-1 mm"}}
+    with pytest.raises(jp.JointplayError, match=r"joints.joint_b.bearing_radius"):
+        scenario.simulation("A and B", {"joints": joints})
+    with pytest.raises(jp.JointplayError, match=r"joints.joint_x.*no joint"):
+        scenario.simulation("A and B", {"joints": {"joint_x": {"ideal": True}}})

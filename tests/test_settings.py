@@ -39,7 +39,7 @@ def test_later_settings_count_more_and_are_blamed():
 def test_settings_reach_every_case_and_errors_name_them():
     scenario = Scenario.load(SCARA, settings=[parse("joints.joint_b.normal.law=flores")])
     for case in scenario.cases:
-        assert scenario.model(case).joints["joint_b"].normal.law == "flores"
+        assert scenario.model(case).joints["joint_b"].fields["normal"].word == "flores"
     with pytest.raises(JointplayError, match=r"^--set integration\.step: .*negative|^--set"):
         Scenario.load(SCARA, settings=[parse("integration.step=wide")])
 
@@ -47,5 +47,5 @@ def test_settings_reach_every_case_and_errors_name_them():
 def test_a_key_of_a_law_keeps_the_law_that_a_word_chose():
     text = "joints.joint_b.friction.mu_d=0.3"
     scenario = Scenario.load("jointplay:scara.toml", settings=[parse(text)])
-    friction = scenario.model("0.2 mm").joints["joint_b"].friction
-    assert (friction.law, friction.mu_d) == ("ambrosio", 0.3)
+    friction = scenario.model("0.2 mm").joints["joint_b"].fields["friction"]
+    assert (friction.word, friction.fields["mu_d"]) == ("ambrosio", 0.3)

@@ -196,7 +196,9 @@ def slider_crank(
         ramp: sliding speed at which it is reached [m/s].
         joint: other fields of the joint.
     """
-    shipped = jp.Scenario.load(jp.shipped("slider_crank.toml")).simulation("0.2 mm")
+    shipped = jp.Scenario.load(jp.shipped("slider_crank.toml")).simulation(
+        "0.2 mm", {"integration": {"start": "centred"}}
+    )
     old = shipped.mechanism
     fields = {
         "radial_clearance": clearance,
@@ -216,7 +218,9 @@ def slider_crank(
 
 def scara(clearance: float = 0.2e-3, **options: object) -> Problem:
     """The shipped SCARA, weight balanced, C_r = C_a = `clearance`; `options` of the simulation."""
-    shipped = jp.Scenario.load(jp.shipped("scara.toml")).simulation("0.2 mm")
+    shipped = jp.Scenario.load(jp.shipped("scara.toml")).simulation(
+        "0.2 mm", {"integration": {"start": "centred"}}
+    )
     joint = dataclasses.replace(
         jp.ClearanceJoint(radial_clearance=clearance, axial_clearance=clearance),
         friction=jp.Ambrosio(0.1),

@@ -94,7 +94,7 @@ def spinning_impact(quick: bool = False, wrong: bool = False) -> Outcome:
         )  # fmt: skip
         result = jp.simulate(
             disc(bearing, (g, 0, 0)), duration=speed / g + 1e-3, step=4e-7, integrator="rk4",
-            record_every=100, start_speed={"turn": spin}, **FREE,
+            record_every=100, state={"turn": (None, spin)}, **FREE,
         )  # fmt: skip
         _, sideways, turning = result["v"].values[-1]
         impulse = (1.0 if wrong else 1.0 + e) * speed

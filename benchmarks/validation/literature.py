@@ -15,7 +15,6 @@ from common import COLOURS, MARKERS, draw_ensembles, new_figure, spread
 from scipy.optimize import brentq
 
 import jointplay as jp
-from jointplay.kernel import Command
 from validation import Outcome, case
 from validation.mechanisms import FREE, body, joint, urdf
 
@@ -160,7 +159,7 @@ def _prepare(turns: float, bearing: jp.ClearanceJoint | None, **options) -> jp.s
     )
     return jp.Simulation(
         robot, motion, drive={"crank_pin": jp.Prescribed()}, joint_friction={},
-        start={"guide": CRANK + ROD}, **options,
+        state={"guide": CRANK + ROD}, start="centred", **options,
     ).prepare()  # fmt: skip
 
 
@@ -257,7 +256,7 @@ def _turning(
     run.workspace.q[1] -= shift[1] / ROD
     run.workspace.q[2] += shift[0]
     if nudge:
-        run.begin = functools.partial(_begin_nudged, run, transient, nudge)
+        _begin_nudged(run, transient, nudge)
     result = run.execute()
     per_turn = round(TURN / RECORD)
     at = slice(transient * per_turn, (transient + turns) * per_turn + 1)
@@ -277,11 +276,11 @@ def _turning(
 
 def _begin_nudged(run, transient: int, nudge: float) -> None:
     """Begin, go through the transient, and move the slider."""
-    type(run).begin(run)
+    run.begin()
     run.advance(round(transient * TURN / STEP))
-    run.workspace.do(Command.SETTLE if run.method.single_rate else Command.SETTLE_MACRO)
+    run.settle()
     run.workspace.q[2] += nudge
-    type(run).begin(run)
+    run.begin()
 
 
 def _runs(quick: bool, clearance: float, **changes: float) -> list[Turns]:
@@ -888,8 +887,8 @@ def guided(
     first, second = START[0], START[1] - START[0]
     return jp.simulate(
         robot, duration=duration, step=step, integrator="rk4", record_every=round(1e-5 / step),
-        start={"main": 0.0, "big_end": 0.0, "small_end": 0.0},
-        start_speed={"main": first, "big_end": second, "small_end": -START[1]}, **FREE,
+        state={"main": (0.0, first), "big_end": (0.0, second), "small_end": (0.0, -START[1])},
+        **FREE,
     )  # fmt: skip
 
 

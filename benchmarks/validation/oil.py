@@ -14,7 +14,7 @@ from validation.impacts import disc
 
 VISCOSITY, RADIUS, LENGTH, CLEARANCE = 0.02, 50e-3, 25e-3, 100e-6
 """Oil [Pa s], bearing [m]."""
-TURNING = {"joint_friction": {}, "drive": {"turn": jp.Prescribed()}}
+TURNING = {"joint_friction": {}, "drive": {"turn": jp.Prescribed()}, "start": "centred"}
 
 
 def _oiled(cavitation: str) -> jp.ClearanceJoint:

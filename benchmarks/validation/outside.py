@@ -376,7 +376,7 @@ def second_opinions(quick: bool = False, wrong: bool = False) -> Outcome:
         rows.append([f"`{name}`, depth at 10 kN/m", f"{theirs[1] / ours[1]:.4g}", why])
     depths = np.array([1e-6, 1e-5, 1e-4])
     law = laws["liu"]()
-    ours = [law.function(d, 0.0, 1.0, law.parameters(contact)) for d in depths]
+    ours = [law.function(d, 0.0, 1.0, *law.parameters(contact)) for d in depths]
     theirs = (
         np.pi / 2 * depths * contact.modulus * np.sqrt(depths / (2 * (contact.clearance + depths)))
     )
@@ -390,11 +390,11 @@ def second_opinions(quick: bool = False, wrong: bool = False) -> Outcome:
     slow, fast = 1e-3, 1e-2  # DyS: its v0 and v1
     speeds = np.array([0.5e-3, 4e-3, 2e-2])
     ramp = np.clip((speeds - slow) / (fast - slow), 0.0, 1.0)
-    ours = np.array([jp.Ambrosio.function(v, jp.Ambrosio(0.3, slow, fast).parameters())
+    ours = np.array([jp.Ambrosio.function(v, *jp.Ambrosio(0.3, slow, fast).parameters())
                      for v in speeds])  # fmt: skip
     errors.append(float(np.abs(ours - 0.3 * ramp).max()))
     grip = 0.3 * np.where(speeds <= fast, 1 - np.exp(-3 * speeds / fast), 0.95)
-    ours = np.array([jp.Threlfall.function(v, jp.Threlfall(0.3, fast).parameters())
+    ours = np.array([jp.Threlfall.function(v, *jp.Threlfall(0.3, fast).parameters())
                      for v in speeds])  # fmt: skip
     # Above its v0 DyS takes 0.95, which is 1 - e^-3 in two digits.
     errors.append(float(np.abs((ours - grip)[speeds <= fast]).max()))
@@ -410,7 +410,9 @@ def _first_impacts(theirs: str, quick: bool, **joint: object) -> tuple[float, li
     """Largest distance of our journal from theirs over the clearance, and by time."""
     data, _ = read("engines_slider_crank.csv")
     clearance = 0.2e-3
-    shipped = jp.Scenario.load(jp.shipped("slider_crank.toml")).simulation("0.2 mm")
+    shipped = jp.Scenario.load(jp.shipped("slider_crank.toml")).simulation(
+        "0.2 mm", {"integration": {"start": "centred"}}
+    )
     mechanism = jp.Mechanism(
         jp.shipped("slider_crank.urdf"),
         {
@@ -510,7 +512,8 @@ def experiment_findings(quick: bool = False, wrong: bool = False) -> Outcome:
             motion = jp.Motion(["crank_pin"], [0, lasts], [[0], [speed * lasts]], "constant-speed")
             result = jp.simulate(
                 robot, motion, drive={"crank_pin": jp.Prescribed()}, joint_friction={},
-                start={"guide": CRANK + ROD}, step=2e-6, integrator="rk4", record_every=2,
+                state={"guide": CRANK + ROD}, start="centred", step=2e-6, integrator="rk4",
+                record_every=2,
             )  # fmt: skip
             peak = np.linalg.norm(result["joint_force_peak"].values[:, 0], axis=1).max()
             found[i, k] = peak / SLIDER_MASS

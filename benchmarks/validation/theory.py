@@ -687,7 +687,7 @@ def clearance_limit(quick: bool = False, wrong: bool = False) -> Outcome:
         robot = jp.Mechanism(path, {"pin": bearing}, gravity=(GRAVITY, 0, 0))
         run = jp.Simulation(
             robot, duration=periods * ideal, step=1e-5, integrator="semi-implicit-euler",
-            record_every=20, start={"pin": amplitude}, **FREE,
+            record_every=20, state={"pin": amplitude}, **FREE,
         ).prepare()  # fmt: skip
         depth = (mass * GRAVITY * math.cos(amplitude) / bearing.hertz_stiffness) ** (2 / 3)
         angle = link_angle(mass, inertia, length, amplitude)

@@ -79,11 +79,17 @@ _HOMES = {
     "Torque": "loads.drive",
     "ZhangSharf": "contact",
     "ZhiyingQishao": "contact",
+    "allocate": "analysis.allocate",
+    "budget": "analysis.budget",
     "cartesian_motion": "motion.cartesian",
     "material": "joints.materials",
     "oil": "joints.materials",
+    "open_sweep": "sweeps",
+    "robot_scenario": "scenario.robot",
+    "reduce_joint": "analysis.reduce",
     "shipped": "mechanism.urdf",
     "simulate": "simulation",
+    "sweep": "sweeps",
     "wear_life": "analysis.wear",
     "worn_depth": "analysis.wear",
 }
@@ -91,6 +97,9 @@ _HOMES = {
 __all__ = sorted(_HOMES)
 
 if TYPE_CHECKING:
+    from jointplay.analysis.allocate import allocate as allocate
+    from jointplay.analysis.budget import budget as budget
+    from jointplay.analysis.reduce import reduce_joint as reduce_joint
     from jointplay.analysis.wear import wear_life as wear_life
     from jointplay.analysis.wear import worn_depth as worn_depth
     from jointplay.contact import Ambrosio as Ambrosio
@@ -155,8 +164,11 @@ if TYPE_CHECKING:
     from jointplay.result.audit import Audit as Audit
     from jointplay.result.certificate import Certificate as Certificate
     from jointplay.scenario import Scenario as Scenario
+    from jointplay.scenario.robot import robot_scenario as robot_scenario
     from jointplay.simulation import Simulation as Simulation
     from jointplay.simulation import simulate as simulate
+    from jointplay.sweeps import open_sweep as open_sweep
+    from jointplay.sweeps import sweep as sweep
 
 
 def __getattr__(name: str) -> Any:

@@ -17,7 +17,7 @@ ALL = pytest.mark.parametrize(
 
 
 def mu(law, speed):
-    return law.function(speed, law.parameters())
+    return law.function(speed, *law.parameters())
 
 
 @ALL
@@ -86,9 +86,7 @@ def test_impossible_friction_is_refused(make, named):
 
 
 def bristle(law, speed, normal=3.0, dwell=0.0):
-    out = [0.0] * 8
-    law.function(speed, normal, dwell, law.parameters(), out)
-    return out
+    return law.function(speed, normal, dwell, *law.parameters())
 
 
 @pytest.mark.parametrize("speed", [1e-4, 3e-3, 0.2])

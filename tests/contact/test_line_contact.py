@@ -29,7 +29,7 @@ STANDARD = contact()
 
 
 def rest(law, depth, properties=STANDARD):
-    return law.function(depth, 0.0, 1.0, law.parameters(properties))
+    return law.function(depth, 0.0, 1.0, *law.parameters(properties))
 
 
 def printed(name, force, ri, cr, length, young, poisson):
@@ -112,9 +112,9 @@ def test_two_halves_carry_what_the_whole_carries(law):
 def test_damping_is_that_of_lankarani_and_nikravesh(law):
     p = law.parameters(contact(c_e=0.6))
     a = 0.75 * (1 - 0.6**2)
-    still = law.function(1e-5, 0.0, 0.2, p)
-    assert law.function(1e-5, 0.1, 0.2, p) == pytest.approx(still * (1 + a / 2))
-    assert law.function(1e-5, -0.2, 0.2, p) == pytest.approx(still * (1 - a))
+    still = law.function(1e-5, 0.0, 0.2, *p)
+    assert law.function(1e-5, 0.1, 0.2, *p) == pytest.approx(still * (1 + a / 2))
+    assert law.function(1e-5, -0.2, 0.2, *p) == pytest.approx(still * (1 - a))
 
 
 @by_name
@@ -122,9 +122,9 @@ def test_a_contact_that_is_no_line_is_hertz(law):
     wall = contact(c_e=0.8)._replace(contact_length=0.0)
     hertz, damped = jp.Hertz(), jp.LankaraniNikravesh()
     for state in ((1e-6, 0.0, 0.1), (2e-5, 0.05, 0.1), (2e-5, -0.1, 0.1)):
-        given = law.function(*state, law.parameters(wall))
-        assert given == pytest.approx(damped.function(*state, damped.parameters(wall)), rel=1e-14)
-    assert rest(law, 1e-5, wall) == pytest.approx(hertz.function(1e-5, 0, 1, (1e11,)))
+        given = law.function(*state, *law.parameters(wall))
+        assert given == pytest.approx(damped.function(*state, *damped.parameters(wall)), rel=1e-14)
+    assert rest(law, 1e-5, wall) == pytest.approx(hertz.function(1e-5, 0, 1, 1e11))
 
 
 def test_a_joint_gives_its_dimensions_to_the_law():

@@ -141,7 +141,7 @@ def test_exact_factor_next_to_one_is_its_first_order():
 def test_anagnostopoulos_is_a_spring_and_a_dashpot():
     law = jp.Anagnostopoulos(2.0, 1e8)
     p = law.parameters(jp.ClearanceJoint.planar(radial_clearance=1e-4).contact_properties(0))
-    assert law.function(1e-5, 0.2, 1.0, p) == pytest.approx(p[0] * 1e-5 + p[1] * 0.2, rel=1e-12)
+    assert law.function(1e-5, 0.2, 1.0, *p) == pytest.approx(p[0] * 1e-5 + p[1] * 0.2, rel=1e-12)
     assert p[0] == 1e8
 
 

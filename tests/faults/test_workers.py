@@ -31,7 +31,7 @@ import os, sys, time
 from concurrent.futures import ProcessPoolExecutor
 from jointplay.host import workers
 if sys.argv[1] == "watch":
-    workers._end_with_parent = lambda number: None
+    workers.end_with_parent = lambda number: None
 if __name__ == "__main__":
     pool = ProcessPoolExecutor(1, initializer=workers.begin)
     print(pool.submit(os.getpid).result(), flush=True)

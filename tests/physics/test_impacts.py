@@ -42,14 +42,14 @@ def impact(law, p, speed, mass=MASS, adhesion=True):
     forces = []
 
     def force(delta, rate):
-        value = law.function(max(delta, 0.0), rate, speed, p)
+        value = law.function(max(delta, 0.0), rate, speed, *p)
         return value if adhesion else max(value, 0.0)
 
     def slope(_, y):
         delta = max(y[0], 0.0)
         whole = force(delta, y[1])
         forces.append(whole)
-        return y[1], -whole / mass, (whole - law.function(delta, 0.0, speed, p)) * y[1]
+        return y[1], -whole / mass, (whole - law.function(delta, 0.0, speed, *p)) * y[1]
 
     def parted(_, y):
         return y[0]
@@ -94,7 +94,7 @@ def test_nothing_is_lost_without_damping(law):
     assert rebound == pytest.approx(1.0, abs=1e-8)
     assert abs(lost) < 1e-15
     p = law.parameters(joint(1.0).radial_contact)
-    stored, _ = quad(lambda d: law.function(d, 0.0, 1.0, p), 0.0, depth, epsrel=1e-10)
+    stored, _ = quad(lambda d: law.function(d, 0.0, 1.0, *p), 0.0, depth, epsrel=1e-10)
     assert stored == pytest.approx(0.5 * MASS * 0.1**2, rel=1e-5)
 
 

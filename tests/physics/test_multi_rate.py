@@ -232,7 +232,7 @@ class Bearing:
             sliding = np.linalg.norm(slip)
             approach = max(abs(rate), 1e-9)
             load = max(stiffness * (-gap[k]) ** 1.5 * (1.0 + factor * rate / approach), 0.0)
-            mu = self.friction.function(sliding, self.friction.parameters())
+            mu = self.friction.function(sliding, *self.friction.parameters())
             force = load * (n - mu * slip / max(sliding, 1e-300))
             total[:3] += force
             total[3:] += axes.T @ np.cross(arm, force)

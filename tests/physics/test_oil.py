@@ -10,7 +10,7 @@ import jointplay as jp
 from jointplay.contact import CustomFilm, PinkusSternlicht, ShortBearing
 
 C, RADIUS, LENGTH = 1e-4, 10e-3, 8e-3
-FREE = {"drive": jp.Free(), "joint_friction": {}}
+FREE = {"drive": jp.Free(), "joint_friction": {}, "start": "centred"}
 
 
 def robot(urdf, lubricant, *, planar=True, mass=2.0, gravity=(-9.81, 0, 0), **fields):
@@ -96,8 +96,9 @@ def test_loaded_journal_finds_its_place_in_the_oil(urdf, film, solution):
     spin, weight = 200.0, 2.0 * 9.81
     motion = jp.Motion(["pin"], [0, 0.1], [[0], [0.1 * spin]], "constant-speed")
     result = jp.simulate(
-        robot(urdf, film), motion, duration=1.0, drive=jp.ComputedTorque(300.0), joint_friction={}
-    )
+        robot(urdf, film), motion, duration=1.0, drive=jp.ComputedTorque(300.0), joint_friction={},
+        start="centred",
+    )  # fmt: skip
     x, y = result["journal_centre"].values[-1, 0, :2]
     e, attitude = solution(spin, weight, film.viscosity)
     assert np.hypot(x, y) / C == pytest.approx(e, rel=1e-6)

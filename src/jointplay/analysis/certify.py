@@ -13,12 +13,13 @@ from dataclasses import replace
 import numpy as np
 
 from jointplay import analysis
-from jointplay.analysis.claims import START_UP, measure
+from jointplay.analysis.claims import measure
 from jointplay.errors import JointplayError
 from jointplay.kernel import Status
 from jointplay.kernel.integrators import DEFAULT, integrator
 from jointplay.kernel.path import LARGEST_TURN, LEAST_STEPS
 from jointplay.result.certificate import COUNTS, Certificate, CertifiedFigure
+from jointplay.result.judging import START_UP
 from jointplay.result.result import Result
 from jointplay.simulation.simulation import Run, Simulation
 
@@ -214,7 +215,7 @@ def _run(
 ) -> tuple[Result | None, str]:
     """A refined run, or None and why there is none."""
     try:
-        prepared = simulation.prepare()
+        prepared = simulation.prepare(progress)
     except JointplayError as error:
         return None, f"the run is refused: {error}"
     if aside:
@@ -223,7 +224,7 @@ def _run(
     begin(prepared)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # said in the certificate
-        result = prepared.execute(progress)
+        result = prepared.execute(progress, check_step=False)
     if result.status == Status.INTERRUPTED:
         raise KeyboardInterrupt
     if result.status != Status.COMPLETED:
@@ -236,12 +237,12 @@ def _ideal(result: Result, progress: bool, begin: Begin) -> Result | None:
     if not analysis.has_play(result):
         return None
     try:
-        prepared = analysis.ideal_simulation(result).prepare()
+        prepared = analysis.ideal_simulation(result).prepare(progress)
         prepared.label = "certifying (ideal)"
         begin(prepared)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)
-            found = prepared.execute(progress)
+            found = prepared.execute(progress, check_step=False)
     except JointplayError:
         return None
     if found.status == Status.INTERRUPTED:
@@ -250,13 +251,17 @@ def _ideal(result: Result, progress: bool, begin: Begin) -> Result | None:
 
 
 def figures(result: Result, ideal: Result | None) -> dict[str, tuple[float, str]]:
-    """Headline figures of a run, and what the claims use: value and unit by name.
+    """Headline figures of a run from `Result.judge_from` on, and what the claims use.
 
     Args:
         result: the run.
         ideal: the ideal mechanism's run that its tool is measured against.
+
+    Returns:
+        Value and unit by name.
     """
     found: dict[str, tuple[float, str]] = {}
+    judged = result.time >= result.judge_from
     if result.joints:
         forces = {"peak": result["joint_force_peak"], "RMS": result["joint_force"]}
         names: Sequence[str] = result.joints
@@ -267,17 +272,18 @@ def figures(result: Result, ideal: Result | None) -> dict[str, tuple[float, str]
         sizes = np.linalg.norm(force.values, axis=2)
         for k, name in enumerate(names):
             at = "" if len(names) == 1 else f", {name}"
-            size = sizes[:, k]
+            size = sizes[judged, k]
             value = size.max() if how == "peak" else np.sqrt(np.mean(size**2))
             found[f"{how} joint force{at}"] = float(value), "N"
     if ideal is not None:
-        start = START_UP if result.time[-1] > 2.0 * START_UP else 0.0
-        error = analysis.accuracy(analysis.deviation(result, ideal), start)
+        error = analysis.accuracy(analysis.deviation(result, ideal), result.judge_from)
         found["peak tool error"] = float(error.peak[3]), "m"
         found["RMS tool error"] = float(error.rms[3]), "m"
     if result.joints:
-        found["impacts"] = float(result.audit.impacts), ""
-    lost = sum(float(result[name][-1]) for name in _LOSSES if name in result.dataset)
+        begun = result.audit.judged_impacts
+        found["impacts"] = float(result.audit.impacts if begun is None else begun), ""
+    losses = (result[name].values[judged] for name in _LOSSES if name in result.dataset)
+    lost = sum(float(values[-1] - values[0]) for values in losses)
     found["dissipated energy"] = lost, "J"
     if ideal is not None and len(result.joints) == 1 and result.time[-1] > 2.0 * START_UP:
         measures = measure(result, ideal)

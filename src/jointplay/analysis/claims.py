@@ -15,7 +15,10 @@ from scipy.spatial import cKDTree
 from scipy.special import stdtrit
 
 from jointplay.geometry import Mode
+from jointplay.result.judging import START_UP
 from jointplay.result.result import AXES, Result
+
+__all__ = ["START_UP", "judge", "measure"]
 
 CONFIDENCE = 0.95
 """A difference counts if its confidence interval (Welch) excludes zero."""
@@ -24,9 +27,6 @@ PEAK_LEVEL = 0.2
 """A force peak reaches this fraction of the run's largest force."""
 ISOLATED = 0.05
 """Peaks are isolated in time if they fill less than this fraction of it."""
-
-START_UP = 0.15
-"""Start of a run that is not judged, while the released journal falls into its bearing [s]."""
 
 Measures = dict[str, float]
 
@@ -38,7 +38,8 @@ def measure(result: Result, ideal: Result) -> Measures:
         result: a run with one clearance joint.
         ideal: the ideal robot's run of the same motion, recorded at the same times.
 
-    The first `START_UP` seconds count only for rate and impulse.
+    From `Result.judge_from` on; in runs of the study, whose journals fall from the centre, that is
+    `START_UP`.
 
     Returns:
         deviation_mm, path_mm, speed_mm_s: RMS over time of the tool's fluctuation about its mean
@@ -50,7 +51,7 @@ def measure(result: Result, ideal: Result) -> Measures:
         changes per second of the tool's velocity deviation. swing_mm: mean excursion of the
         tool's deviation between two of its turning points.
     """
-    judged = slice(int(np.searchsorted(result.time, START_UP)), len(result.time))
+    judged = slice(int(np.searchsorted(result.time, result.judge_from)), len(result.time))
     time = result.time[judged]
     position = result["tool_position"].values[judged]
     away = position - ideal["tool_position"].values[judged]
@@ -66,6 +67,11 @@ def measure(result: Result, ideal: Result) -> Measures:
         [np.abs(np.diff(away[turn, axis])) for axis, turn in enumerate(turns)] + [np.zeros(0)]
     )
     audit = result.audit
+    begun, impulse = audit.judged_impacts, audit.judged_impulse
+    if begun is None or impulse is None:  # version 0.1 counted over the whole run
+        begun, impulse, since = audit.impacts, audit.normal_impulse, 0.0
+    else:
+        since = result.judge_from
     return {
         "deviation_mm": 1e3 * _rms(away - away.mean(axis=0)),
         "path_mm": 1e3 * _rms(distance[:, None]),
@@ -76,8 +82,8 @@ def measure(result: Result, ideal: Result) -> Measures:
         **{f"f{axis}": float(np.abs(force[:, k]).max()) for k, axis in enumerate(AXES)},
         "busy": float(np.mean(magnitude > PEAK_LEVEL * largest)),
         "peak_time": float(time[magnitude.argmax()]),
-        "rate": audit.impacts / float(result.time[-1]),
-        "impulse": audit.normal_impulse / audit.impacts if audit.impacts else 0.0,
+        "rate": begun / (float(result.time[-1]) - since),
+        "impulse": impulse / begun if begun else 0.0,
         "crossings": sum(map(len, turns)) / 3 / span,
         "swing_mm": 1e3 * float(swings.mean()) if swings.size else 0.0,
     }

@@ -38,14 +38,16 @@ class Contacts:
     """Fraction of the records with a normal force."""
 
 
-def contacts(result: Result, start: float = 0.0) -> list[Contacts]:
+def contacts(result: Result, start: float | None = None) -> list[Contacts]:
     """Contacts of every place of every clearance joint that began from `start` [s] on.
 
-    A contact lasts from the first to the last of consecutive records that hold a normal force.
+    None: from when on the run is judged. A contact lasts from the first to the last of consecutive
+    records that hold a normal force.
     """
     time = result.time
     if not result.joints:
         return []
+    start = result.judge_from if start is None else start
     later = np.diff(time, prepend=time[0])
     judged = time >= start
     found = []
@@ -74,14 +76,16 @@ def contacts(result: Result, start: float = 0.0) -> list[Contacts]:
     return found
 
 
-def shares(result: Result, joint: str, of: str = "mode", start: float = 0.0) -> dict[str, float]:
+def shares(
+    result: Result, joint: str, of: str = "mode", start: float | None = None
+) -> dict[str, float]:
     """Fractions of the time from `start` [s] on that `joint` spends in each mode or form.
 
     Args:
         result: a run with clearance.
         joint: its clearance joint.
         of: ``mode`` or ``form``.
-        start: records before this are left out [s].
+        start: records before this are left out [s]; None: before the run is judged.
 
     Returns:
         By name, in the order of the enumeration; they sum to 1. Nothing for the forms of a joint
@@ -92,6 +96,7 @@ def shares(result: Result, joint: str, of: str = "mode", start: float = 0.0) -> 
     kinds: dict[str, Any] = {"mode": Mode, "form": Form}
     if of not in kinds:
         raise MissingName("state", of, kinds)
+    start = result.judge_from if start is None else start
     values = result[of].sel(joint=joint).values[result.time >= start]
     if len(values) and values.min() < 0:
         return {}

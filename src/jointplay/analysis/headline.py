@@ -6,7 +6,7 @@ import numpy as np
 
 from jointplay.analysis.contact_statistics import contacts
 from jointplay.analysis.tool_error import accuracy, deviation, error_at, stops
-from jointplay.analysis.twin import has_play, ideal_simulation
+from jointplay.analysis.twin import has_play, twin
 from jointplay.errors import JointplayError
 from jointplay.result.result import Result
 
@@ -22,7 +22,7 @@ def reference(result: Result, progress: bool = False) -> Result | None:
     if not has_play(result) or len(result.time) < 2:
         return None
     try:
-        return ideal_simulation(result).run(progress)
+        return twin(result, progress)
     except JointplayError:
         return None
 

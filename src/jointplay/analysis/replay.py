@@ -125,9 +125,9 @@ def _repeat(run: Run, steps: int) -> None:
         if run.loop() == Status.INTERRUPTED:
             raise KeyboardInterrupt
         return
-    run.begin()
-    while run.workspace.steps <= steps and run.stretch():
-        pass
+    for _ in run.stretches():
+        if run.workspace.steps > steps:
+            break
 
 
 def _phases(run: Run, simulation: Simulation) -> list[Phase]:

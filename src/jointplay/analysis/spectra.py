@@ -19,7 +19,7 @@ def spectrum(
     result: Result,
     ideal: Result | None = None,
     of: str = "acceleration",
-    start: float = 0.0,
+    start: float | None = None,
     segment: int = 4096,
 ) -> xr.DataArray:
     """Power spectral density of the tool's vibration by Welch's method.
@@ -35,7 +35,7 @@ def spectrum(
         result: the run, recorded at even intervals.
         ideal: its ideal twin, whose motion is subtracted first; needed for ``deviation``.
         of: ``acceleration`` [(m/s^2)^2/Hz] or ``deviation`` [m^2/Hz].
-        start: records before this are left out [s].
+        start: records before this are left out [s]; None: before the run is judged.
         segment: samples in a window; shorter if the run has fewer.
 
     Returns:
@@ -57,6 +57,7 @@ def spectrum(
         signal = deviation(result, ideal, "tool_velocity")
     else:
         signal = result["tool_velocity"]
+    start = result.judge_from if start is None else start
     signal = signal.sel(time=signal["time"] >= start)
     time = signal["time"].values
     if len(time) > 2 and not np.isclose(time[-1] - time[-2], time[1] - time[0], rtol=1e-6):

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from jointplay.errors import MissingName
+from jointplay.joints import VIRTUAL_LINK
 from jointplay.result.result import Result
 
 if TYPE_CHECKING:
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 
 _MAY_DIFFER = (
     *("mechanism", "duration", "step", "integrator", "macro_step", "tolerance"),
-    *("record_every", "seed"),
+    *("record_every", "seed", "start", "start_speed", "settle", "judge_from"),
 )
 """Inputs in which a run and the ideal run that it is measured against may differ."""
 
@@ -70,12 +71,25 @@ def places(result: Result, joint: str) -> list[str]:
 def task(result: Result) -> dict[str, Any]:
     """Inputs that a run must share with its ideal twin: mechanism, motion, drives, loads."""
     given = inputs(result)
+    given["state"] = _state(given)
     robot = {
-        key: value for key, value in given["mechanism"].items() if key not in ("clearance", "gears")
+        key: value
+        for key, value in given["mechanism"].items()
+        if key not in ("clearance", "gears", "urdf")  # the text counts, not the file's name
     }
     return {key: value for key, value in given.items() if key not in _MAY_DIFFER} | {
         "mechanism": robot
     }
+
+
+def _state(given: dict[str, Any]) -> dict[str, list[float | None]]:
+    """What is given of the state at the start, but for journals; version 0.1 had it in two."""
+    state = given.get("state")
+    if state is None:
+        places, speeds = given.get("start") or {}, given.get("start_speed") or {}
+        state = {name: [places.get(name), speeds.get(name)] for name in {**places, **speeds}}
+    own = tuple(f".{part}" for part in VIRTUAL_LINK)
+    return {name: value for name, value in state.items() if not name.endswith(own)}
 
 
 def has_play(result: Result) -> bool:
@@ -88,7 +102,7 @@ def is_twin(result: Result, ideal: Result) -> bool:
     return not has_play(ideal) and task(result) == task(ideal)
 
 
-def twin(result: Result) -> Result:
+def twin(result: Result, progress: bool = False) -> Result:
     """The ideal mechanism doing the same work for the same time, simulated now.
 
     Where it has closed loops, by rk4, with which they drift least.
@@ -97,7 +111,9 @@ def twin(result: Result) -> Result:
         JointplayError: the result's simulation cannot be built again, or its ideal mechanism
             cannot be simulated.
     """
-    return ideal_simulation(result).run()
+    simulation = ideal_simulation(result)
+    # By rk4, a step that resolves impacts is far smaller than motion without them asks for.
+    return simulation.run(progress, check_step=not simulation.mechanism.loops)
 
 
 def ideal_simulation(result: Result) -> Simulation:
@@ -111,5 +127,9 @@ def ideal_simulation(result: Result) -> Simulation:
         mechanism=simulation.mechanism.ideal(),
         duration=float(result.time[-1]) or simulation.step,
         seed=None,
+        start=None,
+        settle=None,
+        judge_from=None,
+        state={name: (at[0], at[1]) for name, at in _state(simulation.describe()).items()},
         **fixed,
     )

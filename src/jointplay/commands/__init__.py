@@ -8,7 +8,25 @@ from __future__ import annotations
 
 from typing import Any
 
-MODULES = ("scara", "run", "init", "check", "schema", "play", "report", "robots", "urdf", "wear")
+MODULES = (
+    "scara",
+    "run",
+    "init",
+    "check",
+    "schema",
+    "play",
+    "report",
+    "export",
+    "robots",
+    "urdf",
+    "wear",
+    "budget",
+    "allocate",
+    "reduce",
+    "sweep",
+    "plot_sweep",
+    "uncertainty",
+)
 """Modules with a command of their own, in the order of the help."""
 
 

@@ -12,7 +12,6 @@ import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import (
     FIRST_COMPLETED,
-    BrokenExecutor,
     Future,
     ProcessPoolExecutor,
     wait,
@@ -26,7 +25,6 @@ from jointplay.host import stopping, workers
 from jointplay.host.stopping import INTERRUPTED
 
 if TYPE_CHECKING:
-    from jointplay.kernel import Status
     from jointplay.result.result import Result
     from jointplay.scenario import Scenario
     from jointplay.scenario.settings import Setting
@@ -56,7 +54,7 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
     }
     total = 0.0
     for case in cases:  # before anything is written
-        run = scenario.prepare(case)
+        run = scenario.prepare(case, progress=not options.quiet)
         runs = 1 + (further_runs(run.simulation) if case in certified else 0)
         total += runs * run.steps * run.simulation.step
     files = dict(zip(cases, file_names(cases), strict=True))
@@ -173,7 +171,7 @@ def _one_by_one(
 
     for case, name in files.items():
         try:
-            prepared = scenario.prepare(case)
+            prepared = scenario.prepare(case, progress)
             if progress:
                 tqdm.write(f"case {case}:", file=sys.stderr)
             result = _execute(scenario, case, prepared, out / name, case in certified, progress)
@@ -201,12 +199,18 @@ def _side_by_side(
 
     clocks = multiprocessing.RawArray(ctypes.c_double, len(files))
     begun = multiprocessing.RawArray(ctypes.c_int, len(files))
-    pool = ProcessPoolExecutor(jobs, initializer=_begin, initargs=(clocks, begun))
+    futures: dict[Future[None], str] = {}
     layout = "{percentage:3.0f}%|{bar}| {n:.3f}/{total:.3f} s simulated{postfix}, {remaining} left"
     bar = tqdm(total=total, disable=not progress, bar_format=layout, mininterval=_LOOK_S)
-    with bar:
-        futures: dict[Future[None], str] = {}
-        try:
+    processes = workers.pool(
+        jobs,
+        f"what is complete is in {str(out)!r}",
+        _begin,
+        (clocks, begun),
+        lambda pool: _wind_up(pool, futures),
+    )
+    try:
+        with bar, processes as pool:
             for index, (case, name) in enumerate(files.items()):
                 trust, source = scenario.trust, str(scenario.path)
                 target = out / name
@@ -231,19 +235,8 @@ def _side_by_side(
                     ended if now else "starting (the first start ever compiles)", refresh=False
                 )
                 bar.update(now - bar.n)
-        except KeyboardInterrupt:
-            _wind_up(pool, futures)
-            return True
-        except BrokenExecutor:
-            _wind_up(pool, futures)
-            raise JointplayError(
-                "a process was ended from outside (too little memory?); "
-                f"what is complete is in {str(out)!r}"
-            ) from None
-        except BaseException:
-            _wind_up(pool, futures)
-            raise
-        pool.shutdown()
+    except KeyboardInterrupt:
+        return True
     return False
 
 
@@ -332,7 +325,7 @@ def _ticking(index: int) -> Iterator[Callable[[Run], None]]:
         nonlocal past
         if runs:
             past += runs.pop().workspace.time
-        run.loop = _stoppable(run.loop)  # type: ignore[method-assign, assignment]
+        run.guards.append(_stoppable)
         runs.append(run)
         _begun[index] += 1
 
@@ -350,16 +343,13 @@ def _ticking(index: int) -> Iterator[Callable[[Run], None]]:
         tell()
 
 
-def _stoppable(loop: Callable[[bool], Status]) -> Callable[[bool], Status]:
+@contextmanager
+def _stoppable() -> Iterator[None]:
     """Let the parent stop the time loop, but nothing else: half a file is worth nothing."""
-
-    def guarded(progress: bool = False) -> Status:
-        signal.signal(signal.SIGTERM, _interrupt)
-        try:
-            if _ending:
-                raise KeyboardInterrupt
-            return loop(progress)
-        finally:
-            signal.signal(signal.SIGTERM, _end)
-
-    return guarded
+    signal.signal(signal.SIGTERM, _interrupt)
+    try:
+        if _ending:
+            raise KeyboardInterrupt
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, _end)

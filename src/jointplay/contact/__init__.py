@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
-import inspect
+from collections.abc import Mapping
 from typing import Any
 
-from jointplay.contact.film.law import CustomFilm, FilmLaw, FilmProperties
+from jointplay.codec import Family, read, register
+from jointplay.contact.custom import (
+    CustomBristle,
+    CustomFilm,
+    CustomFriction,
+    CustomNormalForce,
+)
+from jointplay.contact.film.law import FilmForce, FilmLaw, FilmProperties
 from jointplay.contact.film.pinkus_sternlicht import PinkusSternlicht
 from jointplay.contact.film.short_bearing import ShortBearing
 from jointplay.contact.friction.ambrosio import Ambrosio
 from jointplay.contact.friction.bengisu_akay import BengisuAkay
-from jointplay.contact.friction.bristle import BristleLaw, CustomBristle
+from jointplay.contact.friction.bristle import BristleLaw, Bristles
 from jointplay.contact.friction.brown_mcphee import BrownMcPhee
 from jointplay.contact.friction.coulomb import Coulomb
 from jointplay.contact.friction.dahl import Dahl
@@ -19,10 +26,7 @@ from jointplay.contact.friction.lugre import LuGre
 from jointplay.contact.friction.threlfall import Threlfall
 from jointplay.contact.law import (
     ContactProperties,
-    CustomFriction,
-    CustomNormalForce,
     FrictionLaw,
-    Law,
     NormalForceLaw,
 )
 from jointplay.contact.normal.anagnostopoulos import Anagnostopoulos
@@ -48,8 +52,6 @@ from jointplay.contact.normal.pereira import Pereira
 from jointplay.contact.normal.radzimovsky import Radzimovsky
 from jointplay.contact.normal.zhang_sharf import ZhangSharf
 from jointplay.contact.normal.zhiying_qishao import ZhiyingQishao
-from jointplay.contact.trust import found
-from jointplay.errors import JointplayError, MissingName
 
 NORMAL_LAWS: dict[str, type[NormalForceLaw]] = {
     law.name: law
@@ -100,68 +102,44 @@ FILM_LAWS: dict[str, type[FilmLaw]] = {law.name: law for law in (ShortBearing, P
 """Film laws by the word that selects them."""
 
 
-def normal_law(description: dict[str, Any] | str) -> NormalForceLaw:
+register(
+    NormalForceLaw, Family("law", "normal-force law", NORMAL_LAWS | {"custom": CustomNormalForce})
+)
+register(
+    FrictionLaw,
+    Family(
+        "law",
+        "friction law",
+        FRICTION_LAWS | {"custom": CustomFriction, "custom-bristle": CustomBristle},
+    ),
+)
+register(FilmLaw, Family("law", "film law", FILM_LAWS | {"custom-film": CustomFilm}))
+
+
+def normal_law(description: Mapping[str, Any] | str) -> NormalForceLaw:
     """Build the normal-force law that `NormalForceLaw.describe` described.
 
     Args:
         description: ``law`` and the law's fields, or the law's word alone.
 
     Raises:
-        MissingName: no law of that name.
-        JointplayError: a field that the law does not have, or lacks, or of an impossible value; a
-            user's own law that is neither known here nor of a trusted module (see `trust`).
+        JointplayError: no law of that name; a field that the law does not have, or lacks, or of an
+            impossible value; a user's own law that is not at hand (see `custom`).
     """
-    return _built("normal-force law", description, NORMAL_LAWS, (CustomNormalForce,))
+    law: NormalForceLaw = read(NormalForceLaw, description)
+    return law
 
 
-def friction_law(description: dict[str, Any] | str) -> FrictionLaw:
+def friction_law(description: Mapping[str, Any] | str) -> FrictionLaw:
     """Build the friction law that `FrictionLaw.describe` described; see `normal_law`."""
-    return _built("friction law", description, FRICTION_LAWS, (CustomFriction, CustomBristle))
+    law: FrictionLaw = read(FrictionLaw, description)
+    return law
 
 
-def _built(kind: str, description: Any, laws: dict[str, Any], customs: tuple[Any, ...]) -> Any:
-    fields = {"law": description} if isinstance(description, str) else dict(description)
-    if "law" not in fields:
-        raise JointplayError(f"{kind} needs the field 'law'; available: {', '.join(laws)}")
-    name = fields.pop("law")
-    for custom in customs:
-        if name == custom.name:
-            valid, required = _fields(custom)
-            _check_fields(name, fields, valid, required)
-            function, parameters = fields.pop("function"), fields.pop("parameters", ())
-            return custom(found(function), tuple(parameters), **fields)
-    if name not in laws:
-        raise MissingName(kind, name, [*laws, *(custom.name for custom in customs)])
-    law: type[Law] = laws[name]
-    _check_fields(name, fields, *_fields(law))
-    return law(**fields)
-
-
-def film_law(description: dict[str, Any] | str) -> FilmLaw:
+def film_law(description: Mapping[str, Any] | str) -> FilmLaw:
     """Build the film law that `FilmLaw.describe` described; see `normal_law`."""
-    return _built("film law", description, FILM_LAWS, (CustomFilm,))
-
-
-def _fields(law: type[Law]) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Names of all fields of a law, and of those that have no default."""
-    if law.__init__ is object.__init__:
-        return (), ()
-    every = list(inspect.signature(law).parameters.values())
-    required = tuple(field.name for field in every if field.default is field.empty)
-    return tuple(field.name for field in every), required
-
-
-def _check_fields(
-    law: str, given: dict[str, Any], valid: tuple[str, ...], required: tuple[str, ...]
-) -> None:
-    for name in given:
-        if name not in valid:
-            raise JointplayError(
-                f"law {law!r} has no field {name!r}; available: {', '.join(valid) or 'none'}"
-            )
-    for name in required:
-        if name not in given:
-            raise JointplayError(f"law {law!r} needs the field {name!r}")
+    law: FilmLaw = read(FilmLaw, description)
+    return law
 
 
 __all__ = [
@@ -172,6 +150,7 @@ __all__ = [
     "Anagnostopoulos",
     "BengisuAkay",
     "BristleLaw",
+    "Bristles",
     "BrownMcPhee",
     "CarvalhoMartins",
     "ContactProperties",
@@ -183,6 +162,7 @@ __all__ = [
     "Dahl",
     "DubowskyFreudenstein",
     "Esdu78035",
+    "FilmForce",
     "FilmLaw",
     "FilmProperties",
     "Flores",

@@ -9,10 +9,13 @@ scenario that is run.
 from __future__ import annotations
 
 import importlib
+import inspect
 import sys
+import textwrap
 from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -23,12 +26,46 @@ Function = Callable[..., Any]
 _known: dict[str, Function] = {}
 """Functions of which this process has made a law, by ``module:function``."""
 
+_showing: ContextVar[bool] = ContextVar("showing", default=False)
+
 _trusted: ContextVar[frozenset[str]] = ContextVar("trusted", default=frozenset())
 
 
-def path_of(function: Function) -> str:
+@dataclass(frozen=True)
+class Absent:
+    """A law's function that a result names and that is not at hand.
+
+    Its text can be shown; it is never run.
+    """
+
+    path: str
+    """``module:function``."""
+    source: str | None
+    """Its text, if the result has it."""
+    reason: str
+    """Why it is not at hand, and what would help."""
+
+    @property
+    def __name__(self) -> str:
+        """Name of the function."""
+        return self.path.rpartition(":")[2]
+
+
+def path_of(function: Function | Absent) -> str:
     """``module:function``, by which files name a law."""
+    if isinstance(function, Absent):
+        return function.path
     return f"{function.__module__}:{function.__qualname__}"
+
+
+def source_of(function: Function | Absent) -> str | None:
+    """Text of a law's function; None where Python does not know it."""
+    if isinstance(function, Absent):
+        return function.source
+    try:
+        return textwrap.dedent(inspect.getsource(function))
+    except (OSError, TypeError):
+        return None
 
 
 def know(function: Function) -> Function:
@@ -49,7 +86,31 @@ def trusting(modules: Collection[str]) -> Iterator[None]:
         _trusted.reset(token)
 
 
-def found(path: str) -> Function:
+@contextmanager
+def showing() -> Iterator[None]:
+    """Let laws whose functions are not at hand be made in the block, to be shown and not run."""
+    token = _showing.set(True)
+    try:
+        yield
+    finally:
+        _showing.reset(token)
+
+
+def function_or_absent(path: str, source: str | None) -> Function | Absent:
+    """The function that ``module:function`` names; within `showing`, its text will do.
+
+    Raises:
+        JointplayError: see `function_at`.
+    """
+    try:
+        return function_at(path)
+    except JointplayError as error:
+        if not _showing.get():
+            raise
+        return Absent(path, source, str(error))
+
+
+def function_at(path: str) -> Function:
     """The function that ``module:function`` names, if it is known or its module trusted.
 
     Raises:
@@ -61,6 +122,11 @@ def found(path: str) -> Function:
         raise JointplayError(f"a law of one's own is named module:function, got {path!r}")
     if path in _known:
         return _known[path]
+    if module == "__main__":
+        raise JointplayError(
+            f"the law {path!r} was typed in a script or a notebook that is not this one; to run it "
+            "again, define it here and make a law of it"
+        )
     ways = {".".join(parts[:size]) for size in range(1, len(parts) + 1)}
     if ways.isdisjoint(_trusted.get()):
         raise JointplayError(
@@ -68,6 +134,25 @@ def found(path: str) -> Function:
             f"module: --trust {module}, or trust=[{module!r}] in Python"
         )
     return imported(path)
+
+
+def named(function: Function) -> str:
+    """Return ``module:function``, by which another process finds the function.
+
+    Raises:
+        JointplayError: it would not find it: a lambda, a nested function, one typed at a prompt.
+    """
+    path = path_of(function)
+    try:
+        there: Any = imported(path)
+    except JointplayError:
+        there = None
+    if getattr(there, "py_func", there) is not function:
+        raise JointplayError(
+            f"law {path!r} cannot be sent to another process: define it with def, at module level "
+            "of an importable file"
+        )
+    return path
 
 
 def imported(path: str) -> Function:

@@ -9,12 +9,11 @@ from __future__ import annotations
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from jointplay.kernel import Status
     from jointplay.simulation.simulation import Run
 
 INTERRUPTED = 130
@@ -110,19 +109,18 @@ def told() -> bool:
 
 def stoppable(run: Run) -> Run:
     """Have `run` know when it is in its time loop; returns it."""
-    loop: Callable[[bool], Status] = run.loop
 
-    def guarded(progress: bool = False) -> Status:
+    @contextmanager
+    def guard() -> Iterator[None]:
         if _state.told:  # before it began
             raise KeyboardInterrupt
         _state.stepping = True
         try:
-            status = loop(progress)
+            yield
         finally:
             _state.stepping = False
         if run.workspace.rows == 0:  # stopped before its first record
             raise KeyboardInterrupt
-        return status
 
-    run.loop = guarded  # type: ignore[method-assign, assignment]
+    run.guards.append(guard)
     return run

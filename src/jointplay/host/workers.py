@@ -11,10 +11,13 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from concurrent.futures import BrokenExecutor, ProcessPoolExecutor
+from contextlib import contextmanager, suppress
 from multiprocessing.process import BaseProcess
+from typing import Any
+
+from jointplay.errors import JointplayError
 
 _WATCH_S = 1.0
 """Interval at which a process looks whether its parent is there."""
@@ -35,11 +38,11 @@ def begin(orphaned: Callable[[], None] | None = None) -> None:
             signal.signal(getattr(signal, name), signal.SIG_IGN)
     if orphaned is None:
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
-        _end_with_parent(signal.SIGKILL if hasattr(signal, "SIGKILL") else signal.SIGTERM)
+        end_with_parent(signal.SIGKILL if hasattr(signal, "SIGKILL") else signal.SIGTERM)
     threading.Thread(target=_watch, args=(orphaned, os.getppid()), daemon=True).start()
 
 
-def _end_with_parent(number: int) -> None:
+def end_with_parent(number: int) -> None:
     """Have Linux send this process a signal when its parent ends."""
     if sys.platform != "linux":
         return
@@ -77,3 +80,38 @@ def abandon(pool: ProcessPoolExecutor) -> None:
     pool.shutdown(wait=False, cancel_futures=True)
     for process in ending:
         process.kill()
+
+
+@contextmanager
+def pool(
+    jobs: int,
+    kept: str,
+    initializer: Callable[..., None] = begin,
+    arguments: tuple[Any, ...] = (),
+    wind_up: Callable[[ProcessPoolExecutor], None] = abandon,
+) -> Iterator[ProcessPoolExecutor]:
+    """Processes for the time of the block; what goes wrong in it ends them.
+
+    Args:
+        jobs: how many.
+        kept: what is left of the work if a process is killed, in words.
+        initializer: sets a process up, with `arguments`.
+        arguments: see `initializer`.
+        wind_up: ends the processes after an error or Ctrl-C in the block.
+
+    Raises:
+        JointplayError: a process was ended from outside.
+    """
+    executor = ProcessPoolExecutor(jobs, initializer=initializer, initargs=arguments)
+    try:
+        yield executor
+    except BrokenExecutor:
+        wind_up(executor)
+        raise JointplayError(
+            f"a process was ended from outside (too little memory?); {kept}"
+        ) from None
+    except BaseException:
+        wind_up(executor)
+        raise
+    else:
+        executor.shutdown()

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
-from jointplay.errors import MissingName
+from jointplay.codec import Family, Preset, read, register
 from jointplay.joints.base import VIRTUAL_LINK, Clearance, Material
 from jointplay.joints.prismatic import PrismaticJoint
 from jointplay.joints.revolute import ClearanceJoint
@@ -15,20 +16,31 @@ JOINT_KINDS: dict[str, type[Clearance]] = {
 }
 
 
-def joint_from_description(description: dict[str, Any]) -> Clearance:
+JOINT_WORDS: dict[str, type[Clearance] | Preset] = {
+    **JOINT_KINDS,
+    "planar": Preset(ClearanceJoint, "PlanarJoint", {"lock_tilt": True, "lock_axial": True}),
+}
+"""Words that scenarios have for kinds of joint."""
+
+register(
+    Clearance,
+    Family("kind", "kind of joint", JOINT_WORDS, default=ClearanceJoint.kind, bare=False),
+)
+
+
+def joint_from_description(description: Mapping[str, Any]) -> Clearance:
     """Build the joint that `Clearance.describe` described.
 
     Raises:
-        MissingName: no such kind of joint.
+        JointplayError: no such kind of joint, or a value that cannot be.
     """
-    kind = description["kind"]
-    if kind not in JOINT_KINDS:
-        raise MissingName("kind of joint", kind, JOINT_KINDS)
-    return JOINT_KINDS[kind].from_description(description)
+    joint: Clearance = read(Clearance, description)
+    return joint
 
 
 __all__ = [
     "JOINT_KINDS",
+    "JOINT_WORDS",
     "VIRTUAL_LINK",
     "Clearance",
     "ClearanceJoint",

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from dataclasses import asdict, dataclass, field, fields
-from typing import Any, ClassVar, Literal, Self
+from dataclasses import dataclass, field
+from typing import ClassVar, Literal
 
 import numpy as np
 
+from jointplay.codec import Described
 from jointplay.contact import (
     Ambrosio,
     ContactProperties,
@@ -17,22 +18,17 @@ from jointplay.contact import (
     FrictionLaw,
     LankaraniNikravesh,
     NormalForceLaw,
-    film_law,
-    friction_law,
-    normal_law,
 )
-from jointplay.contact.law import Law
-from jointplay.errors import JointplayError, require_finite, require_positive
+from jointplay.errors import JointplayError, require_positive
+from jointplay.fields import check_fields, quantity
 from jointplay.geometry import Shape
 
 VIRTUAL_LINK = ("x", "y", "z", "yaw", "pitch", "roll")
 """The six coordinates of a clearance joint, in their order in q."""
 
-_BUILDERS = {"normal": normal_law, "friction": friction_law, "lubricant": film_law}
-
 
 @dataclass(frozen=True)
-class Material:
+class Material(Described):
     """Elastic constants of a body in contact; `materials.material` has those of common ones.
 
     The default is the paper's steel (Table 3).
@@ -41,25 +37,24 @@ class Material:
         JointplayError: a constant that is not positive, or Poisson's ratio outside (-1, 0.5].
     """
 
-    young: float = 207e9
+    young: float = quantity("Pa", default=207e9, above=0.0, words="Young's modulus")
     """Young's modulus E [Pa]."""
-    poisson: float = 0.3
+    poisson: float = quantity("", default=0.3, words="Poisson's ratio")
     """Poisson's ratio nu."""
-    density: float | None = None
+    density: float | None = quantity("kg/m^3", default=None, above=0.0)
     """rho [kg/m^3]; None leaves the speed of impacts unchecked."""
-    yield_strength: float | None = None
+    yield_strength: float | None = quantity("Pa", default=None, above=0.0, words="yield strength")
     """Yield strength [Pa]; None leaves the pressure of contacts unchecked."""
     name: str | None = None
     """What the material is called."""
 
     def __post_init__(self) -> None:
         """Check the constants."""
-        require_positive("Young's modulus", self.young, "Pa")
-        if not -1.0 < require_finite("Poisson's ratio", self.poisson, "") <= 0.5:
-            raise JointplayError(f"Poisson's ratio must lie in (-1, 0.5], got {self.poisson:g}")
-        for constant, unit in (("density", "kg/m^3"), ("yield_strength", "Pa")):
-            if getattr(self, constant) is not None:
-                require_positive(constant.replace("_", " "), getattr(self, constant), unit)
+        check_fields(self)
+        if not -1.0 < self.poisson <= 0.5:
+            raise JointplayError(
+                f"Poisson's ratio must lie in (-1, 0.5], got {self.poisson:g}", where=("poisson",)
+            )
 
     @property
     def compliance(self) -> float:
@@ -88,12 +83,14 @@ class Outline:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Clearance(ABC):
+class Clearance(Described, ABC):
     """A joint with clearance: one body, the bearing, holds another, the journal, by contact only.
 
     Raises:
         JointplayError: a value that is missing, not positive, contradictory or impossible.
     """
+
+    selector = ("kind", "kind")
 
     kind: ClassVar[str]
     """The one word that selects the kind of joint."""
@@ -102,11 +99,11 @@ class Clearance(ABC):
 
     bearing_material: Material = field(default_factory=Material)
     journal_material: Material = field(default_factory=Material)
-    restitution: float = 0.9
+    restitution: float = quantity("", default=0.9)
     """Nominal coefficient of restitution c_e, in (0, 1]."""
     normal: NormalForceLaw = field(default_factory=LankaraniNikravesh)
     friction: FrictionLaw = field(default_factory=Ambrosio)
-    stiffness: float | None = None
+    stiffness: float | None = quantity("N/m^1.5", default=None, above=0.0)
     """Hertz stiffness [N/m^1.5]; None derives it from geometry and materials.
 
     A linear law with a stiffness of its own does not use it.
@@ -118,15 +115,17 @@ class Clearance(ABC):
 
     def __post_init__(self) -> None:
         """Check what is common."""
-        if not 0.0 < require_finite("restitution", self.restitution, "") <= 1.0:
-            raise JointplayError(f"restitution must lie in (0, 1], got {self.restitution:g}")
-        if self.stiffness is not None:
-            require_positive("stiffness", self.stiffness, "N/m^1.5")
+        check_fields(self)
+        if not 0.0 < self.restitution <= 1.0:
+            raise JointplayError(
+                f"restitution must lie in (0, 1], got {self.restitution:g}", where=("restitution",)
+            )
         for name, kind in (("normal", NormalForceLaw), ("friction", FrictionLaw)):
             if not isinstance(getattr(self, name), kind):
                 raise JointplayError(
                     f"{name} must be a {kind.__name__} such as jointplay.contact offers, "
-                    f"got {getattr(self, name)!r}"
+                    f"got {getattr(self, name)!r}",
+                    where=(name,),
                 )
 
     @property
@@ -245,33 +244,13 @@ class Clearance(ABC):
         if self.normal.line:
             raise JointplayError(
                 f"law {self.normal.name!r} is for a cylinder in a bore, which a {self.kind} joint "
-                "has not; take one for point contacts, such as 'lankarani-nikravesh'"
+                "has not; take one for point contacts, such as 'lankarani-nikravesh'",
+                where=("normal",),
             )
 
     def hertz(self, radius: float) -> float:
         """Stiffness of eq. 11 for an effective radius R [m], in N/m^1.5."""
         return 4.0 / (3.0 * math.pi * self.combined_compliance) * math.sqrt(radius)
-
-    def describe(self) -> dict[str, Any]:
-        """All fields as plain data, for result files; `from_description` reads it back."""
-        described = {field.name: getattr(self, field.name) for field in fields(self)}
-        for key, value in described.items():
-            if isinstance(value, Material):
-                described[key] = asdict(value)
-            elif isinstance(value, Law):
-                described[key] = value.describe()
-        return {"kind": self.kind, **described}
-
-    @classmethod
-    def from_description(cls, description: dict[str, Any]) -> Self:
-        """Build the joint that `describe` described; its kind may be left out."""
-        given = {name: value for name, value in description.items() if name != "kind"}
-        for key in ("bearing_material", "journal_material"):
-            given[key] = Material(**given[key])
-        for key, build in _BUILDERS.items():
-            if given.get(key) is not None:
-                given[key] = build(given[key])
-        return cls(**given)
 
 
 def close(a: float, b: float) -> bool:
@@ -298,20 +277,23 @@ def complete(
         JointplayError: neither given, or values that are not positive or contradict each other.
     """
     clearance, dimension = words
+    at_play, at_inner = (f"{clearance}_clearance",), (f"journal_{dimension}",)
     if play is None and inner is None:
         raise JointplayError(f"give the {clearance} clearance or the journal {dimension}")
     if play is not None:
-        require_positive(f"{clearance} clearance", play, "m")
+        require_positive(f"{clearance} clearance", play, "m", at_play)
     if inner is not None:
-        require_positive(f"journal {dimension}", inner, "m")
+        require_positive(f"journal {dimension}", inner, "m", at_inner)
         if inner >= outer:
             raise JointplayError(
-                f"journal {dimension} {inner:g} m does not fit into the bearing's {outer:g} m"
+                f"journal {dimension} {inner:g} m does not fit into the bearing's {outer:g} m",
+                where=at_inner,
             )
         if play is not None and not close(outer - inner, factor * play):
             raise JointplayError(
                 f"{clearance} clearance {play:g} m contradicts the dimensions: bearing "
-                f"{outer:g} m and journal {inner:g} m give {(outer - inner) / factor:g} m"
+                f"{outer:g} m and journal {inner:g} m give {(outer - inner) / factor:g} m",
+                where=at_play,
             )
     if play is None:
         assert inner is not None
@@ -321,6 +303,7 @@ def complete(
     if inner <= 0.0:
         raise JointplayError(
             f"{clearance} clearance {play:g} m leaves no journal in a bearing of "
-            f"{dimension} {outer:g} m"
+            f"{dimension} {outer:g} m",
+            where=at_play,
         )
     return float(play), float(inner)

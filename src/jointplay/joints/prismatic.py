@@ -10,7 +10,8 @@ from typing import ClassVar
 import numpy as np
 
 from jointplay.contact import ContactProperties
-from jointplay.errors import JointplayError, require_positive
+from jointplay.errors import JointplayError
+from jointplay.fields import quantity
 from jointplay.geometry import Shape
 from jointplay.joints.base import VIRTUAL_LINK, Clearance, Outline
 
@@ -34,17 +35,19 @@ class PrismaticJoint(Clearance):
     kind: ClassVar[str] = "prismatic"
     replaces: ClassVar[tuple[str, ...]] = ("prismatic",)
 
-    length: float = 80e-3
+    length: float = quantity("m", default=80e-3, above=0.0, words="slider length")
     """Of the slider, along z [m]."""
-    width: float = 40e-3
+    width: float = quantity("m", default=40e-3, above=0.0, words="slider width")
     """Of the slider, along x [m]."""
-    height: float = 40e-3
+    height: float = quantity("m", default=40e-3, above=0.0, words="slider height")
     """Of the slider, along y [m]."""
-    clearance: float
+    clearance: float = quantity("m", above=0.0, words="slider clearance")
     """On each side, across x [m]."""
-    clearance_y: float | None = None
+    clearance_y: float | None = quantity(
+        "m", default=None, above=0.0, words="slider clearance across y"
+    )
     """On each side, across y [m]; None takes that across x."""
-    corner_radius: float = 1e-3
+    corner_radius: float = quantity("m", default=1e-3, above=0.0, words="slider corner radius")
     """Rounding of the corners, which makes eq. 11 a sphere on a plane [m]."""
     lock_tilt: bool = False
     """The slider stays parallel to the guide: whole faces touch."""
@@ -55,15 +58,16 @@ class PrismaticJoint(Clearance):
         """Check the dimensions."""
         super().__post_init__()
         self.refuse_line_contact()
-        for name in ("length", "width", "height", "clearance", "corner_radius"):
-            require_positive(f"slider {name.replace('_', ' ')}", getattr(self, name), "m")
         if self.clearance_y is None:
             object.__setattr__(self, "clearance_y", self.clearance)
-        require_positive("slider clearance across y", self.cy, "m")
-        for play, side in ((self.clearance, self.width), (self.cy, self.height)):
+        for name, play, side in (
+            ("clearance", self.clearance, self.width),
+            ("clearance_y", self.cy, self.height),
+        ):
             if play >= side:
                 raise JointplayError(
-                    f"slider clearance {play:g} m is as large as the slider's side {side:g} m"
+                    f"slider clearance {play:g} m is as large as the slider's side {side:g} m",
+                    where=(name,),
                 )
 
     @property

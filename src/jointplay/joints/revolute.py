@@ -11,9 +11,11 @@ import numpy as np
 import pinocchio as pin
 
 from jointplay.contact import ContactProperties, FilmLaw, FilmProperties
-from jointplay.errors import JointplayError, require_positive
+from jointplay.errors import JointplayError, require_positive, within
+from jointplay.fields import quantity
 from jointplay.geometry import Shape, worn_bore
-from jointplay.joints.base import VIRTUAL_LINK, Clearance, Outline, complete
+from jointplay.joints.base import VIRTUAL_LINK, Outline, complete
+from jointplay.joints.round import RoundClearance
 
 SAMPLES = 72
 """Azimuths at which contact directions are sampled."""
@@ -23,7 +25,7 @@ LEAST_AZIMUTHS = 16
 
 
 @dataclass(frozen=True, kw_only=True)
-class ClearanceJoint(Clearance):
+class ClearanceJoint(RoundClearance):
     """A journal of radius R_j and length L_j in a bearing of radius R_i and length L_i.
 
     Give the bearing and either the clearances or the journal; whatever is missing is derived
@@ -39,19 +41,15 @@ class ClearanceJoint(Clearance):
     kind: ClassVar[str] = "revolute"
     replaces: ClassVar[tuple[str, ...]] = ("revolute", "continuous")
 
-    bearing_radius: float = 10e-3
-    """R_i [m]; the standard of the clearance literature, the paper gives none."""
-    bearing_length: float = 40e-3
+    bearing_length: float = quantity("m", default=40e-3, above=0.0, words="bearing length")
     """L_i, between the end walls [m]; this project's choice, the paper gives none."""
-    radial_clearance: float | None = None
-    """C_r, radial, not diametral [m]."""
-    axial_clearance: float | None = None
+    axial_clearance: float | None = quantity("m", default=None, words="axial clearance")
     """C_a, on each side [m]."""
-    journal_radius: float | None = None
-    """R_j [m]."""
-    journal_length: float | None = None
+    journal_length: float | None = quantity("m", default=None, words="journal length")
     """L_j [m]."""
-    axial_stiffness: float | None = None
+    axial_stiffness: float | None = quantity(
+        "N/m^1.5", default=None, above=0.0, words="axial stiffness"
+    )
     """Hertz stiffness of the axial contacts [N/m^1.5]; None takes the radial one.
 
     Eq. 13 has no meaning for a rim on a flat wall, and the paper uses one k for both.
@@ -64,9 +62,9 @@ class ClearanceJoint(Clearance):
     """No end walls."""
     lubricant: FilmLaw | None = None
     """Oil between journal and bore; None for a dry joint. End walls stay dry."""
-    wear_rate: float | None = None
+    wear_rate: float | None = quantity("m^3/(N*m)", default=None, above=0.0, words="wear rate")
     """Specific wear rate of the bearing K/H [m^3/(N m)]; None: wear is not reckoned (`wear`)."""
-    worn: Sequence[float] | Sequence[Sequence[float]] | None = None
+    worn: Sequence[float] | Sequence[Sequence[float]] | None = quantity("m", default=None)
     """How deep the bore is worn at equal azimuths from the bearing's x axis [m].
 
     At least `LEAST_AZIMUTHS` of them; two rows, for ends A and B of the bore, or one for both.
@@ -75,19 +73,6 @@ class ClearanceJoint(Clearance):
     def __post_init__(self) -> None:
         """Derive what is missing and refuse what cannot be."""
         super().__post_init__()
-        require_positive("bearing radius", self.bearing_radius, "m")
-        require_positive("bearing length", self.bearing_length, "m")
-        self._set(
-            "radial_clearance",
-            "journal_radius",
-            complete(
-                self.radial_clearance,
-                self.bearing_radius,
-                self.journal_radius,
-                1.0,
-                ("radial", "radius"),
-            ),
-        )
         # Zero is what was derived below when a result's description is read back.
         if self.walls or self.axial_clearance:
             lengths = complete(
@@ -99,39 +84,37 @@ class ClearanceJoint(Clearance):
             )
         else:
             length = self.bearing_length if self.journal_length is None else self.journal_length
-            require_positive("journal length", length, "m")
+            require_positive("journal length", length, "m", ("journal_length",))
             if length > self.bearing_length:
                 raise JointplayError(
                     f"journal length {length:g} m exceeds the bearing's {self.bearing_length:g} m: "
-                    "its rims would not touch the bore; exchange the roles of the two bodies"
+                    "its rims would not touch the bore; exchange the roles of the two bodies",
+                    where=("journal_length",),
                 )
             lengths = ((self.bearing_length - length) / 2.0, length)
-        self._set("axial_clearance", "journal_length", lengths)
-        if self.axial_stiffness is not None:
-            require_positive("axial stiffness", self.axial_stiffness, "N/m^1.5")
+        object.__setattr__(self, "axial_clearance", lengths[0])
+        object.__setattr__(self, "journal_length", lengths[1])
         if self.lubricant is not None:
             if not isinstance(self.lubricant, FilmLaw):
                 raise JointplayError(
                     "lubricant must be a FilmLaw such as jointplay.contact offers, "
-                    f"got {self.lubricant!r}"
+                    f"got {self.lubricant!r}",
+                    where=("lubricant",),
                 )
-            self.lubricant.thickest(self.cr)
-        if self.wear_rate is not None:
-            require_positive("wear rate", self.wear_rate, "m^3/(N m)")
+            with within("lubricant"):
+                self.lubricant.thickest(self.cr)
         if self.worn is not None:
-            object.__setattr__(self, "worn", self._profile(self.worn))
+            with within("worn"):
+                object.__setattr__(self, "worn", self._profile(self.worn))
         # A much shorter journal can tilt so far that one rim touches both sides of the bore at
         # once, and its single deepest point would jump (docs/theory.md).
         shortest = 2.0 * math.sqrt(self.rj * self.cr)
         if not self.lock_tilt and self.lj <= shortest:
             raise JointplayError(
                 f"journal length {self.lj:g} m is too short for radial clearance {self.cr:g} m: "
-                f"a rim would touch both sides of the bore; it must exceed {shortest:.3g} m"
+                f"a rim would touch both sides of the bore; it must exceed {shortest:.3g} m",
+                where=("journal_length",),
             )
-
-    def _set(self, clearance: str, dimension: str, values: tuple[float, float]) -> None:
-        object.__setattr__(self, clearance, values[0])
-        object.__setattr__(self, dimension, values[1])
 
     def _profile(self, worn: object) -> tuple[tuple[float, ...], ...]:
         """The worn profile, checked: one row if the journal cannot tilt, else two."""
@@ -172,20 +155,9 @@ class ClearanceJoint(Clearance):
         return not (self.open_ends or self.lock_axial)
 
     @property
-    def ri(self) -> float:
-        """R_i [m]."""
-        return self.bearing_radius
-
-    @property
     def li(self) -> float:
         """L_i [m]."""
         return self.bearing_length
-
-    @property
-    def rj(self) -> float:
-        """R_j [m]."""
-        assert self.journal_radius is not None
-        return self.journal_radius
 
     @property
     def lj(self) -> float:
@@ -194,23 +166,10 @@ class ClearanceJoint(Clearance):
         return self.journal_length
 
     @property
-    def cr(self) -> float:
-        """C_r [m] (eq. 1)."""
-        assert self.radial_clearance is not None
-        return self.radial_clearance
-
-    @property
     def ca(self) -> float:
         """C_a [m] (eq. 3)."""
         assert self.axial_clearance is not None
         return self.axial_clearance
-
-    @property
-    def hertz_stiffness(self) -> float:
-        """k of eqs 11-13, or the given `stiffness` [N/m^1.5]."""
-        if self.stiffness is not None:
-            return self.stiffness
-        return self.hertz(self.ri * self.rj / self.cr)
 
     @property
     def radial_contact(self) -> ContactProperties:
@@ -297,16 +256,6 @@ class ClearanceJoint(Clearance):
     def room_to_start(self) -> dict[str, float]:
         """C_r across the axis and C_a along it."""
         return {"x": self.cr, "y": self.cr} | ({} if self.lock_axial else {"z": self.ca})
-
-    @property
-    def radial_room(self) -> float:
-        """C_r [m]."""
-        return self.cr
-
-    @property
-    def depth_limit(self) -> float:
-        """A tenth of the journal's radius: far beyond what any contact law means."""
-        return 0.1 * self.rj
 
     @property
     def outline(self) -> Outline:

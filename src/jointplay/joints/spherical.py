@@ -8,15 +8,15 @@ from typing import ClassVar
 import numpy as np
 
 from jointplay.contact import ContactProperties
-from jointplay.errors import require_positive
 from jointplay.geometry import Shape
-from jointplay.joints.base import VIRTUAL_LINK, Clearance, Outline, complete
+from jointplay.joints.base import VIRTUAL_LINK, Outline
+from jointplay.joints.round import RoundClearance
 
 _NUMBER = 200
 
 
 @dataclass(frozen=True, kw_only=True)
-class SphericalJoint(Clearance):
+class SphericalJoint(RoundClearance):
     """A ball of radius R_j in a socket of radius R_i that encloses it (one contact).
 
     Give the socket and either the clearance C = R_i - R_j or the ball. The Hertz stiffness of
@@ -34,46 +34,10 @@ class SphericalJoint(Clearance):
     kind: ClassVar[str] = "spherical"
     replaces: ClassVar[tuple[str, ...]] = ("floating",)
 
-    bearing_radius: float = 10e-3
-    """R_i of the socket [m]."""
-    radial_clearance: float | None = None
-    """C = R_i - R_j [m]."""
-    journal_radius: float | None = None
-    """R_j of the ball [m]."""
-
     def __post_init__(self) -> None:
         """Derive what is missing and refuse what cannot be."""
         super().__post_init__()
         self.refuse_line_contact()
-        require_positive("bearing radius", self.bearing_radius, "m")
-        play, radius = complete(
-            self.radial_clearance,
-            self.bearing_radius,
-            self.journal_radius,
-            1.0,
-            ("radial", "radius"),
-        )
-        object.__setattr__(self, "radial_clearance", play)
-        object.__setattr__(self, "journal_radius", radius)
-
-    @property
-    def cr(self) -> float:
-        """C [m]."""
-        assert self.radial_clearance is not None
-        return self.radial_clearance
-
-    @property
-    def rj(self) -> float:
-        """R_j [m]."""
-        assert self.journal_radius is not None
-        return self.journal_radius
-
-    @property
-    def hertz_stiffness(self) -> float:
-        """k of eqs 11-13, or the given `stiffness` [N/m^1.5]."""
-        if self.stiffness is not None:
-            return self.stiffness
-        return self.hertz(self.bearing_radius * self.rj / self.cr)
 
     def contact_properties(self, contact: int) -> ContactProperties:
         """Those of the one contact."""
@@ -118,16 +82,6 @@ class SphericalJoint(Clearance):
     def room_to_start(self) -> dict[str, float]:
         """C / sqrt(3) each, so that every corner of the box is inside the socket."""
         return dict.fromkeys(VIRTUAL_LINK[:3], self.cr / np.sqrt(3.0))
-
-    @property
-    def radial_room(self) -> float:
-        """C [m]."""
-        return self.cr
-
-    @property
-    def depth_limit(self) -> float:
-        """A tenth of the ball's radius."""
-        return 0.1 * self.rj
 
     @property
     def outline(self) -> Outline:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from jointplay.contact.law import call_bristle, call_friction, call_normal, pointer
+from jointplay.contact.compiled import call_bristle, call_friction, call_normal, pointer
 from jointplay.geometry import Shape, touch_cylinder
 from jointplay.geometry import touch as touch_shape
 from jointplay.kernel.layout import (

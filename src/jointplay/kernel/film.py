@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from jointplay.contact.law import call_film
+from jointplay.contact.compiled import call_film
 from jointplay.kernel.layout import FILM, Status, address_of, fail, internal
 from jointplay.kernel.vectors import add, along, cross, scale, vector
 

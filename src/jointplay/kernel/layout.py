@@ -16,7 +16,8 @@ from llvmlite import ir
 from numba import carray, from_dtype, njit, types
 from numba.extending import intrinsic
 
-from jointplay.contact.law import BRISTLE_NUMBERS, FILM_NUMBERS, MAX_PARAMETERS, pointer
+from jointplay.contact.compiled import MAX_PARAMETERS, pointer
+from jointplay.contact.law import BRISTLE_NUMBERS, FILM_NUMBERS
 from jointplay.kernel.parts import PartCompiler
 
 

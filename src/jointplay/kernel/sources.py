@@ -19,6 +19,7 @@ SOURCES = (
     *sorted(path for path in _PACKAGE.glob("*.py") if path.name not in _PLAIN),
     _PACKAGE.parent / "host" / "numba_cache.py",
     *sorted((_PACKAGE.parent / "geometry").glob("*.py")),
+    _PACKAGE.parent / "contact" / "compiled.py",
     _PACKAGE.parent / "contact" / "law.py",
 )
 """Files whose change must compile the kernel again."""

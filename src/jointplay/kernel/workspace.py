@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
 
+from jointplay.errors import JointplayError
 from jointplay.kernel import Command, Status, enter, layout
 from jointplay.kernel.path import MIDDLE, MIDDLE_SPEED, ROWS
 
@@ -116,6 +117,8 @@ class Workspace:
         width = max((len(site.parameters) for site in sites), default=0)
         self.fields, columns = _layout(nv, nj, width)
         self._kept: list[np.ndarray] = []  # what the record points to must live as long
+        self._arrays: dict[str, np.ndarray] = {}  # the same by name, but for Pinocchio's frames
+        self._addresses: dict[str, set[str]] = {"run": {"record", "windows"}, "joints": set()}
         self.run = np.zeros(1, layout.RUN)
         # Views of single fields: to look a field up costs more than to read it.
         self._row, self._step = self.run["row"], self.run["step"]
@@ -197,6 +200,8 @@ class Workspace:
         """Let the record's field `name` point to an array."""
         self.run[name] = array.ctypes.data
         self._kept.append(array)
+        self._arrays[name] = array
+        self._addresses["run"].add(name)
         return array
 
     def _room(self, name: str, *shape: int) -> np.ndarray:
@@ -221,6 +226,7 @@ class Workspace:
                     self._kept.append(view)
                 row = [*placement.rotation.ravel(), *placement.translation]
                 joint[f"{part}_placement"] = row
+                self._addresses["joints"] |= {f"{part}_rotation", f"{part}_translation"}
         else:
             support = site.first + np.arange(6)
             signs = np.ones(6, np.int64)
@@ -235,6 +241,8 @@ class Workspace:
         for name, array in arrays.items():
             joint[name] = array.ctypes.data
             self._kept.append(array)
+            self._arrays[f"{name}.{j}"] = array
+        self._addresses["joints"] |= {*arrays, "normal_law", "friction_law", "film_law"}
         joint["friction_parameters"][: len(site.friction_parameters)] = site.friction_parameters
         joint["first"] = layout.NO_VIRTUAL_LINK if site.first is None else site.first
         joint["nsupport"], joint["shape"] = n, site.shape
@@ -280,6 +288,7 @@ class Workspace:
             self.run["found_minv"],
             self.run["found_free"],
         )
+        self._addresses["run"] |= {"open_minv", "open_free"}
         self._room("found_free", nv)
         for name in ("found_minv", "closing_minv"):
             self._room(name, nv, nv)
@@ -290,6 +299,44 @@ class Workspace:
     def state(self) -> list[np.ndarray]:
         """All arrays that a macro step changes, but for the records: to come back to a state."""
         return [self.run, self.joints, self.contacts, *self._changing, *self.sliding_work]
+
+    def snapshot(self) -> dict[str, np.ndarray]:
+        """Copies of all that the run has written, by name: to come back to it in another process.
+
+        The table of the reference is left out; addresses are zero.
+        """
+        found = {name: array.copy() for name, array in self._arrays.items() if name != "reference"}
+        found["run"] = self.run.copy()
+        for name, fields in self._addresses.items():
+            for field in fields:
+                found[name][field] = 0
+        found["written"] = self.record[: self.rows].copy()
+        return found
+
+    def restore(self, snapshot: Mapping[str, np.ndarray]) -> None:
+        """Come back to what `snapshot` found in a workspace of the same simulation.
+
+        Raises:
+            JointplayError: the snapshot is that of another simulation.
+        """
+        own = {name: array for name, array in self._arrays.items() if name != "reference"}
+        own["run"] = self.run
+        for name, array in own.items():
+            given = snapshot.get(name)
+            if given is None or given.shape != array.shape or given.dtype != array.dtype:
+                raise JointplayError(f"the state of {name!r} is not that of this simulation")
+        written = snapshot["written"]
+        if written.ndim != 2 or written.shape[1] != self.record.shape[1]:
+            raise JointplayError("the records are not those of this simulation")
+        rows = int(self.run["rows"][0])
+        for name, array in own.items():
+            if array.dtype.names is None:
+                np.copyto(array, snapshot[name])
+                continue
+            for field in set(array.dtype.names) - self._addresses.get(name, set()):
+                array[field] = snapshot[name][field]
+        self._set(rows=rows, nwindows=len(self.windows))
+        self.record[: len(written)] = written
 
     def make_room(self, rows: int) -> None:
         """Have room for `rows` records, before the first of them is written."""

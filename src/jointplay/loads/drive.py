@@ -9,20 +9,20 @@ from __future__ import annotations
 import math
 from abc import ABC
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 import pinocchio as pin
 
 from jointplay import kernel
+from jointplay.codec import Described, Family, read, register
 from jointplay.errors import (
     JointplayError,
     MissingName,
     require_finite,
-    require_non_negative,
-    require_positive,
 )
+from jointplay.fields import check_fields, quantity
 from jointplay.kernel import layout, workspace
 from jointplay.kernel.workspace import Tables
 from jointplay.mechanism.mechanism import Mechanism
@@ -46,7 +46,7 @@ ENCODERS = ("link", "motor")
 
 
 @dataclass(frozen=True)
-class JointFriction:
+class JointFriction(Described):
     """Friction Q(qd) of a joint and its gear.
 
     Q = [coulomb + (static - coulomb) exp(-(qd/stribeck_speed)^2)] tanh(qd / 1 mrad/s) + viscous qd.
@@ -57,27 +57,30 @@ class JointFriction:
         JointplayError: a negative or non-finite value, or static below dry friction.
     """
 
-    coulomb: float = 0.0
+    coulomb: float = quantity("N*m", "N", default=0.0, least=0.0, words="Coulomb joint friction")
     """Dry friction [N m, or N for prismatic joints]."""
-    viscous: float = 0.0
+    viscous: float = quantity(
+        "N*m*s/rad", "N*s/m", default=0.0, least=0.0, words="viscous joint friction"
+    )
     """[N m s/rad, or N s/m]."""
-    static: float | None = None
+    static: float | None = quantity(
+        "N*m", "N", default=None, least=0.0, words="static joint friction"
+    )
     """Friction at breakaway [N m or N]; None is dry friction's."""
-    stribeck_speed: float = 0.01
+    stribeck_speed: float = quantity(
+        "rad/s", "m/s", default=0.01, above=0.0, words="Stribeck speed"
+    )
     """Speed at which 1/e of the difference to dry friction is left [rad/s or m/s]."""
 
     def __post_init__(self) -> None:
         """Check all values."""
-        require_non_negative("Coulomb joint friction", self.coulomb, "N m")
-        require_non_negative("viscous joint friction", self.viscous, "N m s/rad")
-        require_positive("Stribeck speed", self.stribeck_speed, "rad/s")
-        if self.static is not None:
-            require_non_negative("static joint friction", self.static, "N m")
-            if self.static < self.coulomb:
-                raise JointplayError(
-                    f"static joint friction {self.static:g} N m is below the dry friction "
-                    f"{self.coulomb:g} N m"
-                )
+        check_fields(self)
+        if self.static is not None and self.static < self.coulomb:
+            raise JointplayError(
+                f"static joint friction {self.static:g} N m is below the dry friction "
+                f"{self.coulomb:g} N m",
+                where=("static",),
+            )
 
     @property
     def excess(self) -> float:
@@ -90,22 +93,16 @@ class JointFriction:
             dry = self.coulomb + self.excess * np.exp(-((speed / self.stribeck_speed) ** 2))
         return dry * np.tanh(speed / kernel.JOINT_FRICTION_SPEED) + self.viscous * speed
 
-    def describe(self) -> dict[str, Any]:
-        """All fields as plain data."""
-        return asdict(self)
 
-
-class Drive(ABC):
+class Drive(Described, ABC):
     """What acts on one joint."""
+
+    selector = ("kind", "kind")
 
     kind: ClassVar[str]
     """The one word that selects the drive."""
     follows: ClassVar[bool]
     """Whether the joint follows the reference motion."""
-
-    def describe(self) -> dict[str, Any]:
-        """Kind and fields of the drive."""
-        return {"kind": self.kind, **vars(self)}
 
 
 @dataclass(frozen=True)
@@ -125,22 +122,22 @@ class ComputedTorque(Drive):
     kind: ClassVar[str] = "computed-torque"
     follows: ClassVar[bool] = True
 
-    bandwidth: float = 100.0
+    bandwidth: float = quantity("rad/s", default=100.0, above=0.0)
     """Closed-loop natural frequency of each axis [rad/s]."""
-    damping_ratio: float = 1.0
+    damping_ratio: float = quantity("", default=1.0, least=0.0, words="damping ratio")
     encoder: str = "link"
     """Where it sits: on the joint ("link") or, before the play of its gear, on the "motor"."""
 
     def __post_init__(self) -> None:
         """Check all values."""
-        require_positive("bandwidth", self.bandwidth, "rad/s")
+        check_fields(self)
         if self.bandwidth > FASTEST:
             raise JointplayError(
-                f"bandwidth must be at most {FASTEST:g} rad/s, got {self.bandwidth:g}"
+                f"bandwidth must be at most {FASTEST:g} rad/s, got {self.bandwidth:g}",
+                where=("bandwidth",),
             )
-        require_non_negative("damping ratio", self.damping_ratio, "")
         if self.encoder not in ENCODERS:
-            raise MissingName("encoder", self.encoder, ENCODERS)
+            raise MissingName("encoder", self.encoder, ENCODERS, where=("encoder",))
 
 
 @dataclass(frozen=True)
@@ -161,10 +158,6 @@ class Torque(Drive):
 
     Tabulated at `REFERENCE_NODE_S`: a jump becomes a ramp of that length.
 
-    Args:
-        times: increasing [s].
-        values: [N m, or N for prismatic joints].
-
     Raises:
         JointplayError: lists of different lengths, times that do not increase, non-finite numbers.
     """
@@ -172,14 +165,19 @@ class Torque(Drive):
     kind: ClassVar[str] = "torque"
     follows: ClassVar[bool] = False
 
-    times: tuple[float, ...]
-    values: tuple[float, ...]
+    times: tuple[float, ...] = quantity("s")
+    """Increasing [s]."""
+    values: tuple[float, ...] = quantity("N*m", "N")
+    """[N m, or N for prismatic joints]."""
 
     def __post_init__(self) -> None:
         """Check the points."""
         for name, unit in (("times", "s"), ("values", "N m")):
             points: Sequence[float] = getattr(self, name)
-            checked = tuple(require_finite(f"torque {name}", point, unit) for point in points)
+            checked = tuple(
+                require_finite(f"torque {name}", point, unit, (name, index))
+                for index, point in enumerate(points)
+            )
             object.__setattr__(self, name, checked)
         if len(self.times) != len(self.values) or not self.times:
             raise JointplayError(
@@ -206,17 +204,17 @@ DRIVES: dict[str, type[Drive]] = {
 }
 
 
+register(Drive, Family("kind", "drive", DRIVES))
+
+
 def drive_from_description(description: Mapping[str, Any]) -> Drive:
     """Build the drive that `Drive.describe` described.
 
     Raises:
-        MissingName: no drive of that kind.
+        JointplayError: no drive of that kind, or a value that cannot be.
     """
-    fields = dict(description)
-    kind = fields.pop("kind")
-    if kind not in DRIVES:
-        raise MissingName("drive", kind, DRIVES)
-    return DRIVES[kind](**fields)
+    drive: Drive = read(Drive, description)
+    return drive
 
 
 def assign(
@@ -244,7 +242,8 @@ def assign(
             wrong = [f"lacks {', '.join(missing)}"] if missing else []
             wrong += [f"names {', '.join(unknown)}"] if unknown else []
             raise JointplayError(
-                f"the motion {' and '.join(wrong)}; the moving joints are: {', '.join(joints)}"
+                f"the motion {' and '.join(wrong)}; the moving joints are: {', '.join(joints)}",
+                where=("motion",),
             )
         drives = {name: drive if name in names else Free() for name in joints}
     if unknown:
@@ -262,6 +261,22 @@ def assign(
     return drives
 
 
+def table_nodes(motion: Motion | None, drives: Mapping[str, Drive], duration: float) -> int:
+    """Nodes of the table of all drives for a run of `duration` seconds.
+
+    It ends where nothing changes any more: the kernels go on with its last node.
+    """
+    ends = [0.0]
+    for drive in drives.values():
+        if isinstance(drive, Torque):
+            ends.append(drive.times[-1])
+        elif drive.follows and motion is not None:
+            ends.append(motion.still_from)
+    last = min(max(ends), duration)
+    still = 1 if last < duration else 0  # both of the last two nodes, for cubics
+    return max(math.ceil(last / REFERENCE_NODE_S - 1e-9) + 1 + still, 2)
+
+
 def tabulate(
     mechanism: Mechanism,
     motion: Motion | None,
@@ -269,6 +284,7 @@ def tabulate(
     duration: float,
     friction: Mapping[str, JointFriction],
     start: np.ndarray,
+    progress: bool = False,
 ) -> tuple[Tables, dict[int, float]]:
     """Tabulate all drives.
 
@@ -279,11 +295,12 @@ def tabulate(
         duration: until when the table must reach [s].
         friction: friction by joint.
         start: configuration of `mechanism` at the start, loops closed, shape (nq,).
+        progress: show a bar on standard error if it takes long.
 
     Returns:
         The tables, and the armature that the model needs, by coordinate [kg m^2 or kg].
     """
-    nodes = max(math.ceil(duration / REFERENCE_NODE_S - 1e-9) + 1, 2)
+    nodes = table_nodes(motion, drives, duration)
     times = np.arange(nodes) * REFERENCE_NODE_S
     driven = [name for name, drive in drives.items() if drive.kind != "free"]
     follows = [name for name in driven if drives[name].follows]
@@ -294,7 +311,7 @@ def tabulate(
         order = [motion.joints.index(name) for name in follows]
         position, velocity, acceleration = (values[:, order] for values in motion(times))
         if any(isinstance(drives[name], ComputedTorque) for name in follows):
-            effort, carried = ideal_motion(mechanism, motion, follows, times, start)
+            effort, carried = ideal_motion(mechanism, motion, follows, times, start, progress)
     model = mechanism.model
     own = pin.crba(model, mechanism.data, start).reshape(model.nv, model.nv).diagonal().copy()
     armature: dict[int, float] = {}

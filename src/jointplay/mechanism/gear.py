@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
-from jointplay.errors import require_non_negative, require_positive
+from jointplay.codec import Described
+from jointplay.fields import check_fields, quantity
 
 
 @dataclass(frozen=True)
-class Gear:
+class Gear(Described):
     """A motor that turns its joint through a gear with backlash.
 
     The motor becomes a coordinate of its own, ``<joint>.motor``. Within the play no torque passes;
@@ -21,22 +21,15 @@ class Gear:
         JointplayError: a value that is negative, zero where it must not be, or not finite.
     """
 
-    play: float
+    play: float = quantity("rad", least=0.0, words="gear play")
     """Angle by which the joint turns freely while the motor stands [rad]."""
-    rotor_inertia: float
+    rotor_inertia: float = quantity("kg*m^2", above=0.0, words="rotor inertia")
     """[kg m^2]."""
-    stiffness: float
+    stiffness: float = quantity("N*m/rad", above=0.0, words="gear stiffness")
     """Of the teeth in contact and the shaft [N m/rad]."""
-    damping: float = 0.0
+    damping: float = quantity("N*m*s/rad", default=0.0, least=0.0, words="gear damping")
     """Of the teeth in contact and the shaft [N m s/rad]."""
 
     def __post_init__(self) -> None:
         """Check the values."""
-        require_non_negative("gear play", self.play, "rad")
-        require_positive("rotor inertia", self.rotor_inertia, "kg m^2")
-        require_positive("gear stiffness", self.stiffness, "N m/rad")
-        require_non_negative("gear damping", self.damping, "N m s/rad")
-
-    def describe(self) -> dict[str, Any]:
-        """All fields as plain data."""
-        return asdict(self)
+        check_fields(self)

@@ -9,16 +9,15 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from jointplay.contact.friction.bristle import BristleLaw
-from jointplay.contact.law import (
+from jointplay.contact.compiled import (
     MAX_PARAMETERS,
-    FrictionLaw,
-    NormalForceLaw,
     address,
     call_normal,
     compiled_law,
     pointer,
 )
+from jointplay.contact.friction.bristle import BristleLaw
+from jointplay.contact.law import FrictionLaw, NormalForceLaw
 from jointplay.errors import JointplayError
 from jointplay.host.numba_cache import njit
 from jointplay.mechanism.mechanism import Mechanism
@@ -111,6 +110,19 @@ def effective_mass(mechanism: Mechanism, joint: str, q: np.ndarray) -> float:
     if softest <= 0.0:
         raise JointplayError(f"joint {joint!r}: bearing and journal do not move at all")
     return 1.0 / softest
+
+
+def tooth_duration(mechanism: Mechanism, joint: str, q: np.ndarray) -> float:
+    """Duration of an impact of the teeth in a joint's gear, in configuration q [s].
+
+    pi sqrt(J / k): the motor's inertia and the smallest that the joint can have, in series, on the
+    gear's spring. Loops without clearance are left open.
+    """
+    gear = mechanism.gears[joint]
+    at = mechanism.coordinate(joint)
+    inverse = pin.computeMinverse(mechanism.model, mechanism.data, q)
+    inertia = 1.0 / (1.0 / gear.rotor_inertia + float(inverse[at, at]))
+    return math.pi * math.sqrt(inertia / gear.stiffness)
 
 
 def friction_slope(law: FrictionLaw) -> float:

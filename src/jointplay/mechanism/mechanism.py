@@ -10,22 +10,29 @@ A loop is cut at a joint with clearance and needs no coordinates at all.
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pinocchio as pin
 
-from jointplay.errors import JointplayError, MissingName, require_finite
-from jointplay.joints import VIRTUAL_LINK, Clearance, joint_from_description
+from jointplay.codec import Described, plain
+from jointplay.errors import JointplayError, MissingName, require_finite, within
+from jointplay.fields import quantity
+from jointplay.joints import VIRTUAL_LINK, Clearance
 from jointplay.mechanism import urdf
 from jointplay.mechanism.gear import Gear
-from jointplay.mechanism.loop import Loop
+from jointplay.mechanism.lock import Lock
+from jointplay.mechanism.loop import Loop, refuse_name
 from jointplay.mechanism.model import build, parse
+from jointplay.mechanism.shown import Shown
 
 STANDARD_GRAVITY = (0.0, 0.0, -9.81)
 """Gravity in world axes [m/s^2]."""
+
+RELATIVE = ("x", "y", "z", "roll", "pitch", "yaw")
+"""Freedoms in the order of the rows of `Mechanism.relative_jacobian`."""
 
 _AXIS_ARM_M = 0.05
 """Distance of the two points that hold the axis of an ideal revolute joint in a loop."""
@@ -38,7 +45,25 @@ def frame_index(model: pin.Model, name: str) -> int:
     return int(model.getFrameId(name))
 
 
-class Mechanism:
+@dataclass(frozen=True, kw_only=True)
+class WrittenMechanism:
+    """A mechanism as result files have it; keys that a later version adds are let through."""
+
+    lets_through: ClassVar[bool] = True
+
+    urdf: str
+    """Name of the file."""
+    urdf_text: str
+    """All of its text."""
+    clearance: dict[str, Clearance]
+    gravity: tuple[float, float, float] = quantity("m/s^2")
+    tool: str
+    allow_unphysical: tuple[str, ...]
+    loops: dict[str, Loop] = field(default_factory=dict)
+    gears: dict[str, Gear] = field(default_factory=dict)
+
+
+class Mechanism(Described, Shown):
     """A robot or linkage from a URDF, ideal or with clearance in some of its joints.
 
     Args:
@@ -56,11 +81,15 @@ class Mechanism:
         coordinates: names of the generalised coordinates, in the order of q and v.
         clearance: those of the joints that have clearance.
         loops, gears: as given.
+        locks: by loop whose joint locks what nothing else in the loop does: frames of the carriage
+            and of what is fixed to it (`mechanism.lock`).
 
     Raises:
         JointplayError: see `urdf.read`; also a joint or link that does not exist, a joint of a kind
             that has no clearance of the given kind or has no coordinates.
     """
+
+    written = WrittenMechanism
 
     def __init__(
         self,
@@ -96,40 +125,84 @@ class Mechanism:
         self.gears = dict(gears)
         self.allow_unphysical = tuple(allow_unphysical)
         if len(gravity) != 3:
-            raise JointplayError(f"gravity must have three components, got {gravity!r}")
-        x, y, z = (require_finite("gravity", g, "m/s^2") for g in gravity)
+            raise JointplayError(
+                f"gravity must have three components, got {gravity!r}", where=("gravity",)
+            )
+        x, y, z = (require_finite("gravity", g, "m/s^2", ("gravity",)) for g in gravity)
         self.gravity = (x, y, z)
         for name in loops:
-            if name in description.joints:
-                raise JointplayError(f"loop {name!r} has the name of a joint of the URDF")
+            with within("loops", name):
+                refuse_name(name, description.joints)
         for name, joint in joints.items():
-            self._check_joint(name, joint)
+            with within("clearance", name):
+                self._check_joint(name, joint)
         source = parse(description)
-        self.model, self.coordinates = build(source, self._joints, self.gears)
-        self.model.gravity.linear = np.array(self.gravity)
-        self.data = self.model.createData()
+        self._make(source, {})
         if tool is not None and not isinstance(tool, str):
-            raise JointplayError(f"tool must be the name of a frame, got {tool!r}")
+            raise JointplayError(f"tool must be the name of a frame, got {tool!r}", ("tool",))
         self.tool = tool if tool is not None else source.frames[source.nframes - 1].name
         if not self.model.existFrame(self.tool):
             frames = [frame.name for frame in source.frames if frame.name != "universe"]
-            raise MissingName("frame", self.tool, frames)
+            raise MissingName("frame", self.tool, frames, where=("tool",))
         self.tool_frame = frame_index(self.model, self.tool)
         for name, gear in gears.items():
-            if not isinstance(gear, Gear):
-                raise JointplayError(f"joint {name!r} needs a Gear, got {gear!r}")
-            entry = description.joints.get(name)
-            if entry is None or entry.kind not in ("revolute", "continuous"):
-                raise MissingName("joint for a gear", name, description.revolute)
+            with within("gears", name):
+                self._check_gear(name, gear)
         for name, loop in loops.items():
-            for link in (loop.bearing_link, loop.journal_link):
-                if not self.model.existFrame(link, pin.FrameType.BODY):
-                    raise MissingName(f"link for loop {name!r}:", link, description.links)
-            if self.bearing_frame(name)[0] == self.journal_frame(name)[0]:
-                raise JointplayError(
-                    f"loop {name!r} joins {loop.bearing_link!r} and {loop.journal_link!r}, which "
-                    "do not move against each other"
-                )
+            with within("loops", name):
+                self._check_loop(name, loop)
+        needed = {
+            name: Lock.between(
+                name,
+                self.clearance[name].freedoms,
+                self.model,
+                self.bearing_frame(name),
+                self.journal_frame(name),
+            )
+            for name in loops
+            if self._needs_lock(name)
+        }
+        if needed:
+            self._make(source, needed)
+            self.tool_frame = frame_index(self.model, self.tool)
+
+    def _check_gear(self, name: str, gear: Gear) -> None:
+        if not isinstance(gear, Gear):
+            raise JointplayError(f"joint {name!r} needs a Gear, got {gear!r}")
+        entry = self.description.joints.get(name)
+        if entry is None or entry.kind not in ("revolute", "continuous"):
+            raise MissingName("joint for a gear", name, self.description.revolute)
+
+    def _check_loop(self, name: str, loop: Loop) -> None:
+        for link in (loop.bearing_link, loop.journal_link):
+            if not self.model.existFrame(link, pin.FrameType.BODY):
+                raise MissingName(f"link for loop {name!r}:", link, self.description.links)
+        if self.bearing_frame(name)[0] == self.journal_frame(name)[0]:
+            raise JointplayError(
+                f"loop {name!r} joins {loop.bearing_link!r} and {loop.journal_link!r}, which "
+                "do not move against each other"
+            )
+
+    def _make(self, source: pin.Model, locks: Mapping[str, Lock]) -> None:
+        """Build the model, with what `locks` need."""
+        self.model, self.coordinates = build(source, self._joints, self.gears, locks)
+        self.model.gravity.linear = np.array(self.gravity)
+        self.locks = {}
+        for name, lock in locks.items():
+            carriage = int(self.model.getJointId(name))
+            held = lock.share(self.model, carriage)
+            self.locks[name] = ((carriage, pin.SE3.Identity()), held)
+        self.data = self.model.createData()
+
+    def _needs_lock(self, name: str) -> bool:
+        """Whether a loop's joint locks what the loop's other joints leave free."""
+        joint = self.clearance.get(name)
+        if joint is None or joint.freedoms == VIRTUAL_LINK:
+            return False
+        locked = [row for row, part in enumerate(RELATIVE) if part not in joint.freedoms]
+        somewhere = np.random.default_rng(0).uniform(-1.0, 1.0, (3, self.model.nq))
+        moves = [self.relative_jacobian(name, q)[locked] for q in somewhere]
+        return bool(np.abs(moves).max() > 1e-9)
 
     def _check_joint(self, name: str, joint: Clearance) -> None:
         if not isinstance(joint, Clearance):
@@ -156,7 +229,7 @@ class Mechanism:
     def joints(self) -> tuple[str, ...]:
         """Names of the URDF's moving joints, in the order of the ideal robot's coordinates."""
         names = (c.split(".")[0] for c in self.coordinates)
-        return tuple(dict.fromkeys(names))
+        return tuple(name for name in dict.fromkeys(names) if name not in self.loops)
 
     def coordinate(self, joint: str) -> int:
         """Index in q of the ideal coordinate of `joint` (yaw, or z of a slider, with clearance).
@@ -168,7 +241,7 @@ class Mechanism:
         name = joint
         if given is not None and (joint in self.clearance or given.kind == "spherical"):
             name = f"{joint}.{given.drive_coordinate}"
-        if name not in self.coordinates:
+        if name not in self.coordinates or joint in self.loops:
             raise MissingName("moving joint", joint, self.joints)
         return self.coordinates.index(name)
 
@@ -193,6 +266,11 @@ class Mechanism:
         first = self.clearance[joint].freedoms[0]
         return self.coordinates.index(f"{joint}.{first}")
 
+    def carriage(self, loop: str) -> list[int]:
+        """Indices in q of the carriage of a lock."""
+        parts = self.clearance[loop].freedoms
+        return [self.coordinates.index(f"{loop}.{part}") for part in parts]
+
     def loop_kind(self, name: str) -> str:
         """Kind of joint that closes the loop `name`."""
         return self._joints[name].kind if name in self._joints else "revolute"
@@ -209,14 +287,14 @@ class Mechanism:
         model = self.model
         if name in self.loops:
             loop = self.loops[name]
-            found = []
+            sides = []
             for link, placement in (
                 (loop.bearing_link, loop.bearing),
                 (loop.journal_link, loop.journal),
             ):
                 frame = model.frames[model.getFrameId(link, pin.FrameType.BODY)]
-                found.append((int(frame.parentJoint), frame.placement * placement))
-            bearing, journal = found
+                sides.append((int(frame.parentJoint), frame.placement * placement))
+            bearing, journal = sides
         else:
             last = int(model.getJointId(name))
             first = last
@@ -232,13 +310,19 @@ class Mechanism:
         (i, bearing), (j, journal) = self._frames(joint)
         return (self.data.oMi[i] * bearing).actInv(self.data.oMi[j] * journal)
 
+    def lock_pose(self, joint: str) -> pin.SE3:
+        """What a lock holds in its carriage's frame, after `pin.forwardKinematics`."""
+        (i, carriage), (j, held) = self.locks[joint]
+        return (self.data.oMi[i] * carriage).actInv(self.data.oMi[j] * held)
+
     def signs(self, joint: str) -> np.ndarray:
         """+1 for coordinates that move the journal only, -1 the bearing only, 0 else, (nv,)."""
+        return self._signs(*self._frames(joint))
+
+    def _signs(self, first: tuple[int, pin.SE3], second: tuple[int, pin.SE3]) -> np.ndarray:
+        """The same for any two frames, the second in the journal's place."""
         signs = np.zeros(self.model.nv)
-        for (index, _), sign in (
-            (self.journal_frame(joint), 1.0),
-            (self.bearing_frame(joint), -1.0),
-        ):
+        for (index, _), sign in ((second, 1.0), (first, -1.0)):
             while index > 0:
                 member = self.model.joints[index]
                 signs[member.idx_v : member.idx_v + member.nv] += sign
@@ -251,16 +335,26 @@ class Mechanism:
         Velocity of the journal's centre and angular velocity, both in the bearing frame, per
         generalised velocity in configuration q.
         """
+        return self._relative(*self._frames(joint), q)
+
+    def lock_jacobian(self, joint: str, q: np.ndarray) -> np.ndarray:
+        """Motion of what a lock holds relative to its carriage, shape (6, nv); none is allowed."""
+        return self._relative(*self.locks[joint], q)
+
+    def _relative(
+        self, first: tuple[int, pin.SE3], second: tuple[int, pin.SE3], q: np.ndarray
+    ) -> np.ndarray:
+        """`relative_jacobian` of any two frames."""
         pin.computeJointJacobians(self.model, self.data, q)
-        (i, bearing), (j, journal) = self._frames(joint)
+        (i, bearing), (j, journal) = first, second
         turn = (self.data.oMi[i] * bearing).rotation
         centre = (self.data.oMi[j] * journal).translation
-        columns = self.data.J.reshape(6, self.model.nv) * self.signs(joint)
+        columns = self.data.J.reshape(6, self.model.nv) * self._signs(first, second)
         linear = columns[:3] + np.cross(columns[3:], centre, axisa=0, axisc=0)
         return np.concatenate([turn.T @ linear, turn.T @ columns[3:]])
 
     def constraints(self, q: np.ndarray, frequency: float) -> list[pin.RigidConstraintModel]:
-        """Pinocchio's constraints for the loops without clearance.
+        """Pinocchio's constraints for the loops without clearance, and for locks.
 
         A ball needs its centre held; a revolute joint a second point on its axis, unless the
         mechanism keeps the axes parallel by itself (as planar ones do).
@@ -269,7 +363,7 @@ class Mechanism:
             q: an assembled configuration, shape (nq,).
             frequency: of Baumgarte's stabilisation, critically damped [rad/s].
         """
-        found = []
+        constraints = []
         for name in self.loops:
             if name in self.clearance:
                 continue
@@ -293,8 +387,24 @@ class Mechanism:
                 constraint.name = name
                 constraint.m_baumgarte_parameters.Kp = frequency**2
                 constraint.m_baumgarte_parameters.Kd = 2.0 * frequency
-                found.append(constraint)
-        return found
+                constraints.append(constraint)
+        for name, ((i, carriage), (j, held)) in self.locks.items():
+            for point in (np.zeros(3), *(_AXIS_ARM_M * np.eye(3)[:2])):  # three hold a frame
+                at = pin.SE3(np.eye(3), point)
+                constraint = pin.RigidConstraintModel(
+                    pin.ContactType.CONTACT_3D,
+                    self.model,
+                    j,
+                    held * at,
+                    i,
+                    carriage * at,
+                    pin.ReferenceFrame.LOCAL,
+                )
+                constraint.name = name
+                constraint.m_baumgarte_parameters.Kp = frequency**2
+                constraint.m_baumgarte_parameters.Kd = 2.0 * frequency
+                constraints.append(constraint)
+        return constraints
 
     def ideal(self) -> Mechanism:
         """The same mechanism without clearance and without play in its gears."""
@@ -339,29 +449,50 @@ class Mechanism:
         return {
             "urdf": self.description.path.name,
             "urdf_text": self.description.text,
-            "clearance": {name: joint.describe() for name, joint in self._joints.items()},
-            "loops": {name: loop.describe() for name, loop in self.loops.items()},
-            "gears": {name: gear.describe() for name, gear in self.gears.items()},
+            "clearance": plain(self._joints),
+            "loops": plain(self.loops),
+            "gears": plain(self.gears),
             "gravity": list(self.gravity),
             "tool": self.tool,
             "allow_unphysical": list(self.allow_unphysical),
         }
 
     @classmethod
-    def from_description(cls, description: Mapping[str, Any]) -> Mechanism:
+    def from_fields(cls, fields: dict[str, Any]) -> Mechanism:
         """Build the mechanism that `describe` described."""
-        allowed = description["allow_unphysical"]
-        name = Path(description["urdf"]).name or "robot.urdf"
-        parsed = urdf.parse(description["urdf_text"], Path(name), allowed)
-        parsed = replace(parsed, stored=True)
+        allowed = fields["allow_unphysical"]
+        name = Path(fields["urdf"]).name or "robot.urdf"
+        parsed = replace(urdf.parse(fields["urdf_text"], Path(name), allowed), stored=True)
         mechanism = object.__new__(cls)
         mechanism._build(
             parsed,
-            {n: joint_from_description(fields) for n, fields in description["clearance"].items()},
-            {n: Loop.from_description(fields) for n, fields in description["loops"].items()},
-            {n: Gear(**fields) for n, fields in description["gears"].items()},
-            tuple(description["gravity"]),
-            description["tool"],
+            fields["clearance"],
+            fields.get("loops", {}),
+            fields.get("gears", {}),
+            fields["gravity"],
+            fields["tool"],
             allowed,
         )
         return mechanism
+
+    def __eq__(self, other: object) -> bool:
+        """Whether robot, joints, loops, gears, gravity and tool are the same."""
+        return isinstance(other, Mechanism) and self.describe() == other.describe()
+
+    def __hash__(self) -> int:
+        """Equal mechanisms hash alike."""
+        return hash((self.description.text, self.tool, self.gravity, tuple(self._joints)))
+
+    def __repr__(self) -> str:
+        """As one would write it, what is not given left out."""
+        parts = [repr(str(self.description.path))]
+        parts += [repr(self._joints)] if self._joints else []
+        given = {
+            "loops": self.loops,
+            "gears": self.gears,
+            "gravity": None if self.gravity == STANDARD_GRAVITY else self.gravity,
+            "tool": self.tool,
+            "allow_unphysical": self.allow_unphysical,
+        }
+        parts += [f"{name}={value!r}" for name, value in given.items() if value]
+        return f"Mechanism({', '.join(parts)})"

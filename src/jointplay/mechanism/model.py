@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Mapping
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from jointplay.errors import JointplayError
 from jointplay.host.streams import caught_stderr
 from jointplay.joints import VIRTUAL_LINK, Clearance
 from jointplay.mechanism.gear import Gear
+from jointplay.mechanism.lock import Lock
 from jointplay.mechanism.urdf import Description
 
 _REVOLUTE = ("JointModelR", "JointModelRevolute")
@@ -33,33 +35,43 @@ _SINGLE = {
 def parse(description: Description) -> pin.Model:
     """Pinocchio's own reading of the URDF, from a file because its text reader names no errors.
 
+    The same text is read once: what is returned is shared, and must not be changed.
+
     Raises:
         JointplayError: Pinocchio cannot read it.
     """
+    return _parsed(description.text, str(description.path))
+
+
+@lru_cache(maxsize=32)
+def _parsed(text: str, path: str) -> pin.Model:
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "robot.urdf"
         noise: list[str] = []
         try:
-            file.write_text(description.text, encoding="utf-8")
+            file.write_text(text, encoding="utf-8")
             with caught_stderr(noise):
                 return pin.buildModelFromUrdf(str(file))
         except (ValueError, RuntimeError) as error:
             said = [*str(error).splitlines(), *noise]
             reason = next((line.strip() for line in said if line.strip()), "no reason given")
-            reason = reason.replace(str(file), description.path.name)
-            raise JointplayError(
-                f"Pinocchio cannot read the URDF {str(description.path)!r}: {reason}"
-            ) from None
+            reason = reason.replace(str(file), Path(path).name)
+            raise JointplayError(f"Pinocchio cannot read the URDF {path!r}: {reason}") from None
 
 
 def build(
-    source: pin.Model, joints: Mapping[str, Clearance], gears: Mapping[str, Gear]
+    source: pin.Model,
+    joints: Mapping[str, Clearance],
+    gears: Mapping[str, Gear],
+    locks: Mapping[str, Lock],
 ) -> tuple[pin.Model, tuple[str, ...]]:
     """Copy `source` joint by joint, those with clearance as virtual links; append the motors.
 
     A bearing frame is turned so that its z is the joint's axis. The bodies, frames and joints
     beyond are turned back, so that at zero yaw everything stands where it stood.
     Continuous joints become ordinary revolute ones: one coordinate, which may exceed a turn.
+    Carriages of `locks` come straight after the body that carries them: Pinocchio needs the joints
+    of a branch side by side.
 
     Returns:
         The model, and the names of its coordinates: the joint's own name, or with what follows the
@@ -75,6 +87,14 @@ def build(
     moved = {0: 0}
     turned = {0: pin.SE3.Identity()}  # old joint frame as seen from the new one
     coordinates: list[str] = []
+
+    def carriages(carrier: int) -> None:
+        for loop, lock in locks.items():
+            if lock.carrier == model.names[carrier]:
+                _virtual_link(model, carrier, lock.placement, loop, lock.freedoms)
+                coordinates.extend(f"{loop}.{freedom}" for freedom in lock.freedoms)
+
+    carriages(0)
     for old in range(1, source.njoints):
         name = source.names[old]
         given = joints.get(name)
@@ -95,6 +115,7 @@ def build(
         moved[old] = new
         model.appendBodyToJoint(new, turned[old].act(source.inertias[old]), pin.SE3.Identity())
         model.addJointFrame(new)
+        carriages(new)
     for frame in source.frames:
         if frame.type == pin.FrameType.JOINT or frame.name == "universe":
             continue

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
 
-from jointplay.errors import JointplayError, require_finite, require_non_negative, require_positive
+from jointplay.codec import Described
+from jointplay.errors import JointplayError, require_vector
+from jointplay.fields import check_fields, quantity
 
 Vector = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
-class Payload:
+class Payload(Described):
     """A rigid body held by a frame of the mechanism from `pick` to `release`.
 
     Before it is picked up it rests in the world: if the tool moves at that instant, body and
@@ -29,52 +29,38 @@ class Payload:
 
     frame: str
     """Frame that holds it; usually the tool."""
-    mass: float
+    mass: float = quantity("kg", above=0.0, words="payload mass")
     """[kg]."""
-    pick: float = 0.0
+    pick: float = quantity("s", default=0.0, least=0.0, words="payload pick time")
     """[s]; a payload picked at 0 is there from the start."""
-    release: float | None = None
+    release: float | None = quantity("s", default=None, words="payload release time")
     """[s]; None: never."""
-    centre: Vector = (0.0, 0.0, 0.0)
+    centre: Vector = quantity("m", default=(0.0, 0.0, 0.0))
     """Centre of mass in the frame [m]."""
-    inertia: Vector = (0.0, 0.0, 0.0)
+    inertia: Vector = quantity("kg*m^2", default=(0.0, 0.0, 0.0))
     """Moments of inertia about it, along the frame's axes [kg m^2]."""
 
     def __post_init__(self) -> None:
         """Check all values."""
-        require_positive("payload mass", self.mass, "kg")
-        require_non_negative("payload pick time", self.pick, "s")
-        if self.release is not None:
-            require_finite("payload release time", self.release, "s")
-            if self.release <= self.pick:
-                raise JointplayError(
-                    f"payload release at {self.release:g} s must follow its pick at {self.pick:g} s"
-                )
+        check_fields(self)
+        if self.release is not None and self.release <= self.pick:
+            raise JointplayError(
+                f"payload release at {self.release:g} s must follow its pick at {self.pick:g} s",
+                where=("release",),
+            )
         for name, unit in (("centre", "m"), ("inertia", "kg m^2")):
-            values: Sequence[float] = getattr(self, name)
-            if len(values) != 3:
-                raise JointplayError(f"payload {name} must have three components, got {values!r}")
-            checked = tuple(require_finite(f"payload {name}", value, unit) for value in values)
+            checked = require_vector(f"payload {name}", getattr(self, name), unit, (name,))
             object.__setattr__(self, name, checked)
         low, middle, high = sorted(self.inertia)
         if low < 0.0 or high > (low + middle) * (1.0 + 1e-6):
-            raise JointplayError(f"no body has the moments of inertia {self.inertia} kg m^2")
+            raise JointplayError(
+                f"no body has the moments of inertia {self.inertia} kg m^2", where=("inertia",)
+            )
 
     @property
     def body(self) -> pin.Inertia:
         """Inertia in the frame that holds it."""
         return pin.Inertia(self.mass, np.array(self.centre), np.diag(self.inertia))
-
-    def describe(self) -> dict[str, Any]:
-        """All fields as plain data."""
-        return asdict(self)
-
-    @classmethod
-    def from_description(cls, description: dict[str, Any]) -> Payload:
-        """Build the payload that `describe` described."""
-        vectors = ("centre", "inertia")
-        fields: Any = {k: tuple(v) if k in vectors else v for k, v in description.items()}
-        return cls(**fields)
 
 
 def velocity_after_pick(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -42,6 +42,8 @@ def picture(
     title: str = "",
     view: tuple[float, float] | None = None,
     folders: Sequence[str | Path] = (),
+    colours: Mapping[str, str] | None = None,
+    labels: Mapping[str, str] | None = None,
 ) -> Figure:
     """Draw a mechanism as it stands, in parallel projection.
 
@@ -56,6 +58,8 @@ def picture(
         view: azimuth and elevation of the viewer [deg]; None looks from the side, and from further
             above where the mechanism is flat.
         folders: where meshes may be, too.
+        colours: of bodies, by the name of the joint that carries them, as #rrggbb.
+        labels: what stands beside the marks of joints with clearance instead of their play.
 
     Returns:
         A figure of its own; save it with its `savefig`.
@@ -73,15 +77,18 @@ def picture(
         )
     found = visuals(mechanism, folders)
     pin.framesForwardKinematics(mechanism.model, mechanism.data, q)
-    corners, colours = [], []
+    corners, paints = [], []
     order = list(dict.fromkeys(found.links))
     for thing, link in zip(found.geometry.geometryObjects, found.links, strict=True):
         place = mechanism.data.oMi[thing.parentJoint] * thing.placement
-        local = _triangles(thing)
+        local = triangles_of(thing)
         corners.append(local @ place.rotation.T + place.translation)
         plain = _TONES[order.index(link) % len(_TONES)]
         colour = thing.meshColor[:3] if thing.overrideMaterial else _rgb(plain)
-        colours.append(np.tile(colour, (len(local), 1)))
+        if colours is not None:
+            carrier = mechanism.model.names[thing.parentJoint].split(".")[0]
+            colour = _rgb(colours.get(carrier, _TONES[0]))
+        paints.append(np.tile(colour, (len(local), 1)))
     points = np.concatenate(corners).reshape(-1, 3)
     low, high = points.min(axis=0), points.max(axis=0)
     size = float(np.linalg.norm(high - low))
@@ -91,13 +98,14 @@ def picture(
     # Matplotlib sorts whole triangles by depth, which needs them small.
     pieces = [_cut(body, _PIECE * size) for body in corners]
     triangles = np.concatenate(pieces)
-    colours = [np.tile(c[0], (len(piece), 1)) for c, piece in zip(colours, pieces, strict=True)]
+    paints = [np.tile(c[0], (len(piece), 1)) for c, piece in zip(paints, pieces, strict=True)]
 
     figure = Figure(figsize=(8.0, 5.5), layout="constrained")
     axes: Any = figure.add_subplot(projection="3d", proj_type="ortho", computed_zorder=False)
-    axes.add_collection3d(_shaded(triangles, np.concatenate(colours)))
+    axes.add_collection3d(_shaded(triangles, np.concatenate(paints)))
     for name, place, colour, text in _marks(mechanism):
-        _mark(axes, place, _RING * size, colour, f"{name}\n{text}")
+        text = f"{name}\n{text}" if labels is None else labels.get(name, name)
+        _mark(axes, place, _RING * size, colour, text)
     tool = mechanism.data.oMf[mechanism.tool_frame].translation
     axes.plot(*tool[:, None], "+", color=_TOOL, ms=9, zorder=5)
     axes.text(*tool, f"  {mechanism.tool}", color=_TOOL, fontsize=8, zorder=6, **_halo())
@@ -110,7 +118,7 @@ def picture(
     return figure
 
 
-def _triangles(thing: pin.GeometryObject) -> np.ndarray:
+def triangles_of(thing: pin.GeometryObject) -> np.ndarray:
     """Surface of a shape in its own frame, shape (n, 3, 3) [m]."""
     form = thing.geometry
     if isinstance(form, coal.BVHModelBase):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -94,7 +95,15 @@ def read(path: str | Path, allow_unphysical: Collection[str] = ()) -> Descriptio
 
 
 def parse(text: str, path: Path, allow_unphysical: Collection[str] = ()) -> Description:
-    """Check the URDF `text`, naming `path` in errors; see `read`."""
+    """Check the URDF `text`, naming `path` in errors; see `read`.
+
+    The same text is read once: what is returned is shared, and must not be changed.
+    """
+    return _parsed(text, path, tuple(allow_unphysical))
+
+
+@lru_cache(maxsize=32)
+def _parsed(text: str, path: Path, allow_unphysical: tuple[str, ...]) -> Description:
     try:
         root = ElementTree.fromstring(text)
     except (ElementTree.ParseError, ValueError) as error:

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from jointplay.errors import JointplayError, MissingName, require_finite
+from jointplay.errors import JointplayError, MissingName, require_finite, within
 from jointplay.mechanism.mechanism import Mechanism, frame_index
 from jointplay.mechanism.model import parse
 from jointplay.motion.reference import Motion
@@ -97,7 +97,7 @@ class _Arm:
             frames = [known.name for known in self.model.frames if known.name != "universe"]
             raise MissingName("frame", name, frames)
         self.frame = frame_index(self.model, name)
-        self.low, self.high = _limits(mechanism, self.joints)
+        self.low, self.high = joint_limits(mechanism, self.joints)
         self.rank = 0
 
     def pose(self, q: np.ndarray) -> pin.SE3:
@@ -239,14 +239,16 @@ def cartesian_motion(
     arm = _Arm(mechanism, frame)
     random = np.random.default_rng(0)
     arm.find_rank(orientations is not None, random)
-    q = _solve(arm, _seed(arm, start or {}), targets[0], "waypoint 1", random, first=True)
+    with within("positions", 0):
+        q = _solve(arm, _seed(arm, start or {}), targets[0], "waypoint 1", random, first=True)
     solved = [(float(moments[0]), q)]
     for i in range(1, len(moments)):
-        if path == "line":
-            solved += _line(arm, q, moments[i - 1 :], targets[i - 1 :], i + 1, random)
-        else:
-            q = _solve(arm, q, targets[i], f"waypoint {i + 1}", random)
-            solved.append((float(moments[i]), q))
+        with within("positions", i):
+            if path == "line":
+                solved += _line(arm, q, moments[i - 1 :], targets[i - 1 :], i + 1, random)
+            else:
+                q = _solve(arm, q, targets[i], f"waypoint {i + 1}", random)
+                solved.append((float(moments[i]), q))
         q = solved[-1][1]
     interpolation = "spline" if path == "line" else "rest-to-rest"
     nodes, configurations = zip(*solved, strict=True)
@@ -270,7 +272,10 @@ def _waypoints(
             raise JointplayError(f"{name} must be numbers: {error}") from None
         bad = np.argwhere(~np.isfinite(checked[name]))
         if bad.size:
-            raise JointplayError(f"{name} must be finite; waypoint {bad[0][0] + 1} is not")
+            raise JointplayError(
+                f"{name} must be finite; waypoint {bad[0][0] + 1} is not",
+                where=(name, int(bad[0][0])),
+            )
     moments = checked["times"]
     if moments.ndim != 1 or len(moments) < 2:
         raise JointplayError(
@@ -280,7 +285,8 @@ def _waypoints(
     if late.size:
         raise JointplayError(
             f"waypoint times must increase: {moments[late[0]]:g} s is followed by "
-            f"{moments[late[0] + 1]:g} s (waypoint {late[0] + 2})"
+            f"{moments[late[0] + 1]:g} s (waypoint {late[0] + 2})",
+            where=("times", int(late[0]) + 1),
         )
     for name in list(checked)[1:]:
         if checked[name].shape != (len(moments), 3):
@@ -294,7 +300,7 @@ def _waypoints(
     return moments, [_Target(*pair) for pair in zip(checked["positions"], turns, strict=True)]
 
 
-def _limits(mechanism: Mechanism, joints: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
+def joint_limits(mechanism: Mechanism, joints: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
     """Lower and upper limits that the URDF sets, infinite where it sets none."""
     source = parse(mechanism.description)
     low, high = np.full(len(joints), -np.inf), np.full(len(joints), np.inf)

@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 import pinocchio as pin
 from scipy.interpolate import make_interp_spline
+from tqdm import tqdm
 
 from jointplay.errors import JointplayError
-from jointplay.mechanism.loop import assemble, closing_rows
+from jointplay.mechanism.loop import assemble, closing_rows, follow
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.motion.reference import Motion
 
 LOOP_NODE_S = 1e-3
 """Interval at which loops are closed along the motion; between, a quintic spline [s]."""
+
+_PORTION = 20_000
+"""Times at which a tree's motion is held in memory at once."""
+
+_PATIENCE_S = 1.0
+"""What takes longer has a bar [s]."""
 
 
 def ideal_motion(
@@ -23,6 +30,7 @@ def ideal_motion(
     driven: Sequence[str],
     times: np.ndarray,
     start: np.ndarray,
+    progress: bool = False,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Inverse dynamics of the ideal mechanism along `motion`.
 
@@ -35,6 +43,7 @@ def ideal_motion(
         driven: names of the joints that follow it.
         times: where it is wanted, at equal intervals, shape (n,) [s].
         start: configuration of `mechanism` at the start, shape (nq,).
+        progress: show a bar on standard error if it takes longer than `_PATIENCE_S`.
 
     Returns:
         Efforts of the ideal mechanism's drives, shape (n, driven) [N m or N], and the inertia that
@@ -48,15 +57,34 @@ def ideal_motion(
     order = [motion.joints.index(name) for name in driven]
     at = [ideal.coordinate(name) for name in driven]
     base = _ideal_configuration(mechanism, ideal, start)
-    if not ideal.loops:
-        q, v, a = (np.zeros((len(times), ideal.model.nv)) for _ in range(3))
+    if ideal.loops:
+        return _with_loops(ideal, motion, order, at, times, base, progress)
+    model, data = ideal.model, ideal.data
+    effort = np.empty((len(times), len(at)))
+    for first in _shown(range(0, len(times), _PORTION), progress):
+        portion = times[first : first + _PORTION]
+        q, v, a = (np.zeros((len(portion), model.nv)) for _ in range(3))
         q[:] = base
-        q[:, at], v[:, at], a[:, at] = (values[:, order] for values in motion(times))
-        model, data = ideal.model, ideal.data
-        effort = np.array([pin.rnea(model, data, *state) for state in zip(q, v, a, strict=True)])
-        inertia = pin.crba(model, data, q[0]).reshape(model.nv, model.nv).diagonal()
-        return effort[:, at], inertia[at]
-    return _with_loops(ideal, motion, order, at, times, base)
+        q[:, at], v[:, at], a[:, at] = (values[:, order] for values in motion(portion))
+        for i, state in enumerate(zip(q, v, a, strict=True), first):
+            effort[i] = pin.rnea(model, data, *state)[at]
+    q = base.copy()
+    q[at] = motion(times[:1])[0][0, order]
+    inertia = pin.crba(model, data, q).reshape(model.nv, model.nv).diagonal()
+    return effort, inertia[at]
+
+
+def _shown(things: Sequence[int], progress: bool) -> Iterable[int]:
+    """`things`, with a bar of how many have been taken if that takes long."""
+    bar: Iterable[int] = tqdm(
+        things,
+        "tabulating the motion",
+        disable=not progress,
+        delay=_PATIENCE_S,
+        leave=False,
+        bar_format="{desc} {percentage:3.0f}%|{bar}| {remaining} left",
+    )
+    return bar
 
 
 def _ideal_configuration(mechanism: Mechanism, ideal: Mechanism, q: np.ndarray) -> np.ndarray:
@@ -81,6 +109,7 @@ def _with_loops(
     at: list[int],
     times: np.ndarray,
     base: np.ndarray,
+    progress: bool,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Efforts (n, driven) and inertia (driven,) by projection on the driven joints.
 
@@ -94,11 +123,16 @@ def _with_loops(
     q = np.empty((len(nodes), ideal.model.nq))
     maps = np.empty((len(nodes), ideal.model.nv, len(at)))
     guess = base
-    for i, position in enumerate(positions):
-        guess = guess.copy()
-        guess[at] = position
-        q[i] = guess = assemble(ideal, guess, at)
-        maps[i] = driven_map(ideal, guess, at)
+    for i in _shown(range(len(nodes)), progress):
+        if i:
+            guess = guess + maps[i - 1] @ (positions[i] - guess[at])
+            guess[at] = positions[i]
+            guess = follow(ideal, guess, at)
+        else:
+            guess = guess.copy()
+            guess[at] = positions[0]
+            guess = assemble(ideal, guess, at)
+        q[i], maps[i] = guess, driven_map(ideal, guess, at)
     curve = make_interp_spline(nodes, q, k=5)
     model, data = ideal.model, ideal.data
     states = (curve(nodes), curve(nodes, 1), curve(nodes, 2))

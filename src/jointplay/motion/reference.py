@@ -3,34 +3,57 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scipy.interpolate import BPoly, PPoly, make_interp_spline
 
+from jointplay.codec import Described
 from jointplay.errors import JointplayError, MissingName
+from jointplay.fields import quantity
 
 INTERPOLATIONS = ("rest-to-rest", "spline", "constant-speed")
 
 
-class Motion:
-    """Joint positions through waypoints.
+@dataclass(frozen=True)
+class WrittenMotion:
+    """A motion as files have it."""
 
-    Args:
-        joints: names of the joints, one for each column of `positions`.
-        times: times of the waypoints, increasing, shape (n,), n >= 2 [s].
-        positions: joint positions, shape (n, joints) [rad, or m for prismatic joints].
-        interpolation: ``rest-to-rest`` stops at each waypoint, moving by quintics with zero
-            velocity and acceleration at both ends; ``spline`` passes through them without
-            stopping (quintic spline, at rest at both ends; for densely recorded motions);
-            ``constant-speed`` moves at the speed that joins the waypoints, which must be the same
-            between all of them, and goes on with it after the last (a crank).
+    joints: tuple[str, ...]
+    times: list[float] = quantity("s")
+    positions: list[list[float]] = quantity("rad", "m")
+    interpolation: str = INTERPOLATIONS[0]
+
+
+@dataclass(frozen=True, init=False, eq=False, repr=False)
+class Motion(Described):
+    """Joint positions through waypoints. Equal motions have the same waypoints.
 
     Raises:
         JointplayError: wrong shapes, non-finite numbers, times that do not increase, speeds that
             are not constant.
+    """
+
+    written = WrittenMotion
+
+    joints: tuple[str, ...]
+    """Names of the joints, one for each column of `positions`."""
+    times: np.ndarray
+    """Times of the waypoints, increasing, shape (n,), n >= 2 [s]."""
+    positions: np.ndarray
+    """Joint positions, shape (n, joints) [rad, or m for prismatic joints]."""
+    interpolation: str
+    """How joints move between waypoints.
+
+    ``rest-to-rest`` stops at each waypoint, moving by quintics with zero velocity and acceleration
+    at both ends; ``spline`` passes through them without stopping (quintic spline, at rest at both
+    ends; for densely recorded motions); ``constant-speed`` moves at the speed that joins the
+    waypoints, which must be the same between all of them, and goes on with it after the last (a
+    crank).
     """
 
     def __init__(
@@ -38,16 +61,30 @@ class Motion:
         joints: Sequence[str],
         times: Sequence[float] | np.ndarray,
         positions: Sequence[Sequence[float]] | np.ndarray,
-        interpolation: str = "rest-to-rest",
+        interpolation: str = INTERPOLATIONS[0],
     ) -> None:
         """Check the waypoints and fit the curve."""
-        self.joints = tuple(joints)
-        try:
-            self.times = np.array(times, float)
-            self.positions = np.array(positions, float)
-        except (TypeError, ValueError) as error:
-            raise JointplayError(f"waypoints must be numbers: {error}") from None
-        self.interpolation = interpolation
+        object.__setattr__(self, "joints", tuple(joints))
+        object.__setattr__(self, "interpolation", interpolation)
+        for name, given in (("times", times), ("positions", positions)):
+            try:
+                values = np.array(given, float)
+            except (TypeError, ValueError) as error:
+                raise JointplayError(f"waypoints must be numbers: {error}", (name,)) from None
+            values.flags.writeable = False
+            object.__setattr__(self, name, values)
+        self._check()
+        with np.errstate(all="ignore"):  # looked at below
+            curve = self._fit()
+            curves = (curve, curve.derivative(1), curve.derivative(2))
+        object.__setattr__(self, "_curves", curves)
+        if not all(np.isfinite(one.c).all() for one in curves):
+            raise JointplayError(
+                "the motion's accelerations are beyond all numbers: its waypoints are too far apart"
+            )
+
+    def _check(self) -> None:
+        """Raise on waypoints of wrong shape or order."""
         if len(set(self.joints)) != len(self.joints):
             raise JointplayError(f"a joint is named twice in the motion: {', '.join(self.joints)}")
         if self.times.ndim != 1 or self.positions.shape != (len(self.times), len(self.joints)):
@@ -60,23 +97,20 @@ class Motion:
         for name, values in (("time", self.times), ("position", self.positions)):
             bad = np.flatnonzero(~np.isfinite(values).reshape(len(self.times), -1).all(axis=1))
             if bad.size:
-                raise JointplayError(f"waypoint {bad[0] + 1} has a non-finite {name}")
+                raise JointplayError(
+                    f"waypoint {bad[0] + 1} has a non-finite {name}", (f"{name}s", int(bad[0]))
+                )
         late = np.flatnonzero(np.diff(self.times) <= 0.0)
         if late.size:
             i = int(late[0])
             raise JointplayError(
                 f"waypoint times must increase: {self.times[i]:g} s is followed by "
-                f"{self.times[i + 1]:g} s (waypoint {i + 2})"
+                f"{self.times[i + 1]:g} s (waypoint {i + 2})",
+                where=("times", i + 1),
             )
-        if interpolation not in INTERPOLATIONS:
-            raise MissingName("interpolation", interpolation, INTERPOLATIONS)
-        with np.errstate(all="ignore"):  # looked at below
-            self._curve = self._fit()
-            self._speed = self._curve.derivative(1)
-            self._acceleration = self._curve.derivative(2)
-        if not all(np.isfinite(c.c).all() for c in (self._curve, self._acceleration)):
-            raise JointplayError(
-                "the motion's accelerations are beyond all numbers: its waypoints are too far apart"
+        if self.interpolation not in INTERPOLATIONS:
+            raise MissingName(
+                "interpolation", self.interpolation, INTERPOLATIONS, where=("interpolation",)
             )
 
     def _fit(self) -> Any:
@@ -101,6 +135,11 @@ class Motion:
         """Time of the last waypoint [s]."""
         return float(self.times[-1])
 
+    @property
+    def still_from(self) -> float:
+        """Time from which all joints stand still [s]; inf if they go on."""
+        return math.inf if self.interpolation == "constant-speed" else self.duration
+
     def __call__(self, time: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Position, velocity and acceleration at the times `time` (n,) [s].
 
@@ -111,15 +150,16 @@ class Motion:
             Three arrays of shape (n, joints) [rad or m, and their derivatives by seconds].
         """
         time = np.asarray(time, float)
+        position, speed, acceleration = vars(self)["_curves"]
         if self.interpolation == "constant-speed":
-            return self._curve(time), self._speed(time), self._acceleration(time)
+            return position(time), speed(time), acceleration(time)
         inside = (time >= self.times[0]) & (time <= self.times[-1])
         held = np.clip(time, self.times[0], self.times[-1])
         moving = inside[:, None]
         return (
-            self._curve(held),
-            np.where(moving, self._speed(held), 0.0),
-            np.where(moving, self._acceleration(held), 0.0),
+            position(held),
+            np.where(moving, speed(held), 0.0),
+            np.where(moving, acceleration(held), 0.0),
         )
 
     @classmethod
@@ -177,16 +217,39 @@ class Motion:
         table = np.array(values)
         return cls(header[1:], table[:, 0], table[:, 1:], interpolation)
 
-    def describe(self) -> dict[str, Any]:
-        """Waypoints and interpolation as plain data."""
-        return {
-            "joints": list(self.joints),
-            "times": self.times.tolist(),
-            "positions": self.positions.tolist(),
-            "interpolation": self.interpolation,
-        }
-
     @classmethod
-    def from_description(cls, description: Mapping[str, Any]) -> Motion:
-        """Build the motion that `describe` described."""
-        return cls(**description)
+    def from_mcap(
+        cls, path: str | Path, topic: str | None = None, interpolation: str = "spline"
+    ) -> Motion:
+        """Read a ROS 2 bag (MCAP) with JointTrajectory or JointState messages.
+
+        Needs the extra ``ros``. The time of joint states begins with the first of them.
+
+        Args:
+            path: the file.
+            topic: its topic; None takes the only one, and of several that with trajectories.
+            interpolation: see the class; recorded motions are dense.
+
+        Raises:
+            JointplayError: see `jointplay.motion.rosbag.read`; also positions that make no motion.
+        """
+        from jointplay.motion import rosbag
+
+        joints, times, positions = rosbag.read(path, topic)
+        try:
+            return cls(joints, times, positions, interpolation)
+        except JointplayError as error:
+            raise JointplayError(f"{path}: {error}") from None
+
+    def __eq__(self, other: object) -> bool:
+        """Whether joints, waypoints and interpolation are the same."""
+        return isinstance(other, Motion) and self.describe() == other.describe()
+
+    def __hash__(self) -> int:
+        """Equal motions hash alike."""
+        return hash((self.joints, self.times.tobytes(), self.positions.tobytes()))
+
+    def __repr__(self) -> str:
+        """As one would write it."""
+        written = self.describe()
+        return f"Motion({', '.join(f'{name}={value!r}' for name, value in written.items())})"

@@ -21,6 +21,7 @@ import pinocchio as pin
 import umsgpack
 from pinocchio.visualize import MeshcatVisualizer
 
+from jointplay.analysis.twin import ideal_simulation, is_twin
 from jointplay.errors import JointplayError, MissingName
 from jointplay.kernel import Status
 from jointplay.mechanism.mechanism import Mechanism
@@ -328,19 +329,15 @@ def _ghost(
     case: _Case, others: Sequence[_Case], packer: Packer, notes: Notes, progress: bool
 ) -> dict[str, Any] | None:
     """Tracks of the ideal twin at the moments of `case`: one of `others`, or simulated."""
-    wanted = _without_clearance(case)
     for other in others:
-        ideal = not (other.result.joints or other.mechanism.gears)
         long_enough = other.time[-1] >= case.time[-1] - 1e-9
-        if ideal and long_enough and _without_clearance(other) == wanted:
+        if long_enough and is_twin(case.result, other.result):
             return _twin_tracks(case, other.mechanism, other.time, other.q, packer)
     try:
         simulation = replace(
-            case.simulation,
-            mechanism=case.mechanism.ideal(),
+            ideal_simulation(case.result),
             duration=float(case.time[-1]),
             record_every=max(1, round(TWIN_RECORD_S / case.simulation.step)),
-            seed=None,
         )
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)
@@ -352,19 +349,6 @@ def _ghost(
         notes.append(f"{case.label}: no ideal twin: {twin.message}")
         return None
     return _twin_tracks(case, simulation.mechanism, twin.time, twin["q"].values, packer)
-
-
-def _without_clearance(case: _Case) -> dict[str, Any]:
-    """All inputs that an ideal twin shares with its case."""
-    fields = case.simulation.describe()
-    mechanism = {
-        key: value
-        for key, value in fields["mechanism"].items()
-        if key not in ("clearance", "gears", "urdf")
-    }
-    own = ("mechanism", "duration", "record_every", "seed")
-    shared = {key: value for key, value in fields.items() if key not in own}
-    return json.loads(json.dumps(shared | {"mechanism": mechanism}))  # type: ignore[no-any-return]
 
 
 def _twin_tracks(

@@ -150,12 +150,12 @@ class Plots:
         style: str = "screen",
         **line: Any,
     ) -> Figure:
-        """Tool's difference from the ideal robot over time [mm, mm/s].
+        """Tool's difference from the ideal robot over time [mm, mm/s, mrad, mrad/s].
 
         Args:
             axis: x, y, z, total, or None for x, y and z.
             ideal: the ideal robot's run; None simulates it (`analysis.twin`).
-            of: ``tool_position`` or ``tool_velocity``.
+            of: one of `analysis.tool_error.TOOL_MOTIONS`.
             ax: see the class.
             style: see the class.
             line: see the class.
@@ -167,7 +167,7 @@ class Plots:
             )
         reference = analysis.twin(self.result) if ideal is None else ideal
         error = analysis.deviation(self.result, reference, of)
-        unit = "mm" if of == "tool_position" else "mm/s"
+        unit = f"m{error.attrs['units']}"
         with self._axes(ax, style) as panel:
             time, values = error["time"].values, 1e3 * error.values
             self._components(panel, time, values, axis, "deviation", unit, line)
@@ -459,7 +459,7 @@ class Plots:
         ideal: Result | None = None,
         *,
         of: str = "acceleration",
-        start: float = 0.0,
+        start: float | None = None,
         ax: Axes | None = None,
         style: str = "screen",
         **line: Any,
@@ -470,7 +470,7 @@ class Plots:
             axis: x, y, z, total, or None for x, y and z.
             ideal: ideal run whose motion is subtracted; needed for ``deviation``.
             of: ``acceleration`` or ``deviation``.
-            start: records before this are left out [s].
+            start: records before this are left out [s]; None: before the run is judged.
             ax: see the class.
             style: see the class.
             line: see the class.

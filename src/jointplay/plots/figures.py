@@ -344,7 +344,7 @@ def _states(cases: Cases) -> Iterator[tuple[str, Figure]]:
         yield label, figure
 
 
-def _spectra(cases: Cases, start: float) -> Figure:
+def _spectra(cases: Cases, start: float | None) -> Figure:
     figure, panels = _figure(7.0, 6.5, 3, 1, sharex=True)
     for panel, axis in zip(panels[:, 0], AXES, strict=True):
         for label, result, colour in coloured(cases):
@@ -359,13 +359,15 @@ def _spectra(cases: Cases, start: float) -> Figure:
     return figure
 
 
-def save_pdf(cases: Cases, path: str | Path, start: float = 0.0, look: str = "paper") -> Path:
+def save_pdf(
+    cases: Cases, path: str | Path, start: float | None = None, look: str = "paper"
+) -> Path:
     """Draw every figure of the cases into one PDF, vector graphics, a figure a page.
 
     Args:
         cases: results by label.
         path: the file; an existing one is refused.
-        start: records before this are left out of spectra [s].
+        start: records before this are left out of spectra [s]; None: before each run is judged.
         look: style of the pages' type; pages keep the size they have on screen.
 
     Raises:
@@ -375,7 +377,7 @@ def save_pdf(cases: Cases, path: str | Path, start: float = 0.0, look: str = "pa
     return files.write(path, pdf(cases, start, look))
 
 
-def pdf(cases: Cases, start: float = 0.0, look: str = "paper") -> bytes:
+def pdf(cases: Cases, start: float | None = None, look: str = "paper") -> bytes:
     """The file that `save_pdf` writes."""
     drawn = io.BytesIO()
     with style(look), PdfPages(drawn) as pages:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from jointplay import analysis
-from jointplay.analysis.claims import START_UP, measure
+from jointplay.analysis.claims import measure
 from jointplay.errors import JointplayError
 from jointplay.geometry import Form
 from jointplay.plots.accessor import MODE_NAMES
@@ -29,7 +29,9 @@ from jointplay.report.html import (
     paragraph,
     table,
 )
+from jointplay.report.laws import own_laws
 from jointplay.result.certificate import CertifiedFigure
+from jointplay.result.judging import START_UP
 from jointplay.result.result import Result
 
 CLAIM_COLUMNS = ["claim", "statement", "condition", "holds", "0.2 mm → 0.5 mm"]
@@ -76,8 +78,8 @@ def dark(case: Case) -> Html:
 
 def settled(cases: Sequence[Case]) -> float:
     """From when on statistics are taken [s]: not while journals fall into their bearings."""
-    shortest = min(case.duration for case in cases)
-    return START_UP if shortest > 2.0 * START_UP else 0.0
+    latest = max(case.result.judge_from for case in cases)
+    return latest if min(case.duration for case in cases) > latest else 0.0
 
 
 def _ms(seconds: float) -> float:
@@ -114,8 +116,16 @@ def glance(cases: Sequence[Case], start: float) -> Html:
             ]
             row[-1] = max(ends) if ends else None
         if case.joints:
-            force = np.linalg.norm(case.result["joint_force_peak"].values, axis=2).max()
-            row += [audit.impacts / case.duration, float(force), 1e6 * audit.largest_penetration]
+            late = case.result.time >= start
+            force = np.linalg.norm(case.result["joint_force_peak"].values[late], axis=2).max()
+            since = case.result.judge_from
+            begun = audit.judged_impacts
+            rate = (
+                audit.impacts / case.duration
+                if begun is None
+                else begun / max(case.duration - since, 1e-12)
+            )
+            row += [rate, float(force), 1e6 * audit.largest_penetration]
         else:
             row += [None, None, None]
         rows.append([*row, 100.0 * audit.relative_energy_residual, len(audit.warnings)])
@@ -130,7 +140,7 @@ def parameters(cases: Sequence[Case]) -> Html:
     )
     rows = [[_symbol(name), *(column.get(name) for column in columns)] for name in names]
     found = table(["parameter", *(dark(case) for case in cases)], rows, left=1 + len(cases))
-    return joined([found, _motions(cases), _robots(cases)])
+    return joined([found, own_laws(cases), _motions(cases), _robots(cases)])
 
 
 def _symbol(name: str) -> Html:
@@ -222,7 +232,7 @@ def _plain(value: Any) -> str:
 
 def _law(fields: dict[str, Any]) -> str:
     """A law or a material in one line: its name first."""
-    rest = {key: value for key, value in fields.items() if value is not None}
+    rest = {key: value for key, value in fields.items() if value is not None and key != "source"}
     name = next((str(rest.pop(key)) for key in ("law", "name") if key in rest), "")
     if set(rest) == {"young", "poisson"}:
         return f"E = {rest['young'] / 1e9:g} GPa, ν = {rest['poisson']:g}"
@@ -303,7 +313,10 @@ def assumptions(cases: Sequence[Case], start: float) -> Html:
             for joint in given["mechanism"]["clearance"].values()
             if not joint.get("ideal")
         ),
-        "centred": any(given.get("seed") is None for given in moving),
+        "centred": any(
+            given.get("seed") is None and given.get("start") != "rest" for given in moving
+        ),
+        "rest": any(given.get("start") == "rest" for given in moving),
         "seeded": any(given.get("seed") is not None for given in moving),
         "balanced": any(not any(given["mechanism"].get("gravity", (1,))) for given in inputs),
         "unphysical": any(given["mechanism"].get("allow_unphysical") for given in inputs),
@@ -311,9 +324,12 @@ def assumptions(cases: Sequence[Case], start: float) -> Html:
     points = [entry["text"] for entry in entries if holds[entry["when"]]]
     if start:
         points.append(
-            f"Tool accuracy, contact statistics, shares of time and spectra leave out the first "
-            f"{start:g} s. Counts and impulses of contacts are those of whole runs."
+            f"Tool accuracy, peak force, contact statistics, shares of time and spectra are judged "
+            f"from {start:g} s on; penetration and audit are those of whole runs."
         )
+    points += [
+        markup("{}: {}.", dark(case), case.result.audit.headline) for case in cases if case.joints
+    ]
     for case in cases:
         points += [markup("{} {}", dark(case), note) for note in case.notes]
     return bullets(points)
@@ -335,6 +351,7 @@ def audits(cases: Sequence[Case]) -> Html:
         "of the clearance [%]",
         "step [µs]",
         "friction needs [µs]",
+        "error by the step [µm]",
         "drift of ideal loops [µm]",
         "computed in [s]",
     ]
@@ -363,6 +380,7 @@ def audits(cases: Sequence[Case]) -> Html:
                 audit.energy_exchanged,
                 100.0 * audit.relative_energy_residual,
                 *contact,
+                None if audit.step_error is None else 1e6 * audit.step_error,
                 1e6 * audit.loop_drift if "loop_drift" in case.result.dataset else None,
                 None if wall is None else float(wall),
             ]

@@ -14,7 +14,7 @@ from jointplay.kernel import WELL_RESOLVED_STEPS
 from jointplay.kernel.integrators import DEFAULT, integrator
 from jointplay.kernel.layout import FRICTION
 from jointplay.kernel.workspace import Workspace
-from jointplay.mechanism.impact import friction_step_limit
+from jointplay.mechanism.impact import friction_step_limit, tooth_duration
 from jointplay.mechanism.mechanism import Mechanism
 
 DRIFT_WARNING_M = 1e-6
@@ -29,8 +29,31 @@ ENERGY_WARNING = 0.01
 UNDER_RESOLVED_WARNING = 1e-3
 """Share of the normal impulse in contacts of too few steps above which a run warns."""
 
+STEP_WARNING = 0.01
+"""Error by the step, relative to the motion, above which a run warns."""
+
+FEW_UNSOLVED = 10
+"""So many steps whose velocities are known to less than the solve's tolerance are not worth a word:
+a first step from rest, or a corner of a friction law hit exactly."""
+
 FED_WARNING = 0.01
 """What friction may give back, relative to the energy exchanged, before a run warns."""
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """How a run began, and from when on it is judged."""
+
+    start: str = "centred"
+    """Where journals began."""
+    judged_from: float = 0.0
+    """[s]."""
+    residual: float | None = None
+    """Unbalanced force of the place of rest [N]."""
+    load: float | None = None
+    """Largest force of a joint there [N]."""
+    before: Mapping[str, np.ndarray] | None = None
+    """`Workspace.contact_statistics` when judging began; None: at the start, or it never did."""
 
 
 @dataclass(frozen=True)
@@ -68,8 +91,36 @@ class Audit:
     """Macro steps in which the shortest micro steps did not reach the tolerance."""
     friction_fed: float = 0.0
     """Largest fall of the energy that friction has taken up: what bristles gave back [J]."""
+    step_error: float | None = None
+    """Largest error of the tool's position because of the step, estimated [m]; see `step_check`.
+
+    None where that is not looked for, or was given up.
+    """
+    relative_step_error: float | None = None
+    """The same of all coordinates but motors, weighted with masses, relative to their motion."""
+    tooth_steps: float = math.inf
+    """Steps in an impact of gear teeth, of those that touched the fewest; inf without.
+
+    Also where steps are chosen by a tolerance.
+    """
     loop_drift: float = 0.0
     """Largest gap of a loop without clearance [m]."""
+    start: str = "centred"
+    """Where journals began: ``rest`` or ``centred``."""
+    start_residual: float | None = None
+    """Largest force that the search for the place of rest left unbalanced [N]; None: no search."""
+    start_load: float | None = None
+    """Largest force of a joint there [N]."""
+    judged_from: float | None = None
+    """When figures begin to be judged [s]; None in results of version 0.1."""
+    judged_impacts: int | None = None
+    """Contacts that began from then on."""
+    judged_impulse: float | None = None
+    """Their normal impulse, with that of contacts that lasted [N s]."""
+    peak_force: float | None = None
+    """Largest force of a joint from then on [N]; None without clearance."""
+    peak_force_before: float | None = None
+    """Largest force of a joint before [N]; None if all is judged."""
     law_warnings: tuple[str, ...] = ()
     """In what normal-force and film laws were used beyond their range; see `out_of_range`."""
 
@@ -87,6 +138,7 @@ class Audit:
         work: np.ndarray,
         residual: np.ndarray,
         drift: np.ndarray,
+        judgement: Judgement | None = None,
     ) -> Audit:
         """Audit the records in `workspace` of `simulation`, which is given as plain data.
 
@@ -131,8 +183,10 @@ class Audit:
             unsolved=int(workspace.run["unsolved"][0]),
             unresolved=workspace.unresolved,
             friction_fed=float((np.maximum.accumulate(rubbed) - rubbed).max(initial=0.0)),
+            tooth_steps=_tooth_steps(mechanism, simulation, workspace),
             loop_drift=float(drift.max(initial=0.0)),
             law_warnings=out_of_range(mechanism, statistics),
+            **_judged(workspace, statistics, judgement or Judgement()),
         )
 
     @property
@@ -170,7 +224,7 @@ class Audit:
                 "a jammed journal may be off by tens of per cent; take the integrator "
                 f"{DEFAULT!r}, which does"
             )
-        if self.unsolved:
+        if self.unsolved > FEW_UNSOLVED:
             found.append(
                 f"the velocities of {self.unsolved} steps were not found: friction falls too "
                 "steeply with speed for this step; reduce it"
@@ -185,11 +239,46 @@ class Audit:
                 f"friction gave back {self.friction_fed:.3g} J: its bristles are not passive with "
                 "these parameters (docs/laws.md)"
             )
+        if self.relative_step_error is not None and not self.relative_step_error <= STEP_WARNING:
+            found.append(self._step_too_large())
+        if self.relative_step_error is None and self.tooth_steps < WELL_RESOLVED_STEPS:
+            found.append(
+                f"impacts of gear teeth last {self.tooth_steps:.2g} steps, fewer than "
+                f"{WELL_RESOLVED_STEPS}: reduce the step"
+            )
         if self.loop_drift > DRIFT_WARNING_M:
             found.append(
                 f"ideal loops drifted apart by {self.loop_drift:.2g} m: reduce the step, or use rk4"
             )
         return found + list(self.law_warnings)
+
+    @property
+    def headline(self) -> str:
+        """How the run began and its largest force, and from when on that is judged; a line."""
+        began = f"journals start {'at rest' if self.start == 'rest' else 'centred'}"
+        if self.start_residual is not None:
+            found = "" if self.start == "rest" else ", for no place of rest was found"
+            began += f"{found} (unbalanced {self.start_residual:.1g} N of {self.start_load:.3g} N)"
+        if self.peak_force is None:
+            return began
+        if not self.judged_from:
+            return f"{began}; largest joint force {self.peak_force:.4g} N, judged from the start"
+        return (
+            f"{began}; from {self.judged_from:g} s on, {self.judged_impacts} contacts began, "
+            f"largest joint force {self.peak_force:.4g} N (before: {self.peak_force_before:.4g} N)"
+        )
+
+    def _step_too_large(self) -> str:
+        """What to say of a step that another step contradicts."""
+        assert self.step_error is not None
+        assert self.relative_step_error is not None
+        if not math.isfinite(self.relative_step_error):
+            return "with half the step the run ends otherwise: reduce the step"
+        return (
+            "half the step gives another motion: the tool is off by about "
+            f"{self.step_error:.2g} m, all coordinates by {100 * self.relative_step_error:.2g} % "
+            "of how far they move: reduce the step"
+        )
 
     def describe(self) -> dict[str, Any]:
         """Fields of the audit as plain data."""
@@ -209,9 +298,55 @@ class Audit:
                 f"  largest penetration: {self.largest_penetration:.3g} m, "
                 f"{100 * self.penetration_over_clearance:.2g} % of the clearance",
             ]
+        if self.peak_force is not None:
+            lines.append(f"  {self.headline}")
+        if self.step_error is not None and self.relative_step_error is not None:
+            lines.append(
+                f"  error by the step: tool {self.step_error:.2g} m, "
+                f"{100 * self.relative_step_error:.2g} % of the motion"
+            )
         if self.loop_drift:
             lines.append(f"  drift of ideal loops: {self.loop_drift:.3g} m")
         return "\n".join(lines + [f"  warning: {text}" for text in self.warnings])
+
+
+def _judged(
+    workspace: Workspace, statistics: Mapping[str, np.ndarray], judgement: Judgement
+) -> dict[str, Any]:
+    """Headlines of the part of a run that is judged."""
+    before = judgement.before or {name: np.zeros(1) for name in ("onsets", "impulse")}
+    found: dict[str, Any] = {
+        "start": judgement.start,
+        "start_residual": judgement.residual,
+        "start_load": judgement.load,
+        "judged_from": judgement.judged_from,
+        "judged_impacts": int((statistics["onsets"] - before["onsets"]).sum()),
+        "judged_impulse": float((statistics["impulse"] - before["impulse"]).sum()),
+    }
+    recorded = workspace.recorded("force_peak")
+    peaks = recorded.reshape(len(recorded), recorded.shape[1] // 3, 3)
+    if peaks.shape[1]:
+        sizes = np.linalg.norm(peaks, axis=2).max(axis=1)
+        late = workspace.recorded("time")[:, 0] >= judgement.judged_from
+        found["peak_force"] = float(sizes[late].max(initial=0.0))
+        if judgement.judged_from > 0.0:
+            found["peak_force_before"] = float(sizes[~late].max(initial=0.0))
+    return found
+
+
+def _tooth_steps(
+    mechanism: Mechanism, simulation: Mapping[str, Any], workspace: Workspace
+) -> float:
+    """See `Audit.tooth_steps`."""
+    q, steps = workspace.recorded("q"), math.inf
+    if not len(q) or simulation["tolerance"] is not None:
+        return steps
+    for name, gear in mechanism.gears.items():
+        twist = np.abs(q[:, mechanism.motor(name)] - q[:, mechanism.coordinate(name)])
+        if twist.max() > gear.play / 2.0:
+            duration = tooth_duration(mechanism, name, q[0])
+            steps = min(steps, duration / float(simulation["step"]))
+    return steps
 
 
 def out_of_range(mechanism: Mechanism, statistics: Mapping[str, np.ndarray]) -> tuple[str, ...]:

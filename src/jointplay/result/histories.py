@@ -18,11 +18,18 @@ from jointplay.kernel import AZIMUTHS, POWERS, Status
 from jointplay.kernel.workspace import Workspace
 from jointplay.loads.drive import JointFriction
 from jointplay.mechanism.impact import elastic_energy
-from jointplay.mechanism.loop import ANGLE_ARM_M
+from jointplay.mechanism.loop import ANGLE_ARM_M, locked
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.mechanism.tree import Motion, Tree
-from jointplay.result.audit import Audit
+from jointplay.result.audit import Audit, Judgement
 from jointplay.result.result import AXES, FORMAT, Result
+
+QUATERNION = ("w", "x", "y", "z")
+"""Components of orientations, in their order."""
+CONVENTION = (
+    "Hamilton quaternion w, x, y, z of the active rotation from the tool's axes to the world's: "
+    "v_world = R(quaternion) v_tool; the scalar comes first, signs do not jump"
+)
 
 
 @dataclass(frozen=True)
@@ -45,6 +52,7 @@ def histories(
     status: Status,
     message: str,
     wall_time: float,
+    judgement: Judgement | None = None,
 ) -> Result:
     """Make a `Result` of the records that a run left in its workspace.
 
@@ -56,6 +64,7 @@ def histories(
         phases: bodies as payloads come and go.
         status, message: how the run ended.
         wall_time: what it took [s].
+        judgement: how the run began and from when on it is judged; None: centred, from the start.
     """
     n = workspace.rows
     q, v = (np.ascontiguousarray(workspace.recorded(name)) for name in ("q", "v"))
@@ -67,6 +76,7 @@ def histories(
         "drive": (("time", "coordinate"), workspace.recorded("drive"), "", "drive efforts"),
         "tool_position": (("time", "axis"), body["position"], "m", f"{mechanism.tool}, world axes"),
         "tool_velocity": (("time", "axis"), body["velocity"], "m/s", "of the tool, world axes"),
+        **_turning(body),
         "kinetic_energy": (("time",), body["kinetic"], "J", "kinetic energy"),
         "potential_energy": (("time",), body["potential"], "J", "potential energy of gravity"),
     }
@@ -94,8 +104,9 @@ def histories(
             "constraint force of the parent on the child at the joint, world axes",
         )
     closed = [name for name in mechanism.loops if name not in mechanism.clearance]
-    if closed:
-        gaps = [_drift(mechanism, name, body["poses"][name]) for name in closed]
+    strict = [*closed, *map(locked, mechanism.locks)]
+    if strict:
+        gaps = [_drift(mechanism, name, body["poses"][name]) for name in strict]
         drift = np.stack(gaps, axis=1)
         variables["loop_drift"] = (("time", "loop"), drift, "m", "gap of the ideal loop")
     variables["contact_elastic_energy"] = (("time",), elastic, "J", "stored in the contacts")
@@ -122,18 +133,19 @@ def histories(
         "coordinate": list(mechanism.coordinates),
         "coordinate_unit": ("coordinate", units),
         "axis": list(AXES),
+        "quaternion": list(QUATERNION),
     }
     if mechanism.clearance:
         coordinates |= {"joint": list(mechanism.clearance), "contact": contact_names(mechanism)}
     else:
         coordinates["moving_joint"] = [*mechanism.joints, *closed]
-    if closed:
-        coordinates["loop"] = closed
+    if strict:
+        coordinates["loop"] = strict
     if "sliding_work" in variables:
         azimuths = 2.0 * np.pi * np.arange(AZIMUTHS) / AZIMUTHS
         text = "around the bore, from the bearing's x axis"
         coordinates["azimuth"] = ("azimuth", azimuths, {"units": "rad", "long_name": text})
-    drift = variables["loop_drift"][1] if closed else np.zeros(0)
+    drift = variables["loop_drift"][1] if strict else np.zeros(0)
     audit = Audit.of(
         mechanism,
         simulation,
@@ -142,6 +154,7 @@ def histories(
         work,
         residual,
         drift,
+        judgement,
     )
     dataset = xr.Dataset(
         {
@@ -165,6 +178,7 @@ def histories(
             "v": "coordinate_unit per second",
             "drive": "N m for rad, N for m",
         }[name]
+    dataset["tool_orientation"].attrs["comment"] = CONVENTION
     if mechanism.clearance:
         for name, kind in (("mode", Mode), ("form", Form)):
             members = [member.name.lower() for member in kind]  # type: ignore[var-annotated]
@@ -172,6 +186,20 @@ def histories(
             dataset[name].attrs["flag_values"] = np.arange(len(members), dtype=np.int8)
         dataset["form"].attrs["comment"] = "-1 for joints that Figure 2 does not show"
     return Result(dataset)
+
+
+def _turning(body: Mapping[str, Any]) -> dict[str, Any]:
+    """The tool's orientation and angular velocity."""
+    text = "orientation of the tool in the world, unit quaternion w, x, y, z"
+    return {
+        "tool_orientation": (("time", "quaternion"), body["orientation"], "1", text),
+        "tool_angular_velocity": (
+            ("time", "axis"),
+            body["spin"],
+            "rad/s",
+            "angular velocity of the tool, world axes",
+        ),
+    }
 
 
 def versions() -> dict[str, str]:
@@ -236,6 +264,8 @@ def _kinematics(
     """
     names = list(dict.fromkeys([*mechanism.clearance, *mechanism.loops]))
     pairs = [(mechanism.bearing_frame(name), mechanism.journal_frame(name)) for name in names]
+    names += map(locked, mechanism.locks)
+    pairs += mechanism.locks.values()
     frame = mechanism.model.frames[mechanism.tool_frame]
     tool = int(frame.parentJoint), frame.placement
     motion, n = Motion.of(len(q), len(pairs)), len(q)
@@ -244,6 +274,8 @@ def _kinematics(
     return {
         "position": motion.tool[:, :3],
         "velocity": motion.tool[:, 3:],
+        "orientation": motion.orientation,
+        "spin": motion.spin,
         "kinetic": motion.energy[:, 0],
         "potential": motion.energy[:, 1],
         "bearings": dict(zip(names, motion.bearings.reshape(len(pairs), n, 3, 3), strict=True)),
@@ -252,9 +284,11 @@ def _kinematics(
 
 
 def _drift(mechanism: Mechanism, name: str, poses: np.ndarray) -> np.ndarray:
-    """Largest part of the `misfit` of an ideal loop, by the journal's poses (n, 12): (n,) [m]."""
+    """Largest `misfit` of an ideal loop or a lock, by the journal's poses (n, 12): (n,) [m]."""
     parts = [poses[:, :3]]
-    if mechanism.loop_kind(name) != "spherical":  # an ideal slider closes no loop
+    if name not in mechanism.loops:
+        parts.append(ANGLE_ARM_M * poses[:, [5, 8, 6]])
+    elif mechanism.loop_kind(name) != "spherical":  # an ideal slider closes no loop
         parts.append(ANGLE_ARM_M * poses[:, [5, 8]])
     return np.abs(np.concatenate(parts, axis=1)).max(axis=1)
 

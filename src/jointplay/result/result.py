@@ -2,23 +2,27 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from collections.abc import Collection
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
 
-from jointplay.contact.trust import trusting
+from jointplay.contact.trust import showing, trusting
 from jointplay.errors import JointplayError
 from jointplay.host import files
 from jointplay.host.late import late
 from jointplay.kernel import Status
 from jointplay.result import netcdf
 from jointplay.result.audit import Audit
+from jointplay.result.judging import after_start_up
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from jointplay.plots import Plots
     from jointplay.result.certificate import Certificate
     from jointplay.simulation.simulation import Simulation
@@ -61,6 +65,18 @@ class Result:
         return f"<jointplay Result: {self.message}>\n  {sizes}\n{self.judgement}"
 
     @property
+    def judge_from(self) -> float:
+        """From when on measures, figures and reports judge this run, if not told otherwise [s].
+
+        0 for a run that was interrupted before: then all there is is judged.
+        """
+        found = self.audit.judged_from
+        if found is not None:
+            return found if len(self.time) and self.time[-1] > found else 0.0
+        # Version 0.1, where every journal fell from the centre.
+        return after_start_up(float(self.time[-1]), bool(self.joints)) if len(self.time) else 0.0
+
+    @property
     def judgement(self) -> str:
         """The audit and, if there is one, the certificate, one line for each figure."""
         return f"{self.audit}" + (f"\n{self.certificate}" if self.certificate else "")
@@ -78,6 +94,11 @@ class Result:
     @certificate.setter
     def certificate(self, certificate: Certificate) -> None:
         self.dataset.attrs["certificate"] = json.dumps(certificate.describe())
+
+    def amend(self, **figures: Any) -> None:
+        """Put figures that were found later into the audit."""
+        self.audit = dataclasses.replace(self.audit, **figures)
+        self.dataset.attrs["audit"] = json.dumps(self.audit.describe())
 
     @property
     def time(self) -> np.ndarray:
@@ -98,17 +119,73 @@ class Result:
         return plots
 
     @property
+    def q(self) -> np.ndarray:
+        """Coordinates (n, nq) [rad or m], as the model of the result's mechanism takes them."""
+        return self.dataset["q"].values
+
+    @property
+    def v(self) -> np.ndarray:
+        """Velocities (n, nv) [rad/s or m/s], as the model of the result's mechanism takes them."""
+        return self.dataset["v"].values
+
+    def to_dataframe(self, every: int = 1) -> pd.DataFrame:
+        """Histories as a pandas table, one row a record, one column a number.
+
+        Columns are called ``tool_position.x``, ``q.joint_b.yaw``; ``attrs["units"]`` has their
+        units. `every`: only each n-th record and the last; peaks cover what lies between.
+        """
+        frame: pd.DataFrame = late("exports.table:dataframe")(self, every)
+        return frame
+
+    def to_csv(self, path: str | Path, every: int = 1, overwrite: bool = False) -> Path:
+        """Write the table of `to_dataframe`, units in its header.
+
+        Raises:
+            JointplayError: see `jointplay.exports.export`.
+        """
+        return self.export(path, "csv", every=every, overwrite=overwrite)
+
+    def to_parquet(self, path: str | Path, every: int = 1, overwrite: bool = False) -> Path:
+        """Write the table of `to_dataframe` as Apache Parquet (extra ``tables``).
+
+        Raises:
+            JointplayError: see `jointplay.exports.export`.
+        """
+        return self.export(path, "parquet", every=every, overwrite=overwrite)
+
+    def export(self, path: str | Path, to: str | None = None, **options: Any) -> Path:
+        """Write a file for other programs: table, trajectory, ROS 2 bag, rerun recording.
+
+        Args:
+            path: the file.
+            to: ``csv``, ``parquet``, ``trajectory``, ``mcap`` or ``rerun``; None tells it by the
+                file's ending.
+            options: see `jointplay.exports.export`.
+
+        Raises:
+            JointplayError: see there.
+        """
+        written: Path = late("exports:export")(self, path, to, **options)
+        return written
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: how the run ended, its figures, a small picture."""
+        page: str = late("exports.notebook:page")(self)
+        return page
+
+    @property
     def simulation(self) -> Simulation:
         """The simulation that made this result, built from what the result holds.
 
-        `result.simulation.run()` gives the same result, bit for bit on the same machine.
+        `result.simulation.run()` gives the same result, bit for bit on the same machine. A law of
+        the user's own that is not at hand (see `load`) can be looked at, and a run of it says what
+        is missing: code that a file brings is never run.
 
         Raises:
-            JointplayError: it cannot be built: a law of the user's own that is not trusted (see
-                `load`), or inputs that make no simulation.
+            JointplayError: its inputs make no simulation.
         """
         kind: type[Simulation] = late("simulation:Simulation")
-        with trusting(self.trust):
+        with trusting(self.trust), showing():
             try:
                 return kind.from_description(json.loads(self.dataset.attrs["simulation"]))
             except JointplayError:

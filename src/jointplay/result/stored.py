@@ -7,16 +7,22 @@ readers need not doubt: they would stumble over it one by one, each in its own w
 from __future__ import annotations
 
 import json
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 import xarray as xr
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
+from jointplay import codec
 from jointplay.errors import JointplayError
+from jointplay.fields import quantity
 from jointplay.kernel import Status
+from jointplay.loads.drive import Drive, JointFriction
+from jointplay.mechanism.mechanism import Mechanism
+from jointplay.mechanism.payload import Payload
+from jointplay.motion.reference import Motion
 from jointplay.result.audit import Audit
-from jointplay.scenario.model import DRIVE, GEAR, JOINT, JOINT_FRICTION, PAYLOAD
 
 _AXES = ["x", "y", "z"]
 
@@ -45,55 +51,39 @@ _WITH_PLAY = {
 }
 """Those of results with clearance."""
 
+_MAY_HAVE = {
+    "tool_orientation": ("time", "quaternion"),
+    "tool_angular_velocity": ("time", "axis"),
+}
+"""Those that earlier versions did not write."""
+
 _TEXTS = ("status", "message", "audit", "simulation")
 
 
-class _Stored(BaseModel):
-    """A table of the inputs; keys that a later version adds are let through."""
+@dataclass(frozen=True, kw_only=True)
+class Inputs:
+    """The inputs of a run as result files have them; keys that a later version adds pass."""
 
-    model_config = ConfigDict(extra="allow", strict=True, arbitrary_types_allowed=True)
+    lets_through: ClassVar[bool] = True
 
-
-class _Loop(_Stored):
-    bearing_link: str
-    journal_link: str
-    bearing_xyz: list[float]
-    bearing_rpy: list[float]
-    journal_xyz: list[float]
-    journal_rpy: list[float]
-
-
-class _Mechanism(_Stored):
-    urdf: str
-    urdf_text: str
-    clearance: dict[str, JOINT]  # type: ignore[valid-type]
-    loops: dict[str, _Loop] = {}
-    gears: dict[str, GEAR] = {}  # type: ignore[valid-type]
-    gravity: list[float]
-    tool: str
-    allow_unphysical: list[str]
-
-
-class _Motion(_Stored):
-    joints: list[str]
-    times: list[float]
-    positions: list[list[float]]
-    interpolation: str
-
-
-class _Simulation(_Stored):
-    mechanism: _Mechanism
-    motion: _Motion | None = None
-    drive: dict[str, DRIVE] | list[DRIVE]  # type: ignore[valid-type]
-    duration: float | None = None
-    step: float
+    mechanism: Mechanism
+    motion: Motion | None = None
+    drive: dict[str, Drive] | list[Drive]
+    """By joint, or one for all joints of the motion."""
+    duration: float | None = quantity("s", default=None)
+    step: float = quantity("s")
     integrator: str
+    macro_step: float | None = quantity("s", default=None)
+    tolerance: float | None = quantity("", default=None)
     record_every: int
-    joint_friction: dict[str, JOINT_FRICTION] | None = None  # type: ignore[valid-type]
+    joint_friction: dict[str, JointFriction] | None = None
     seed: int | None = None
-    payloads: list[PAYLOAD] = []  # type: ignore[valid-type]
-    start: dict[str, float] = {}
-    start_speed: dict[str, float] = {}
+    payloads: tuple[Payload, ...] = ()
+    start: dict[str, float] | str | None = quantity("", default=None)
+    state: dict[str, list[float | None]] = quantity("", default_factory=dict)
+    settle: float | str | None = quantity("s", default=None)
+    judge_from: float | None = quantity("s", default=None)
+    start_speed: dict[str, float] = quantity("", default_factory=dict)
 
 
 class _Figure(BaseModel):
@@ -115,7 +105,6 @@ class _Certificate(BaseModel):
 
 _AUDIT = TypeAdapter(Audit)
 _CERTIFICATE = TypeAdapter(_Certificate)
-_SIMULATION = TypeAdapter(_Simulation)
 
 
 def check(dataset: xr.Dataset, path: Path) -> None:
@@ -135,7 +124,7 @@ def check(dataset: xr.Dataset, path: Path) -> None:
         known = ", ".join(one.name.lower() for one in Status)
         raise _wrong(path, f"it has the status {_short(status)}; known are {known}")
     audit = _validated(path, dataset, "audit", _AUDIT)
-    given = _validated(path, dataset, "simulation", _SIMULATION)
+    given = _inputs(path, dataset)
     if audit["step"] != given["step"]:
         raise _wrong(
             path, f"its step is {given['step']!r} s in one place and {audit['step']!r} in another"
@@ -158,9 +147,9 @@ def check(dataset: xr.Dataset, path: Path) -> None:
 def _check_certificate(dataset: xr.Dataset, path: Path) -> None:
     from jointplay.result.certificate import Certificate
 
-    found = _validated(path, dataset, "certificate", _CERTIFICATE)
+    given = _validated(path, dataset, "certificate", _CERTIFICATE)
     try:
-        for figure in Certificate.from_description(found).figures:
+        for figure in Certificate.from_description(given).figures:
             str(figure)
     except (ArithmeticError, ValueError) as error:
         raise _wrong(path, f"certificate: a figure cannot be shown: {error}") from None
@@ -168,9 +157,9 @@ def _check_certificate(dataset: xr.Dataset, path: Path) -> None:
 
 def _json(path: Path, name: str, text: Any) -> Any:
     try:
-        found = json.loads(text)
-        json.dumps(found, ensure_ascii=False).encode()  # half characters cannot be shown
-        return found
+        given = json.loads(text)
+        json.dumps(given, ensure_ascii=False).encode()  # half characters cannot be shown
+        return given
     except (TypeError, ValueError, RecursionError) as error:
         raise _wrong(path, f"its attribute {name!r} is no JSON: {error}") from None
 
@@ -178,7 +167,7 @@ def _json(path: Path, name: str, text: Any) -> Any:
 def _validated(path: Path, dataset: xr.Dataset, name: str, model: TypeAdapter[Any]) -> Any:
     given = _json(path, name, dataset.attrs[name])
     try:
-        model.validate_json(json.dumps(_as_scenario(given)), strict=True)
+        model.validate_json(json.dumps(given), strict=True)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
         place = ".".join(str(part) for part in first["loc"])
@@ -190,34 +179,17 @@ def _validated(path: Path, dataset: xr.Dataset, name: str, model: TypeAdapter[An
     return given
 
 
-def _as_scenario(given: Any) -> Any:
-    """Inputs with the tables that scenarios have too as they have them: without what is None."""
-    if not isinstance(given, dict):
-        return given
-    found = {
-        key: _entries(value) if key in ("drive", "joint_friction", "payloads") else value
-        for key, value in given.items()
-    }
-    if isinstance(found.get("mechanism"), dict):
-        found["mechanism"] = {
-            key: _entries(value) if key in ("clearance", "gears") else value
-            for key, value in found["mechanism"].items()
-        }
-    return found
-
-
-def _entries(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _without_none(one) for key, one in value.items()}
-    return [_without_none(one) for one in value] if isinstance(value, list) else value
-
-
-def _without_none(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _without_none(one) for key, one in value.items() if one is not None}
-    if isinstance(value, list):
-        return [_without_none(one) for one in value]
-    return value
+def _inputs(path: Path, dataset: xr.Dataset) -> Any:
+    """Inputs of the run, each of its kind; nothing is made of them here."""
+    given = _json(path, "simulation", dataset.attrs["simulation"])
+    try:
+        codec.check(Inputs, given)
+    except JointplayError as error:
+        place = "".join(f"{part}: " for part in (".".join(map(str, error.where)),) if part)
+        raise _wrong(path, f"simulation: {place}{error}") from None
+    except (RecursionError, OverflowError) as error:
+        raise _wrong(path, f"simulation: {error}") from None
+    return given
 
 
 def _check_histories(dataset: xr.Dataset, path: Path, given: Any) -> None:
@@ -229,12 +201,13 @@ def _check_histories(dataset: xr.Dataset, path: Path, given: Any) -> None:
             if joint not in names:
                 raise _wrong(path, f"it has histories of the joint {_short(joint)}, not its inputs")
         _names(dataset, path, "contact")
+    wanted |= {name: dims for name, dims in _MAY_HAVE.items() if name in dataset.data_vars}
     for name, dims in wanted.items():
         if name not in dataset.data_vars:
             raise _wrong(path, f"it has no variable {name!r}")
         if dataset[name].dims != dims:
-            found = ", ".join(map(str, dataset[name].dims))
-            raise _wrong(path, f"{name} has the dimensions ({found}), not ({', '.join(dims)})")
+            own = ", ".join(map(str, dataset[name].dims))
+            raise _wrong(path, f"{name} has the dimensions ({own}), not ({', '.join(dims)})")
         if dataset[name].dtype.kind not in "fiu":
             raise _wrong(path, f"{name} holds {dataset[name].dtype}, not numbers")
     if "time" not in dataset.coords or dataset["time"].dtype.kind != "f":
@@ -242,6 +215,9 @@ def _check_histories(dataset: xr.Dataset, path: Path, given: Any) -> None:
     _names(dataset, path, "coordinate")
     if _names(dataset, path, "axis") != _AXES:
         raise _wrong(path, f"its axes are {_short(_names(dataset, path, 'axis'))}, not x, y, z")
+    if "quaternion" in dataset.dims and _names(dataset, path, "quaternion") != [*"wxyz"]:
+        found = _short(_names(dataset, path, "quaternion"))
+        raise _wrong(path, f"its quaternions are {found}, not w, x, y, z")
     if "moving_joint" in dataset.dims:
         _names(dataset, path, "moving_joint")
 

@@ -2,102 +2,44 @@
 
 from __future__ import annotations
 
-import re
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from jointplay.contact import film_law, friction_law, normal_law
+from jointplay.codec import Draft, unknown_key
 from jointplay.contact.trust import trusting
-from jointplay.errors import JointplayError, MissingName
+from jointplay.errors import JointplayError, MissingName, require_positive, within
+from jointplay.fields import fields_of
 from jointplay.host.files import is_file
-from jointplay.joints import Clearance, Material
-from jointplay.loads.drive import DRIVES, ComputedTorque, Drive, JointFriction
-from jointplay.mechanism.gear import Gear
-from jointplay.mechanism.loop import Loop
+from jointplay.joints import Clearance
+from jointplay.loads.drive import ComputedTorque, Drive, JointFriction, Torque
+from jointplay.mechanism.loop import Loop, refuse_name
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.mechanism.payload import Payload
 from jointplay.mechanism.robots import PREFIX, robot_urdf
-from jointplay.mechanism.urdf import shipped
+from jointplay.mechanism.urdf import read, shipped
 from jointplay.motion.cartesian import cartesian_motion
-from jointplay.motion.reference import Motion
-from jointplay.scenario.model import CUSTOM_LAWS, KINDS, Model
-from jointplay.scenario.tables import (
-    ANGLE,
-    ANGULAR_SPEED,
-    TORQUE,
-    Table,
-    unit_of,
-    unknown_key,
-)
+from jointplay.motion.reference import INTERPOLATIONS, Motion
+from jointplay.result.result import AXES
+from jointplay.scenario.model import ANGLE, ANGULAR_SPEED, PATHS, Model
 from jointplay.simulation.simulation import Simulation
 from jointplay.units import WORDS, Measured, expected, shown
 
 SHIPPED = "jointplay:"
 """Prefixes of files that are no paths."""
 
-_LAWS: dict[str, Callable[[dict[str, Any]], Any]] = {
-    "normal": normal_law,
-    "friction": friction_law,
-    "lubricant": film_law,
-}
-"""What builds the laws of a joint, by key."""
-
 MOTION_SOURCES = {
-    "file": ("interpolation",),
-    "joints": ("times", "interpolation"),
+    "file": ("interpolation", "faster"),
+    "joints": ("times", "interpolation", "faster"),
     "speeds": (),
-    "tool_position": ("times", "tool_rpy", "frame", "path"),
+    "tool_position": ("times", "tool_rpy", "frame", "path", "faster"),
 }
 """Keys of [motion] of which there is one, and those that go with it."""
-
-
-class Misplaced(JointplayError):
-    """Wrong input at a known key of the scenario."""
-
-    def __init__(self, path: tuple[str | int, ...], message: str) -> None:
-        """Keep the key's path."""
-        super().__init__(message)
-        self.path = path
-
-
-@contextmanager
-def at(*path: str | int, keys: Iterable[str] = ()) -> Iterator[None]:
-    """Say of errors in the block that they stem from the key `path`.
-
-    Or from that of `keys` within it that the message names first.
-    """
-    try:
-        yield
-    except Misplaced:
-        raise
-    except JointplayError as error:
-        raise Misplaced((*path, *_named(str(error), keys)), str(error)) from None
-
-
-def _named(message: str, keys: Iterable[str]) -> list[str]:
-    """That of `keys`, if any, which `message` names first, as the key or in words."""
-    found = []
-    for key in keys:
-        place = re.search(rf"\b{key.replace('_', '[_ ]')}\b", message)
-        if place:
-            found.append((place.start(), -len(key), key))
-    return [min(found)[2]] if found else []
-
-
-@contextmanager
-def waypoint(key: str) -> Iterator[None]:
-    """Say of errors in the block that they stem from the waypoint they name, in `key`."""
-    try:
-        yield
-    except JointplayError as error:
-        found = re.search(r"\bwaypoint (\d+)", str(error))
-        place = (key, int(found[1]) - 1) if found else ()
-        raise Misplaced(("motion", *place), str(error)) from None
 
 
 def locate(place: str, folder: Path) -> Path:
@@ -117,8 +59,7 @@ def build(model: Model, folder: Path) -> Simulation:
     """Simulation that `model` describes; its paths are relative to `folder`.
 
     Raises:
-        Misplaced: what cannot be, with the path of the key.
-        JointplayError: what has no single key.
+        JointplayError: what cannot be; `where` has the key.
     """
     mechanism = _mechanism(model, folder)
     start = {
@@ -145,68 +86,92 @@ def build(model: Model, folder: Path) -> Simulation:
         joint_friction=_joint_friction(model, mechanism),
         seed=integration.seed,
         payloads=_payloads(model, mechanism),
-        start=start,
-        start_speed=start_speed,
+        state={name: (start.get(name), start_speed.get(name)) for name in {**start, **start_speed}},
+        start=integration.start,
+        settle=integration.settle,
+        judge_from=integration.judge_from,
     )
 
 
 def _mechanism(model: Model, folder: Path) -> Mechanism:
     robot = model.robot
-    with at("robot", "urdf"):
+    with within("robot", "urdf"):
         path = locate(robot.urdf, folder)
-        description = Mechanism(path, allow_unphysical=robot.allow_unphysical).description
-    options: dict[str, Any] = {
-        "gravity": robot.gravity,
-        "tool": robot.tool,
-        "allow_unphysical": robot.allow_unphysical,
-    }
-    with at("robot", "tool"):
-        Mechanism(path, **options)
-    # Part by part, so that an error has a place.
-    loops: dict[str, Loop] = {}
+        description = read(path, robot.allow_unphysical)
+    loops = {}
     for name, ends in model.loops.items():
-        with at("loops", name):
-            bearing, journal = ends.bearing, ends.journal
+        bearing, journal = ends.bearing, ends.journal
+        with within("loops", name):
+            refuse_name(name, description.joints)
             loops[name] = Loop(
                 bearing.link, journal.link, bearing.xyz, bearing.rpy, journal.xyz, journal.rpy
             )
-            Mechanism(path, loops=loops, **options)
-    joints: dict[str, Clearance] = {}
-    for name, table in model.joints.items():
-        with at("joints", name, keys=table.given()):
+    joints = {}
+    for name, draft in _drafts(model.joints).items():
+        with within("joints", name):
             if name not in description.joints and name not in loops:
                 raise MissingName("joint", name, [*description.joints, *loops])
-            if table.ideal and _plain_when_ideal(table.kind, name in loops):
+            if draft.fields.get("ideal") and _plain_when_ideal(draft.word, name in loops):
                 continue
-            joints[name] = _joint(table, folder)
-            Mechanism(path, joints, loops=loops, **options)
-    gears: dict[str, Gear] = {}
-    for name, table in model.gears.items():
-        with at("gears", name, keys=table.given()):
-            gears[name] = Gear(**table.given())
-            Mechanism(path, joints, loops=loops, gears=gears, **options)
-    return Mechanism(path, joints, loops=loops, gears=gears, **options)
+            joints[name] = _joint(draft, folder)
+    gears = {}
+    for name, draft in _drafts(model.gears).items():
+        with within("gears", name):
+            gears[name] = draft.make()
+    with _in_scenario("robot", ("tool", "gravity", "allow_unphysical")):
+        return Mechanism(
+            path,
+            joints,
+            loops=loops,
+            gears=gears,
+            gravity=robot.gravity,
+            tool=robot.tool,
+            allow_unphysical=robot.allow_unphysical,
+        )
 
 
-def _plain_when_ideal(kind: str, loop: bool) -> bool:
+def _drafts(table: Any) -> dict[str, Draft]:
+    """Objects that the file describes, checked but not yet made, by name."""
+    drafts: dict[str, Draft] = dict(table)
+    return drafts
+
+
+@contextmanager
+def _in_scenario(table: str, keys: Collection[str]) -> Iterator[None]:
+    """Say of errors in the block at one of `keys` that they are at it in the `table`."""
+    try:
+        yield
+    except JointplayError as error:
+        if error.where and error.where[0] in keys:
+            error.where = (table, *error.where)
+        elif error.where[:1] == ("clearance",):
+            error.where = ("joints", *error.where[1:])
+        raise
+
+
+@contextmanager
+def _renamed(**names: str) -> Iterator[None]:
+    """Say of errors in the block at one of these arguments that they are at its key."""
+    try:
+        yield
+    except JointplayError as error:
+        error.where = tuple(names.get(str(part), part) for part in error.where)
+        raise
+
+
+def _plain_when_ideal(kind: str | None, loop: bool) -> bool:
     """Whether an ideal joint of this kind is what stands there anyway, and needs no dimensions."""
     return kind in ("revolute", "planar") or (kind == "prismatic" and not loop)
 
 
-def _joint(table: Any, folder: Path) -> Clearance:
-    given = table.given()
-    given.pop("kind", None)
-    for key, value in given.items():
-        if key in _LAWS:
-            defaults = {"law": value.law}
-            if value.law in CUSTOM_LAWS:
-                defaults["parameters"] = tuple(value.parameters)
-            with _beside(folder, getattr(value, "function", "")):
-                given[key] = _LAWS[key](value.given() | defaults)
-        elif isinstance(value, Table):
-            given[key] = Material(**value.given())
-    joint: Clearance = KINDS[table.kind][1](**given)
-    return joint
+def _joint(draft: Draft, folder: Path) -> Clearance:
+    laws = [one for one in draft.fields.values() if isinstance(one, Draft)]
+    functions = [str(law.fields["function"]) for law in laws if "function" in law.fields]
+    with ExitStack() as stack:
+        for function in functions:
+            stack.enter_context(_beside(folder, function))
+        joint: Clearance = draft.make()
+        return joint
 
 
 @contextmanager
@@ -234,15 +199,19 @@ def _fit(
     path: tuple[str | int, ...],
 ) -> float:
     """`value` as float, if its unit is one for this joint: units are (revolute's, prismatic's)."""
-    if joint not in mechanism.joints:
-        raise Misplaced(path, str(MissingName("moving joint", joint, mechanism.joints)))
-    kind = mechanism.description.joints[joint].kind
-    unit = units[kind == "prismatic"]
+    kind = f"a {path[0]} of a journal"
+    if joint in mechanism.joints:
+        kind = mechanism.description.joints[joint].kind
+        unit = units[kind == "prismatic"]
+    elif path[0] in ("start", "start_speed") and joint in mechanism.coordinates:
+        unit = units[joint.rpartition(".")[2] in AXES]
+    else:
+        raise MissingName("moving joint", joint, mechanism.joints, where=path)
     if isinstance(value, Measured) and value.unit not in ("", unit):
-        raise Misplaced(
-            path,
+        raise JointplayError(
             f"{shown(value.text)} is no {WORDS[unit][0]}, but joint {joint!r} is {kind}; "
             f"expected {expected(unit)}",
+            where=path,
         )
     return float(value)
 
@@ -251,42 +220,77 @@ def _motion(
     model: Model, mechanism: Mechanism, folder: Path, start: dict[str, float]
 ) -> Motion | None:
     """The reference; takes out of `start` what it uses."""
-    table = model.motion
-    if table is None:
+    if model.motion is None:
         return None
+    motion = _as_given(model, model.motion, mechanism, folder, start)
+    if model.motion.faster is None:
+        return motion
+    with within("motion", "faster"):
+        faster = require_positive("faster", model.motion.faster, "")
+        return Motion(motion.joints, motion.times / faster, motion.positions, motion.interpolation)
+
+
+def _as_given(
+    model: Model, table: Any, mechanism: Mechanism, folder: Path, start: dict[str, float]
+) -> Motion:
+    """The reference at the speed that the scenario gives it."""
     given = table.given()
+    interpolation = table.interpolation or INTERPOLATIONS[0]
     sources = [key for key in MOTION_SOURCES if key in given]
     if len(sources) != 1:
-        raise Misplaced(
-            ("motion", *sources[1:2]),
+        raise JointplayError(
             f"the motion needs one of {', '.join(MOTION_SOURCES)}; "
             f"got {' and '.join(sources) or 'none'}",
+            where=("motion", *sources[1:2]),
         )
     (source,) = sources
     for key in given:
         if key not in (source, *MOTION_SOURCES[source]):
             keys = (source, *MOTION_SOURCES[source])
-            raise Misplaced(("motion", key), unknown_key(key, keys) + f" (with {source})")
+            raise JointplayError(
+                unknown_key(key, keys) + f" (with {source})", where=("motion", key)
+            )
     if source == "file":
-        with at("motion", "file"):
-            return Motion.from_csv(locate(given["file"], folder), table.interpolation)
+        with within("motion", "file"):
+            return _from_file(locate(given["file"], folder), table.interpolation)
     if source == "speeds":
         return _turning(model, mechanism, start)
     if table.times is None:
-        raise Misplaced(("motion",), f"the key times is missing; {source} needs it")
+        raise JointplayError(f"the key times is missing; {source} needs it", where=("motion",))
     if source == "tool_position":
         return _cartesian(table, mechanism, start)
     columns = []
     for name, values in given["joints"].items():
         path = ("motion", "joints", name)
         if len(values) != len(table.times):
-            raise Misplaced(
-                path, f"{len(values)} positions for {len(table.times)} times; give one for each"
+            raise JointplayError(
+                f"{len(values)} positions for {len(table.times)} times; give one for each",
+                where=path,
             )
         columns.append([_fit(mechanism, name, value, ANGLE, path) for value in values])
-    with waypoint("times"):
+    with within("motion"):
         positions = np.array(columns).reshape(len(columns), len(table.times)).T
-        return Motion(list(given["joints"]), table.times, positions, table.interpolation)
+        return Motion(list(given["joints"]), table.times, positions, interpolation)
+
+
+def _from_file(path: Path, interpolation: str | None) -> Motion:
+    """Motion of a file, which is read again only once it has changed."""
+    try:
+        found = path.stat()
+    except (OSError, ValueError):  # which those who read put into words
+        return _read(path, interpolation)
+    return _read_once(path, interpolation, (found.st_mtime_ns, found.st_size, found.st_ino))
+
+
+@lru_cache(maxsize=16)
+def _read_once(path: Path, interpolation: str | None, stamp: tuple[int, ...]) -> Motion:
+    return _read(path, interpolation)
+
+
+def _read(path: Path, interpolation: str | None) -> Motion:
+    if path.suffix.lower() == ".mcap":  # recorded, and dense
+        return Motion.from_mcap(path, interpolation=interpolation or "spline")
+    return Motion.from_csv(path, interpolation or INTERPOLATIONS[0])
 
 
 def _turning(model: Model, mechanism: Mechanism, start: dict[str, float]) -> Motion:
@@ -295,8 +299,9 @@ def _turning(model: Model, mechanism: Mechanism, start: dict[str, float]) -> Mot
     assert model.motion.speeds is not None
     duration = model.integration.duration
     if duration is None:
-        raise Misplaced(
-            ("motion", "speeds"), "constant speeds have no end; give duration in [integration]"
+        raise JointplayError(
+            "constant speeds have no end; give duration in [integration]",
+            where=("motion", "speeds"),
         )
     names = list(model.motion.speeds)
     speeds = [
@@ -304,7 +309,7 @@ def _turning(model: Model, mechanism: Mechanism, start: dict[str, float]) -> Mot
         for name, speed in model.motion.speeds.items()
     ]
     begin = np.array([start.pop(name, 0.0) for name in names])
-    with at("motion", "speeds"):
+    with within("motion", "speeds"):
         positions = [begin, begin + np.array(speeds) * duration]
         return Motion(names, [0.0, duration], np.array(positions), "constant-speed")
 
@@ -314,18 +319,18 @@ def _cartesian(table: Any, mechanism: Mechanism, start: dict[str, float]) -> Mot
     for key in ("tool_position", "tool_rpy"):
         rows = getattr(table, key)
         if rows is not None and len(rows) != len(table.times):
-            raise Misplaced(
-                ("motion", key),
+            raise JointplayError(
                 f"{len(rows)} waypoints for {len(table.times)} times; give one for each",
+                where=("motion", key),
             )
-    with waypoint("tool_position"):
+    with _renamed(positions="tool_position", orientations="tool_rpy"), within("motion"):
         motion: Motion = cartesian_motion(
             mechanism.ideal(),
             np.array(table.times),
             np.array(table.tool_position).reshape(-1, 3),
             None if table.tool_rpy is None else np.array(table.tool_rpy).reshape(-1, 3),
             frame=table.frame,
-            path=table.path,
+            path=table.path or PATHS[0],
             start=dict(start) or None,
         )
     for name in motion.joints:
@@ -337,35 +342,42 @@ def _drive(
     model: Model, mechanism: Mechanism, motion: Motion | None
 ) -> Drive | Mapping[str, Drive]:
     common: Drive = ComputedTorque()
-    if model.drive is not None:
-        if model.drive.kind == "torque":
-            raise Misplaced(("drive", "kind"), "a torque acts on one joint; give [drives.JOINT]")
-        common = _one_drive(model.drive, ("drive",))
+    shared: Any = model.drive
+    if shared is not None:
+        if shared.kind is Torque:
+            raise JointplayError(
+                "a torque acts on one joint; give [drives.JOINT]", where=("drive", "kind")
+            )
+        common = _one_drive(shared, ("drive",))
     if motion is not None and not model.drives:
         return common
     drives: dict[str, Drive] = {}
     if motion is not None and common.follows:
         drives = dict.fromkeys(motion.joints, common)
-    for name, table in model.drives.items():
+    for name, draft in _drafts(model.drives).items():
         path = ("drives", name)
         if name not in mechanism.joints:
-            raise Misplaced(path, str(MissingName("moving joint", name, mechanism.joints)))
+            raise MissingName("moving joint", name, mechanism.joints, where=path)
         fitted = {}
-        if table.kind == "torque":
+        if draft.kind is Torque:
+            revolute, prismatic = fields_of(Torque)["values"].units
             fitted["values"] = tuple(
-                _fit(mechanism, name, value, TORQUE, (*path, "values")) for value in table.values
+                _fit(mechanism, name, value, (revolute, prismatic), (*path, "values"))
+                for value in draft.fields["values"]
             )
-        drives[name] = _one_drive(table, path, **fitted)
+        drives[name] = _one_drive(draft, path, **fitted)
         if drives[name].follows and (motion is None or name not in motion.joints):
             kind = drives[name].kind
-            raise Misplaced(path, f"a {kind} drive follows a motion, and [motion] has none for it")
+            raise JointplayError(
+                f"a {kind} drive follows a motion, and [motion] has none for it", where=path
+            )
     return drives
 
 
-def _one_drive(table: Any, path: tuple[str, ...], **fitted: Any) -> Drive:
-    given = {key: value for key, value in table.given().items() if key != "kind"}
-    with at(*path, keys=given):
-        return DRIVES[table.kind](**(given | fitted))
+def _one_drive(draft: Draft, path: tuple[str, ...], **fitted: Any) -> Drive:
+    with within(*path):
+        drive: Drive = Draft(draft.kind, draft.word, {**draft.fields, **fitted}).make()
+        return drive
 
 
 def _joint_friction(model: Model, mechanism: Mechanism) -> dict[str, JointFriction] | None:
@@ -373,30 +385,31 @@ def _joint_friction(model: Model, mechanism: Mechanism) -> dict[str, JointFricti
     if not model.joint_friction:
         return None
     entries = mechanism.description.joints
-    found = {
+    friction = {
         name: JointFriction(entries[name].friction, entries[name].damping)
         for name in mechanism.joints
     }
-    for name, table in model.joint_friction.items():
+    for name, draft in _drafts(model.joint_friction).items():
         path = ("joint_friction", name)
         fields = {}
-        for key, value in table.given().items():
-            revolute, prismatic = unit_of(JointFriction, key)
+        for key, value in draft.fields.items():
+            revolute, prismatic = fields_of(JointFriction)[key].units
             fields[key] = _fit(mechanism, name, value, (revolute, prismatic), (*path, key))
-        if name not in found:
-            raise Misplaced(path, str(MissingName("moving joint", name, mechanism.joints)))
-        with at(*path, keys=fields):
-            found[name] = JointFriction(**fields)
-    return found
+        if name not in friction:
+            raise MissingName("moving joint", name, mechanism.joints, where=path)
+        with within(*path):
+            friction[name] = JointFriction(**fields)
+    return friction
 
 
 def _payloads(model: Model, mechanism: Mechanism) -> tuple[Payload, ...]:
-    found = []
-    for index, table in enumerate(model.payloads):
-        with at("payloads", index, keys=table.given()):
-            payload = Payload(**{"frame": mechanism.tool, **table.given()})
+    payloads = []
+    drafts: list[Any] = list(model.payloads)
+    for index, draft in enumerate(drafts):
+        with within("payloads", index):
+            payload = Payload(**{"frame": mechanism.tool, **draft.fields})
             if not mechanism.model.existFrame(payload.frame):
                 names = [f.name for f in mechanism.model.frames if f.name != "universe"]
-                raise MissingName("frame", payload.frame, names)
-            found.append(payload)
-    return tuple(found)
+                raise MissingName("frame", payload.frame, names, where=("frame",))
+            payloads.append(payload)
+    return tuple(payloads)

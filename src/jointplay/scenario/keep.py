@@ -67,9 +67,9 @@ def add_certificate(
 
     if result.status == Status.INTERRUPTED or stopping.told():
         return
-    found = certify(result, simulation=simulation, progress=progress, begin=begin)
+    certificate = certify(result, simulation=simulation, progress=progress, begin=begin)
     with stopping.keeping(f"the certificate of {path}"):
-        result.certificate = found
+        result.certificate = certificate
         save(result, path, overwrite=True)
 
 

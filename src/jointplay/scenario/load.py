@@ -5,42 +5,21 @@ from __future__ import annotations
 import re
 import tomllib
 from collections.abc import Collection, Mapping, Sequence
+from dataclasses import fields
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from pydantic import ValidationError
-
+from jointplay.codec import check, make, unknown_key
 from jointplay.contact.trust import trusting
 from jointplay.errors import JointplayError, MissingName
-from jointplay.scenario.build import MOTION_SOURCES, SHIPPED, Misplaced, build, locate
-from jointplay.scenario.model import NOT_IN_A_CASE, Model
+from jointplay.fields import fields_of
+from jointplay.scenario.build import MOTION_SOURCES, SHIPPED, build, locate
+from jointplay.scenario.model import NOT_IN_A_CASE, Integration, Model, Output
 from jointplay.scenario.places import Key, dotted, line_of, lines
 from jointplay.scenario.settings import Setting, given_by, tree
-from jointplay.scenario.tables import unknown_key
 from jointplay.simulation.simulation import Run, Simulation
 from jointplay.units import shown
-
-_EXPECTED = {
-    "bool_type": "true or false",
-    "int_type": "a whole number",
-    "int_from_float": "a whole number",
-    "string_type": "text in quotes",
-    "list_type": "a list in brackets",
-    "dict_type": "a table",
-}
-"""What pydantic's kinds of error expect."""
-
-_BLAMED = {
-    "integration": (
-        *("step", "macro_step", "macro step", "tolerance"),
-        *("duration", "integrator", "seed"),
-    ),
-    "output": ("record_every",),
-    "motion": ("motion",),
-    "start": ("start",),
-}
-"""Keys whose names begin messages of `Simulation`, by table."""
 
 LONGEST = 5_000_000
 """Most characters of a scenario."""
@@ -53,6 +32,12 @@ _DEEP_KEY = re.compile(
 )
 
 _SELECTORS = ("kind", "law")
+
+_TABLES = {
+    **{one.name: "integration" for one in fields(Integration)},
+    **{one.name: "output" for one in fields(Output)},
+}
+"""Tables of a scenario that have the inputs of a simulation, by input."""
 
 _WORDS = {"normal": "law", "friction": "law", "lubricant": "law", "drive": "kind"}
 """Keys whose bare word stands for a table with this one key."""
@@ -68,6 +53,7 @@ class Scenario:
         title: what it is about.
         cases: labels of its cases, in order; a file without cases has one, named like the file.
         figures: whether figures that compare the cases are wanted.
+        sweep: the table [sweep] as it stands, empty if there is none; `jointplay.sweeps` reads it.
     """
 
     def __init__(
@@ -89,6 +75,7 @@ class Scenario:
         self.text = text
         data = self._parsed(text)
         cases = data.pop("cases", {})
+        self.sweep = dict(self._table(data.pop("sweep", {}), ("sweep",)))
         self._base = data
         self._changes: dict[str, dict[str, Any]] = {}
         for label, changes in self._table(cases, ("cases",)).items():
@@ -165,33 +152,17 @@ class Scenario:
         try:
             with trusting(self.trust):
                 return build(model, self.path.parent)
-        except Misplaced as error:
-            raise self._error(error.path, str(error), case, True) from None
         except JointplayError as error:
-            raise self._in_case(case, model, error) from None
+            raise self._error(error.where, str(error), case, True) from None
 
-    def prepare(self, case: str | None = None) -> Run:
+    def prepare(self, case: str | None = None, progress: bool = False) -> Run:
         """A case made ready to step; see `simulation` and `Simulation.prepare`."""
         simulation = self.simulation(case)
         case = self.cases[0] if case is None else case
         try:
-            return simulation.prepare()
+            return simulation.prepare(progress)
         except JointplayError as error:
-            raise self._in_case(case, self.model(case), error) from None
-
-    def _in_case(self, case: str, model: Model, error: JointplayError) -> JointplayError:
-        """An error of a simulation, said of this file, case, and the key it names."""
-        message = str(error)
-        path: Key = ()
-        for name in model.loops:
-            if f"loop {name!r}" in message:
-                path = ("loops", name)
-        for table, keys in _BLAMED.items():
-            for key in keys:
-                if re.match(rf"(the )?{key}\b", message):
-                    key = key.replace(" ", "_")
-                    path = (table, key) if key != table else (table,)
-        return self._error(path, message, case, True)
+            raise self._error(_place_of(error), str(error), case, True) from None
 
     def model(self, case: str, changes: Mapping[str, Any] | None = None) -> Model:
         """What the file says of a case, checked; see `simulation`."""
@@ -200,7 +171,7 @@ class Scenario:
         for key in NOT_IN_A_CASE:
             if key in self._changes[case]:
                 message = unknown_key(
-                    key, [k for k in Model.model_fields if k not in NOT_IN_A_CASE]
+                    key, [name for name in fields_of(Model) if name not in NOT_IN_A_CASE]
                 )
                 raise self._error(("cases", case, key), message)
         if "figures" in (self._changes[case].get("output") or {}):
@@ -210,16 +181,20 @@ class Scenario:
             if key in self._set and key != "title":
                 source = next(s.source for s in self.settings if s.key[0] == key)
                 raise JointplayError(f"{source}: settings hold for all cases, and name none")
-        merged = merge(merge(self._base, self._changes[case]), self._set)
-        data = merge(merged, changes or {})
+        data = merge(self.data(case), changes or {})
         try:
-            return Model.model_validate(data)
-        except ValidationError as error:
-            found = [_explain(data, one) for one in error.errors(include_url=False)]
-        located = sorted(found, key=lambda one: self._line(self._place(one[0], case)) or 0)
-        path, message = located[0]
-        more = f" (and {len(found) - 1} more)" if len(found) > 1 else ""
-        raise self._error(path, message + more, case)
+            model: Model = make(check(Model, data), objects=False)
+            return model
+        except JointplayError as error:
+            raise self._error(error.where, str(error), case) from None
+
+    def data(self, case: str) -> dict[str, Any]:
+        """What the file says of a case, as TOML has it; see `model`."""
+        return merge(merge(self._base, self._changes[case]), self._set)
+
+    def error(self, path: Key, message: str) -> JointplayError:
+        """An error of the key at `path`, with file and line."""
+        return self._error(path, message)
 
     def _table(self, value: Any, path: Key) -> Mapping[str, Any]:
         if not isinstance(value, Mapping):
@@ -286,35 +261,20 @@ def merge(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]
     return merged
 
 
-def _explain(data: Any, error: Mapping[str, Any]) -> tuple[Key, str]:
-    """Path of the key, and what is wrong with it, of one of pydantic's errors."""
-    path: list[str | int] = []
-    here: Any = data
-    for part in error["loc"]:
-        # Pydantic's location also names the kinds of table it tried, which are no keys.
-        inside = isinstance(here, Mapping) and part in here
-        inside |= isinstance(here, Sequence) and isinstance(part, int) and not isinstance(here, str)
-        if inside:
-            path.append(part)
-            here = here[part]
-    if error["type"] == "scenario":
-        key = error["ctx"]["key"]
-        return (*path, *([] if key is None else [key])), error["ctx"]["text"]
-    if error["type"] == "missing":
-        return tuple(path), f"the key {error['loc'][-1]} is missing"
-    wanted = _EXPECTED.get(error["type"])
-    value = shown(error["input"])
-    if wanted is None:
-        return tuple(path), f"{value}: {error['msg']}"
-    return tuple(path), f"expected {wanted}, got {value}"
+def _place_of(error: JointplayError) -> Key:
+    """Key of a scenario that has the input of a simulation at which an error is."""
+    where = error.where
+    if where and where[0] in _TABLES:
+        return (_TABLES[str(where[0])], *where)
+    return where
 
 
 def _syntax(message: str) -> str:
     """Tomllib's message, its place in front."""
-    found = re.fullmatch(r"(.*) \(at (?:line (\d+), column (\d+)|end of document)\)", message)
-    if found is None:
+    parts = re.fullmatch(r"(.*) \(at (?:line (\d+), column (\d+)|end of document)\)", message)
+    if parts is None:
         return f": {message}"
-    what, line, column = found.groups()
+    what, line, column = parts.groups()
     place = f", line {line}, column {column}" if line else ", end of file"
     twice = re.match(r"Cannot (?:declare \((.*?),?\) twice|overwrite a value)", what)
     if twice:

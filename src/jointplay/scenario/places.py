@@ -29,7 +29,7 @@ def dotted(path: Sequence[str | int]) -> str:
 
 def lines(text: str) -> dict[Key, int]:
     """Line at which each key of a well-formed TOML text stands, tables at their header."""
-    found: dict[Key, int] = {}
+    known: dict[Key, int] = {}
     counts: dict[Key, int] = {}
     table: Key = ()
     chunk: list[str] = []
@@ -49,16 +49,16 @@ def lines(text: str) -> dict[Key, int]:
         chunk, opened = [], 0
         if header:
             table = _header(parsed, counts)
-            _note(found, table, start)
+            _note(known, table, start)
         else:
             for path in _paths(parsed):
-                _note(found, (*table, *path), start)
-    return found
+                _note(known, (*table, *path), start)
+    return known
 
 
-def _note(found: dict[Key, int], path: Key, line: int) -> None:
+def _note(known: dict[Key, int], path: Key, line: int) -> None:
     for size in range(1, len(path) + 1):
-        found.setdefault(path[:size], line)
+        known.setdefault(path[:size], line)
 
 
 def _header(parsed: Any, counts: dict[Key, int]) -> Key:
@@ -85,9 +85,9 @@ def _paths(parsed: Any) -> list[Key]:
     return [()] + [(key, *rest) for key, value in items for rest in _paths(value)]
 
 
-def line_of(found: dict[Key, int], path: Sequence[str | int]) -> int | None:
+def line_of(known: dict[Key, int], path: Sequence[str | int]) -> int | None:
     """Line of the key at `path`, or of the nearest table above it that the file has."""
     for size in range(len(path), 0, -1):
-        if tuple(path[:size]) in found:
-            return found[tuple(path[:size])]
+        if tuple(path[:size]) in known:
+            return known[tuple(path[:size])]
     return None

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from jointplay.errors import JointplayError
+from jointplay.host import files
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.mechanism.model import parse
 from jointplay.mechanism.robots import PREFIX, robot_urdf
@@ -57,11 +58,16 @@ SWING_S = 1.0
 """Time that it takes to get there [s]."""
 
 
+def _there(place: str) -> bool:
+    """Whether there is a file or folder of this name, which may be one that none can have."""
+    return files.is_file(Path(place)) or files.is_folder(Path(place))
+
+
 def is_robot(place: str) -> bool:
     """Whether `place` names a robot rather than a scenario file."""
     if place.startswith(PREFIX) or place.lower().endswith((".urdf", ".xml", ".xacro")):
         return True
-    if place.lower().endswith(".toml") or Path(place).exists():
+    if place.lower().endswith(".toml") or _there(place):
         return False
     try:
         robot_urdf(place)
@@ -127,7 +133,7 @@ def robot_scenario(
 
 def _prefixed(place: str) -> str:
     """A bare name of example-robot-data gets its prefix."""
-    if ":" in place or Path(place).exists() or "/" in place or place.endswith(".urdf"):
+    if ":" in place or _there(place) or "/" in place or place.endswith(".urdf"):
         return place
     return f"{PREFIX}{place}"
 

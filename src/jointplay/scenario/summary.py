@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import fields
 from typing import Any
 
+from jointplay.contact.law import Law
+from jointplay.fields import fields_of
 from jointplay.loads.drive import assign
 from jointplay.mechanism.impact import contact_duration
 from jointplay.scenario.load import Scenario
-from jointplay.scenario.tables import unit_of
 from jointplay.simulation.simulation import Run
 from jointplay.units import readable
 
@@ -38,50 +38,50 @@ def _lines(facts: Mapping[str, str]) -> list[str]:
 def _facts(run: Run) -> dict[str, str]:
     simulation, mechanism = run.simulation, run.mechanism
     weight = " ".join(f"{g:g}" for g in mechanism.gravity)
-    found = {
+    facts = {
         "robot": f"{mechanism.description.path}, tool {mechanism.tool}",
         "gravity": f"{weight} m/s^2" if any(mechanism.gravity) else "none",
     }
     for name, loop in mechanism.loops.items():
-        found[f"loop {name}"] = (
+        facts[f"loop {name}"] = (
             f"{mechanism.loop_kind(name)}, {loop.bearing_link} - {loop.journal_link}"
         )
     step = simulation.step
     for name, joint in mechanism.clearance.items():
         steps = contact_duration(mechanism, name, run.workspace.q) / step
-        found[f"joint {name}"] = f"{joint.kind}: {_fields(joint)}; {steps:.0f} steps in an impact"
+        facts[f"joint {name}"] = f"{joint.kind}: {_fields(joint)}; {steps:.0f} steps in an impact"
     if not mechanism.clearance:
-        found["joints"] = "all ideal"
+        facts["joints"] = "all ideal"
     for name, gear in mechanism.gears.items():
-        found[f"gear {name}"] = _fields(gear)
+        facts[f"gear {name}"] = _fields(gear)
     if simulation.motion is not None:
         joints = ", ".join(simulation.motion.joints)
         number = len(simulation.motion.times)
-        found["motion"] = f"{joints}: {number} waypoints, {simulation.motion.interpolation}"
+        facts["motion"] = f"{joints}: {number} waypoints, {simulation.motion.interpolation}"
     drives: dict[str, list[str]] = {}
     for name, drive in assign(mechanism, simulation.motion, simulation.drive).items():
         words = _fields(drive, joint=mechanism.description.joints[name])
         drives.setdefault(f"{drive.kind}{f' ({words})' if words else ''}", []).append(name)
-    found["drives"] = "; ".join(f"{', '.join(names)}: {words}" for words, names in drives.items())
+    facts["drives"] = "; ".join(f"{', '.join(names)}: {words}" for words, names in drives.items())
     for name, losses in run.friction.items():
         if losses.coulomb or losses.viscous or losses.static:
-            found[f"friction {name}"] = _fields(losses, joint=mechanism.description.joints[name])
+            facts[f"friction {name}"] = _fields(losses, joint=mechanism.description.joints[name])
     for number, payload in enumerate(simulation.payloads, 1):
-        found[f"payload {number}"] = f"at {payload.frame}: {_fields(payload)}"
-    found["start"] = (
+        facts[f"payload {number}"] = f"at {payload.frame}: {_fields(payload)}"
+    facts["start"] = (
         ", ".join(
             f"{name} {run.workspace.q[mechanism.coordinate(name)]:.6g}" for name in mechanism.joints
         )
         + " [rad or m]"
     )
-    found["integration"] = (
+    facts["integration"] = (
         f"{simulation.integrator}, {readable(run.steps * step, 's')} in {run.steps} steps of "
         f"{readable(step, 's')}, a record every {simulation.record_every}"
         + _or_none(", macro step ", simulation.macro_step, "s")
         + _or_none(", tolerance ", simulation.tolerance, "")
         + ("" if simulation.seed is None else f", seed {simulation.seed}")
     )
-    return found
+    return facts
 
 
 def _or_none(name: str, value: float | None, unit: str) -> str:
@@ -89,18 +89,15 @@ def _or_none(name: str, value: float | None, unit: str) -> str:
 
 
 def _fields(thing: Any, joint: Any = None) -> str:
-    """Fields of a dataclass, with units; those not set left out."""
+    """Fields of a value, with units; those not set left out."""
     words = []
-    for field in fields(thing):
-        value = getattr(thing, field.name)
-        name = field.name.replace("_", " ")
-        units = unit_of(type(thing), field.name)
-        unit = (
-            units[1]
-            if len(units) > 1 and joint is not None and joint.kind == "prismatic"
-            else units[0]
-        )
-        if value is None or value is False or field.name == "frame":
+    kind: Any = type(thing)
+    for name, field in fields_of(kind).items():
+        value = getattr(thing, name, None)
+        slides = len(field.units) > 1 and joint is not None and joint.kind == "prismatic"
+        unit = field.units[slides]
+        name = name.replace("_", " ")
+        if value is None or value is False or name == "frame":
             continue
         if value is True:
             words.append(name)
@@ -110,14 +107,9 @@ def _fields(thing: Any, joint: Any = None) -> str:
             words.append(f"{name} ({', '.join(readable(one, unit) for one in value)})")
         elif isinstance(value, str):
             words.append(f"{name} {value}")
-        elif hasattr(value, "describe"):  # a law
-            given = {k: v for k, v in value.describe().items() if k != "law" and v is not None}
-            inside = ", ".join(f"{k} {_value(value, k, v)}" for k, v in given.items())
+        elif isinstance(value, Law):
+            inside = _fields(value)
             words.append(f"{name} {value.name}{f' ({inside})' if inside else ''}")
         else:
             words.append(f"{name} ({_fields(value)})")
     return ", ".join(words)
-
-
-def _value(law: Any, name: str, value: Any) -> str:
-    return readable(value, unit_of(type(law), name)[0]) if isinstance(value, float) else str(value)

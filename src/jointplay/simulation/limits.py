@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 
 from jointplay.errors import JointplayError
-from jointplay.loads.drive import REFERENCE_NODE_S
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.result.netcdf import MEMORY_SHARE, memory
 
@@ -17,21 +16,23 @@ def check_numbers(step: float, duration: float, every: object, seed: object) -> 
     """Refuse numbers that no run can have: steps without end, records and seeds that are none."""
     if not isinstance(every, int) or isinstance(every, bool) or not 1 <= every <= MOST_STEPS:
         raise JointplayError(
-            f"record_every must be a whole number from 1 to {MOST_STEPS:.0e}, got {every!r:.60}"
+            f"record_every must be a whole number from 1 to {MOST_STEPS:.0e}, got {every!r:.60}",
+            where=("record_every",),
         )
     if seed is not None and (not isinstance(seed, int) or not 0 <= seed < 2**63):
-        raise JointplayError(f"seed must be a whole number >= 0, got {seed!r:.60}")
+        raise JointplayError(f"seed must be a whole number >= 0, got {seed!r:.60}", ("seed",))
     if duration / step > MOST_STEPS:
         raise JointplayError(
             f"duration {duration:g} s is {duration / step:.3g} steps of {step:g} s; "
-            f"at most {MOST_STEPS:.0e} are possible"
+            f"at most {MOST_STEPS:.0e} are possible",
+            where=("duration",),
         )
 
 
-def check_memory(mechanism: Mechanism, duration: float, steps: int, every: int) -> None:
-    """Refuse a run whose tables and records would not fit, before any are made."""
+def check_memory(mechanism: Mechanism, duration: float, steps: int, every: int, nodes: int) -> None:
+    """Refuse a run whose tables (of `nodes`) and records would not fit, before any are made."""
     nv, contacts = mechanism.model.nv, sum(len(j.contacts) for j in mechanism.clearance.values())
-    reference = duration / REFERENCE_NODE_S * 9.0 * max(len(mechanism.joints), 1)
+    reference = nodes * 9.0 * max(len(mechanism.joints), 1)
     record = 3.0 * nv + 20.0 + 10.0 * len(mechanism.clearance) + 3.0 * contacts
     # Records are there twice when they are made into histories.
     needed = 8.0 * (reference + 2.0 * record * (steps / every))
@@ -46,7 +47,8 @@ def check_memory(mechanism: Mechanism, duration: float, steps: int, every: int) 
         )
         raise JointplayError(
             f"duration {duration:g} s with a record every {every} steps needs about "
-            f"{needed / 1e9:.3g} GB of memory, of which there are {most / 1e9:.3g}; {advice}"
+            f"{needed / 1e9:.3g} GB of memory, of which there are {most / 1e9:.3g}; {advice}",
+            where=("duration",),
         )
 
 

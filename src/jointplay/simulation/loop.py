@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -126,9 +126,27 @@ class Loop(ABC):
     def settle(self) -> None:
         """Make the workspace's state (q, v) whole, for an event that is going to change it."""
 
+    def look(self) -> None:
+        """Evaluate the present state to be read; the caller brings the workspace back to it."""
+        return None
+
+    def memory(self) -> dict[str, float]:
+        """What is known beside the workspace, for a checkpoint."""
+        return {}
+
+    def recall(self, memory: Mapping[str, float]) -> None:
+        """Go on as the loop that had this memory."""
+        return None
+
     @abstractmethod
-    def stretch(self, steps: int) -> bool:
-        """Do some steps, no more than `steps`; returns whether all is well."""
+    def stretch(self, steps: int, pause: int | None = None) -> bool:
+        """Do some steps, no more than `steps`; returns whether all is well.
+
+        Args:
+            steps: to do at most.
+            pause: return at or after this step, between macro steps, if that is earlier; what
+                follows is the same as without.
+        """
 
     @abstractmethod
     def finish(self) -> None:
@@ -159,8 +177,14 @@ class SingleRate(Loop):
         """Complete the work of the last step."""
         self.workspace.do(Command.SETTLE)
 
-    def stretch(self, steps: int) -> bool:
-        """Do `steps` steps."""
+    def recall(self, memory: Mapping[str, float]) -> None:
+        """Do not begin from the start again."""
+        self._begun = True
+
+    def stretch(self, steps: int, pause: int | None = None) -> bool:
+        """Do `steps` steps, or fewer."""
+        if pause is not None:
+            steps = min(steps, max(pause - self.workspace.steps, 1))
         enter, run = self._enter, self.workspace.run
         command, load = int(self.method.command), int(Command.LOAD)
         dynamics, state = self._call
@@ -201,6 +225,7 @@ class MultiRate(Loop):
                 w.turning[joint.idx_v] = 1.0
             if joint.shortname() == "JointModelSphericalZYX":
                 w.turning[joint.idx_v : joint.idx_v + 3] = 1.0
+        self._planned_on = False
         fixed = macro_step is not None
         run["fixed"], run["unit"] = fixed, 1
         run["departure_limit"] = np.inf if fixed else LARGEST_DEPARTURE * self._dt
@@ -240,7 +265,7 @@ class MultiRate(Loop):
 
     def begin(self) -> None:
         """Evaluate forces and acceleration, and set off half a step before."""
-        w = self.workspace
+        w, self._planned_on = self.workspace, False
         w.do(Command.RESTART)
         self._ask(w.q, w.v)
         w.do(Command.SET_OFF)
@@ -249,17 +274,35 @@ class MultiRate(Loop):
         """Find the velocity at the present instant."""
         self.workspace.do(Command.SETTLE_MACRO)
 
-    def stretch(self, steps: int) -> bool:
-        """Do `steps` steps."""
+    def look(self) -> None:
+        """Find the velocity at the present instant, for a moment."""
+        if not self.workspace.run["fresh"][0]:
+            self.settle()
+
+    def memory(self) -> dict[str, float]:
+        """Whether the next macro step is planned already."""
+        return {"planned_on": float(self._planned_on)}
+
+    def recall(self, memory: Mapping[str, float]) -> None:
+        """Go on with the macro step that was planned."""
+        self._planned_on = bool(memory["planned_on"])
+
+    def stretch(self, steps: int, pause: int | None = None) -> bool:
+        """Do `steps` steps, or fewer; a stretch that paused is taken up again first."""
         run, enter, (q, v) = self.workspace.run, self._enter, self._middle
         model, data, zero, none = self.model, self.data, self._zero, self._none
-        self._until[0] = self.workspace.steps + steps
-        enter(run, _PLAN)
+        if not self._planned_on:
+            self._until[0] = self.workspace.steps + steps
+            enter(run, _PLAN)
+        self._planned_on = False
         state = 0
         while state == 0:
             _aba(model, data, q, v, zero, none, _WORLD)
             _inverse(model, data)
             state = enter(run, _ADVANCE)
+            if state == 0 and pause is not None and self.workspace.steps >= pause:
+                self._planned_on = True
+                return True
         return bool(state == THERE)
 
     def finish(self) -> None:
@@ -293,7 +336,16 @@ class Adaptive(MultiRate):
         self._planned, self._refused = w.run["macro"], w.run["refused"]
         self._micro_step = self._dt
 
-    def stretch(self, steps: int) -> bool:
+    def memory(self) -> dict[str, float]:
+        """Length of the next macro and micro steps."""
+        return super().memory() | {"micro_step": self._micro_step}
+
+    def recall(self, memory: Mapping[str, float]) -> None:
+        """Take the lengths of the next steps."""
+        super().recall(memory)
+        self._micro_step = float(memory["micro_step"])
+
+    def stretch(self, steps: int, pause: int | None = None) -> bool:
         """Do one macro step, of no more than `steps` steps, as finely as it needs."""
         self._until[0] = self.workspace.steps + steps
         self._enter(self.workspace.run, _PLAN)

@@ -1,70 +1,30 @@
-"""The time loop (eqs 22, 23)."""
+"""All inputs of a run (eqs 22, 23)."""
 
 from __future__ import annotations
 
-import math
-import sys
-import time
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pinocchio as pin
-from tqdm import tqdm
 
-from jointplay import kernel
-from jointplay.contact.law import address, check_parameters
-from jointplay.errors import JointplayError, MissingName, require_finite, require_positive
+from jointplay.errors import JointplayError, MissingName
 from jointplay.host.late import late
-from jointplay.joints import VIRTUAL_LINK
-from jointplay.kernel import Status
-from jointplay.kernel.integrators import DEFAULT, Integrator, integrator
-from jointplay.kernel.workspace import ContactSite, FilmSite, Workspace
-from jointplay.loads.drive import (
-    ComputedTorque,
-    Drive,
-    JointFriction,
-    assign,
-    drive_from_description,
-    tabulate,
-)
-from jointplay.mechanism.impact import REFERENCE_SPEED, contact_duration, effective_mass
-from jointplay.mechanism.loop import assemble, closing_rows, consistent_velocity
+from jointplay.kernel.integrators import DEFAULT
+from jointplay.loads.drive import ComputedTorque, Drive, JointFriction, drive_from_description
 from jointplay.mechanism.mechanism import Mechanism
-from jointplay.mechanism.payload import Payload, velocity_after_pick
+from jointplay.mechanism.payload import Payload
 from jointplay.motion.reference import Motion
-from jointplay.result.histories import Phase, histories
+from jointplay.result.judging import STARTS
 from jointplay.result.result import Result
-from jointplay.simulation import limits
-from jointplay.simulation.loop import LOOP_CORRECTION, Adaptive, Loop, MultiRate, SingleRate
+from jointplay.simulation import checkpoint, judging
+from jointplay.simulation.initial import PERTURBATION, pair
+from jointplay.simulation.moment import Moment
+from jointplay.simulation.run import Run
 
-MIN_CONTACT_STEPS = 4.0
-"""Fewer steps in an impact than this and the step is refused.
-
-At 4 steps the restitution of an impact scatters by 0.03 (0.07 at c_e = 0.5), at 2 an impact can
-gain energy (docs/validation.md).
-"""
-
-PERTURBATION = 0.5
-"""Largest displacement of a perturbed journal at the start, relative to its clearances.
-
-Nobody knows where in its bearing a journal rests when the motion begins. Much smaller
-displacements are often forgotten: a journal wedged by the first stroke starts afresh.
-"""
-
-NO_MASS = 1e-9
-"""Part of the mechanism's mass below which what a contact meets counts as no mass."""
-
-FILM_LAG = 0.5
-"""Part of the effective mass that a film's lag reckons with: it may fall on the way."""
-
-_RELATIVE = ("x", "y", "z", "roll", "pitch", "yaw")
-"""Freedoms in the order of the rows of `Mechanism.relative_jacobian`."""
-
-_CHUNK = 2000
-"""Steps between two looks at the clock and the keyboard."""
+__all__ = ["PERTURBATION", "Run", "Simulation", "simulate"]
 
 
 @dataclass(frozen=True)
@@ -99,10 +59,65 @@ class Simulation:
     seed: int | None = None
     """Displaces each journal at the start by a random vector of up to half its clearances."""
     payloads: Sequence[Payload] = ()
-    start: Mapping[str, float] = field(default_factory=dict)
-    """Where joints without reference begin [rad or m]; in loops, if not given, they follow."""
+    start: str | Mapping[str, float] | None = None
+    """``"rest"``: journals begin where they lie under gravity and drives; ``"centred"``: in the
+    middle of their bearings. None: at rest where gravity acts or the reference moves from the
+    first, if there is a place of rest; centred where a film that is not hybrid must not break.
+
+    A mapping is the older way to give the positions of `state`."""
     start_speed: Mapping[str, float] = field(default_factory=dict)
-    """How fast [rad/s or m/s]."""
+    """The older way to give the speeds of `state`."""
+    state: Mapping[str, float | tuple[float | None, float | None]] = field(default_factory=dict)
+    """Position [rad or m], or position and speed, at the start, by name of a joint without
+    reference or of any coordinate: ``joint.x`` and so on are the journal's own. None leaves
+    one of the two open. In loops, what is not given follows."""
+    settle: float | str | None = None
+    """Time at the start in which the motion settles and is not judged [s], or as ``"2 turns"``:
+    until a driven joint has turned so often."""
+    judge_from: float | None = None
+    """When figures begin to be judged [s]; None: when the run has settled, see `judged_from`."""
+
+    def __post_init__(self) -> None:
+        """Bring the older ways to give a state into `state`."""
+        if isinstance(self.start, Mapping) or self.start_speed:
+            places = dict(self.start) if isinstance(self.start, Mapping) else {}
+            speeds = dict(self.start_speed)
+            state: dict[str, Any] = {
+                name: (places.get(name), speeds.get(name)) for name in {**places, **speeds}
+            }
+            object.__setattr__(self, "state", {**state, **self.state})
+            object.__setattr__(self, "start_speed", {})
+            if isinstance(self.start, Mapping):
+                object.__setattr__(self, "start", None)
+        if self.start is not None and self.start not in STARTS:
+            raise MissingName("start", str(self.start), STARTS)
+
+    @property
+    def stands(self) -> bool:
+        """Whether journals shall begin where they rest under load."""
+        if self.start is not None:
+            return self.start == "rest"
+        joints = self.mechanism.clearance.values()
+        if any(joint.film is not None and not joint.film[0].hybrid for joint in joints):
+            return False  # such a film carries in motion only, and its journal must not touch
+        if any(self.mechanism.gravity):
+            return True
+        if self.motion is None:
+            return False
+        _, speed, acceleration = self.motion(np.zeros(1))  # inertia presses
+        return bool(speed.any() or acceleration.any())
+
+    @property
+    def judged_from(self) -> float:
+        """When figures begin to be judged [s].
+
+        `judge_from` if given, else when `settle` is over; else, where journals fall into their
+        bearings at the start, after `START_UP`, if the run is more than twice as long; else 0.
+
+        Raises:
+            JointplayError: numbers that make no sense, or turns of what does not turn.
+        """
+        return judging.judged_from(self)
 
     def describe(self) -> dict[str, Any]:
         """All inputs as plain data; `from_description` reads it back."""
@@ -123,14 +138,25 @@ class Simulation:
             else {name: asdict(value) for name, value in self.joint_friction.items()},
             "seed": self.seed,
             "payloads": [payload.describe() for payload in self.payloads],
-            "start": dict(self.start),
-            "start_speed": dict(self.start_speed),
+            "start": self.start,
+            "state": {name: list(pair(name, value)) for name, value in self.state.items()},
+            "settle": self.settle,
+            "judge_from": self.judge_from,
         }
 
     @classmethod
     def from_description(cls, description: Mapping[str, Any]) -> Simulation:
-        """Build the simulation that `describe` described."""
+        """Build the simulation that `describe` described.
+
+        Descriptions of version 0.1, which say nothing of the start, began centred.
+        """
         fields = dict(description)
+        if "state" not in fields:
+            places, speeds = fields.pop("start", {}), fields.pop("start_speed", {})
+            fields["state"] = {
+                name: (places.get(name), speeds.get(name)) for name in {**places, **speeds}
+            }
+            fields["start"] = "centred"
         fields["mechanism"] = Mechanism.from_description(fields["mechanism"])
         if fields["motion"] is not None:
             fields["motion"] = Motion.from_description(fields["motion"])
@@ -146,29 +172,56 @@ class Simulation:
             }
         return cls(**fields)
 
-    def prepare(self) -> Run:
+    def steps(self, every: float | None = None) -> Iterator[Moment]:
+        """Run, and look at the state between macro steps.
+
+        Stop the loop when you have seen enough; `Run.moments` also gives the run to hold.
+
+        Args:
+            every: at most so often [s]; None: after every macro step.
+        """
+        return self.prepare().moments(every)
+
+    @staticmethod
+    def resume(path: str | Path, trust: Collection[str] = ()) -> Run:
+        """A run as `Run.checkpoint` left it, to be continued bit for bit.
+
+        Args:
+            path: the file.
+            trust: modules from which laws of the user's own may be imported.
+
+        Raises:
+            JointplayError: no such file, damaged, or of another version.
+        """
+        return checkpoint.resume(Path(path), trust)
+
+    def prepare(self, progress: bool = False) -> Run:
         """Check everything and make ready to step.
+
+        Args:
+            progress: show a bar on standard error while a long motion is tabulated.
 
         Raises:
             JointplayError: a step, duration or record interval that makes no sense, a step too
                 large for the contact stiffness, or a motion that does not fit the mechanism.
         """
         try:
-            return Run(self)
+            return Run(self, progress)
         except (ArithmeticError, np.linalg.LinAlgError) as error:
             raise JointplayError(
                 f"these numbers cannot be computed with, one is far too large or small: {error}"
             ) from None
 
-    def run(self, progress: bool = False, certify: bool = False) -> Result:
+    def run(self, progress: bool = False, certify: bool = False, check_step: bool = True) -> Result:
         """`prepare`, then `Run.execute`.
 
         Args:
             progress: see `Run.execute`.
             certify: run again more finely, and put the numerical errors of the headline figures
                 into `Result.certificate`.
+            check_step: see `Run.execute`.
         """
-        result = self.prepare().execute(progress)
+        result = self.prepare(progress).execute(progress, check_step)
         if certify:
             find_errors = late("analysis.certify:certify")
             try:
@@ -192,406 +245,3 @@ def simulate(
     See `Simulation.run` for `progress` and `certify`.
     """
     return Simulation(mechanism, motion, **options).run(progress, certify)
-
-
-class Run:
-    """A simulation made ready to step: its workspace, and the initial state in it."""
-
-    def __init__(self, simulation: Simulation) -> None:
-        """Check the numbers, place the journals, tabulate the drives."""
-        self.simulation = simulation
-        self.label = ""  # what the progress bar calls the run
-        mechanism = simulation.mechanism
-        self.mechanism = mechanism
-        limits.check_names(mechanism)
-        self.method: Integrator = integrator(simulation.integrator)
-        step = require_positive("step", simulation.step, "s")
-        if simulation.macro_step is not None:
-            require_positive("macro step", simulation.macro_step, "s")
-        if simulation.tolerance is not None:
-            require_positive("tolerance", simulation.tolerance, "")
-        for option in ("macro_step", "tolerance"):
-            value = getattr(simulation, option)
-            if value is not None and self.method.single_rate:
-                raise JointplayError(
-                    f"{option} (got {value:g}) belongs to the integrator {DEFAULT!r}; "
-                    f"{self.method.name!r} has a fixed step: leave it out, or take {DEFAULT!r}"
-                )
-        duration = self._duration()
-        every = simulation.record_every
-        limits.check_numbers(step, duration, every, simulation.seed)
-        self.steps = round(duration / step)
-        if self.steps < 1:
-            raise JointplayError(f"duration {duration:g} s is shorter than the step {step:g} s")
-        limits.check_memory(mechanism, duration, self.steps, every)
-        self.friction = self._friction()
-        drives = assign(mechanism, simulation.motion, simulation.drive)
-        followed = [name for name, drive in drives.items() if drive.follows]
-        q, v = self._initial_state(followed)
-        tables, armature = tabulate(
-            mechanism, simulation.motion, drives, duration, self.friction, q
-        )
-        self.phases = [Phase(0, mechanism.model.copy())]
-        # The run's own, for payloads and prescribed motion change its inertias.
-        self.model = mechanism.model.copy()
-        for at, value in armature.items():
-            self.model.armature[at] = value
-        self.data = self.model.createData()
-        self.workspace = Workspace(
-            self.data,
-            self.model.nv,
-            [self._site(name, q) for name in mechanism.clearance],
-            tables,
-            step,
-            every,
-            self.steps // every + 2,
-            own_acceleration=not self.method.single_rate,
-        )
-        self.workspace.q[:], self.workspace.v[:] = q, v
-        self._events = self._plan(step)
-        self._check_locks(q)
-        self._check_step(step, q)
-        constraints = mechanism.constraints(q, LOOP_CORRECTION / step)
-        parts = (self.model, self.data, self.workspace, self.method, constraints)
-        self._loop: Loop
-        if self.method.single_rate:
-            self._loop = SingleRate(*parts)
-        elif simulation.tolerance is None:
-            self._loop = MultiRate(*parts, macro_step=simulation.macro_step)
-        else:
-            self._loop = Adaptive(
-                *parts, macro_step=simulation.macro_step, tolerance=simulation.tolerance
-            )
-
-    def _duration(self) -> float:
-        duration, motion = self.simulation.duration, self.simulation.motion
-        if duration is None:
-            if motion is None:
-                raise JointplayError("a simulation without motion needs a duration [s]")
-            duration = motion.duration
-        return require_positive("duration", duration, "s")
-
-    def _friction(self) -> Mapping[str, JointFriction]:
-        friction = self.simulation.joint_friction
-        joints = self.mechanism.joints
-        if friction is None:
-            entries = self.mechanism.description.joints
-            friction = {
-                name: JointFriction(entries[name].friction, entries[name].damping)
-                for name in joints
-            }
-        for name in friction:
-            if name not in joints:
-                raise MissingName("moving joint", name, joints)
-        return friction
-
-    def _initial_state(self, followed: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
-        """Loops closed, journals centred or perturbed, and speeds that fit."""
-        simulation, mechanism = self.simulation, self.mechanism
-        places, speeds = dict(simulation.start), dict(simulation.start_speed)
-        for given, unit in ((places, "rad or m"), (speeds, "rad/s or m/s")):
-            for name, value in given.items():
-                if name not in mechanism.joints:
-                    raise MissingName("moving joint", name, mechanism.joints)
-                if name in followed:
-                    raise JointplayError(
-                        f"joint {name!r} follows the motion from its start; give no other"
-                    )
-                given[name] = require_finite(f"start of joint {name!r}", value, unit)
-        if simulation.motion is not None:
-            position, velocity, _ = simulation.motion(np.zeros(1))
-            for name in followed:
-                index = simulation.motion.joints.index(name)
-                places[name], speeds[name] = position[0, index], velocity[0, index]
-        q = mechanism.configuration(places)
-        v = mechanism.configuration(speeds)
-        held, moving = (
-            [i for name in given for i in (mechanism.coordinate(name), mechanism.motor(name))]
-            for given in (places, speeds)
-        )
-        q = assemble(mechanism, q, held)
-        if simulation.seed is not None:
-            # A displaced journal moves the loop's other joints, also those whose start is given.
-            leading = [i for n in followed for i in (mechanism.coordinate(n), mechanism.motor(n))]
-            q = self._perturbed(q, leading, simulation.seed)
-        led = [i for n in followed for i in (mechanism.coordinate(n), mechanism.motor(n))]
-        return q, consistent_velocity(mechanism, q, v, moving, led)
-
-    def _perturbed(self, q: np.ndarray, held: Sequence[int], seed: int) -> np.ndarray:
-        random = np.random.default_rng(seed)
-        offsets = {}
-        for name, joint in self.mechanism.clearance.items():
-            push = PERTURBATION * random.uniform(-1.0, 1.0, 3)
-            rooms = np.array([joint.room_to_start.get(part, 0.0) for part in VIRTUAL_LINK[:3]])
-            if name in self.mechanism.loops:
-                free = self.mechanism.relative_jacobian(name, q)[:3].any(axis=1)
-                offsets[name] = push * rooms * free
-            else:
-                for part, shift in zip(VIRTUAL_LINK[:3], push * rooms, strict=True):
-                    if part in joint.freedoms:
-                        q[self.mechanism.coordinates.index(f"{name}.{part}")] += shift
-        return assemble(self.mechanism, q, held, offsets)
-
-    def _site(self, name: str, q: np.ndarray) -> ContactSite:
-        """What the kernels must know of the joint with clearance `name`."""
-        mechanism, joint = self.mechanism, self.mechanism.clearance[name]
-        parameters = [
-            check_parameters(
-                joint.normal.parameters(joint.contact_properties(k)), joint.normal.name
-            )
-            for k in range(len(joint.contacts))
-        ]
-        rubbing = check_parameters(joint.friction.parameters(), joint.friction.name)
-        first = mechanism.virtual_link(name) if mechanism.has_virtual_link(name) else None
-        reach: dict[str, Any] = {}
-        if first is None:
-            reach = {
-                "carriers": (mechanism.bearing_frame(name), mechanism.journal_frame(name)),
-                "signs": mechanism.signs(name),
-            }
-        if joint.film is not None:
-            law, properties = joint.film
-            reach["film"] = FilmSite(
-                address(law),
-                properties.contacts,
-                law.section * properties.length if properties.tilts else 0.0,
-                properties.clearance,
-                law.thickest(properties.clearance),
-                law.transition,
-                FILM_LAG * effective_mass(mechanism, name, q),
-                check_parameters(law.parameters(properties), law.name),
-            )
-            reach["must_not_touch"] = 0 if law.hybrid else properties.contacts
-        reach["wearing"] = len(joint.worn_widths) if joint.wears else 0
-        return ContactSite(
-            int(joint.shape),
-            joint.dimensions,
-            joint.depth_limit,
-            address(joint.normal),
-            address(joint.friction),
-            joint.friction.bristles,
-            parameters,
-            rubbing,
-            first,
-            **reach,
-        )
-
-    def _plan(self, step: float) -> list[tuple[int, Payload, bool]]:
-        """Picks (True) and releases by the step at which they happen, in order."""
-        events = []
-        for payload in self.simulation.payloads:
-            if not self.model.existFrame(payload.frame):
-                names = [frame.name for frame in self.model.frames if frame.name != "universe"]
-                raise MissingName("frame for a payload", payload.frame, names)
-            times = [(payload.pick, True)]
-            times += [] if payload.release is None else [(payload.release, False)]
-            events += [(round(time / step), payload, picked) for time, picked in times]
-        return sorted(events, key=lambda event: event[0], reverse=True)
-
-    def _check_locks(self, q: np.ndarray) -> None:
-        for name in self.mechanism.loops:
-            joint = self.mechanism.clearance.get(name)
-            if joint is None:
-                continue
-            jacobian = self.mechanism.relative_jacobian(name, q)
-            for row, freedom in zip(jacobian, _RELATIVE, strict=True):
-                if freedom not in joint.freedoms and np.abs(row).max() > 1e-9:
-                    slider = joint.kind == "prismatic"
-                    where = "its slider into the URDF's tree" if slider else "it into the tree"
-                    raise JointplayError(
-                        f"joint {name!r} locks {freedom}, but it closes a loop whose other joints "
-                        f"leave {freedom} free; do not lock it, or put {where} and close the loop "
-                        "at another joint"
-                    )
-
-    def _check_step(self, step: float, q: np.ndarray) -> None:
-        for name in self.mechanism.clearance:
-            mass = effective_mass(self.mechanism, name, q)
-            if not mass >= NO_MASS * pin.computeTotalMass(self.model):
-                raise JointplayError(
-                    f"a contact in joint {name!r} would meet a mass of {mass:.2g} kg only: a link "
-                    "beside it has no mass or inertia of its own; give it some"
-                )
-            duration = contact_duration(self.mechanism, name, q)
-            if duration < MIN_CONTACT_STEPS * step:
-                raise JointplayError(
-                    f"step {step:g} s is too large for the contact stiffness at {name!r}: an "
-                    f"impact at {REFERENCE_SPEED:g} m/s lasts {duration:.2g} s, so take at most "
-                    f"{duration / kernel.WELL_RESOLVED_STEPS:.2g} s"
-                )
-
-    def displace(self, distance: float) -> None:
-        """Move every journal aside by `distance` along each axis [m], before the run begins."""
-        q = self.workspace.q
-        for name, joint in self.mechanism.clearance.items():
-            if self.mechanism.has_virtual_link(name):
-                for part in VIRTUAL_LINK[:3]:
-                    if part in joint.freedoms:
-                        q[self.mechanism.coordinates.index(f"{name}.{part}")] += distance
-            else:
-                moves = self.mechanism.relative_jacobian(name, q)[:3]
-                q += np.linalg.pinv(moves) @ np.full(3, distance)
-
-    def execute(self, progress: bool = False) -> Result:
-        """Simulate; once only, for the workspace holds the state.
-
-        Args:
-            progress: show a bar with simulated time, speed and time left on standard error.
-
-        Returns:
-            The result. Interrupted by Ctrl-C, or stopped because the state ran away, it holds
-            everything up to there and says so in `Result.status` and `Result.message`; a run that
-            stopped also warns.
-        """
-        started = time.perf_counter()
-        status = self.loop(progress)
-        elapsed = time.perf_counter() - started
-        message = self.message(status)
-        if status not in (Status.COMPLETED, Status.INTERRUPTED):
-            warnings.warn(message, RuntimeWarning, stacklevel=2)
-        return histories(
-            self.mechanism,
-            self.simulation.describe(),
-            self.workspace,
-            self.friction,
-            self.phases,
-            status,
-            message,
-            elapsed,
-        )
-
-    def loop(self, progress: bool = False) -> Status:
-        """Step until the end, a failure, or Ctrl-C; returns why it stopped."""
-        workspace = self.workspace
-        if progress and not kernel.enter.signatures:
-            note = "loading compiled kernels (the first start ever compiles them, ~20 s)"
-            tqdm.write(note, file=sys.stderr)
-        kernel.compiled()
-        bar = _Bar(self.steps * self.simulation.step, progress, self.label)
-        try:
-            self.begin()
-            while workspace.steps < self.steps:
-                if not self.stretch():
-                    return workspace.status
-                bar.update(workspace.time)
-            self._loop.finish()
-            return workspace.status
-        except KeyboardInterrupt:
-            return Status.INTERRUPTED
-        finally:
-            bar.close()
-
-    def begin(self) -> None:
-        """Evaluate forces and acceleration of the initial state, payloads picked at 0 in hand."""
-        self._happen()
-        self._loop.begin()
-
-    def stretch(self, most: int = _CHUNK) -> bool:
-        """Do some steps, up to `most`, then what is due; returns whether all is well."""
-        w = self.workspace
-        steps = min(most, self.steps - w.steps)
-        if self._events:
-            steps = min(steps, self._events[-1][0] - w.steps)
-        if not self._loop.stretch(steps):
-            return False
-        if self._events and self._events[-1][0] == w.steps:
-            self._loop.settle()
-            self._happen()
-            self._loop.begin()
-        return True
-
-    def advance(self, steps: int) -> bool:
-        """Do `steps` steps, or fewer if the run fails; returns whether all is well."""
-        end = self.workspace.steps + steps
-        while self.workspace.steps < end:
-            if not self.stretch(end - self.workspace.steps):
-                return False
-        return True
-
-    def _happen(self) -> None:
-        """Pick and release what is due."""
-        w = self.workspace
-        while self._events and self._events[-1][0] <= w.steps:
-            _, payload, picked = self._events.pop()
-            last, driven, speed = self.phases[-1], self.model.copy(), w.v.copy()
-            bodies = last.model.copy()  # without the armature of prescribed motion
-            frame = bodies.frames[bodies.getFrameId(payload.frame)]
-            body = frame.placement.act(payload.body)
-            for model in (self.model, bodies):
-                held = model.inertias[frame.parentJoint]
-                model.inertias[frame.parentJoint] = held + body if picked else held - body
-            brought = last.energy
-            if w.steps > 0:
-                if picked:
-                    ideal = set(self.mechanism.loops) - set(self.mechanism.clearance)
-                    rows = closing_rows(self.mechanism, w.q, ideal)
-                    w.v[:] = velocity_after_pick(driven, self.model, w.q, speed, rows)
-                brought += _energy(bodies, w.q, w.v) - _energy(last.model, w.q, speed)
-            row = -(-w.steps // self.simulation.record_every)
-            self.phases.append(Phase(row, bodies, brought))
-
-    def message(self, status: Status) -> str:
-        """One line on how the run ended."""
-        workspace = self.workspace
-        at = f"at t = {workspace.time:.6g} s (step {workspace.steps})"
-        if status == Status.COMPLETED:
-            return f"completed {workspace.time:g} s in {workspace.steps} steps"
-        if status == Status.INTERRUPTED:
-            return f"interrupted {at}; {workspace.rows} records kept"
-        state = ", ".join(
-            f"{name} = {q:.6g} ({v:.4g}/s)"
-            for name, q, v in zip(self.mechanism.coordinates, workspace.q, workspace.v, strict=True)
-        )
-        joint, contact = workspace.bad_contact
-        if status == Status.RUN_AWAY:
-            what = "the state ran away or is not a number"
-            remedy = "reduce the step or the drive's bandwidth"
-        else:
-            name = list(self.mechanism.clearance)[joint]
-            law = self.mechanism.clearance[name]
-            place = law.contacts[contact]
-            if status == Status.BROKE_OUT:
-                what = f"the journal of {name!r} broke out of its bearing ({place})"
-                remedy = "reduce the step or check stiffness and loads"
-            elif status == Status.FILM_BROKE:
-                what = f"the journal of {name!r} touched its bore through the film ({place})"
-                remedy = "let the film be hybrid, or take a more viscous oil"
-            else:
-                laws = [law.normal, law.friction] + ([law.film[0]] if law.film else [])
-                what = (
-                    f"law {' or '.join(repr(one.name) for one in laws)} of {name!r} "
-                    f"returned a non-finite value ({place})"
-                )
-                remedy = "correct the law"
-        return f"stopped {at}: {what}; {remedy}. State: {state}"
-
-
-def _energy(model: pin.Model, q: np.ndarray, v: np.ndarray) -> float:
-    """Kinetic and potential energy [J]."""
-    data = model.createData()
-    kinetic = pin.computeKineticEnergy(model, data, q, v)
-    return float(kinetic + pin.computePotentialEnergy(model, data, q))
-
-
-class _Bar:
-    """Progress by simulated time: speed relative to real time, and time left."""
-
-    def __init__(self, total: float, show: bool, label: str = "") -> None:
-        layout = (
-            "{desc}{percentage:3.0f}%|{bar}| {n:.3f}/{total:.3f} s simulated{postfix}, "
-            "{remaining} left"
-        )
-        self._bar = tqdm(
-            total=total, disable=not show, bar_format=layout, mininterval=0.2, desc=label or None
-        )
-        self._started = time.perf_counter()
-
-    def update(self, now: float) -> None:
-        if self._bar.disable or not math.isfinite(now):
-            return
-        speed = now / max(time.perf_counter() - self._started, 1e-9)
-        self._bar.set_postfix_str(f"{speed:.2f} x real time", refresh=False)
-        self._bar.update(now - self._bar.n)
-
-    def close(self) -> None:
-        self._bar.close()

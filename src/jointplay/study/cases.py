@@ -33,8 +33,9 @@ def scenario() -> Scenario:
 
 
 def _clearance(case: str) -> float | None:
-    table = scenario().model(case).joints[JOINT]
-    return None if table.ideal else float(table.radial_clearance)
+    table: Any = scenario().model(case).joints[JOINT]
+    given = table.fields
+    return None if given.get("ideal") else float(given["radial_clearance"])
 
 
 CASES = {case: _clearance(case) for case in scenario().cases}
@@ -115,7 +116,7 @@ def run_case(label: str, out: Path, progress: bool) -> Result:
     if progress:
         tqdm.write(f"case {label}:", file=sys.stderr)
     simulation = scara(CASES[label])
-    result = run_and_save(simulation.prepare(), out / FILES[label], progress)
+    result = run_and_save(simulation.prepare(progress), out / FILES[label], progress)
     if result.status == Status.INTERRUPTED or stopping.told():
         raise KeyboardInterrupt
     add_certificate(result, out / FILES[label], simulation, progress)

@@ -6,7 +6,7 @@ import csv
 import io
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor, as_completed
+from concurrent.futures import Future, as_completed
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -64,20 +64,14 @@ class Ensembles:
         Yields:
             The perturbed runs, and the explicit ones by case.
         """
-        pool = ProcessPoolExecutor(self.jobs, initializer=workers.begin)
         futures = []
-        try:
+        with workers.pool(self.jobs, f"the runs so far are in {str(self.table)!r}") as pool:
             beside = {label: pool.submit(explicit, label) for label in others}
             for key in self.plan:
                 future = pool.submit(perturbed, *key)
                 future.add_done_callback(partial(self._keep, key))
                 futures.append(future)
             yield futures, beside
-        except BaseException:
-            workers.abandon(pool)
-            raise
-        else:
-            pool.shutdown()
 
     def _keep(self, key: tuple[Condition, str, int], future: Future[Measures]) -> None:
         if future.cancelled() or future.exception() is not None:
@@ -106,17 +100,11 @@ class Ensembles:
         """
         bar = tqdm(total=len(futures), desc="further runs", unit="run", disable=not progress)
         with bar:
-            try:
-                for future in as_completed(futures):
-                    future.result()
-                    bar.update()
-                    if self.unwritten is not None:
-                        raise self.unwritten
-            except BrokenExecutor:
-                raise JointplayError(
-                    "a process was ended from outside (too little memory?); the runs so far are "
-                    f"in {str(self.table)!r}"
-                ) from None
+            for future in as_completed(futures):
+                future.result()
+                bar.update()
+                if self.unwritten is not None:
+                    raise self.unwritten
 
     def verdicts(self) -> list[Verdict]:
         """Claims under each condition for which at least two runs of each case are there."""

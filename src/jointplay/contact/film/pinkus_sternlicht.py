@@ -3,13 +3,22 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from dataclasses import dataclass
 
-from jointplay.contact.film.law import FilmLaw
+from jointplay.contact.film.law import FilmForce, FilmLaw
 
 
-def _film(eccentricity: float, rate: float, whirl: float, spin: float, p: Any, out: Any) -> None:
-    c, radius, length, viscosity = p[0], p[1], p[2], p[3]
+def _film(
+    eccentricity: float,
+    rate: float,
+    whirl: float,
+    spin: float,
+    clearance: float,
+    radius: float,
+    length: float,
+    viscosity: float,
+) -> FilmForce:
+    c = clearance
     # The line of centres has no direction at e = 0, where the formulas divide by e.
     e = max(eccentricity, 1e-6)
     rest = 1.0 - e * e
@@ -25,15 +34,15 @@ def _film(eccentricity: float, rate: float, whirl: float, spin: float, p: Any, o
         share = k_rate / (k_rate + 1.5 * pressing) if k_rate > 0.0 else 1.0
     wide = 2.0 + e * e
     across = size * 6.0 * math.pi * wedge / (wide * root) * share
-    out[0] = -size * 6.0 / (wide * rest * root) * (4.0 * e * e * k_rate + wide * math.pi * rate)
-    out[0] *= share
-    out[1] = across
+    along = -size * 6.0 / (wide * rest * root) * (4.0 * e * e * k_rate + wide * math.pi * rate)
+    along *= share
     shear = 2.0 * math.pi * viscosity * spin * length * radius * radius * radius / (c * root)
-    out[2] = -shear - 0.5 * e * c * across
+    moment = -shear - 0.5 * e * c * across
     steepest = 4.0 * e * root + math.pi * wide if rate > 0.0 else math.pi * wide
-    out[3] = 12.0 * size / (c * wide * rest * root) * steepest
+    return FilmForce(along, across, moment, 12.0 * size / (c * wide * rest * root) * steepest)
 
 
+@dataclass(frozen=True)
 class PinkusSternlicht(FilmLaw):
     """Film of a long bearing with squeeze, only positive pressure acting.
 
@@ -46,9 +55,6 @@ class PinkusSternlicht(FilmLaw):
     is half Sommerfeld's long bearing; a pure squeeze of a centred journal is carried by half the
     film, that of a nearly touching one by all of it. The sign of the first term is the one that
     makes both hold for e' < 0 too.
-
-    Args:
-        viscosity, hybrid, transition, least_thickness: see `FilmLaw`.
 
     Raises:
         JointplayError: a value that is not positive.

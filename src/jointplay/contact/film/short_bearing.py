@@ -3,19 +3,28 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from dataclasses import dataclass
 
-from jointplay.contact.film.law import FilmLaw, FilmProperties
+from jointplay.contact.film.law import FilmForce, FilmLaw, FilmProperties
 from jointplay.errors import MissingName
 
 CAVITATION = ("gumbel", "sommerfeld")
 
 
-def _film(eccentricity: float, rate: float, whirl: float, spin: float, p: Any, out: Any) -> None:
-    e = eccentricity
+def _film(
+    eccentricity: float,
+    rate: float,
+    whirl: float,
+    spin: float,
+    clearance: float,
+    radius: float,
+    length: float,
+    viscosity: float,
+    pulling: float,
+) -> FilmForce:
+    e, c = eccentricity, clearance
     rest = 1.0 - e * e
     root = math.sqrt(rest)
-    c, radius, length, viscosity = p[0], p[1], p[2], p[3]
     size = viscosity * radius * length * length * length / (2.0 * c * c)
     squeeze = 2.0 * rate
     wedge = spin * e - 2.0 * whirl
@@ -24,7 +33,7 @@ def _film(eccentricity: float, rate: float, whirl: float, spin: float, p: Any, o
     a, b = squeeze, wedge * root
     amplitude = math.sqrt(a * a + b * b)
     middle, half = 0.0, math.pi
-    if p[4] == 0.0 and amplitude > 0.0:
+    if pulling == 0.0 and amplitude > 0.0:
         middle = -math.atan2(b, a)
         half = math.acos(-a * e / amplitude)
     # Integrals over middle +- half of sin^2, sin (cos + e) and (cos + e)^2.
@@ -39,13 +48,13 @@ def _film(eccentricity: float, rate: float, whirl: float, spin: float, p: Any, o
     sin_cos /= rest * rest
     cos_cos /= rest * rest * root
     across = size * (wedge * sin_sin - squeeze * sin_cos)
-    out[0] = size * (wedge * sin_cos - squeeze * cos_cos)
-    out[1] = across
+    along = size * (wedge * sin_cos - squeeze * cos_cos)
     shear = 2.0 * math.pi * viscosity * spin * length * radius * radius * radius / (c * root)
-    out[2] = -shear - 0.5 * e * c * across
-    out[3] = 2.0 * size / c * (sin_sin + cos_cos)
+    moment = -shear - 0.5 * e * c * across
+    return FilmForce(along, across, moment, 2.0 * size / c * (sin_sin + cos_cos))
 
 
+@dataclass(frozen=True)
 class ShortBearing(FilmLaw):
     """Film of a short bearing, the pressure of Reynolds' equation without its flow around the bore.
 
@@ -55,11 +64,6 @@ class ShortBearing(FilmLaw):
     sin or cos over (1 - e cos)^3 around the bore: in closed form by Sommerfeld's substitution
     (A. Sommerfeld, Z. Math. Phys. 50 (1904) 97-155). Turning steadily it is the solution of F. W.
     Ocvirk, NACA TN 2808 (1952). The moment is that of the whole film's shear.
-
-    Args:
-        viscosity, hybrid, transition, least_thickness: see `FilmLaw`.
-        cavitation: ``gumbel`` lets only positive pressure act (L. Gumbel); ``sommerfeld`` lets the
-            oil pull as well.
 
     Raises:
         JointplayError: a value out of range.
@@ -78,19 +82,14 @@ class ShortBearing(FilmLaw):
 
     function = staticmethod(_film)
 
-    def __init__(
-        self,
-        viscosity: float,
-        hybrid: bool = True,
-        transition: float = 1e-6,
-        least_thickness: float = 1e-6,
-        cavitation: str = "gumbel",
-    ) -> None:
-        """Check and keep the parameters."""
-        super().__init__(viscosity, hybrid, transition, least_thickness)
-        if cavitation not in CAVITATION:
-            raise MissingName("cavitation", cavitation, CAVITATION)
-        self.cavitation = cavitation
+    cavitation: str = "gumbel"
+    """``gumbel`` lets only positive pressure act (L. Gumbel); ``sommerfeld`` lets the oil pull."""
+
+    def __post_init__(self) -> None:
+        """Check the parameters."""
+        super().__post_init__()
+        if self.cavitation not in CAVITATION:
+            raise MissingName("cavitation", self.cavitation, CAVITATION, where=("cavitation",))
 
     def parameters(self, film: FilmProperties) -> tuple[float, ...]:
         """c [m], R [m], L [m], viscosity [Pa s]; 0 for Gumbel's, 1 for Sommerfeld's condition."""

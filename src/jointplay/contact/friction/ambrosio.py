@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import dataclass
 
 from jointplay.contact.law import FrictionLaw
-from jointplay.errors import JointplayError, require_non_negative
+from jointplay.errors import JointplayError
+from jointplay.fields import quantity
 
 
+@dataclass(frozen=True)
 class Ambrosio(FrictionLaw):
     """No friction up to v0, a ramp to mu_d at v1, mu_d above (eq. 21).
 
     The paper prints 1 instead of mu_d in the last branch; mu_d is what makes it continuous.
-
-    Args:
-        mu_d: dynamic friction coefficient, >= 0.
-        v0, v1: sliding speeds at which the ramp begins and ends, 0 <= v0 < v1 [m/s]. The paper
-            gives none; 1e-4 and 1e-3 m/s are this project's choice.
     """
 
     name = "ambrosio"
@@ -26,25 +23,30 @@ class Ambrosio(FrictionLaw):
     reference = "J. A. C. Ambrosio, Proc. Euromech 447 (2003)"
     validity = "sliding; no sticking: a resting contact creeps below v1, freely below v0"
 
-    def __init__(self, mu_d: float = 0.1, v0: float = 1e-4, v1: float = 1e-3) -> None:
-        """Check and keep the coefficient and the ramp."""
-        self.mu_d = require_non_negative("friction coefficient", mu_d, "")
-        self.v0 = require_non_negative("v0", v0, "m/s")
-        self.v1 = require_non_negative("v1", v1, "m/s")
+    mu_d: float = quantity("", default=0.1, least=0.0, words="friction coefficient")
+    """Dynamic friction coefficient."""
+    v0: float = quantity("m/s", default=1e-4, least=0.0)
+    """Sliding speed at which the ramp begins [m/s].
+
+    The paper gives none; 1e-4 and 1e-3 m/s are this project's choice.
+    """
+    v1: float = quantity("m/s", default=1e-3, least=0.0)
+    """Sliding speed at which it ends, > v0 [m/s]."""
+
+    def __post_init__(self) -> None:
+        """Check the parameters."""
+        super().__post_init__()
         if self.v1 <= self.v0:
             raise JointplayError(
-                f"v1 must be greater than v0, got v0 = {self.v0:g} and v1 = {self.v1:g} m/s"
+                f"v1 must be greater than v0, got v0 = {self.v0:g} and v1 = {self.v1:g} m/s",
+                where=("v1",),
             )
 
     @staticmethod
-    def function(speed: float, p: Any) -> float:
-        """Evaluate eq. 21 with p = (mu_d, v0, v1)."""
-        if speed <= p[1]:
+    def function(speed: float, mu_d: float, v0: float, v1: float) -> float:
+        """Evaluate eq. 21."""
+        if speed <= v0:
             return 0.0
-        if speed >= p[2]:
-            return p[0]
-        return p[0] * (speed - p[1]) / (p[2] - p[1])
-
-    def parameters(self) -> tuple[float, ...]:
-        """mu_d, v0 [m/s], v1 [m/s]."""
-        return self.mu_d, self.v0, self.v1
+        if speed >= v1:
+            return mu_d
+        return mu_d * (speed - v0) / (v1 - v0)

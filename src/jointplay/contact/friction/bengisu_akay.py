@@ -3,22 +3,17 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from dataclasses import dataclass
 
 from jointplay.contact.law import FrictionLaw, require_static
-from jointplay.errors import require_non_negative, require_positive
+from jointplay.fields import quantity
 
 
+@dataclass(frozen=True)
 class BengisuAkay(FrictionLaw):
     """A parabola up to mu_s at v0, then an exponential fall from mu_s to mu_d.
 
     mu = mu_s (1 - (|v_t| - v0)^2/v0^2) below v0, mu_d + (mu_s - mu_d) exp(-xi (|v_t| - v0)) above.
-
-    Args:
-        mu_s: static friction coefficient, >= mu_d.
-        mu_d: dynamic friction coefficient, >= 0.
-        v0: sliding speed of the largest friction, > 0 [m/s].
-        xi: rate of the fall, > 0 [s/m].
     """
 
     name = "bengisu-akay"
@@ -29,22 +24,23 @@ class BengisuAkay(FrictionLaw):
     reference = "M. T. Bengisu, A. Akay, J. Sound Vib. 171 (1994) 557-570"
     validity = "sliding with a Stribeck fall; no sticking: a resting contact creeps below v0"
 
-    def __init__(
-        self, mu_s: float = 0.15, mu_d: float = 0.1, v0: float = 1e-3, xi: float = 100.0
-    ) -> None:
-        """Check and keep coefficients, speed and rate."""
-        self.mu_d = require_non_negative("mu_d", mu_d, "")
-        self.mu_s = require_static(mu_s, self.mu_d)
-        self.v0 = require_positive("v0", v0, "m/s")
-        self.xi = require_positive("xi", xi, "s/m")
+    mu_s: float = quantity("", default=0.15, least=0.0)
+    """Static friction coefficient, >= mu_d."""
+    mu_d: float = quantity("", default=0.1, least=0.0)
+    """Dynamic friction coefficient."""
+    v0: float = quantity("m/s", default=1e-3, above=0.0)
+    """Sliding speed of the largest friction [m/s]."""
+    xi: float = quantity("s/m", default=100.0, above=0.0)
+    """Rate of the fall [s/m]."""
+
+    def __post_init__(self) -> None:
+        """Check the parameters."""
+        super().__post_init__()
+        require_static(self)
 
     @staticmethod
-    def function(speed: float, p: Any) -> float:
-        """Evaluate the law with p = (mu_s, mu_d, v0, xi)."""
-        if speed < p[2]:
-            return p[0] * speed * (2.0 * p[2] - speed) / (p[2] * p[2])
-        return p[1] + (p[0] - p[1]) * math.exp(-p[3] * (speed - p[2]))
-
-    def parameters(self) -> tuple[float, ...]:
-        """mu_s, mu_d, v0 [m/s], xi [s/m]."""
-        return self.mu_s, self.mu_d, self.v0, self.xi
+    def function(speed: float, mu_s: float, mu_d: float, v0: float, xi: float) -> float:
+        """Evaluate the law."""
+        if speed < v0:
+            return mu_s * speed * (2.0 * v0 - speed) / (v0 * v0)
+        return mu_d + (mu_s - mu_d) * math.exp(-xi * (speed - v0))

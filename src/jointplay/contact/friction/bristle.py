@@ -12,38 +12,46 @@ the plane of contact as that turns, and is zero when the contact begins.
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable
-from typing import Any, ClassVar
+from dataclasses import dataclass
+from typing import ClassVar, NamedTuple
 
-from jointplay.contact.law import (
-    BRISTLE_NUMBERS,
-    MAX_PARAMETERS,
-    FrictionLaw,
-    check_parameters,
-    compiled_law,
-    describe_custom,
-    named,
-    plain,
-    restored,
-)
+from jointplay.contact.compiled import MAX_PARAMETERS, compiled_law
+from jointplay.contact.law import BRISTLE_NUMBERS, FrictionLaw, require_static
+from jointplay.fields import quantity
 
 
+class Bristles(NamedTuple):
+    """What a law with bristles tells of a state; compiled functions return one."""
+
+    bending: float
+    """A: part of the sliding that bends the bristles."""
+    release: float
+    """r: rate at which they let go [1/s]."""
+    stiffness: float
+    """k [N/m]."""
+    damping: float
+    """d, of the bristles [N s/m]."""
+    viscous: float
+    """c, viscous friction [N s/m]."""
+    cap: float
+    """Largest force [N], or infinity."""
+    dwell_target: float
+    """What the dwell tends to."""
+    dwell_rate: float
+    """How fast [1/s]."""
+
+
+@dataclass(frozen=True)
 class BristleLaw(FrictionLaw):
     """Base of friction laws with bristles.
 
-    The compiled `function(speed, normal, dwell, p, out)` has the sliding speed [m/s], the normal
-    force [N], the dwell (a second state, 0 at the onset) and the law's parameters, and writes
-
-        out[0]  A                 part of the sliding that bends the bristles
-        out[1]  r [1/s]           rate at which they let go
-        out[2]  k [N/m]           stiffness
-        out[3]  d [N s/m]         damping of the bristles
-        out[4]  c [N s/m]         viscous friction
-        out[5]  cap [N]           largest force, or infinity
-        out[6]  target            what the dwell tends to
-        out[7]  rate [1/s]        how fast
+    The compiled `function(speed, normal, dwell, parameters)` has the sliding speed [m/s], the
+    normal force [N], the dwell (a second state, 0 at the onset) and the law's parameters, and
+    returns `Bristles`.
     """
 
+    state = ("speed", "normal", "dwell")
+    answers = BRISTLE_NUMBERS
     bristles: ClassVar[bool] = True
 
     def stiffness(self, normal: float) -> tuple[float, float]:
@@ -54,40 +62,28 @@ class BristleLaw(FrictionLaw):
         return out[2], out[3] + out[4]
 
 
-class CustomBristle(BristleLaw):
-    """A user's own friction law ``f(speed, normal, dwell, p, out)`` with bristles.
-
-    Args:
-        function: writes the eight numbers of `BristleLaw` into `out`; at module level of an
-            importable file (a result file then names it as ``module:function``).
-        parameters: numbers the function finds in p, at most `MAX_PARAMETERS`.
+@dataclass(frozen=True)
+class StribeckBristles(BristleLaw):
+    """What laws have in common whose bristles let go at a coefficient that falls with the speed.
 
     Raises:
-        JointplayError: the function takes other arguments, or a parameter is not finite.
+        JointplayError: a value out of range.
     """
 
-    name = "custom-bristle"
-    formula = (
-        r"\dot{\mathbf z} = A\mathbf v_t-r\mathbf z,\quad "
-        r"\mathbf F_t = -(k\mathbf z+d\,\dot{\mathbf z}+c\,\mathbf v_t)"
-    )
-    reference = "the user"
-    validity = "what its author says"
+    mu_d: float = quantity("", default=0.1, above=0.0)
+    """Dynamic friction coefficient."""
+    mu_s: float = quantity("", default=0.15, above=0.0)
+    """Static friction coefficient, >= mu_d."""
+    v_s: float = quantity("m/s", default=1e-2, above=0.0)
+    """Speed over which the friction falls from static to dynamic [m/s]."""
+    sigma0: float = quantity("1/m", default=1e5, above=0.0)
+    """Stiffness of the bristles per normal force [1/m]."""
+    sigma1: float = quantity("s/m", default=10.0, least=0.0)
+    """Their damping per normal force [s/m]."""
+    sigma2: float = quantity("s/m", default=0.0, least=0.0)
+    """Viscous friction per normal force [s/m]."""
 
-    def __init__(self, function: Callable[..., None], parameters: tuple[float, ...] = ()) -> None:
-        """Check the function's signature and keep its parameters."""
-        self.function = plain(function, ("speed", "normal", "dwell", "p", "out"))
-        self.values = tuple(float(value) for value in parameters)
-        check_parameters(self.values, self.function.__name__)
-
-    def parameters(self) -> tuple[float, ...]:
-        """Return the user's own numbers."""
-        return self.values
-
-    def describe(self) -> dict[str, Any]:
-        """Import path of the function, and its parameters."""
-        return describe_custom(self.name, self.function, self.values)
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        """Go to another process by name, as to a file."""
-        return restored, (type(self), named(self.function), self.values)
+    def __post_init__(self) -> None:
+        """Check the parameters."""
+        super().__post_init__()
+        require_static(self)

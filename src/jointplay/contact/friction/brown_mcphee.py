@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from dataclasses import dataclass
 
 from jointplay.contact.law import FrictionLaw, require_static
-from jointplay.errors import require_non_negative, require_positive
+from jointplay.fields import quantity
 
 
+@dataclass(frozen=True)
 class BrownMcPhee(FrictionLaw):
     """mu = mu_d tanh(4 x) + (mu_s - mu_d) x/(x^2/4 + 3/4)^2, x = |v_t|/v_t.
 
@@ -16,11 +17,6 @@ class BrownMcPhee(FrictionLaw):
     which tends to a plain damper mu_v |v_t| above the transition load F_nt. That is no multiple of
     the normal force, as `FrictionLaw` is, and is left out; a law with bristles and sigma2 has one
     that is.
-
-    Args:
-        mu_s: static friction coefficient, >= mu_d: the largest, near v_t.
-        mu_d: dynamic friction coefficient, >= 0.
-        v_t: transition speed, > 0 [m/s].
     """
 
     name = "brown-mcphee"
@@ -31,19 +27,21 @@ class BrownMcPhee(FrictionLaw):
     reference = "P. Brown, J. McPhee, J. Comput. Nonlinear Dyn. 11 (2016) 054502"
     validity = "sliding with a Stribeck fall; no sticking: a resting contact creeps below v_t"
 
-    def __init__(self, mu_s: float = 0.15, mu_d: float = 0.1, v_t: float = 1e-3) -> None:
-        """Check and keep coefficients and speed."""
-        self.mu_d = require_non_negative("mu_d", mu_d, "")
-        self.mu_s = require_static(mu_s, self.mu_d)
-        self.v_t = require_positive("v_t", v_t, "m/s")
+    mu_s: float = quantity("", default=0.15, least=0.0)
+    """Static friction coefficient, >= mu_d: the largest, near v_t."""
+    mu_d: float = quantity("", default=0.1, least=0.0)
+    """Dynamic friction coefficient."""
+    v_t: float = quantity("m/s", default=1e-3, above=0.0)
+    """Transition speed [m/s]."""
+
+    def __post_init__(self) -> None:
+        """Check the parameters."""
+        super().__post_init__()
+        require_static(self)
 
     @staticmethod
-    def function(speed: float, p: Any) -> float:
-        """Evaluate the law with p = (mu_s, mu_d, v_t)."""
-        x = speed / p[2]
+    def function(speed: float, mu_s: float, mu_d: float, v_t: float) -> float:
+        """Evaluate the law."""
+        x = speed / v_t
         fall = 0.25 * x * x + 0.75
-        return p[1] * math.tanh(4.0 * x) + (p[0] - p[1]) * x / (fall * fall)
-
-    def parameters(self) -> tuple[float, ...]:
-        """mu_s, mu_d, v_t [m/s]."""
-        return self.mu_s, self.mu_d, self.v_t
+        return mu_d * math.tanh(4.0 * x) + (mu_s - mu_d) * x / (fall * fall)

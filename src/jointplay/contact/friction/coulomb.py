@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import dataclass
 
 from jointplay.contact.law import FrictionLaw
-from jointplay.errors import require_non_negative, require_positive
+from jointplay.fields import quantity
 
 
+@dataclass(frozen=True)
 class Coulomb(FrictionLaw):
     """mu = mu_d for |v_t| >= v_t, mu_d |v_t|/v_t below.
 
@@ -15,10 +16,6 @@ class Coulomb(FrictionLaw):
     A ramp is the least that removes the jump. Under a normal force F_n it is a damper of
     mu_d F_n/v_t, which an explicit step h follows for mu_d F_n/v_t < 2 m/h: v_t can be as small
     as that allows.
-
-    Args:
-        mu_d: dynamic friction coefficient, >= 0.
-        v_t: sliding speed at which the ramp ends, > 0 [m/s].
     """
 
     name = "coulomb"
@@ -26,16 +23,12 @@ class Coulomb(FrictionLaw):
     reference = "C. A. de Coulomb, Theorie des machines simples (1785)"
     validity = "sliding; no sticking: a resting contact creeps below v_t"
 
-    def __init__(self, mu_d: float = 0.1, v_t: float = 1e-3) -> None:
-        """Check and keep coefficient and ramp."""
-        self.mu_d = require_non_negative("friction coefficient", mu_d, "")
-        self.v_t = require_positive("v_t", v_t, "m/s")
+    mu_d: float = quantity("", default=0.1, least=0.0, words="friction coefficient")
+    """Dynamic friction coefficient."""
+    v_t: float = quantity("m/s", default=1e-3, above=0.0)
+    """Sliding speed at which the ramp ends [m/s]."""
 
     @staticmethod
-    def function(speed: float, p: Any) -> float:
-        """Evaluate the law with p = (mu_d, v_t)."""
-        return p[0] * min(speed / p[1], 1.0)
-
-    def parameters(self) -> tuple[float, ...]:
-        """mu_d, v_t [m/s]."""
-        return self.mu_d, self.v_t
+    def function(speed: float, mu_d: float, v_t: float) -> float:
+        """Evaluate the law."""
+        return mu_d * min(speed / v_t, 1.0)

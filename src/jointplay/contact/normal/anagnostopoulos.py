@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from dataclasses import dataclass
 
 from jointplay.contact.law import ContactProperties, NormalForceLaw
-from jointplay.contact.normal.linear_spring import linear_stiffness
-from jointplay.errors import JointplayError, require_positive
+from jointplay.contact.normal.linear_spring import linear_stiffness, spring_and_dashpot
+from jointplay.errors import JointplayError
+from jointplay.fields import quantity
 
 
 def damping_ratio(restitution: float) -> float:
@@ -16,17 +17,13 @@ def damping_ratio(restitution: float) -> float:
     return -logarithm / math.hypot(math.pi, logarithm)
 
 
+@dataclass(frozen=True)
 class Anagnostopoulos(NormalForceLaw):
     """F_n = k delta + b ddelta, b = 2 zeta sqrt(k m), zeta = -ln c_e / sqrt(pi^2 + ln^2 c_e).
 
     The linear dashpot cannot deliver a restitution without knowing the mass m that it stops. The
     formula counts on the pull of the dashpot before delta = 0, which a dry contact does not have
     and the time loop cuts off: see `effective_restitution`.
-
-    Args:
-        mass: effective mass m of the impact [kg], m_1 m_2/(m_1 + m_2) of two free bodies;
-            `jointplay.mechanism.impact.effective_mass` gives a mechanism's. Required.
-        stiffness: k [N/m]; None takes it from the joint's Hertz stiffness (`linear_stiffness`).
 
     Raises:
         JointplayError: no mass, or one that is not positive.
@@ -45,27 +42,36 @@ class Anagnostopoulos(NormalForceLaw):
         "at the end too elastic below c_e = 0.5"
     )
 
-    def __init__(self, mass: float | None = None, stiffness: float | None = None) -> None:
-        """Check and keep mass and stiffness."""
-        if mass is None:
+    mass: float | None = quantity("kg", default=None, above=0.0)
+    """Effective mass m of the impact [kg], m_1 m_2/(m_1 + m_2) of two free bodies; required.
+
+    `jointplay.mechanism.impact.effective_mass` gives a mechanism's.
+    """
+    stiffness: float | None = quantity("N/m", default=None, above=0.0)
+    """k [N/m]; None takes it from the joint's Hertz stiffness (`linear_stiffness`)."""
+
+    def __post_init__(self) -> None:
+        """Check the parameters."""
+        if self.mass is None:
             raise JointplayError(
                 "law 'anagnostopoulos' needs mass, the effective mass of the impact [kg], such as "
-                "jointplay.mechanism.impact.effective_mass gives"
+                "jointplay.mechanism.impact.effective_mass gives",
+                where=("mass",),
             )
-        self.mass = require_positive("mass", mass, "kg")
-        self.stiffness = (
-            None if stiffness is None else require_positive("stiffness", stiffness, "N/m")
-        )
+        super().__post_init__()
 
-    @staticmethod
-    def function(delta: float, ddelta: float, ddelta0: float, p: Any) -> float:
-        """Evaluate the law with p = (k, b)."""
-        return p[0] * delta + p[1] * ddelta
+    function = staticmethod(spring_and_dashpot)
+
+    @property
+    def impact_mass(self) -> float:
+        """m [kg]."""
+        assert self.mass is not None
+        return self.mass
 
     def parameters(self, contact: ContactProperties) -> tuple[float, ...]:
         """k [N/m] and b [N s/m]."""
         k = linear_stiffness(self.stiffness, contact)
-        return k, 2.0 * damping_ratio(contact.restitution) * math.sqrt(k * self.mass)
+        return k, 2.0 * damping_ratio(contact.restitution) * math.sqrt(k * self.impact_mass)
 
     def effective_restitution(self, restitution: float) -> float:
         """exp(-2 phi cot(phi)), phi = arccos(zeta), of the given mass, the pull cut off.

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from jointplay.contact.normal.hertzian import HysteresisLaw
 
 
+@dataclass(frozen=True)
 class CarvalhoMartins(HysteresisLaw):
     """F_n = k delta^(3/2) [1 + a ddelta/ddelta0], a = 3/2 (1 - c_e)(11 - c_e)/(1 + 9 c_e).
 

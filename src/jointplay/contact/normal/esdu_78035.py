@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 from jointplay.contact.law import ContactProperties
 from jointplay.contact.normal.line_contact import LineContactLaw
 
 
+@dataclass(frozen=True)
 class Esdu78035(LineContactLaw):
     """delta = f/(pi E*) [ln(4 pi E* C_r/f) + 1], f = F/l; see `LineContactLaw`.
 

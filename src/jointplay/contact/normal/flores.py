@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from jointplay.contact.normal.hertzian import HysteresisLaw
 
 
+@dataclass(frozen=True)
 class Flores(HysteresisLaw):
     """F_n = k delta^(3/2) [1 + a ddelta/ddelta0], a = 8 (1 - c_e)/(5 c_e)."""
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 from jointplay.contact.law import ContactProperties
 from jointplay.contact.normal.line_contact import LineContactLaw
 
 
+@dataclass(frozen=True)
 class Goldsmith(LineContactLaw):
     """delta = f/(pi E*) [ln(pi E* L/(F R)) + 1], f = F/L, lengths in metres; see `LineContactLaw`.
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from dataclasses import dataclass
 
 from jointplay.contact.law import ContactProperties, NormalForceLaw
 from jointplay.contact.normal.hertzian import hertz_warnings
 
 
+@dataclass(frozen=True)
 class Hertz(NormalForceLaw):
     """F_n = k delta^(3/2), with k of eq. 11 (eq. 15)."""
 
@@ -20,9 +21,9 @@ class Hertz(NormalForceLaw):
     )
 
     @staticmethod
-    def function(delta: float, ddelta: float, ddelta0: float, p: Any) -> float:
-        """Evaluate eq. 15 with p = (k,)."""
-        return p[0] * delta * math.sqrt(delta)
+    def function(delta: float, ddelta: float, ddelta0: float, stiffness: float) -> float:
+        """Evaluate eq. 15."""
+        return stiffness * delta * math.sqrt(delta)
 
     def parameters(self, contact: ContactProperties) -> tuple[float, ...]:
         """k [N/m^1.5]."""

@@ -1,10 +1,12 @@
-"""What all laws on Hertz's elastic part share: their damping, and where Hertz stops to hold."""
+"""What all laws on Hertz's elastic part share: their damping, and where Hertz no longer holds."""
 
 from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from typing import Any
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import ClassVar
 
 from jointplay.contact.law import ContactProperties, NormalForceLaw
 from jointplay.contact.normal.restitution import effective_restitution
@@ -26,22 +28,30 @@ def hertz_warnings(law: str, contact: ContactProperties, max_depth: float) -> li
     """Say in what a point contact of `max_depth` > 0 [m] is too large or no longer elastic."""
     if not contact.radius:
         return []
-    found = []
+    lines = []
     radius = math.sqrt(max_depth * contact.radius)
     if radius > CONTACT_WIDTH_LIMIT * contact.journal_radius:
-        found.append(
+        lines.append(
             f"{law} assumes a small contact: at the depth {max_depth:.3g} m its radius is "
             f"{radius / contact.journal_radius:.2g} of the journal's"
         )
     pressure = 2.0 * contact.modulus / math.pi * math.sqrt(max_depth / contact.radius)
     if pressure > POINT_YIELD * contact.yield_strength:
-        found.append(
+        lines.append(
             f"{law} is elastic: at the depth {max_depth:.3g} m its peak pressure {pressure:.3g} Pa "
             f"exceeds 1.6 times the yield strength {contact.yield_strength:.3g} Pa"
         )
-    return found
+    return lines
 
 
+def hysteresis(
+    delta: float, ddelta: float, ddelta0: float, stiffness: float, factor: float
+) -> float:
+    """F_n = k delta^(3/2) [1 + a ddelta/ddelta0]."""
+    return stiffness * delta * math.sqrt(delta) * (1.0 + factor * ddelta / ddelta0)
+
+
+@dataclass(frozen=True)
 class HysteresisLaw(NormalForceLaw):
     """F_n = k delta^(3/2) [1 + a ddelta/ddelta0]; a law of this family is its factor a(c_e)."""
 
@@ -50,10 +60,7 @@ class HysteresisLaw(NormalForceLaw):
     def factor(restitution: float) -> float:
         """Hysteresis factor a for the nominal restitution c_e."""
 
-    @staticmethod
-    def function(delta: float, ddelta: float, ddelta0: float, p: Any) -> float:
-        """Evaluate the law with p = (k, a)."""
-        return p[0] * delta * math.sqrt(delta) * (1.0 + p[1] * ddelta / ddelta0)
+    function: ClassVar[Callable[..., float]] = staticmethod(hysteresis)
 
     def parameters(self, contact: ContactProperties) -> tuple[float, ...]:
         """k [N/m^1.5] and a."""

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from dataclasses import dataclass
 
 from jointplay.contact.law import ContactProperties, NormalForceLaw
 from jointplay.contact.normal.hertzian import hertz_warnings
 from jointplay.contact.normal.linear_spring import REFERENCE_PENETRATION_M
 from jointplay.contact.normal.restitution import effective_restitution
-from jointplay.errors import JointplayError, require_positive
+from jointplay.errors import JointplayError
+from jointplay.fields import quantity
 
 
+@dataclass(frozen=True)
 class HuntCrossley(NormalForceLaw):
     """F_n = k delta^n + b delta^p sgn(ddelta) |ddelta|^q (eq. 10).
 
@@ -23,11 +25,6 @@ class HuntCrossley(NormalForceLaw):
 
     With n = p = 3/2, q = 1 this is Lankarani-Nikravesh, as eq. 18 is a case of eq. 10.
     Hunt and Crossley's own factor of 1975, 3/2 (1 - c_e), is `HuntCrossley1975`.
-
-    Args:
-        n: exponent of the elastic part, >= 1.
-        p: exponent of the penetration in the damping part, > 0 (0 would make the force jump).
-        q: exponent of the penetration rate, > 0.
     """
 
     name = "hunt-crossley"
@@ -35,20 +32,36 @@ class HuntCrossley(NormalForceLaw):
     reference = "K. H. Hunt, F. R. E. Crossley, J. Appl. Mech. 42 (1975) 440-445"
     validity = "c_e above 0.8, as Lankarani-Nikravesh; away from 10 um and n = p, q = 1 unproven"
 
-    def __init__(self, n: float = 1.5, p: float = 1.5, q: float = 1.0) -> None:
-        """Check and keep the exponents."""
-        self.n = require_positive("exponent n", n, "")
-        self.p = require_positive("exponent p", p, "")
-        self.q = require_positive("exponent q", q, "")
+    n: float = quantity("", default=1.5, above=0.0, words="exponent n")
+    """Exponent of the elastic part, >= 1."""
+    p: float = quantity("", default=1.5, above=0.0, words="exponent p")
+    """Exponent of the penetration in the damping part; 0 would make the force jump."""
+    q: float = quantity("", default=1.0, above=0.0, words="exponent q")
+    """Exponent of the penetration rate."""
+
+    def __post_init__(self) -> None:
+        """Check the parameters."""
+        super().__post_init__()
         if self.n < 1.0:
-            raise JointplayError(f"exponent n must be at least 1, got {self.n:g}")
+            raise JointplayError(f"exponent n must be at least 1, got {self.n:g}", where=("n",))
 
     @staticmethod
-    def function(delta: float, ddelta: float, ddelta0: float, p: Any) -> float:
-        """Evaluate eqs 10 and 14 with p = (k, 3/4 (1 - c_e^2) k d^(n-p), n, p, q)."""
-        elastic = p[0] * delta ** p[2]
+    def function(
+        delta: float,
+        ddelta: float,
+        ddelta0: float,
+        stiffness: float,
+        damping: float,
+        exponent: float,
+        depth_exponent: float,
+        rate_exponent: float,
+    ) -> float:
+        """Evaluate eqs 10 and 14."""
+        elastic = stiffness * delta**exponent
         ratio = abs(ddelta) / ddelta0
-        return elastic + math.copysign(p[1] * delta ** p[3] * ratio ** p[4], ddelta)
+        return elastic + math.copysign(
+            damping * delta**depth_exponent * ratio**rate_exponent, ddelta
+        )
 
     def parameters(self, contact: ContactProperties) -> tuple[float, ...]:
         """Stiffness, damping factor and the three exponents."""

@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import dataclass
 
 from jointplay.contact.law import ContactProperties, NormalForceLaw
-from jointplay.contact.normal.linear_spring import linear_stiffness
-from jointplay.errors import require_non_negative, require_positive
+from jointplay.contact.normal.linear_spring import linear_stiffness, spring_and_dashpot
+from jointplay.fields import quantity
 
 
+@dataclass(frozen=True)
 class KelvinVoigt(NormalForceLaw):
     """F_n = k delta + b ddelta (eq. 17).
 
     The force jumps to b ddelta at the first touch and would pull before separation, which the
     time loop cuts off: a contact never pulls.
-
-    Args:
-        damping: b [N s/m].
-        stiffness: k [N/m]; None takes it from the joint's Hertz stiffness (`linear_stiffness`).
     """
 
     name = "kelvin-voigt"
@@ -25,17 +22,12 @@ class KelvinVoigt(NormalForceLaw):
     reference = "doi 10.3390/app13042211, eq. 17"
     validity = "rough estimates: the force jumps at the first touch; c_e does not enter"
 
-    def __init__(self, damping: float, stiffness: float | None = None) -> None:
-        """Check and keep stiffness and damping."""
-        self.damping = require_non_negative("damping", damping, "N s/m")
-        self.stiffness = (
-            None if stiffness is None else require_positive("stiffness", stiffness, "N/m")
-        )
+    damping: float = quantity("N*s/m", least=0.0)
+    """b [N s/m]."""
+    stiffness: float | None = quantity("N/m", default=None, above=0.0)
+    """k [N/m]; None takes it from the joint's Hertz stiffness (`linear_stiffness`)."""
 
-    @staticmethod
-    def function(delta: float, ddelta: float, ddelta0: float, p: Any) -> float:
-        """Evaluate eq. 17 with p = (k, b)."""
-        return p[0] * delta + p[1] * ddelta
+    function = staticmethod(spring_and_dashpot)
 
     def parameters(self, contact: ContactProperties) -> tuple[float, ...]:
         """k [N/m] and b [N s/m]."""

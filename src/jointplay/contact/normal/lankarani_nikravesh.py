@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from jointplay.contact.normal.hertzian import HysteresisLaw
 
 
+@dataclass(frozen=True)
 class LankaraniNikravesh(HysteresisLaw):
     """F_n = k delta^(3/2) [1 + 3 (1 - c_e^2)/4 ddelta/ddelta0] (eq. 19).
 

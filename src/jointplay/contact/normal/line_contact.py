@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from typing import Any
+from dataclasses import dataclass
 
 from jointplay.contact.law import ContactProperties
 from jointplay.contact.normal.hertzian import CONTACT_WIDTH_LIMIT, HysteresisLaw
@@ -38,23 +38,24 @@ def line_warnings(
     law: str, contact: ContactProperties, force: float, max_depth: float
 ) -> list[str]:
     """Say in what a line contact under `force` [N] is no longer small or no longer elastic."""
-    found = []
+    lines = []
     share = force / contact.contact_length
     half_width = math.sqrt(4.0 * share * contact.radius / (math.pi * contact.modulus))
     if half_width > CONTACT_WIDTH_LIMIT * contact.journal_radius:
-        found.append(
+        lines.append(
             f"{law} assumes a small contact: at the depth {max_depth:.3g} m its half-width is "
             f"{half_width / contact.journal_radius:.2g} of the journal's radius"
         )
     pressure = math.sqrt(share * contact.modulus / (math.pi * contact.radius))
     if pressure > LINE_YIELD * contact.yield_strength:
-        found.append(
+        lines.append(
             f"{law} is elastic: at the depth {max_depth:.3g} m its peak pressure {pressure:.3g} Pa "
             f"exceeds 1.79 times the yield strength {contact.yield_strength:.3g} Pa"
         )
-    return found
+    return lines
 
 
+@dataclass(frozen=True)
 class LineContactLaw(HysteresisLaw):
     """Base of the laws delta = F/(pi E* l) ln(K/F), which differ in K.
 
@@ -78,13 +79,20 @@ class LineContactLaw(HysteresisLaw):
         """K [N]: the force at which the formula's depth would be zero again."""
 
     @staticmethod
-    def function(delta: float, ddelta: float, ddelta0: float, p: Any) -> float:
-        """Evaluate the law with p = (pi E* l, a, pi E* l/K), or (k, a, 0) for Hertz's."""
-        s = p[2] * delta
+    def function(
+        delta: float,
+        ddelta: float,
+        ddelta0: float,
+        slope: float,
+        factor: float,
+        inverse_scale: float,
+    ) -> float:
+        """Evaluate with pi E* l, a and pi E* l/K, or with Hertz's k, a and 0."""
+        s = inverse_scale * delta
         if s == 0.0:
-            elastic = p[0] * delta * math.sqrt(delta)
+            elastic = slope * delta * math.sqrt(delta)
         elif s >= LARGEST_S:
-            elastic = p[0] * (delta - 0.5 * LARGEST_S / p[2])
+            elastic = slope * (delta - 0.5 * LARGEST_S / inverse_scale)
         else:
             # u - ln(u) is convex, and nearly linear here. The start is its expansion about u = 1,
             # within 5 % for s > 1e-40; three Newton steps then give u in all digits for any s.
@@ -94,8 +102,8 @@ class LineContactLaw(HysteresisLaw):
             u *= (level + math.log(u) - 1.0) / (u - 1.0)
             u *= (level + math.log(u) - 1.0) / (u - 1.0)
             u *= (level + math.log(u) - 1.0) / (u - 1.0)
-            elastic = p[0] * delta / u
-        return elastic * (1.0 + p[1] * ddelta / ddelta0)
+            elastic = slope * delta / u
+        return elastic * (1.0 + factor * ddelta / ddelta0)
 
     def parameters(self, contact: ContactProperties) -> tuple[float, ...]:
         """pi E* l [N/m], a and pi E* l/K [1/m]; k, a and 0 where the contact is no line."""
@@ -116,13 +124,13 @@ class LineContactLaw(HysteresisLaw):
     def _limits(self, contact: ContactProperties, max_depth: float) -> list[str]:
         if contact.contact_length == 0.0:
             return super()._limits(contact, max_depth)
-        found = []
-        p = self.parameters(contact)
-        limit = LARGEST_S / p[2]
+        lines = []
+        slope, factor, inverse_scale = self.parameters(contact)
+        limit = LARGEST_S / inverse_scale
         if max_depth > limit:
-            found.append(
+            lines.append(
                 f"{self.name} holds to the depth {limit:.3g} m, above which it is continued along "
                 f"its tangent; the deepest was {max_depth:.3g} m"
             )
-        force = self.function(max_depth, 0.0, 1.0, p)
-        return found + line_warnings(self.name, contact, force, max_depth)
+        force = self.function(max_depth, 0.0, 1.0, slope, factor, inverse_scale)
+        return lines + line_warnings(self.name, contact, force, max_depth)

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from dataclasses import dataclass
 
 from jointplay.contact.law import ContactProperties, NormalForceLaw
-from jointplay.errors import require_positive
+from jointplay.fields import quantity
 
 REFERENCE_PENETRATION_M = 1e-5
 """Depth at which a derived linear stiffness stores the energy of Hertz's law."""
@@ -23,28 +23,29 @@ def linear_stiffness(given: float | None, contact: ContactProperties) -> float:
     return 0.8 * contact.stiffness * math.sqrt(REFERENCE_PENETRATION_M)
 
 
-class LinearSpring(NormalForceLaw):
-    """F_n = k delta (eq. 16).
+def spring_and_dashpot(
+    delta: float, ddelta: float, ddelta0: float, stiffness: float, damping: float
+) -> float:
+    """F_n = k delta + b ddelta."""
+    return stiffness * delta + damping * ddelta
 
-    Args:
-        stiffness: k [N/m]; None takes it from the joint's Hertz stiffness (`linear_stiffness`).
-    """
+
+@dataclass(frozen=True)
+class LinearSpring(NormalForceLaw):
+    """F_n = k delta (eq. 16)."""
 
     name = "linear-spring"
     formula = r"F_n = k_l\delta"
     reference = "doi 10.3390/app13042211, eq. 16"
     validity = "rough estimates near the depth that the stiffness is chosen for; no loss"
 
-    def __init__(self, stiffness: float | None = None) -> None:
-        """Check and keep the stiffness."""
-        self.stiffness = (
-            None if stiffness is None else require_positive("stiffness", stiffness, "N/m")
-        )
+    stiffness: float | None = quantity("N/m", default=None, above=0.0)
+    """k [N/m]; None takes it from the joint's Hertz stiffness (`linear_stiffness`)."""
 
     @staticmethod
-    def function(delta: float, ddelta: float, ddelta0: float, p: Any) -> float:
-        """Evaluate eq. 16 with p = (k,)."""
-        return p[0] * delta
+    def function(delta: float, ddelta: float, ddelta0: float, stiffness: float) -> float:
+        """Evaluate eq. 16."""
+        return stiffness * delta
 
     def parameters(self, contact: ContactProperties) -> tuple[float, ...]:
         """k [N/m]."""

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from dataclasses import dataclass
 
 from jointplay.contact.law import ContactProperties
 from jointplay.contact.normal.hertzian import HysteresisLaw
 from jointplay.contact.normal.line_contact import line_warnings
 
 
+@dataclass(frozen=True)
 class Liu(HysteresisLaw):
     """F = pi/2 l E* delta sqrt(delta/(2 (C_r + delta))) [1 + 3 (1 - c_e^2)/4 ddelta/ddelta0].
 
@@ -41,12 +42,19 @@ class Liu(HysteresisLaw):
         return 0.75 * (1.0 - restitution**2)
 
     @staticmethod
-    def function(delta: float, ddelta: float, ddelta0: float, p: Any) -> float:
-        """Evaluate with p = (pi/2 l E*, a, C_r), or with Hertz's (k, a, -1)."""
-        elastic = p[0] * delta * math.sqrt(delta)
-        if p[2] >= 0.0:
-            elastic /= math.sqrt(2.0 * (p[2] + delta))
-        return elastic * (1.0 + p[1] * ddelta / ddelta0)
+    def function(
+        delta: float,
+        ddelta: float,
+        ddelta0: float,
+        stiffness: float,
+        factor: float,
+        clearance: float,
+    ) -> float:
+        """Evaluate with pi/2 l E*, a and C_r, or with Hertz's k, a and -1."""
+        elastic = stiffness * delta * math.sqrt(delta)
+        if clearance >= 0.0:
+            elastic /= math.sqrt(2.0 * (clearance + delta))
+        return elastic * (1.0 + factor * ddelta / ddelta0)
 
     def parameters(self, contact: ContactProperties) -> tuple[float, ...]:
         """pi/2 l E* [N/m], a and C_r [m]; k, a and -1 where the contact is no line."""
@@ -59,7 +67,7 @@ class Liu(HysteresisLaw):
     def _limits(self, contact: ContactProperties, max_depth: float) -> list[str]:
         if contact.contact_length == 0.0:
             return super()._limits(contact, max_depth)
-        force = self.function(max_depth, 0.0, 1.0, self.parameters(contact))
+        force = self.function(max_depth, 0.0, 1.0, *self.parameters(contact))
         # A wide contact is what this law is for.
         return [
             line

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from dataclasses import dataclass
 
 from jointplay.contact.law import ContactProperties
 from jointplay.contact.normal.hertzian import HysteresisLaw
@@ -23,6 +23,7 @@ def exponent(clearance_mm: float) -> float:
     return y * clearance_mm**-0.005
 
 
+@dataclass(frozen=True)
 class Pereira(HysteresisLaw):
     """F = (0.965 C_r + 0.0965) l E*/C_r delta^n [1 + 3 (1 - c_e^2)/4 ddelta/ddelta0], mm and N.
 
@@ -51,9 +52,11 @@ class Pereira(HysteresisLaw):
         return 0.75 * (1.0 - restitution**2)
 
     @staticmethod
-    def function(delta: float, ddelta: float, ddelta0: float, p: Any) -> float:
-        """Evaluate the law with p = (k, a, n), k in N/m^n."""
-        return p[0] * delta ** p[2] * (1.0 + p[1] * ddelta / ddelta0)
+    def function(
+        delta: float, ddelta: float, ddelta0: float, stiffness: float, factor: float, power: float
+    ) -> float:
+        """Evaluate the law, the stiffness in N/m^n."""
+        return stiffness * delta**power * (1.0 + factor * ddelta / ddelta0)
 
     def parameters(self, contact: ContactProperties) -> tuple[float, ...]:
         """k [N/m^n], a and n; Hertz's k and 3/2 where the contact is no line."""
@@ -73,5 +76,5 @@ class Pereira(HysteresisLaw):
     def _limits(self, contact: ContactProperties, max_depth: float) -> list[str]:
         if contact.contact_length == 0.0:
             return super()._limits(contact, max_depth)
-        force = self.function(max_depth, 0.0, 1.0, self.parameters(contact))
+        force = self.function(max_depth, 0.0, 1.0, *self.parameters(contact))
         return line_warnings(self.name, contact, force, max_depth)

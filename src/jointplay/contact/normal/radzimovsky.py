@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 from jointplay.contact.law import ContactProperties
 from jointplay.contact.normal.line_contact import LineContactLaw
 
 
+@dataclass(frozen=True)
 class Radzimovsky(LineContactLaw):
     """delta = f/(pi E*) [2/3 + ln(4 R_i/b) + ln(4 R_j/b)], f = F/l; see `LineContactLaw`.
 

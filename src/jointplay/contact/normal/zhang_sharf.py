@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from jointplay.contact.normal.hertzian import HysteresisLaw
 from jointplay.contact.normal.restitution import exact_factor
 
 
+@dataclass(frozen=True)
 class ZhangSharf(HysteresisLaw):
     """F_n = k delta^(3/2) [1 + a ddelta/ddelta0], a from a (1 + c_e) = ln((1 + a)/(1 - a c_e)).
 

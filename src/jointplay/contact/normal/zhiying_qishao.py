@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 from jointplay.contact.normal.hertzian import HysteresisLaw
 
 
+@dataclass(frozen=True)
 class ZhiyingQishao(HysteresisLaw):
     """F_n = k delta^(3/2) [1 + a ddelta/ddelta0], a = 3 (1 - c_e^2) exp(2 (1 - c_e))/4."""
 

@@ -1,0 +1,354 @@
+"""Reduced models of a joint's play for other simulators, fitted to the full model.
+
+What a robot simulator can bear is a hinge: a dead band between motor and link, a stiffness and a
+damping of the teeth, and dry friction. What of these a joint has comes from different places. The
+dead band about the joint's own axis is that of its gear; the bearing's clearance gives none, for
+the drive turns the journal. The bearing gives friction about the axis, in proportion to its load,
+and lets the journal lean: a dead band across the axis.
+
+The full model runs through reversals of the one joint, the others standing: friction is fitted to
+its contacts, damping to its link's motion. The written model is then run through the same
+reversals; the largest difference of the link's angle, times `SAFETY`, is the error it comes with.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from scipy.optimize import nnls
+
+from jointplay.analysis.levers import sources
+from jointplay.analysis.poses import moving
+from jointplay.analysis.statics import play
+from jointplay.analysis.verify import fitting_step
+from jointplay.errors import JointplayError, MissingName, require_positive
+from jointplay.joints import Clearance, ClearanceJoint
+from jointplay.kernel import Status
+from jointplay.loads.drive import JointFriction, Prescribed
+from jointplay.mechanism.impact import elastic_energy
+from jointplay.mechanism.mechanism import Mechanism
+from jointplay.motion.reference import Motion
+from jointplay.result.result import Result
+from jointplay.simulation.simulation import Simulation
+
+SAFETY = 3.0
+"""What the largest difference in the fit's own reversals is multiplied by."""
+AMPLITUDE, PERIOD = 0.1, 2.0
+"""Of the reversals [rad, s]."""
+SETTLED = 0.1
+"""Part of the run after which it counts: before, the journal falls onto its bore."""
+_MOVING = 0.05
+"""Part of the largest speed above which a contact slides for certain."""
+_DAMPINGS = (0.0, 0.1, 0.2, 0.4, 0.7, 1.0, 1.5)
+"""Of the gear's damping, tried; the written one acts within the play, too."""
+_STEP_S = 2e-5
+
+
+@dataclass(frozen=True)
+class Reduction:
+    """A joint with play as a hinge, with which error; angles in rad, torques in N m.
+
+    `dead_band` is the whole angle by which the link turns freely while the motor stands.
+    """
+
+    joint: str
+    dead_band: float
+    stiffness: float
+    """Of the teeth in contact [N m/rad]; zero without a gear."""
+    damping: float
+    """Between motor and link [N m s/rad]."""
+    rotor_inertia: float
+    """On the joint's side [kg m^2]."""
+    friction: float
+    """Dry friction of bearing and joint about the axis [N m]."""
+    viscous: float
+    """[N m s/rad]."""
+    friction_error: float
+    """RMS difference of the bearing's friction from the full model's while it slides [N m]."""
+    friction_range: tuple[float, float]
+    """5 % and 95 % quantiles of the full model's friction while it slides [N m]."""
+    angle_error: float
+    """Error of the link's angle in reversals: `SAFETY` times the largest of the fit [rad]."""
+    angle_rms: float
+    """RMS difference of the link's angle in the fit's reversals [rad]."""
+    tilt: float
+    """How far the axis can lean, either way [rad]."""
+    tilt_stiffness: float
+    """Of the lean beyond that, at the resting load [N m/rad]."""
+    lateral: float
+    """How far the journal can be aside, either way [m]."""
+    axial: float
+    """How far it can be along, either way [m]."""
+    contact_stiffness: float
+    """Of a radial contact at the resting load: chord of the law [N/m]."""
+    load: tuple[float, ...]
+    """Gravity on the bearing in its axes: force [N] and moment [N m]."""
+    pose: Mapping[str, float]
+    """Joint positions about which it was fitted [rad or m]."""
+    half_length: float = 0.0
+    """Of the journal; zero if it cannot lean [m]."""
+    history: Mapping[str, np.ndarray] = field(default_factory=dict, compare=False, repr=False)
+    """Of the fit: time [s], motor, full model's link and reduced model's link [rad]."""
+
+    def describe(self) -> dict[str, Any]:
+        """All numbers as plain data."""
+        found = {key: value for key, value in asdict(self).items() if key != "history"}
+        found["load"], found["pose"] = list(self.load), dict(self.pose)
+        found["friction_range"] = list(self.friction_range)
+        return found
+
+    def __str__(self) -> str:
+        """The table."""
+        rows = [
+            ("dead band about the axis (gear)", 1e3 * self.dead_band, "mrad, whole"),
+            ("stiffness of the teeth", self.stiffness, "N m/rad"),
+            ("damping motor to link", self.damping, "N m s/rad"),
+            ("dry friction about the axis", self.friction, "N m"),
+            ("viscous friction about the axis", self.viscous, "N m s/rad"),
+            ("  friction, RMS difference", self.friction_error, "N m"),
+            ("dead band of the lean (bearing)", 1e3 * self.tilt, "mrad, either way"),
+            ("stiffness of the lean beyond", self.tilt_stiffness, "N m/rad"),
+            ("lateral play (bearing)", 1e6 * self.lateral, "um, either way"),
+            ("axial play (bearing)", 1e6 * self.axial, "um, either way"),
+            ("link's angle, stated error", 1e6 * self.angle_error, "urad"),
+            ("link's angle, RMS difference", 1e6 * self.angle_rms, "urad"),
+        ]
+        return "\n".join(f"{name:<34} {value:>12.5g}  {unit}" for name, value, unit in rows)
+
+
+def reduce_joint(
+    mechanism: Mechanism,
+    joint: str,
+    pose: Mapping[str, float] | None = None,
+    *,
+    amplitude: float = AMPLITUDE,
+    period: float = PERIOD,
+    joint_friction: JointFriction | None = None,
+    progress: bool = False,
+) -> Reduction:
+    """Fit the reduced model of a revolute joint with clearance, or a gear with play, or both.
+
+    Args:
+        mechanism: the robot; of its play only that of `joint` counts here.
+        joint: its name.
+        pose: joint positions about which the joint reverses [rad or m]; the rest zero.
+        amplitude: of the reversals [rad].
+        period: of the reversals [s].
+        joint_friction: of the joint besides its bearing's; None takes the URDF's.
+        progress: show a bar.
+
+    Raises:
+        MissingName: no such joint with play.
+        JointplayError: loops; a joint that slides or is a ball; a run that failed.
+    """
+    if mechanism.loops:
+        raise JointplayError("a joint in a closed loop cannot be reduced to a hinge by itself")
+    names = dict.fromkeys([*mechanism.clearance, *mechanism.gears])
+    if joint not in names:
+        raise MissingName("joint with play", joint, names)
+    clearance = mechanism.clearance.get(joint)
+    if clearance is not None and not isinstance(clearance, ClearanceJoint):
+        raise JointplayError(
+            f"joint {joint!r} is {clearance.kind}; only revolute joints are reduced to hinges"
+        )
+    require_positive("amplitude", amplitude, "rad")
+    require_positive("period", period, "s")
+    bearings = {} if clearance is None else {joint: clearance}
+    gears = {joint: mechanism.gears[joint]} if joint in mechanism.gears else {}
+    alone = mechanism._with(bearings, gears)
+    positions = dict(pose or {})
+    result = _full_run(alone, joint, positions, amplitude, period, joint_friction, progress)
+    entry = mechanism.description.joints[joint]
+    own = joint_friction or JointFriction(entry.friction, entry.damping)
+    dry, viscous, spread, limits = _fit_friction(result, alone, joint)
+    link = _Link(alone, joint, positions, own.coulomb + dry, own.viscous + viscous)
+    kept = result.time >= SETTLED * result.time[-1]
+    time, q, v = result.time[kept], result["q"].values[kept], result["v"].values[kept]
+    motor, seen = q[:, alone.motor(joint)], q[:, alone.coordinate(joint)]
+    begin = float(seen[0]), float(v[0, alone.coordinate(joint)])
+    gear = gears.get(joint)
+    damping, reduced = 0.0, seen
+    if gear is not None:
+        tried = {}
+        for part in _DAMPINGS:
+            tried[part * gear.damping] = link.run(
+                time, motor, gear.play / 2.0, gear.stiffness, part * gear.damping, begin
+            )
+        damping = min(tried, key=lambda one: float(np.square(tried[one] - seen).sum()))
+        reduced = tried[damping]
+    difference = reduced - seen
+    return Reduction(
+        joint,
+        0.0 if gear is None else gear.play,
+        0.0 if gear is None else gear.stiffness,
+        damping,
+        0.0 if gear is None else gear.rotor_inertia,
+        own.coulomb + dry,
+        own.viscous + viscous,
+        spread,
+        limits,
+        SAFETY * float(np.abs(difference).max()),
+        float(np.sqrt(np.mean(difference**2))),
+        **_across(alone, joint, clearance, positions),
+        pose=positions,
+        history={"time": time, "motor": motor, "full": seen, "reduced": reduced},
+    )
+
+
+def _full_run(
+    mechanism: Mechanism,
+    joint: str,
+    pose: Mapping[str, float],
+    amplitude: float,
+    period: float,
+    friction: JointFriction | None,
+    progress: bool,
+) -> Result:
+    """The full model through two reversals of the joint's motor, the other joints held."""
+    names = moving(mechanism)
+    for name in pose:
+        if name not in names:
+            raise MissingName("moving joint", name, names)
+    middle = np.array([pose.get(name, 0.0) for name in names])
+    signs = np.array([0.0, 1.0, -1.0, 1.0, -1.0, 0.0])
+    times = period * np.array([0.0, 0.25, 0.75, 1.25, 1.75, 2.0])
+    positions = np.tile(middle, (len(times), 1))
+    positions[:, names.index(joint)] += amplitude * signs
+    motion = Motion(names, times, positions)
+    begin = dict(zip(names, middle.tolist(), strict=True))
+    step = 1e-5
+    if mechanism.clearance:
+        step = fitting_step(mechanism, mechanism.configuration(begin))
+    result = Simulation(
+        mechanism,
+        motion,
+        drive=Prescribed(),
+        step=step,
+        record_every=max(round(2e-4 / step), 1),
+        joint_friction=None if friction is None else {joint: friction},
+    ).run(progress)
+    if result.status == Status.INTERRUPTED:
+        raise KeyboardInterrupt
+    if result.status != Status.COMPLETED:
+        raise JointplayError(f"the run of the full model failed: {result.message}")
+    return result
+
+
+def _fit_friction(
+    result: Result, mechanism: Mechanism, joint: str
+) -> tuple[float, float, float, tuple[float, float]]:
+    """Dry and viscous friction of the bearing, RMS difference, and 5 % to 95 % quantiles."""
+    clearance = mechanism.clearance.get(joint)
+    if not isinstance(clearance, ClearanceJoint):
+        return 0.0, 0.0, 0.0, (0.0, 0.0)
+    force = np.nan_to_num(result["friction_force"].sel(joint=joint).values)
+    speed = np.abs(result["v"].values[:, mechanism.coordinate(joint)])
+    settled = result.time >= SETTLED * result.time[-1]
+    slides = settled & (speed > _MOVING * speed.max())
+    torque = clearance.rj * force.sum(axis=1)[slides]
+    if not len(torque):
+        return 0.0, 0.0, 0.0, (0.0, 0.0)
+    shape = np.column_stack([np.ones(len(torque)), speed[slides]])
+    (dry, viscous), _ = nnls(shape, torque)
+    left = float(np.sqrt(np.mean((shape @ [dry, viscous] - torque) ** 2)))
+    low, high = np.quantile(torque, [0.05, 0.95])
+    return float(dry), float(viscous), left, (float(low), float(high))
+
+
+class _Link:
+    """The written model: one body about a fixed axis, driven through play, rubbing."""
+
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        joint: str,
+        pose: Mapping[str, float],
+        friction: float,
+        viscous: float,
+    ) -> None:
+        ideal = mechanism.ideal()
+        at = ideal.coordinate(joint)
+        q = ideal.configuration(pose)
+        mass = pin.crba(ideal.model, ideal.data, q).reshape(ideal.model.nv, -1)
+        self.inertia = float(mass[at, at])
+        torques = []
+        for angle in (0.0, math.pi / 2.0, math.pi):
+            q[at] = angle
+            torques.append(-float(pin.computeGeneralizedGravity(ideal.model, ideal.data, q)[at]))
+        # Gravity about a fixed axis: c + a cos(angle) + b sin(angle).
+        self.even = 0.5 * (torques[0] - torques[2])
+        self.mean = 0.5 * (torques[0] + torques[2])
+        self.odd = torques[1] - self.mean
+        self.friction, self.viscous = friction, viscous
+
+    def run(
+        self,
+        time: np.ndarray,
+        motor: np.ndarray,
+        half: float,
+        stiffness: float,
+        damping: float,
+        start: tuple[float, float],
+    ) -> np.ndarray:
+        """The link's angle at the times `time` (n,) while the motor turns as given, (n,) [rad].
+
+        From an angle [rad] and a speed [rad/s] on, `start`.
+        """
+        step = min(_STEP_S, 0.05 * math.sqrt(self.inertia / stiffness))
+        count = math.ceil((time[-1] - time[0]) / step)
+        grid = np.linspace(time[0], time[-1], count + 1)
+        step = float(grid[1] - grid[0])
+        lead = np.interp(grid, time, motor)
+        speeds = np.gradient(lead, step)
+        found, (angle, speed) = np.empty(count + 1), start
+        slowed = step / (self.inertia + step * (damping + self.viscous))
+        for i in range(count + 1):
+            found[i] = angle
+            twist = lead[i] - angle
+            torque = stiffness * (twist - min(max(twist, -half), half)) + damping * speeds[i]
+            torque += self.mean + self.even * math.cos(angle) + self.odd * math.sin(angle)
+            free = slowed * (self.inertia / step * speed + torque)
+            speed = math.copysign(max(abs(free) - slowed * self.friction, 0.0), free)
+            angle += step * speed
+        return np.interp(time, grid, found)
+
+
+def _across(
+    mechanism: Mechanism, joint: str, clearance: Clearance | None, pose: Mapping[str, float]
+) -> dict[str, Any]:
+    """Play across the axis: from the bearing's geometry, and stiffness at its resting load."""
+    none = dict.fromkeys(("tilt", "tilt_stiffness", "lateral", "axial", "contact_stiffness"), 0.0)
+    if not isinstance(clearance, ClearanceJoint):
+        return none | {"load": (0.0,) * 6}
+    (part, *_) = sources(mechanism, pose)
+    load = part.load[0]
+    _, tilt = play(clearance, second_order=False).reach
+    arm = clearance.lj / 2.0
+    # Each rim carries half the force, and what the moment over the length asks for.
+    push = math.hypot(load[0], load[1]) / 2.0
+    push += math.hypot(load[3], load[4]) / clearance.lj if not clearance.lock_tilt else push
+    stiffness = _chord(clearance, max(push, 1.0))
+    return {
+        "tilt": 0.0 if clearance.lock_tilt else tilt,
+        "tilt_stiffness": 0.0 if clearance.lock_tilt else 2.0 * stiffness * arm**2,
+        "lateral": clearance.cr,
+        "axial": clearance.ca if clearance.walls else 0.0,
+        "contact_stiffness": stiffness,
+        "load": tuple(float(x) for x in load),
+        "half_length": 0.0 if clearance.lock_tilt else arm,
+    }
+
+
+def _chord(clearance: ClearanceJoint, force: float) -> float:
+    """Force over penetration of a radial contact that carries `force` [N/m]."""
+    law = clearance.normal
+    parameters = law.parameters(clearance.contact_properties(0))
+    depths = np.geomspace(1e-12, 0.05 * clearance.rj, 4000)
+    forces = np.gradient(elastic_energy(law, parameters, depths), depths)
+    at = min(int(np.searchsorted(forces, force)), len(depths) - 1)
+    return float(forces[at] / depths[at])

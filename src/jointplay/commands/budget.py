@@ -1,0 +1,90 @@
+"""`jointplay budget`: how far off play lets the tool be, and which joint is to blame."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+from jointplay.commands.playing import add_poses, add_robot, quantity, task
+from jointplay.errors import JointplayError
+
+
+def add(commands: Any) -> None:
+    """Add the command's parser."""
+    parser = commands.add_parser(
+        "budget",
+        help="how far off play lets the tool be, and which joint is to blame; no simulation",
+        description="Error budget of the tool from the play of all joints, without dynamics: worst "
+        "case along every direction, where everything rests under its weight, RMS for a load in a "
+        "random direction, and each joint's share. At a pose, along a motion, or over the "
+        "workspace. docs/decisions.md says what the numbers mean.",
+        epilog='Example: jointplay budget panda --clearance "0.05 mm" --workspace 500 --out panda',
+    )
+    add_robot(parser)
+    add_poses(parser)
+    parser.add_argument("--force", metavar="FX,FY,FZ", help="on the tool, world axes [N]")
+    parser.add_argument("--payload", metavar="MASS", help='held at the tool, "2 kg" or [kg]')
+    parser.add_argument("--out", metavar="DIR", help="folder for budget.csv and the figures")
+    parser.set_defaults(handler=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Reckon, print, draw."""
+    from jointplay.analysis.budget import budget
+    from jointplay.host import files
+
+    work = task(options)
+    force = load_on_tool(options, work.mechanism.gravity)
+    names = ["budget.csv", "bars.png", "robot.png", "reach.png"]
+    names += {"motion": ["course.png"], "workspace": ["map.png"]}.get(work.kind, [])
+    out = files.claim(options.out, names) if options.out else None
+    found = budget(work.mechanism, work.q, force=force)
+    for note in work.notes:
+        print(note)
+    print(f"at: {work.poses}")
+    if len(found.worst) > 1:
+        at = found.worst_pose
+        place = ", ".join(f"{x:.3f}" for x in found.positions[at])
+        print(
+            f"worst-case error of {found.tool!r} [mm]: least {1e3 * found.worst.min():.4f}, mean "
+            f"{1e3 * found.worst.mean():.4f}, largest {1e3 * found.worst.max():.4f} (pose {at}, "
+            f"tool at {place} m), which is made up like this:"
+        )
+    print(found.table())
+    print(found.accuracy)
+    if out is None:
+        return 0
+    from jointplay.plots import budget as plots
+
+    files.write(out / "budget.csv", found.csv())
+    plots.bars(found).savefig(out / "bars.png")
+    plots.robot(work.mechanism, found, work.q).savefig(out / "robot.png", dpi=130)
+    plots.reachable(found).savefig(out / "reach.png")
+    if work.kind == "motion":
+        from jointplay.analysis.poses import times_along
+
+        assert work.motion is not None
+        time = times_along(work.motion)
+        plots.course(found, time).savefig(out / "course.png")
+    if work.kind == "workspace":
+        plots.workspace_map(found).savefig(out / "map.png")
+    print(f"written to {options.out}: {', '.join(names)}")
+    return 0
+
+
+def load_on_tool(
+    options: argparse.Namespace, gravity: tuple[float, float, float]
+) -> tuple[float, float, float]:
+    """Force on the tool in world axes [N]: what --force and --payload say."""
+    force = [0.0, 0.0, 0.0]
+    if options.force is not None:
+        parts = options.force.split(",")
+        if len(parts) != 3:
+            raise JointplayError(
+                f"--force must be three numbers fx,fy,fz [N], got {options.force!r}"
+            )
+        force = [quantity(part, "N", "--force") for part in parts]
+    if options.payload is not None:
+        mass = quantity(options.payload, "kg", "--payload")
+        force = [f + mass * g for f, g in zip(force, gravity, strict=True)]
+    return force[0], force[1], force[2]

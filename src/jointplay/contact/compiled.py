@@ -1,0 +1,223 @@
+"""Laws as machine code: compiled once, called by address from the time loop.
+
+The time loop gives every law the same arguments: its state, and a pointer to the numbers of this
+contact. A law that names its parameters gets them from there by a wrapper made here, into which it
+is inlined: it costs what one costs that reads ``p[0]``, ``p[1]`` itself.
+"""
+
+from __future__ import annotations
+
+import inspect
+import math
+from collections.abc import Callable
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+import numba
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic
+
+from jointplay.contact.trust import Absent
+from jointplay.errors import JointplayError
+
+if TYPE_CHECKING:
+    from jointplay.contact.law import Law
+
+MAX_PARAMETERS = 8
+"""Numbers a law can take: the room that the time loop keeps for each contact."""
+
+ARRAY = "p"
+"""Argument that takes all parameters at once, as an array."""
+
+_NUMBERS = types.CPointer(types.float64)
+_DOUBLE = ir.DoubleType()
+
+
+def parameter_names(function: Callable[..., Any], state: tuple[str, ...]) -> tuple[str, ...] | None:
+    """Names of a law's parameters: its arguments after the `state`; None if it takes an array."""
+    names = tuple(inspect.signature(function).parameters)[len(state) :]
+    return None if names[:1] == (ARRAY,) else names
+
+
+def check_signature(function: Callable[..., Any], state: tuple[str, ...], writes: bool) -> None:
+    """Refuse a function that is no law: one with other arguments than these.
+
+    Args:
+        function: the law.
+        state: names of the arguments that the time loop gives.
+        writes: whether one that takes an array also takes ``out`` and writes its answer there.
+
+    Raises:
+        JointplayError: it takes other arguments; the message has both.
+    """
+    try:
+        names = tuple(inspect.signature(function).parameters)
+    except (TypeError, ValueError):
+        names = ()
+    whole = (*state, ARRAY, *(("out",) if writes else ()))
+    own = names[len(state) :]
+    takes_array = len(names) == len(whole) and own[:1] == (ARRAY,)
+    takes_names = names[: len(state)] == state and ARRAY not in own
+    if not (takes_array or takes_names):
+        raise JointplayError(
+            f"law {getattr(function, '__name__', function)!r} takes ({', '.join(names)}); "
+            f"it must take ({', '.join(whole)}), or ({', '.join(state)}) and then its parameters "
+            "by name"
+        )
+
+
+def check_parameters(values: tuple[float, ...], law: str) -> tuple[float, ...]:
+    """Return `values` if a contact can hold them, else raise naming the `law`."""
+    if len(values) > MAX_PARAMETERS:
+        raise JointplayError(
+            f"law {law!r} has {len(values)} parameters; at most {MAX_PARAMETERS} are possible"
+        )
+    for value in values:
+        if not math.isfinite(value):
+            raise JointplayError(f"law {law!r} has the non-finite parameter {value}")
+    return values
+
+
+def address(law: Law) -> int:
+    """Machine address of the law's compiled function.
+
+    Raises:
+        JointplayError: numba cannot compile it (the message carries numba's reason), or its
+            function is not at hand.
+    """
+    return int(compiled_law(law).address)
+
+
+def compiled_law(law: Law) -> Any:
+    """Compiled function of the law: its `address`, and `ctypes` to call it from Python.
+
+    Raises:
+        JointplayError: see `address`.
+    """
+    if isinstance(law.function, Absent):
+        raise JointplayError(law.function.reason)
+    return _compiled(law.function, law.state, law.answers)
+
+
+@cache
+def _compiled(function: Callable[..., Any], state: tuple[str, ...], answers: int) -> Any:
+    numbers = (types.float64,) * len(state)
+    signature = types.float64(*numbers, _NUMBERS)
+    if answers:
+        signature = types.void(*numbers, _NUMBERS, _NUMBERS)
+    return compiled_function(_packed(function, state, answers), signature)
+
+
+@cache
+def compiled_function(function: Callable[..., Any], signature: Any) -> Any:
+    """Compiled `function`: its `address`, and `ctypes` to call it from Python.
+
+    Raises:
+        JointplayError: numba cannot compile it; the message carries numba's reason.
+    """
+    try:
+        try:
+            return numba.cfunc(signature, cache=True, error_model="numpy")(function)
+        except RuntimeError:  # typed at a prompt: numba finds no file to keep its cache beside
+            return numba.cfunc(signature, error_model="numpy")(function)
+    except numba.core.errors.NumbaError as error:
+        lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+        reason = next((line for line in lines if not line.startswith("Failed in")), "no reason")
+        name = getattr(function, "__name__", str(function))
+        raise JointplayError(f"law {name!r} does not compile: {reason}") from error
+
+
+def _packed(function: Callable[..., Any], state: tuple[str, ...], answers: int) -> Any:
+    """The law as the time loop calls it, with its parameters in an array.
+
+    The wrapper claims the law's own place in its file, so that numba keeps what it compiles beside
+    that file and compiles again when the file has changed.
+    """
+    names = parameter_names(function, state)
+    if names is None:
+        return function
+    own = [f"{ARRAY}[{i}]" for i in range(len(names))]
+    call = f"law({', '.join([*state, *own])})"
+    lines = [f"    return {call}"]
+    if answers:
+        lines = [f"    answer = {call}", *(f"    out[{i}] = answer[{i}]" for i in range(answers))]
+    head = f"def packed({', '.join([*state, ARRAY, *(['out'] if answers else [])])}):"
+    space = {
+        "law": numba.njit(error_model="numpy")(function),
+        "__name__": function.__module__,
+    }
+    exec(compile("\n".join([head, *lines]), function.__code__.co_filename, "exec"), space)
+    packed: Any = space["packed"]
+    packed.__qualname__ = f"{function.__qualname__}.packed"
+    packed.__name__ = function.__name__
+    line = function.__code__.co_firstlineno
+    packed.__code__ = packed.__code__.replace(co_firstlineno=line)
+    return packed
+
+
+@intrinsic
+def pointer(typingctx: Any, at: Any) -> Any:
+    """Reinterpret an integer address as a pointer to doubles (compiled code only)."""
+
+    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        return builder.inttoptr(args[0], ir.PointerType(_DOUBLE))
+
+    return _NUMBERS(types.int64), codegen
+
+
+@intrinsic
+def call_normal(typingctx: Any, at: Any, delta: Any, ddelta: Any, ddelta0: Any, p: Any) -> Any:
+    """Call the normal-force law at address `at` (compiled code only)."""
+
+    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        kind = ir.FunctionType(_DOUBLE, [_DOUBLE, _DOUBLE, _DOUBLE, ir.PointerType(_DOUBLE)])
+        function = builder.inttoptr(args[0], kind.as_pointer())
+        return builder.call(function, args[1:])
+
+    arguments = (types.int64, types.float64, types.float64, types.float64, _NUMBERS)
+    return types.float64(*arguments), codegen
+
+
+@intrinsic
+def call_friction(typingctx: Any, at: Any, speed: Any, p: Any) -> Any:
+    """Call the friction law at address `at` (compiled code only)."""
+
+    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        kind = ir.FunctionType(_DOUBLE, [_DOUBLE, ir.PointerType(_DOUBLE)])
+        function = builder.inttoptr(args[0], kind.as_pointer())
+        return builder.call(function, args[1:])
+
+    return types.float64(types.int64, types.float64, _NUMBERS), codegen
+
+
+@intrinsic
+def call_bristle(
+    typingctx: Any, at: Any, speed: Any, normal: Any, dwell: Any, p: Any, out: Any
+) -> Any:
+    """Call the friction law with bristles at address `at` (compiled code only)."""
+
+    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        array = ir.PointerType(_DOUBLE)
+        kind = ir.FunctionType(ir.VoidType(), [_DOUBLE, _DOUBLE, _DOUBLE, array, array])
+        builder.call(builder.inttoptr(args[0], kind.as_pointer()), args[1:])
+        return context.get_dummy_value()
+
+    arguments = (types.int64, *(types.float64,) * 3, _NUMBERS, _NUMBERS)
+    return types.none(*arguments), codegen
+
+
+@intrinsic
+def call_film(
+    typingctx: Any, at: Any, eccentricity: Any, rate: Any, whirl: Any, spin: Any, p: Any, out: Any
+) -> Any:
+    """Call the film law at address `at` (compiled code only)."""
+
+    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        array = ir.PointerType(_DOUBLE)
+        kind = ir.FunctionType(ir.VoidType(), [_DOUBLE] * 4 + [array] * 2)
+        builder.call(builder.inttoptr(args[0], kind.as_pointer()), args[1:])
+        return context.get_dummy_value()
+
+    arguments = (types.int64, *(types.float64,) * 4, _NUMBERS, _NUMBERS)
+    return types.none(*arguments), codegen

@@ -1,0 +1,241 @@
+"""The state in which a run begins: what is given, where the machine stands, what is perturbed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pinocchio as pin
+
+from jointplay.errors import JointplayError, MissingName, require_finite
+from jointplay.joints import VIRTUAL_LINK
+from jointplay.loads.drive import Drive, JointFriction
+from jointplay.mechanism.loop import (
+    ASSEMBLY_TOLERANCE_M,
+    assemble,
+    closing_rows,
+    consistent_velocity,
+    misfit,
+)
+from jointplay.mechanism.mechanism import Mechanism
+from jointplay.simulation.statics import Balance, Rest
+
+if TYPE_CHECKING:
+    from jointplay.kernel.workspace import Workspace
+    from jointplay.simulation.simulation import Simulation
+
+PERTURBATION = 0.5
+"""Largest displacement of a perturbed journal at the start, relative to its clearances.
+
+Nobody knows where in its bearing a journal rests when the motion begins. Much smaller
+displacements are often forgotten: a journal wedged by the first stroke starts afresh.
+"""
+
+_AHEAD_S = 1e-6
+"""Time over which accelerations of loops are taken from speeds [s]."""
+
+State = Mapping[str, Any]
+"""By name of a joint or coordinate: position, or a pair of position and speed, None if free."""
+
+
+def pair(name: str, value: Any) -> tuple[float | None, float | None]:
+    """Position and speed that were given for a coordinate, checked.
+
+    Raises:
+        JointplayError: neither a number nor two of them.
+    """
+    given = list(value) if isinstance(value, list | tuple) else [value, None]
+    if len(given) != 2:
+        raise JointplayError(
+            f"state of {name!r} must be a position or a pair of position and speed, got {value!r}"
+        )
+    words = ("start of joint", "rad or m"), ("speed at the start of joint", "rad/s or m/s")
+    place, speed = (
+        None if one is None else require_finite(f"{what} {name!r}", one, unit)
+        for one, (what, unit) in zip(given, words, strict=True)
+    )
+    return place, speed
+
+
+@dataclass
+class Start:
+    """The initial state, and what of it was given.
+
+    Attributes:
+        q, v: shapes (nq,) and (nv,).
+        given: coordinates of journals whose places were given.
+        led: coordinates that follow the motion.
+        moving: coordinates whose speeds are given.
+    """
+
+    mechanism: Mechanism
+    motion_speed: np.ndarray
+    q: np.ndarray
+    v: np.ndarray
+    given: list[int]
+    held: list[int]
+    led: list[int]
+    moving: list[int]
+
+    def perturb(self, seed: int, at_rest: bool) -> None:
+        """Displace each journal by a random vector of up to `PERTURBATION` times its clearances.
+
+        From the centre; a journal at rest moves so far from where it lies towards such a place.
+        """
+        mechanism = self.mechanism
+        random = np.random.default_rng(seed)
+        offsets: dict[str, np.ndarray] = {}
+        pin.forwardKinematics(mechanism.model, mechanism.data, self.q)  # for `journal_pose`
+        for name, joint in mechanism.clearance.items():
+            push = PERTURBATION * random.uniform(-1.0, 1.0, 3)
+            rooms = np.array([joint.room_to_start.get(part, 0.0) for part in VIRTUAL_LINK[:3]])
+            if name in mechanism.loops:
+                lies = mechanism.journal_pose(name).translation.copy() if at_rest else np.zeros(3)
+                free = mechanism.relative_jacobian(name, self.q)[:3].any(axis=1)
+                away = PERTURBATION * (push * rooms - lies) if at_rest else push * rooms
+                offsets[name] = (lies + away) * free
+                continue
+            for part, target in zip(VIRTUAL_LINK[:3], push * rooms, strict=True):
+                if part in joint.freedoms:
+                    i = mechanism.coordinates.index(f"{name}.{part}")
+                    shift = target - self.q[i] if at_rest and i not in self.given else target
+                    limits = joint.room_to_start.get(part, 0.0) > 0.0
+                    if limits:
+                        self.q[i] += PERTURBATION * shift if at_rest else shift
+        self.q = assemble(mechanism, self.q, self.led, offsets)
+
+    def move(self) -> None:
+        """Give the configuration the speeds that fit."""
+        self.v = consistent_velocity(
+            self.mechanism, self.q, self.motion_speed, self.moving, self.led
+        )
+
+    def acceleration(self, along: np.ndarray) -> np.ndarray:
+        """Acceleration with which loops stay closed, journals at rest; (nv,).
+
+        Args:
+            along: acceleration of the reference, zero where there is none, (nv,).
+        """
+        if not self.mechanism.loops or not (self.v.any() or along.any()):
+            return along
+        later = self.motion_speed + _AHEAD_S * along
+        try:
+            v = consistent_velocity(
+                self.mechanism, self.q + _AHEAD_S * self.v, later, self.moving, self.led
+            )
+        except JointplayError:
+            return along
+        return (v - self.v) / _AHEAD_S
+
+
+def _named(mechanism: Mechanism, name: str, followed: Sequence[str]) -> list[int]:
+    """Coordinates that a name in a state means: a joint's own and its motor's, or a single one."""
+    if name in mechanism.joints:
+        found = [mechanism.coordinate(name), mechanism.motor(name)]
+    elif name in mechanism.coordinates:
+        found = [mechanism.coordinates.index(name)]
+    else:
+        parts = [c for c in mechanism.coordinates if "." in c]
+        raise MissingName("moving joint or coordinate", name, [*mechanism.joints, *parts])
+    for joint in followed:
+        if {mechanism.coordinate(joint), mechanism.motor(joint)} & set(found):
+            raise JointplayError(
+                f"joint {joint!r} follows the motion from its start; give no other"
+            )
+    return found
+
+
+def place(simulation: Simulation, mechanism: Mechanism, followed: Sequence[str]) -> Start:
+    """Loops closed, journals centred or where they were given, and speeds that fit.
+
+    Args:
+        simulation: has `state` and motion.
+        mechanism: what is placed.
+        followed: joints whose drives follow the motion.
+
+    Raises:
+        JointplayError: a state of what does not exist, follows the motion, or does not fit.
+    """
+    q, v = np.zeros(mechanism.model.nq), np.zeros(mechanism.model.nv)
+    held: list[int] = []
+    moving: list[int] = []
+    given: list[int] = []
+    for name, value in simulation.state.items():
+        position, speed = pair(name, value)
+        at = _named(mechanism, name, followed)
+        if position is not None:
+            q[at] = position
+            held += at
+            given += [i for i in at if mechanism.plays(i) and name not in mechanism.joints]
+        if speed is not None:
+            v[at] = speed
+            moving += at
+    led: list[int] = []
+    if simulation.motion is not None:
+        positions, velocities, _ = simulation.motion(np.zeros(1))
+        for name in followed:
+            index = simulation.motion.joints.index(name)
+            at = [mechanism.coordinate(name), mechanism.motor(name)]
+            q[at], v[at] = positions[0, index], velocities[0, index]
+            led += at
+    q = assemble(mechanism, q, held + led)
+    return Start(mechanism, v, q, v, given, held, led, moving + led)
+
+
+def rest(
+    simulation: Simulation,
+    start: Start,
+    bodies: pin.Model,
+    workspace: Workspace,
+    drives: Mapping[str, Drive],
+    friction: Mapping[str, JointFriction],
+) -> Rest:
+    """Where the machine stands; see `statics`.
+
+    Args:
+        simulation: has the motion.
+        start: journals centred.
+        bodies: the mechanism's model, payloads in hand.
+        workspace: with the state of `start`.
+        drives: of every moving joint.
+        friction: by joint.
+    """
+    mechanism = start.mechanism
+    along = np.zeros(bodies.nv)
+    if simulation.motion is not None:
+        _, _, acceleration = simulation.motion(np.zeros(1))
+        for name, drive in drives.items():
+            if drive.follows:
+                index = simulation.motion.joints.index(name)
+                at = [mechanism.coordinate(name), mechanism.motor(name)]
+                along[at] = acceleration[0, index]
+    given = list(start.given)
+    gaps = misfit(mechanism, start.q) if mechanism.loops else {}
+    if any(np.abs(gap).max() > ASSEMBLY_TOLERANCE_M for gap in gaps.values()):
+        given += start.held  # which have put journals aside: there they shall be
+    balance = Balance(
+        mechanism,
+        bodies,
+        workspace,
+        drives,
+        friction,
+        start.acceleration(along),
+        given,
+    )
+    return balance.settle()
+
+
+def displace(mechanism: Mechanism, q: np.ndarray, distance: float) -> None:
+    """Move every journal aside by `distance` along each axis [m]."""
+    for name, joint in mechanism.clearance.items():
+        if mechanism.has_virtual_link(name):
+            for part in VIRTUAL_LINK[:3]:
+                if part in joint.freedoms:
+                    q[mechanism.coordinates.index(f"{name}.{part}")] += distance
+        else:
+            moves = mechanism.relative_jacobian(name, q)[:3]
+            strict = closing_rows(mechanism, q, set(mechanism.loops) - set(mechanism.clearance))
+            aside = np.concatenate([np.full(3, distance), np.zeros(len(strict))])
+            q += np.linalg.pinv(np.concatenate([moves, strict])) @ aside

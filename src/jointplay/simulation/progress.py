@@ -1,0 +1,35 @@
+"""The progress bar of a run."""
+
+from __future__ import annotations
+
+import math
+import time
+
+from tqdm import tqdm
+
+
+class Bar:
+    """Progress by simulated time: speed relative to real time, and time left."""
+
+    def __init__(self, total: float, show: bool, label: str = "") -> None:
+        """Show nothing unless `show`; `total` is the time to simulate [s]."""
+        layout = (
+            "{desc}{percentage:3.0f}%|{bar}| {n:.3f}/{total:.3f} s simulated{postfix}, "
+            "{remaining} left"
+        )
+        self._bar = tqdm(
+            total=total, disable=not show, bar_format=layout, mininterval=0.2, desc=label or None
+        )
+        self._started = time.perf_counter()
+
+    def update(self, now: float) -> None:
+        """Say that the run has got to the time `now` [s]."""
+        if self._bar.disable or not math.isfinite(now):
+            return
+        speed = now / max(time.perf_counter() - self._started, 1e-9)
+        self._bar.set_postfix_str(f"{speed:.2f} x real time", refresh=False)
+        self._bar.update(now - self._bar.n)
+
+    def close(self) -> None:
+        """Leave the bar as it is."""
+        self._bar.close()

@@ -1,0 +1,160 @@
+"""How far a run without clearance is off because of its step: found by another step.
+
+Energy does not tell: it can balance within a per cent while a robot that rattles in its gears is
+centimetres from where it should be. So the run is done again with twice the step, at half its cost.
+Only where the two differ is it done with half the step too, which then decides: a step that is good
+enough is not blamed for what twice of it would do.
+
+Impacts in clearances part neighbouring runs, and are judged by their duration (`audit`).
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pinocchio as pin
+
+from jointplay.errors import JointplayError
+from jointplay.host import stopping
+from jointplay.kernel import Status
+from jointplay.kernel.integrators import integrator
+from jointplay.result.audit import STEP_WARNING
+from jointplay.simulation.loop import LONGEST_MACRO_STEP_S
+
+if TYPE_CHECKING:
+    from jointplay.result.result import Result
+    from jointplay.simulation.simulation import Run, Simulation
+
+_DOUBTED = 0.3 * STEP_WARNING
+"""Difference from the run with twice the step above which half the step is tried."""
+
+_LEAST_MOTION = 1e-6
+"""A motion of all coordinates by less than this counts as this [rad or m]."""
+
+_MOST_ROWS = 2000
+"""Records of the other runs, about: their memory does not count."""
+
+
+@dataclass(frozen=True)
+class StepError:
+    """How far a run may be off because of its step."""
+
+    tool: float
+    """Largest error of the tool's position [m]."""
+    relative: float
+    """Largest error of the coordinates, relative to how far they move at most; both weighted with
+    the masses that they move, motors left out."""
+
+
+_UNBOUNDED = StepError(math.inf, math.inf)
+
+
+def wanted(simulation: Simulation) -> bool:
+    """Whether nothing else judges the step.
+
+    The multi-rate method does, by the error of its macro steps, but for gears and where the step is
+    no shorter than its macro steps, or these are given.
+    """
+    mechanism = simulation.mechanism
+    if mechanism.clearance:
+        return False
+    alone = integrator(simulation.integrator).single_rate or bool(mechanism.gears)
+    coarse = simulation.macro_step is not None or simulation.step > LONGEST_MACRO_STEP_S
+    return alone or coarse
+
+
+def step_error(
+    run: Run, result: Result, start: tuple[np.ndarray, np.ndarray], progress: bool
+) -> StepError | None:
+    """Error of a completed run, estimated; None if told to stop or if it cannot be found.
+
+    A method of the order p is off by d / (2^p - 1) if twice the step changes it by d. Here p is 1,
+    or what the changes by twice and half the step say, at most 4: rattling gears have no order.
+
+    Args:
+        run: the run.
+        result: what it gave.
+        start: q and v at its start.
+        progress: show bars.
+    """
+    try:
+        coarse = _difference(run, result, start, 2.0, progress)
+        if coarse.relative <= _DOUBTED:
+            return coarse
+        fine = _difference(run, result, start, 0.5, progress)
+    except stopping.GivenUp:
+        raise
+    except KeyboardInterrupt:
+        return None
+    except JointplayError:  # no memory, or too many steps
+        return None
+    fall = coarse.relative / fine.relative if fine.relative > 0.0 else math.inf
+    fall = min(max(fall, 2.0), 16.0)
+    return StepError(fine.tool * fall / (fall - 1.0), fine.relative * fall / (fall - 1.0))
+
+
+def _difference(
+    run: Run,
+    result: Result,
+    start: tuple[np.ndarray, np.ndarray],
+    factor: float,
+    progress: bool,
+) -> StepError:
+    """Largest difference to the run with `factor` times the step."""
+    simulation = run.simulation
+    macro, tolerance = simulation.macro_step, simulation.tolerance
+    every = simulation.record_every * max(len(result.time) // _MOST_ROWS, 1)
+    every += every % 2 if factor > 1.0 else 0
+    try:
+        other = replace(
+            simulation,
+            step=factor * simulation.step,
+            record_every=round(every / factor),
+            macro_step=None if macro is None else factor * macro,
+            tolerance=None if tolerance is None else factor**2 * tolerance,
+        ).prepare(progress)
+    except JointplayError:
+        if factor > 1.0:
+            return _UNBOUNDED  # half the step decides
+        raise
+    other.label = "checking the step "
+    mine, theirs = run.workspace, other.workspace
+    theirs.drives[:], theirs.reference[:] = mine.drives, mine.reference
+    theirs.q[:], theirs.v[:] = start
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)
+        found = run.guard(other).execute(progress, check_step=False)
+    if found.status == Status.INTERRUPTED:
+        raise KeyboardInterrupt
+    if found.status != Status.COMPLETED:
+        return _UNBOUNDED
+    return _apart(run, result, found)
+
+
+def _apart(run: Run, result: Result, other: Result) -> StepError:
+    """Largest distance of two runs at the times that both recorded."""
+    step = run.simulation.step
+    ours, theirs = (np.round(one.time / step).astype(np.int64) for one in (result, other))
+    _, here, there = np.intersect1d(ours, theirs, return_indices=True)
+    if len(here) < 2:
+        return _UNBOUNDED
+    mechanism = run.mechanism
+    q = result["q"].values
+    mass = pin.crba(mechanism.model, mechanism.data, q[0])
+    mass = np.triu(mass) + np.triu(mass, 1).T
+    for name in mechanism.gears:  # where in its play a motor rattles is no error of the motion
+        mass[mechanism.motor(name)] = 0.0
+
+    def size(steps: np.ndarray) -> float:
+        return float(np.sqrt(np.einsum("ni,ij,nj->n", steps, mass, steps).max()))
+
+    moved = max(size(q - q[0]), _LEAST_MOTION * math.sqrt(float(np.trace(mass))))
+    tool = result["tool_position"].values[here] - other["tool_position"].values[there]
+    return StepError(
+        float(np.linalg.norm(tool, axis=1).max()),
+        size(q[here] - other["q"].values[there]) / moved,
+    )

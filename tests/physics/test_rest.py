@@ -1,0 +1,193 @@
+"""Machines that begin where they stand."""
+
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+from conftest import body, joint, still
+
+import jointplay as jp
+from jointplay.joints.prismatic import PrismaticJoint
+from jointplay.joints.spherical import SphericalJoint
+from jointplay.scenario import Scenario
+
+PIN = {"radial_clearance": 1e-4, "axial_clearance": 1e-4}
+WEIGHT = 2.0 * 9.81
+
+
+def pendulum(urdf, bearing, gravity=(0.0, -9.81, 0.0), kind="revolute", com="0 0 0", **options):
+    path = urdf(body("arm", 2.0, com), joint("pin", "base", "arm", kind))
+    return jp.Mechanism(path, {"pin": bearing}, gravity=gravity, **options)
+
+
+def standing(mechanism, duration=0.01, **options):
+    return jp.Simulation(mechanism, still(mechanism, duration), **options)
+
+
+def test_depth_of_a_planar_journal_is_that_of_hertz_under_its_weight(urdf):
+    bearing = jp.ClearanceJoint.planar(radial_clearance=1e-4)
+    run = standing(pendulum(urdf, bearing)).prepare()
+    depth = (WEIGHT / bearing.hertz_stiffness) ** (2 / 3)
+    assert run.rest.solved
+    assert run.workspace.q[:2] == pytest.approx([0.0, -(1e-4 + depth)], abs=1e-13)
+    assert run.rest.load == pytest.approx(WEIGHT, rel=1e-9)
+
+
+PROFILE = 2e-5 * (1.0 + np.cos(2 * np.pi * np.arange(36) / 36 - 4.0))
+KINDS = {
+    "revolute": (jp.ClearanceJoint(**PIN), "revolute", (0.0, -9.81, 0.0)),
+    "revolute, upright": (jp.ClearanceJoint(**PIN), "revolute", (0.0, 0.0, -9.81)),
+    "worn": (jp.ClearanceJoint(worn=PROFILE, **PIN), "revolute", (0.0, -9.81, 0.0)),
+    "exchanged": (jp.ClearanceJoint(exchanged=True, **PIN), "revolute", (0.0, -9.81, 0.0)),
+    "open": (
+        jp.ClearanceJoint(open_ends=True, radial_clearance=1e-4), "revolute", (0.0, -9.81, 0.0)
+    ),
+    "planar": (jp.ClearanceJoint.planar(radial_clearance=1e-4), "revolute", (0.0, -9.81, 0.0)),
+    "ball": (
+        SphericalJoint(bearing_radius=10e-3, radial_clearance=1e-4), "floating", (1.0, -9.0, -3.0)
+    ),
+    "slider": (
+        PrismaticJoint(length=40e-3, width=20e-3, height=20e-3, clearance=1e-4),
+        "prismatic", (0.0, -9.81, 0.0),
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_machine_at_rest_stays_there(urdf, kind):
+    bearing, urdf_kind, gravity = KINDS[kind]
+    com = "0 0 0" if kind == "ball" else "0.03 0 0.02"  # a ball would swing
+    robot = pendulum(urdf, bearing, gravity, urdf_kind, com=com)
+    options = {"drive": {}} if kind == "ball" else {"motion": still(robot, 0.01)}
+    result = jp.Simulation(robot, duration=0.01, **options).run()
+    force = np.linalg.norm(result["joint_force"].values[:, 0], axis=1)
+    weight = 2.0 * np.linalg.norm(gravity)
+    assert result.audit.start == "rest"
+    assert result.audit.start_residual < 1e-6 * weight
+    if kind in ("revolute", "worn", "planar", "exchanged", "open", "revolute, upright"):
+        assert force == pytest.approx(weight, rel=1e-3)
+    assert np.ptp(force) < 2e-3 * weight
+    assert np.ptp(result["journal_centre"].values, axis=0).max() < 1e-8
+
+
+def test_from_the_centre_it_falls_as_ever(urdf):
+    robot = pendulum(urdf, jp.ClearanceJoint(**PIN))
+    fallen, rested = (standing(robot, start=s).run().audit for s in ("centred", "rest"))
+    assert fallen.peak_force > 10.0 * rested.peak_force
+    assert rested.peak_force == pytest.approx(WEIGHT, rel=1e-3)
+    assert fallen.start == "centred"
+
+
+def test_joints_in_series_all_rest(urdf):
+    path = urdf(
+        body("one", com="0.2 0 0"), joint("a", "base", "one", axis="0 1 0"),
+        body("two", com="0.1 0.02 0"), joint("b", "one", "two", axis="0 0 1", at="0.4 0 0"),
+        body("three", com="0.1 0 0.01"), joint("c", "two", "three", axis="1 0 0", at="0.2 0 0"),
+    )  # fmt: skip
+    robot = jp.Mechanism(path, {name: jp.ClearanceJoint(**PIN) for name in "abc"})
+    result = standing(robot).run()
+    force = np.linalg.norm(result["joint_force"].values, axis=2)
+    assert force[0] == pytest.approx(WEIGHT * np.array([3.0, 2.0, 1.0]), rel=1e-3)
+    assert result.audit.peak_force == pytest.approx(3.0 * WEIGHT, rel=1e-2)
+
+
+def test_a_moving_start_bears_the_centrifugal_force_from_the_first(urdf):
+    speed, arm = 30.0, 0.1
+    robot = pendulum(
+        urdf, jp.ClearanceJoint.planar(radial_clearance=1e-4), (0.0, 0.0, 0.0), com=f"{arm} 0 0"
+    )
+    motion = jp.Motion(["pin"], [0.0, 0.02], [[0.0], [speed * 0.02]], "constant-speed")
+    simulation = jp.Simulation(robot, motion, drive=jp.Prescribed(), step=2e-6)
+    run = simulation.prepare()
+    assert run.rest.load == pytest.approx(2.0 * speed**2 * arm, rel=1e-3)
+    force = np.linalg.norm(run.execute()["joint_force"].values[:, 0], axis=1)
+    assert force == pytest.approx(2.0 * speed**2 * arm, rel=0.1)
+    centred = dataclasses.replace(simulation, start="centred").run().audit
+    assert centred.peak_force > 1.5 * force.max()
+
+
+def test_loops_rest_with_a_driven_crank():
+    simulation = Scenario.load("jointplay:four_bar.toml").simulation("0.2 mm")
+    simulation = dataclasses.replace(simulation, duration=2e-3, start="rest")
+    rested = simulation.run().audit
+    fallen = dataclasses.replace(simulation, start="centred", duration=0.02).run().audit
+    assert rested.start_residual < 1e-6 * rested.start_load
+    assert rested.peak_force < 1.5 * rested.start_load
+    assert fallen.peak_force > 3.0 * rested.peak_force
+
+
+def test_the_slider_of_a_fast_crank_presses_from_the_first():
+    simulation = jp.Scenario.load("jointplay:slider_crank.toml").simulation("0.2 mm")
+    simulation = dataclasses.replace(simulation, duration=2e-4)
+    run = simulation.prepare()
+    # At the outer dead centre: m r omega^2 (1 + r / l).
+    speed, radius, rod, mass = 5000 * 2 * np.pi / 60, 0.05, 0.12, 0.14
+    assert run.rest.load == pytest.approx(mass * radius * speed**2 * (1 + radius / rod), rel=1e-2)
+    force = np.linalg.norm(run.execute()["joint_force"].values[:, 0], axis=1)
+    assert force[0] == pytest.approx(run.rest.load, rel=1e-3)
+    assert force.max() < 1.2 * run.rest.load  # it rings a little; centred, it strikes with 30 kN
+
+
+@pytest.mark.parametrize("encoder", ["link", "motor"])
+def test_teeth_bear_what_hangs_on_them(urdf, encoder):
+    gear = jp.Gear(play=1e-2, stiffness=500.0, damping=0.1, rotor_inertia=1e-3)
+    path = urdf(body("arm", 2.0, "0.1 0 0"), joint("pin", "base", "arm"))
+    robot = jp.Mechanism(path, gears={"pin": gear}, gravity=(0.0, -9.81, 0.0))
+    drive = jp.ComputedTorque(encoder=encoder)
+    run = jp.Simulation(robot, still(robot, 0.01), drive=drive, start="rest").prepare()
+    motor, link = (run.workspace.q[robot.coordinates.index(n)] for n in ("pin.motor", "pin"))
+    assert motor - link == pytest.approx(5e-3 + WEIGHT * 0.1 / 500.0, rel=1e-2)
+    speed = run.execute()["v"].values
+    assert np.abs(speed).max() < 1e-6
+
+
+def test_payload_in_hand_at_the_start_weighs(urdf):
+    robot = pendulum(urdf, jp.ClearanceJoint.planar(radial_clearance=1e-4), tool="arm")
+    run = standing(robot, payloads=[jp.Payload("arm", 1.0)]).prepare()
+    assert run.rest.load == pytest.approx(3.0 * 9.81, rel=1e-9)
+
+
+def test_without_load_journals_start_centred(urdf):
+    robot = pendulum(urdf, jp.ClearanceJoint(**PIN), (0.0, 0.0, 0.0))
+    result = standing(robot).run()
+    assert result.audit.start == "centred"
+    assert not result["journal_centre"].values.any()
+
+
+def test_perturbed_journals_start_between_rest_and_a_random_place(urdf):
+    robot = pendulum(urdf, jp.ClearanceJoint(**PIN))
+    places = [standing(robot, seed=seed).prepare().workspace.q[:3].copy() for seed in (1, 2, 2)]
+    assert (places[1] == places[2]).all()
+    assert not np.allclose(places[0], places[1], atol=1e-6)
+    for place in places:
+        assert np.hypot(*place[:2]) < 1e-4
+        assert place[1] < 0.0
+
+
+def test_what_no_joint_can_bear_is_said(urdf):
+    soft = jp.ClearanceJoint.planar(radial_clearance=1e-4, normal=jp.LinearSpring(1e-3))
+    robot = pendulum(urdf, soft)
+    with pytest.raises(jp.JointplayError, match="no place of rest was found"):
+        standing(robot, start="rest").prepare()
+    run = standing(robot).prepare()
+    assert run.simulation.start == "centred"
+    assert not run.rest.solved
+
+
+def test_descriptions_of_version_0_1_began_centred(urdf):
+    robot = pendulum(urdf, jp.ClearanceJoint(**PIN))
+    old = standing(robot).describe()
+    for key in ("state", "settle", "judge_from"):
+        del old[key]
+    old["start"], old["start_speed"] = {}, {}
+    again = jp.Simulation.from_description(json.loads(json.dumps(old)))
+    assert again.start == "centred"
+    assert not again.prepare().workspace.q[:3].any()
+
+
+def test_a_result_runs_again_as_it_ran(urdf):
+    robot = pendulum(urdf, jp.ClearanceJoint(**PIN))
+    result = standing(robot, seed=3).run()
+    assert result.simulation.start == "rest"
+    assert (result.simulation.run()["q"].values == result["q"].values).all()

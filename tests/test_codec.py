@@ -1,0 +1,207 @@
+"""Objects to plain data and back: what a class says of its fields is all that is needed."""
+
+import json
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+import hypothesis.strategies as st
+import pytest
+from hypothesis import given
+
+import jointplay as jp
+from jointplay import JointplayError, codec
+from jointplay.codec import Described
+from jointplay.contact import NormalForceLaw
+from jointplay.errors import within
+from jointplay.fields import check_fields, choice, quantity
+from jointplay.joints import Clearance
+from jointplay.loads.drive import Drive, JointFriction
+from jointplay.mechanism.gear import Gear
+from jointplay.mechanism.loop import Loop
+from jointplay.mechanism.payload import Payload
+
+
+@dataclass(frozen=True)
+class Wheel(Described):
+    """Something round."""
+
+    radius: float = quantity("m", above=0.0)
+    """Of the tread."""
+    colour: str = choice("colour", ("red", "black"), default="black")
+    spokes: int | None = None
+
+    def __post_init__(self):
+        check_fields(self)
+
+
+@dataclass(frozen=True)
+class Cart(Described):
+    wheels: tuple[Wheel, ...]
+    load: dict[str, float] = quantity("kg", default_factory=dict)
+    at: tuple[float, float, float] = quantity("m", default=(0.0, 0.0, 0.0))
+    tags: list[str] = field(default_factory=list)
+
+
+wheels = st.builds(
+    Wheel,
+    st.floats(1e-6, 1e6),
+    st.sampled_from(["red", "black"]),
+    st.none() | st.integers(0, 99),
+)
+carts = st.builds(
+    Cart,
+    st.lists(wheels, max_size=4).map(tuple),
+    st.dictionaries(st.text(), st.floats(-1e9, 1e9)),
+    st.tuples(*[st.floats(-1.0, 1.0)] * 3),
+    st.lists(st.text()),
+)
+
+
+@given(carts)
+def test_what_is_described_is_read_back(cart):
+    text = json.dumps(cart.describe())
+    assert Cart.from_description(json.loads(text)) == cart
+
+
+def test_numbers_take_their_units():
+    cart = Cart.from_description(
+        {"wheels": [{"radius": "30 cm"}], "load": {"hay": "20 g"}, "at": ["1 mm", 0, 0]}
+    )
+    assert cart == Cart((Wheel(0.3),), {"hay": 0.02}, (1e-3, 0.0, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("data", "where", "message"),
+    [
+        ({"wheels": [{"radius": 1}, {"radius": -1}]}, ("wheels", 1, "radius"), "greater than zero"),
+        ({"wheels": [{"radius": "1 kg"}]}, ("wheels", 0, "radius"), '"1 kg" is no length'),
+        ({"wheels": [{"radius": 1, "color": "red"}]}, ("wheels", 0, "color"), '"colour"?'),
+        ({"wheels": [{"radius": 1, "colour": "pink"}]}, ("wheels", 0, "colour"), "no colour"),
+        ({"wheels": [{"radius": 1, "spokes": 2.5}]}, ("wheels", 0, "spokes"), "a whole number"),
+        ({"wheels": [{"radius": 1, "spokes": True}]}, ("wheels", 0, "spokes"), "a whole number"),
+        ({"wheels": [{}]}, ("wheels", 0), "the key radius is missing"),
+        ({"wheels": {}}, ("wheels",), "a list in brackets"),
+        ({"wheels": [], "load": {"hay": "a lot"}}, ("load", "hay"), "is no mass"),
+        ({"wheels": [], "at": [1, 2]}, ("at",), "are not three components"),
+        ({"wheels": [], "tags": [1]}, ("tags", 0), "text in quotes"),
+        ([], (), "is no table; its keys are: wheels, load, at, tags"),
+    ],
+)
+def test_errors_have_their_place(data, where, message):
+    with pytest.raises(JointplayError) as caught:
+        Cart.from_description(data)
+    assert caught.value.where == where
+    assert message in str(caught.value)
+
+
+def test_outer_layers_prepend_their_place():
+    with pytest.raises(JointplayError) as caught, within("joints", "joint_b"):
+        jp.ClearanceJoint(radial_clearance=-1.0, axial_clearance=1e-4)
+    assert caught.value.where == ("joints", "joint_b", "radial_clearance")
+
+
+def test_a_number_without_a_unit_is_refused_when_it_is_first_read():
+    @dataclass
+    class Novel:
+        length: float
+
+    with pytest.raises(TypeError, match=r"Novel.length is a number without a unit"):
+        codec.check(Novel, {"length": 1.0})
+
+
+def test_later_versions_may_add_keys_where_a_class_says_so():
+    @dataclass
+    class Open:
+        lets_through: ClassVar[bool] = True
+
+        name: str
+
+    assert codec.read(Open, {"name": "a", "new": 1}).name == "a"
+
+
+VALUES = [
+    (
+        Clearance,
+        jp.ClearanceJoint.planar(radial_clearance=1e-4, bearing_material=jp.material("bronze")),
+    ),
+    (Clearance, jp.PrismaticJoint(clearance=1e-4, friction=jp.LuGre(0.08))),
+    (Clearance, jp.SphericalJoint(radial_clearance=1e-4, ideal=True)),
+    (Drive, jp.ComputedTorque(40.0, encoder="motor")),
+    (Drive, jp.Prescribed()),
+    (JointFriction, jp.JointFriction(1.0, 0.1, static=2.0)),
+    (Gear, jp.Gear(1e-3, 1e-4, 1e4)),
+    (Loop, jp.Loop("rod", "slider", (0.12, 0.0, 0.0))),
+    (Payload, jp.Payload("tool", 0.5, 0.1, 0.2, (0.0, 0.0, -0.01))),
+    (jp.Motion, jp.Motion(["a", "b"], [0.0, 1.0], [[0.0, 1.0], [2.0, 3.0]], "spline")),
+]
+
+
+@pytest.mark.parametrize(("kind", "value"), VALUES, ids=lambda one: type(one).__name__)
+def test_values_are_equal_when_equal_and_shown_as_one_writes_them(kind, value):
+    again = codec.read(kind, json.loads(json.dumps(value.describe())))
+    assert again == value
+    assert hash(again) == hash(value)
+    assert (
+        eval(
+            repr(value),
+            vars(jp) | {type(value).__name__: type(value)} | vars(jp.joints) | vars(jp.contact),
+        )
+        == value
+    )
+
+
+def test_mechanisms_are_equal_when_they_are_built_alike():
+    def robot(radial=2e-4):
+        joint = jp.ClearanceJoint(radial_clearance=radial, axial_clearance=1e-4)
+        return jp.Mechanism(jp.shipped("scara.urdf"), {"joint_b": joint}, gravity=(0, 0, 0))
+
+    assert robot() == robot()
+    assert hash(robot()) == hash(robot())
+    assert robot() != robot(3e-4)
+    assert eval(repr(robot()), vars(jp) | vars(jp.joints) | vars(jp.contact)) == robot()
+    assert jp.Mechanism.from_description(robot().describe()) == robot()
+
+
+OLD_JOINT = """{"kind": "revolute",
+ "bearing_material": {"young": 207e9, "poisson": 0.3, "density": null, "yield_strength": null,
+                      "name": null},
+ "journal_material": {"young": 207e9, "poisson": 0.3, "density": null, "yield_strength": null,
+                      "name": null},
+ "restitution": 0.9, "normal": {"law": "hunt-crossley", "n": 1.2, "p": 1.5, "q": 0.9},
+ "friction": {"law": "gonthier", "mu_d": 0.1, "mu_s": 0.15, "v_s": 0.001, "sigma0": 1e5,
+              "sigma1": 10.0, "sigma2": 0.0, "dwell_time": 0.1},
+ "stiffness": null, "exchanged": false, "ideal": false, "bearing_radius": 0.01,
+ "bearing_length": 0.04, "radial_clearance": 0.0002, "axial_clearance": 0.0002,
+ "journal_radius": 0.0098, "journal_length": 0.0396, "axial_stiffness": null, "lock_tilt": false,
+ "lock_axial": false, "open_ends": false, "lubricant": {"law": "short-bearing", "viscosity": 0.05,
+ "hybrid": true, "transition": 1e-06, "least_thickness": 1e-06, "cavitation": "sommerfeld"},
+ "wear_rate": 1e-14, "worn": null}"""
+
+
+def test_what_version_0_1_wrote_is_read():
+    assert codec.read(Clearance, json.loads(OLD_JOINT)) == jp.ClearanceJoint(
+        radial_clearance=2e-4,
+        axial_clearance=2e-4,
+        normal=jp.HuntCrossley(1.2, 1.5, 0.9),
+        friction=jp.GonthierFriction(),
+        lubricant=jp.ShortBearing(0.05, cavitation="sommerfeld"),
+        wear_rate=1e-14,
+    )
+
+
+def test_a_users_law_of_version_0_1_has_no_text():
+    old = {"law": "custom", "function": f"{__name__}:push", "parameters": [1e8]}
+    jp.CustomNormalForce(push, (1e8,))  # known here from now on
+    assert codec.read(NormalForceLaw, old) == jp.CustomNormalForce(push, (1e8,))
+
+
+def push(delta, ddelta, ddelta0, p):
+    return p[0] * delta
+
+
+def test_a_users_law_that_reads_otherwise_now_is_said_to(recwarn):
+    described = jp.CustomNormalForce(push, (1e8,)).describe()
+    codec.read(NormalForceLaw, described)
+    assert not recwarn
+    with pytest.warns(RuntimeWarning, match="reads otherwise here than in the result"):
+        codec.read(NormalForceLaw, described | {"source": "def push(): ..."})

@@ -1,0 +1,190 @@
+"""Every command and snippet of README and docs runs as it is written, from top to bottom.
+
+What a page takes for granted - a user's robot, results of an earlier command - lies in the folder
+that it runs in. Commands that set up a machine are `.ci/run`'s business.
+"""
+
+import os
+import re
+import shlex
+import shutil
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from sybil import Sybil
+from sybil.parsers.markdown import CodeBlockParser
+
+import jointplay as jp
+
+ROOT = Path(__file__).parents[1]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+JOINTPLAY = Path(sys.executable).parent / "jointplay"
+
+NIGHTLY = ("jointplay scara", "jointplay run --certify")
+"""Commands that take long: the study has a test of its own, certificates many."""
+
+ROBOT = """<robot name="mine">
+  <link name="base"/>
+  <link name="upper"><inertial><origin xyz="0.1 0 0"/><mass value="1.0"/>
+    <inertia ixx="0.002" iyy="0.006" izz="0.006" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <link name="lower"><inertial><origin xyz="0.1 0 0"/><mass value="0.6"/>
+    <inertia ixx="0.002" iyy="0.004" izz="0.004" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <link name="gripper"/>
+  <joint name="shoulder" type="revolute"><parent link="base"/><child link="upper"/>
+    <axis xyz="0 0 1"/><limit lower="-3" upper="3" effort="50" velocity="5"/></joint>
+  <joint name="elbow" type="revolute"><parent link="upper"/><child link="lower"/>
+    <origin xyz="0.2 0 0"/><axis xyz="0 0 1"/><limit lower="-3" upper="3" effort="50" velocity="5"/>
+  </joint>
+  <joint name="wrist" type="fixed"><parent link="lower"/><child link="gripper"/>
+    <origin xyz="0.2 0 0"/></joint>
+</robot>
+"""
+
+
+def blocks(page, language):
+    return [e for e in parsed(page) if e.parsed.language == language]
+
+
+class Block:
+    """A block of code with its language; what runs it is below."""
+
+    def __init__(self, language, text):
+        self.language, self.text = language, text
+
+
+def parsed(page):
+    def keep(language):
+        def parser(document):
+            for region in CodeBlockParser(language=language, evaluator=lambda _: None)(document):
+                region.parsed = Block(language, str(region.parsed))
+                yield region
+
+        return parser
+
+    sybil = Sybil([keep("python"), keep("sh"), keep("text")], path=str(page.parent), patterns=["*"])
+    return list(sybil.parse(page).examples())
+
+
+def commands(text):
+    """The commands of a block, comments and continuations gone."""
+    joined = text.replace("\\\n", " ")
+    lines = [shlex.split(line, comments=True) for line in joined.splitlines()]
+    return [shlex.join(words) for words in lines if words]
+
+
+@pytest.fixture(scope="module")
+def earlier(tmp_path_factory):
+    """Results that pages speak of."""
+    folder = tmp_path_factory.mktemp("earlier")
+    motion = jp.Motion.from_csv(jp.shipped("scara_motion.csv"))
+    for name, clearance in (("ideal", None), ("case1_0.2mm", 2e-4), ("case2_0.5mm", 5e-4)):
+        joint = (
+            jp.ClearanceJoint(radial_clearance=clearance, axial_clearance=clearance)
+            if clearance
+            else None
+        )
+        joints = {"joint_b": joint} if joint else {}
+        robot = jp.Mechanism(jp.shipped("scara.urdf"), joints, gravity=(0, 0, 0))
+        jp.simulate(robot, motion, duration=0.05).save(folder / f"{name}.nc")
+    return folder
+
+
+@pytest.fixture
+def folder(earlier, tmp_path, monkeypatch):
+    """A folder with what users have: a robot, its motion, results of an earlier run."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.setenv("PATH", f"{JOINTPLAY.parent}{os.pathsep}{os.environ['PATH']}")
+    monkeypatch.setenv("MPLBACKEND", "agg")
+    (tmp_path / "my_robot.urdf").write_text(ROBOT)
+    for name, source in {"a": "case1_0.2mm", "b": "case2_0.5mm", "one": "case1_0.2mm"}.items():
+        shutil.copy(earlier / f"{source}.nc", tmp_path / f"{name}.nc")
+    shutil.copy(earlier / "case1_0.2mm.nc", tmp_path)
+    shutil.copytree(earlier, tmp_path / "results")
+    yield tmp_path
+    sys.modules.pop("my_laws", None)
+
+
+def run(command):
+    """Run a line of a shell; servers are stopped once they serve."""
+    if command.startswith("jointplay play") and "--html" not in command:
+        return serve(command)
+    done = subprocess.run(command, shell=True, capture_output=True, text=True, timeout=1800)
+    assert done.returncode == 0, f"{command}\n{done.stdout}\n{done.stderr}"
+    assert "Traceback" not in done.stderr
+    return None
+
+
+def serve(command):
+    process = subprocess.Popen(
+        f"exec {command} --no-browser",
+        shell=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
+    said = ""
+    while "http://" not in said:
+        line = process.stdout.readline()
+        assert line, f"{command} ended: {said}"
+        said += line
+    process.send_signal(signal.SIGINT)
+    process.communicate(timeout=600)
+
+
+def fresh(command):
+    """Nothing is overwritten, so a folder that an earlier line filled gives way."""
+    found = re.search(r"--out (\S+)", command)
+    if found and Path(found[1]).is_dir() and command.startswith("jointplay run"):
+        shutil.rmtree(found[1])
+
+
+PYTHON = [page for page in PAGES if blocks(page, "python")]
+SHELL = [page for page in PAGES if blocks(page, "sh")]
+
+
+@pytest.mark.parametrize("page", PYTHON, ids=lambda page: str(page.relative_to(ROOT)))
+def test_snippets_run_as_they_are_written(page, folder):
+    matplotlib = pytest.importorskip("matplotlib.pyplot")
+    names = {"my_axes": matplotlib.figure().subplots(), "__name__": "__main__"}
+    text = page.read_text()
+    for block in blocks(page, "python"):
+        source = block.parsed.text
+        before = text[: block.start].rstrip().splitlines()[-1] if block.start else ""
+        file = re.search(r"`(\w+\.py)`", before)
+        if file:
+            (folder / file[1]).write_text(source)
+        exec(compile(source, f"{page.name}, line {block.line}", "exec"), names)
+    matplotlib.close("all")
+
+
+@pytest.mark.parametrize("page", SHELL, ids=lambda page: str(page.relative_to(ROOT)))
+def test_commands_run_as_they_are_written(page, folder):
+    for block in parsed(page):
+        if block.parsed.language == "text" and block.parsed.text.startswith("time_s,"):
+            (folder / "move.csv").write_text(block.parsed.text)
+        if block.parsed.language != "sh":
+            continue
+        for command in commands(block.parsed.text):
+            plain = command.replace(".venv/bin/", "")
+            if plain.startswith(("python3 -m venv", "mkdocs", *NIGHTLY)):
+                continue
+            fresh(plain)
+            run(plain)
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("command", ["jointplay run --certify --out certified"])
+def test_long_commands_of_the_readme_run(command, folder):
+    assert command in (ROOT / "README.md").read_text()
+    run(command)
+
+
+def test_every_command_of_the_command_line_is_shown_somewhere():
+    from jointplay.commands import MODULES
+
+    text = "\n".join(page.read_text() for page in PAGES)
+    assert {name for name in MODULES if f"jointplay {name}" not in text} == set()

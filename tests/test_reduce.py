@@ -1,0 +1,258 @@
+"""Reduced models of play, and their files."""
+
+import json
+import xml.etree.ElementTree as ElementTree
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from conftest import body, joint
+
+from jointplay import ClearanceJoint, Gear, JointplayError, Mechanism
+from jointplay.analysis.reduce import reduce_joint
+from jointplay.analysis.reduced_files import to_json, to_sdf, to_urdf, to_yaml
+from jointplay.analysis.reduced_mjcf import follow, to_mjcf
+from jointplay.cli import main
+
+GEAR = Gear(play=4e-3, rotor_inertia=0.05, stiffness=2e3, damping=2.0)
+GRAVITY = 9.81
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory):
+    """An arm about a vertical axis: its weight leans the journal, and turns nothing."""
+    found = tmp_path_factory.mktemp("reduce") / "arm.urdf"
+    found.write_text(
+        '<robot name="r"><link name="base"/>'
+        + body("arm", mass=2.0, com="0.3 0 0", inertia=0.02)
+        + body("hand", mass=0.5, com="0 0 0")
+        + joint("j", "base", "arm")
+        + joint("k", "arm", "hand", axis="0 1 0", at="0.5 0 0")
+        + "</robot>"
+    )
+    return found
+
+
+def bearing(**changes):
+    return ClearanceJoint(**{"radial_clearance": 1e-4, "axial_clearance": 1e-4} | changes)
+
+
+@pytest.fixture(scope="module")
+def geared(path):
+    """The arm with play in bearing and gear, and what is left of it."""
+    mechanism = Mechanism(path, {"j": bearing()}, gears={"j": GEAR})
+    return mechanism, reduce_joint(mechanism, "j", {"k": 0.3}, period=1.6)
+
+
+@pytest.fixture(scope="module")
+def plain(path):
+    """The arm with play in its bearing only."""
+    mechanism = Mechanism(path, {"j": bearing()})
+    return mechanism, reduce_joint(mechanism, "j", period=0.8)
+
+
+def test_the_dead_band_is_the_gears_and_none_is_the_bearings(geared, plain):
+    assert geared[1].dead_band == GEAR.play
+    assert plain[1].dead_band == 0.0
+    assert plain[1].angle_error == 0.0
+
+
+def test_friction_is_that_of_the_rims_that_bear_the_moment(plain):
+    mechanism, found = plain
+    one = mechanism.clearance["j"]
+    moment = GRAVITY * (2.0 * 0.3 + 0.5 * 0.5)
+    # Both rims bear moment / length, and the weight rests on a rim at the end wall.
+    wanted = 0.1 * one.rj * (2.0 * moment / one.lj + 2.5 * GRAVITY)
+    assert found.friction == pytest.approx(wanted, rel=0.2)
+    assert found.friction_range[0] < wanted * 1.1
+    assert found.friction_error < 0.3 * wanted
+
+
+def test_the_lean_is_that_of_the_bearing(plain):
+    mechanism, found = plain
+    one = mechanism.clearance["j"]
+    assert found.tilt == pytest.approx(2.0 * one.cr / one.lj)
+    assert found.load[2] == pytest.approx(-2.5 * GRAVITY)
+    # Hertz: force = k depth^1.5, so the chord at the load is k^(2/3) force^(1/3).
+    push = np.hypot(*found.load[3:5]) / one.lj
+    assert found.contact_stiffness == pytest.approx(
+        one.hertz_stiffness ** (2 / 3) * push ** (1 / 3), rel=0.02
+    )
+
+
+def test_mujoco_follows_the_link_through_reversals_within_the_stated_error(geared):
+    pytest.importorskip("mujoco")
+    mechanism, found = geared
+    seen = follow(to_mjcf(mechanism, found), found)
+    # The link changes flanks: the error is small against the play that it crosses.
+    lag = found.history["motor"] - found.history["full"]
+    assert lag.max() - lag.min() > GEAR.play
+    assert seen.error <= found.angle_error
+    assert seen.rms < 0.25 * GEAR.play
+
+
+def test_without_the_dead_band_mujoco_misses_the_link_by_the_play(geared):
+    pytest.importorskip("mujoco")
+    from dataclasses import replace
+
+    mechanism, found = geared
+    stiff = replace(found, dead_band=1e-9)
+    seen = follow(to_mjcf(mechanism, stiff), replace(stiff, history=found.history))
+    fitted = follow(to_mjcf(mechanism, found), found)
+    assert seen.rms > 2.0 * fitted.rms
+
+
+def test_mjcf_has_no_further_freedom_without_play_about_the_axis(plain, geared):
+    mujoco = pytest.importorskip("mujoco")
+    for (mechanism, found), tilt, freedoms in (
+        (plain, False, 2),
+        (geared, False, 3),
+        (plain, True, 4),
+        (geared, True, 5),
+    ):
+        model = mujoco.MjModel.from_xml_string(to_mjcf(mechanism, found, tilt=tilt))
+        assert model.nv == freedoms
+
+
+def test_mjcf_has_the_robots_masses_poses_and_friction(plain):
+    mujoco = pytest.importorskip("mujoco")
+    mechanism, found = plain
+    model = mujoco.MjModel.from_xml_string(to_mjcf(mechanism, found))
+    data = mujoco.MjData(model)
+    ideal = mechanism.ideal()
+    q = np.array([0.4, -0.7])
+    data.qpos[:] = q
+    mujoco.mj_forward(model, data)
+    mass = np.zeros((2, 2))
+    mujoco.mj_fullM(model, data, mass)
+    assert mass == pytest.approx(pin.crba(ideal.model, ideal.data, q).reshape(2, 2), abs=1e-6)
+    pin.framesForwardKinematics(ideal.model, ideal.data, q)
+    place = ideal.data.oMf[ideal.tool_frame].translation
+    assert data.site_xpos[-1] == pytest.approx(place, abs=1e-9)
+    assert model.dof_frictionloss[0] == pytest.approx(found.friction)
+
+
+def test_the_lean_stops_where_the_bore_stops_it(plain):
+    mujoco = pytest.importorskip("mujoco")
+    mechanism, found = plain
+    model = mujoco.MjModel.from_xml_string(to_mjcf(mechanism, found, tilt=True))
+    data = mujoco.MjData(model)
+    for _ in range(3000):
+        mujoco.mj_step(model, data)
+    lean = np.hypot(data.joint("j.pitch").qpos[0], data.joint("j.roll").qpos[0])
+    assert lean == pytest.approx(found.tilt, rel=0.1)  # under its weight, at the stop
+
+
+def test_the_encoder_sits_where_it_is_asked_to(geared):
+    mechanism, found = geared
+    for encoder, read in (("motor", "j.motor"), ("link", "j")):
+        root = ElementTree.fromstring(to_mjcf(mechanism, found, encoder=encoder))
+        sensor = next(s for s in root.iter("jointpos") if s.get("name") == "j.encoder")
+        assert sensor.get("joint") == read
+        assert json.loads(to_json(found, encoder))["encoder"] == encoder
+    with pytest.raises(JointplayError, match="no place for the encoder 'gear'"):
+        to_mjcf(mechanism, found, encoder="gear")
+
+
+def test_the_urdf_has_the_play_as_a_joint_behind_the_motors_link(geared, tmp_path):
+    mechanism, found = geared
+    file = tmp_path / "r.urdf"
+    file.write_text(to_urdf(mechanism, found))
+    model = pin.buildModelFromUrdf(str(file))
+    assert [*model.names][1:] == ["j", "j_play", "k"]
+    at = model.joints[model.getJointId("j_play")].idx_q
+    assert model.upperPositionLimit[at] - model.lowerPositionLimit[at] == pytest.approx(GEAR.play)
+    # A body moved by motor and play alike stands where the joint alone would put it.
+    ideal = mechanism.ideal()
+    data, own = model.createData(), ideal.data
+    pin.framesForwardKinematics(model, data, np.array([0.5, 1e-3, 0.2]))
+    pin.framesForwardKinematics(ideal.model, own, np.array([0.501, 0.2]))
+    hand = data.oMf[model.getFrameId("hand")].homogeneous
+    assert hand == pytest.approx(own.oMf[ideal.model.getFrameId("hand")].homogeneous)
+    # No inertia is lost or doubled: the links' is the arm's, the rotor's comes on top.
+    mass = pin.crba(model, data, np.zeros(3)).reshape(3, 3)
+    still = pin.crba(ideal.model, own, np.zeros(2)).reshape(2, 2)
+    assert mass[1, 1] == pytest.approx(still[0, 0])
+    assert mass[0, 0] == pytest.approx(still[0, 0] + GEAR.rotor_inertia)
+
+
+def test_without_play_about_the_axis_the_urdf_gets_friction_only(plain, tmp_path):
+    mechanism, found = plain
+    root = ElementTree.fromstring(to_urdf(mechanism, found))
+    assert len(root.findall("joint")) == 2
+    dynamics = root.find("joint[@name='j']/dynamics")
+    assert float(dynamics.get("friction")) == found.friction
+
+
+def test_the_sdf_stands_where_the_robot_stands(geared):
+    mechanism, found = geared
+    model = ElementTree.fromstring(to_sdf(mechanism, found)).find("model")
+    ideal = mechanism.ideal()
+    pin.forwardKinematics(ideal.model, ideal.data, np.zeros(2))
+    for name, index in (("j", 1), ("k", 2)):
+        pose = [float(x) for x in model.find(f"link[@name='{name}_link']/pose").text.split()]
+        place = ideal.data.oMi[index]
+        assert pose[:3] == pytest.approx(place.translation)
+        assert pin.rpy.rpyToMatrix(*pose[3:]) == pytest.approx(place.rotation)
+    masses = [float(m.text) for m in model.iter("mass")]
+    assert sum(masses) == pytest.approx(2.5, abs=2e-3)
+    limit = model.find("joint[@name='j_play']/axis/limit")
+    assert float(limit.find("upper").text) == pytest.approx(GEAR.play / 2)
+    assert float(limit.find("stiffness").text) == GEAR.stiffness
+    names = {link.get("name") for link in model.iter("link")}
+    for one in model.iter("joint"):
+        assert one.find("child").text in names
+        assert one.find("parent").text in names | {"world"}
+
+
+def test_json_and_yaml_say_the_same_and_ranges_hold_the_values(geared):
+    yaml = pytest.importorskip("yaml")
+    _, found = geared
+    data = json.loads(to_json(found, spread=0.5))
+    for name, (low, high) in data["ranges"].items():
+        assert low <= data[name] <= high
+    assert "assumed" in data["ranges_note"]
+    flat = yaml.safe_load(to_yaml(found))
+    assert flat == {key: data[key] for key in flat}
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"joint": "x"}, "no joint with play 'x'; available: j"),
+        ({"joint": "j", "amplitude": 0.0}, "amplitude must be greater than zero"),
+        ({"joint": "j", "pose": {"z": 1.0}}, "no moving joint 'z'; available: j, k"),
+    ],
+)
+def test_reductions_refuse_what_cannot_be(path, options, message):
+    mechanism = Mechanism(path, {"j": bearing()})
+    with pytest.raises(JointplayError, match=message):
+        reduce_joint(mechanism, **options)
+
+
+def test_the_command_writes_all_formats(path, tmp_path, capsys):
+    pytest.importorskip("mujoco")
+    out = tmp_path / "out"
+    options = ["--joint", "j", "--clearance", "0.1 mm", "--gear", "j=0.2 deg"]
+    options += ["--gear-stiffness", "2000", "--rotor-inertia", "0.05", "--gear-damping", "2"]
+    options += ["--period", "0.8", "--check", "--quiet", "--out", str(out)]
+    assert main(["reduce", str(path), *options]) == 0
+    text = capsys.readouterr().out
+    assert "stated error" in text
+    assert "MuJoCo: link's angle off by up to" in text
+    assert {one.suffix for one in out.iterdir()} == {
+        ".xml",
+        ".sdf",
+        ".urdf",
+        ".yaml",
+        ".json",
+        ".png",
+    }
+
+
+def test_the_command_asks_for_what_a_gear_needs(path, tmp_path, capsys):
+    options = ["--joint", "j", "--gear", "j=0.2 deg", "--out", str(tmp_path / "o")]
+    assert main(["reduce", str(path), *options]) == 2
+    assert "--gear-stiffness is missing" in capsys.readouterr().err
+    assert main(["reduce", str(path), "--joint", "j", "--out", str(tmp_path / "p")]) == 2
+    assert "missing" in capsys.readouterr().err

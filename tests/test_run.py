@@ -1,0 +1,255 @@
+"""Runs that one holds: moments, states, checkpoints, judging."""
+
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+from conftest import body, joint, still
+
+import jointplay as jp
+from jointplay.kernel import Status
+
+
+@pytest.fixture
+def arm(urdf):
+    """A loaded joint, followed by an ideal one."""
+    path = urdf(
+        body("one", com="0.1 0 0"), joint("a", "base", "one", axis="0 1 0"),
+        body("two", com="0.1 0 0"), joint("b", "one", "two", axis="0 1 0", at="0.2 0 0"),
+    )  # fmt: skip
+    bearing = jp.ClearanceJoint(radial_clearance=1e-4, axial_clearance=1e-4)
+    return jp.Mechanism(path, {"a": bearing})
+
+
+def moving(arm, duration=0.02, **options):
+    motion = jp.Motion(["a", "b"], [0.0, 0.02], [[0.0, 0.0], [0.2, -0.3]])
+    return jp.Simulation(arm, motion, duration=duration, **options)
+
+
+METHODS = (
+    {},
+    {"tolerance": 1e-3},
+    {"integrator": "rk4"},
+    {"integrator": "semi-implicit-euler"},
+)
+
+
+@pytest.mark.parametrize("options", METHODS)
+def test_to_look_changes_nothing(arm, options):
+    simulation = moving(arm, 0.005, start="centred", **options)
+    plain = simulation.run()
+    run = simulation.prepare()
+    moments = list(run.moments(1e-3))
+    assert (run.workspace.recorded("q") == plain["q"].values).all()
+    assert (run.workspace.recorded("work")[:, 0] == plain["drive_work"].values).all()
+    assert [round(1e3 * moment.time) for moment in moments] == [0, 1, 2, 3, 4, 5]
+
+
+def test_moments_are_what_the_records_say(arm):
+    simulation = moving(arm, 0.01, record_every=1)
+    result = simulation.run()
+    step = simulation.step
+    for moment in simulation.steps(every=2e-3):
+        at = round(moment.time / step)
+        if at == len(result.time) - 1:
+            continue
+        assert moment.q == pytest.approx(result["q"].values[at], abs=1e-12)
+        # The record was made with the inertia of the next macro step.
+        assert moment.v == pytest.approx(result["v"].values[at], abs=1e-5)
+        centre, _ = moment.journal("a")
+        assert centre == pytest.approx(result["journal_centre"].values[at, 0], abs=1e-12)
+        size = np.linalg.norm(result["joint_force"].values[at, 0])
+        assert np.linalg.norm(moment.force("a")) == pytest.approx(size, rel=1e-3)
+        forces = result["normal_force"].values[at, 0]
+        assert list(moment.contacts("a").values()) == pytest.approx(
+            list(forces), rel=1e-3, abs=1e-3
+        )
+    assert moment.position("b") == moment.q[list(moment.coordinates).index("b")]
+
+
+def test_one_can_stop_looking(arm):
+    for moment in moving(arm).steps(every=1e-3):
+        if moment.time > 3e-3:
+            break
+    assert 3e-3 < moment.time < 5e-3
+
+
+def test_wrong_names_in_a_moment_are_told_with_choices(arm):
+    moment = next(moving(arm).steps())
+    with pytest.raises(jp.JointplayError, match=r"a\.x"):
+        moment.position("c")
+    with pytest.raises(jp.JointplayError, match="joint with clearance 'b'"):
+        moment.journal("b")
+
+
+def test_any_coordinate_can_be_given_a_state(arm):
+    state = {"a.x": (2e-5, 0.01), "a.z": -1e-5, "a.pitch": (1e-3, None), "b": (0.4, None)}
+    still_b = dataclasses.replace(
+        moving(arm), motion=jp.Motion(["a"], [0, 0.02], [[0], [0]]), drive={"a": jp.Prescribed()}
+    )
+    run = dataclasses.replace(still_b, state=state).prepare()
+    pairs = zip(run.workspace.q, run.workspace.v, strict=True)
+    named = dict(zip(arm.coordinates, pairs, strict=True))
+    assert named["a.x"] == (2e-5, 0.01)
+    assert named["a.z"] == (-1e-5, 0.0)
+    assert named["a.y"] == (0.0, 0.0)  # a journal with a place does not look for rest
+    assert named["a.pitch"] == (1e-3, 0.0)
+    assert named["b"] == (0.4, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("state", "text"),
+    [
+        ({"c": 1.0}, r"no moving joint or coordinate 'c'.*a\.x"),
+        ({"a.q": 1.0}, r"a\.x"),
+        ({"a": 1.0}, "follows the motion"),
+        ({"a.yaw": 1.0}, "follows the motion"),
+        ({"a.x": (1.0, 2.0, 3.0)}, "pair of position and speed"),
+        ({"a.x": float("nan")}, "start of joint 'a.x'"),
+        ({"a.x": (0.0, float("inf"))}, "speed at the start of joint 'a.x'"),
+    ],
+)
+def test_wrong_states_are_refused(arm, state, text):
+    with pytest.raises(jp.JointplayError, match=text):
+        moving(arm, state=state).prepare()
+
+
+def test_older_ways_to_give_a_state_still_work(arm):
+    old = jp.Simulation(arm, duration=1e-3, drive={}, start={"b": 0.3}, start_speed={"b": 1.0})
+    assert old.state == {"b": (0.3, 1.0)}
+    assert old.start is None
+
+
+@pytest.mark.parametrize("options", [*METHODS, {"seed": 4}])
+def test_a_checkpoint_is_continued_bit_for_bit(arm, tmp_path, options):
+    payload = jp.Payload("two", 0.5, pick=2e-3, release=6e-3)
+    bearing = jp.ClearanceJoint(
+        radial_clearance=1e-4, axial_clearance=1e-4, friction=jp.LuGre(), wear_rate=1e-13
+    )
+    mechanism = arm.with_clearance({"a": bearing})
+    simulation = moving(mechanism, 8e-3, payloads=[payload], judge_from=3e-3, **options)
+    whole = simulation.run()
+    run = simulation.prepare()
+    for moment in run.moments(1e-3):
+        if moment.time >= 4e-3:
+            break
+    path = run.checkpoint(tmp_path / "run.npz")
+    again = jp.Simulation.resume(path).execute()
+    for name in whole.dataset.data_vars:
+        assert np.array_equal(again[name].values, whole[name].values, equal_nan=True), name
+    assert again.audit == whole.audit
+    assert again.status == Status.COMPLETED
+
+
+def test_a_loop_is_continued_bit_for_bit(tmp_path):
+    simulation = jp.Scenario.load("jointplay:four_bar.toml").simulation("0.2 mm")
+    simulation = dataclasses.replace(simulation, duration=4e-3)
+    run = simulation.prepare()
+    for now in run.stretches():
+        if now > 2e-3:
+            break
+    again = jp.Simulation.resume(run.checkpoint(tmp_path / "run.npz")).execute()
+    assert (again["q"].values == simulation.run()["q"].values).all()
+
+
+def test_damaged_and_foreign_checkpoints_are_refused(arm, tmp_path):
+    run = moving(arm).prepare()
+    path = run.checkpoint(tmp_path / "run.npz")
+    with pytest.raises(jp.JointplayError, match="no checkpoint"):
+        jp.Simulation.resume(tmp_path / "none")
+    damaged = tmp_path / "damaged"
+    damaged.write_bytes(path.read_bytes()[:-100])
+    with pytest.raises(jp.JointplayError, match="damaged"):
+        jp.Simulation.resume(damaged)
+    with np.load(path) as opened:
+        arrays = dict(opened)
+    head = json.loads(arrays["head"].tobytes())
+    head["versions"]["numba"] = "0.1"
+    arrays["head"] = np.frombuffer(json.dumps(head).encode(), np.uint8)
+    other = tmp_path / "other.npz"
+    np.savez(other, **arrays)
+    with pytest.raises(jp.JointplayError, match=r"another version \(numba 0\.1"):
+        jp.Simulation.resume(other)
+
+
+def test_guards_surround_the_time_loop(arm):
+    seen = []
+
+    class Guard:
+        def __enter__(self):
+            seen.append(run.workspace.steps)
+
+        def __exit__(self, *_):
+            seen.append(run.workspace.steps)
+
+    run = moving(arm, 1e-3).prepare()
+    run.guards.append(Guard)
+    run.execute()
+    assert seen == [0, run.steps]
+
+
+def turning(urdf, **options):
+    path = urdf(body("disc", com="0.02 0 0"), joint("pin", "base", "disc"))
+    bearing = jp.ClearanceJoint.planar(radial_clearance=1e-4)
+    robot = jp.Mechanism(path, {"pin": bearing}, gravity=(0.0, -9.81, 0.0))
+    motion = jp.Motion(["pin"], [0.0, 0.1], [[0.0], [60.0 * 0.1]], "constant-speed")
+    return jp.Simulation(robot, motion, drive=jp.Prescribed(), **options)
+
+
+def test_turns_settle_when_the_joint_has_turned_so_often(urdf):
+    simulation = turning(urdf, settle="0.5 turns")
+    assert simulation.judged_from == pytest.approx(np.pi / 60.0)
+    result = simulation.run()
+    assert result.judge_from == pytest.approx(np.pi / 60.0)
+    force = np.linalg.norm(result["joint_force_peak"].values[:, 0], axis=1)
+    assert result.audit.peak_force == force[result.time >= result.judge_from].max()
+    assert result.audit.peak_force_before == force[result.time < result.judge_from].max()
+    assert f"from {result.judge_from:g} s on" in str(result.audit)
+
+
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        ({"settle": "5 turns"}, "no joint of the motion turns so often"),
+        ({"settle": "soon"}, "as in '2 turns'"),
+        ({"settle": 0.2}, "the run ends at 0.1 s"),
+        ({"judge_from": -1.0}, "judge_from"),
+        ({"judge_from": 0.01, "settle": 0.02}, "give one of them"),
+        ({"start": "there"}, "no start 'there'"),
+    ],
+)
+def test_wrong_judging_is_refused(urdf, options, text):
+    with pytest.raises(jp.JointplayError, match=text):
+        turning(urdf, **options).prepare()
+
+
+def test_what_is_judged_counts_from_there(urdf):
+    whole = turning(urdf, start="centred").run()
+    late = turning(urdf, start="centred", judge_from=0.05).run()
+    assert (whole["q"].values == late["q"].values).all()
+    assert late.audit.judged_impacts < whole.audit.judged_impacts == whole.audit.impacts
+    assert 0.0 < late.audit.judged_impulse < whole.audit.judged_impulse
+    assert late.audit.peak_force < late.audit.peak_force_before
+
+
+def test_falling_journals_are_not_judged_in_long_runs(arm):
+    assert moving(arm, 0.5, start="centred").judged_from == pytest.approx(0.15)
+    assert moving(arm, 0.5, seed=1).judged_from == pytest.approx(0.15)
+    assert moving(arm, 0.5).judged_from == 0.0
+    assert moving(arm, 0.2, start="centred").judged_from == 0.0
+
+
+def test_results_of_version_0_1_are_judged_as_then(arm):
+    result = moving(arm, 2e-3, start="centred").run()
+    audit = json.loads(result.dataset.attrs["audit"])
+    for key in ("judged_from", "judged_impacts", "start", "peak_force"):
+        del audit[key]
+    result.dataset.attrs["audit"] = json.dumps(audit)
+    result.dataset["time"] = result.dataset["time"] * 1000.0
+    assert jp.Result(result.dataset).judge_from == pytest.approx(0.15)
+
+
+def test_still_machine_says_how_it_began(arm):
+    audit = jp.Simulation(arm, still(arm, 1e-3)).run().audit
+    assert "journals start at rest (unbalanced" in audit.headline

@@ -1,0 +1,215 @@
+"""What a load can reach within a joint's play."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from jointplay import ClearanceJoint, JointplayError, PrismaticJoint, SphericalJoint
+from jointplay.analysis.statics import BlockPlay, JournalPlay, TurnPlay, play
+from jointplay.geometry import gaps, touch
+
+LENGTHS = st.floats(1e-6, 5e-4)
+NUMBERS = st.floats(-1.0, 1.0)
+
+
+def bearing(**changes):
+    fields = {"radial_clearance": 1e-4, "axial_clearance": 1e-4} | changes
+    return ClearanceJoint(**fields)
+
+
+def loads(seed, count=40):
+    random = np.random.default_rng(seed)
+    sizes = 10.0 ** random.uniform(-1.5, 1.5, (count, 6))
+    return random.normal(size=(count, 6)) * sizes * [1, 1, 1, 0.02, 0.02, 0.02]
+
+
+def twist(centre, axis):
+    """Displacement of a journal: its centre, and the rotation that leans its axis."""
+    lean = np.hypot(axis[0], axis[1])
+    angle = np.arctan2(lean, axis[2]) / lean if lean > 0.0 else 1.0
+    return np.array([*centre, -axis[1] * angle, axis[0] * angle, 0.0])
+
+
+def feasible(joint, random):
+    """A random pose of the journal, as far out as the gaps allow."""
+    way = random.normal(size=5)
+    low, high = 0.0, 0.02
+    for _ in range(60):
+        s = 0.5 * (low + high)
+        centre = s * way[:3] * [1.0, 1.0, 1.0]
+        lean = s * way[3:] * 40.0
+        axis = np.array([*lean, np.sqrt(max(1.0 - lean @ lean, 0.0))])
+        fits = lean @ lean < 0.5
+        if fits:
+            sizes = joint.ri, joint.li, joint.rj, joint.lj
+            fits = gaps(centre, axis, *sizes)[0].min() >= 0.0
+        low, high = (s, high) if fits else (low, s)
+    centre, lean = low * way[:3], low * way[3:] * 40.0
+    return twist(centre, np.array([*lean, np.sqrt(1.0 - lean @ lean)]))
+
+
+@given(radial=LENGTHS, axial=LENGTHS, seed=st.integers(0, 2**31))
+def test_no_pose_of_the_journal_without_penetration_is_beyond_the_support_function(
+    radial, axial, seed
+):
+    random = np.random.default_rng(seed)
+    joint = bearing(radial_clearance=radial, axial_clearance=axial)
+    pushes = loads(seed)
+    bound = play(joint).support(pushes).value
+    for _ in range(5):
+        assert np.all(pushes @ feasible(joint, random) <= bound * (1.0 + 1e-9))
+
+
+def test_the_bound_of_the_journal_is_reached_but_for_the_second_order():
+    joint = bearing()
+    random = np.random.default_rng(3)
+    found = play(joint)
+    points = np.array([feasible(joint, random) for _ in range(20000)])
+    for push in ([1.0, 0, 0, 0, 0, 0], [0, 0, 1.0, 0, 0, 0], [0, 0, 0, 1.0, 0, 0]):
+        reached = (points @ push).max()
+        assert reached > 0.93 * found.support(np.array(push)).value[0]
+    assert found.excess < 0.005
+
+
+@given(seed=st.integers(0, 2**31), along=LENGTHS)
+def test_where_the_maximum_is_attained_lies_in_the_set(seed, along):
+    one = JournalPlay(1e-4, along, 0.04, 0.01)
+    value, point = one.support(loads(seed))
+    lean = np.column_stack([point[:, 4], -point[:, 3]])
+    for side in (1.0, -1.0):
+        rim = np.linalg.norm(point[:, :2] + side * 0.02 * lean, axis=1)
+        assert np.all(rim <= 1e-4 * (1.0 + 1e-9))
+    walls = np.abs(point[:, 2]) + 0.01 * np.linalg.norm(lean, axis=1)
+    assert np.all(walls <= along * (1.0 + 1e-9))
+    assert np.allclose(np.einsum("ij,ij->i", loads(seed), point), value)
+
+
+@given(seed=st.integers(0, 2**31), along=LENGTHS)
+def test_no_share_of_the_load_between_the_rims_proves_a_smaller_maximum(seed, along):
+    # Weak duality: each y gives an upper bound; the best of many comes close to the maximum.
+    radius, length, rim = 1e-4, 0.04, 0.01
+    pushes = loads(seed, 8)
+    value = JournalPlay(radius, along, length, rim).support(pushes).value
+    angles = np.linspace(0.0, 2.0 * np.pi, 721)
+    for push, found in zip(pushes, value, strict=True):
+        bend = np.array([push[4], -push[3]]) / length
+        near, far = push[:2] / 2.0 + bend, push[:2] / 2.0 - bend
+        hold, widest = abs(push[2]) * rim / length, length * along / rim
+        circle = hold * np.column_stack([np.cos(angles), np.sin(angles)])
+        way = np.linspace(0.0, 1.0, 401)[:, None]
+        between = -near + way * (far + near)
+        y = np.concatenate([circle, between, circle * way[200], np.zeros((1, 2))])
+        bound = radius * np.linalg.norm(near + y, axis=1)
+        bound += radius * np.linalg.norm(far - y, axis=1)
+        bound += widest * np.maximum(np.linalg.norm(y, axis=1) - hold, 0.0)
+        bound += abs(push[2]) * along
+        assert found <= bound.min() * (1.0 + 1e-9)
+
+
+@pytest.mark.parametrize("along", [2e-5, 5e-5, 1e-4, 1e-3])
+def test_the_maximum_is_that_of_a_fine_search(along):
+    one = JournalPlay(1e-4, along, 0.04, 0.01)
+    a = np.linspace(0.0, 2.0 * np.pi, 121)[:-1]
+    rings = [r * np.column_stack([np.cos(a), np.sin(a)]) for r in (0.0, 4e-5, 7e-5, 9e-5, 1e-4)]
+    grid = np.concatenate(rings)
+    lean = np.linalg.norm(grid[:, None] - grid[None], axis=2) / 0.04
+    pushes = loads(5, 25)
+    for push, found in zip(pushes, one.support(pushes).value, strict=True):
+        bend = np.array([push[4], -push[3]]) / 0.04
+        gain = (grid @ (push[:2] / 2 + bend))[:, None] + (grid @ (push[:2] / 2 - bend))[None]
+        gain = gain + abs(push[2]) * (along - 0.01 * lean)
+        best = gain[0.01 * lean <= along].max()
+        assert best <= found * (1.0 + 1e-9)
+        assert best > 0.9 * found
+
+
+@given(seed=st.integers(0, 2**31), factor=st.floats(1.0, 5.0))
+def test_play_is_symmetric_and_grows_with_the_clearance(seed, factor):
+    pushes = loads(seed)
+    joints = [
+        (bearing(), bearing(radial_clearance=1e-4 * factor, axial_clearance=1e-4 * factor)),
+        (SphericalJoint(radial_clearance=1e-4), SphericalJoint(radial_clearance=1e-4 * factor)),
+        (PrismaticJoint(clearance=1e-4), PrismaticJoint(clearance=1e-4 * factor)),
+    ]
+    for small, large in joints:
+        value = play(small).support(pushes).value
+        assert np.allclose(play(small).support(-pushes).value, value, rtol=1e-9)
+        assert np.all(play(large).support(pushes).value >= value * (1.0 - 1e-9))
+
+
+@given(seed=st.integers(0, 2**31))
+def test_support_functions_are_convex(seed):
+    one, other = loads(seed), loads(seed + 1)
+    for joint in (bearing(), bearing(axial_clearance=1e-5), PrismaticJoint(clearance=1e-4)):
+        h = play(joint).support
+        assert np.all(
+            h(one + other).value <= (h(one).value + h(other).value) * (1.0 + 1e-9) + 1e-18
+        )
+
+
+def test_without_axial_load_a_journal_has_the_closed_form_of_two_rims():
+    push = np.array([[3.0, -1.0, 0.0, 0.2, -0.1, 0.0]])
+    joint = bearing(lock_axial=True)
+    bend = np.array([push[0, 4], -push[0, 3]]) / joint.lj
+    half = push[0, :2] / 2
+    wanted = joint.cr * (np.linalg.norm(half + bend) + np.linalg.norm(half - bend))
+    assert play(joint, second_order=False).support(push).value == pytest.approx(wanted, rel=1e-12)
+
+
+def test_a_planar_journal_is_a_disc():
+    one = play(ClearanceJoint.planar(radial_clearance=2e-4))
+    value, point = one.support(np.array([[3.0, 4.0, 7.0, 1.0, 1.0, 1.0]]))
+    assert value == pytest.approx(5.0 * 2e-4)
+    assert point[0] == pytest.approx([1.2e-4, 1.6e-4, 0, 0, 0, 0])
+
+
+def test_an_open_bearing_bears_no_load_along_its_axis():
+    joint = bearing(axial_clearance=None, open_ends=True)
+    with pytest.raises(JointplayError, match="lock_axial"):
+        play(joint).support(np.array([[0.0, 0, 1.0, 0, 0, 0]]))
+    assert play(joint).support(np.array([[1.0, 0, 0, 0, 0, 0]])).value[0] > 0.0
+
+
+@given(seed=st.integers(0, 2**31), x=LENGTHS, y=LENGTHS)
+def test_no_pose_of_a_slider_without_penetration_is_beyond_its_support_function(seed, x, y):
+    import pinocchio as pin
+
+    joint = PrismaticJoint(clearance=x, clearance_y=y)
+    random = np.random.default_rng(seed)
+    pushes = loads(seed) * [1, 1, 0, 1, 1, 1]
+    bound = play(joint).support(pushes).value
+    sizes = np.array(joint.dimensions)
+    for _ in range(4):
+        way = random.normal(size=6) * [1, 1, 0, 30, 30, 30]
+        low, high = 0.0, 0.02
+        for _ in range(50):
+            s = 0.5 * (low + high)
+            turn = np.ascontiguousarray(pin.exp3(s * way[3:])).reshape(-1)
+            worst = min(
+                touch(int(joint.shape), sizes, 0, k, *(s * way[:3]), turn, 0)[0]
+                for k in range(len(joint.contacts))
+            )
+            low, high = (s, high) if worst >= 0.0 else (low, s)
+        assert np.all(pushes @ (low * way) <= bound * (1.0 + 1e-9))
+
+
+def test_a_slider_trades_yaw_for_room_across():
+    one = BlockPlay((1e-4, 1e-4), (0.02, 0.02, 0.04), (True, True, True))
+    assert one.support(np.array([0, 0, 0, 0, 0, 1.0])).value[0] == pytest.approx(1e-4 / 0.02)
+    assert one.support(np.array([1.0, 0, 0, 0, 0, 0])).value[0] == pytest.approx(1e-4)
+    assert one.support(np.array([0, 0, 0, 0, 1.0, 0])).value[0] == pytest.approx(1e-4 / 0.04)
+
+
+def test_a_gear_turns_by_half_its_play_either_way():
+    value, point = TurnPlay(5e-4).support(np.array([[1.0, 1, 1, 1, 1, -2.0]]))
+    assert value == pytest.approx(1e-3)
+    assert point[0] == pytest.approx([0, 0, 0, 0, 0, -5e-4])
+
+
+def test_a_worn_bore_is_as_wide_as_its_deepest_place():
+    depths = np.zeros(32)
+    depths[3] = 5e-5
+    push = np.array([[1.0, 0, 0, 0, 0, 0]])
+    joint = bearing(worn=depths, lock_tilt=True)
+    assert play(joint).support(push).value[0] == pytest.approx(1.5e-4)
