@@ -19,6 +19,7 @@ MODULES = (
     "robots",
     "urdf",
     "wear",
+    "dynamics",
     "budget",
     "allocate",
     "reduce",
