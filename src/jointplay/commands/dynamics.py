@@ -25,7 +25,7 @@ KINDS = {
     "bifurcation": "a quantity once a turn, over the values of a key (--vary)",
     "poincare": "two quantities once a turn against each other",
     "lyapunov": "largest Lyapunov exponent with its confidence; over a key with --vary",
-    "recurrence": "recurrence plot of a quantity and its share of recurrences",
+    "recurrence": "when the journal, or what is named, comes back to where it has been",
     "waterfall": "spectra over the values of a key, such as the crank's speed (--vary)",
     "basin": "on which orbit the motion ends, over where a journal starts",
 }
@@ -215,6 +215,10 @@ def _names(options: argparse.Namespace, simulation: Any) -> tuple[str, ...]:
         if thing not in simulation.mechanism.clearance and what not in pairs:
             raise JointplayError("name both quantities of the map: --of NAME --of NAME")
         return f"{thing}.{a}", f"{thing}.{b}"
+    clearance = simulation.mechanism.clearance
+    if kind == "recurrence" and not given and clearance:
+        joint = next(iter(clearance))
+        return f"{joint}.x", f"{joint}.y"
     if kind == "turns" and not given and simulation.motion is not None:
         return first, f"{simulation.motion.joints[0]}.moment"
     return given or (first,)

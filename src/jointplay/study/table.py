@@ -6,7 +6,8 @@ import csv
 import io
 import json
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Future, as_completed
+from concurrent.futures import as_completed
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -103,7 +104,7 @@ class Table:
         Args:
             work: finds a row; can be sent to another process.
             keys: values.
-            jobs: processes.
+            jobs: processes; with 1 it is done here.
             progress: show a bar with the time left.
         """
         missing = [key for key in keys if key not in self.rows]
@@ -111,10 +112,16 @@ class Table:
             return 0
         bar = tqdm(total=len(missing), unit="run", disable=not progress, smoothing=0.1)
         kept = f"what is done is in {str(self.path)!r}; the same command goes on with it"
+        if jobs == 1 or len(missing) == 1:
+            with bar:
+                for key in missing:
+                    self.add(key, *_found(partial(work, key)))
+                    bar.update()
+            return len(missing)
         with bar, workers.pool(min(jobs, len(missing)), kept) as pool:
             futures = {pool.submit(work, key): key for key in missing}
             for future in as_completed(futures):
-                self.add(futures[future], *_found(future))
+                self.add(futures[future], *_found(future.result))
                 bar.update()
         return len(missing)
 
@@ -123,9 +130,9 @@ class Table:
         return np.array([self.rows[key] for key in keys]).reshape(len(keys), len(self.columns))
 
 
-def _found(future: Future[np.ndarray]) -> tuple[np.ndarray | None, str]:
+def _found(find: Callable[[], np.ndarray]) -> tuple[np.ndarray | None, str]:
     try:
-        return future.result(), ""
+        return find(), ""
     except JointplayError as error:
         return None, str(error)
 
