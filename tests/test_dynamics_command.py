@@ -64,7 +64,7 @@ def test_processes_find_the_same_rows(tmp_path):
 def test_folder_of_another_study_is_refused(tmp_path, capsys):
     assert dynamics("bifurcation", tmp_path, *SPEEDS) == 0
     assert dynamics("bifurcation", tmp_path, *SPEEDS, "--phase", "0.5") == 2
-    assert "was made for something else (phase differ)" in capsys.readouterr().err
+    assert "was made for something else (another phase)" in capsys.readouterr().err
 
 
 def test_value_that_fails_is_kept_with_its_message_and_the_others_go_on(tmp_path, capsys):
@@ -77,7 +77,7 @@ def test_value_that_fails_is_kept_with_its_message_and_the_others_go_on(tmp_path
 
 @pytest.mark.parametrize("name", ["four_bar", "scara"])
 def test_other_mechanisms_have_sections_too(name, tmp_path, capsys):
-    step = {"four_bar": "20 us", "scara": "50 us"}[name]
+    step = {"four_bar": "5 us", "scara": "15 us"}[name]
     scenario = [f"jointplay:{name}.toml", "--case", "0.2 mm", "--set", f"integration.step={step}"]
     quick = [*QUICK[:1], "0", "--keep", "1", *QUICK[4:]]
     assert dynamics("poincare", tmp_path, scenario=scenario, quick=quick) == 0

@@ -111,7 +111,7 @@ def growths(
         second = first + apart / np.linalg.norm(difference) * difference
         first, second = advance(first), advance(second)
         difference = second - first
-        found[k] = math.log(max(np.linalg.norm(difference), 1e-300) / apart)
+        found[k] = math.log(max(float(np.linalg.norm(difference)), 1e-300) / apart)
         if not difference.any():  # has died within rounding: any direction is as good
             difference = np.random.default_rng(k).normal(size=first.shape)
     return found

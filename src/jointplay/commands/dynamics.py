@@ -114,7 +114,8 @@ class Job:
         print(f"{found} of {len(keys)} runs done now, {len(keys) - found} were there")
         failed = [key for key in keys if key in table.failures]
         for key in failed[:3]:
-            print(f"failed at {', '.join(f'{x:g}' for x in key)}: {table.failures[key]}")
+            at = f" at {', '.join(f'{x:g}' for x in key)}" if key else ""
+            print(f"failed{at}: {table.failures[key]}")
         if len(failed) > 3:
             print(f"... and {len(failed) - 3} more, see {table.path}")
         if len(failed) == len(keys):
@@ -125,8 +126,9 @@ class Job:
     def title(self) -> str:
         """Says where the figure comes from."""
         study, options = self.study, self.options
-        case = f", {options.case}" if options.case else ""
-        return f"{Path(options.file).stem}{case}: turns {study.settle + 1} to {study.end}"
+        case = f", {options.case}" if options.case and not options.vary else ""
+        file = Path(options.file.removeprefix("jointplay:")).stem
+        return f"{file}{case}: turns {study.settle + 1} to {study.end}"
 
 
 def run(options: argparse.Namespace) -> int:
@@ -299,7 +301,7 @@ def _lyapunov(job: Job) -> Figure:
 
     study = job.study
     columns = [f"growth 1/s turn {study.settle + k + 1}" for k in range(study.keep)]
-    keys = [()] if study.varied is None else _keys(study)
+    keys: list[tuple[float, ...]] = [()] if study.varied is None else _keys(study)
     rows = job.rows(columns, study.growth, keys)
     found = [lyapunov.exponent(row, 1.0) if np.isfinite(row).all() else None for row in rows]
     if study.varied is None:

@@ -144,4 +144,4 @@ def _difference(there: str, asked: str) -> str:
         names = [name for name in {**one, **other} if one.get(name) != other.get(name)]
     except (ValueError, AttributeError):
         return ""
-    return f" ({', '.join(names)} differ)" if names else ""
+    return f" (another {', '.join(names)})" if names else ""
