@@ -104,6 +104,7 @@ def _find_path_error(run):
         floats(run.drive, nv),
         floats(run.weights, nv),
     )
+    loaded = floats(run.load_push, nv)
     run.path_error = -1.0
     if run.known_free < 2 or run.events > 0:
         return
@@ -114,7 +115,8 @@ def _find_path_error(run):
         miss = found_free[i] - free_middle[i] - apart * free_slope[i] - square * free_curve[i]
         acceleration = found_free[i]
         for k in range(nv):
-            value, force = found[i, k] if i <= k else found[k, i], push[k] + effort[k]
+            value = found[i, k] if i <= k else found[k, i]
+            force = push[k] + effort[k] + loaded[k]
             change = apart * slope[i, k] + square * curve[i, k]
             miss += (value - middle[i, k] - change) * force
             acceleration += value * force

@@ -151,6 +151,8 @@ class Tree:
         effort: np.ndarray,
         joints: Sequence[int],
         constraints: Sequence[pin.RigidConstraintModel],
+        pushed: Sequence[int] = (),
+        wrenches: np.ndarray | None = None,
     ) -> tuple[np.ndarray, np.ndarray]:
         """Forces that the joints transmit while the bodies move freely under `effort`.
 
@@ -160,6 +162,9 @@ class Tree:
             joints: Pinocchio joints whose forces are wanted.
             constraints: points held together, of the kind CONTACT_3D, not stabilised; of those
                 that may be redundant, the smallest forces that do it.
+            pushed: Pinocchio joints on whose bodies given wrenches act.
+            wrenches: these: force [N], moment about the world's origin [N m], world axes, shape
+                (n, pushed, 6).
 
         Returns:
             Force of the parent on the child by joint (end - first, joints, 3), and that of the
@@ -177,7 +182,10 @@ class Tree:
         wanted = np.array([self._bodies[index] for index in joints], dtype=np.int64)
         forces = np.empty((end - first, len(wanted), 3))
         holds = np.empty((end - first, len(constraints), 3))
-        _react(self._data, q, v, effort, first, end, wanted, carriers, places, forces, holds)
+        acted = np.array([self._bodies[index] for index in pushed], dtype=np.int64)
+        given = np.zeros((len(q), 0, 6)) if wrenches is None else np.ascontiguousarray(wrenches)
+        points = carriers, places
+        _react(self._data, q, v, effort, first, end, wanted, *points, acted, given, forces, holds)
         return forces, holds
 
 
@@ -595,6 +603,8 @@ def _react(
     wanted,
     carriers,
     places,
+    acted,
+    given,
     forces,
     holds,
 ):
@@ -624,6 +634,10 @@ def _react(
             lx, ly, lz = _turned(turn, b, lx + ex, ly + ey, lz + ez)
             x, y, z = _cross(x + origin[b, 0], y + origin[b, 1], z + origin[b, 2], fx, fy, fz)
             moment[b, 0], moment[b, 1], moment[b, 2] = lx + x, ly + y, lz + z
+        for w in range(acted.size):
+            for k in range(3):
+                force[acted[w], k] -= given[i, w, k]
+                moment[acted[w], k] -= given[i, w, 3 + k]
         for b in range(count - 1, 0, -1):
             fx, fy, fz = force[b, 0], force[b, 1], force[b, 2]
             lx, ly, lz = moment[b, 0], moment[b, 1], moment[b, 2]
@@ -647,6 +661,9 @@ def _react(
         for b in range(1, count):
             fx, fy, fz, _, _, _ = _pushed(bodies, b, turn, origin, omega, alpha, grow)
             force[b, 0], force[b, 1], force[b, 2] = fx, fy, fz
+        for w in range(acted.size):
+            for k in range(3):
+                force[acted[w], k] -= given[i, w, k]
         for f in range(carriers.size):
             sign = 1.0 - 2.0 * (f % 2)
             for k in range(3):

@@ -7,7 +7,7 @@ readers need not doubt: they would stumble over it one by one, each in its own w
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
@@ -16,9 +16,11 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from jointplay import codec
 from jointplay.errors import JointplayError
-from jointplay.fields import quantity
+from jointplay.fields import choice, quantity
 from jointplay.kernel import Status
+from jointplay.loads import Load
 from jointplay.loads.drive import Drive, JointFriction
+from jointplay.loads.limits import LIMITS
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.mechanism.payload import Payload
 from jointplay.motion.reference import Motion
@@ -84,6 +86,9 @@ class Inputs:
     settle: float | str | None = quantity("s", default=None)
     judge_from: float | None = quantity("s", default=None)
     start_speed: dict[str, float] = quantity("", default_factory=dict)
+    loads: dict[str, Load] = field(default_factory=dict)
+    limits: str = choice("way with limits", LIMITS, default="ignore")
+    """Versions that knew of none ignored them."""
 
 
 class _Figure(BaseModel):

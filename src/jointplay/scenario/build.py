@@ -17,6 +17,7 @@ from jointplay.errors import JointplayError, MissingName, require_positive, with
 from jointplay.fields import fields_of
 from jointplay.host.files import is_file
 from jointplay.joints import Clearance
+from jointplay.loads import Load
 from jointplay.loads.drive import ComputedTorque, Drive, JointFriction, Torque
 from jointplay.mechanism.loop import Loop, refuse_name
 from jointplay.mechanism.mechanism import Mechanism
@@ -86,6 +87,8 @@ def build(model: Model, folder: Path) -> Simulation:
         joint_friction=_joint_friction(model, mechanism),
         seed=integration.seed,
         payloads=_payloads(model, mechanism),
+        loads=_loads(model, mechanism, folder),
+        limits=model.robot.limits,
         state={name: (start.get(name), start_speed.get(name)) for name in {**start, **start_speed}},
         start=integration.start,
         settle=integration.settle,
@@ -400,6 +403,28 @@ def _joint_friction(model: Model, mechanism: Mechanism) -> dict[str, JointFricti
         with within(*path):
             friction[name] = JointFriction(**fields)
     return friction
+
+
+def _loads(model: Model, mechanism: Mechanism, folder: Path) -> dict[str, Load]:
+    loads: dict[str, Load] = {}
+    for name, draft in _drafts(model.loads).items():
+        fitted = {}
+        for key, value in draft.fields.items():
+            units = fields_of(draft.kind)[key].units
+            if len(units) == 2 and value is not None:
+                at = ("loads", name, key)
+                fitted[key] = _fit(
+                    mechanism, draft.fields["joint"], value, (units[0], units[1]), at
+                )
+        with (
+            within("loads", name),
+            _beside(folder, str(draft.fields.get("function", ""))),
+        ):
+            load = Draft(draft.kind, draft.word, {**draft.fields, **fitted}).make()
+            load.site(mechanism)
+            load.numbers(mechanism)
+        loads[name] = load
+    return loads
 
 
 def _payloads(model: Model, mechanism: Mechanism) -> tuple[Payload, ...]:
