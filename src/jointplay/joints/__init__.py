@@ -7,22 +7,27 @@ from typing import Any
 
 from jointplay.codec import Family, Preset, read, register
 from jointplay.joints.base import RELATIVE, VIRTUAL_LINK, Clearance, Material
-from jointplay.joints.prismatic import PrismaticJoint
-from jointplay.joints.revolute import ClearanceJoint
-from jointplay.joints.spherical import SphericalJoint
+from jointplay.joints.cylindrical import CylindricalClearance
+from jointplay.joints.prismatic import PrismaticClearance
+from jointplay.joints.revolute import RevoluteClearance
+from jointplay.joints.spherical import SphericalClearance
 
 JOINT_KINDS: dict[str, type[Clearance]] = {
     kind.kind: kind
-    for kind in (ClearanceJoint, SphericalJoint, PrismaticJoint)
+    for kind in (RevoluteClearance, SphericalClearance, PrismaticClearance, CylindricalClearance)
 }
 
 
-UNNAMED_KIND: type[Clearance] = ClearanceJoint
+ClearanceJoint = RevoluteClearance
+SphericalJoint = SphericalClearance
+PrismaticJoint = PrismaticClearance
+
+UNNAMED_KIND: type[Clearance] = RevoluteClearance
 """What a joint is of which nothing is said."""
 
 JOINT_WORDS: dict[str, type[Clearance] | Preset] = {
     **JOINT_KINDS,
-    "planar": Preset(ClearanceJoint, "PlanarJoint", {"lock_tilt": True, "lock_axial": True}),
+    "planar": Preset(RevoluteClearance, "PlanarJoint", {"lock_tilt": True, "lock_axial": True}),
 }
 """Words that scenarios have for kinds of joint."""
 
@@ -55,8 +60,12 @@ __all__ = [
     "VIRTUAL_LINK",
     "Clearance",
     "ClearanceJoint",
+    "CylindricalClearance",
     "Material",
+    "PrismaticClearance",
     "PrismaticJoint",
+    "RevoluteClearance",
+    "SphericalClearance",
     "SphericalJoint",
     "joint_from_description",
     "replacing",

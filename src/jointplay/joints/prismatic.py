@@ -22,7 +22,7 @@ _MARK = {1.0: "+", -1.0: "-"}
 
 
 @dataclass(frozen=True, kw_only=True)
-class PrismaticJoint(Clearance):
+class PrismaticClearance(Clearance):
     """A block-shaped slider (the journal) in a straight guide (the bearing) that is longer.
 
     z is the direction of sliding. Each of the slider's eight corners can touch the walls across x

@@ -26,7 +26,7 @@ LEAST_AZIMUTHS = 16
 
 
 @dataclass(frozen=True, kw_only=True)
-class ClearanceJoint(RoundClearance):
+class RevoluteClearance(RoundClearance):
     """A journal of radius R_j and length L_j in a bearing of radius R_i and length L_i.
 
     Give the bearing and either the clearances or the journal; whatever is missing is derived
@@ -144,7 +144,7 @@ class ClearanceJoint(RoundClearance):
         return tuple(map(tuple, np.broadcast_to(depths, (rows, depths.shape[1])).tolist()))
 
     @classmethod
-    def planar(cls, **fields: object) -> ClearanceJoint:
+    def planar(cls, **fields: object) -> RevoluteClearance:
         """The literature's classic: tilt and axial motion locked, one radial contact.
 
         `fields` are those of the joint but for the two locks.

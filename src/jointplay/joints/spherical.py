@@ -18,7 +18,7 @@ _NUMBER = 200
 
 
 @dataclass(frozen=True, kw_only=True)
-class SphericalJoint(RoundClearance):
+class SphericalClearance(RoundClearance):
     """A ball of radius R_j in a socket of radius R_i that encloses it (one contact).
 
     Give the socket and either the clearance C = R_i - R_j or the ball. The Hertz stiffness of
