@@ -28,6 +28,7 @@ _HOMES = {
     "CarvalhoMartins": "contact",
     "Certificate": "result.certificate",
     "ClearanceJoint": "joints",
+    "CylindricalClearance": "joints",
     "ComputedTorque": "loads.drive",
     "Coulomb": "contact",
     "CustomBristle": "contact",
@@ -68,12 +69,15 @@ _HOMES = {
     "Pereira": "contact",
     "PinkusSternlicht": "contact",
     "Prescribed": "loads.drive",
+    "PrismaticClearance": "joints",
     "PrismaticJoint": "joints",
     "Radzimovsky": "contact",
     "Result": "result",
+    "RevoluteClearance": "joints",
     "Scenario": "scenario",
     "ShortBearing": "contact",
     "Simulation": "simulation",
+    "SphericalClearance": "joints",
     "SphericalJoint": "joints",
     "Threlfall": "contact",
     "Torque": "loads.drive",
@@ -144,8 +148,12 @@ if TYPE_CHECKING:
     from jointplay.geometry import Form as Form
     from jointplay.geometry import Mode as Mode
     from jointplay.joints import ClearanceJoint as ClearanceJoint
+    from jointplay.joints import CylindricalClearance as CylindricalClearance
     from jointplay.joints import Material as Material
+    from jointplay.joints import PrismaticClearance as PrismaticClearance
     from jointplay.joints import PrismaticJoint as PrismaticJoint
+    from jointplay.joints import RevoluteClearance as RevoluteClearance
+    from jointplay.joints import SphericalClearance as SphericalClearance
     from jointplay.joints import SphericalJoint as SphericalJoint
     from jointplay.joints.materials import material as material
     from jointplay.joints.materials import oil as oil

@@ -20,6 +20,7 @@ MODULES = (
     "robots",
     "urdf",
     "wear",
+    "dynamics",
     "budget",
     "allocate",
     "reduce",

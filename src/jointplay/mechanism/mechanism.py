@@ -20,7 +20,7 @@ import pinocchio as pin
 from jointplay.codec import Described, plain
 from jointplay.errors import JointplayError, MissingName, require_finite, within
 from jointplay.fields import quantity
-from jointplay.joints import VIRTUAL_LINK, Clearance
+from jointplay.joints import RELATIVE, UNNAMED_KIND, VIRTUAL_LINK, Clearance
 from jointplay.mechanism import urdf
 from jointplay.mechanism.gear import Gear
 from jointplay.mechanism.lock import Lock
@@ -30,9 +30,6 @@ from jointplay.mechanism.shown import Shown
 
 STANDARD_GRAVITY = (0.0, 0.0, -9.81)
 """Gravity in world axes [m/s^2]."""
-
-RELATIVE = ("x", "y", "z", "roll", "pitch", "yaw")
-"""Freedoms in the order of the rows of `Mechanism.relative_jacobian`."""
 
 _AXIS_ARM_M = 0.05
 """Distance of the two points that hold the axis of an ideal revolute joint in a loop."""
@@ -217,9 +214,12 @@ class Mechanism(Described, Shown):
 
     def _check_joint(self, name: str, joint: Clearance) -> None:
         if not isinstance(joint, Clearance):
-            raise JointplayError(f"joint {name!r} needs a ClearanceJoint, got {joint!r}")
+            raise JointplayError(
+                f"joint {name!r} needs a joint with clearance, such as a RevoluteClearance, "
+                f"got {joint!r}"
+            )
         if name in self.loops:
-            if joint.ideal and joint.kind == "prismatic":
+            if joint.ideal and joint.slides():
                 raise JointplayError(
                     f"loop {name!r} cannot be closed by an ideal slider; "
                     "cut the loop at another joint and leave the slider in the URDF"
@@ -250,7 +250,7 @@ class Mechanism(Described, Shown):
         """
         given = self._joints.get(joint)
         name = joint
-        if given is not None and (joint in self.clearance or given.kind == "spherical"):
+        if given is not None and (joint in self.clearance or given.compound()):
             name = f"{joint}.{given.drive_coordinate}"
         if name not in self.coordinates or joint in self.loops:
             raise MissingName("moving joint", joint, self.joints)
@@ -284,7 +284,11 @@ class Mechanism(Described, Shown):
 
     def loop_kind(self, name: str) -> str:
         """Kind of joint that closes the loop `name`."""
-        return self._joints[name].kind if name in self._joints else "revolute"
+        return self.loop_class(name).kind
+
+    def loop_class(self, name: str) -> type[Clearance]:
+        """Class of the joint that closes the loop `name`."""
+        return type(self._joints[name]) if name in self._joints else UNNAMED_KIND
 
     def bearing_frame(self, joint: str) -> tuple[int, pin.SE3]:
         """Pinocchio joint that carries the bearing, and the bearing frame's placement in it."""
@@ -374,7 +378,7 @@ class Mechanism(Described, Shown):
                 continue
             (i, bearing), (j, journal) = self._frames(name)
             points = [0.0]
-            if self.loop_kind(name) != "spherical":
+            if self.loop_class(name).holds_axis():
                 jacobian = self.relative_jacobian(name, q)
                 held = [np.linalg.matrix_rank(jacobian[:n], tol=1e-9) for n in (3, 5)]
                 points += [_AXIS_ARM_M] if held[1] > held[0] else []
@@ -416,7 +420,7 @@ class Mechanism(Described, Shown):
         joints = {
             name: joint
             for name, joint in self._joints.items()
-            if name in self.loops or joint.kind == "spherical"
+            if name in self.loops or joint.compound()
         }
         return self._with({name: replace(joint, ideal=True) for name, joint in joints.items()}, {})
 

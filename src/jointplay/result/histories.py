@@ -316,7 +316,7 @@ def _drift(mechanism: Mechanism, name: str, poses: np.ndarray) -> np.ndarray:
     parts = [poses[:, :3]]
     if name not in mechanism.loops:
         parts.append(ANGLE_ARM_M * poses[:, [5, 8, 6]])
-    elif mechanism.loop_kind(name) != "spherical":  # an ideal slider closes no loop
+    elif mechanism.loop_class(name).holds_axis():  # an ideal slider closes no loop
         parts.append(ANGLE_ARM_M * poses[:, [5, 8]])
     return np.abs(np.concatenate(parts, axis=1)).max(axis=1)
 
