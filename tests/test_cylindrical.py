@@ -112,12 +112,12 @@ def test_rod_lies_on_both_edges_and_rubs_as_coulomb_says(floating):
     result = jp.simulate(robot, duration=0.3, state={"pin.z": (0.0, speed)}, **FREE)
     z = result["q"].values[:, robot.coordinates.index("pin.z")]
     assert z[-1] == pytest.approx(speed**2 / (2 * mu * 9.81), rel=0.03)
-    carried = result["normal_force"].values[-1, 0]
-    assert carried.sum() == pytest.approx(2.0 * 9.81, rel=1e-2)
+    carried = result["joint_force"].values[len(z) // 2 :, 0].mean(axis=0)
+    assert np.abs(carried).max() == pytest.approx(2.0 * 9.81, rel=0.05)
 
 
 def test_bushing_that_is_too_short_is_refused():
-    with pytest.raises(jp.JointplayError, match=r"0[.]002 m is too short"):
+    with pytest.raises(jp.JointplayError, match=r"0\.002 m is too short"):
         CylindricalClearance(radial_clearance=PLAY, bearing_length=2e-3)
 
 

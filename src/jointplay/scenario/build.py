@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from jointplay.codec import Draft, unknown_key
+from jointplay.codec import Draft, Preset, unknown_key
 from jointplay.contact.trust import trusting
 from jointplay.errors import JointplayError, MissingName, require_positive, within
 from jointplay.fields import fields_of
 from jointplay.host.files import is_file
-from jointplay.joints import Clearance
+from jointplay.joints import JOINT_WORDS, Clearance
 from jointplay.loads import Load
 from jointplay.loads.drive import ComputedTorque, Drive, JointFriction, Torque
 from jointplay.mechanism.loop import Loop, refuse_name
@@ -164,7 +164,11 @@ def _renamed(**names: str) -> Iterator[None]:
 
 def _plain_when_ideal(kind: str | None, loop: bool) -> bool:
     """Whether an ideal joint of this kind is what stands there anyway, and needs no dimensions."""
-    return kind in ("revolute", "planar") or (kind == "prismatic" and not loop)
+    if kind is None:
+        return False
+    chosen = JOINT_WORDS[kind]
+    joint: Any = chosen.kind if isinstance(chosen, Preset) else chosen
+    return not (joint.compound() or (loop and joint.slides()))
 
 
 def _joint(draft: Draft, folder: Path) -> Clearance:
