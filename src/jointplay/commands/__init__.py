@@ -16,6 +16,7 @@ MODULES = (
     "schema",
     "play",
     "report",
+    "export",
     "robots",
     "urdf",
     "wear",
@@ -23,6 +24,9 @@ MODULES = (
     "budget",
     "allocate",
     "reduce",
+    "sweep",
+    "plot_sweep",
+    "uncertainty",
 )
 """Modules with a command of their own, in the order of the help."""
 
