@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Collection, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from jointplay.errors import JointplayError, MissingName
+from jointplay.mechanism.declared import Declared, Mimic, Transmission
 
 _INSTALLED = Path(__file__).parents[1] / "urdf"
 _CHECKOUT = Path(__file__).parents[3] / "urdf"
@@ -54,6 +55,35 @@ class JointEntry:
     """Dry friction torque [N m or N]."""
     damping: float
     """Viscous friction [N m s/rad or N s/m]."""
+    mimics: bool
+    """Whether it follows another joint, see `mimic`."""
+    declared: Declared = field(compare=False, repr=False)
+    """Where the rest of what the URDF says is read."""
+
+    @property
+    def lower(self) -> float | None:
+        """Lower limit of its position [rad or m]; None where there is none, or `upper`'s."""
+        return self.declared.limits(self.name).lower
+
+    @property
+    def upper(self) -> float | None:
+        """Upper limit of its position [rad or m]; likewise."""
+        return self.declared.limits(self.name).upper
+
+    @property
+    def speed(self) -> float | None:
+        """Limit of its speed [rad/s or m/s]; None where there is none, or 0."""
+        return self.declared.limits(self.name).speed
+
+    @property
+    def effort(self) -> float | None:
+        """Limit of its effort [N m or N]; likewise."""
+        return self.declared.limits(self.name).effort
+
+    @property
+    def mimic(self) -> Mimic | None:
+        """The joint that it follows, and how; None if it follows none."""
+        return self.declared.mimic(self.name) if self.mimics else None
 
 
 @dataclass(frozen=True)
@@ -71,6 +101,11 @@ class Description:
     def revolute(self) -> list[str]:
         """Names of the joints that can get clearance."""
         return [j.name for j in self.joints.values() if j.kind in ("revolute", "continuous")]
+
+    @property
+    def transmissions(self) -> dict[str, Transmission]:
+        """What stands between motors and joints, by joint."""
+        return Declared(self.text).transmissions
 
 
 def read(path: str | Path, allow_unphysical: Collection[str] = ()) -> Description:
@@ -126,8 +161,10 @@ def parse(text: str, path: Path, allow_unphysical: Collection[str] = ()) -> Desc
         rest = f" (impossible too: {', '.join(wrong[1:])})" if wrong[1:] else ""
         raise JointplayError(faults[wrong[0]] + rest)
     joints = {}
+    declared = Declared(text)
     for joint in root.findall("joint"):
         name = joint.get("name", "")
+        _check_limit(joint, name)
         dynamics = joint.find("dynamics")
         joints[name] = JointEntry(
             name,
@@ -136,9 +173,46 @@ def parse(text: str, path: Path, allow_unphysical: Collection[str] = ()) -> Desc
             _link(joint, "child", links),
             _number(dynamics, "friction", f"joint {name!r}", 0.0),
             _number(dynamics, "damping", f"joint {name!r}", 0.0),
+            joint.find("mimic") is not None,
+            declared,
         )
+    _check_mimics(root, joints)
     _check_tree(path, links, joints.values())
     return Description(path, text, joints, tuple(links))
+
+
+def _check_limit(joint: ElementTree.Element, name: str) -> None:
+    """Refuse limits that are no numbers; they may be infinite."""
+    limit = joint.find("limit")
+    for key in ("lower", "upper", "effort", "velocity"):
+        text = "0" if limit is None else limit.get(key, "0")
+        try:
+            value = float(text)
+        except ValueError:
+            value = np.nan
+        if np.isnan(value):
+            raise JointplayError(f"joint {name!r}: limit {key} must be a number, got {text!r}")
+
+
+def _check_mimics(root: ElementTree.Element, joints: Collection[str]) -> None:
+    """Refuse joints that follow one that is not there, or in the end themselves."""
+    leaders = {}
+    for joint in root.findall("joint"):
+        name, mimic = joint.get("name", ""), joint.find("mimic")
+        if mimic is None:
+            continue
+        for key, default in (("multiplier", 1.0), ("offset", 0.0)):
+            _number(mimic, key, f"joint {name!r}: mimic", default)
+        leaders[name] = mimic.get("joint", "")
+        if leaders[name] not in joints:
+            raise MissingName(f"joint (which {name!r} mimics)", leaders[name], joints)
+    for name in leaders:
+        way = [name]
+        while way[-1] in leaders:
+            way.append(leaders[way[-1]])
+            if way[-1] in way[:-1]:
+                ring = " - ".join(way[way.index(way[-1]) :])
+                raise JointplayError(f"joints mimic each other in a ring: {ring}")
 
 
 def _check_names(kind: str, names: Sequence[str]) -> None:
