@@ -117,7 +117,7 @@ class Survey:
     unphysical: tuple[str, ...] = ()
     """Links whose inertia no rigid body has; to be allowed by name."""
     mimics: tuple[str, ...] = ()
-    """Joints that shall follow others; here they move freely."""
+    """Joints that follow others, unless a motion or drive says otherwise."""
     massless: tuple[str, ...] = ()
     """Joints that move no mass: nothing can be simulated unless they are fixed."""
     problem: str = ""
@@ -139,7 +139,7 @@ class Survey:
         if self.unphysical:
             found.append(f"impossible inertia, to be allowed by name: {_list(self.unphysical)}")
         if self.mimics:
-            found.append(f"mimic joints move freely: {_list(self.mimics)}")
+            found.append(f"joints that follow others: {_list(self.mimics)}")
         return tuple(found)
 
 
