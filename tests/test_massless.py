@@ -66,7 +66,7 @@ def test_light_links_are_links(urdf):
 
 def test_the_scaras_quill_is_what_its_stroke_cannot_do_with_play():
     mechanism = Mechanism(shipped("scara.urdf"), {"stroke": PrismaticJoint(clearance=1e-4)})
-    with pytest.raises(JointplayError, match="link 'quill' .*'stroke' has clearance"):
+    with pytest.raises(JointplayError, match=r"link 'quill' .*'stroke' has clearance"):
         require_inertia(mechanism, np.zeros(mechanism.model.nq))
 
 

@@ -36,9 +36,15 @@ class Mimic(NamedTuple):
 
     leader: str
     multiplier: float
-    """[1, rad/m or m/rad where one of them slides.]"""
+    """[1, or rad/m or m/rad where one of them slides]."""
     offset: float
     """[rad or m]."""
+
+    def formula(self) -> str:
+        """Its position, as one would write it."""
+        factor = "" if self.multiplier == 1.0 else f"{self.multiplier:g} "
+        sign = "+" if self.offset > 0.0 else "-"
+        return f"{factor}{self.leader}" + (f" {sign} {abs(self.offset):g}" if self.offset else "")
 
 
 @dataclass(frozen=True)

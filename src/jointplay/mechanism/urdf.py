@@ -56,7 +56,7 @@ class JointEntry:
     damping: float
     """Viscous friction [N m s/rad or N s/m]."""
     mimics: bool
-    """Whether it follows another joint, see `mimic`."""
+    """Whether it follows another joint that exists, see `mimic`."""
     declared: Declared = field(compare=False, repr=False)
     """Where the rest of what the URDF says is read."""
 
@@ -120,22 +120,39 @@ def read(path: str | Path, allow_unphysical: Collection[str] = ()) -> Descriptio
             link's inertia is impossible (the message names the link and its principal moments).
     """
     path = Path(path)
+    return parse(_text(path), path, allow_unphysical)
+
+
+def _text(path: Path) -> str:
     try:
-        text = path.read_text(encoding="utf-8")
+        return path.read_text(encoding="utf-8")
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise JointplayError(f"cannot read the URDF {str(path)!r}: {reason}") from None
-    return parse(text, path, allow_unphysical)
 
 
-def parse(text: str, path: Path, allow_unphysical: Collection[str] = ()) -> Description:
-    """Check the URDF `text`, naming `path` in errors; see `read`."""
+def elements(path: Path) -> ElementTree.Element:
+    """A URDF's elements, unchecked.
+
+    Raises:
+        JointplayError: the file cannot be read, or is no URDF.
+    """
+    return _root(_text(path), path)
+
+
+def _root(text: str, path: Path) -> ElementTree.Element:
     try:
         root = ElementTree.fromstring(text)
     except (ElementTree.ParseError, ValueError) as error:
         raise JointplayError(f"the URDF {str(path)!r} is not well-formed XML: {error}") from None
     if root.tag != "robot":
         raise JointplayError(f"the URDF {str(path)!r} has the root <{root.tag}>, expected <robot>")
+    return root
+
+
+def parse(text: str, path: Path, allow_unphysical: Collection[str] = ()) -> Description:
+    """Check the URDF `text`, naming `path` in errors; see `read`."""
+    root = _root(text, path)
     found = root.findall("link")
     if not found:
         raise JointplayError(f"the URDF {str(path)!r} has no links")
@@ -162,6 +179,7 @@ def parse(text: str, path: Path, allow_unphysical: Collection[str] = ()) -> Desc
         raise JointplayError(faults[wrong[0]] + rest)
     joints = {}
     declared = Declared(text)
+    followers, _ = leaders(root)
     for joint in root.findall("joint"):
         name = joint.get("name", "")
         _check_limit(joint, name)
@@ -173,10 +191,9 @@ def parse(text: str, path: Path, allow_unphysical: Collection[str] = ()) -> Desc
             _link(joint, "child", links),
             _number(dynamics, "friction", f"joint {name!r}", 0.0),
             _number(dynamics, "damping", f"joint {name!r}", 0.0),
-            joint.find("mimic") is not None,
+            name in followers,
             declared,
         )
-    _check_mimics(root, joints)
     _check_tree(path, links, joints.values())
     return Description(path, text, joints, tuple(links))
 
@@ -194,25 +211,31 @@ def _check_limit(joint: ElementTree.Element, name: str) -> None:
             raise JointplayError(f"joint {name!r}: limit {key} must be a number, got {text!r}")
 
 
-def _check_mimics(root: ElementTree.Element, joints: Collection[str]) -> None:
-    """Refuse joints that follow one that is not there, or in the end themselves."""
-    leaders = {}
+def leaders(root: ElementTree.Element) -> tuple[dict[str, str], dict[str, str]]:
+    """Joint that each joint mimics: those that exist, and those that do not.
+
+    Raises:
+        JointplayError: numbers that are none, or joints that in the end follow themselves.
+    """
+    found: dict[str, str] = {}
+    astray: dict[str, str] = {}
+    joints = {joint.get("name", "") for joint in root.findall("joint")}
     for joint in root.findall("joint"):
         name, mimic = joint.get("name", ""), joint.find("mimic")
         if mimic is None:
             continue
         for key, default in (("multiplier", 1.0), ("offset", 0.0)):
             _number(mimic, key, f"joint {name!r}: mimic", default)
-        leaders[name] = mimic.get("joint", "")
-        if leaders[name] not in joints:
-            raise MissingName(f"joint (which {name!r} mimics)", leaders[name], joints)
-    for name in leaders:
+        leader = mimic.get("joint", "")
+        (found if leader in joints else astray)[name] = leader
+    for name in found:
         way = [name]
-        while way[-1] in leaders:
-            way.append(leaders[way[-1]])
+        while way[-1] in found:
+            way.append(found[way[-1]])
             if way[-1] in way[:-1]:
                 ring = " - ".join(way[way.index(way[-1]) :])
                 raise JointplayError(f"joints mimic each other in a ring: {ring}")
+    return found, astray
 
 
 def _check_names(kind: str, names: Sequence[str]) -> None:

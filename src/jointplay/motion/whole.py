@@ -42,15 +42,9 @@ class Whole:
                 '[start] says where, [drives] NAME = "free" lets one go'
             )
         if self.following:
-            words = [_formula(name, mimic) for name, mimic in self.following.items()]
+            words = [f"{name} = {mimic.formula()}" for name, mimic in self.following.items()]
             lines.append(f"joints that mimic others follow: {', '.join(words)}")
         return lines
-
-
-def _formula(name: str, mimic: Mimic) -> str:
-    factor = "" if mimic.multiplier == 1.0 else f"{mimic.multiplier:g} "
-    offset = f" {'+' if mimic.offset > 0 else '-'} {abs(mimic.offset):g}" if mimic.offset else ""
-    return f"{name} = {factor}{mimic.leader}{offset}"
 
 
 def whole(

@@ -325,7 +325,8 @@ def _whole(
     shared: Any = model.drive
     if shared is not None and not shared.kind.follows:
         return motion, []
-    drives, entries = _drafts(model.drives), mechanism.description.joints
+    entries = mechanism.description.joints
+    drives: dict[str, Any] = dict(_drafts(model.drives))
     followers = {name for name, entry in entries.items() if entry.mimics}
     alone = {
         name for name, draft in drives.items() if name not in followers or not draft.kind.follows
