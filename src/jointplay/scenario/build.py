@@ -24,9 +24,9 @@ from jointplay.mechanism.robots import PREFIX, robot_urdf
 from jointplay.mechanism.urdf import read, shipped
 from jointplay.motion.cartesian import cartesian_motion
 from jointplay.motion.reference import INTERPOLATIONS, Motion
-from jointplay.motion.whole import whole
 from jointplay.result.result import AXES
 from jointplay.scenario.model import ANGLE, ANGULAR_SPEED, PATHS, Model
+from jointplay.scenario.unnamed import complete
 from jointplay.simulation.simulation import Simulation
 from jointplay.units import WORDS, Measured, expected, shown
 
@@ -76,7 +76,7 @@ def build(model: Model, folder: Path) -> tuple[Simulation, list[str]]:
     motion = _motion(model, mechanism, folder, start)
     notes: list[str] = []
     if motion is not None:
-        motion, notes = _whole(model, mechanism, motion, start)
+        motion, notes = complete(model, mechanism, motion, start)
     drive = _drive(model, mechanism, motion)
     integration = model.integration
     simulation = Simulation(
@@ -312,31 +312,6 @@ def _cartesian(table: Any, mechanism: Mechanism, start: dict[str, float]) -> Mot
     for name in motion.joints:
         start.pop(name, None)
     return motion
-
-
-def _whole(
-    model: Model, mechanism: Mechanism, motion: Motion, start: dict[str, float]
-) -> tuple[Motion, list[str]]:
-    """The motion with what it does not name held, or following; takes out of `start` what it uses.
-
-    Joints of which [drives] or [start_speed] says something are left alone, and, where there are
-    [drives] at all, those of which [start] does: they were meant to move.
-    """
-    shared: Any = model.drive
-    if shared is not None and not shared.kind.follows:
-        return motion, []
-    entries = mechanism.description.joints
-    drives: dict[str, Any] = dict(_drafts(model.drives))
-    followers = {name for name, entry in entries.items() if entry.mimics}
-    alone = {
-        name for name, draft in drives.items() if name not in followers or not draft.kind.follows
-    } | set(model.start_speed)
-    if drives:
-        alone |= set(start)
-    added = whole(mechanism, motion, start, alone)
-    for name in added.held:
-        start.pop(name, None)
-    return added.motion, added.told()
 
 
 def _drive(
