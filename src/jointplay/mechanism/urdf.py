@@ -175,7 +175,8 @@ def parse(text: str, path: Path, allow_unphysical: Collection[str] = ()) -> Desc
     faults = impossible_inertias(root)
     wrong = [name for name in faults if name not in allow_unphysical]
     if wrong:
-        rest = f" (impossible too: {', '.join(wrong[1:])})" if wrong[1:] else ""
+        flags = " ".join(f"--allow-unphysical {name}" for name in wrong)
+        rest = f" (impossible too: {', '.join(wrong[1:])}; all: {flags})" if wrong[1:] else ""
         raise JointplayError(faults[wrong[0]] + rest)
     joints = {}
     declared = Declared(text)
