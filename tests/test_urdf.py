@@ -118,7 +118,7 @@ def test_limits_are_read(urdf, kind, limit, found):
 
 
 def test_limits_that_are_no_numbers_are_named(urdf):
-    with pytest.raises(JointplayError, match="joint 'j': limit upper must be a number, got 'far'"):
+    with pytest.raises(JointplayError, match="upper of the limit of joint 'j' is no number: 'far'"):
         read(urdf(body("l"), limited("revolute", 'lower="0" upper="far" effort="1" velocity="1"')))
 
 

@@ -16,12 +16,17 @@ MODULES = (
     "schema",
     "play",
     "report",
+    "export",
     "robots",
     "urdf",
     "wear",
+    "dynamics",
     "budget",
     "allocate",
     "reduce",
+    "sweep",
+    "plot_sweep",
+    "uncertainty",
 )
 """Modules with a command of their own, in the order of the help."""
 

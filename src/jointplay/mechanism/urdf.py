@@ -5,6 +5,7 @@ from __future__ import annotations
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -151,7 +152,15 @@ def _root(text: str, path: Path) -> ElementTree.Element:
 
 
 def parse(text: str, path: Path, allow_unphysical: Collection[str] = ()) -> Description:
-    """Check the URDF `text`, naming `path` in errors; see `read`."""
+    """Check the URDF `text`, naming `path` in errors; see `read`.
+
+    The same text is read once: what is returned is shared, and must not be changed.
+    """
+    return _parsed(text, path, tuple(allow_unphysical))
+
+
+@lru_cache(maxsize=32)
+def _parsed(text: str, path: Path, allow_unphysical: tuple[str, ...]) -> Description:
     root = _root(text, path)
     found = root.findall("link")
     if not found:
@@ -209,7 +218,7 @@ def _check_limit(joint: ElementTree.Element, name: str) -> None:
         except ValueError:
             value = np.nan
         if np.isnan(value):
-            raise JointplayError(f"joint {name!r}: limit {key} must be a number, got {text!r}")
+            raise JointplayError(f"{key} of the limit of joint {name!r} is no number: {text!r}")
 
 
 def leaders(root: ElementTree.Element) -> tuple[dict[str, str], dict[str, str]]:
