@@ -9,6 +9,7 @@ from jointplay.errors import JointplayError
 from jointplay.motion.whole import whole
 from jointplay.scenario import Scenario
 from jointplay.scenario.settings import parse
+from jointplay.scenario.unnamed import complete
 
 
 def mimicking(name, parent, child, leader, multiplier=1.0, offset=0.0):
@@ -105,6 +106,14 @@ def test_where_drives_are_given_what_starts_somewhere_moves(arm):
 def test_a_joint_with_a_speed_at_the_start_is_not_held(arm):
     with pytest.raises(JointplayError, match="lacks b"):
         scenario(arm, "start_speed.b=1").prepare()
+
+
+def test_a_joint_with_a_controller_is_not_held(arm):
+    model = scenario(
+        arm, "loads.pid.kind=controller", 'loads.pid.joints=["b"]', "loads.pid.function=mine:pid"
+    ).model("s")
+    motion = Motion(["a"], [0.0, 1.0], [[0.0], [1.0]])
+    assert complete(model, Mechanism(arm), motion, {})[0].joints == ("a",)
 
 
 @pytest.mark.parametrize("name", ["slider_crank", "four_bar"])

@@ -15,8 +15,9 @@ def complete(
 ) -> tuple[Motion, list[str]]:
     """The motion with what it does not name held, or following; takes out of `start` what it uses.
 
-    Joints of which [drives] or [start_speed] says something are left alone, and, where there are
-    [drives] at all, those of which [start] does: they were meant to move.
+    Joints of which [drives], a controller in [loads] or [start_speed] says something are left
+    alone, and, where there are [drives] at all, those of which [start] does: they were meant to
+    move.
     """
     shared: Any = model.drive
     if shared is not None and not shared.kind.follows:
@@ -27,6 +28,9 @@ def complete(
     alone = {
         name for name, draft in drives.items() if name not in followers or not draft.kind.follows
     } | set(model.start_speed)
+    loads: dict[str, Any] = dict(model.loads)
+    for load in loads.values():
+        alone |= set(load.fields.get("joints", ()))  # a controller's
     if drives:
         alone |= set(start)
     added = whole(mechanism, motion, start, alone)
