@@ -22,6 +22,7 @@ MODULES = (
     "budget",
     "allocate",
     "reduce",
+    "iso9283",
 )
 """Modules with a command of their own, in the order of the help."""
 
