@@ -203,7 +203,7 @@ def iso9283(
     assert simulation.motion is not None
     all_of_them = traces([ideal, *runs], jobs=jobs, keep=keep, progress=progress, what="cycles")
     return figures(
-        all_of_them[1:], all_of_them[0], simulation.motion, simulation.judged_from, band=band
+        all_of_them[1:], all_of_them[0], simulation.motion, runs[0].judged_from, band=band
     )
 
 
@@ -218,7 +218,8 @@ def check(simulation: Simulation, cycles: int) -> None:
         raise JointplayError("ISO 9283 judges a motion, and this simulation has none")
     if not (simulation.mechanism.clearance or simulation.mechanism.gears):
         raise JointplayError("no joint or gear has play: every cycle would be the same")
-    if not simulation.mechanism.clearance:
+    joints = simulation.mechanism.clearance.values()
+    if all(getattr(joint, "ideal", False) for joint in joints):
         raise JointplayError("no joint has clearance: seeds displace journals, and there are none")
 
 

@@ -23,6 +23,7 @@ MODULES = (
     "allocate",
     "reduce",
     "iso9283",
+    "maintenance",
 )
 """Modules with a command of their own, in the order of the help."""
 

@@ -15,7 +15,7 @@ MOST_POSES = 6
 
 
 def poses(found: Iso9283) -> Figure:
-    """Attained poses of each cycle about the command pose, seen along y and z, by stop."""
+    """Attained poses of each cycle about their barycentre, seen along z and y, by stop."""
     worst = sorted(found.poses, key=lambda pose: -pose.ap.value)[:MOST_POSES]
     shown = sorted(worst, key=lambda pose: pose.time)
     angle = np.linspace(0.0, 2.0 * np.pi, 181)
@@ -23,25 +23,31 @@ def poses(found: Iso9283) -> Figure:
         figure = new_figure(1.4 + 2.4 * max(len(shown), 2), 5.6)
         axes: Any = figure.subplots(2, len(shown), squeeze=False)
         for column, pose in enumerate(shown):
-            points = 1e3 * pose.attained
-            centre = points.mean(axis=0)
+            centre = pose.attained.mean(axis=0)
+            points = 1e6 * (pose.attained - centre)
+            circle = 1e6 * pose.rp.value * np.array([np.cos(angle), np.sin(angle)])
+            towards = -centre / max(float(np.linalg.norm(centre)), 1e-300)
+            arrow = 0.8e6 * pose.rp.value * towards
             for row, (i, j) in enumerate(((0, 1), (0, 2))):
                 panel = axes[row, column]
-                circle = 1e3 * pose.rp.value * np.array([np.cos(angle), np.sin(angle)])
                 panel.plot(*points[:, [i, j]].T, "o", ms=2.5, color=COLOURS[0], label="attained")
-                panel.plot(centre[i], centre[j], "x", color=COLOURS[1], label="barycentre")
+                panel.plot(0.0, 0.0, "x", color=COLOURS[1], label="barycentre")
+                panel.plot(*circle, color=COLOURS[1], lw=0.8, label="RP_l")
                 panel.plot(
-                    *(circle + centre[[i, j]][:, None]), color=COLOURS[1], lw=0.8, label="RP"
+                    *([0.0, arrow[i]], [0.0, arrow[j]]),
+                    color="0.6",
+                    lw=0.8,
+                    label="way to the command pose (length without meaning)",
                 )
-                panel.plot(0.0, 0.0, "+", color="black", ms=9, label="command")
-                panel.set(xlabel=f"{'xyz'[i]} [mm]", ylabel=f"{'xyz'[j]} [mm]")
+                panel.set(xlabel=f"{'xyz'[i]} [um]", ylabel=f"{'xyz'[j]} [um]")
                 panel.set_aspect("equal", adjustable="datalim")
+                panel.locator_params(nbins=5)
             axes[0, column].set_title(
-                f"t = {pose.time:.4g} s\nAP {1e3 * pose.ap.value:.3g}, "
-                f"RP {1e3 * pose.rp.value:.3g} mm",
+                f"t = {pose.time:.4g} s\nAP_p {1e3 * pose.ap.value:.3g} mm, "
+                f"RP_l {1e6 * pose.rp.value:.3g} um",
                 fontsize=8,
             )
-        figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=4)
+        figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=2)
         _note(figure, found)
     return figure
 
