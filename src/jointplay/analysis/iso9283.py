@@ -134,11 +134,11 @@ class Iso9283:
                 lines.append(f"  AP_{axis}                      {one.words(1e3, 'mm')}")
             lines.append(f"  RP_l  pose repeatability  {pose.rp.words(1e3, 'mm')}")
             lines += settling_words(pose.settling, self.cycles)
-        for one in self.variations:
-            at = ", ".join(f"{time:.4g}" for time in one.times)
+        for same in self.variations:
+            at = ", ".join(f"{time:.4g}" for time in same.times)
             lines.append(
                 f"vAP_p  multi-directional pose accuracy variation (t = {at} s) "
-                f"{one.vap.words(1e3, 'mm')}"
+                f"{same.vap.words(1e3, 'mm')}"
             )
         if not self.poses:
             lines.append(f"no stop from {self.since:g} s on: no pose figures")

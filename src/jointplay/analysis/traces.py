@@ -107,7 +107,8 @@ def _run(simulation: Simulation) -> Trace:
         raise KeyboardInterrupt
     if result.status != Status.COMPLETED:
         seed = "" if simulation.seed is None else f" with seed {simulation.seed}"
-        raise JointplayError(f"a run{seed} failed: {result.message}")
+        reason = result.message.partition(" State: ")[0]
+        raise JointplayError(f"a run{seed} failed: {reason}")
     return Trace(
         np.asarray(result.time),
         result["tool_position"].values.copy(),

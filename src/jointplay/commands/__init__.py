@@ -24,6 +24,7 @@ MODULES = (
     "reduce",
     "iso9283",
     "maintenance",
+    "shares",
 )
 """Modules with a command of their own, in the order of the help."""
 
