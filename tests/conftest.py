@@ -5,8 +5,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, Phase, settings
+from sweep_scenario import GRID, SCENARIO
 
-from jointplay import ClearanceJoint, ComputedTorque, Mechanism, Motion, Simulation
+from jointplay import (
+    ClearanceJoint,
+    ComputedTorque,
+    JointplayError,
+    Mechanism,
+    Motion,
+    Simulation,
+)
 from jointplay.kernel.integrators import DEFAULT
 from jointplay.simulation import Run
 
@@ -100,5 +108,42 @@ def free_mass(urdf):
         run.workspace.q[:] = offset
         run.workspace.v[:] = velocity
         return run
+
+    return make
+
+
+@pytest.fixture
+def swept(tmp_path):
+    """Write a scenario with a sweep; returns its path."""
+
+    def write(axes=GRID, options="", duration="0.02 s", name="study.toml"):
+        path = tmp_path / name
+        path.write_text(SCENARIO.format(axes=axes, options=options, duration=duration))
+        return path
+
+    return write
+
+
+@pytest.fixture
+def planned(swept):
+    """The plan of such a scenario."""
+
+    def make(axes=GRID, options="", **given):
+        from jointplay.sweeps import plan_of
+
+        return plan_of(swept(axes, options), **given)
+
+    return make
+
+
+@pytest.fixture
+def unplannable(planned):
+    """What is said of a sweep that cannot be."""
+
+    def make(axes=GRID, options="", **given):
+        with pytest.raises(JointplayError) as error:
+            planned(axes, options, **given)
+        assert "\n" not in str(error.value)
+        return str(error.value)
 
     return make

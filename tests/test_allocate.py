@@ -5,7 +5,7 @@ import pytest
 from conftest import body, joint
 
 from jointplay import ClearanceJoint, Gear, JointplayError, Mechanism, Motion
-from jointplay.analysis.allocate import allocate, scaled
+from jointplay.analysis.allocate import allocate
 from jointplay.analysis.budget import budget
 from jointplay.analysis.verify import dynamic_error, fitting_step
 from jointplay.cli import main
@@ -85,7 +85,7 @@ def test_no_other_clearances_that_keep_the_target_are_cheaper(arm, cost):
         joints = mechanism.clearance.items()
         factors = other / 1e-4
         tried = mechanism.with_clearance(
-            {name: scaled(one, f) for (name, one), f in zip(joints, factors, strict=True)}
+            {name: one.scaled(f) for (name, one), f in zip(joints, factors, strict=True)}
         )
         # Scaled to just keep the target: errors are in proportion to the clearances.
         other *= 1e-3 / budget(tried, pose, second_order=False).worst[0]

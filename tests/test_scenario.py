@@ -530,7 +530,7 @@ def test_every_quantity_has_a_unit_that_is_known():
     """A field that is new in a class and no pure number has its unit, or `codec` refuses it."""
     pure = {
         *("poisson", "restitution", "mu_d", "mu_s", "n", "p", "q", "damping_ratio"),
-        *("parameters", "seed", "record_every", "tolerance"),
+        *("parameters", "seed", "record_every", "tolerance", "coefficient", "faster"),
     }
     for name, table in schema()["$defs"].items():
         for key, value in table["properties"].items():
@@ -551,3 +551,25 @@ def test_materials_by_name_or_with_units():
     wrong = refusal(words.replace('"bronze"', '"bronce"'))
     assert "line 9, joints.joint_b.bearing_material" in wrong
     assert 'did you mean "bronze"' in wrong
+
+
+def test_a_motion_can_be_faster_than_given():
+    scenario = Scenario.load("jointplay:scara.toml")
+    plain, fast = (
+        scenario.simulation("0.2 mm", {"motion": {"faster": times}}).motion for times in (1.0, 2.0)
+    )
+    assert fast.duration == plain.duration / 2.0
+    at = np.linspace(0.0, 1.4, 20)
+    np.testing.assert_allclose(fast(at)[0], plain(2.0 * at)[0], atol=1e-12)
+    np.testing.assert_allclose(fast(at)[1], 2.0 * plain(2.0 * at)[1], atol=1e-9)
+    with pytest.raises(jp.JointplayError, match=r"motion.faster.*greater than zero"):
+        scenario.simulation("0.2 mm", {"motion": {"faster": 0.0}})
+
+
+def test_a_mechanism_is_built_whole_yet_errors_name_their_part():
+    scenario = Scenario.load("jointplay:scara_ab.toml")
+    joints = {"joint_a": {}, "joint_b": {"bearing_radius": "-1 mm"}}
+    with pytest.raises(jp.JointplayError, match=r"joints.joint_b.bearing_radius"):
+        scenario.simulation("A and B", {"joints": joints})
+    with pytest.raises(jp.JointplayError, match=r"joints.joint_x.*no joint"):
+        scenario.simulation("A and B", {"joints": {"joint_x": {"ideal": True}}})

@@ -28,6 +28,7 @@ _HOMES = {
     "CarvalhoMartins": "contact",
     "Certificate": "result.certificate",
     "ClearanceJoint": "joints",
+    "CylindricalClearance": "joints",
     "ComputedTorque": "loads.drive",
     "Coulomb": "contact",
     "CustomBristle": "contact",
@@ -68,12 +69,15 @@ _HOMES = {
     "Pereira": "contact",
     "PinkusSternlicht": "contact",
     "Prescribed": "loads.drive",
+    "PrismaticClearance": "joints",
     "PrismaticJoint": "joints",
     "Radzimovsky": "contact",
     "Result": "result",
+    "RevoluteClearance": "joints",
     "Scenario": "scenario",
     "ShortBearing": "contact",
     "Simulation": "simulation",
+    "SphericalClearance": "joints",
     "SphericalJoint": "joints",
     "Threlfall": "contact",
     "Torque": "loads.drive",
@@ -84,10 +88,12 @@ _HOMES = {
     "cartesian_motion": "motion.cartesian",
     "material": "joints.materials",
     "oil": "joints.materials",
+    "open_sweep": "sweeps",
     "robot_scenario": "scenario.robot",
     "reduce_joint": "analysis.reduce",
     "shipped": "mechanism.urdf",
     "simulate": "simulation",
+    "sweep": "sweeps",
     "wear_life": "analysis.wear",
     "worn_depth": "analysis.wear",
 }
@@ -95,6 +101,7 @@ _HOMES = {
 __all__ = sorted(_HOMES)
 
 if TYPE_CHECKING:
+    from jointplay import loads as loads
     from jointplay.analysis.allocate import allocate as allocate
     from jointplay.analysis.budget import budget as budget
     from jointplay.analysis.reduce import reduce_joint as reduce_joint
@@ -141,8 +148,12 @@ if TYPE_CHECKING:
     from jointplay.geometry import Form as Form
     from jointplay.geometry import Mode as Mode
     from jointplay.joints import ClearanceJoint as ClearanceJoint
+    from jointplay.joints import CylindricalClearance as CylindricalClearance
     from jointplay.joints import Material as Material
+    from jointplay.joints import PrismaticClearance as PrismaticClearance
     from jointplay.joints import PrismaticJoint as PrismaticJoint
+    from jointplay.joints import RevoluteClearance as RevoluteClearance
+    from jointplay.joints import SphericalClearance as SphericalClearance
     from jointplay.joints import SphericalJoint as SphericalJoint
     from jointplay.joints.materials import material as material
     from jointplay.joints.materials import oil as oil
@@ -165,9 +176,13 @@ if TYPE_CHECKING:
     from jointplay.scenario.robot import robot_scenario as robot_scenario
     from jointplay.simulation import Simulation as Simulation
     from jointplay.simulation import simulate as simulate
+    from jointplay.sweeps import open_sweep as open_sweep
+    from jointplay.sweeps import sweep as sweep
 
 
 def __getattr__(name: str) -> Any:
+    if name == "loads":  # springs, wrenches and the like have their names there
+        return importlib.import_module("jointplay.loads")
     if name not in _HOMES:
         raise AttributeError(f"module 'jointplay' has no attribute {name!r}")
     value = getattr(importlib.import_module(f"jointplay.{_HOMES[name]}"), name)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 import jointplay as jp
-from jointplay.joints import PrismaticJoint, SphericalJoint
+from jointplay.joints import CylindricalClearance, PrismaticJoint, SphericalJoint
 from jointplay.kernel import Status
 from jointplay.mechanism.loop import Loop
 
@@ -38,6 +38,10 @@ def slider(**fields):
     return PrismaticJoint(**({"clearance": PLAY, "clearance_y": 1.5 * PLAY} | fields))
 
 
+def rod(**fields):
+    return CylindricalClearance(**({"radial_clearance": PLAY} | fields))
+
+
 KINDS = {
     "full": revolute,
     "tilt locked": lambda **f: revolute(lock_tilt=True, **f),
@@ -51,8 +55,15 @@ KINDS = {
     "planar slider": lambda **f: slider(planar=True, **f),
     "parallel slider": lambda **f: slider(lock_tilt=True, **f),
     "exchanged slider": lambda **f: slider(exchanged=True, **f),
+    "rod": rod,
+    "exchanged rod": lambda **f: rod(exchanged=True, **f),
 }
-TYPES = {"revolute": "revolute", "spherical": "floating", "prismatic": "prismatic"}
+TYPES = {
+    "revolute": "revolute",
+    "spherical": "floating",
+    "prismatic": "prismatic",
+    "cylindrical": "floating",
+}
 kinds = pytest.mark.parametrize("make", KINDS.values(), ids=KINDS.keys())
 
 
@@ -288,7 +299,7 @@ def twice(tmp_path_factory):
     folder = tmp_path_factory.mktemp("twice")
     turned = {"at": "0.2 0.1 0", "rpy": "0 0 0"}
     pairs = {}
-    for name, method in product(("full", "open ends", "ball", "slider"), SCHEMES):
+    for name, method in product(("full", "open ends", "ball", "slider", "rod"), SCHEMES):
         clearance = KINDS[name](friction=jp.Ambrosio(0.15))
         one = body("one", 3.0, "0.1 0.03 0") + joint("hinge", "base", "one", axis="0 0.6 0.8")
         two = body("two", 2.0, "0.1 0.05 -0.1")
@@ -308,7 +319,7 @@ def twice(tmp_path_factory):
 
 
 @pytest.mark.parametrize("method", SCHEMES)
-@pytest.mark.parametrize("name", ["full", "open ends", "ball", "slider"])
+@pytest.mark.parametrize("name", ["full", "open ends", "ball", "slider", "rod"])
 @settings(max_examples=25)
 @given(state=states)
 def test_loop_and_virtual_link_agree_in_any_state(twice, name, method, state):

@@ -23,7 +23,6 @@ from scipy.stats import binom
 from jointplay.analysis.budget import budget, half_sphere
 from jointplay.analysis.levers import Part, sources
 from jointplay.errors import JointplayError, MissingName, require_positive
-from jointplay.joints import Clearance, PrismaticJoint
 from jointplay.mechanism.mechanism import Mechanism
 
 COSTS = ("reciprocal", "reciprocal-squared", "linear")
@@ -240,10 +239,7 @@ class _Model:
         factors = clearance / self.nominal
         joints = self.mechanism.clearance.items()
         return self.mechanism.with_clearance(
-            {
-                name: scaled(joint, float(f))
-                for (name, joint), f in zip(joints, factors, strict=True)
-            }
+            {name: joint.scaled(float(f)) for (name, joint), f in zip(joints, factors, strict=True)}
         )
 
     def error(self, clearance: np.ndarray) -> float:
@@ -431,16 +427,3 @@ def _solve_quantile(
         c = np.clip(c * target / (rows @ c + offsets).max(), problem.least, problem.most)
         rows, offsets = model.rows(c)
     return c, rows, offsets
-
-
-def scaled(joint: Clearance, factor: float) -> Clearance:
-    """The joint with all its clearances multiplied, in the same bearing."""
-    if isinstance(joint, PrismaticJoint):
-        return replace(joint, clearance=factor * joint.clearance, clearance_y=factor * joint.cy)
-    changes: dict[str, float | None] = {
-        "radial_clearance": factor * joint.radial_room,
-        "journal_radius": None,
-    }
-    if getattr(joint, "walls", False):
-        changes |= {"axial_clearance": factor * joint.ca, "journal_length": None}  # type: ignore[attr-defined]
-    return replace(joint, **changes)  # type: ignore[arg-type]

@@ -16,15 +16,20 @@ MODULES = (
     "schema",
     "play",
     "report",
+    "export",
     "robots",
     "urdf",
     "wear",
+    "dynamics",
     "budget",
     "allocate",
     "reduce",
     "iso9283",
     "maintenance",
     "shares",
+    "sweep",
+    "plot_sweep",
+    "uncertainty",
 )
 """Modules with a command of their own, in the order of the help."""
 

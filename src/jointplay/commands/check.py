@@ -48,6 +48,10 @@ def run(options: argparse.Namespace) -> int:
     scenario = Scenario.load(options.file, options.trust)
     runs = {case: scenario.prepare(case) for case in scenario.cases}
     print(summary(scenario, runs))
+    if scenario.sweep:
+        from jointplay.sweeps import plan_of
+
+        print(f"sweep: {plan_of(scenario).words}")
     if not options.no_picture:
         first = next(iter(runs.values()))
         shown = next((run for run in runs.values() if run.mechanism.clearance), first)

@@ -20,6 +20,7 @@ from numba.extending import intrinsic
 
 from jointplay.contact.trust import Absent
 from jointplay.errors import JointplayError
+from jointplay.geometry.own import ANSWER
 
 if TYPE_CHECKING:
     from jointplay.contact.law import Law
@@ -107,6 +108,21 @@ def _compiled(function: Callable[..., Any], state: tuple[str, ...], answers: int
     if answers:
         signature = types.void(*numbers, _NUMBERS, _NUMBERS)
     return compiled_function(_packed(function, state, answers), signature)
+
+
+@cache
+def compiled_touch(function: Callable[..., Any]) -> int:
+    """Machine address of the geometry that a kind of joint brings.
+
+    Args:
+        function: of (k, pose) and then the joint's dimensions by name: index of the contact and
+            pose of the journal (`geometry.own`). It returns the seven numbers of `geometry.touch`.
+
+    Raises:
+        JointplayError: numba cannot compile it; the message carries numba's reason.
+    """
+    signature = types.void(types.int64, _NUMBERS, _NUMBERS, _NUMBERS)
+    return int(compiled_function(_packed(function, ("k", "pose"), ANSWER), signature).address)
 
 
 @cache

@@ -103,7 +103,7 @@ def classify_many(shape, dimensions, count, poses):
     """Gaps, mode and form for many poses.
 
     Args:
-        shape: value of a `Shape`.
+        shape: value of a `Shape`, or the address of a kind's own touch.
         dimensions: of the joint.
         count: number of its contacts.
         poses: (n, 12), journal centre [m], then its orientation row by row, in the bearing frame.

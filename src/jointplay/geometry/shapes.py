@@ -20,6 +20,9 @@ class Shape(IntEnum):
                        on the journal (3), 0 or 1 for a wall across x or y, and the wall's side +-1
     WORN_CYLINDER          as CYLINDER, then `worn_bore` of end A and of end B
     WORN_ALIGNED_CYLINDER  as ALIGNED_CYLINDER, then `worn_bore`
+
+    Where a shape is asked for, a kind of joint may give the address of its own function instead
+    (`own`): all numbers above the last of these are taken for one.
     """
 
     CYLINDER = 0
@@ -31,6 +34,9 @@ class Shape(IntEnum):
 
 
 _CYLINDER, _ALIGNED_CYLINDER, _BALL, _BLOCK, _WORN, _WORN_ALIGNED = (int(shape) for shape in Shape)
+
+LAST_SHAPE = int(max(Shape))
+"""Numbers above are addresses."""
 
 _WORN_NODE = 4
 """Numbers of `worn_bore` for each azimuth."""

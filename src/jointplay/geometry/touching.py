@@ -6,6 +6,7 @@ import math
 
 from jointplay.geometry.bore import worn_gap
 from jointplay.geometry.cylinder import touch_cylinder
+from jointplay.geometry.own import call_touch
 from jointplay.geometry.shapes import (
     _ALIGNED_CYLINDER,
     _BALL,
@@ -14,6 +15,7 @@ from jointplay.geometry.shapes import (
     _WORN,
     _WORN_ALIGNED,
     _WORN_NODE,
+    LAST_SHAPE,
 )
 from jointplay.host.numba_cache import njit
 
@@ -23,7 +25,7 @@ def touch(shape, d, at, k, cx, cy, cz, r, first):
     """Gap, place and normal of contact k of a joint.
 
     Args:
-        shape: value of a `Shape`.
+        shape: value of a `Shape`, or the address of a function of the joint's own.
         d, at: array in which the joint's dimensions begin at index `at`.
         k: index of the contact.
         cx, cy, cz: journal centre in the bearing frame [m].
@@ -68,6 +70,10 @@ def touch(shape, d, at, k, cx, cy, cz, r, first):
         side = 3.0 - 2.0 * k
         oz = side * d[at + 3]
         return d[at + 2] - side * (cz + oz), 0.0, 0.0, oz, 0.0, 0.0, -side
+    if shape > LAST_SHAPE:
+        turn = r[first], r[first + 1], r[first + 2], r[first + 3], r[first + 4], r[first + 5]
+        last = r[first + 6], r[first + 7], r[first + 8]
+        return call_touch(shape, k, d, at, (cx, cy, cz), turn, last)
     # Along the line of centres: a ball, or a cylinder that does not tilt.
     if shape != _BALL:
         cz = 0.0

@@ -181,7 +181,7 @@ def _lock(folder: Path) -> None:
     place = folder.resolve()
     if place in _claimed:
         return
-    descriptor = os.open(folder, os.O_RDONLY)
+    descriptor = os.open(folder, os.O_RDONLY | getattr(os, "O_CLOEXEC", 0))
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
@@ -193,6 +193,13 @@ def _lock(folder: Path) -> None:
         os.close(descriptor)
         return
     _claimed[place] = descriptor
+
+
+def release(folder: str | Path) -> None:
+    """End a claim of this process."""
+    descriptor = _claimed.pop(Path(folder).resolve(), None)
+    if descriptor is not None:
+        os.close(descriptor)
 
 
 def _present(folder: Path, name: str) -> str:

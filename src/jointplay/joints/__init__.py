@@ -6,26 +6,40 @@ from collections.abc import Mapping
 from typing import Any
 
 from jointplay.codec import Family, Preset, read, register
-from jointplay.joints.base import VIRTUAL_LINK, Clearance, Material
-from jointplay.joints.prismatic import PrismaticJoint
-from jointplay.joints.revolute import ClearanceJoint
-from jointplay.joints.spherical import SphericalJoint
+from jointplay.joints.base import RELATIVE, VIRTUAL_LINK, Clearance, Material
+from jointplay.joints.cylindrical import CylindricalClearance
+from jointplay.joints.prismatic import PrismaticClearance
+from jointplay.joints.revolute import RevoluteClearance
+from jointplay.joints.spherical import SphericalClearance
 
 JOINT_KINDS: dict[str, type[Clearance]] = {
-    kind.kind: kind for kind in (ClearanceJoint, SphericalJoint, PrismaticJoint)
+    kind.kind: kind
+    for kind in (RevoluteClearance, SphericalClearance, PrismaticClearance, CylindricalClearance)
 }
 
 
+ClearanceJoint = RevoluteClearance
+SphericalJoint = SphericalClearance
+PrismaticJoint = PrismaticClearance
+
+UNNAMED_KIND: type[Clearance] = RevoluteClearance
+"""What a joint is of which nothing is said."""
+
 JOINT_WORDS: dict[str, type[Clearance] | Preset] = {
     **JOINT_KINDS,
-    "planar": Preset(ClearanceJoint, "PlanarJoint", {"lock_tilt": True, "lock_axial": True}),
+    "planar": Preset(RevoluteClearance, "PlanarJoint", {"lock_tilt": True, "lock_axial": True}),
 }
 """Words that scenarios have for kinds of joint."""
 
 register(
     Clearance,
-    Family("kind", "kind of joint", JOINT_WORDS, default=ClearanceJoint.kind, bare=False),
+    Family("kind", "kind of joint", JOINT_WORDS, default=UNNAMED_KIND.kind, bare=False),
 )
+
+
+def replacing(entry: str) -> list[str]:
+    """Kinds of joint that can take the place of a URDF joint of the type `entry`."""
+    return [name for name, kind in JOINT_KINDS.items() if entry in kind.replaces]
 
 
 def joint_from_description(description: Mapping[str, Any]) -> Clearance:
@@ -41,11 +55,18 @@ def joint_from_description(description: Mapping[str, Any]) -> Clearance:
 __all__ = [
     "JOINT_KINDS",
     "JOINT_WORDS",
+    "RELATIVE",
+    "UNNAMED_KIND",
     "VIRTUAL_LINK",
     "Clearance",
     "ClearanceJoint",
+    "CylindricalClearance",
     "Material",
+    "PrismaticClearance",
     "PrismaticJoint",
+    "RevoluteClearance",
+    "SphericalClearance",
     "SphericalJoint",
     "joint_from_description",
+    "replacing",
 ]

@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
-from typing import ClassVar, Literal
+from typing import ClassVar, Literal, Self
 
 import numpy as np
+import pinocchio as pin
 
 from jointplay.codec import Described
 from jointplay.contact import (
@@ -21,10 +22,13 @@ from jointplay.contact import (
 )
 from jointplay.errors import JointplayError, require_positive
 from jointplay.fields import check_fields, quantity
-from jointplay.geometry import Shape
+from jointplay.joints.play import Play
 
 VIRTUAL_LINK = ("x", "y", "z", "yaw", "pitch", "roll")
 """The six coordinates of a clearance joint, in their order in q."""
+
+RELATIVE = ("x", "y", "z", "roll", "pitch", "yaw")
+"""The same in the order of a twist: velocity, then angular velocity."""
 
 
 @dataclass(frozen=True)
@@ -96,6 +100,8 @@ class Clearance(Described, ABC):
     """The one word that selects the kind of joint."""
     replaces: ClassVar[tuple[str, ...]]
     """Types of URDF joint that this kind can take the place of."""
+    ideal_freedoms: ClassVar[tuple[str, ...]]
+    """Those of `VIRTUAL_LINK` that the joint has without clearance."""
 
     bearing_material: Material = field(default_factory=Material)
     journal_material: Material = field(default_factory=Material)
@@ -130,8 +136,8 @@ class Clearance(Described, ABC):
 
     @property
     @abstractmethod
-    def shape(self) -> Shape:
-        """How the gaps are computed."""
+    def shape(self) -> int:
+        """How the gaps are computed: a `Shape`, or the address that `compiled_touch` gives."""
 
     @property
     @abstractmethod
@@ -189,6 +195,38 @@ class Clearance(Described, ABC):
     def outline(self) -> Outline:
         """How to draw bearing and journal."""
 
+    @property
+    @abstractmethod
+    def travel(self) -> dict[str, float]:
+        """How far the freedoms but the drive's go within the clearance, either way [m or rad]."""
+
+    @property
+    @abstractmethod
+    def half_width(self) -> float:
+        """Half of what the bearing measures across, inside [m]."""
+
+    @abstractmethod
+    def play(self, second_order: bool = True) -> Play:
+        """The set of displacements that the clearance allows; see `analysis.statics.play`."""
+
+    @abstractmethod
+    def scaled(self, factor: float) -> Self:
+        """The joint with all its clearances multiplied, in the same bearing."""
+
+    def arm(self, centre: np.ndarray) -> float:
+        """Farthest point at which a journal with its centre here can touch, from it [m]."""
+        return float(np.linalg.norm(self.outline.size))
+
+    @abstractmethod
+    def fits(self, offset: np.ndarray, lean: float, least: float) -> bool:
+        """Whether a journal so displaced touches nothing, to be on the safe side.
+
+        Args:
+            offset: of its centre from where it would be without clearance, shape (3,) [m].
+            lean: how far its tilt moves its farthest point [m].
+            least: room to grant in any case, for rounding [m].
+        """
+
     @abstractmethod
     def ideal_part(self, rotation: np.ndarray, centre: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The pose nearest to a given one that the journal could have without clearance.
@@ -200,6 +238,43 @@ class Clearance(Described, ABC):
         Returns:
             Rotation (3, 3) and translation (3,) [m].
         """
+
+    @classmethod
+    def held(cls) -> list[int]:
+        """Rows of a twist (`RELATIVE`) that are zero without clearance."""
+        return [row for row, part in enumerate(RELATIVE) if part not in cls.ideal_freedoms]
+
+    @classmethod
+    def compound(cls) -> bool:
+        """Whether the joint has several coordinates without clearance."""
+        return len(cls.ideal_freedoms) > 1
+
+    @classmethod
+    def slides(cls) -> bool:
+        """Whether the journal slides along the axis without clearance."""
+        return "z" in cls.ideal_freedoms
+
+    @classmethod
+    def holds_axis(cls) -> bool:
+        """Whether the axes are parallel without clearance."""
+        return not {"pitch", "roll"} & set(cls.ideal_freedoms)
+
+    @classmethod
+    def misfit(cls, rotation: np.ndarray, centre: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """What parts a pose from one that the joint could have without clearance.
+
+        Args:
+            rotation: of the journal in the bearing frame, shape (3, 3).
+            centre: of the journal in the bearing frame, shape (3,) [m].
+
+        Returns:
+            The centre's offset where it is held [m]; the sine of the angle between the axes (2), or
+            all angles (3) [rad] where yaw is held, too.
+        """
+        offset = centre[[row for row in cls.held() if row < 3]]
+        if not cls.holds_axis():
+            return offset, np.zeros(0)
+        return offset, rotation[:2, 2] if "yaw" in cls.ideal_freedoms else pin.log3(rotation)
 
     @property
     def film(self) -> tuple[FilmLaw, FilmProperties] | None:

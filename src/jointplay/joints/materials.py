@@ -1,6 +1,6 @@
 """Materials, pairs that wear, and oils by name; the numbers and their sources are in ``data/``.
 
-bearing = jp.ClearanceJoint(..., bearing_material=jp.material("bronze"))
+bearing = jp.RevoluteClearance(..., bearing_material=jp.material("bronze"))
 viscosity = jp.oil("ISO VG 46").viscosity(60.0)  # Pa s
 """
 

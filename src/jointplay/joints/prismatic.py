@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from jointplay.errors import JointplayError
 from jointplay.fields import quantity
 from jointplay.geometry import Shape
 from jointplay.joints.base import VIRTUAL_LINK, Clearance, Outline
+from jointplay.joints.play import BlockPlay
 
 _SIGNS = (1.0, -1.0)
 _ENDS = {1.0: "A", -1.0: "B"}
@@ -21,7 +22,7 @@ _MARK = {1.0: "+", -1.0: "-"}
 
 
 @dataclass(frozen=True, kw_only=True)
-class PrismaticJoint(Clearance):
+class PrismaticClearance(Clearance):
     """A block-shaped slider (the journal) in a straight guide (the bearing) that is longer.
 
     z is the direction of sliding. Each of the slider's eight corners can touch the walls across x
@@ -34,6 +35,7 @@ class PrismaticJoint(Clearance):
 
     kind: ClassVar[str] = "prismatic"
     replaces: ClassVar[tuple[str, ...]] = ("prismatic",)
+    ideal_freedoms: ClassVar[tuple[str, ...]] = ("z",)
 
     length: float = quantity("m", default=80e-3, above=0.0, words="slider length")
     """Of the slider, along z [m]."""
@@ -162,6 +164,48 @@ class PrismaticJoint(Clearance):
         """A block in a guide."""
         size = (self.width / 2, self.height / 2, self.length / 2)
         return Outline("block", size, (self.clearance, self.cy, 0.0), not self.planar)
+
+    @property
+    def half_width(self) -> float:
+        """Half of the slider's height [m]."""
+        return self.height / 2
+
+    @property
+    def travel(self) -> dict[str, float]:
+        """The clearances across, and the angles at which opposite corners touch."""
+        return {
+            "x": self.clearance,
+            "y": self.cy,
+            "yaw": min(2.0 * self.cy / self.width, 2.0 * self.clearance / self.height),
+            "pitch": 2.0 * self.clearance / self.length,
+            "roll": 2.0 * self.cy / self.length,
+        }
+
+    def play(self, second_order: bool = True) -> BlockPlay:
+        """A slider in a guide."""
+        given = self.clearance, 0.0 if self.planar else self.cy
+        arms = self.width / 2, self.height / 2, self.length / 2
+        free = "roll" in self.freedoms, "pitch" in self.freedoms, "yaw" in self.freedoms
+        found = BlockPlay(given, arms, free)
+        if not second_order or self.lock_tilt:
+            return found
+        corner = math.hypot(*arms)
+        for _ in range(40):
+            more = 0.5 * corner * min(found.reach[1], 1.0) ** 2
+            wide = given[0] + more, given[1] + more if given[1] else 0.0
+            excess = max(w / g for w, g in zip(wide, given, strict=True) if g) - 1.0
+            found = BlockPlay(wide, arms, free, excess)
+        return found
+
+    def scaled(self, factor: float) -> Self:
+        """See `Clearance.scaled`."""
+        return replace(self, clearance=factor * self.clearance, clearance_y=factor * self.cy)
+
+    def fits(self, offset: np.ndarray, lean: float, least: float) -> bool:
+        """Across within a rectangle."""
+        x, y, _ = np.abs(offset)
+        across, high = (max(self.room_to_start.get(part, 0.0), least) for part in "xy")
+        return bool(x + lean <= across and y + lean <= high)
 
     def ideal_part(self, rotation: np.ndarray, centre: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Translation along z."""

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import ClassVar
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Self
 
 import numpy as np
 import pinocchio as pin
@@ -13,8 +13,9 @@ import pinocchio as pin
 from jointplay.contact import ContactProperties, FilmLaw, FilmProperties
 from jointplay.errors import JointplayError, require_positive, within
 from jointplay.fields import quantity
-from jointplay.geometry import Shape, worn_bore
+from jointplay.geometry import EDGE_ROUNDING_M, Shape, worn_bore
 from jointplay.joints.base import VIRTUAL_LINK, Outline, complete
+from jointplay.joints.play import JournalPlay
 from jointplay.joints.round import RoundClearance
 
 SAMPLES = 72
@@ -25,7 +26,7 @@ LEAST_AZIMUTHS = 16
 
 
 @dataclass(frozen=True, kw_only=True)
-class ClearanceJoint(RoundClearance):
+class RevoluteClearance(RoundClearance):
     """A journal of radius R_j and length L_j in a bearing of radius R_i and length L_i.
 
     Give the bearing and either the clearances or the journal; whatever is missing is derived
@@ -40,6 +41,7 @@ class ClearanceJoint(RoundClearance):
 
     kind: ClassVar[str] = "revolute"
     replaces: ClassVar[tuple[str, ...]] = ("revolute", "continuous")
+    ideal_freedoms: ClassVar[tuple[str, ...]] = ("yaw",)
 
     bearing_length: float = quantity("m", default=40e-3, above=0.0, words="bearing length")
     """L_i, between the end walls [m]; this project's choice, the paper gives none."""
@@ -142,7 +144,7 @@ class ClearanceJoint(RoundClearance):
         return tuple(map(tuple, np.broadcast_to(depths, (rows, depths.shape[1])).tolist()))
 
     @classmethod
-    def planar(cls, **fields: object) -> ClearanceJoint:
+    def planar(cls, **fields: object) -> RevoluteClearance:
         """The literature's classic: tilt and axial motion locked, one radial contact.
 
         `fields` are those of the joint but for the two locks.
@@ -269,6 +271,45 @@ class ClearanceJoint(RoundClearance):
             self.walls,
             worn,
         )
+
+    @property
+    def travel(self) -> dict[str, float]:
+        """C_r across, C_a along (without walls, the bore's length), and the steepest lean."""
+        tilt = 2.0 * self.cr / self.lj
+        along = self.ca if self.walls else self.li
+        return {"x": self.cr, "y": self.cr, "z": along, "pitch": tilt, "roll": tilt}
+
+    def play(self, second_order: bool = True) -> JournalPlay:
+        """A journal in a bore."""
+        across = self.cr + (0.0 if self.worn is None else float(np.max(self.worn)))
+        along = self.ca if self.walls else 0.0 if self.lock_axial else math.inf
+        if self.lock_tilt:
+            return JournalPlay(across, along, math.inf, 0.0)
+        rim = self.rj if self.walls else 0.0
+        if not second_order:
+            return JournalPlay(across, along, self.lj, rim)
+        wide, way = across, along
+        steepest = math.sqrt(2.0 * across / self.rj)  # docs/theory.md, uniqueness
+        for _ in range(40):
+            lean = min(2.0 * wide / self.lj, way / rim if rim else math.inf, steepest, 1.0)
+            shorter = 1.0 - math.sqrt(1.0 - lean * lean)
+            wide = across + self.rj * shorter
+            way = along + 0.5 * self.lj * shorter + EDGE_ROUNDING_M if self.walls else along
+        excess = max(wide / across, way / along if self.walls else 1.0) - 1.0
+        return JournalPlay(wide, way, self.lj, rim, excess)
+
+    def scaled(self, factor: float) -> Self:
+        """See `Clearance.scaled`."""
+        changes: dict[str, Any] = {"radial_clearance": factor * self.cr, "journal_radius": None}
+        if self.walls:
+            changes |= {"axial_clearance": factor * self.ca, "journal_length": None}
+        return replace(self, **changes)
+
+    def fits(self, offset: np.ndarray, lean: float, least: float) -> bool:
+        """Across within a circle, along between the walls."""
+        x, y, z = np.abs(offset)
+        across, along = (max(self.room_to_start.get(part, 0.0), least) for part in "xz")
+        return bool(np.hypot(x, y) + lean <= across and z + lean <= along)
 
     def ideal_part(self, rotation: np.ndarray, centre: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The axis is turned back by the shortest way; along the axis, only what nothing limits."""

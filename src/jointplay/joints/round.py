@@ -59,6 +59,11 @@ class RoundClearance(Clearance):
         return self.cr
 
     @property
+    def half_width(self) -> float:
+        """R_i [m]."""
+        return self.ri
+
+    @property
     def depth_limit(self) -> float:
         """A tenth of the journal's radius: far beyond what any contact law means."""
         return 0.1 * self.rj

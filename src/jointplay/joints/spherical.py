@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import ClassVar
+import math
+from dataclasses import dataclass, replace
+from typing import ClassVar, Self
 
 import numpy as np
 
 from jointplay.contact import ContactProperties
 from jointplay.geometry import Shape
 from jointplay.joints.base import VIRTUAL_LINK, Outline
+from jointplay.joints.play import BallPlay
 from jointplay.joints.round import RoundClearance
 
 _NUMBER = 200
 
 
 @dataclass(frozen=True, kw_only=True)
-class SphericalJoint(RoundClearance):
+class SphericalClearance(RoundClearance):
     """A ball of radius R_j in a socket of radius R_i that encloses it (one contact).
 
     Give the socket and either the clearance C = R_i - R_j or the ball. The Hertz stiffness of
@@ -33,6 +35,7 @@ class SphericalJoint(RoundClearance):
 
     kind: ClassVar[str] = "spherical"
     replaces: ClassVar[tuple[str, ...]] = ("floating",)
+    ideal_freedoms: ClassVar[tuple[str, ...]] = VIRTUAL_LINK[3:]
 
     def __post_init__(self) -> None:
         """Derive what is missing and refuse what cannot be."""
@@ -87,6 +90,23 @@ class SphericalJoint(RoundClearance):
     def outline(self) -> Outline:
         """A ball in a socket."""
         return Outline("ball", (self.rj,) * 3, (self.cr,) * 3, False)
+
+    @property
+    def travel(self) -> dict[str, float]:
+        """C, and rotations that are free: half of the turn that the coordinates can tell."""
+        return dict.fromkeys("xyz", self.cr) | {"pitch": math.pi / 4, "roll": math.pi / 2}
+
+    def play(self, second_order: bool = True) -> BallPlay:
+        """A ball, exact in every order."""
+        return BallPlay(self.cr)
+
+    def scaled(self, factor: float) -> Self:
+        """See `Clearance.scaled`."""
+        return replace(self, radial_clearance=factor * self.cr, journal_radius=None)
+
+    def fits(self, offset: np.ndarray, lean: float, least: float) -> bool:
+        """Within a sphere, however it is turned."""
+        return bool(np.linalg.norm(np.abs(offset)) <= self.cr)
 
     def ideal_part(self, rotation: np.ndarray, centre: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Any rotation, no translation."""

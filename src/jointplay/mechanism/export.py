@@ -6,7 +6,6 @@ with friction - cannot be said in a URDF; limits take their place: a box about t
 
 from __future__ import annotations
 
-import math
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterable
 from xml.parsers import expat
@@ -15,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 
 from jointplay.errors import JointplayError
-from jointplay.joints import VIRTUAL_LINK, Clearance, ClearanceJoint, PrismaticJoint, SphericalJoint
+from jointplay.joints import VIRTUAL_LINK
 from jointplay.mechanism.mechanism import Mechanism
 
 LIMIT_FACTOR = 2.0
@@ -101,7 +100,6 @@ def _chain(
     # The mechanism turned the child's frame back from the bearing's: this is the way there.
     axes = mechanism.model.frames[child].placement.rotation.T
     carried = mechanism.model.inertias[mechanism.model.getJointId(name)].mass
-    limits = _limits(joint)
     chain: list[ElementTree.Element] = []
     link = entry.parent
     for freedom in joint.freedoms:
@@ -118,7 +116,7 @@ def _chain(
             kind = "revolute" if group else "prismatic"
             element = ElementTree.Element("joint", name=f"{name}.{freedom}", type=kind)
             _add(element, "axis", xyz=axis)
-            room = limits[freedom]
+            room = LIMIT_FACTOR * joint.travel[freedom]
             _add(element, "limit", lower=-room, upper=room, effort=0.0, velocity=SPEED[kind])
         last = freedom == joint.freedoms[-1]
         following = entry.child if last else f"{name}.{freedom}_link"
@@ -132,39 +130,11 @@ def _chain(
             element.insert(place, end)
         chain.append(element)
         if not last:
-            chain.append(_ball(following, max(MASS_FRACTION * carried, LEAST_MASS), _size(joint)))
+            chain.append(
+                _ball(following, max(MASS_FRACTION * carried, LEAST_MASS), joint.half_width)
+            )
         link = following
     return chain
-
-
-def _limits(joint: Clearance) -> dict[str, float]:
-    """How far each of the added freedoms may go, either way [m or rad]."""
-    if isinstance(joint, ClearanceJoint):
-        tilt = 2.0 * joint.cr / joint.lj
-        along = joint.ca if joint.walls else joint.li
-        rooms = {"x": joint.cr, "y": joint.cr, "z": along, "pitch": tilt, "roll": tilt}
-    elif isinstance(joint, PrismaticJoint):
-        rooms = {
-            "x": joint.clearance,
-            "y": joint.cy,
-            "yaw": min(2.0 * joint.cy / joint.width, 2.0 * joint.clearance / joint.height),
-            "pitch": 2.0 * joint.clearance / joint.length,
-            "roll": 2.0 * joint.cy / joint.length,
-        }
-    elif isinstance(joint, SphericalJoint):
-        # Its rotations are free; LIMIT_FACTOR makes half a turn of roll, a quarter of pitch.
-        rooms = dict.fromkeys("xyz", joint.cr) | {"pitch": math.pi / 4, "roll": math.pi / 2}
-    else:
-        raise JointplayError(f"a joint of the kind {joint.kind!r} cannot be written to a URDF")
-    return {freedom: LIMIT_FACTOR * room for freedom, room in rooms.items()}
-
-
-def _size(joint: Clearance) -> float:
-    """Radius of the small links within the joint [m]."""
-    if isinstance(joint, ClearanceJoint | SphericalJoint):
-        return joint.bearing_radius
-    assert isinstance(joint, PrismaticJoint)  # _limits knows no other
-    return joint.height / 2
 
 
 def _ball(name: str, mass: float, radius: float) -> ElementTree.Element:

@@ -94,23 +94,16 @@ def misfit(mechanism: Mechanism, q: np.ndarray) -> dict[str, np.ndarray]:
     """What keeps each loop from being closed in configuration q, zero if it is.
 
     Returns:
-        By loop, journal against bearing: the centre's offset (3) [m] but for the direction of
-        sliding, and, unless the joint is a ball, the sine of the angle between the axes (2) - of
-        all angles (3) for a slider - on an arm of `ANGLE_ARM_M` [m]. By lock (`locked`), what it
+        By loop, journal against bearing, what its kind of joint holds (`Clearance.misfit`): the
+        centre's offset [m], and angles on an arm of `ANGLE_ARM_M` [m]. By lock (`locked`), what it
         holds against its carriage: offset and all angles.
     """
     found = {}
     pin.forwardKinematics(mechanism.model, mechanism.data, q)
     for name in mechanism.loops:
         pose = mechanism.journal_pose(name)
-        turn, kind = pose.rotation, mechanism.loop_kind(name)
-        if kind == "spherical":
-            found[name] = pose.translation.copy()
-        elif kind == "prismatic":
-            angles = pin.log3(turn)
-            found[name] = np.concatenate([pose.translation[:2], ANGLE_ARM_M * angles])
-        else:
-            found[name] = np.concatenate([pose.translation, ANGLE_ARM_M * turn[:2, 2]])
+        offset, angles = mechanism.loop_class(name).misfit(pose.rotation, pose.translation)
+        found[name] = np.concatenate([offset, ANGLE_ARM_M * angles])
     for name in mechanism.locks:
         pose = mechanism.lock_pose(name)
         found[locked(name)] = np.concatenate(
@@ -195,7 +188,7 @@ def _open(mechanism: Mechanism, q: np.ndarray) -> np.ndarray:
     for name in mechanism.loops:
         pose = mechanism.journal_pose(name)
         found.append(pose.translation)
-        if mechanism.loop_kind(name) != "spherical":  # no ideal slider closes a loop
+        if mechanism.loop_class(name).holds_axis():  # no ideal slider closes a loop
             found.append(np.array([-pose.rotation[1, 2], pose.rotation[0, 2]]))
     return np.concatenate(found)
 
@@ -244,7 +237,7 @@ def _wanted(
     """`misfit` from where journals shall be."""
     parts = misfit(mechanism, q)
     for name, offset in offsets.items():
-        size = 2 if mechanism.loop_kind(name) == "prismatic" else 3
+        size = 2 if mechanism.loop_class(name).slides() else 3
         parts[name][:size] -= offset[:size]
     return parts
 
@@ -269,15 +262,9 @@ def _fit(mechanism: Mechanism, q: np.ndarray) -> bool:
 def _has_room(joint: Clearance, pose: pin.SE3, leans: bool) -> bool:
     """Whether a journal touches nothing, to be on the safe side; `leans`: tilt counts."""
     turn, centre = joint.ideal_part(pose.rotation, pose.translation)
-    x, y, z = np.abs(pose.translation - centre)
-    room = [max(joint.room_to_start.get(part, 0.0), ASSEMBLY_TOLERANCE_M) for part in "xyz"]
     tilt = float(np.abs(pin.log3(pose.rotation @ turn.T)).max()) if leans else 0.0
-    lean = 0.0 if joint.kind == "spherical" else tilt * float(np.linalg.norm(joint.outline.size))
-    if joint.kind == "prismatic":
-        return bool(x + lean <= room[0] and y + lean <= room[1])
-    if joint.kind == "spherical":
-        return bool(np.linalg.norm([x, y, z]) <= joint.radial_room)
-    return bool(np.hypot(x, y) + lean <= room[0] and z + lean <= room[2])
+    lean = tilt * joint.arm(pose.translation)
+    return joint.fits(pose.translation - centre, lean, ASSEMBLY_TOLERANCE_M)
 
 
 def _blame(
@@ -308,10 +295,7 @@ def closing_rows(
     """
     rows = [np.zeros((0, mechanism.model.nv))]
     for name in mechanism.loops if loops is None else loops:
-        jacobian = mechanism.relative_jacobian(name, q)
-        kind = mechanism.loop_kind(name)
-        keep = {"spherical": [0, 1, 2], "prismatic": [0, 1, 3, 4, 5]}.get(kind, [0, 1, 2, 3, 4])
-        rows.append(jacobian[keep])
+        rows.append(mechanism.relative_jacobian(name, q)[mechanism.loop_class(name).held()])
     rows += [mechanism.lock_jacobian(name, q) for name in mechanism.locks]
     return np.concatenate(rows)
 

@@ -20,18 +20,16 @@ import pinocchio as pin
 from jointplay.codec import Described, plain
 from jointplay.errors import JointplayError, MissingName, require_finite, within
 from jointplay.fields import quantity
-from jointplay.joints import VIRTUAL_LINK, Clearance
+from jointplay.joints import RELATIVE, UNNAMED_KIND, VIRTUAL_LINK, Clearance
 from jointplay.mechanism import urdf
 from jointplay.mechanism.gear import Gear
 from jointplay.mechanism.lock import Lock
 from jointplay.mechanism.loop import Loop, refuse_name
 from jointplay.mechanism.model import build, parse
+from jointplay.mechanism.shown import Shown
 
 STANDARD_GRAVITY = (0.0, 0.0, -9.81)
 """Gravity in world axes [m/s^2]."""
-
-RELATIVE = ("x", "y", "z", "roll", "pitch", "yaw")
-"""Freedoms in the order of the rows of `Mechanism.relative_jacobian`."""
 
 _AXIS_ARM_M = 0.05
 """Distance of the two points that hold the axis of an ideal revolute joint in a loop."""
@@ -42,6 +40,17 @@ def frame_index(model: pin.Model, name: str) -> int:
     if model.existFrame(name, pin.FrameType.BODY):
         return int(model.getFrameId(name, pin.FrameType.BODY))
     return int(model.getFrameId(name))
+
+
+def signs_between(model: pin.Model, first: int, second: int) -> np.ndarray:
+    """+1 for coordinates that move the second joint only, -1 the first only, 0 else, (nv,)."""
+    signs = np.zeros(model.nv)
+    for index, sign in ((second, 1.0), (first, -1.0)):
+        while index > 0:
+            member = model.joints[index]
+            signs[member.idx_v : member.idx_v + member.nv] += sign
+            index = model.parents[index]
+    return signs
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,7 +71,7 @@ class WrittenMechanism:
     gears: dict[str, Gear] = field(default_factory=dict)
 
 
-class Mechanism(Described):
+class Mechanism(Described, Shown):
     """A robot or linkage from a URDF, ideal or with clearance in some of its joints.
 
     Args:
@@ -205,9 +214,12 @@ class Mechanism(Described):
 
     def _check_joint(self, name: str, joint: Clearance) -> None:
         if not isinstance(joint, Clearance):
-            raise JointplayError(f"joint {name!r} needs a ClearanceJoint, got {joint!r}")
+            raise JointplayError(
+                f"joint {name!r} needs a joint with clearance, such as a RevoluteClearance, "
+                f"got {joint!r}"
+            )
         if name in self.loops:
-            if joint.ideal and joint.kind == "prismatic":
+            if joint.ideal and joint.slides():
                 raise JointplayError(
                     f"loop {name!r} cannot be closed by an ideal slider; "
                     "cut the loop at another joint and leave the slider in the URDF"
@@ -238,7 +250,7 @@ class Mechanism(Described):
         """
         given = self._joints.get(joint)
         name = joint
-        if given is not None and (joint in self.clearance or given.kind == "spherical"):
+        if given is not None and (joint in self.clearance or given.compound()):
             name = f"{joint}.{given.drive_coordinate}"
         if name not in self.coordinates or joint in self.loops:
             raise MissingName("moving joint", joint, self.joints)
@@ -272,7 +284,11 @@ class Mechanism(Described):
 
     def loop_kind(self, name: str) -> str:
         """Kind of joint that closes the loop `name`."""
-        return self._joints[name].kind if name in self._joints else "revolute"
+        return self.loop_class(name).kind
+
+    def loop_class(self, name: str) -> type[Clearance]:
+        """Class of the joint that closes the loop `name`."""
+        return type(self._joints[name]) if name in self._joints else UNNAMED_KIND
 
     def bearing_frame(self, joint: str) -> tuple[int, pin.SE3]:
         """Pinocchio joint that carries the bearing, and the bearing frame's placement in it."""
@@ -320,13 +336,7 @@ class Mechanism(Described):
 
     def _signs(self, first: tuple[int, pin.SE3], second: tuple[int, pin.SE3]) -> np.ndarray:
         """The same for any two frames, the second in the journal's place."""
-        signs = np.zeros(self.model.nv)
-        for (index, _), sign in ((second, 1.0), (first, -1.0)):
-            while index > 0:
-                member = self.model.joints[index]
-                signs[member.idx_v : member.idx_v + member.nv] += sign
-                index = self.model.parents[index]
-        return signs
+        return signs_between(self.model, first[0], second[0])
 
     def relative_jacobian(self, joint: str, q: np.ndarray) -> np.ndarray:
         """Motion of the journal relative to the bearing, shape (6, nv).
@@ -368,7 +378,7 @@ class Mechanism(Described):
                 continue
             (i, bearing), (j, journal) = self._frames(name)
             points = [0.0]
-            if self.loop_kind(name) != "spherical":
+            if self.loop_class(name).holds_axis():
                 jacobian = self.relative_jacobian(name, q)
                 held = [np.linalg.matrix_rank(jacobian[:n], tol=1e-9) for n in (3, 5)]
                 points += [_AXIS_ARM_M] if held[1] > held[0] else []
@@ -410,7 +420,7 @@ class Mechanism(Described):
         joints = {
             name: joint
             for name, joint in self._joints.items()
-            if name in self.loops or joint.kind == "spherical"
+            if name in self.loops or joint.compound()
         }
         return self._with({name: replace(joint, ideal=True) for name, joint in joints.items()}, {})
 

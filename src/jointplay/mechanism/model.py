@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Mapping
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ import pinocchio as pin
 
 from jointplay.errors import JointplayError
 from jointplay.host.streams import caught_stderr
-from jointplay.joints import VIRTUAL_LINK, Clearance
+from jointplay.joints import VIRTUAL_LINK, Clearance, replacing
 from jointplay.mechanism.gear import Gear
 from jointplay.mechanism.lock import Lock
 from jointplay.mechanism.urdf import Description
@@ -20,6 +21,7 @@ from jointplay.mechanism.urdf import Description
 _REVOLUTE = ("JointModelR", "JointModelRevolute")
 _PRISMATIC = ("JointModelP", "JointModelPrismatic")
 _FLOATING = "JointModelFreeFlyer"
+_URDF_FLOATING = "floating"
 
 _SINGLE = {
     "x": pin.JointModelPX,
@@ -34,23 +36,28 @@ _SINGLE = {
 def parse(description: Description) -> pin.Model:
     """Pinocchio's own reading of the URDF, from a file because its text reader names no errors.
 
+    The same text is read once: what is returned is shared, and must not be changed.
+
     Raises:
         JointplayError: Pinocchio cannot read it.
     """
+    return _parsed(description.text, str(description.path))
+
+
+@lru_cache(maxsize=32)
+def _parsed(text: str, path: str) -> pin.Model:
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "robot.urdf"
         noise: list[str] = []
         try:
-            file.write_text(description.text, encoding="utf-8")
+            file.write_text(text, encoding="utf-8")
             with caught_stderr(noise):
                 return pin.buildModelFromUrdf(str(file))
         except (ValueError, RuntimeError) as error:
             said = [*str(error).splitlines(), *noise]
             reason = next((line.strip() for line in said if line.strip()), "no reason given")
-            reason = reason.replace(str(file), description.path.name)
-            raise JointplayError(
-                f"Pinocchio cannot read the URDF {str(description.path)!r}: {reason}"
-            ) from None
+            reason = reason.replace(str(file), Path(path).name)
+            raise JointplayError(f"Pinocchio cannot read the URDF {path!r}: {reason}") from None
 
 
 def build(
@@ -96,9 +103,9 @@ def build(
         placement = turned[source.parents[old]] * source.jointPlacements[old]
         axis, slides = _axis(source, data, old, given)
         turned[old] = pin.SE3.Identity()
-        if given is not None and (given.kind == "spherical" or not given.ideal):
+        if given is not None and (given.compound() or not given.ideal):
             turn = pin.SE3(z_to(axis), np.zeros(3))
-            freedoms = VIRTUAL_LINK[3:] if given.ideal else given.freedoms
+            freedoms = given.ideal_freedoms if given.ideal else given.freedoms
             new = _virtual_link(model, parent, placement * turn, name, freedoms)
             coordinates += [f"{name}.{coordinate}" for coordinate in freedoms]
             turned[old] = turn.inverse()
@@ -131,11 +138,11 @@ def _axis(
     """Axis of a joint in its own frame, and whether it slides along it."""
     name, joint = source.names[index], source.joints[index]
     kind = joint.shortname()
-    if kind == _FLOATING and given is not None and given.kind == "spherical":
+    if kind == _FLOATING and given is not None and _URDF_FLOATING in given.replaces:
         return np.array([0.0, 0.0, 1.0]), False
     if not kind.startswith(_REVOLUTE + _PRISMATIC) or joint.nv != 1:
         remedy = (
-            "a floating joint can only be a ball in a socket (SphericalJoint)"
+            f"a floating joint can only be {' or '.join(replacing(_URDF_FLOATING))}, with clearance"
             if kind == _FLOATING
             else "only revolute, continuous and prismatic joints are supported"
         )

@@ -17,6 +17,7 @@ from jointplay import analysis
 from jointplay.analysis.claims import measure
 from jointplay.errors import JointplayError
 from jointplay.geometry import Form
+from jointplay.joints import JOINT_KINDS
 from jointplay.plots.accessor import MODE_NAMES
 from jointplay.report.cases import Case
 from jointplay.report.html import (
@@ -301,12 +302,14 @@ def assumptions(cases: Sequence[Case], start: float) -> Html:
         "worn": any(joint.get("worn") for joint in bearings),
         "wearing": any(joint.get("wear_rate") for joint in bearings),
         "unworn": not any(joint.get("worn") or joint.get("wear_rate") for joint in bearings),
-        **{kind: kind in kinds for kind in ("revolute", "spherical", "prismatic")},
+        **{kind: kind in kinds for kind in JOINT_KINDS},
         "loops": any(given["mechanism"].get("loops") for given in inputs),
         "gears": any(given["mechanism"].get("gears") for given in inputs),
         "computed torque": any("computed-torque" in json.dumps(given["drive"]) for given in inputs),
         "prescribed": any("prescribed" in json.dumps(given["drive"]) for given in inputs),
         "payloads": any(given.get("payloads") for given in inputs),
+        "loads": any(given.get("loads") for given in inputs),
+        "cut": any(given.get("limits") == "cut" for given in inputs),
         "derived stiffness": any(
             joint.get("stiffness", 0.0) is None
             for given in moving

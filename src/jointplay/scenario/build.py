@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +13,11 @@ import numpy as np
 
 from jointplay.codec import Draft, unknown_key
 from jointplay.contact.trust import trusting
-from jointplay.errors import JointplayError, MissingName, within
+from jointplay.errors import JointplayError, MissingName, require_positive, within
 from jointplay.fields import fields_of
 from jointplay.host.files import is_file
 from jointplay.joints import Clearance
+from jointplay.loads import Load
 from jointplay.loads.drive import ComputedTorque, Drive, JointFriction, Torque
 from jointplay.mechanism.loop import Loop, refuse_name
 from jointplay.mechanism.mechanism import Mechanism
@@ -33,10 +35,10 @@ SHIPPED = "jointplay:"
 """Prefixes of files that are no paths."""
 
 MOTION_SOURCES = {
-    "file": ("interpolation",),
-    "joints": ("times", "interpolation"),
+    "file": ("interpolation", "faster"),
+    "joints": ("times", "interpolation", "faster"),
     "speeds": (),
-    "tool_position": ("times", "tool_rpy", "frame", "path"),
+    "tool_position": ("times", "tool_rpy", "frame", "path", "faster"),
 }
 """Keys of [motion] of which there is one, and those that go with it."""
 
@@ -85,6 +87,8 @@ def build(model: Model, folder: Path) -> Simulation:
         joint_friction=_joint_friction(model, mechanism),
         seed=integration.seed,
         payloads=_payloads(model, mechanism),
+        loads=_loads(model, mechanism, folder),
+        limits=model.robot.limits,
         state={name: (start.get(name), start_speed.get(name)) for name in {**start, **start_speed}},
         start=integration.start,
         settle=integration.settle,
@@ -219,9 +223,20 @@ def _motion(
     model: Model, mechanism: Mechanism, folder: Path, start: dict[str, float]
 ) -> Motion | None:
     """The reference; takes out of `start` what it uses."""
-    table = model.motion
-    if table is None:
+    if model.motion is None:
         return None
+    motion = _as_given(model, model.motion, mechanism, folder, start)
+    if model.motion.faster is None:
+        return motion
+    with within("motion", "faster"):
+        faster = require_positive("faster", model.motion.faster, "")
+        return Motion(motion.joints, motion.times / faster, motion.positions, motion.interpolation)
+
+
+def _as_given(
+    model: Model, table: Any, mechanism: Mechanism, folder: Path, start: dict[str, float]
+) -> Motion:
+    """The reference at the speed that the scenario gives it."""
     given = table.given()
     interpolation = table.interpolation or INTERPOLATIONS[0]
     sources = [key for key in MOTION_SOURCES if key in given]
@@ -240,7 +255,7 @@ def _motion(
             )
     if source == "file":
         with within("motion", "file"):
-            return Motion.from_csv(locate(given["file"], folder), interpolation)
+            return _from_file(locate(given["file"], folder), table.interpolation)
     if source == "speeds":
         return _turning(model, mechanism, start)
     if table.times is None:
@@ -259,6 +274,26 @@ def _motion(
     with within("motion"):
         positions = np.array(columns).reshape(len(columns), len(table.times)).T
         return Motion(list(given["joints"]), table.times, positions, interpolation)
+
+
+def _from_file(path: Path, interpolation: str | None) -> Motion:
+    """Motion of a file, which is read again only once it has changed."""
+    try:
+        found = path.stat()
+    except (OSError, ValueError):  # which those who read put into words
+        return _read(path, interpolation)
+    return _read_once(path, interpolation, (found.st_mtime_ns, found.st_size, found.st_ino))
+
+
+@lru_cache(maxsize=16)
+def _read_once(path: Path, interpolation: str | None, stamp: tuple[int, ...]) -> Motion:
+    return _read(path, interpolation)
+
+
+def _read(path: Path, interpolation: str | None) -> Motion:
+    if path.suffix.lower() == ".mcap":  # recorded, and dense
+        return Motion.from_mcap(path, interpolation=interpolation or "spline")
+    return Motion.from_csv(path, interpolation or INTERPOLATIONS[0])
 
 
 def _turning(model: Model, mechanism: Mechanism, start: dict[str, float]) -> Motion:
@@ -368,6 +403,28 @@ def _joint_friction(model: Model, mechanism: Mechanism) -> dict[str, JointFricti
         with within(*path):
             friction[name] = JointFriction(**fields)
     return friction
+
+
+def _loads(model: Model, mechanism: Mechanism, folder: Path) -> dict[str, Load]:
+    loads: dict[str, Load] = {}
+    for name, draft in _drafts(model.loads).items():
+        fitted = {}
+        for key, value in draft.fields.items():
+            units = fields_of(draft.kind)[key].units
+            if len(units) == 2 and value is not None:
+                at = ("loads", name, key)
+                fitted[key] = _fit(
+                    mechanism, draft.fields["joint"], value, (units[0], units[1]), at
+                )
+        with (
+            within("loads", name),
+            _beside(folder, str(draft.fields.get("function", ""))),
+        ):
+            load = Draft(draft.kind, draft.word, {**draft.fields, **fitted}).make()
+            load.site(mechanism)
+            load.numbers(mechanism)
+        loads[name] = load
+    return loads
 
 
 def _payloads(model: Model, mechanism: Mechanism) -> tuple[Payload, ...]:

@@ -53,6 +53,7 @@ class Scenario:
         title: what it is about.
         cases: labels of its cases, in order; a file without cases has one, named like the file.
         figures: whether figures that compare the cases are wanted.
+        sweep: the table [sweep] as it stands, empty if there is none; `jointplay.sweeps` reads it.
     """
 
     def __init__(
@@ -74,6 +75,7 @@ class Scenario:
         self.text = text
         data = self._parsed(text)
         cases = data.pop("cases", {})
+        self.sweep = dict(self._table(data.pop("sweep", {}), ("sweep",)))
         self._base = data
         self._changes: dict[str, dict[str, Any]] = {}
         for label, changes in self._table(cases, ("cases",)).items():
@@ -179,13 +181,20 @@ class Scenario:
             if key in self._set and key != "title":
                 source = next(s.source for s in self.settings if s.key[0] == key)
                 raise JointplayError(f"{source}: settings hold for all cases, and name none")
-        merged = merge(merge(self._base, self._changes[case]), self._set)
-        data = merge(merged, changes or {})
+        data = merge(self.data(case), changes or {})
         try:
             model: Model = make(check(Model, data), objects=False)
             return model
         except JointplayError as error:
             raise self._error(error.where, str(error), case) from None
+
+    def data(self, case: str) -> dict[str, Any]:
+        """What the file says of a case, as TOML has it; see `model`."""
+        return merge(merge(self._base, self._changes[case]), self._set)
+
+    def error(self, path: Key, message: str) -> JointplayError:
+        """An error of the key at `path`, with file and line."""
+        return self._error(path, message)
 
     def _table(self, value: Any, path: Key) -> Mapping[str, Any]:
         if not isinstance(value, Mapping):

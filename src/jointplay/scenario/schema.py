@@ -22,7 +22,7 @@ def schema() -> dict[str, Any]:
     What is missing it does not say: any case can give what the file's own tables leave out, and
     only both together must be complete. `jointplay check` tells.
     """
-    tables = _Tables()
+    tables = Tables()
     own = tables.properties(Model)
     definitions = tables.definitions
     definitions[CASE] = {
@@ -36,6 +36,10 @@ def schema() -> dict[str, Any]:
         "description": "Changes of the tables above, by name; all cases are run.",
         "additionalProperties": {"$ref": f"#/$defs/{CASE}"},
     }
+    own["sweep"] = {
+        "type": "object",
+        "description": "Many cases: axes over keys of the tables above; see docs/sweeps.md.",
+    }
     return {
         "$schema": "http://json-schema.org/draft-07/schema#",
         "$defs": definitions,
@@ -47,10 +51,11 @@ def schema() -> dict[str, Any]:
     }
 
 
-class _Tables:
+class Tables:
     """Schemas of types as `codec.check` takes them; those of tables are put aside by name."""
 
     def __init__(self) -> None:
+        """Begin without definitions."""
         self.definitions: dict[str, Any] = {}
 
     def properties(self, kind: type, preset: Mapping[str, Any] | None = None) -> dict[str, Any]:

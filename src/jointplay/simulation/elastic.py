@@ -19,7 +19,10 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
 
 @njit(cache=True, error_model="numpy")
 def _wrench(shape, dimensions, count, law, parameters, pose, out):
-    """Force and moment about the journal's centre of the elastic contacts at a pose, into `out`."""
+    """Force and moment about the journal's centre of the elastic contacts at a pose, into `out`.
+
+    `shape` is a `Shape` or the address of a touch, as for `geometry.touch`.
+    """
     for i in range(6):
         out[i] = 0.0
     for k in range(count):

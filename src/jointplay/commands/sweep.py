@@ -1,0 +1,71 @@
+"""`jointplay sweep FILE`: many cases of a scenario, on all cores or a cluster, in one store."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+from jointplay.commands import add_trust
+
+FAILED = 1
+
+
+def add(commands: Any) -> None:
+    """Add the command's parser."""
+    parser = commands.add_parser(
+        "sweep",
+        help="run many cases of a scenario: grids, samples, repeats",
+        description="Run all cases of the table [sweep] of a scenario (docs/sweeps.md) on all "
+        "cores, or on the workers of a Dask cluster. Whatever is killed, and whenever: --resume "
+        "goes on, and no finished case runs again.",
+        epilog="STORE is a folder of Zarr arrays over the dimensions of the sweep: read it with "
+        "jointplay.open_sweep, or xarray.open_zarr.",
+    )
+    parser.add_argument("file", metavar="FILE", help="scenario (TOML) with a table [sweep]")
+    parser.add_argument("--out", metavar="STORE", required=True, help="folder of the store")
+    parser.add_argument("--resume", action="store_true", help="go on with the store")
+    parser.add_argument(
+        "--extend",
+        action="store_true",
+        help="go on with the store, with more samples, repeats, or values at the end of a list",
+    )
+    parser.add_argument(
+        "--jobs", type=int, metavar="N", help="processes (default: one for each core)"
+    )
+    parser.add_argument(
+        "--scheduler",
+        metavar="ADDRESS",
+        help="Dask scheduler whose workers run the cases, such as tcp://10.0.0.1:8786",
+    )
+    parser.add_argument("--yes", action="store_true", help="run it even if it is very large")
+    parser.add_argument("--rows", type=int, default=20, metavar="N", help="of the table (20)")
+    parser.add_argument("--quiet", action="store_true", help="show no progress")
+    add_trust(parser)
+    parser.set_defaults(handler=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Run the sweep, print the table."""
+    import numpy as np
+
+    from jointplay.sweeps import open_sweep, plan_of, run_plan
+    from jointplay.sweeps.table import table
+
+    made = plan_of(options.file, trust=options.trust)
+    if not options.quiet:
+        print(f"{made.scenario.path}: {made.words}", flush=True)
+    run_plan(
+        made,
+        options.out,
+        jobs=options.jobs,
+        scheduler=options.scheduler,
+        resume=options.resume,
+        extend=options.extend,
+        yes=options.yes,
+        progress=not options.quiet,
+    )
+    found = open_sweep(options.out)
+    print(table(found, options.rows))
+    failed = int(np.count_nonzero(found["state"].values == 2))
+    print(f"\nresults in {options.out}")
+    return FAILED if failed == found["state"].size else 0

@@ -1,0 +1,45 @@
+"""`jointplay uncertainty STORE`: what samples of distributions say of a measure, and how surely."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+
+def add(commands: Any) -> None:
+    """Add the command's parser."""
+    parser = commands.add_parser(
+        "uncertainty",
+        help="quantiles, Sobol indices and convergence of a sweep's samples",
+        description="What the samples of a sweep say of a measure: mean, standard deviation and "
+        "quantiles with 95 %% confidence, how many runs were enough, and, of a saltelli design, "
+        "what causes the variance (Sobol indices).",
+    )
+    parser.add_argument("store", metavar="STORE", help="of jointplay sweep")
+    parser.add_argument("measure", metavar="MEASURE", help="such as tool_error_rms_total")
+    parser.add_argument(
+        "--precision",
+        type=float,
+        default=0.05,
+        metavar="X",
+        help="relative half width of the interval that is enough (default 0.05)",
+    )
+    parser.add_argument("--out", metavar="FILE", help="draw the convergence")
+    parser.set_defaults(handler=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Print the statements; draw how they converged."""
+    from jointplay.host import files
+    from jointplay.plots.sweep import draw_convergence
+    from jointplay.sweeps import open_sweep
+    from jointplay.sweeps.statements import statements
+
+    out = files.check_new(options.out) if options.out else None
+    found = open_sweep(Path(options.store))
+    print(statements(found, options.measure, options.precision))
+    if out is not None:
+        draw_convergence(found, options.measure, options.precision).savefig(out)
+        print(out)
+    return 0

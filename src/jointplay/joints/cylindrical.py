@@ -1,0 +1,198 @@
+"""The cylindrical joint with clearance: a rod that turns and slides in a bushing.
+
+A rod longer than its bushing touches it with its side, and the bushing with the edges of its bore:
+the touch of this kind, called by address (`geometry.own`).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import ClassVar, Self
+
+import numpy as np
+import pinocchio as pin
+
+from jointplay.contact import ContactProperties
+from jointplay.contact.compiled import compiled_touch
+from jointplay.errors import JointplayError
+from jointplay.fields import quantity
+from jointplay.joints.base import VIRTUAL_LINK, Outline
+from jointplay.joints.play import JournalPlay
+from jointplay.joints.round import RoundClearance
+
+_AZIMUTHS = 72
+_NEAR = 0.1
+"""Tilt counts so little beside the offset that Newton's method finds the nearest point."""
+
+
+def touch(k, pose, bore_radius, rod_radius, half_length):  # type: ignore[no-untyped-def]
+    """Gap between an edge of the bushing (k = 0: the end at +z, 1: at -z) and the rod.
+
+    The edge is a circle of radius R_i in the plane z = h, which the rod's axis a pierces at o.
+    Along the direction t in which the axis leans and across it, n, the edge's point at the azimuth
+    phi has from the axis the distance
+
+        d(phi)^2 = (R_i cos(phi) - o_t)^2 cos(tilt)^2 + (R_i sin(phi) - o_n)^2
+
+    Its minimum lies in the quadrant of o, where o_n cos(phi) - o_t cos(tilt)^2 sin(phi)
+    - R_i sin(tilt)^2 sin(phi) cos(phi) has one root. The gap is d - R_j, the force acts at the
+    edge's point towards the axis: it does exactly the work that the change of the gap implies.
+
+    Returns the gap [m], the point's offset from the rod's centre (3) [m], and the normal (3).
+    """
+    ax, ay, az = pose[5], pose[8], pose[11]
+    height = half_length if k == 0 else -half_length
+    way = (height - pose[2]) / az
+    ox, oy = pose[0] + way * ax, pose[1] + way * ay
+    sine = math.sqrt(ax * ax + ay * ay)
+    tx, ty = (ax / sine, ay / sine) if sine > 1e-15 else (1.0, 0.0)
+    along, across = ox * tx + oy * ty, oy * tx - ox * ty
+    x, y, bulge = abs(along) * az * az, abs(across), bore_radius * sine * sine
+    norm = math.sqrt(x * x + y * y)
+    c, s = (x / norm, y / norm) if norm > 1e-150 else (1.0, 0.0)
+    if 0.0 < bulge < _NEAR * norm:
+        for _ in range(5):
+            slope = -y * s - x * c - bulge * (c * c - s * s)
+            step = -(y * c - x * s - bulge * s * c) / slope
+            c, s = c - step * s, s + step * c
+            scale = 1.0 / math.sqrt(c * c + s * s)
+            c, s = scale * c, scale * s
+    elif bulge > 0.0 and norm > 1e-150:
+        low, high = 0.0, 0.5 * math.pi
+        for _ in range(60):
+            phi = 0.5 * (low + high)
+            c, s = math.cos(phi), math.sin(phi)
+            if y * c - x * s - bulge * s * c > 0.0:
+                low = phi
+            else:
+                high = phi
+    c, s = bore_radius * math.copysign(c, along), bore_radius * math.copysign(s, across)
+    rx, ry, rz = c * tx - s * ty - pose[0], c * ty + s * tx - pose[1], height - pose[2]
+    there = rx * ax + ry * ay + rz * az
+    fx, fy, fz = there * ax - rx, there * ay - ry, there * az - rz
+    distance = math.sqrt(fx * fx + fy * fy + fz * fz)
+    return distance - rod_radius, rx, ry, rz, fx / distance, fy / distance, fz / distance
+
+
+@dataclass(frozen=True, kw_only=True)
+class CylindricalClearance(RoundClearance):
+    """A rod of radius R_j that turns and slides in a bushing of radius R_i and length L_i.
+
+    The rod reaches beyond both ends of the bushing wherever it slides, so that the edges of the
+    bore touch it, one contact at each end; nothing limits it along the axis. Ideal, it keeps two
+    freedoms: z, and yaw, on which a drive acts.
+
+    In a URDF it replaces a ``floating`` joint, for URDF has no word for it; z is the axis.
+
+    Raises:
+        JointplayError: a dimension that is missing, not positive, contradictory or impossible.
+    """
+
+    kind: ClassVar[str] = "cylindrical"
+    replaces: ClassVar[tuple[str, ...]] = ("floating",)
+    ideal_freedoms: ClassVar[tuple[str, ...]] = ("z", "yaw")
+
+    bearing_length: float = quantity("m", default=40e-3, above=0.0, words="bearing length")
+    """L_i, of the bushing [m]."""
+    stroke: float = quantity("m", default=0.1, above=0.0, words="stroke")
+    """How far the rod slides, either way [m]; a limit in URDFs that are written, no force."""
+
+    def __post_init__(self) -> None:
+        """Derive what is missing and refuse what cannot be."""
+        super().__post_init__()
+        shortest = 2.0 * math.sqrt(self.ri * self.cr)  # as for a journal: docs/theory.md
+        if self.bearing_length <= shortest:
+            raise JointplayError(
+                f"bearing length {self.bearing_length:g} m is too short for radial clearance "
+                f"{self.cr:g} m: an edge would touch both sides of the rod; it must exceed "
+                f"{shortest:.3g} m",
+                where=("bearing_length",),
+            )
+
+    @property
+    def shape(self) -> int:
+        """Address of `touch`."""
+        return compiled_touch(touch)
+
+    @property
+    def dimensions(self) -> tuple[float, ...]:
+        """R_i, R_j and L_i / 2 [m]."""
+        return self.ri, self.rj, self.bearing_length / 2
+
+    @property
+    def contacts(self) -> tuple[str, ...]:
+        """One at each end of the bushing."""
+        return "edge_A", "edge_B"
+
+    @property
+    def rooms(self) -> tuple[float, ...]:
+        """C_r [m]."""
+        return self.cr, self.cr
+
+    def contact_properties(self, contact: int) -> ContactProperties:
+        """Those of a rim in a bore: each edge stands for half of the bushing's length."""
+        return self.contact(
+            self.hertz_stiffness,
+            bearing_radius=self.ri,
+            journal_radius=self.rj,
+            clearance=self.cr,
+            journal_length=self.bearing_length,
+            contact_length=self.bearing_length / 2,
+        )
+
+    @property
+    def freedoms(self) -> tuple[str, ...]:
+        """All six."""
+        return VIRTUAL_LINK
+
+    @property
+    def drive_coordinate(self) -> str:
+        """Yaw."""
+        return "yaw"
+
+    @property
+    def room_to_start(self) -> dict[str, float]:
+        """C_r across the axis [m]."""
+        return {"x": self.cr, "y": self.cr}
+
+    @property
+    def outline(self) -> Outline:
+        """A cylinder in a bore without walls; of the rod, what is within the bushing."""
+        return Outline(
+            "cylinder", (self.rj, self.rj, self.bearing_length / 2), (self.cr, self.cr, 0.0), False
+        )
+
+    @property
+    def travel(self) -> dict[str, float]:
+        """C_r across, the stroke along, and the steepest lean."""
+        tilt = 2.0 * self.cr / self.bearing_length
+        return {"x": self.cr, "y": self.cr, "z": self.stroke, "pitch": tilt, "roll": tilt}
+
+    def play(self, second_order: bool = True) -> JournalPlay:
+        """A disc at each end, of the axis; leaning leaves it less room, so no order widens it."""
+        return JournalPlay(self.cr, 0.0, self.bearing_length, 0.0)
+
+    def scaled(self, factor: float) -> Self:
+        """See `Clearance.scaled`."""
+        return replace(self, radial_clearance=factor * self.cr, journal_radius=None)
+
+    def arm(self, centre: np.ndarray) -> float:
+        """From the rod's centre to the farther end of the bushing, at most [m]."""
+        return super().arm(centre) + float(np.linalg.norm(centre))
+
+    def fits(self, offset: np.ndarray, lean: float, least: float) -> bool:
+        """Across within a circle."""
+        return bool(np.hypot(offset[0], offset[1]) + lean <= max(self.cr, least))
+
+    def ideal_part(self, rotation: np.ndarray, centre: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The axis is turned back by the shortest way; along it, all stays."""
+        swing = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), rotation[:, 2])
+        return swing.toRotationMatrix().T @ rotation, np.array([0.0, 0.0, centre[2]])
+
+    def directions(self) -> np.ndarray:
+        """Radial at both ends of the bushing."""
+        phi = np.linspace(0.0, 2.0 * np.pi, _AZIMUTHS, endpoint=False)
+        c, s, zero = np.cos(phi), np.sin(phi), np.zeros(_AZIMUTHS)
+        heights = self.bearing_length / 2, -self.bearing_length / 2
+        return np.concatenate([np.column_stack([c, s, zero, -h * s, h * c, zero]) for h in heights])

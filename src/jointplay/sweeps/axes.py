@@ -1,0 +1,283 @@
+"""One axis of a sweep: a list, a range, or a distribution of the values of one or several keys."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from jointplay.codec import closest, one_of, unknown_key
+from jointplay.errors import JointplayError
+from jointplay.scenario.places import Key, dotted
+from jointplay.sweeps.keys import is_whole, kinds, path_of, units_of
+from jointplay.units import convert, shown
+
+SPACINGS = ("linear", "log")
+_KEYS = ("key", "keys")
+_SOURCES = {
+    "values": (),
+    "variants": (),
+    "from": ("to", "number", "spacing"),
+    "distribution": ("from", "to", "mean", "std", "median", "sigma", "mode"),
+}
+"""Keys of an axis of which there is one, and those that go with it."""
+
+MOST_VALUES = 1_000_000
+"""Most values of one axis."""
+
+DISTRIBUTIONS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
+    "uniform": (("from", "to"), ()),
+    "log-uniform": (("from", "to"), ()),
+    "normal": (("mean", "std"), ("from", "to")),
+    "lognormal": (("median", "sigma"), ()),
+    "triangular": (("from", "mode", "to"), ()),
+}
+"""Distributions, and the keys that each needs and may have: `sigma` is that of the logarithm."""
+
+
+@dataclass(frozen=True)
+class Axis:
+    """Values that take turns at some keys of the scenario.
+
+    Attributes:
+        name: of the dimension, or of the sampled quantity.
+        keys: paths of the keys; empty for variants.
+        values: what is put there, one after the other; tables of changes for variants; empty for a
+            distribution.
+        coordinate: the same as numbers in SI, or as text.
+        unit: SI unit of the coordinate, empty for pure numbers and text.
+        quantile: value in SI at a probability, of a distribution.
+    """
+
+    name: str
+    keys: tuple[Key, ...]
+    values: tuple[Any, ...]
+    coordinate: np.ndarray
+    unit: str
+    quantile: Callable[[np.ndarray], np.ndarray] | None = None
+
+    @property
+    def sampled(self) -> bool:
+        """Whether values are drawn from a distribution."""
+        return self.quantile is not None
+
+
+def read(name: str, given: Any) -> Axis:
+    """The axis that a table of the scenario, or a list of values of the key `name`, describes.
+
+    Raises:
+        JointplayError: keys that do not exist, values that are none, words that contradict.
+    """
+    if isinstance(given, np.ndarray):
+        given = given.tolist()
+    if isinstance(given, Sequence) and not isinstance(given, str):
+        given = {"values": list(given)}
+    if not isinstance(given, Mapping):
+        raise JointplayError(f"{shown(given)} is no axis; give a list of values or a table")
+    words = [*_KEYS, *dict.fromkeys(w for s, more in _SOURCES.items() for w in (s, *more))]
+    for word in given:
+        if word not in words:
+            raise JointplayError(unknown_key(str(word), words))
+    if "distribution" in given:
+        source = "distribution"
+    else:
+        found = [word for word in _SOURCES if word in given]
+        if len(found) != 1:
+            raise JointplayError(
+                f"needs one of {', '.join(_SOURCES)}; got {' and '.join(found) or 'none'}"
+            )
+        (source,) = found
+    for word in given:
+        if word not in (*_KEYS, source, *_SOURCES[source]):
+            raise JointplayError(f"{word} contradicts {source}; leave one of them out")
+    if source == "variants":
+        return _variants(name, given)
+    keys = _keys(name, given)
+    units = units_of(keys[0])
+    for key in keys[1:]:
+        if units_of(key) != units:
+            raise JointplayError(
+                f"{dotted(key)} and {dotted(keys[0])} take values of different kinds"
+            )
+    label = dotted(keys[0][-1:]) if "." in name or "[" in name else name
+    if source == "values":
+        return _list(label, keys, given["values"], units)
+    if units is None and not (source == "from" and is_whole(keys[0])):
+        raise JointplayError(f"{dotted(keys[0])} is no quantity; give its values as a list")
+    if source == "from":
+        return _range(label, keys, given, units)
+    return _distribution(label, keys, given, units or ("",))
+
+
+def _keys(name: str, given: Mapping[str, Any]) -> tuple[Key, ...]:
+    """The keys of an axis, each of which must exist."""
+    if "key" in given and "keys" in given:
+        raise JointplayError("key contradicts keys; leave one of them out")
+    texts = given.get("keys", given.get("key", name))
+    texts = [texts] if isinstance(texts, str) else texts
+    if not isinstance(texts, Sequence) or not texts:
+        raise JointplayError(f"{shown(texts)} are no keys; give a list of dotted names")
+    paths = tuple(path_of(text) for text in texts)
+    for path in paths:
+        if len(path) == 1 and "key" not in given and "keys" not in given:
+            raise JointplayError(
+                f'the key is missing; give the one that varies, such as key = "joints.{name}..."'
+            )
+        kinds(path)
+    if len(set(paths)) < len(paths):
+        raise JointplayError("the same key is named twice")
+    return paths
+
+
+def _variants(name: str, given: Mapping[str, Any]) -> Axis:
+    """Tables of changes by label, like the cases of a scenario."""
+    if any(word in given for word in _KEYS):
+        raise JointplayError("variants change what they name themselves; leave out key")
+    tables = given["variants"]
+    if not isinstance(tables, Mapping) or not tables:
+        raise JointplayError(f"{shown(tables)} are no variants; give a table of changes by label")
+    for label, changes in tables.items():
+        if not isinstance(changes, Mapping):
+            raise JointplayError(f"variant {shown(label)}: {shown(changes)} is no table of changes")
+        for key in changes:
+            kinds((key,))
+    labels = np.array(list(tables), dtype=object).astype(str)
+    return Axis(name, (), tuple(tables.values()), labels, "")
+
+
+def _list(name: str, keys: tuple[Key, ...], values: Any, units: tuple[str, ...] | None) -> Axis:
+    if not isinstance(values, Sequence) or isinstance(values, str) or not len(values):
+        raise JointplayError(f"{shown(values)} are no values; give a list of at least one")
+    if len(values) > MOST_VALUES:
+        raise JointplayError(f"{len(values)} values; at most {MOST_VALUES} are possible")
+    coordinate, unit = _coordinate(values, units)
+    if len(np.unique(coordinate)) < len(values):
+        _, first = np.unique(coordinate, return_index=True)
+        twice = values[int(np.setdiff1d(np.arange(len(values)), first)[0])]
+        raise JointplayError(f"the value {shown(twice)} is given twice")
+    return Axis(name, keys, tuple(values), coordinate, unit)
+
+
+def _coordinate(values: Sequence[Any], units: tuple[str, ...] | None) -> tuple[np.ndarray, str]:
+    """Numbers in SI and their unit if all values are quantities, else text."""
+    if units is not None:
+        try:
+            measured = [convert(value, *units) for value in values]
+        except ValueError as error:
+            words = [value for value in values if isinstance(value, str) and value[:1].isalpha()]
+            if not words:
+                raise JointplayError(str(error)) from None
+        else:
+            named = {one.unit for one in measured if one.unit}
+            if len(named) > 1:
+                raise JointplayError(f"values in {' and in '.join(sorted(named))}; take one kind")
+            unit = named.pop() if named else units[0] if len(units) == 1 else ""
+            return np.array([float(one) for one in measured]), unit
+    if all(isinstance(v, int | float) and not isinstance(v, bool) for v in values):
+        return np.array(values), ""
+    return np.array([v if isinstance(v, str) else shown_whole(v) for v in values]), ""
+
+
+def shown_whole(value: Any) -> str:
+    """A value of a list as a label: tables too are told apart."""
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{k} = {shown_whole(v)}" for k, v in value.items()) + "}"
+    return shown(value)
+
+
+def _number(given: Mapping[str, Any], word: str, units: tuple[str, ...] | None) -> float:
+    if word not in given:
+        raise JointplayError(f"the key {word} is missing")
+    try:
+        return float(convert(given[word], *(units or ("",))))
+    except ValueError as error:
+        raise JointplayError(f"{word}: {error}") from None
+
+
+def _unit(given: Mapping[str, Any], words: Sequence[str], units: tuple[str, ...] | None) -> str:
+    """The SI unit in which the first of `words` that has one is given."""
+    if units is None or len(units) == 1:
+        return units[0] if units else ""
+    found = [convert(given[word], *units).unit for word in words if word in given]
+    return next((unit for unit in found if unit), "")
+
+
+def _range(
+    name: str, keys: tuple[Key, ...], given: Mapping[str, Any], units: tuple[str, ...] | None
+) -> Axis:
+    low, high = _number(given, "from", units), _number(given, "to", units)
+    number = given.get("number")
+    if not isinstance(number, int) or isinstance(number, bool) or not 2 <= number <= MOST_VALUES:
+        raise JointplayError(
+            f"number must be a whole number from 2 to {MOST_VALUES}, got {shown(number)}"
+        )
+    spacing = given.get("spacing", SPACINGS[0])
+    if spacing not in SPACINGS:
+        raise JointplayError(one_of("spacing", spacing, SPACINGS))
+    if low == high:
+        raise JointplayError(f"from and to are both {shown(given['from'])}")
+    if spacing == "log" and not (low > 0.0 and high > 0.0):
+        raise JointplayError("spacing log needs from and to greater than zero")
+    values = np.geomspace(low, high, number) if spacing == "log" else np.linspace(low, high, number)
+    if units is None:
+        rounded = np.round(values).astype(int)
+        if len(np.unique(rounded)) < number:
+            raise JointplayError(f"there are no {number} whole numbers from {low:g} to {high:g}")
+        return Axis(name, keys, tuple(rounded.tolist()), rounded, "")
+    unit = _unit(given, ("from", "to"), units)
+    return Axis(name, keys, tuple(values.tolist()), values, unit)
+
+
+def _distribution(
+    name: str, keys: tuple[Key, ...], given: Mapping[str, Any], units: tuple[str, ...]
+) -> Axis:
+    kind = given["distribution"]
+    if not isinstance(kind, str) or kind not in DISTRIBUTIONS:
+        raise JointplayError(one_of("distribution", kind, DISTRIBUTIONS))
+    needed, optional = DISTRIBUTIONS[kind]
+    for word in given:
+        if word not in (*_KEYS, "distribution", *needed, *optional):
+            raise JointplayError(
+                f"{word} does not go with {kind}; {closest(word, needed)}it takes "
+                f"{', '.join((*needed, *optional))}"
+            )
+    at = {
+        word: _number(given, word, ("",) if word == "sigma" else units)
+        for word in (*needed, *(word for word in optional if word in given))
+    }
+    for low, high in (("from", "to"), ("from", "mode"), ("mode", "to")):
+        if (
+            low in at
+            and high in at
+            and not (at[low] < at[high] or ("mode" in (low, high) and at[low] == at[high]))
+        ):
+            raise JointplayError(
+                f"{low} must be less than {high}, got {at[low]:g} and {at[high]:g}"
+            )
+    for word in ("std", "sigma", "median"):
+        if word in at and at[word] <= 0.0:
+            raise JointplayError(f"{word} must be greater than zero, got {at[word]:g}")
+    if kind == "log-uniform" and at["from"] <= 0.0:
+        raise JointplayError("log-uniform needs from greater than zero")
+    unit = _unit(given, ("from", "mean", "median"), units)
+    return Axis(name, keys, (), np.zeros(0), unit, _frozen(kind, at).ppf)
+
+
+def _frozen(kind: str, at: Mapping[str, float]) -> Any:
+    """The distribution as scipy has it."""
+    from scipy import stats
+
+    if kind == "uniform":
+        return stats.uniform(at["from"], at["to"] - at["from"])
+    if kind == "log-uniform":
+        return stats.loguniform(at["from"], at["to"])
+    if kind == "lognormal":
+        return stats.lognorm(at["sigma"], scale=at["median"])
+    if kind == "triangular":
+        width = at["to"] - at["from"]
+        return stats.triang((at["mode"] - at["from"]) / width, at["from"], width)
+    low, high = (at.get(word, sign * np.inf) for word, sign in (("from", -1.0), ("to", 1.0)))
+    ends = [(end - at["mean"]) / at["std"] for end in (low, high)]
+    return stats.truncnorm(*ends, loc=at["mean"], scale=at["std"])

@@ -1,0 +1,285 @@
+"""One case of a sweep, run in a process that keeps what the next one can use."""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+import threading
+import time
+import warnings
+from collections import OrderedDict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jointplay.analysis.twin import ideal_simulation, task
+from jointplay.errors import JointplayError
+from jointplay.kernel import Status
+from jointplay.motion.reference import Motion
+from jointplay.result.histories import versions
+from jointplay.result.result import Result
+from jointplay.scenario import Scenario
+from jointplay.scenario.build import PREFIX, SHIPPED
+from jointplay.scenario.settings import Setting
+from jointplay.simulation.simulation import Simulation
+from jointplay.sweeps.measures import COST, measure, own, rests_of
+from jointplay.sweeps.own_measures import measure_function
+from jointplay.sweeps.plan import Index, Plan
+
+DONE, FAILED = 1, 2
+"""States of a case that has been run; 0: not yet."""
+
+KEPT_IDEALS = 16
+"""Ideal runs that a process remembers for the tool errors of the cases to come."""
+
+LONGEST_ERROR = 500
+
+
+@dataclass(frozen=True)
+class Job:
+    """What a process must know of a sweep to run its cases; it travels between machines."""
+
+    text: str
+    path: str
+    trust: tuple[str, ...]
+    case: str
+    joints: tuple[str, ...]
+    measures: tuple[str, ...]
+    histories: tuple[str, ...]
+    start: float
+    tool_error: bool
+    version: str
+    settings: tuple[Setting, ...] = ()
+    inputs: Mapping[str, str] | None = None
+    """Texts of the files that the scenario names, where they cannot be reached; see `Plan`."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a case gave."""
+
+    index: Index
+    state: int
+    values: dict[str, float]
+    error: str = ""
+    histories: dict[str, History] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class History:
+    """A variable of a result over time."""
+
+    dims: tuple[str, ...]
+    values: np.ndarray
+    labels: Mapping[str, np.ndarray]
+    """Coordinates of its dimensions, the time [s] among them."""
+    attrs: Mapping[str, Any]
+
+
+def job(plan: Plan, send_files: bool = False) -> Job:
+    """What processes must know of a sweep; with `send_files` those without its folder too."""
+    path = plan.scenario.path
+    return Job(
+        plan.scenario.text,
+        path.name if send_files else str(path.absolute()),
+        plan.scenario.trust,
+        plan.case,
+        tuple(joints(plan)),
+        plan.measures,
+        plan.histories,
+        plan.start,
+        plan.tool_error,
+        versions()["jointplay"],
+        plan.scenario.settings,
+        plan.inputs if send_files else None,
+    )
+
+
+def joints(plan: Plan) -> list[str]:
+    """Joints that have clearance in some case of the sweep."""
+    found = dict.fromkeys(str(name) for name in plan.base.get("joints", {}))
+    for axis in (*plan.axes, *plan.drawn):
+        found |= {str(key[1]): None for key in axis.keys if key[0] == "joints" and len(key) > 1}
+        for change in () if axis.keys else axis.values:
+            found |= dict.fromkeys(str(name) for name in change.get("joints", {}))
+    return list(found)
+
+
+class Bench:
+    """Runs cases of one sweep in this process, one at a time."""
+
+    def __init__(self, work: Job) -> None:
+        """Read the scenario and find the measures.
+
+        Raises:
+            JointplayError: another version of jointplay, or a measure that cannot be imported.
+        """
+        check_version(work.version)
+        self.job = work
+        self._folder: tempfile.TemporaryDirectory[str] | None = None
+        path, text = Path(work.path), work.text
+        self._names: dict[str, str] = {}
+        if work.inputs is not None:
+            self._folder = tempfile.TemporaryDirectory(prefix="jointplay-sweep-")
+            path = self._unpack(work.inputs, Path(self._folder.name)) / path.name
+        self.scenario = Scenario(text, path, work.trust, work.settings)
+        self.measures = {
+            name: measure_function(name, path.parent, work.trust) for name in work.measures
+        }
+        self._integration = self.scenario.data(work.case).get("integration", {})
+        self._ideals: OrderedDict[str, Result] = OrderedDict()
+        self._rests: tuple[Motion | None, float, tuple[float, ...]] | None = None
+
+    def _unpack(self, inputs: Mapping[str, str], folder: Path) -> Path:
+        """Write the files into a folder of this process; their places are kept apart."""
+        for number, (name, text) in enumerate(inputs.items()):
+            if name.startswith((SHIPPED, PREFIX)):
+                continue
+            if name.endswith(".py"):
+                place = folder / Path(name).name
+            else:
+                place = folder / str(number) / Path(name).name
+                place.parent.mkdir()
+                self._names[name] = str(place)
+            place.write_text(text, encoding="utf-8")
+        return folder
+
+    def run(self, index: Index, changes: Mapping[str, Any]) -> Outcome:
+        """Run a case; what goes wrong with it is part of the outcome."""
+        began = time.process_time()
+        values: dict[str, float] = {}
+        kept: dict[str, History] = {}
+        state, said = DONE, ""
+        try:
+            with warnings.catch_warnings(), np.errstate(all="ignore"):
+                warnings.simplefilter("ignore")
+                values, kept = self._run(changes)
+        except MemoryError:
+            state, said = FAILED, "this machine's memory is too small for it"
+        except JointplayError as error:
+            state, said = FAILED, str(error)
+        except Exception as error:  # a measure of the user's own can raise anything
+            state, said = FAILED, f"{type(error).__name__}: {error}"
+        values[COST] = time.process_time() - began
+        return Outcome(index, state, values, self._portable(said)[:LONGEST_ERROR], kept)
+
+    def _portable(self, said: str) -> str:
+        """An error in a line, with the names that files have in the scenario, wherever it ran."""
+        for name, place in self._names.items():
+            said = said.replace(place, name)
+        folder = str(self.scenario.path.parent)
+        return " ".join(said.replace(f"{folder}{os.sep}", "").split())
+
+    def simulation(self, changes: Mapping[str, Any]) -> Simulation:
+        """The simulation of a case."""
+        if self._names:
+            changes = self._relocated(changes)
+        return self.scenario.simulation(self.job.case, changes)
+
+    def _relocated(self, changes: Mapping[str, Any]) -> dict[str, Any]:
+        """Changes with the files where they are here."""
+        found = dict(changes)
+        data = self.scenario.data(self.job.case)
+        for table, key in (("robot", "urdf"), ("motion", "file")):
+            name = {**data.get(table, {}), **found.get(table, {})}.get(key)
+            if name in self._names:
+                found[table] = {**found.get(table, {}), key: self._names[name]}
+        return found
+
+    def _run(self, changes: Mapping[str, Any]) -> tuple[dict[str, float], dict[str, History]]:
+        simulation = self.simulation(changes)
+        result = simulation.prepare().execute()
+        if result.status != Status.COMPLETED:
+            raise JointplayError(result.message)
+        if self._certified(changes):
+            from jointplay.analysis.certify import certify
+
+            result.certificate = certify(result, simulation=simulation)
+        ideal = self._ideal(result, simulation) if self.job.tool_error else None
+        rests = self._rests_of(simulation.motion, float(result.time[-1])) if ideal else ()
+        values = measure(result, ideal, self.job.joints, self.job.start, rests)
+        for name, function in self.measures.items():
+            values |= own(name, function(result))
+        return values, {name: _history(result, name) for name in self.job.histories}
+
+    def _certified(self, changes: Mapping[str, Any]) -> bool:
+        """Whether the case asks for the numerical errors of its figures."""
+        table = {**self._integration, **changes.get("integration", {})}
+        return bool(table.get("certify", False))
+
+    def _rests_of(self, motion: Motion | None, end: float) -> tuple[float, ...]:
+        """Times at which the reference stands still; of one motion they are looked up once."""
+        if self._rests is None or self._rests[0] is not motion or self._rests[1] != end:
+            self._rests = motion, end, rests_of(motion, end)
+        return self._rests[2]
+
+    def _ideal(self, result: Result, simulation: Simulation) -> Result:
+        """The ideal mechanism's run of the same work; the run itself, if it is that."""
+        if not result.joints and not simulation.mechanism.gears:
+            return result
+        inputs = task(result)
+        inputs |= {
+            name: getattr(simulation, name)
+            for name in (
+                "step",
+                "integrator",
+                "macro_step",
+                "tolerance",
+                "record_every",
+                "duration",
+            )
+        }
+        key = json.dumps(inputs, sort_keys=True)
+        if key not in self._ideals:
+            twin = replace(ideal_simulation(result), duration=simulation.duration)
+            found = twin.prepare().execute()
+            if found.status != Status.COMPLETED:
+                raise JointplayError(f"the ideal mechanism: {found.message}")
+            self._ideals[key] = found
+            while len(self._ideals) > KEPT_IDEALS:
+                self._ideals.popitem(last=False)
+        self._ideals.move_to_end(key)
+        return self._ideals[key]
+
+
+def check_version(wanted: str) -> None:
+    """Refuse to work for another version of jointplay.
+
+    Raises:
+        JointplayError: this is another one.
+    """
+    mine = versions()["jointplay"]
+    if mine != wanted:
+        raise JointplayError(
+            f"a worker has jointplay {mine}, the sweep was started with {wanted}; install the same"
+        )
+
+
+def _history(result: Result, name: str) -> History:
+    """A variable of a result; of one that an ideal mechanism has not, nothing."""
+    if name not in result.dataset:
+        return History(("time",), np.full(len(result.time), np.nan), {"time": result.time}, {})
+    variable = result[name]
+    labels = {str(d): variable[d].values for d in variable.dims if d in variable.coords}
+    dims = tuple(str(d) for d in variable.dims)
+    return History(dims, variable.values, labels, dict(variable.attrs))
+
+
+_benches: list[Bench] = []
+_one = threading.Lock()
+
+
+def run_cases(work: Job, cases: Sequence[tuple[Index, Mapping[str, Any]]]) -> list[Outcome]:
+    """Run some cases in this process, which remembers the sweep until it gets another.
+
+    Raises:
+        JointplayError: the sweep cannot be run here; see `Bench`.
+    """
+    with _one:  # threads of a cluster's worker take turns
+        if not _benches or _benches[0].job != work:
+            _benches[:] = [Bench(work)]
+        return [_benches[0].run(index, changes) for index, changes in cases]

@@ -1,0 +1,183 @@
+"""Workers of a Dask cluster that run the cases of a sweep."""
+
+from __future__ import annotations
+
+import logging
+import queue
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from itertools import islice
+from typing import Any
+
+from jointplay.errors import JointplayError
+from jointplay.result.histories import versions
+from jointplay.sweeps.case import COST, FAILED, Job, Outcome, run_cases
+from jointplay.sweeps.plan import Index
+
+Case = tuple[Index, Mapping[str, Any]]
+
+BATCH_S = 2.0
+"""Work of one task: the scheduler's own milliseconds are then nothing [s]."""
+
+MOST_BATCH = 256
+AHEAD = 3
+"""Tasks for each thread of a worker that the scheduler has at a time."""
+
+_LOGGERS = (
+    "distributed",
+    *(f"distributed.{part}" for part in ("client", "core", "comm", "batched", "utils", "worker")),
+    "tornado.application",
+    "asyncio",
+)
+
+CONNECT_S = 15
+"""How long a scheduler, and then its first worker, is waited for [s]."""
+
+
+def version() -> str:
+    """The version of jointplay where this runs."""
+    return versions()["jointplay"]
+
+
+class ClusterWorkers:
+    """Workers of a Dask cluster.
+
+    Args:
+        job: what they work on, files and all: they need not share a file system.
+        address: of the scheduler, such as ``tcp://10.0.0.1:8786``.
+
+    Raises:
+        JointplayError: dask.distributed is not installed, no scheduler answers, it has no workers,
+            or one of them has another version of jointplay.
+    """
+
+    def __init__(self, job: Job, address: str) -> None:
+        """Connect, and ask every worker for its version."""
+        try:
+            from distributed import Client
+        except ImportError:
+            raise JointplayError(
+                "a cluster needs dask.distributed: pip install 'jointplay[cluster]'"
+            ) from None
+        for name in _LOGGERS:  # what they log is said here in a line, or is of no consequence
+            logging.getLogger(name).setLevel(logging.CRITICAL + 1)
+        self.job, self.address = job, address
+        try:
+            self.client: Any = Client(address, timeout=CONNECT_S, set_as_default=False)
+        except (OSError, ValueError, TypeError, ImportError) as error:
+            reason = " ".join(str(error).split()) or type(error).__name__
+            raise JointplayError(f"no Dask scheduler answers at {address!r}: {reason}") from None
+        try:
+            self._check()
+        except BaseException:
+            self.close()
+            raise
+        self._seconds, self._done = 0.0, 0
+
+    def _check(self) -> None:
+        deadline = time.monotonic() + CONNECT_S
+        while not (threads := self.client.nthreads()):
+            if time.monotonic() > deadline:
+                raise JointplayError(f"the scheduler at {self.address!r} has no workers")
+            time.sleep(0.1)
+        self.number = len(threads)
+        try:
+            found = self.client.run(version, on_error="return")
+        except Exception as error:
+            raise JointplayError(
+                f"the workers of {self.address!r} do not answer: {error}"
+            ) from None
+        for worker, said in found.items():
+            if isinstance(said, BaseException):
+                words = " ".join(str(said).split())
+                raise JointplayError(f"worker {worker} cannot use jointplay: {words}")
+            if said != self.job.version:
+                raise JointplayError(
+                    f"worker {worker} has jointplay {said}, here is {self.job.version}; install "
+                    "the same everywhere"
+                )
+
+    def run(self, cases: Iterator[Case]) -> Iterator[Outcome]:
+        """Outcomes of the cases, as they come.
+
+        A worker that dies is of no consequence: the scheduler gives its cases to others.
+
+        Raises:
+            JointplayError: the scheduler was lost.
+        """
+        pending: dict[Any, list[Case]] = {}
+        ended: queue.SimpleQueue[Any] = queue.SimpleQueue()
+
+        def submit(batch: Sequence[Case]) -> None:
+            future = self.client.submit(run_cases, self.job, list(batch), pure=False)
+            pending[future.key] = list(batch)
+            kept[future.key] = future
+            future.add_done_callback(lambda one: ended.put(one.key))
+
+        kept: dict[Any, Any] = {}
+
+        def feed() -> None:
+            while len(pending) < AHEAD * max(self.number, 1):
+                batch = list(islice(cases, self._batch()))
+                if not batch:
+                    return
+                submit(batch)
+
+        feed()
+        while pending:
+            try:
+                key = ended.get(timeout=1.0)
+            except queue.Empty:
+                if self.client.status != "running":  # it is looking for its scheduler, in vain
+                    raise self._lost() from None
+                continue
+            yield from self._outcomes(kept.pop(key), pending.pop(key), submit)
+            feed()
+
+    def _lost(self) -> JointplayError:
+        return JointplayError(f"the scheduler at {self.address!r} was lost")
+
+    def _outcomes(self, future: Any, batch: list[Case], submit: Any) -> Iterator[Outcome]:
+        """What a task gave; one that took its workers with it is taken apart."""
+        if future.status == "finished":
+            try:
+                found = future.result()
+            except Exception as error:
+                raise self._lost() from error
+            future.release()
+            for outcome in found:
+                self._done += 1
+                self._seconds += outcome.values.get(COST, 0.0)
+                yield outcome
+            return
+        cause = self._error(future)
+        if isinstance(cause, JointplayError):  # not of a case: of the sweep
+            raise cause
+        if type(cause).__name__ != "KilledWorker":
+            raise self._lost() from cause
+        if len(batch) > 1:
+            for case in batch:
+                submit([case])
+            return
+        text = "several workers died of it (killed, out of memory, or crashed)"
+        yield Outcome(batch[0][0], FAILED, {}, text)
+
+    def _error(self, future: Any) -> BaseException | None:
+        if future.status != "error":
+            return None
+        with suppress(Exception):
+            return future.exception(timeout=CONNECT_S)
+        return None
+
+    def _batch(self) -> int:
+        """Cases of the next task."""
+        if not self._done:
+            return 1
+        mean = max(self._seconds / self._done, 1e-3)
+        return int(min(max(BATCH_S / mean, 1.0), MOST_BATCH))
+
+    def close(self) -> None:
+        """Leave the cluster; what it was doing for this sweep is given up."""
+        with suppress(Exception):
+            self.client.close(timeout=5)

@@ -1,0 +1,92 @@
+"""What has been finished, line by line, on disk before anyone is told: the memory of a sweep.
+
+Each line has a checksum. A process that is killed leaves at most one line torn, the last; a full
+disk likewise, and it is cut off.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import zlib
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from jointplay.host.files import cannot_write
+
+SYNC_S = 1.0
+"""What a power failure can take is no older than this [s]."""
+
+
+def line(entry: Any) -> bytes:
+    """An entry as a line with its checksum."""
+    text = json.dumps(entry, separators=(",", ":")).encode()
+    return b"%08x %s\n" % (zlib.crc32(text), text)
+
+
+def entries(content: bytes) -> Iterator[tuple[Any, int]]:
+    """Entries of a journal and where each ends, up to the first that is not whole."""
+    at = 0
+    while (end := content.find(b"\n", at)) >= 0:
+        checksum, _, text = content[at:end].partition(b" ")
+        if checksum != b"%08x" % zlib.crc32(text):
+            return
+        yield json.loads(text), end + 1
+        at = end + 1
+
+
+class Journal:
+    """A file of entries that grows at its end.
+
+    Args:
+        path: the file; made if it is not there.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Read what is there, and cut off what is torn."""
+        self.path = path
+        self.found: list[Any] = []
+        self._end = 0
+        try:
+            self._file = os.open(path, os.O_RDWR | os.O_CREAT | getattr(os, "O_CLOEXEC", 0), 0o644)
+            for entry, self._end in entries(path.read_bytes()):
+                self.found.append(entry)
+            os.ftruncate(self._file, self._end)
+        except OSError as error:
+            raise cannot_write(path, error) from None
+
+    def add(self, entry: Any) -> None:
+        """Write an entry; it survives this process, and after `sync` the machine.
+
+        Raises:
+            JointplayError: the disk is full, or gone; the journal is as it was.
+        """
+        data = line(entry)
+        try:
+            done = 0
+            while done < len(data):
+                done += os.pwrite(self._file, data[done:], self._end + done)
+        except OSError as error:
+            with suppress(OSError):
+                os.ftruncate(self._file, self._end)
+            raise cannot_write(self.path, error) from None
+        self._end += len(data)
+
+    def sync(self) -> None:
+        """Have all entries survive a power failure."""
+        with suppress(OSError):
+            os.fsync(self._file)
+
+    def clear(self) -> None:
+        """Forget all entries, which are safe elsewhere."""
+        with suppress(OSError):
+            os.ftruncate(self._file, 0)
+            os.fsync(self._file)
+        self._end = 0
+        self.found = []
+
+    def close(self) -> None:
+        """Let go of the file."""
+        os.close(self._file)

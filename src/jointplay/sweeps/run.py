@@ -1,0 +1,253 @@
+"""A sweep from its plan to its store: who runs the cases, and when it ends."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+import xarray as xr
+from tqdm import tqdm
+
+from jointplay.errors import JointplayError
+from jointplay.scenario import Scenario
+from jointplay.sweeps.case import FAILED, Bench, Outcome, job, joints
+from jointplay.sweeps.estimate import MANY, estimate
+from jointplay.sweeps.opened import open_sweep
+from jointplay.sweeps.plan import REPEAT, SAMPLE, Index, Plan
+from jointplay.sweeps.store import Store
+from jointplay.sweeps.table_read import plan_of
+
+
+class Workers(Protocol):
+    """Who runs cases."""
+
+    def run(self, cases: Iterator[tuple[Index, Mapping[str, Any]]]) -> Iterator[Outcome]:
+        """Outcomes of the cases, as they come."""
+
+    def close(self) -> None:
+        """End; what is being done is given up."""
+
+
+def sweep(
+    source: Scenario | str | Path,
+    store: str | Path,
+    axes: Mapping[str, Any] | None = None,
+    *,
+    jobs: int | None = None,
+    scheduler: str | None = None,
+    resume: bool = False,
+    extend: bool = False,
+    yes: bool = False,
+    trust: Collection[str] = (),
+    progress: bool = False,
+    **options: Any,
+) -> xr.Dataset:
+    """Run a sweep and keep its results in a Zarr store; whatever is killed, `resume` goes on.
+
+        jp.sweep("jointplay:scara.toml", "clearance.zarr",
+                 {"joints.joint_b.radial_clearance": [0, "0.1 mm", "0.2 mm"]}, case="0.2 mm")
+
+    Args:
+        source: a scenario, or its file, whose table [sweep] is run.
+        store: the folder of the store.
+        axes: instead of those of the file, by name; or lists of values by key.
+        jobs: processes; None takes one for each core.
+        scheduler: address of a Dask scheduler, whose workers run the cases instead.
+        resume: go on with the store if there is one; finished cases do not run again.
+        extend: the same, and let it become larger: more samples, repeats, values at the end of a
+            list.
+        yes: run also what is very large; see `MANY`.
+        trust: modules from which laws and measures may be taken, besides those beside the file.
+        progress: show a bar.
+        options: keys of the table [sweep], instead of the file's: case, samples, repeats, ...
+
+    Returns:
+        `open_sweep` of the store.
+
+    Raises:
+        JointplayError: an empty or contradictory sweep, a key that does not exist, a store of
+            another sweep or that another process writes to, a scheduler that does not answer.
+        KeyboardInterrupt: Ctrl-C; what was finished is kept.
+    """
+    run_plan(
+        plan_of(source, axes, trust=trust, **options),
+        store,
+        jobs=jobs,
+        scheduler=scheduler,
+        resume=resume,
+        extend=extend,
+        yes=yes,
+        progress=progress,
+    )
+    return open_sweep(store)
+
+
+def run_plan(
+    made: Plan,
+    path: str | Path,
+    *,
+    jobs: int | None = None,
+    scheduler: str | None = None,
+    resume: bool = False,
+    extend: bool = False,
+    yes: bool = False,
+    progress: bool = False,
+) -> Plan:
+    """Run what is planned; see `sweep`.
+
+    Returns:
+        The plan as it was run: with `until` it may have more samples than it began with.
+    """
+    if jobs is not None and jobs < 1:
+        raise JointplayError(f"at least one process is needed, got {jobs}")
+    first = probe(made)
+    number = jobs or cores()
+    if made.count > MANY and not yes:
+        guess = estimate(made, first, number)
+        raise JointplayError(f"{made.words}: {guess.words}; if that is meant, --yes runs it")
+    _ = made.identity  # reads the files, and says what is missing
+    made = _largest_so_far(made, Path(path)) if resume or extend else made
+    workers: Workers | None = None
+    store = Store(path, made, resume, extend)
+    try:
+        while True:
+            left = int(np.count_nonzero(store.state == 0))
+            if left and workers is None:
+                workers = _workers(made, number if made.until else min(number, left), scheduler)
+            if workers is not None:
+                _run_all(store, workers, left, progress)
+            if _enough(made, store):
+                break
+            made = made.with_samples(2 * made.samples)
+            store.grow(made)
+        store.close()
+        return made
+    except BaseException as error:
+        if workers is not None:
+            workers.close()
+            workers = None
+        _give_up(store, error)
+        raise
+    finally:
+        if workers is not None:
+            workers.close()
+
+
+def _workers(made: Plan, number: int, scheduler: str | None) -> Workers:
+    if scheduler is not None:
+        from jointplay.sweeps.cluster import ClusterWorkers
+
+        return ClusterWorkers(job(made, send_files=True), scheduler)
+    from jointplay.sweeps.local import LocalWorkers
+
+    return LocalWorkers(job(made), number)
+
+
+def _run_all(store: Store, workers: Workers, left: int, progress: bool) -> None:
+    """Run the cases that have not been run."""
+    made = store.plan
+    cases = ((index, made.changes(index)) for index in made.indices() if store.state[index] == 0)
+    layout = (
+        "{percentage:3.0f}%|{bar}| {n}/{total} cases{postfix}, {elapsed} gone, {remaining} left"
+    )
+    failed = int(np.count_nonzero(store.state == FAILED))
+    bar = tqdm(
+        total=made.count, initial=made.count - left, disable=not progress, bar_format=layout,
+        mininterval=0.2, smoothing=0.05,
+    )  # fmt: skip
+    with bar:
+        bar.refresh()
+        for outcome in workers.run(cases):
+            store.keep(outcome)
+            failed += outcome.state == FAILED
+            if failed:
+                bar.set_postfix_str(f", {failed} failed", refresh=False)
+            bar.update()
+
+
+def _enough(made: Plan, store: Store) -> bool:
+    """Whether the sweep is over: it has no aim, may not go on, or has reached it everywhere."""
+    if made.until is None or 2 * made.samples > made.until.most:
+        return True
+    values = np.moveaxis(store.column(made.until.measure), list(made.sizes).index(SAMPLE), 0)
+    if made.sampling == "saltelli":  # of each block, the two points that are independent
+        block = len(made.drawn) + 2
+        values = np.concatenate([values[::block], values[block - 1 :: block]])
+    if REPEAT in made.sizes:
+        values = values.mean(axis=-1)  # repeats of a point are no samples of their own
+    points = values.reshape(len(values), -1).T
+    return all(made.until.reached(point) for point in points if np.isfinite(point).any())
+
+
+def _largest_so_far(made: Plan, path: Path) -> Plan:
+    """The plan with as many samples as the store has, where `until` has added some."""
+    if made.until is None or not (path / "zarr.json").is_file():
+        return made
+    attrs = open_sweep(path).attrs
+    given = attrs["identity"].get("sweep.samples", "0")
+    samples = int(given) if given.isdigit() else 0
+    larger = made
+    while larger.samples < samples and 2 * larger.samples <= made.until.most:
+        larger = larger.with_samples(2 * larger.samples)
+    return larger if larger.samples == samples else made
+
+
+def _give_up(store: Store, error: BaseException) -> None:
+    """Keep what there is; say how to go on."""
+    done = int(np.count_nonzero(store.state))
+    with suppress(JointplayError):  # the disk is full: the journal has it all
+        store.close(whole=False)
+    note = f"{done} of {store.plan.count} cases are kept; --resume goes on"
+    if isinstance(error, JointplayError):
+        error.args = (f"{error}; {note}",)
+    elif isinstance(error, KeyboardInterrupt):
+        error.args = (note,)
+
+
+def probe(made: Plan) -> Bench:
+    """Make the first case ready, and with it find out what is wrong with all of them.
+
+    Where the first is refused, others are tried: a case that cannot be is no reason to stop, a
+    sweep of which none can is.
+
+    Raises:
+        JointplayError: none of a few cases from all of the sweep can be made ready.
+    """
+    bench = Bench(job(made))
+    _check_joints(made, bench)
+    first: JointplayError | None = None
+    for number in np.unique(np.linspace(0, made.count - 1, 16).astype(int)):
+        index = tuple(int(k) for k in np.unravel_index(number, made.shape))
+        try:
+            bench.simulation(made.changes(index)).prepare()
+            return bench
+        except JointplayError as error:
+            first = first or error
+    assert first is not None
+    raise first
+
+
+def _check_joints(made: Plan, bench: Bench) -> None:
+    """Say of a joint that does not exist that it is the axis which names it."""
+    from jointplay.codec import one_of
+
+    tables = made.base.get("joints", {})
+    names: list[str] | None = None
+    for name in joints(made):
+        if name in tables:
+            continue
+        if names is None:
+            plain = {table: {"ideal": True} for table in tables}
+            mechanism = bench.simulation({"joints": plain}).mechanism
+            names = [*mechanism.joints, *mechanism.loops]
+        if name not in names:
+            raise JointplayError(f"{made.scenario.path}, sweep: {one_of('joint', name, names)}")
+
+
+def cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

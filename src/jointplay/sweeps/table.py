@@ -1,0 +1,185 @@
+"""The table at the end of a sweep."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+from jointplay.errors import JointplayError, MissingName
+from jointplay.sweeps.case import FAILED
+from jointplay.sweeps.plan import REPEAT, SAMPLE
+
+SHOWN = (
+    ("tool_error_rms_total", "µm", 1e6),
+    ("tool_error_peak_total", "µm", 1e6),
+    ("tool_error_stops_total", "µm", 1e6),
+    ("peak_force", "N", 1.0),
+    ("impacts", "", 1.0),
+    ("dissipated_energy", "J", 1.0),
+)
+"""Measures of the table, with the units and factors of their columns."""
+
+PREFIXES = (("m", 1e-3, "mm"), ("m", 1e-6, "µm"), ("Pa", 1e9, "GPa"), ("s", 1e-3, "ms"))
+
+
+def table(dataset: xr.Dataset, rows: int = 20) -> str:
+    """Means over repeats and samples at each point of the grid, and what failed, in lines.
+
+    Args:
+        dataset: of `open_sweep`.
+        rows: points that are shown.
+    """
+    state = dataset["state"].values
+    dims = [d for d in dataset.attrs["sizes"] if d not in (SAMPLE, REPEAT)]
+    over = [d for d in dataset.attrs["sizes"] if d in (SAMPLE, REPEAT)]
+    own = [(name, str(dataset[name].attrs.get("units", "")), 1.0) for name in _own(dataset)]
+    columns = [c for c in (*SHOWN, *own) if c[0] in dataset]
+    header = [*(label(dataset, d) for d in dims), *(_head(*c[:2]) for c in columns)]
+    values = [mean(dataset[name], over) * factor for name, _, factor in columns]
+    lines = []
+    shape = tuple(dataset.sizes[d] for d in dims)
+    count = int(np.prod(shape)) if shape else 1
+    for index in list(np.ndindex(*shape))[:rows]:
+        where = [shown(dataset, d, k) for d, k in zip(dims, index, strict=True)]
+        lines.append([*where, *(_text(float(v[index])) for v in values)])
+    text = _aligned([header, *lines])
+    if over and count:
+        runs = int(np.prod([dataset.sizes[d] for d in over]))
+        text += f"\nmeans over {runs} runs of each point"
+    if count > rows:
+        text += f"\n{count - rows} more points in the store"
+    failed = np.argwhere(state == FAILED)
+    if len(failed):
+        text += f"\n{len(failed)} of {state.size} cases failed; the first: "
+        text += str(dataset["error"].values[tuple(failed[0])])
+    cost = float(np.nansum(dataset["cost"].values)) if "cost" in dataset else 0.0
+    return f"{text}\n{int(np.count_nonzero(state))} cases, {cost:.3g} s of processor time"
+
+
+def _own(dataset: xr.Dataset) -> list[str]:
+    """Measures of the user's own."""
+    from jointplay.sweeps.measures import ABOUT
+
+    dims = set(dataset.attrs["sizes"])
+    return [
+        str(name)
+        for name, variable in dataset.data_vars.items()
+        if set(variable.dims) == dims
+        and variable.dtype.kind == "f"
+        and not any(str(name) == one or str(name).startswith(f"{one}_") for one in ABOUT)
+    ]
+
+
+def measured(dataset: xr.Dataset, name: str) -> xr.DataArray:
+    """A measure of the sweep.
+
+    Raises:
+        MissingName: there is none of the name.
+    """
+    dims = tuple(dataset.attrs["sizes"])
+    names = [str(n) for n, v in dataset.data_vars.items() if v.dims == dims and v.dtype.kind == "f"]
+    if name not in names:
+        raise MissingName("measure", name, names)
+    return dataset[name]
+
+
+def mean(values: xr.DataArray, over: Sequence[str]) -> np.ndarray:
+    """Mean over some dimensions, missing values left out."""
+    axes = tuple(values.dims.index(d) for d in over)
+    array = values.values
+    if not axes:
+        return array
+    known = np.isfinite(array)
+    count = known.sum(axis=axes)
+    total = np.where(known, array, 0.0).sum(axis=axes)
+    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
+
+
+def scale(dataset: xr.Dataset, name: str) -> tuple[float, str]:
+    """Factor and unit in which the values of a coordinate or measure are easy to read."""
+    unit = str(dataset[name].attrs.get("units", "")).removesuffix("1") if name in dataset else ""
+    if name not in dataset or dataset[name].dtype.kind not in "fi":
+        return 1.0, ""
+    values = np.abs(dataset[name].values.astype(float))
+    largest = float(np.nanmax(values, initial=0.0)) if np.isfinite(values).any() else 0.0
+    for base, size, prefixed in PREFIXES:
+        fits = 0.01 * size * (10.0 if prefixed == "mm" else 1.0) <= largest < 1e3 * size
+        if base == unit and fits:
+            return 1.0 / size, prefixed
+    return 1.0, unit
+
+
+def label(dataset: xr.Dataset, name: str) -> str:
+    """Name and unit of a coordinate or measure."""
+    return _head(name, scale(dataset, name)[1])
+
+
+def _head(name: str, unit: str) -> str:
+    plain = name.replace("_", " ")
+    return f"{plain} [{unit}]" if unit and unit != "1" else plain
+
+
+def shown(dataset: xr.Dataset, name: str, index: int) -> str:
+    """A value of a coordinate as text."""
+    if name not in dataset.coords:
+        return str(index)
+    value: Any = dataset[name].values[index]
+    if isinstance(value, str):
+        return value
+    return _text(float(value) * scale(dataset, name)[0])
+
+
+def _text(value: float) -> str:
+    return "-" if not np.isfinite(value) else f"{value:.4g}"
+
+
+def _aligned(lines: Sequence[Sequence[str]]) -> str:
+    widths = [max(len(line[k]) for line in lines) for k in range(len(lines[0]))]
+    return "\n".join(
+        "  ".join(word.rjust(width) for word, width in zip(line, widths, strict=True))
+        for line in lines
+    )
+
+
+def select(dataset: xr.Dataset, only: Mapping[str, str]) -> xr.Dataset:
+    """The cases nearest to given values of some dimensions.
+
+    Raises:
+        JointplayError: no such dimension or value.
+    """
+    from jointplay.units import convert
+
+    for name, text in only.items():
+        if name not in dataset.sizes or name not in dataset.attrs["sizes"]:
+            raise MissingName("dimension", name, dataset.attrs["sizes"])
+        if name not in dataset.coords or dataset[name].dtype.kind not in "fi":
+            known = [str(v) for v in dataset[name].values] if name in dataset.coords else []
+            if known and text not in known:
+                raise MissingName(f"value of {name}:", text, known)
+            index = known.index(text) if known else _index(text, dataset.sizes[name])
+        else:
+            unit = str(dataset[name].attrs.get("units", ""))
+            try:
+                plain = float(text) if _is_number(text) else float(convert(text, unit))
+            except ValueError as error:
+                raise JointplayError(f"{name}: {error}") from None
+            index = int(np.abs(dataset[name].values - plain).argmin())
+        dataset = dataset.isel({name: [index]})
+    return dataset
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _index(text: str, size: int) -> int:
+    if not text.isdigit() or int(text) >= size:
+        raise JointplayError(f"expected a whole number below {size}, got {text!r}")
+    return int(text)

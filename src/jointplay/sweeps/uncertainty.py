@@ -1,0 +1,220 @@
+"""From samples to statements: quantiles with confidence, and how many runs are enough."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from jointplay.codec import one_of, unknown_key
+from jointplay.errors import JointplayError
+from jointplay.units import shown
+
+STATISTICS = ("mean", "quantile", "std")
+CONFIDENCE = 0.95
+RESAMPLES = 400
+"""Bootstrap samples of a confidence interval of a standard deviation."""
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A statistic of a distribution and its confidence interval."""
+
+    name: str
+    value: float
+    low: float
+    high: float
+    runs: int
+
+    @property
+    def relative(self) -> float:
+        """Half the width of the interval over the value; inf where nothing is known."""
+        if not np.isfinite([self.low, self.high]).all() or self.value == 0.0:
+            return float("inf") if self.high != self.low or self.value != 0.0 else 0.0
+        return 0.5 * (self.high - self.low) / abs(self.value)
+
+
+@dataclass(frozen=True)
+class Until:
+    """The precision that ends a sweep."""
+
+    measure: str
+    precision: float
+    """Half the width of the confidence interval, relative to the value."""
+    statistic: str = "mean"
+    probability: float = 0.5
+    confidence: float = CONFIDENCE
+    most: int = 65536
+    """Samples after which it ends in any case."""
+
+    def estimate(self, values: np.ndarray) -> Estimate:
+        """The statistic of the values there are."""
+        return estimate(values, self.statistic, self.probability, self.confidence)
+
+    def reached(self, values: np.ndarray) -> bool:
+        """Whether the values there are give the precision."""
+        return self.estimate(values).relative <= self.precision
+
+
+def read_until(given: Any) -> Until:
+    """Read the table `until` of a sweep.
+
+    Raises:
+        JointplayError: keys that do not exist, or values that make no sense.
+    """
+    words = list(Until.__dataclass_fields__)
+    if not isinstance(given, Mapping):
+        raise JointplayError(f"{shown(given)} is no table; its keys are: {', '.join(words)}")
+    for word in given:
+        if word not in words:
+            raise JointplayError(unknown_key(str(word), words))
+    for word in ("measure", "precision"):
+        if word not in given:
+            raise JointplayError(f"the key {word} is missing")
+    made = Until(**given)
+    if not isinstance(made.measure, str):
+        raise JointplayError(f"measure must be a name, got {shown(made.measure)}")
+    if made.statistic not in STATISTICS:
+        raise JointplayError(one_of("statistic", made.statistic, STATISTICS))
+    for word in ("precision", "probability", "confidence"):
+        value = getattr(made, word)
+        if not isinstance(value, int | float) or isinstance(value, bool) or not 0.0 < value < 1.0:
+            raise JointplayError(f"{word} must lie between 0 and 1, got {shown(value)}")
+    if not isinstance(made.most, int) or made.most < 2:
+        raise JointplayError(f"most must be a whole number of at least 2, got {shown(made.most)}")
+    return made
+
+
+def estimate(
+    values: np.ndarray,
+    statistic: str = "mean",
+    probability: float = 0.5,
+    confidence: float = CONFIDENCE,
+) -> Estimate:
+    """A statistic of independent values, with its confidence interval.
+
+    The mean's interval is Student's. The quantile's is the one between order statistics, which
+    supposes nothing of the distribution (David, Nagaraja, Order Statistics, 2003, 7.1); it is
+    infinite where there are too few values. The standard deviation's is the bootstrap's, with fixed
+    random numbers. Of Sobol samples, which fill space more evenly than independent ones, intervals
+    are wider than need be.
+
+    Args:
+        values: any shape; those that are not finite are left out.
+        statistic: ``mean``, ``quantile`` or ``std``.
+        probability: of the quantile.
+        confidence: of the interval.
+
+    Raises:
+        JointplayError: no such statistic.
+    """
+    if statistic not in STATISTICS:
+        raise JointplayError(one_of("statistic", statistic, STATISTICS))
+    x = np.sort(np.asarray(values, float).ravel())
+    x = x[np.isfinite(x)]
+    n = len(x)
+    if n == 0:
+        return Estimate(statistic, float("nan"), -np.inf, np.inf, 0)
+    if statistic == "quantile":
+        low, high = order_interval(n, probability, confidence)
+        below = float(x[low]) if low >= 0 else -np.inf
+        above = float(x[high]) if high < n else np.inf
+        name = f"{100 * probability:g} %"
+        return Estimate(name, float(np.quantile(x, probability)), below, above, n)
+    if n < 2:
+        return Estimate(statistic, float(x[0]) if statistic == "mean" else 0.0, -np.inf, np.inf, n)
+    if statistic == "mean":
+        from scipy import stats
+
+        half = stats.t.ppf(0.5 + confidence / 2.0, n - 1) * x.std(ddof=1) / np.sqrt(n)
+        return Estimate(
+            statistic, float(x.mean()), float(x.mean() - half), float(x.mean() + half), n
+        )
+    rng = np.random.default_rng(0)
+    found = [x[rng.integers(n, size=n)].std(ddof=1) for _ in range(RESAMPLES)]
+    tail = (1.0 - confidence) / 2.0
+    ends = np.quantile(found, [tail, 1.0 - tail])
+    return Estimate(statistic, float(x.std(ddof=1)), float(ends[0]), float(ends[1]), n)
+
+
+def order_interval(n: int, probability: float, confidence: float) -> tuple[int, int]:
+    """Positions of the order statistics that enclose a quantile; -1 or n where there are none."""
+    from scipy import stats
+
+    tail = (1.0 - confidence) / 2.0
+    low = int(stats.binom.ppf(tail, n, probability)) - 1
+    high = int(stats.binom.ppf(1.0 - tail, n, probability))
+    return low, high
+
+
+def convergence(
+    values: np.ndarray, statistic: str = "mean", probability: float = 0.5, points: int = 40
+) -> list[Estimate]:
+    """The estimate after the first runs, up to all of them, at numbers equally spaced by ratio."""
+    x = np.asarray(values, float).ravel()
+    if len(x) < 2:
+        return [estimate(x, statistic, probability)]
+    counts = np.unique(np.geomspace(2, len(x), points).round().astype(int))
+    return [estimate(x[:count], statistic, probability) for count in counts]
+
+
+def enough(history: list[Estimate], precision: float) -> int | None:
+    """Runs after which the relative precision was reached and kept; None if it was not."""
+    found = None
+    for one in history:
+        if one.relative > precision:
+            found = None
+        elif found is None:
+            found = one.runs
+    return found
+
+
+@dataclass(frozen=True)
+class SobolIndices:
+    """What share of a measure's variance each sampled quantity causes."""
+
+    names: tuple[str, ...]
+    first: np.ndarray
+    """Alone."""
+    first_confidence: np.ndarray
+    total: np.ndarray
+    """Together with all others."""
+    total_confidence: np.ndarray
+
+
+def sobol_indices(values: np.ndarray, names: tuple[str, ...]) -> SobolIndices:
+    """Sobol indices of values at the points of a saltelli design, with 95 % confidence.
+
+    First-order and total ones by Saltelli et al. (2010), Comput. Phys. Commun. 181, 259-270, as
+    SALib has them.
+
+    Args:
+        values: at the design's points in order, shape (n (d + 2),).
+        names: of the d sampled quantities.
+
+    Raises:
+        JointplayError: SALib is not installed, or a value is missing.
+    """
+    try:
+        from SALib.analyze import sobol
+    except ImportError:
+        raise JointplayError(
+            "Sobol indices need SALib: pip install 'jointplay[sensitivity]'"
+        ) from None
+    y = np.asarray(values, float).ravel()
+    missing = int(np.count_nonzero(~np.isfinite(y)))
+    if missing or len(y) % (len(names) + 2):
+        raise JointplayError(
+            f"{missing} of {len(y)} cases have no value: Sobol indices need all of the design"
+        )
+    zero = np.zeros(len(names))
+    if np.ptp(y) == 0.0:  # nothing varies, so nothing causes it
+        return SobolIndices(names, zero, zero, zero, zero)
+    problem = {"num_vars": len(names), "names": list(names), "bounds": [[0.0, 1.0]] * len(names)}
+    with np.errstate(all="ignore"):
+        found = sobol.analyze(problem, y, calc_second_order=False, seed=0)
+    return SobolIndices(
+        names, *(np.asarray(found[key], float) for key in ("S1", "S1_conf", "ST", "ST_conf"))
+    )

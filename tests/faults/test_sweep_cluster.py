@@ -1,0 +1,175 @@
+"""Sweeps on a real Dask scheduler with worker processes, on loopback; and what becomes of them."""
+
+import re
+import signal
+import socket
+import subprocess
+import sys
+from contextlib import closing
+
+import numpy as np
+import pytest
+import xarray as xr
+from sweep_scenario import SCENARIO
+from test_kills import end, gone, needs_proc, start
+from test_sweep_kills import AXES, descendants, grown, resume, same
+
+import jointplay as jp
+from jointplay.sweeps import plan_of
+from jointplay.sweeps.case import job
+
+pytest.importorskip("distributed")
+
+LISTENS = re.compile(r"Scheduler at: +(tcp://[\d.:]+)")
+
+
+class Cluster:
+    """A scheduler and workers, processes of their own."""
+
+    def __init__(self, folder):
+        self.folder = folder
+        command = ["distributed.cli.dask_scheduler", "--host", "127.0.0.1", "--port", "0"]
+        self.scheduler = self.spawn(*command, "--no-dashboard")
+        self.workers = []
+        said = ""
+        while not LISTENS.search(said):
+            line = self.scheduler.stderr.readline()
+            assert line, said
+            said += line
+        self.address = LISTENS.search(said)[1]
+
+    def spawn(self, *command):
+        return subprocess.Popen(
+            [sys.executable, "-m", *command],
+            cwd=self.folder,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+
+    def add(self, number=1):
+        """Start workers and wait until they are registered."""
+        options = ["--nthreads", "1", "--no-nanny", "--no-dashboard", "--host", "127.0.0.1"]
+        for _ in range(number):
+            worker = self.spawn("distributed.cli.dask_worker", self.address, *options)
+            said = ""
+            while "Registered to" not in said:
+                line = worker.stderr.readline()
+                assert line, said
+                said += line
+            self.workers.append(worker)
+        return self
+
+    def close(self):
+        for process in (*self.workers, self.scheduler):
+            process.kill()
+            process.communicate()
+
+
+@pytest.fixture
+def cluster(tmp_path):
+    folder = tmp_path / "cluster"
+    folder.mkdir()
+    made = Cluster(folder)
+    yield made
+    made.close()
+
+
+@pytest.fixture(scope="module")
+def reference(tmp_path_factory):
+    """A scenario with files of its own, and its sweep by local processes."""
+    folder = tmp_path_factory.mktemp("reference")
+    (folder / "arm.urdf").write_text(jp.shipped("scara.urdf").read_text())
+    (folder / "own.py").write_text("def rows(result):\n    return len(result.time)\n")
+    path = folder / "study.toml"
+    options = 'measures = ["own:rows"]\nhistories = ["tool_position"]'
+    text = SCENARIO.format(axes=AXES, options=options, duration="0.03 s")
+    path.write_text(text.replace("jointplay:scara.urdf", "arm.urdf"))
+    return path, jp.sweep(path, folder / "s", jobs=2).load()
+
+
+def test_a_cluster_gives_what_local_processes_give(cluster, reference, tmp_path):
+    path, whole = reference
+    cluster.add(2)
+    found = jp.sweep(path, tmp_path / "s", scheduler=cluster.address)
+    xr.testing.assert_identical(found.load().drop_vars("cost"), whole.drop_vars("cost"))
+    assert (found["state"] == 1).sum() == 40
+    assert "leaves no journal" in str(found["error"].values[0, 2])
+
+
+@needs_proc
+def test_a_worker_of_a_cluster_that_is_killed_is_of_no_consequence(cluster, reference, tmp_path):
+    path, whole = reference
+    cluster.add(2)
+    process = start(
+        "sweep", path, "--out", tmp_path / "s", "--quiet", "--scheduler", cluster.address
+    )
+    grown(tmp_path / "s", 3)
+    cluster.workers[0].send_signal(signal.SIGKILL)
+    _, err, status = end(process)
+    assert status == 0, err
+    same(tmp_path / "s", whole)
+
+
+@needs_proc
+def test_a_scheduler_that_is_killed_loses_nothing_that_was_finished(cluster, reference, tmp_path):
+    path, whole = reference
+    cluster.add(1)
+    process = start(
+        "sweep", path, "--out", tmp_path / "s", "--quiet", "--scheduler", cluster.address
+    )
+    grown(tmp_path / "s", 3)
+    pids = descendants(process.pid)
+    cluster.scheduler.kill()
+    _, err, status = end(process)
+    if status:
+        assert status == 2, err
+        assert "was lost; " in err
+        assert "--resume goes on" in err
+        assert "Traceback" not in err
+    gone(pids)
+    resume(path, tmp_path / "s")  # by local processes: the store does not mind
+    same(tmp_path / "s", whole)
+
+
+def test_a_scheduler_that_does_not_answer_is_said_in_a_line(reference, tmp_path, monkeypatch):
+    monkeypatch.setattr("jointplay.sweeps.cluster.CONNECT_S", 1)
+    with closing(socket.socket()) as free:
+        free.bind(("127.0.0.1", 0))
+        address = f"tcp://127.0.0.1:{free.getsockname()[1]}"
+        with pytest.raises(jp.JointplayError, match="no Dask scheduler answers at") as error:
+            jp.sweep(reference[0], tmp_path / "s", scheduler=address)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("address", ["nonsense", "tcp://", "tcp://127.0.0.1:99999999"])
+def test_addresses_that_are_none_are_said_in_a_line(address, reference, tmp_path, monkeypatch):
+    monkeypatch.setattr("jointplay.sweeps.cluster.CONNECT_S", 1)
+    with pytest.raises(jp.JointplayError, match="no Dask scheduler answers at"):
+        jp.sweep(reference[0], tmp_path / "s", scheduler=address)
+
+
+def test_a_scheduler_without_workers_is_said_in_a_line(cluster, reference, tmp_path, monkeypatch):
+    monkeypatch.setattr("jointplay.sweeps.cluster.CONNECT_S", 1)
+    with pytest.raises(jp.JointplayError, match="has no workers"):
+        jp.sweep(reference[0], tmp_path / "s", scheduler=cluster.address)
+
+
+def test_workers_with_another_version_are_refused_with_both(cluster, reference, monkeypatch):
+    from jointplay.sweeps.cluster import ClusterWorkers
+
+    cluster.add(1)
+    work = job(plan_of(reference[0]), send_files=True)
+    other = type(work)(**{**vars(work), "version": "99.0"})
+    with pytest.raises(jp.JointplayError, match=r"worker .* has jointplay .*, here is 99.0"):
+        ClusterWorkers(other, cluster.address)
+
+
+def test_a_worker_that_joins_with_another_version_is_refused_as_well(reference):
+    from jointplay.sweeps.case import run_cases
+
+    work = job(plan_of(reference[0]))
+    other = type(work)(**{**vars(work), "version": "99.0"})
+    with pytest.raises(jp.JointplayError, match=r"started with 99.0; install the same"):
+        run_cases(other, [])
+    assert np.isfinite(len(run_cases(work, [])))

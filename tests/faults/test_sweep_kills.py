@@ -1,0 +1,294 @@
+"""Sweeps whose processes are killed, whose disk is full, whose scheduler goes: nothing is lost.
+
+Nothing here waits for a time but where a moment is chosen at random.
+"""
+
+import itertools
+import os
+import random
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+from sweep_scenario import SCENARIO
+from test_kills import alive, children, end, gone, needs_proc, small_disk, start
+
+import jointplay as jp
+from jointplay.sweeps.journal import Journal, entries
+
+__all__ = ["small_disk"]
+
+AXES = """
+mu = { key = "joints.joint_b.friction.mu_d", from = 0.0, to = 0.2, number = 20 }
+cr = { key = "joints.joint_b.radial_clearance", values = [0, "0.2 mm", "50 mm"] }
+"""
+CASES = 60
+PATIENCE_S = 900.0
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """A scenario, and its sweep as it is if nothing is killed."""
+    folder = tmp_path_factory.mktemp("whole")
+    path = folder / "study.toml"
+    path.write_text(SCENARIO.format(axes=AXES, options="", duration="0.03 s"))
+    began = time.monotonic()
+    out, err, status = end(start("sweep", path, "--out", folder / "s", "--quiet", "--jobs", 2))
+    assert status == 0, (out, err)
+    return path, jp.open_sweep(folder / "s").load(), time.monotonic() - began
+
+
+def same(store, reference):
+    """Whether a store holds exactly what an uninterrupted sweep gives."""
+    found = jp.open_sweep(store).load()
+    assert (found["state"] != 0).all()
+    xr.testing.assert_identical(found.drop_vars("cost"), reference.drop_vars("cost"))
+
+
+def finished(store):
+    """Costs of the cases that are finished: what a case that ran again would change."""
+    found = {}
+    path = Path(store)
+    if (path / "journal").exists():
+        for entry, _ in entries((path / "journal").read_bytes()):
+            found[tuple(entry["i"])] = entry["v"].get("cost")
+    if (path / "zarr.json").exists() and not found:
+        try:
+            opened = jp.open_sweep(store)
+        except jp.JointplayError:  # it is being made
+            return found
+        for index in np.argwhere(opened["state"].values != 0):
+            found[tuple(index.tolist())] = float(opened["cost"].values[tuple(index)])
+    return found
+
+
+def resume(path, store):
+    """Go on, and see that no finished case runs again."""
+    before = finished(store) if Path(store).is_dir() else {}
+    out, err, status = end(start("sweep", path, "--out", store, "--resume", "--quiet", "--jobs", 2))
+    assert status == 0, (out, err)
+    cost = jp.open_sweep(store)["cost"].values
+    for index, value in before.items():
+        assert cost[index] == value, index
+    return len(before)
+
+
+def grown(store, cases):
+    """Wait until so many cases are in the journal."""
+    deadline = time.monotonic() + PATIENCE_S
+    while len(finished(store)) < cases:
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+
+
+def descendants(pid):
+    found = children(pid)
+    for child in list(found):
+        try:
+            found += descendants(child)
+        except OSError:
+            continue
+    return found
+
+
+def wait_for_a_moment(process, store, rng, duration):
+    """Wait for a random time, or for some more cases and a little; whether it still runs then."""
+    if rng.random() < 0.3:
+        end_of_wait, more = time.monotonic() + rng.uniform(0.0, duration), CASES + 1
+    else:
+        end_of_wait, more = time.monotonic() + PATIENCE_S, rng.randint(1, 12)
+    journal = store / "journal"
+    lines = None
+    while process.poll() is None and time.monotonic() < end_of_wait:
+        found = journal.read_bytes().count(b"\n") if journal.exists() else 0
+        lines = found if lines is None else lines
+        if found >= lines + more:
+            end_of_wait, more = time.monotonic() + rng.uniform(0.0, 0.1), CASES + 1
+        time.sleep(0.002)
+    return process.poll() is None
+
+
+def kill_at_random(folder, times, seed, path, reference, duration):
+    """Kill a sweep's driver or one of its workers, go on, kill again; stores that are whole are
+    compared, and begun anew. Returns how many cases were finished before the kills.
+    """
+    rng = random.Random(seed)
+    kept, number, kills = 0, 0, 0
+    before: dict = {}
+    while True:
+        store = folder / f"s{number}"
+        process = start("sweep", path, "--out", store, "--resume", "--quiet", "--jobs", 2)
+        if kills < times and wait_for_a_moment(process, store, rng, duration):
+            kills += 1
+            pids = descendants(process.pid)
+            victim = rng.choice([process.pid, process.pid, *pids])
+            with suppress(ProcessLookupError):
+                os.kill(victim, signal.SIGKILL)
+            if victim == process.pid:
+                end(process)
+                gone(pids)
+                after = finished(store) if store.is_dir() else {}
+                assert before.items() <= after.items()  # none ran again, none is lost
+                before = after
+                kept += len(after)
+                continue
+        _, err, status = end(process)  # a worker that is killed the sweep itself makes good
+        assert status == 0, err
+        assert before.items() <= finished(store).items()
+        same(store, reference)
+        shutil.rmtree(store)
+        number, before = number + 1, {}
+        if kills >= times:
+            return kept
+
+
+@needs_proc
+def test_killed_at_random_moments_a_sweep_gives_what_it_would_have(whole, tmp_path):
+    kill_at_random(tmp_path, 3, 1, *whole)
+
+
+@pytest.mark.nightly
+@needs_proc
+def test_killed_at_a_hundred_random_moments_a_sweep_gives_what_it_would_have(whole, tmp_path):
+    assert kill_at_random(tmp_path, 100, 2, *whole) > 100
+
+
+@needs_proc
+def test_a_driver_that_is_killed_takes_its_workers_along_and_loses_nothing(whole, tmp_path):
+    path, reference, _ = whole
+    process = start("sweep", path, "--out", tmp_path / "s", "--quiet", "--jobs", 2)
+    grown(tmp_path / "s", 5)
+    pids = descendants(process.pid)
+    process.kill()
+    end(process)
+    gone(pids)
+    assert resume(path, tmp_path / "s") >= 5
+    same(tmp_path / "s", reference)
+
+
+@needs_proc
+def test_a_worker_that_is_killed_is_replaced(whole, tmp_path):
+    path, reference, _ = whole
+    process = start("sweep", path, "--out", tmp_path / "s", "--quiet", "--jobs", 2)
+    grown(tmp_path / "s", 3)
+    (nursery,) = children(process.pid)
+    os.kill(children(nursery)[0], signal.SIGKILL)
+    _, err, status = end(process)
+    assert status == 0, err
+    same(tmp_path / "s", reference)
+
+
+def test_a_case_that_kills_its_worker_every_time_has_failed_and_the_rest_goes_on(tmp_path):
+    (tmp_path / "deadly.py").write_text(
+        "import os, signal\n\ndef bite(result):\n"
+        "    if result.joints and result.audit.impacts == 0:\n"
+        "        os.kill(os.getpid(), signal.SIGKILL)\n    return 1.0\n"
+    )
+    path = tmp_path / "study.toml"
+    axes = 't = { key = "integration.duration", values = ["0.1 ms", "10 ms", "20 ms"] }'
+    options = 'measures = ["deadly:bite"]'
+    path.write_text(SCENARIO.format(axes=axes, options=options, duration="1 ms"))
+    found = jp.sweep(path, tmp_path / "s", jobs=2)
+    assert found["state"].values.tolist() == [2, 1, 1]
+    assert "3 processes died of it" in str(found["error"].values[0])
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_told_to_stop_a_sweep_keeps_what_is_finished_and_says_how_to_go_on(number, whole, tmp_path):
+    path, reference, _ = whole
+    process = start("sweep", path, "--out", tmp_path / "s", "--quiet", "--jobs", 2)
+    grown(tmp_path / "s", 3)
+    process.send_signal(number)
+    _, err, status = end(process)
+    assert status in (0, 130), err
+    if status == 130:
+        assert re.search(r"\d+ of 60 cases are kept; --resume goes on", err)
+    assert "Traceback" not in err
+    resume(path, tmp_path / "s")
+    same(tmp_path / "s", reference)
+
+
+def test_two_writers_to_one_store_are_refused(whole, tmp_path):
+    path, reference, _ = whole
+    first = start("sweep", path, "--out", tmp_path / "s", "--quiet", "--jobs", 1)
+    grown(tmp_path / "s", 1)
+    _, err, status = end(start("sweep", path, "--out", tmp_path / "s", "--resume", "--quiet"))
+    if first.poll() is None:
+        assert status == 2
+        assert "another process is writing to" in err
+    assert end(first)[2] == 0
+    same(tmp_path / "s", reference)
+
+
+def test_a_full_disk_loses_nothing_that_was_finished(whole, small_disk):
+    path, reference, _ = whole
+    filler = small_disk / "filler"
+    store = small_disk / "s"
+    process = start("sweep", path, "--out", store, "--quiet", "--jobs", 2)
+    grown(store, 2)
+    with filler.open("wb") as file:  # all that is left
+        try:
+            for size in (65536, 1024, 1):
+                for _ in itertools.count():
+                    file.write(bytes(size))
+                    file.flush()
+        except OSError:
+            pass
+    _, err, status = end(process)
+    if status != 0:
+        assert status == 2, err
+        assert "No space left" in err
+        assert "--resume goes on" in err
+        assert err.count("\n") == 1
+    filler.unlink()
+    resume(path, store)
+    same(store, reference)
+
+
+@pytest.mark.parametrize("cut", [1, 5, 20])
+def test_a_torn_line_of_a_journal_is_cut_off(cut, tmp_path):
+    journal = Journal(tmp_path / "j")
+    for k in range(3):
+        journal.add({"i": [k], "v": {"x": 0.1 * k}})
+    journal.close()
+    content = (tmp_path / "j").read_bytes()
+    (tmp_path / "j").write_bytes(content[:-cut])
+    again = Journal(tmp_path / "j")
+    assert [entry["i"] for entry in again.found] == [[0], [1]]
+    again.add({"i": [9], "v": {}})
+    again.close()
+    third = Journal(tmp_path / "j")
+    assert [entry["i"] for entry in third.found] == [[0], [1], [9]]
+    assert third.found[1]["v"]["x"] == 0.1
+
+
+def test_a_line_that_was_changed_is_not_believed(tmp_path):
+    journal = Journal(tmp_path / "j")
+    journal.add({"x": 1})
+    journal.add({"x": 2})
+    journal.close()
+    content = (tmp_path / "j").read_bytes().replace(b'"x":2', b'"x":3')
+    assert [entry for entry, _ in entries(content)] == [{"x": 1}]
+
+
+def test_sweeps_leave_no_processes(whole, tmp_path):
+    if not Path("/proc/self/task").is_dir():
+        pytest.skip("needs Linux's /proc")
+    script = (
+        "import sys, os, jointplay as jp\n"
+        f"jp.sweep({str(whole[0])!r}, {str(tmp_path / 's')!r}, jobs=2)\n"
+        "print(open(f'/proc/{os.getpid()}/task/{os.getpid()}/children').read().strip() or 'none')"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=False
+    )
+    assert done.stdout.strip() == "none", (done.stdout, done.stderr)
+    assert alive(os.getpid())

@@ -1,0 +1,325 @@
+"""Sweeps that are run: what is in their stores, and what they refuse."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import jointplay as jp
+from jointplay.cli import main
+from jointplay.sweeps import case as case_module
+from jointplay.sweeps.case import Bench, job
+from jointplay.sweeps.table import table
+
+VARYING = "cost"
+
+
+@pytest.fixture(scope="module")
+def done(tmp_path_factory):
+    """A small sweep that was run once: its store and the scenario."""
+    from sweep_scenario import GRID, SCENARIO
+
+    folder = tmp_path_factory.mktemp("sweep")
+    path = folder / "study.toml"
+    (folder / "own.py").write_text(
+        "def longest(result):\n    return {'reach': abs(result['tool_position'].values).max()}\n"
+    )
+    options = (
+        'measures = ["own:longest"]\nhistories = ["tool_position", "joint_force"]\nrepeats = 2'
+    )
+    path.write_text(SCENARIO.format(axes=GRID, options=options, duration="0.02 s"))
+    jp.sweep(path, folder / "store.zarr")
+    return folder / "store.zarr", path
+
+
+def test_a_store_is_one_dataset_over_the_dimensions_of_the_sweep(done):
+    found = jp.open_sweep(done[0])
+    assert dict(found["peak_force"].sizes) == {"clearance": 3, "friction": 2, "repeat": 2}
+    np.testing.assert_array_equal(found["clearance"], [0.0, 1e-4, 2e-4])
+    assert found["clearance"].attrs["units"] == "m"
+    assert (found["state"] == 1).all()
+    assert found["peak_force"].attrs["units"] == "N"
+
+
+def test_any_reader_of_zarr_opens_a_store(done):
+    plain = xr.open_zarr(done[0])
+    np.testing.assert_array_equal(plain["peak_force"], jp.open_sweep(done[0])["peak_force"])
+
+
+def test_a_store_is_read_lazily(done):
+    found = jp.open_sweep(done[0])
+    assert not any(v.variable._in_memory for v in found.data_vars.values())
+
+
+def test_cases_are_those_that_single_runs_give(done):
+    store, path = done
+    found = jp.open_sweep(store).isel(clearance=2, friction=1, repeat=1)
+    changes = {
+        "joints": {"joint_b": {"radial_clearance": "0.2 mm", "friction": {"mu_d": 0.1}}},
+        "integration": {"seed": 1},
+    }
+    result = jp.Scenario.load(path).simulation(changes=changes).run()
+    from jointplay.analysis import accuracy, deviation, shares, twin
+
+    error = accuracy(deviation(result, twin(result)))
+    assert float(found["tool_error_rms_total"]) == pytest.approx(error.rms[3], rel=1e-12)
+    assert float(found["tool_error_peak_x"]) == pytest.approx(error.peak[0], rel=1e-12)
+    peak = np.linalg.norm(result["joint_force_peak"].values, axis=2).max()
+    assert float(found["peak_force"]) == pytest.approx(peak, rel=1e-12)
+    assert float(found["impacts"]) == result.audit.impacts > 0
+    for mode, share in shares(result, "joint_b").items():
+        assert float(found[f"share_{mode}"]) == pytest.approx(share)
+    np.testing.assert_array_equal(found["tool_position_history"], result["tool_position"])
+    np.testing.assert_array_equal(found["joint_force_history"], result["joint_force"])
+    assert float(found["reach"]) == np.abs(result["tool_position"].values).max()
+
+
+def test_the_ideal_joint_has_no_tool_error_and_the_force_of_its_reaction(done):
+    store, path = done
+    found = jp.open_sweep(store).isel(clearance=0, friction=0, repeat=0)
+    assert float(found["tool_error_peak_total"]) == 0.0
+    changes = {"joints": {"joint_b": {"ideal": True}}}
+    result = jp.Scenario.load(path).simulation(changes=changes).run()
+    force = result["reaction_force"].sel(moving_joint="joint_b").values
+    assert float(found["peak_force"]) == pytest.approx(np.linalg.norm(force, axis=1).max())
+    assert np.isnan(found["joint_force_history"]).all()
+
+
+def test_resuming_a_finished_sweep_runs_nothing(done, monkeypatch):
+    before = jp.open_sweep(done[0]).load()
+    monkeypatch.setattr("jointplay.sweeps.run._workers", lambda *_: pytest.fail("nothing is left"))
+    after = jp.sweep(done[1], done[0], resume=True)
+    xr.testing.assert_identical(after.load(), before)
+
+
+def test_a_store_is_not_overwritten(done):
+    with pytest.raises(jp.JointplayError, match="exists; go on with it by --resume"):
+        jp.sweep(done[1], done[0])
+
+
+def test_a_changed_scenario_on_an_old_store_is_refused_with_the_difference(done):
+    path = done[1].with_name("changed.toml")
+    path.write_text(done[1].read_text().replace('gravity = "loaded"', 'gravity = "balanced"'))
+    with pytest.raises(jp.JointplayError) as error:
+        jp.sweep(path, done[0], resume=True)
+    said = str(error.value)
+    assert 'robot.gravity is "balanced", and was "loaded"' in said
+    with pytest.raises(jp.JointplayError, match="and was"):
+        jp.sweep(path, done[0], extend=True)
+
+
+def test_a_changed_measure_is_a_changed_sweep(done):
+    own = done[1].with_name("own.py")
+    text = own.read_text()
+    try:
+        own.write_text(text + "# other\n")
+        with pytest.raises(jp.JointplayError, match=r"file own.py has changed"):
+            jp.sweep(done[1], done[0], resume=True)
+    finally:
+        own.write_text(text)
+
+
+def test_other_folders_are_left_alone(done, tmp_path):
+    (tmp_path / "precious.txt").write_text("x")
+    with pytest.raises(jp.JointplayError, match="a folder of other things"):
+        jp.sweep(done[1], tmp_path)
+
+
+def test_the_table_has_a_row_for_every_point_and_own_measures(done):
+    text = table(jp.open_sweep(done[0]))
+    assert "clearance [mm]" in text
+    assert "reach" in text
+    assert "means over 2 runs of each point" in text
+    assert len([line for line in text.splitlines() if line.strip()[:1].isdigit()]) >= 6
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["x=clearance", "y=peak_force", "hue=friction"],
+        ["x=clearance", "y=peak_force", "friction=0.1"],
+        ["x=clearance", "y=friction", "z=tool_error_rms_total"],
+    ],
+)
+def test_figures_of_sweeps_are_drawn(words, done, tmp_path, capsys):
+    out = tmp_path / "f.png"
+    assert main(["plot-sweep", str(done[0]), *words, "--out", str(out)]) == 0
+    assert out.read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["x=clearence", "y=peak_force"], "no dimension 'clearence'"),
+        (["x=clearance", "y=peek_force"], "no measure 'peek_force'"),
+        (["x=clearance"], "y=NAME is missing"),
+        (["clearance", "y=peak_force"], "must be one of"),
+        (["x=clearance", "y=peak_force", "hue=clearance"], "no dimension for hue"),
+        (["x=clearance", "y=peak_force", "speed=1"], "no dimension 'speed'"),
+    ],
+)
+def test_what_cannot_be_drawn_is_said_in_a_line(words, said, done, tmp_path, capsys):
+    assert main(["plot-sweep", str(done[0]), *words, "--out", str(tmp_path / "f.png")]) == 2
+    error = capsys.readouterr().err
+    assert said in error
+    assert error.count("\n") == 1
+
+
+def test_a_failed_case_is_kept_with_its_error_and_the_rest_goes_on(swept, tmp_path):
+    path = swept(
+        'c = { key = "joints.joint_b.radial_clearance", values = ["0.1 mm", "50 mm", "0.2 mm"] }'
+    )
+    found = jp.sweep(path, tmp_path / "s.zarr", jobs=1)
+    assert found["state"].values.tolist() == [1, 2, 1]
+    assert "leaves no journal in a bearing" in str(found["error"].values[1])
+    assert np.isfinite(found["peak_force"].values).tolist() == [True, False, True]
+    assert "1 of 3 cases failed" in table(found)
+
+
+def test_a_measure_that_raises_fails_its_case_only(swept, tmp_path):
+    (tmp_path / "mine.py").write_text("def bad(result):\n    return 1.0 / result.audit.impacts\n")
+    path = swept('c = { key = "joints.joint_b.radial_clearance", values = [0, "0.2 mm"] }',
+                    'measures = ["mine:bad"]', "1 ms")  # fmt: skip
+    found = jp.sweep(path, tmp_path / "s.zarr", jobs=1)
+    assert found["state"].values[0] == 2
+    assert str(found["error"].values[0]) == "ZeroDivisionError: float division by zero"
+
+
+def test_measures_elsewhere_must_be_trusted(swept, tmp_path):
+    path = swept(options='measures = ["statistics:mean"]')
+    with pytest.raises(jp.JointplayError, match="--trust statistics"):
+        jp.sweep(path, tmp_path / "s.zarr")
+
+
+def test_a_joint_that_does_not_exist_is_named_with_those_that_do(swept, tmp_path):
+    path = swept('c = { key = "joints.joint_d.radial_clearance", values = ["0.1 mm"] }')
+    with pytest.raises(jp.JointplayError, match=r'no joint "joint_d".*did you mean "joint_'):
+        jp.sweep(path, tmp_path / "s.zarr")
+
+
+def test_a_million_cases_are_asked_about(swept, tmp_path, capsys):
+    path = swept(
+        'c = { key = "joints.joint_b.radial_clearance", from = 1e-4, to = 2e-4, number = 1000 }\n'
+        'd = { key = "joints.joint_b.friction.mu_d", from = 0, to = 0.1, number = 1000 }'
+    )
+    assert main(["sweep", str(path), "--out", str(tmp_path / "s"), "--quiet"]) == 2
+    said = capsys.readouterr().err
+    assert "c 1000 x d 1000 = 1000000 cases: about" in said
+    assert "--yes runs it" in said
+    assert not (tmp_path / "s").exists()
+
+
+def test_more_values_samples_and_repeats_are_added_to_a_store(swept, tmp_path):
+    axes = 'mu = {{ key = "joints.joint_b.friction.mu_d", values = [{}] }}'
+    options = "repeats = 2"
+    path = swept(axes.format("0.0, 0.1"), options, "2 ms")
+    first = jp.sweep(path, tmp_path / "s.zarr", jobs=1).load()
+    path = swept(axes.format("0.0, 0.1, 0.2"), "repeats = 3", "2 ms")
+    with pytest.raises(jp.JointplayError, match="--extend adds the new cases"):
+        jp.sweep(path, tmp_path / "s.zarr", resume=True)
+    more = jp.sweep(path, tmp_path / "s.zarr", jobs=1, extend=True).load()
+    whole = jp.sweep(path, tmp_path / "w.zarr", jobs=1).load()
+    assert dict(more["state"].sizes) == {"mu": 3, "repeat": 3}
+    assert (more["state"] == 1).all()
+    np.testing.assert_array_equal(more["cost"][:2, :2], first["cost"])  # not run again
+    xr.testing.assert_identical(more.drop_vars(VARYING), whole.drop_vars(VARYING))
+
+
+SAMPLED = """
+mu = { key = "joints.joint_b.friction.mu_d", distribution = "uniform", from = 0.05, to = 0.15 }
+cr = { key = "joints.joint_b.radial_clearance", distribution = "normal", mean = "0.2 mm", std = "0.02 mm" }
+"""  # noqa: E501
+
+
+def test_a_sweep_stops_by_itself_when_the_precision_is_reached(swept, tmp_path):
+    options = (
+        "samples = 4\nuntil = { measure = 'tool_error_rms_total', precision = 0.06, most = 512 }"
+    )
+    path = swept(SAMPLED, options, "20 ms")
+    found = jp.sweep(path, tmp_path / "s.zarr")
+    number = found.sizes["sample"]
+    assert 4 < number < 512
+    from jointplay.sweeps.uncertainty import estimate
+
+    values = found["tool_error_rms_total"].values
+    assert estimate(values).relative <= 0.06
+    assert estimate(values[: number // 2]).relative > 0.06
+    again = jp.sweep(path, tmp_path / "s.zarr", resume=True)
+    assert again.sizes["sample"] == number
+
+
+def test_sobol_indices_are_printed_of_a_saltelli_design(swept, tmp_path, capsys):
+    pytest.importorskip("SALib")
+    path = swept(SAMPLED, 'samples = 8\nsampling = "saltelli"', "20 ms")
+    store = tmp_path / "s.zarr"
+    assert jp.sweep(path, store).sizes == {"sample": 32}
+    out = tmp_path / "c.png"
+    assert main(["uncertainty", str(store), "tool_error_rms_total", "--out", str(out)]) == 0
+    said = capsys.readouterr().out
+    assert "Sobol indices" in said
+    assert "mu" in said
+    assert out.read_bytes().startswith(b"\x89PNG")
+
+
+def test_equal_mechanisms_are_parsed_once(planned, monkeypatch):
+    import pinocchio as pin
+
+    made = planned()
+    bench = Bench(job(made))
+    bench.simulation(made.changes((0, 0)))
+    calls = []
+    monkeypatch.setattr(pin, "buildModelFromUrdf", lambda *a: calls.append(a))
+    for index in made.indices():
+        bench.simulation(made.changes(index))
+    assert not calls
+
+
+def test_the_ideal_run_is_done_once_for_cases_that_share_it(planned, monkeypatch):
+    made = planned()
+    bench = Bench(job(made))
+    ran = []
+    ideal = case_module.ideal_simulation
+    monkeypatch.setattr(case_module, "ideal_simulation", lambda r: ran.append(1) or ideal(r))
+    for index in made.indices():
+        assert bench.run(index, made.changes(index)).state == 1
+    assert len(ran) == 1
+
+
+def test_files_travel_with_the_job(swept, tmp_path):
+    from jointplay.sweeps import plan_of
+
+    urdf = jp.shipped("scara.urdf").read_text()
+    (tmp_path / "here").mkdir()
+    (tmp_path / "here" / "arm.urdf").write_text(urdf)
+    path = swept()
+    path.write_text(path.read_text().replace("jointplay:scara.urdf", "here/arm.urdf"))
+    made = plan_of(path)
+    work = job(made, send_files=True)
+    here = Bench(job(made)).run((2, 1), made.changes((2, 1)))
+    (tmp_path / "here" / "arm.urdf").unlink()
+    there = Bench(work).run((2, 1), made.changes((2, 1)))
+    assert there.state == 1, there.error
+    del here.values[VARYING], there.values[VARYING]
+    assert here.values == there.values
+
+
+def test_a_script_needs_no_guard_to_run_a_sweep(swept, tmp_path):
+    path = swept(duration="1 ms")
+    script = tmp_path / "script.py"
+    script.write_text(
+        f"import jointplay as jp\nd = jp.sweep({str(path)!r}, {str(tmp_path / 's.zarr')!r}, "
+        "{'joints.joint_b.friction.mu_d': [0.0, 0.1]}, jobs=2)\nprint(d.sizes['mu_d'])\n"
+    )
+    done = subprocess.run(
+        [sys.executable, str(script)], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == "2\n"
+
+
+def test_the_journal_is_empty_once_everything_is_in_the_arrays(done):
+    assert (done[0] / "journal").read_bytes() == b""
+    assert json.loads((done[0] / "zarr.json").read_text())["consolidated_metadata"]
