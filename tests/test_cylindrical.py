@@ -172,3 +172,14 @@ def test_loop_closed_by_a_rod_leaves_it_to_slide(urdf):
             {"guide": CylindricalClearance(radial_clearance=PLAY, ideal=True)},
             loops={"guide": loop},
         )
+
+
+def test_scenario_chooses_the_kind_by_its_word(floating, tmp_path):
+    urdf = floating(ROD).description.path
+    path = tmp_path / "rod.toml"
+    path.write_text(
+        f'[robot]\nurdf = "{urdf}"\n\n[joints.pin]\nkind = "cylindrical"\n'
+        'radial_clearance = "0.1 mm"\nbearing_length = "25 mm"\n'
+    )
+    found = load(path).cases()[0].simulation.mechanism.clearance["pin"]
+    assert found == CylindricalClearance(radial_clearance=1e-4, bearing_length=25e-3)
