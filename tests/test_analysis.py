@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import xarray as xr
+from scipy.spatial.transform import Rotation
 
 import jointplay as jp
 from jointplay import analysis
@@ -57,6 +58,40 @@ def test_deviation_is_the_difference_from_the_twin(pair):
     assert len(analysis.deviation(played, other)) == len(other.time)
     with pytest.raises(jp.JointplayError, match="has clearance in joint_b"):
         analysis.deviation(ideal, played)
+
+
+def test_deviation_of_the_orientation_is_the_rotation_between_the_two(pair):
+    ideal, played = pair
+    turn = Rotation.from_rotvec([3e-4, -2e-4, 1e-3])
+    seen = Rotation.from_quat(ideal["tool_orientation"].values, scalar_first=True)
+    turned = ideal.dataset.copy()
+    turned["tool_orientation"] = ideal["tool_orientation"].copy(
+        data=-(turn * seen).as_quat(scalar_first=True)  # either sign is the same orientation
+    )
+    error = analysis.deviation(jp.Result(turned), ideal, "tool_orientation")
+    assert np.abs(error.values - turn.as_rotvec()).max() < 1e-12
+    assert (error.attrs["units"], error.dims) == ("rad", ("time", "axis"))
+    # The error's rate is the difference of the angular velocities, as far as the errors are small.
+    error = analysis.deviation(played, ideal, "tool_orientation")
+    spins = analysis.deviation(played, ideal, "tool_angular_velocity")
+    slope = np.gradient(error.values[:, 2], error["time"].values)
+    settled = spins.values[:, 2].std()
+    assert np.abs(slope - spins.values[:, 2])[1:-1].mean() < 0.02 * settled
+    coarse = jp.simulate(
+        ideal.simulation.mechanism, ideal.simulation.motion, duration=0.3, record_every=50
+    )
+    for of, limit in (("tool_orientation", 1e-8), ("tool_angular_velocity", 1e-4)):
+        exact = analysis.deviation(played, ideal, of).values
+        assert np.abs(analysis.deviation(played, coarse, of).values - exact).max() < limit
+
+
+def test_results_without_orientation_say_so(pair, tmp_path):
+    ideal, played = pair
+    old = jp.Result(played.dataset.drop_vars(["tool_orientation", "tool_angular_velocity"]))
+    loaded = jp.Result.load(old.save(tmp_path / "old.nc"))
+    assert len(analysis.deviation(loaded, ideal)) == len(played.time)
+    with pytest.raises(jp.JointplayError, match="earlier version has no tool_orientation"):
+        analysis.deviation(loaded, ideal, "tool_orientation")
 
 
 def test_deviation_keeps_the_last_record_where_times_differ_in_a_last_bit(pair):

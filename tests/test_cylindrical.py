@@ -12,6 +12,7 @@ from jointplay.geometry import touch
 from jointplay.joints import CylindricalClearance, joint_from_description
 from jointplay.mechanism.export import to_urdf
 from jointplay.mechanism.loop import Loop, misfit
+from jointplay.scenario import Scenario
 
 PLAY = 2e-4
 ROD = CylindricalClearance(radial_clearance=PLAY)
@@ -181,5 +182,5 @@ def test_scenario_chooses_the_kind_by_its_word(floating, tmp_path):
         f'[robot]\nurdf = "{urdf}"\n\n[joints.pin]\nkind = "cylindrical"\n'
         'radial_clearance = "0.1 mm"\nbearing_length = "25 mm"\n'
     )
-    found = load(path).cases()[0].simulation.mechanism.clearance["pin"]
+    found = Scenario.load(path).simulation().mechanism.clearance["pin"]
     assert found == CylindricalClearance(radial_clearance=1e-4, bearing_length=25e-3)

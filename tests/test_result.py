@@ -96,3 +96,25 @@ def test_repr_tells_what_a_user_wants_to_know(result):
     text = repr(result)
     for part in ("completed 0.1 s in 10000 steps", "energy residual", "largest penetration"):
         assert part in text
+
+
+def test_orientations_of_another_convention_are_refused(result, tmp_path):
+    swapped = Result(result.dataset.assign_coords(quaternion=["x", "y", "z", "w"]))
+    with pytest.raises(JointplayError, match=r"quaternions are \['x', 'y', 'z', 'w'\], not w, x"):
+        Result.load(swapped.save(tmp_path / "swapped.nc"))
+    turned = result.dataset.copy()
+    turned["tool_orientation"] = turned["tool_orientation"].T
+    with pytest.raises(JointplayError, match=r"tool_orientation has the dimensions"):
+        Result.load(Result(turned).save(tmp_path / "turned.nc"))
+
+
+def test_the_orientation_says_its_convention_and_agrees_with_the_angular_velocity(result):
+    turn = result["tool_orientation"]
+    assert "scalar comes first" in turn.attrs["comment"]
+    assert turn["quaternion"].values.tolist() == ["w", "x", "y", "z"]
+    # With the scalar first, dq/dt = (0, omega) q / 2.
+    w, v = turn.values[:, :1], turn.values[:, 1:]
+    omega = result["tool_angular_velocity"].values
+    rate = np.hstack([-(omega * v).sum(axis=1, keepdims=True), w * omega + np.cross(omega, v)]) / 2
+    slope = np.gradient(turn.values, result.time, axis=0)
+    assert np.abs(slope - rate)[1:-1].mean() < 0.02 * np.abs(rate).max()

@@ -530,7 +530,7 @@ def test_every_quantity_has_a_unit_that_is_known():
     """A field that is new in a class and no pure number has its unit, or `codec` refuses it."""
     pure = {
         *("poisson", "restitution", "mu_d", "mu_s", "n", "p", "q", "damping_ratio"),
-        *("parameters", "seed", "record_every", "tolerance", "faster"),
+        *("parameters", "seed", "record_every", "tolerance", "coefficient", "faster"),
     }
     for name, table in schema()["$defs"].items():
         for key, value in table["properties"].items():

@@ -236,7 +236,7 @@ cr = { key = "joints.joint_b.radial_clearance", distribution = "normal", mean = 
 
 def test_a_sweep_stops_by_itself_when_the_precision_is_reached(swept, tmp_path):
     options = (
-        "samples = 4\nuntil = { measure = 'tool_error_rms_total', precision = 0.0015, most = 512 }"
+        "samples = 4\nuntil = { measure = 'tool_error_rms_total', precision = 0.06, most = 512 }"
     )
     path = swept(SAMPLED, options, "20 ms")
     found = jp.sweep(path, tmp_path / "s.zarr")
@@ -245,8 +245,8 @@ def test_a_sweep_stops_by_itself_when_the_precision_is_reached(swept, tmp_path):
     from jointplay.sweeps.uncertainty import estimate
 
     values = found["tool_error_rms_total"].values
-    assert estimate(values).relative <= 0.0015
-    assert estimate(values[: number // 2]).relative > 0.0015
+    assert estimate(values).relative <= 0.06
+    assert estimate(values[: number // 2]).relative > 0.06
     again = jp.sweep(path, tmp_path / "s.zarr", resume=True)
     assert again.sizes["sample"] == number
 

@@ -91,7 +91,8 @@ def moved_by_pinocchio(mechanism, model, q, v, pairs):
         pose = bearing.actInv(journal)
         bearings.append(bearing.rotation.ravel())
         poses.append(np.concatenate([pose.translation, pose.rotation.ravel()]))
-    return np.concatenate([place.translation, speed.linear]), energy, bearings, poses
+    turned = np.concatenate([place.rotation.ravel(), speed.angular])
+    return np.concatenate([place.translation, speed.linear]), turned, energy, bearings, poses
 
 
 def reactions_by_pinocchio(model, q, v, effort, joints, constraints):
@@ -136,8 +137,12 @@ def test_bodies_move_as_in_pinocchio(branched, clearance):
     expected = [
         moved_by_pinocchio(mechanism, model, *state, pairs) for state in zip(q, v, strict=True)
     ]
-    tool, energy, bearings, poses = (np.array(part) for part in zip(*expected, strict=True))
+    tool, turned, energy, bearings, poses = (np.array(part) for part in zip(*expected, strict=True))
     agree(motion.tool, tool)
+    rotations = [pin.Quaternion(w, x, y, z).toRotationMatrix() for w, x, y, z in motion.orientation]
+    agree(np.reshape(rotations, (RECORDS, 9)), turned[:, :9])
+    agree(np.linalg.norm(motion.orientation, axis=1), np.ones(RECORDS))
+    agree(motion.spin, turned[:, 9:])
     agree(motion.energy, energy)
     agree(motion.bearings, bearings.transpose(1, 0, 2))
     agree(motion.poses, poses.transpose(1, 0, 2))
@@ -254,7 +259,8 @@ def test_a_result_has_what_pinocchio_says_of_its_states(make):
             total[loops.index(constraint.name)] += hold
         forces.append(np.concatenate([force, total]))
         drift.append([np.abs(part).max() for part in misfit(mechanism, q[i]).values()])
-    tool, energy, _, poses = (np.array(part) for part in zip(*moved, strict=True))
+    tool, turned, energy, _, poses = (np.array(part) for part in zip(*moved, strict=True))
+    agree(result["tool_angular_velocity"], turned[:, 9:], 1e-12)
     agree(result["tool_position"], tool[:, :3], 1e-12)
     agree(result["tool_velocity"], tool[:, 3:], 1e-12)
     agree(result["kinetic_energy"], energy[:, 0], 1e-12)
@@ -276,3 +282,24 @@ def test_a_run_without_records_gives_an_empty_result(make):
                      run.phases, Status.INTERRUPTED, "interrupted", 0.0)  # fmt: skip
     assert len(made.time) == 0
     assert made.audit.loop_drift == 0.0
+
+
+@pytest.mark.parametrize("rpy", ["0 0 0", "3.1 0 0", "0 3.1 0", "0 0 3.1", "2 2 2"])
+@pytest.mark.parametrize("axis", ["1 0 0", "0 0.6 0.8"])
+def test_orientations_are_right_at_any_angle_and_turn_without_jumps(urdf, rpy, axis):
+    path = urdf(
+        BODY.format(name="l0", mass=1.0), joint("j0", "base", "l0", "continuous", axis, rpy=rpy)
+    )
+    mechanism = jp.Mechanism(path)
+    q = np.linspace(-7.0, 7.0, 141)[:, None]
+    motion = Motion.of(len(q), 0)
+    frame = mechanism.model.frames[mechanism.tool_frame]
+    tool = frame.parentJoint, frame.placement
+    Tree(mechanism.model).move(motion, 0, len(q), q, np.zeros_like(q), tool, [])
+    for (w, x, y, z), angle in zip(motion.orientation, q, strict=True):
+        pin.framesForwardKinematics(mechanism.model, mechanism.data, angle)
+        expected = mechanism.data.oMf[mechanism.tool_frame].rotation
+        assert np.abs(pin.Quaternion(w, x, y, z).toRotationMatrix() - expected).max() < 1e-14
+    # A tenth of a radian is a twentieth on the sphere of quaternions.
+    steps = np.linalg.norm(np.diff(motion.orientation, axis=0), axis=1)
+    assert steps == pytest.approx(2.0 * np.sin(0.1 / 4.0), rel=1e-9)

@@ -17,7 +17,7 @@ from scipy import stats
 from scipy.optimize import brentq
 
 import jointplay as jp
-from jointplay.kernel import Command
+from jointplay.analysis.lyapunov import exponent, stretching
 from validation import Outcome, case
 from validation.mechanisms import FREE, body, joint, urdf
 from validation.pendulum import ARM, GRAVITY, INERTIA, MASS, Pendulum, resting
@@ -484,50 +484,6 @@ def energy(quick: bool = False, wrong: bool = False) -> Outcome:
 
 # --- chaos --------------------------------------------------------------------------------
 
-APART = 1e-9
-"""Distance of the two trajectories at the start of an interval [m]."""
-WEIGHT_OF_ANGLES = 1e-2  # m/rad: a journal's radius
-WEIGHT_OF_SPEEDS = 1e-3  # s
-
-
-def stretching(simulation: jp.Simulation, interval: float, place: Callable | None = None):
-    """Logarithm of how far two trajectories part in each interval (Benettin et al., 1980).
-
-    The second is put back to the distance `APART` from the first after each interval, in the
-    direction in which it parted; what its contacts remember of their approach is put back alike.
-    """
-    runs = [simulation.prepare() for _ in range(2)]
-    for run in runs:
-        if place is not None:
-            place(run)
-        run.begin()
-    first, second = (run.workspace for run in runs)
-    lengths = np.array([c.partition(".")[2] in ("x", "y", "z") or "stroke" in c
-                        for c in runs[0].mechanism.coordinates])  # fmt: skip
-    weights = np.where(lengths, 1.0, WEIGHT_OF_ANGLES)
-    random = np.random.default_rng(0)
-    apart = random.normal(size=2 * len(weights)) / np.concatenate([weights, weights])
-    scale = np.concatenate([weights, WEIGHT_OF_SPEEDS * weights])
-    growth = []
-    steps = round(interval / simulation.step)
-    for _ in range(round(simulation.duration / interval)):
-        factor = APART / np.linalg.norm(scale * apart)
-        state = np.concatenate([first.q, first.v]) + factor * apart
-        second.q[:], second.v[:] = np.split(state, 2)
-        contacts = first.contacts.copy()
-        shared = (contacts["steps"] > 0) & (second.contacts["steps"] > 0)
-        shift = second.contacts["ddelta0"] - contacts["ddelta0"]
-        contacts["ddelta0"] += np.where(shared, factor * shift, 0.0)
-        second.contacts[:] = contacts
-        for run in runs:
-            run.begin()
-            if not run.advance(steps):
-                raise RuntimeError(run.message(run.workspace.status))
-            run.workspace.do(Command.SETTLE if run.method.single_rate else Command.SETTLE_MACRO)
-        apart = np.concatenate([second.q - first.q, second.v - first.v])
-        growth.append(math.log(np.linalg.norm(scale * apart) / APART))
-    return np.array(growth)
-
 
 def toppling(upright: float) -> jp.Simulation:
     """A pendulum without clearance, gravity along -x, and so upright at the angle zero."""
@@ -579,11 +535,10 @@ def lyapunov(quick: bool = False, wrong: bool = False) -> Outcome:
         for play, growths, colour in zip(
             plays, both(scara_stretching, [(play, cycles) for play in plays]), COLOURS, strict=False
         ):
-            per_cycle = growths[1:].sum(axis=1) / 3.0
-            n = len(per_cycle)
-            half = stats.t.ppf(0.975, n - 1) * per_cycle.std(ddof=1) / math.sqrt(n)
+            found_here = exponent(growths[1:].sum(axis=1), 3.0)
+            half = found_here.high - found_here.value
             label = f"{1e3 * play:g} mm"
-            mean = per_cycle.mean()
+            mean = found_here.value
             rows.append(
                 [f"SCARA, {label}", f"{mean:.1f}", f"{mean - half:.1f} to {mean + half:.1f}", ""]
             )

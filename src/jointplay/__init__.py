@@ -101,6 +101,7 @@ _HOMES = {
 __all__ = sorted(_HOMES)
 
 if TYPE_CHECKING:
+    from jointplay import loads as loads
     from jointplay.analysis.allocate import allocate as allocate
     from jointplay.analysis.budget import budget as budget
     from jointplay.analysis.reduce import reduce_joint as reduce_joint
@@ -180,6 +181,8 @@ if TYPE_CHECKING:
 
 
 def __getattr__(name: str) -> Any:
+    if name == "loads":  # springs, wrenches and the like have their names there
+        return importlib.import_module("jointplay.loads")
     if name not in _HOMES:
         raise AttributeError(f"module 'jointplay' has no attribute {name!r}")
     value = getattr(importlib.import_module(f"jointplay.{_HOMES[name]}"), name)

@@ -238,7 +238,7 @@ def test_a_sliding_body_is_slowed_by_its_friction_law(free_mass, name):
     result = run.execute()
     p = law.parameters()
     exact = solve_ivp(
-        lambda _, v: -g * law.function(max(float(v[0]), 0.0), p),
+        lambda _, v: -g * law.function(max(float(v[0]), 0.0), *p),
         (0.0, duration),
         (start,),
         rtol=1e-9,

@@ -18,6 +18,7 @@ from jointplay.errors import JointplayError
 from jointplay.kernel import Status
 from jointplay.kernel.integrators import DEFAULT, integrator
 from jointplay.kernel.path import LARGEST_TURN, LEAST_STEPS
+from jointplay.loads.terms import LOSSES
 from jointplay.result.certificate import COUNTS, Certificate, CertifiedFigure
 from jointplay.result.judging import START_UP
 from jointplay.result.result import Result
@@ -61,14 +62,6 @@ CLAIM_UNITS = {
     "swing_mm": "mm",
 }
 """Units of what `claims.measure` finds."""
-
-_LOSSES = (
-    "normal_dissipation",
-    "friction_dissipation",
-    "joint_friction_loss",
-    "gear_dissipation",
-    "film_dissipation",
-)
 
 Begin = Callable[[Run], None]
 """Told of each further run before it begins."""
@@ -282,8 +275,11 @@ def figures(result: Result, ideal: Result | None) -> dict[str, tuple[float, str]
     if result.joints:
         begun = result.audit.judged_impacts
         found["impacts"] = float(result.audit.impacts if begun is None else begun), ""
-    losses = (result[name].values[judged] for name in _LOSSES if name in result.dataset)
+    losses = [result[name].values[judged] for name in LOSSES if name in result.dataset]
     lost = sum(float(values[-1] - values[0]) for values in losses)
+    if "load_work" in result.dataset:
+        work = result["load_work"].values[judged]
+        lost += float(np.maximum(work[0] - work[-1], 0.0).sum())
     found["dissipated energy"] = lost, "J"
     if ideal is not None and len(result.joints) == 1 and result.time[-1] > 2.0 * START_UP:
         measures = measure(result, ideal)

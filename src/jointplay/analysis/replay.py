@@ -109,6 +109,7 @@ def replay(result: Result, windows: Sequence[tuple[float, float]]) -> Replay:
         workspace.status,
         "repeated",
         0.0,
+        loads=simulation.loads,
     ).dataset
     found = np.rint(again["time"].values / step).astype(int)
     same = again["q"].values[np.isin(found, kept)]

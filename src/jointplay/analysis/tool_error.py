@@ -6,20 +6,22 @@ interval; `replay` goes down to single steps.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 import xarray as xr
-from scipy.interpolate import CubicHermiteSpline
+from scipy.interpolate import CubicHermiteSpline, CubicSpline
+from scipy.spatial.transform import Rotation, RotationSpline
 
+from jointplay.analysis.twin import has_play, is_twin
 from jointplay.errors import JointplayError, MissingName
 from jointplay.motion.reference import Motion
 from jointplay.result.result import AXES, Result
 
-if TYPE_CHECKING:
-    pass
-from jointplay.analysis.twin import has_play, is_twin
+TOOL_MOTIONS = ("tool_position", "tool_velocity", "tool_orientation", "tool_angular_velocity")
+"""Histories of the tool that are measured against those of the ideal mechanism."""
 
 COMPONENTS = (*AXES, "total")
 """Columns of accuracies and spectra: x, y, z, and all three together."""
@@ -28,22 +30,30 @@ COMPONENTS = (*AXES, "total")
 def deviation(result: Result, ideal: Result, of: str = "tool_position") -> xr.DataArray:
     """Difference of the tool's motion from the ideal robot's at the same time.
 
-    Where the two were not recorded at the same times, the ideal motion is interpolated by cubics
-    through its recorded positions and velocities.
+    Where the two were not recorded at the same times, the ideal motion is interpolated: by cubics
+    through its recorded positions and velocities, by cubic splines through its orientations and
+    angular velocities.
 
     Args:
         result: the run.
         ideal: the ideal robot's run of the same work; see `is_twin`, `twin`.
-        of: ``tool_position`` [m] or ``tool_velocity`` [m/s].
+        of: ``tool_position`` [m], ``tool_velocity`` [m/s], ``tool_orientation`` (the rotation
+            vector that turns the ideal tool into the tool, world axes [rad]) or
+            ``tool_angular_velocity`` [rad/s].
 
     Returns:
         (time, axis), for the time that both runs cover.
 
     Raises:
-        JointplayError: `ideal` is not the result's twin.
+        JointplayError: `ideal` is not the result's twin, or one of the two comes from a version
+            that did not record it.
     """
-    if of not in ("tool_position", "tool_velocity"):
-        raise MissingName("tool motion", of, ("tool_position", "tool_velocity"))
+    if of not in TOOL_MOTIONS:
+        raise MissingName("tool motion", of, TOOL_MOTIONS)
+    if of not in result.dataset or of not in ideal.dataset:
+        raise JointplayError(
+            f"a result of an earlier version has no {of}; result.simulation.run() makes it again"
+        )
     if not is_twin(result, ideal):
         reason = (
             f"has clearance in {', '.join(ideal.joints)}"
@@ -60,22 +70,44 @@ def deviation(result: Result, ideal: Result, of: str = "tool_position") -> xr.Da
     rounding = 1e-9 * max(float(ideal.time[-1]), 1e-3)
     ours = result[of].sel(time=result.time <= ideal.time[-1] + rounding)
     time = ours["time"].values
+    reference: Any
     if len(ideal.time) >= len(time) and np.allclose(ideal.time[: len(time)], time, 0.0, rounding):
-        reference = ideal[of].values[: len(time)]
+        kept = ideal[of].values[: len(time)]
+        reference = _rotations(kept) if of == "tool_orientation" else kept
     elif len(ideal.time) < 2:
         raise JointplayError(f"the reference has {len(ideal.time)} record; it needs at least 2")
     else:
-        path = CubicHermiteSpline(
-            ideal.time, ideal["tool_position"].values, ideal["tool_velocity"].values
-        )
-        reference = path(time, nu=0 if of == "tool_position" else 1)
-    difference: xr.DataArray = ours - reference
+        reference = _between(ideal, of)(time)
+    difference: xr.DataArray
+    if of == "tool_orientation":
+        turns = (_rotations(ours.values) * reference.inv()).as_rotvec()
+        along = {"time": time, "axis": result["axis"].values}
+        difference = xr.DataArray(turns, along, ("time", "axis"), of)
+    else:
+        difference = ours - reference
     difference.attrs = {
-        "units": ours.attrs["units"],
+        "units": "rad" if of == "tool_orientation" else ours.attrs["units"],
         "long_name": f"{of.replace('_', ' ')} - ideal, world axes",
         "judge_from": result.judge_from,
     }
     return difference
+
+
+def _rotations(quaternions: np.ndarray) -> Rotation:
+    """Orientations that are recorded with the scalar first, (n, 4)."""
+    return Rotation.from_quat(quaternions[:, [1, 2, 3, 0]])
+
+
+def _between(ideal: Result, of: str) -> Callable[[np.ndarray], Any]:
+    """The ideal tool's motion at any time that its run covers."""
+    if of == "tool_orientation":
+        return RotationSpline(ideal.time, _rotations(ideal[of].values))  # type: ignore[no-any-return]
+    if of == "tool_angular_velocity":
+        return CubicSpline(ideal.time, ideal[of].values)  # type: ignore[no-any-return]
+    path = CubicHermiteSpline(
+        ideal.time, ideal["tool_position"].values, ideal["tool_velocity"].values
+    )
+    return path if of == "tool_position" else path.derivative()  # type: ignore[no-any-return]
 
 
 @dataclass(frozen=True)

@@ -106,7 +106,7 @@ FLAGS = (
         ("V0", "V1"),
         default="1e-4 1e-3",
     ),
-    Flag("--motion", ("motion.file",), "motion and drive", "CSV", beside),
+    Flag("--motion", ("motion.file",), "motion and drive", "FILE", beside),
     Flag("--interpolation", ("motion.interpolation",), "motion and drive", "WORD", str),
     Flag("--bandwidth", ("drive.bandwidth",), "motion and drive", default="100"),
     Flag("--damping-ratio", ("drive.damping_ratio",), "motion and drive", default="1"),

@@ -102,7 +102,7 @@ def worn_gap(px, py, ax, ay, d, at, bore_radius, journal_radius):
     """
     n = int(d[at])
     lowest, second = 1e300, 1e300
-    node, other = 0, -1
+    node, other = n - 1, -n  # not literals: numba would compile `_least_near` for each
     last = at + 1 + _WORN_NODE * (n - 1)
     lean = ax * d[last + 2] + ay * d[last + 3]
     before = d[last + 1] - px * d[last + 2] - py * d[last + 3] + 0.5 * journal_radius * lean * lean
@@ -115,7 +115,7 @@ def worn_gap(px, py, ax, ay, d, at, bore_radius, journal_radius):
         after = d[place + 1] - px * c - py * s + 0.5 * journal_radius * lean * lean
         if here <= before and here < after:
             if here < lowest:
-                second, other = lowest, node if lowest < 1e300 else -1
+                second, other = lowest, node if lowest < 1e300 else -n
                 lowest, node = here, i
             elif here < second:
                 second, other = here, i

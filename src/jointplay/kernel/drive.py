@@ -66,6 +66,8 @@ def drive(run, q, v, time, tau):
             forward = rows[u] + part * (rows[3 * nu + u] - rows[u])
             seen = one.seen
             effort[i] = forward + one.kp * (position - q[seen]) + one.kd * (speed - v[seen])
+            if abs(effort[i]) > one.limit:
+                effort[i] = math.copysign(one.limit, effort[i])
         tau[i] += effort[i]
 
 

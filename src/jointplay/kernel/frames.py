@@ -100,7 +100,8 @@ def pose_of_frames(run, joint, pose, reach):
 
 
 @internal
-def _twist(joint, reach, v, out):
+def twist_by(joint, reach, v, out):
+    """Motion (6) of what `reach` moves at velocities v."""
     n = joint.nsupport
     support = wholes(joint.support, n)
     for r in range(6):
@@ -115,7 +116,7 @@ def twist(joint, v):
     """Put velocity of the journal's centre and angular velocity, in bearing axes, into `twist`."""
     out = joint.twist
     if joint.first < 0:
-        _twist(joint, floats(joint.reach, 6 * joint.nsupport), v, out)
+        twist_by(joint, floats(joint.reach, 6 * joint.nsupport), v, out)
         return
     first, swing = joint.first, joint.swing
     sy, cy, sp, cp = swing[0], swing[1], swing[2], swing[3]

@@ -30,6 +30,7 @@ class Status(IntEnum):
     BROKE_OUT = 3
     BAD_FORCE = 4
     FILM_BROKE = 5
+    BAD_LOAD = 6
 
 
 POWERS = (
@@ -86,6 +87,7 @@ RUN = _record(
     weights=_INT,  # (nv,) 0 for prescribed coordinates, whose inertia is no real one
     drive=_INT,  # (nv,) efforts of the drives
     contact_push=_INT,  # (nv,) generalised forces of what depends on velocity
+    load_push=_INT,  # (nv,) of the loads' part that does not
     minv=_INT,  # (nv, nv) inverse of the mass matrix now; then
     free=_INT,  # (nv,) acceleration without any of the forces reckoned here
     minv_rate=_INT,
@@ -124,6 +126,7 @@ RUN = _record(
     drives=_INT,
     frictions=_INT,
     gears=_INT,
+    loads=_INT,
     bodies=_INT,
     holds=_INT,
     # Sizes.
@@ -134,6 +137,7 @@ RUN = _record(
     nd=_INT,
     nf=_INT,
     ng=_INT,
+    nl=_INT,
     nb=_INT,  # bodies, the ground among them; 0 if none need be placed
     nh=_INT,
     nref=_INT,
@@ -290,6 +294,7 @@ DRIVE_ROW = _record(
     kp=_FLOAT,
     kd=_FLOAT,
     armature=_FLOAT,  # > 0 prescribes the motion
+    limit=_FLOAT,  # of the effort, infinite for none; not of prescribed motion
 )
 FRICTION_ROW = _record(
     coordinate=_INT, coulomb=_FLOAT, stiction=_FLOAT, stribeck=_FLOAT, viscous=_FLOAT
@@ -312,6 +317,50 @@ BODY = _record(
 
 HOLD = _record(one=_INT, other=_INT, place=(_FLOAT, (3,)), other_place=(_FLOAT, (3,)))
 """Two points of two bodies that a loop without clearance holds together."""
+
+LOAD = _record(
+    # Addresses.
+    law=_INT,
+    numbers=_INT,  # the law's p
+    place=_INT,  # x: of `pose`, or (nseen,)
+    rate=_INT,  # dx: of `twist`, or (nseen,)
+    out=_INT,  # of `wrench`, or (npushed,)
+    elastic=_INT,  # (2, npushed or 6) what it answers at rest, if it stores energy; room
+    seen=_INT,  # (nseen,) coordinates
+    pushed=_INT,  # (npushed,)
+    bounds=_INT,  # (npushed,) largest efforts
+    support=_INT,  # of frames, as in `JOINT`, with all that follows
+    signs=_INT,
+    reach=_INT,
+    bearing_rotation=_INT,
+    bearing_translation=_INT,
+    journal_rotation=_INT,
+    journal_translation=_INT,
+    # What it is.
+    frames=_INT,  # whether it acts between two frames; else on coordinates
+    nsupport=_INT,
+    nseen=_INT,
+    npushed=_INT,
+    stores=_INT,  # whether its answer at rest is the slope of an energy
+    implicit=_INT,  # whether the rest of it depends on velocity: NEVER, ALWAYS, IF_PRESSED
+    bounded=_INT,
+    bearing_placement=(_FLOAT, (12,)),
+    journal_placement=(_FLOAT, (12,)),
+    # Now.
+    active=_INT,  # whether it takes part in the velocity solve
+    pose=(_FLOAT, (POSE,)),
+    twist=(_FLOAT, (6,)),
+    wrench=(_FLOAT, (6,)),
+    stiff=(_FLOAT, (6, 6)),
+    power=_FLOAT,  # [W] of all of it, or of what it does not store
+    before=_FLOAT,
+    work=_FLOAT,  # since the start [J]
+    gathered=_FLOAT,  # of Runge-Kutta
+)
+"""One load whose law is called by address; see `load`."""
+
+NEVER, ALWAYS, IF_PRESSED = range(3)
+"""When a load depends on velocity; IF_PRESSED: where its answer at rest is not zero."""
 
 _CONTACT_SIZE = CONTACT.itemsize
 
@@ -340,7 +389,7 @@ def _pointer_to(element: Any) -> Any:
 _whole = _pointer_to(types.int64)
 _joint, _contact = _pointer_to(from_dtype(JOINT)), _pointer_to(from_dtype(CONTACT))
 _drive, _friction = _pointer_to(from_dtype(DRIVE_ROW)), _pointer_to(from_dtype(FRICTION_ROW))
-_gear = _pointer_to(from_dtype(GEAR_ROW))
+_gear, _load = _pointer_to(from_dtype(GEAR_ROW)), _pointer_to(from_dtype(LOAD))
 _body, _hold = _pointer_to(from_dtype(BODY)), _pointer_to(from_dtype(HOLD))
 
 
@@ -402,6 +451,12 @@ def frictions(run):
 def gears(run):
     """Records of the gears."""
     return carray(_gear(run.gears), (run.ng,))
+
+
+@internal
+def loads(run):
+    """Records of the loads."""
+    return carray(_load(run.loads), (run.nl,))
 
 
 @internal

@@ -37,6 +37,7 @@ from jointplay.kernel.layout import (
     joints,
     matrix,
 )
+from jointplay.kernel.load import apply_loads, find_load_powers, work_of_loads
 from jointplay.kernel.loops import project
 from jointplay.kernel.record import due, record
 from jointplay.kernel.solve import (
@@ -115,6 +116,8 @@ def _powers(run, q, v):
         run.power[i] = 0.0
     work_of_drives(run, v)
     lose_in_joints(run, q, v)
+    if run.nl > 0:
+        find_load_powers(run, v)
     for j in range(run.nj):
         joint = joints(run)[j]
         if joint.touching != 0:
@@ -145,6 +148,8 @@ def evaluate(run):
     h = 0.5 * run.dt_before
     _base(run, q, half, v, base, h)
     find_touching(run, q, half)
+    if run.nl > 0:
+        apply_loads(run, base, h)
     if run.active > 0:
         solve(run, q, base, v, h)
     else:
@@ -185,12 +190,16 @@ def _pass(run, dt, recorded):
     before = 0.5 * run.dt_before if run.fresh == 0 else 0.0
     for i in range(_NP):
         run.work[i] += before * run.power[i]
+    if run.nl > 0:
+        work_of_loads(run, before)
     for j in range(run.nj):
         remember(run, j, joints(run)[j], before + 0.5 * dt)
     if recorded:
         record(run)
     for i in range(_NP):
         run.work[i] += 0.5 * dt * run.power[i]
+    if run.nl > 0:
+        work_of_loads(run, 0.5 * dt)
     run.fresh = 0
 
 
@@ -296,6 +305,7 @@ def settle_macro(run):
     if run.fresh == 0:
         for i in range(_NP):
             run.work[i] += 0.5 * run.dt_before * run.power[i]
+        work_of_loads(run, 0.5 * run.dt_before)
 
 
 @internal
@@ -333,6 +343,9 @@ def set_off(run):
     drive(run, q, v, run.time, tau)
     find_touching(run, q, v)
     answer(run, q, v)
+    loaded = floats(run.load_push, nv)
+    for i in range(nv):
+        tau[i] += loaded[i]
     for i in range(nv):
         a[i] = free[i]
         for k in range(nv):

@@ -19,7 +19,7 @@ from jointplay.kernel.solve import LEAST_COMPLIANCE
 """Rows of `run.path`: the state at the start of the predicted path and what changes it, the state
 in its middle, `half` at its start, and the mean acceleration of the last macro step."""
 
-LARGEST_TURN = 0.02
+LARGEST_TURN = 0.035
 """Angle by which no joint turns further in a macro step that an error estimate chooses [rad]."""
 
 REFUSED = 4.0
@@ -44,7 +44,7 @@ def _predict(run):
     done = run.time - run.path_start
     if done > 0.0:  # else planned anew
         apart = run.path_start + 0.5 * done - run.mean_time
-        smooth = run.touching == 0 and run.events == 0 and run.known_free > 1
+        smooth = run.events == 0 and run.known_free > 1
         for i in range(nv):
             # The acceleration of a contact that lasts swings; its mean is what moves the arm.
             mean = (half[i] - path[HALF, i]) / done
@@ -104,6 +104,7 @@ def _find_path_error(run):
         floats(run.drive, nv),
         floats(run.weights, nv),
     )
+    loaded = floats(run.load_push, nv)
     run.path_error = -1.0
     if run.known_free < 2 or run.events > 0:
         return
@@ -114,7 +115,8 @@ def _find_path_error(run):
         miss = found_free[i] - free_middle[i] - apart * free_slope[i] - square * free_curve[i]
         acceleration = found_free[i]
         for k in range(nv):
-            value, force = found[i, k] if i <= k else found[k, i], push[k] + effort[k]
+            value = found[i, k] if i <= k else found[k, i]
+            force = push[k] + effort[k] + loaded[k]
             change = apart * slope[i, k] + square * curve[i, k]
             miss += (value - middle[i, k] - change) * force
             acceleration += value * force

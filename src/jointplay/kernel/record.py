@@ -6,6 +6,7 @@ import numpy as np
 
 from jointplay.kernel.drive import work_of_prescribed
 from jointplay.kernel.layout import POWERS, contacts, floats, internal, joints, matrix
+from jointplay.kernel.load import record_loads, settle_loads
 
 _NP = len(POWERS)
 
@@ -35,6 +36,7 @@ def settle(run):
         if run.pending != 0:
             run.work[i] += 0.5 * run.dt * (run.before[i] + run.power[i])
         run.before[i] = run.power[i]
+    settle_loads(run)
     run.pending = 0
 
 
@@ -73,4 +75,5 @@ def record(run):
             row[c + 3 * width * nj] = contact.gap_min
             contact.normal_peak = 0.0
             contact.gap_min = np.inf
+    record_loads(run, row, at + 9 * nj + 4 * width * nj)
     run.row += 1

@@ -30,6 +30,7 @@ from jointplay.kernel.layout import (
     internal,
     joints,
 )
+from jointplay.kernel.load import gather_works, load_now
 from jointplay.kernel.record import due, record, settle
 
 _NP = len(POWERS)
@@ -83,6 +84,7 @@ def _load(run, q, v, time):
     rub_joints(run, v, tau)
     turn_gears(run, q, v, tau)
     lose_in_joints(run, q, v)
+    load_now(run, q, v, time, tau)
     if not size < SPEED_LIMIT:  # true for NaN as well
         fail(run, _RUN_AWAY, 0)
     committed = run.commit != 0
@@ -154,6 +156,7 @@ def runge_kutta_4(run):
     for i in range(_NP):
         done = 0.0 if stage == 0 else scratch[4 * nv + i]
         scratch[4 * nv + i] = done + weight * run.power[i]
+    gather_works(run, stage, weight)
     ahead = dt if stage == 2 else 0.5 * dt
     for i in range(nv):
         if stage == 0:

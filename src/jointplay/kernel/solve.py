@@ -5,8 +5,8 @@ The multi-rate method asks, in every micro step, for the velocity v with
     v = v_half + h (a_free + M^-1 [tau + tau_c(q, v)]),    h = dt/2
 
 v_half being the velocity half a step ago, tau what does not depend on v, and tau_c all that does:
-contacts (their elastic part, too), films, joint friction, gears. Newton's method on those
-coordinates that tau_c moves, for the rims of one journal couple strongly; the matrix is
+contacts (their elastic part, too), films, joint friction, gears, damping of loads. Newton's method
+on those coordinates that tau_c moves, for the rims of one journal couple strongly; the matrix is
 
     I - h M^-1 d(tau_c)/dv
 
@@ -39,6 +39,7 @@ from jointplay.kernel.layout import (
     matrix,
     wholes,
 )
+from jointplay.kernel.load import damp_loads, find_loads, steepen_loads
 from jointplay.kernel.vectors import inlined
 
 TOLERANCE = 1e-9
@@ -105,6 +106,8 @@ def find_touching(run, q, half):
     for gear in gears(run):
         if abs(q[gear.motor] - q[gear.link]) > gear.half_play:
             marks[gear.motor] = marks[gear.link] = 1.0
+    if run.nl > 0:
+        find_loads(run, q, floats(run.v, nv), marks)
     n = 0
     for i in range(nv):
         if marks[i] != 0.0:
@@ -133,6 +136,8 @@ def answer(run, q, v):
         push(joint, tau)
     rub_joints(run, v, tau)
     turn_gears(run, q, v, tau)
+    if run.nl > 0:
+        damp_loads(run, v, tau)
 
 
 @internal
@@ -153,6 +158,8 @@ def _slopes(run, q, v):
         steepen(run, j, joint)
         push_slope(run, joint)
     steepen_joints(run, q, v)
+    if run.nl > 0:
+        steepen_loads(run)
 
 
 @inlined

@@ -12,6 +12,9 @@ from jointplay.errors import JointplayError
 from jointplay.kernel import Command, Status, enter, layout
 from jointplay.kernel.path import MIDDLE, MIDDLE_SPEED, ROWS
 
+Carriers = tuple[tuple[int, pin.SE3], tuple[int, pin.SE3]]
+"""Two Pinocchio joints, and the placement of a frame in each."""
+
 
 @dataclass(frozen=True)
 class FilmSite:
@@ -66,7 +69,7 @@ class ContactSite:
     parameters: Sequence[tuple[float, ...]]
     friction_parameters: tuple[float, ...]
     first: int | None
-    carriers: tuple[tuple[int, pin.SE3], tuple[int, pin.SE3]] | None = None
+    carriers: Carriers | None = None
     signs: np.ndarray | None = None
     film: FilmSite | None = None
     must_not_touch: int = 0
@@ -77,6 +80,38 @@ PARTS = ("bearing", "journal")
 
 CarriedFrame = tuple[int, np.ndarray]
 """A body by its place, and a frame's rotation, row by row, and origin in it, shape (12,)."""
+
+
+@dataclass(frozen=True)
+class LoadSite:
+    """What the kernels know of one load; see `kernel.load`.
+
+    It acts either on coordinates or between two frames.
+    """
+
+    law: int
+    """Address of its law."""
+    numbers: np.ndarray
+    """Of the law; what is written into it later, the law sees."""
+    stores: bool = False
+    """Whether its answer at rest is the slope of an energy."""
+    implicit: int = layout.NEVER
+    """When the rest of it depends on velocity: `layout.NEVER`, `ALWAYS` or `IF_PRESSED`."""
+    seen: tuple[int, ...] = ()
+    """Coordinates that the law sees."""
+    pushed: tuple[int, ...] = ()
+    """Coordinates on which it acts; if it is implicit, those that it sees."""
+    bounds: tuple[float, ...] = ()
+    """Largest effort on each of them, if it is limited [N m or N]."""
+    carriers: Carriers | None = None
+    """Between frames: Pinocchio joints that carry them, and the frames' placements in these."""
+    signs: np.ndarray | None = None
+    """See `ContactSite`."""
+
+    @property
+    def size(self) -> int:
+        """Numbers that the law gives."""
+        return len(self.pushed) if self.carriers is None else 6
 
 
 class Workspace:
@@ -90,6 +125,7 @@ class Workspace:
         dt: time step [s].
         every: steps between records.
         rows: room for records.
+        loads: what else acts.
         own_acceleration: the kernels reckon the acceleration; else it is Pinocchio's.
 
     Attributes:
@@ -111,14 +147,19 @@ class Workspace:
         every: int,
         rows: int,
         own_acceleration: bool,
+        loads: Sequence[LoadSite] = (),
     ) -> None:
         """Allocate, and fill in the record."""
         nj = len(sites)
         width = max((len(site.parameters) for site in sites), default=0)
-        self.fields, columns = _layout(nv, nj, width)
+        self.fields, columns = _layout(nv, nj, width, loads)
         self._kept: list[np.ndarray] = []  # what the record points to must live as long
         self._arrays: dict[str, np.ndarray] = {}  # the same by name, but for Pinocchio's frames
-        self._addresses: dict[str, set[str]] = {"run": {"record", "windows"}, "joints": set()}
+        self._addresses: dict[str, set[str]] = {
+            "run": {"record", "windows"},
+            "joints": set(),
+            "loads": set(),
+        }
         self.run = np.zeros(1, layout.RUN)
         # Views of single fields: to look a field up costs more than to read it.
         self._row, self._step = self.run["row"], self.run["step"]
@@ -129,7 +170,7 @@ class Workspace:
         self.q, self.v, self.tau = (self._room(name, nv) for name in ("q", "v", "tau"))
         self.half, self.drive = self._room("half", nv), self._room("drive", nv)
         self._changing = [self.q, self.v, self.half, self.drive, self.tau]
-        self._changing += [self._room(name, nv) for name in ("contact_push", "free")]
+        self._changing += [self._room(name, nv) for name in ("contact_push", "load_push", "free")]
         self._changing.append(self._room("minv", nv, nv))
         self._changing += [self._room("free_rate", nv), self._room("minv_rate", nv, nv)]
         for name in ("free_middle", "free_slope", "free_curve"):
@@ -164,10 +205,13 @@ class Workspace:
         weights[self.drives["coordinate"][self.drives["armature"] > 0.0]] = 0.0
         self.frictions = self._point("frictions", tables.frictions)
         self.gears = self._point("gears", tables.gears)
+        self.loads = self._point("loads", np.zeros(len(loads), layout.LOAD))
+        for index, load in enumerate(loads):
+            self._write_load(index, load, data)
         self.reference = self._point("reference", np.ascontiguousarray(tables.reference, float))
         self.windows = np.zeros((0, 2))
         self.record = np.zeros((rows, columns))
-        self.sites = tuple(sites)
+        self.sites, self.load_sites = tuple(sites), tuple(loads)
         self.sliding_work: list[np.ndarray] = []
         """For each joint, normal force x sliding distance by contact and azimuth [N m]."""
         for j, site in enumerate(sites):
@@ -180,13 +224,15 @@ class Workspace:
             nd=len(self.drives),
             nf=len(self.frictions),
             ng=len(self.gears),
+            nl=len(self.loads),
             nref=len(self.reference),
             record_columns=columns,
             every=every,
             dt=dt,
             dt_before=dt,
             reference_interval=tables.interval,
-            through_frames=int(any(site.first is None for site in sites)),
+            through_frames=int(any(site.first is None for site in sites))
+            or int(self.loads["frames"].any()),
             prescribed=int(np.any(self.drives["armature"] > 0.0)),
             record=self.record.ctypes.data,
             rows=rows,
@@ -216,17 +262,7 @@ class Workspace:
         if site.first is None:
             assert site.carriers is not None
             assert site.signs is not None
-            support = np.flatnonzero(site.signs)
-            signs = site.signs[support].astype(np.int64)
-            for part, (index, placement) in zip(PARTS, site.carriers, strict=True):
-                frame = data.oMi[index]
-                for name in ("rotation", "translation"):
-                    view = getattr(frame, name)
-                    joint[f"{part}_{name}"] = view.ctypes.data
-                    self._kept.append(view)
-                row = [*placement.rotation.ravel(), *placement.translation]
-                joint[f"{part}_placement"] = row
-                self._addresses["joints"] |= {f"{part}_rotation", f"{part}_translation"}
+            support, signs = self._reach("joints", joint, site.carriers, site.signs, data)
         else:
             support = site.first + np.arange(6)
             signs = np.ones(6, np.int64)
@@ -256,17 +292,68 @@ class Workspace:
                 joint[name] = getattr(site.film, name)
             joint["film_parameters"][: len(site.film.parameters)] = site.film.parameters
 
+    def _reach(
+        self, kind: str, row: np.ndarray, carriers: Carriers, signs: np.ndarray, data: pin.Data
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Let a joint or load be reached through its frames; returns support and signs."""
+        for part, (index, placement) in zip(PARTS, carriers, strict=True):
+            frame = data.oMi[index]
+            for name in ("rotation", "translation"):
+                view = getattr(frame, name)
+                row[f"{part}_{name}"] = view.ctypes.data
+                self._kept.append(view)
+            row[f"{part}_placement"] = [*placement.rotation.ravel(), *placement.translation]
+            self._addresses[kind] |= {f"{part}_rotation", f"{part}_translation"}
+        support = np.flatnonzero(signs)
+        return support, signs[support].astype(np.int64)
+
+    def _write_load(self, index: int, site: LoadSite, data: pin.Data) -> None:
+        load = self.loads[index]
+        arrays = {
+            "numbers": site.numbers,
+            "elastic": np.zeros((2, site.size)),
+            "seen": np.array(site.seen, np.int64),
+            "pushed": np.array(site.pushed, np.int64),
+            "bounds": np.array(site.bounds, float),
+        }
+        if site.carriers is None:
+            arrays["place"], arrays["rate"] = np.zeros(len(site.seen)), np.zeros(len(site.seen))
+            arrays["out"] = np.zeros(site.size)
+            self._changing.append(arrays["out"])
+        else:
+            assert site.signs is not None
+            support, signs = self._reach("loads", load, site.carriers, site.signs, data)
+            n = len(support)
+            arrays |= {"support": support.astype(np.int64), "signs": signs}
+            arrays["reach"] = np.zeros((6, n))
+            load["frames"], load["nsupport"] = 1, n
+            places = layout.LOAD.fields
+            assert places is not None
+            here = self.loads.ctypes.data + index * layout.LOAD.itemsize
+            for name, field in (("place", "pose"), ("rate", "twist"), ("out", "wrench")):
+                load[name] = here + places[field][1]
+        for name, array in arrays.items():
+            load[name] = array.ctypes.data
+            self._kept.append(array)
+            self._arrays[f"load.{name}.{index}"] = array
+        self._addresses["loads"] |= {*arrays, "law", "place", "rate", "out"}
+        load["law"], load["stores"], load["implicit"] = site.law, site.stores, site.implicit
+        load["nseen"], load["npushed"] = len(site.seen), len(site.pushed)
+        load["bounded"] = int(bool(site.bounds))
+
     def place(self, bodies: np.ndarray, carried: Sequence[CarriedFrame]) -> None:
         """Have the kernels place the bodies that joints are reached through, instead of Pinocchio.
 
         Args:
             bodies: of `layout.BODY`, the ground first.
-            carried: bearing and journal, in turn, of every joint that is reached through frames.
+            carried: bearing and journal, in turn, of every joint that is reached through frames;
+                then both frames of every load that acts between two.
         """
         self._point("bodies", bodies)
         self._room("jacobian", len(self.q), 6)
         frames = iter(carried)
-        for joint, site in zip(self.joints, self.sites, strict=True):
+        sites: list[ContactSite | LoadSite] = [*self.sites, *self.load_sites]
+        for joint, site in zip([*self.joints, *self.loads], sites, strict=True):
             if site.carriers is None:
                 continue
             for part, (carrier, place) in zip(PARTS, frames, strict=False):
@@ -298,7 +385,8 @@ class Workspace:
 
     def state(self) -> list[np.ndarray]:
         """All arrays that a macro step changes, but for the records: to come back to a state."""
-        return [self.run, self.joints, self.contacts, *self._changing, *self.sliding_work]
+        records = [self.run, self.joints, self.contacts, self.loads]
+        return [*records, *self._changing, *self.sliding_work]
 
     def snapshot(self) -> dict[str, np.ndarray]:
         """Copies of all that the run has written, by name: to come back to it in another process.
@@ -417,7 +505,9 @@ class Workspace:
         return found | {"fastest_approach": fastest}
 
 
-def _layout(nv: int, nj: int, width: int) -> tuple[dict[str, slice], int]:
+def _layout(
+    nv: int, nj: int, width: int, loads: Sequence[LoadSite]
+) -> tuple[dict[str, slice], int]:
     """Columns of a record, and their number."""
     widths = {
         "time": 1,
@@ -432,6 +522,8 @@ def _layout(nv: int, nj: int, width: int) -> tuple[dict[str, slice], int]:
         "tangential": width * nj,
         "normal_peak": width * nj,
         "gap_min": width * nj,
+        "load_force": sum(load.size for load in loads),
+        "load_work": len(loads),
     }
     fields, at = {}, 0
     for name, size in widths.items():
@@ -464,6 +556,7 @@ def drive_row(
     kp: float = 0.0,
     kd: float = 0.0,
     armature: float = 0.0,
+    limit: float = np.inf,
 ) -> np.ndarray:
     """Record of the drive of one coordinate, shape (1,).
 
@@ -473,9 +566,10 @@ def drive_row(
         seen: coordinate that its encoder sees; None takes its own.
         kp, kd: gains [N m/rad, N m s/rad, or N/m, N s/m].
         armature: > 0 prescribes the motion; the model must have this armature [kg m^2 or kg].
+        limit: largest effort, to which others are cut [N m or N].
     """
     seen = coordinate if seen is None else seen
-    return np.array([(column, coordinate, seen, kp, kd, armature)], layout.DRIVE_ROW)
+    return np.array([(column, coordinate, seen, kp, kd, armature, limit)], layout.DRIVE_ROW)
 
 
 def friction_row(

@@ -1,1 +1,61 @@
-"""What acts on a mechanism besides contact: drives and joint friction."""
+"""What acts on a mechanism besides contact: drives, joint friction, and loads of any kind."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from jointplay.codec import Family, read, register
+from jointplay.loads.base import WORLD, Load
+from jointplay.loads.controller import Controller
+from jointplay.loads.joint_spring import Stop, TorsionSpring
+from jointplay.loads.loaded_friction import LoadedFriction
+from jointplay.loads.spring import CurveSpring, Spring
+from jointplay.loads.wrench import Wrench, WrenchFunction, WrenchOverTime
+
+LOADS: dict[str, type[Load]] = {
+    load.kind: load
+    for load in (
+        Spring,
+        CurveSpring,
+        Wrench,
+        WrenchOverTime,
+        WrenchFunction,
+        TorsionSpring,
+        Stop,
+        Controller,
+        LoadedFriction,
+    )
+}
+"""Kinds of load by the word that selects them."""
+
+
+register(Load, Family("kind", "load", LOADS, bare=False))
+
+
+def load_from_description(description: Mapping[str, Any]) -> Load:
+    """Build the load that `Load.describe` described.
+
+    Raises:
+        JointplayError: no load of that kind, a value that cannot be, or a function of the user's
+            own that is neither known here nor of a trusted module (see `contact.trust`).
+    """
+    load: Load = read(Load, description)
+    return load
+
+
+__all__ = [
+    "LOADS",
+    "WORLD",
+    "Controller",
+    "CurveSpring",
+    "Load",
+    "LoadedFriction",
+    "Spring",
+    "Stop",
+    "TorsionSpring",
+    "Wrench",
+    "WrenchFunction",
+    "WrenchOverTime",
+    "load_from_description",
+]

@@ -285,6 +285,7 @@ def tabulate(
     friction: Mapping[str, JointFriction],
     start: np.ndarray,
     progress: bool = False,
+    bounds: Mapping[str, float] | None = None,
 ) -> tuple[Tables, dict[int, float]]:
     """Tabulate all drives.
 
@@ -296,6 +297,7 @@ def tabulate(
         friction: friction by joint.
         start: configuration of `mechanism` at the start, loops closed, shape (nq,).
         progress: show a bar on standard error if it takes long.
+        bounds: efforts to which the drives are cut, by joint; prescribed motion is not.
 
     Returns:
         The tables, and the armature that the model needs, by coordinate [kg m^2 or kg].
@@ -318,10 +320,10 @@ def tabulate(
     for u, name in enumerate(driven):
         drive, at = drives[name], mechanism.motor(name)
         gear = mechanism.gears.get(name)
-        losses = friction.get(name, JointFriction())
+        losses, limit = friction.get(name, JointFriction()), (bounds or {}).get(name, np.inf)
         if isinstance(drive, Torque):
             columns[2, :, u] = np.interp(times, drive.times, drive.values)
-            row = workspace.drive_row(u, at)
+            row = workspace.drive_row(u, at, limit=limit)
         else:
             k = follows.index(name)
             columns[0, :, u], columns[1, :, u] = position[:, k], velocity[:, k]
@@ -337,7 +339,7 @@ def tabulate(
             seen = at if drive.encoder == "motor" else mechanism.coordinate(name)
             kp = drive.bandwidth**2 * inertia
             kd = 2.0 * drive.damping_ratio * drive.bandwidth * inertia
-            row = workspace.drive_row(u, at, seen, kp, kd)
+            row = workspace.drive_row(u, at, seen, kp, kd, limit=limit)
         rows.append(row)
     frictions = [
         workspace.friction_row(

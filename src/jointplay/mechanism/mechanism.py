@@ -26,6 +26,7 @@ from jointplay.mechanism.gear import Gear
 from jointplay.mechanism.lock import Lock
 from jointplay.mechanism.loop import Loop, refuse_name
 from jointplay.mechanism.model import build, parse
+from jointplay.mechanism.shown import Shown
 
 STANDARD_GRAVITY = (0.0, 0.0, -9.81)
 """Gravity in world axes [m/s^2]."""
@@ -39,6 +40,17 @@ def frame_index(model: pin.Model, name: str) -> int:
     if model.existFrame(name, pin.FrameType.BODY):
         return int(model.getFrameId(name, pin.FrameType.BODY))
     return int(model.getFrameId(name))
+
+
+def signs_between(model: pin.Model, first: int, second: int) -> np.ndarray:
+    """+1 for coordinates that move the second joint only, -1 the first only, 0 else, (nv,)."""
+    signs = np.zeros(model.nv)
+    for index, sign in ((second, 1.0), (first, -1.0)):
+        while index > 0:
+            member = model.joints[index]
+            signs[member.idx_v : member.idx_v + member.nv] += sign
+            index = model.parents[index]
+    return signs
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,7 +71,7 @@ class WrittenMechanism:
     gears: dict[str, Gear] = field(default_factory=dict)
 
 
-class Mechanism(Described):
+class Mechanism(Described, Shown):
     """A robot or linkage from a URDF, ideal or with clearance in some of its joints.
 
     Args:
@@ -324,13 +336,7 @@ class Mechanism(Described):
 
     def _signs(self, first: tuple[int, pin.SE3], second: tuple[int, pin.SE3]) -> np.ndarray:
         """The same for any two frames, the second in the journal's place."""
-        signs = np.zeros(self.model.nv)
-        for (index, _), sign in ((second, 1.0), (first, -1.0)):
-            while index > 0:
-                member = self.model.joints[index]
-                signs[member.idx_v : member.idx_v + member.nv] += sign
-                index = self.model.parents[index]
-        return signs
+        return signs_between(self.model, first[0], second[0])
 
     def relative_jacobian(self, joint: str, q: np.ndarray) -> np.ndarray:
         """Motion of the journal relative to the bearing, shape (6, nv).

@@ -81,7 +81,7 @@ def picture(
     order = list(dict.fromkeys(found.links))
     for thing, link in zip(found.geometry.geometryObjects, found.links, strict=True):
         place = mechanism.data.oMi[thing.parentJoint] * thing.placement
-        local = _triangles(thing)
+        local = triangles_of(thing)
         corners.append(local @ place.rotation.T + place.translation)
         plain = _TONES[order.index(link) % len(_TONES)]
         colour = thing.meshColor[:3] if thing.overrideMaterial else _rgb(plain)
@@ -118,7 +118,7 @@ def picture(
     return figure
 
 
-def _triangles(thing: pin.GeometryObject) -> np.ndarray:
+def triangles_of(thing: pin.GeometryObject) -> np.ndarray:
     """Surface of a shape in its own frame, shape (n, 3, 3) [m]."""
     form = thing.geometry
     if isinstance(form, coal.BVHModelBase):

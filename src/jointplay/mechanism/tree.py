@@ -47,6 +47,10 @@ class Motion(NamedTuple):
 
     tool: np.ndarray
     """Position [m] and velocity [m/s] of the tool, world axes (n, 6)."""
+    orientation: np.ndarray
+    """Of the tool in the world: quaternion w, x, y, z (n, 4), without jumps in sign."""
+    spin: np.ndarray
+    """Angular velocity of the tool, world axes (n, 3) [rad/s]."""
     energy: np.ndarray
     """Kinetic and potential (n, 2) [J]."""
     bearings: np.ndarray
@@ -57,9 +61,8 @@ class Motion(NamedTuple):
     @classmethod
     def of(cls, n: int, pairs: int) -> Motion:
         """Room for n records and `pairs` pairs of frames."""
-        return cls(
-            np.empty((n, 6)), np.empty((n, 2)), np.empty((pairs, n, 9)), np.empty((pairs, n, 12))
-        )
+        tool = np.empty((n, 6)), np.empty((n, 4)), np.empty((n, 3))
+        return cls(*tool, np.empty((n, 2)), np.empty((pairs, n, 9)), np.empty((pairs, n, 12)))
 
 
 class Tree:
@@ -148,6 +151,8 @@ class Tree:
         effort: np.ndarray,
         joints: Sequence[int],
         constraints: Sequence[pin.RigidConstraintModel],
+        pushed: Sequence[int] = (),
+        wrenches: np.ndarray | None = None,
     ) -> tuple[np.ndarray, np.ndarray]:
         """Forces that the joints transmit while the bodies move freely under `effort`.
 
@@ -157,6 +162,9 @@ class Tree:
             joints: Pinocchio joints whose forces are wanted.
             constraints: points held together, of the kind CONTACT_3D, not stabilised; of those
                 that may be redundant, the smallest forces that do it.
+            pushed: Pinocchio joints on whose bodies given wrenches act.
+            wrenches: these: force [N], moment about the world's origin [N m], world axes, shape
+                (n, pushed, 6).
 
         Returns:
             Force of the parent on the child by joint (end - first, joints, 3), and that of the
@@ -174,7 +182,10 @@ class Tree:
         wanted = np.array([self._bodies[index] for index in joints], dtype=np.int64)
         forces = np.empty((end - first, len(wanted), 3))
         holds = np.empty((end - first, len(constraints), 3))
-        _react(self._data, q, v, effort, first, end, wanted, carriers, places, forces, holds)
+        acted = np.array([self._bodies[index] for index in pushed], dtype=np.int64)
+        given = np.zeros((len(q), 0, 6)) if wrenches is None else np.ascontiguousarray(wrenches)
+        points = carriers, places
+        _react(self._data, q, v, effort, first, end, wanted, *points, acted, given, forces, holds)
         return forces, holds
 
 
@@ -269,8 +280,42 @@ def _ground(count):
     return turn, np.zeros((count, 3)), np.zeros((count, 3)), np.zeros((count, 3))
 
 
+@_internal
+def _orient(turn, b, orientation, i):
+    """Write rotation turn[b] as the unit quaternion orientation[i], of the sign of the one before.
+
+    Of the four ways to do so, that which divides by the largest of its components.
+    """
+    xx, yy, zz = turn[b, 0], turn[b, 4], turn[b, 8]
+    squares = (1.0 + xx + yy + zz, 1.0 + xx - yy - zz, 1.0 - xx + yy - zz, 1.0 - xx - yy + zz)
+    largest = 0
+    for k in range(1, 4):
+        if squares[k] > squares[largest]:
+            largest = k
+    x, y, z = turn[b, 7] - turn[b, 5], turn[b, 2] - turn[b, 6], turn[b, 3] - turn[b, 1]
+    xy, xz, yz = turn[b, 1] + turn[b, 3], turn[b, 2] + turn[b, 6], turn[b, 5] + turn[b, 7]
+    rows = (
+        (squares[0], x, y, z),
+        (x, squares[1], xy, xz),
+        (y, xy, squares[2], yz),
+        (z, xz, yz, squares[3]),
+    )
+    w, x, y, z = rows[largest]
+    size = math.sqrt(w * w + x * x + y * y + z * z)
+    before = w
+    if i > 0:
+        before = orientation[i - 1, 0] * w + orientation[i - 1, 1] * x
+        before += orientation[i - 1, 2] * y + orientation[i - 1, 3] * z
+    if before < 0.0:
+        size = -size
+    orientation[i, 0], orientation[i, 1] = w / size, x / size
+    orientation[i, 2], orientation[i, 3] = y / size, z / size
+
+
 @_compiled
-def _move(bodies, q, v, first, end, carriers, places, tool, energy, bearings, poses):
+def _move(
+    bodies, q, v, first, end, carriers, places, tool, orientation, spin, energy, bearings, poses
+):
     inertias, gravity = bodies[4], bodies[5]
     turn, origin, omega, speed = _ground(bodies[0].size)
     at, frame = np.empty((carriers.size, 3)), np.empty((carriers.size, 9))
@@ -294,14 +339,16 @@ def _move(bodies, q, v, first, end, carriers, places, tool, energy, bearings, po
             at[f, 0], at[f, 1], at[f, 2] = _turned(
                 turn, b, places[f, 9], places[f, 10], places[f, 11]
             )
+            _times(turn, b, places, f, frame, f)
             if f == 0:
+                _orient(frame, f, orientation, i)
+                for k in range(3):
+                    spin[i, k] = omega[b, k]
                 vx, vy, vz = _cross(
                     omega[b, 0], omega[b, 1], omega[b, 2], at[f, 0], at[f, 1], at[f, 2]
                 )
                 tool[i, 3], tool[i, 4] = vx + speed[b, 0], vy + speed[b, 1]
                 tool[i, 5] = vz + speed[b, 2]
-            else:
-                _times(turn, b, places, f, frame, f)
             for k in range(3):
                 at[f, k] += origin[b, k]
         tool[i, 0], tool[i, 1], tool[i, 2] = at[0, 0], at[0, 1], at[0, 2]
@@ -556,6 +603,8 @@ def _react(
     wanted,
     carriers,
     places,
+    acted,
+    given,
     forces,
     holds,
 ):
@@ -585,6 +634,10 @@ def _react(
             lx, ly, lz = _turned(turn, b, lx + ex, ly + ey, lz + ez)
             x, y, z = _cross(x + origin[b, 0], y + origin[b, 1], z + origin[b, 2], fx, fy, fz)
             moment[b, 0], moment[b, 1], moment[b, 2] = lx + x, ly + y, lz + z
+        for w in range(acted.size):
+            for k in range(3):
+                force[acted[w], k] -= given[i, w, k]
+                moment[acted[w], k] -= given[i, w, 3 + k]
         for b in range(count - 1, 0, -1):
             fx, fy, fz = force[b, 0], force[b, 1], force[b, 2]
             lx, ly, lz = moment[b, 0], moment[b, 1], moment[b, 2]
@@ -608,6 +661,9 @@ def _react(
         for b in range(1, count):
             fx, fy, fz, _, _, _ = _pushed(bodies, b, turn, origin, omega, alpha, grow)
             force[b, 0], force[b, 1], force[b, 2] = fx, fy, fz
+        for w in range(acted.size):
+            for k in range(3):
+                force[acted[w], k] -= given[i, w, k]
         for f in range(carriers.size):
             sign = 1.0 - 2.0 * (f % 2)
             for k in range(3):

@@ -55,6 +55,13 @@ class JointEntry:
     """Dry friction torque [N m or N]."""
     damping: float
     """Viscous friction [N m s/rad or N s/m]."""
+    lower: float | None = None
+    """Limits of its position [rad or m]; None where there are none, or where they are the same."""
+    upper: float | None = None
+    speed: float | None = None
+    """Limit of its speed [rad/s or m/s]; None where there is none, or 0."""
+    effort: float | None = None
+    """Limit of its effort [N m or N]; likewise."""
 
 
 @dataclass(frozen=True)
@@ -145,9 +152,36 @@ def _parsed(text: str, path: Path, allow_unphysical: tuple[str, ...]) -> Descrip
             _link(joint, "child", links),
             _number(dynamics, "friction", f"joint {name!r}", 0.0),
             _number(dynamics, "damping", f"joint {name!r}", 0.0),
+            *_limits(joint, name),
         )
     _check_tree(path, links, joints.values())
     return Description(path, text, joints, tuple(links))
+
+
+def _limits(
+    joint: ElementTree.Element, name: str
+) -> tuple[float | None, float | None, float | None, float | None]:
+    """Lower and upper position, speed and effort; exporters write zeros where they know none."""
+    found, owner = joint.find("limit"), f"limit of joint {name!r}"
+    if found is None or joint.get("type") in _NO_AXIS:
+        return None, None, None, None
+    lower, upper, speed, effort = (
+        _limit(found, key, owner) for key in ("lower", "upper", "velocity", "effort")
+    )
+    if not lower < upper or joint.get("type") == "continuous":
+        return None, None, speed or None, effort or None
+    return lower, upper, speed or None, effort or None
+
+
+def _limit(element: ElementTree.Element, key: str, owner: str) -> float:
+    """A number that may be infinite; 0 if it is not given."""
+    try:
+        value = float(element.get(key, "0"))
+    except ValueError:
+        value = np.nan
+    if np.isnan(value):
+        raise JointplayError(f"{key} of the {owner} is no number: {element.get(key)!r}")
+    return value
 
 
 def _check_names(kind: str, names: Sequence[str]) -> None:

@@ -8,11 +8,13 @@ to a link, by name, and stands where that link's frame stands.
 from __future__ import annotations
 
 import tempfile
+import warnings
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
+from typing import Any
 from urllib.parse import unquote, urlparse
 
 import coal
@@ -27,6 +29,8 @@ from jointplay.mechanism.model import parse
 FORMATS = (".dae", ".obj", ".stl")
 """Mesh files that meshcat reads."""
 
+_VIEW = (1.6, -1.6, 1.0)
+"""Where the camera stands, from the robot's middle, relative to the robot's reach."""
 _GREY = np.array([0.62, 0.64, 0.67, 1.0])
 _THICKNESS = 0.035
 """Radius of a stand-in, relative to the robot's reach."""
@@ -138,38 +142,12 @@ def visuals(mechanism: Mechanism, folders: Sequence[str | Path] = ()) -> Visuals
     source = parse(mechanism.description)
     where = mesh_folders(mechanism, folders)
     root = ElementTree.fromstring(mechanism.description.text)
-    missing: list[str] = []
-    bare: list[str] = []
-    for link in root.findall("link"):
-        shapes = link.findall("visual")
-        for visual in shapes:
-            mesh = visual.find("geometry/mesh")
-            if mesh is None:
-                continue
-            name = mesh.get("filename", "")
-            found = find_mesh(name, where, anywhere=not mechanism.description.stored)
-            if found is None or found.suffix.lower() not in FORMATS or not _loads(found):
-                link.remove(visual)
-                missing.append(name)
-            else:
-                mesh.set("filename", str(found))
-        if shapes and link.find("visual") is None:
-            bare.append(link.get("name", ""))
+    missing, bare = _set_meshes(root, "visual", where, mechanism.description.stored)
     if root.find("link/visual") is None:
         bare = [link.get("name", "") for link in root.findall("link")]
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "robot.urdf"
-        file.write_text(ElementTree.tostring(root, encoding="unicode"), encoding="utf-8")
-        original = pin.buildGeomFromUrdf(source, str(file), pin.GeometryType.VISUAL)
     places = _places(source)
     reach = _reach(places)
-    geometry, links = pin.GeometryModel(), []
-    for shape in original.geometryObjects:
-        frame = source.frames[shape.parentFrame]
-        _attach(
-            geometry, mechanism.model, shape, frame.name, frame.placement.actInv(shape.placement)
-        )
-        links.append(frame.name)
+    geometry, links = _carried(mechanism, source, root, pin.GeometryType.VISUAL)
     for name, placement, body in _stand_ins(root, source, places, bare, _THICKNESS * reach):
         shape = pin.GeometryObject(
             f"{name}_stand_in_{len(links)}", 0, 0, pin.SE3.Identity(), body, "", np.ones(3)
@@ -178,6 +156,106 @@ def visuals(mechanism: Mechanism, folders: Sequence[str | Path] = ()) -> Visuals
         _attach(geometry, mechanism.model, shape, name, placement)
         links.append(name)
     return Visuals(geometry, links, reach, missing)
+
+
+def collisions(mechanism: Mechanism, folders: Sequence[str | Path] = ()) -> Visuals:
+    """The URDF's collision shapes, with no pairs of them chosen and no stand-ins.
+
+    Args:
+        mechanism: with or without clearance.
+        folders: where else meshes may be.
+
+    Raises:
+        JointplayError: a given folder does not exist.
+    """
+    source = parse(mechanism.description)
+    root = ElementTree.fromstring(mechanism.description.text)
+    where = mesh_folders(mechanism, folders)
+    missing, _ = _set_meshes(root, "collision", where, mechanism.description.stored)
+    geometry, links = _carried(mechanism, source, root, pin.GeometryType.COLLISION)
+    return Visuals(geometry, links, _reach(_places(source)), missing)
+
+
+def visualizer(mechanism: Mechanism, folders: Sequence[str | Path], open_browser: bool) -> Any:
+    """Pinocchio's MeshcatVisualizer with the mechanism loaded and shown, loops closed.
+
+    Args:
+        mechanism: what is shown.
+        folders: where else meshes may be.
+        open_browser: whether to open a window of the browser.
+
+    Raises:
+        JointplayError: a given folder does not exist, or loops cannot be closed.
+    """
+    from pinocchio.visualize import MeshcatVisualizer
+
+    from jointplay.mechanism.loop import assemble
+
+    look, shapes = visuals(mechanism, folders), collisions(mechanism, folders)
+    for shape in (*look.geometry.geometryObjects, *shapes.geometry.geometryObjects):
+        if Path(shape.meshPath).suffix.lower() == ".dae":
+            # Meshcat shows one part of a Collada file; the surface read here has them all.
+            shape.meshPath = ""
+            shape.meshColor = shape.meshColor if shape.overrideMaterial else _GREY
+    made = MeshcatVisualizer(mechanism.model, shapes.geometry, look.geometry)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # textures that meshcat cannot show
+        made.initViewer(open=open_browser)
+        made.loadViewerModel(mechanism.model.name or "mechanism")
+    made.display(assemble(mechanism, np.zeros(mechanism.model.nq), []))
+    places = np.array([made.visual_data.oMg[k].translation for k in range(len(look.links))])
+    centre = 0.5 * (places.min(axis=0) + places.max(axis=0))
+    x, y, z = look.reach * np.array(_VIEW)
+    # Released versions of meshcat have no call for this; its camera's frame has y up.
+    made.viewer["/Cameras/default"].set_transform(pin.SE3(np.eye(3), centre).homogeneous)
+    made.viewer["/Cameras/default/rotated/<object>"].set_property("position", [x, z, -y])
+    return made
+
+
+def _set_meshes(
+    root: ElementTree.Element, tag: str, where: Sequence[Path], stored: bool
+) -> tuple[list[str], list[str]]:
+    """Name the files of the meshes of all elements `tag`; those not found go.
+
+    Returns:
+        What was not found, and the links that are left without shape by that.
+    """
+    missing: list[str] = []
+    bare: list[str] = []
+    for link in root.findall("link"):
+        shapes = link.findall(tag)
+        for shape in shapes:
+            mesh = shape.find("geometry/mesh")
+            if mesh is None:
+                continue
+            name = mesh.get("filename", "")
+            found = find_mesh(name, where, anywhere=not stored)
+            if found is None or found.suffix.lower() not in FORMATS or not _loads(found):
+                link.remove(shape)
+                missing.append(name)
+            else:
+                mesh.set("filename", str(found))
+        if shapes and link.find(tag) is None:
+            bare.append(link.get("name", ""))
+    return missing, bare
+
+
+def _carried(
+    mechanism: Mechanism, source: pin.Model, root: ElementTree.Element, kind: pin.GeometryType
+) -> tuple[pin.GeometryModel, list[str]]:
+    """The URDF's shapes on the links of the mechanism's own model, and these links."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "robot.urdf"
+        file.write_text(ElementTree.tostring(root, encoding="unicode"), encoding="utf-8")
+        original = pin.buildGeomFromUrdf(source, str(file), kind)
+    geometry, links = pin.GeometryModel(), []
+    for shape in original.geometryObjects:
+        frame = source.frames[shape.parentFrame]
+        _attach(
+            geometry, mechanism.model, shape, frame.name, frame.placement.actInv(shape.placement)
+        )
+        links.append(frame.name)
+    return geometry, links
 
 
 def _loads(file: Path) -> bool:

@@ -217,6 +217,30 @@ class Motion(Described):
         table = np.array(values)
         return cls(header[1:], table[:, 0], table[:, 1:], interpolation)
 
+    @classmethod
+    def from_mcap(
+        cls, path: str | Path, topic: str | None = None, interpolation: str = "spline"
+    ) -> Motion:
+        """Read a ROS 2 bag (MCAP) with JointTrajectory or JointState messages.
+
+        Needs the extra ``ros``. The time of joint states begins with the first of them.
+
+        Args:
+            path: the file.
+            topic: its topic; None takes the only one, and of several that with trajectories.
+            interpolation: see the class; recorded motions are dense.
+
+        Raises:
+            JointplayError: see `jointplay.motion.rosbag.read`; also positions that make no motion.
+        """
+        from jointplay.motion import rosbag
+
+        joints, times, positions = rosbag.read(path, topic)
+        try:
+            return cls(joints, times, positions, interpolation)
+        except JointplayError as error:
+            raise JointplayError(f"{path}: {error}") from None
+
     def __eq__(self, other: object) -> bool:
         """Whether joints, waypoints and interpolation are the same."""
         return isinstance(other, Motion) and self.describe() == other.describe()

@@ -17,6 +17,7 @@ from matplotlib.figure import Figure
 from jointplay import analysis
 from jointplay.errors import JointplayError, MissingName
 from jointplay.geometry import Form, Mode
+from jointplay.loads.terms import TERMS
 from jointplay.plots.style import AXIS_COLOURS, COLOURS, MODE_COLOURS, new_figure, style
 from jointplay.result.result import AXES, Result
 
@@ -150,12 +151,12 @@ class Plots:
         style: str = "screen",
         **line: Any,
     ) -> Figure:
-        """Tool's difference from the ideal robot over time [mm, mm/s].
+        """Tool's difference from the ideal robot over time [mm, mm/s, mrad, mrad/s].
 
         Args:
             axis: x, y, z, total, or None for x, y and z.
             ideal: the ideal robot's run; None simulates it (`analysis.twin`).
-            of: ``tool_position`` or ``tool_velocity``.
+            of: one of `analysis.tool_error.TOOL_MOTIONS`.
             ax: see the class.
             style: see the class.
             line: see the class.
@@ -167,7 +168,7 @@ class Plots:
             )
         reference = analysis.twin(self.result) if ideal is None else ideal
         error = analysis.deviation(self.result, reference, of)
-        unit = "mm" if of == "tool_position" else "mm/s"
+        unit = f"m{error.attrs['units']}"
         with self._axes(ax, style) as panel:
             time, values = error["time"].values, 1e3 * error.values
             self._components(panel, time, values, axis, "deviation", unit, line)
@@ -428,29 +429,27 @@ class Plots:
         names = {
             "kinetic_energy": "kinetic",
             "potential_energy": "potential",
-            "drive_work": "work of the drives",
-            "normal_dissipation": "lost in normal contact",
-            "friction_dissipation": "lost in sliding",
-            "joint_friction_loss": "lost in joint friction",
-            "gear_dissipation": "lost in gears",
-            "film_dissipation": "lost in oil",
+            **{term.variable: term.label for term in TERMS},
             "payload_energy": "brought in by payloads",
+            "load_energy": "stored in loads",
+            "load_work": "work of loads",
             "energy_residual": "error of the balance",
         }
         colours = [COLOURS[k] for k in (1, 5, 3, 0, 4, 2)]
-        colours += ["0.5", "#0F7E86", "#7A5C2E", "black"]
+        colours += ["0.5", "#0F7E86", "#7A5C2E", "#B0408A", "#5A7D2B", "black"]
         with self._axes(ax, style, 6.0, 3.8) as panel:
             for (name, text), colour in zip(names.items(), colours, strict=True):
                 if name not in self.result.dataset:
                     continue
                 values = self.result[name].values
+                values = values if values.ndim == 1 else values.sum(axis=1)
                 if name == "energy_residual" or np.any(values != values[0]):
                     panel.plot(
                         self.result.time, values, **({"color": colour, "label": text} | line)
                     )
             panel.set_xlabel("time [s]")
             panel.set_ylabel("energy [J]")
-            _legend(panel, 4)
+            _legend(panel, 3)
         return _figure_of(panel)
 
     def spectrum(

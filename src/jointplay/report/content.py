@@ -308,6 +308,8 @@ def assumptions(cases: Sequence[Case], start: float) -> Html:
         "computed torque": any("computed-torque" in json.dumps(given["drive"]) for given in inputs),
         "prescribed": any("prescribed" in json.dumps(given["drive"]) for given in inputs),
         "payloads": any(given.get("payloads") for given in inputs),
+        "loads": any(given.get("loads") for given in inputs),
+        "cut": any(given.get("limits") == "cut" for given in inputs),
         "derived stiffness": any(
             joint.get("stiffness", 0.0) is None
             for given in moving

@@ -123,10 +123,13 @@ class Audit:
     """Largest force of a joint before [N]; None if all is judged."""
     law_warnings: tuple[str, ...] = ()
     """In what normal-force and film laws were used beyond their range; see `out_of_range`."""
+    limit_warnings: tuple[str, ...] = ()
+    """In what the run went beyond the URDF's limits of joints; see `loads.limits`."""
 
     def __post_init__(self) -> None:
         """Take the warnings of a file, where a tuple is a list."""
-        object.__setattr__(self, "law_warnings", tuple(self.law_warnings))
+        for name in ("law_warnings", "limit_warnings"):
+            object.__setattr__(self, name, tuple(getattr(self, name)))
 
     @classmethod
     def of(
@@ -139,6 +142,7 @@ class Audit:
         residual: np.ndarray,
         drift: np.ndarray,
         judgement: Judgement | None = None,
+        limit_warnings: tuple[str, ...] = (),
     ) -> Audit:
         """Audit the records in `workspace` of `simulation`, which is given as plain data.
 
@@ -186,6 +190,7 @@ class Audit:
             tooth_steps=_tooth_steps(mechanism, simulation, workspace),
             loop_drift=float(drift.max(initial=0.0)),
             law_warnings=out_of_range(mechanism, statistics),
+            limit_warnings=limit_warnings,
             **_judged(workspace, statistics, judgement or Judgement()),
         )
 
@@ -250,7 +255,7 @@ class Audit:
             found.append(
                 f"ideal loops drifted apart by {self.loop_drift:.2g} m: reduce the step, or use rk4"
             )
-        return found + list(self.law_warnings)
+        return found + list(self.law_warnings) + list(self.limit_warnings)
 
     @property
     def headline(self) -> str:
@@ -323,7 +328,8 @@ def _judged(
         "judged_impacts": int((statistics["onsets"] - before["onsets"]).sum()),
         "judged_impulse": float((statistics["impulse"] - before["impulse"]).sum()),
     }
-    peaks = workspace.recorded("force_peak").reshape(workspace.rows, -1, 3)
+    recorded = workspace.recorded("force_peak")
+    peaks = recorded.reshape(len(recorded), recorded.shape[1] // 3, 3)
     if peaks.shape[1]:
         sizes = np.linalg.norm(peaks, axis=2).max(axis=1)
         late = workspace.recorded("time")[:, 0] >= judgement.judged_from

@@ -14,15 +14,26 @@ import xarray as xr
 
 from jointplay.geometry import Form, Mode, classify_many
 from jointplay.joints import VIRTUAL_LINK
-from jointplay.kernel import AZIMUTHS, POWERS, Status
+from jointplay.kernel import AZIMUTHS, Status
 from jointplay.kernel.workspace import Workspace
+from jointplay.loads.base import Load
 from jointplay.loads.drive import JointFriction
+from jointplay.loads.limits import beyond
+from jointplay.loads.terms import TERMS
 from jointplay.mechanism.impact import elastic_energy
 from jointplay.mechanism.loop import ANGLE_ARM_M, locked
 from jointplay.mechanism.mechanism import Mechanism
-from jointplay.mechanism.tree import Motion, Tree
+from jointplay.mechanism.tree import Frame, Motion, Tree
 from jointplay.result.audit import Audit, Judgement
+from jointplay.result.loads import Acting, Pushes
 from jointplay.result.result import AXES, FORMAT, Result
+
+QUATERNION = ("w", "x", "y", "z")
+"""Components of orientations, in their order."""
+CONVENTION = (
+    "Hamilton quaternion w, x, y, z of the active rotation from the tool's axes to the world's: "
+    "v_world = R(quaternion) v_tool; the scalar comes first, signs do not jump"
+)
 
 
 @dataclass(frozen=True)
@@ -46,6 +57,7 @@ def histories(
     message: str,
     wall_time: float,
     judgement: Judgement | None = None,
+    loads: Mapping[str, Load] | None = None,
 ) -> Result:
     """Make a `Result` of the records that a run left in its workspace.
 
@@ -58,32 +70,27 @@ def histories(
         status, message: how the run ended.
         wall_time: what it took [s].
         judgement: how the run began and from when on it is judged; None: centred, from the start.
+        loads: by name, in the order of the run's.
     """
     n = workspace.rows
     q, v = (np.ascontiguousarray(workspace.recorded(name)) for name in ("q", "v"))
     stretches = _stretches(phases, n)
-    body = _kinematics(mechanism, q, v, stretches)
+    acting = Acting(mechanism, loads or {})
+    body = _kinematics(mechanism, q, v, stretches, acting.pairs)
     variables: dict[str, tuple[tuple[str, ...], np.ndarray, str, str]] = {
         "q": (("time", "coordinate"), q, "", "generalised coordinates"),
         "v": (("time", "coordinate"), v, "", "generalised velocities"),
         "drive": (("time", "coordinate"), workspace.recorded("drive"), "", "drive efforts"),
         "tool_position": (("time", "axis"), body["position"], "m", f"{mechanism.tool}, world axes"),
         "tool_velocity": (("time", "axis"), body["velocity"], "m/s", "of the tool, world axes"),
+        **_turning(body),
         "kinetic_energy": (("time",), body["kinetic"], "J", "kinetic energy"),
         "potential_energy": (("time",), body["potential"], "J", "potential energy of gravity"),
     }
     work = workspace.recorded("work")
-    names = (
-        "drive_work",
-        "normal_dissipation",
-        "friction_dissipation",
-        "joint_friction_loss",
-        "gear_dissipation",
-        "film_dissipation",
-    )
-    for index in range(len(POWERS)):
-        name = names[index]
-        variables[name] = (("time",), work[:, index], "J", f"{name.replace('_', ' ')} since t = 0")
+    for index, term in enumerate(TERMS):
+        text = f"{term.variable.replace('_', ' ')} since t = 0"
+        variables[term.variable] = (("time",), work[:, index], "J", text)
     elastic = np.zeros(n)
     if mechanism.clearance:
         contact, elastic = _contact(mechanism, workspace, body)
@@ -91,7 +98,15 @@ def histories(
     else:
         variables["reaction_force"] = (
             ("time", "moving_joint", "axis"),
-            _reactions(mechanism, q, v, workspace.recorded("drive"), friction, stretches),
+            _reactions(
+                mechanism,
+                q,
+                v,
+                workspace.recorded("drive"),
+                friction,
+                stretches,
+                acting.pushes(body, workspace),
+            ),
             "N",
             "constraint force of the parent on the child at the joint, world axes",
         )
@@ -110,6 +125,12 @@ def histories(
             "stored in the gears",
         )
         elastic = elastic + stored
+    coordinates: dict[str, Any] = {}
+    if acting.loads:
+        found, coordinates = acting.histories(q, body, workspace)
+        variables |= found
+        elastic = elastic + found["load_energy"][1].sum(axis=1)
+        work = np.hstack([work, -found["load_work"][1]])
     if len(phases) > 1:
         brought = np.concatenate([np.full(hi - lo, phase.energy) for lo, hi, phase in stretches])
         variables["payload_energy"] = (("time",), brought, "J", "brought in by payloads")
@@ -120,11 +141,12 @@ def histories(
     variables["energy_residual"] = (("time",), residual, "J", "error of the energy balance")
 
     units = [_units(mechanism, name) for name in mechanism.coordinates]
-    coordinates: dict[str, Any] = {
+    coordinates |= {
         "time": ("time", workspace.recorded("time")[:, 0], {"units": "s"}),
         "coordinate": list(mechanism.coordinates),
         "coordinate_unit": ("coordinate", units),
         "axis": list(AXES),
+        "quaternion": list(QUATERNION),
     }
     if mechanism.clearance:
         coordinates |= {"joint": list(mechanism.clearance), "contact": contact_names(mechanism)}
@@ -146,6 +168,7 @@ def histories(
         residual,
         drift,
         judgement,
+        _beyond_limits(mechanism, simulation, workspace, acting),
     )
     dataset = xr.Dataset(
         {
@@ -169,6 +192,7 @@ def histories(
             "v": "coordinate_unit per second",
             "drive": "N m for rad, N for m",
         }[name]
+    dataset["tool_orientation"].attrs["comment"] = CONVENTION
     if mechanism.clearance:
         for name, kind in (("mode", Mode), ("form", Form)):
             members = [member.name.lower() for member in kind]  # type: ignore[var-annotated]
@@ -176,6 +200,31 @@ def histories(
             dataset[name].attrs["flag_values"] = np.arange(len(members), dtype=np.int8)
         dataset["form"].attrs["comment"] = "-1 for joints that Figure 2 does not show"
     return Result(dataset)
+
+
+def _beyond_limits(
+    mechanism: Mechanism, simulation: Mapping[str, Any], workspace: Workspace, acting: Acting
+) -> tuple[str, ...]:
+    """In what the run went beyond the URDF's limits, unless they are to be ignored."""
+    if simulation["limits"] == "ignore":
+        return ()
+    effort = workspace.recorded("drive") + acting.driven(workspace)
+    time, q, v = (workspace.recorded(name) for name in ("time", "q", "v"))
+    return beyond(mechanism, time[:, 0], q, v, effort)
+
+
+def _turning(body: Mapping[str, Any]) -> dict[str, Any]:
+    """The tool's orientation and angular velocity."""
+    text = "orientation of the tool in the world, unit quaternion w, x, y, z"
+    return {
+        "tool_orientation": (("time", "quaternion"), body["orientation"], "1", text),
+        "tool_angular_velocity": (
+            ("time", "axis"),
+            body["spin"],
+            "rad/s",
+            "angular velocity of the tool, world axes",
+        ),
+    }
 
 
 def versions() -> dict[str, str]:
@@ -233,15 +282,18 @@ def _kinematics(
     q: np.ndarray,
     v: np.ndarray,
     stretches: Sequence[tuple[int, int, Phase]],
+    more: Mapping[Any, tuple[Frame, Frame]],
 ) -> dict[str, Any]:
-    """Tool motion and energies by record; for each joint with clearance and each loop `Motion`'s.
+    """Tool motion and energies by record; by joint with clearance, loop and pair of `more`.
 
     `bearings` (n, 3, 3) and `poses` (n, 12), by name.
     """
-    names = list(dict.fromkeys([*mechanism.clearance, *mechanism.loops]))
+    names: list[Any] = list(dict.fromkeys([*mechanism.clearance, *mechanism.loops]))
     pairs = [(mechanism.bearing_frame(name), mechanism.journal_frame(name)) for name in names]
     names += map(locked, mechanism.locks)
     pairs += mechanism.locks.values()
+    names += more
+    pairs += more.values()
     frame = mechanism.model.frames[mechanism.tool_frame]
     tool = int(frame.parentJoint), frame.placement
     motion, n = Motion.of(len(q), len(pairs)), len(q)
@@ -250,6 +302,8 @@ def _kinematics(
     return {
         "position": motion.tool[:, :3],
         "velocity": motion.tool[:, 3:],
+        "orientation": motion.orientation,
+        "spin": motion.spin,
         "kinetic": motion.energy[:, 0],
         "potential": motion.energy[:, 1],
         "bearings": dict(zip(names, motion.bearings.reshape(len(pairs), n, 3, 3), strict=True)),
@@ -345,6 +399,7 @@ def _reactions(
     drive: np.ndarray,
     friction: Mapping[str, JointFriction],
     stretches: Sequence[tuple[int, int, Phase]],
+    pushes: Pushes,
 ) -> np.ndarray:
     """Constraint forces at the joints of an ideal mechanism, world axes (n, joints, 3) [N].
 
@@ -352,14 +407,16 @@ def _reactions(
     """
     tree, loops = mechanism.joints, list(mechanism.loops)
     forces = np.zeros((len(q), len(tree) + len(loops), 3))
-    effort = drive.copy()
+    effort = drive + pushes.efforts
     for name, joint in friction.items():
         at = mechanism.coordinate(name)
         effort[:, at] -= joint.torque(v[:, at])
     for first, end, phase in stretches:
         joints = [int(phase.model.getJointId(name)) for name in tree]
         held = mechanism.constraints(q[first], 0.0)
-        found, holds = Tree(phase.model).reactions(first, end, q, v, effort, joints, held)
+        found, holds = Tree(phase.model).reactions(
+            first, end, q, v, effort, joints, held, pushes.bodies, pushes.wrenches
+        )
         forces[first:end, : len(tree)] = found
         for k, constraint in enumerate(held):
             forces[first:end, len(tree) + loops.index(constraint.name)] += holds[:, k]

@@ -21,6 +21,8 @@ from jointplay.result.audit import Audit
 from jointplay.result.judging import after_start_up
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from jointplay.plots import Plots
     from jointplay.result.certificate import Certificate
     from jointplay.simulation.simulation import Simulation
@@ -115,6 +117,61 @@ class Result:
         """Figures of this result: `result.plot.orbit()`, `.forces()`, `.deviation()` ..."""
         plots: Plots = late("plots:Plots")(self)
         return plots
+
+    @property
+    def q(self) -> np.ndarray:
+        """Coordinates (n, nq) [rad or m], as the model of the result's mechanism takes them."""
+        return self.dataset["q"].values
+
+    @property
+    def v(self) -> np.ndarray:
+        """Velocities (n, nv) [rad/s or m/s], as the model of the result's mechanism takes them."""
+        return self.dataset["v"].values
+
+    def to_dataframe(self, every: int = 1) -> pd.DataFrame:
+        """Histories as a pandas table, one row a record, one column a number.
+
+        Columns are called ``tool_position.x``, ``q.joint_b.yaw``; ``attrs["units"]`` has their
+        units. `every`: only each n-th record and the last; peaks cover what lies between.
+        """
+        frame: pd.DataFrame = late("exports.table:dataframe")(self, every)
+        return frame
+
+    def to_csv(self, path: str | Path, every: int = 1, overwrite: bool = False) -> Path:
+        """Write the table of `to_dataframe`, units in its header.
+
+        Raises:
+            JointplayError: see `jointplay.exports.export`.
+        """
+        return self.export(path, "csv", every=every, overwrite=overwrite)
+
+    def to_parquet(self, path: str | Path, every: int = 1, overwrite: bool = False) -> Path:
+        """Write the table of `to_dataframe` as Apache Parquet (extra ``tables``).
+
+        Raises:
+            JointplayError: see `jointplay.exports.export`.
+        """
+        return self.export(path, "parquet", every=every, overwrite=overwrite)
+
+    def export(self, path: str | Path, to: str | None = None, **options: Any) -> Path:
+        """Write a file for other programs: table, trajectory, ROS 2 bag, rerun recording.
+
+        Args:
+            path: the file.
+            to: ``csv``, ``parquet``, ``trajectory``, ``mcap`` or ``rerun``; None tells it by the
+                file's ending.
+            options: see `jointplay.exports.export`.
+
+        Raises:
+            JointplayError: see there.
+        """
+        written: Path = late("exports:export")(self, path, to, **options)
+        return written
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows: how the run ended, its figures, a small picture."""
+        page: str = late("exports.notebook:page")(self)
+        return page
 
     @property
     def simulation(self) -> Simulation:

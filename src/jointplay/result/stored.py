@@ -7,7 +7,7 @@ readers need not doubt: they would stumble over it one by one, each in its own w
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
@@ -16,9 +16,11 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from jointplay import codec
 from jointplay.errors import JointplayError
-from jointplay.fields import quantity
+from jointplay.fields import choice, quantity
 from jointplay.kernel import Status
+from jointplay.loads import Load
 from jointplay.loads.drive import Drive, JointFriction
+from jointplay.loads.limits import LIMITS
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.mechanism.payload import Payload
 from jointplay.motion.reference import Motion
@@ -51,6 +53,12 @@ _WITH_PLAY = {
 }
 """Those of results with clearance."""
 
+_MAY_HAVE = {
+    "tool_orientation": ("time", "quaternion"),
+    "tool_angular_velocity": ("time", "axis"),
+}
+"""Those that earlier versions did not write."""
+
 _TEXTS = ("status", "message", "audit", "simulation")
 
 
@@ -78,6 +86,9 @@ class Inputs:
     settle: float | str | None = quantity("s", default=None)
     judge_from: float | None = quantity("s", default=None)
     start_speed: dict[str, float] = quantity("", default_factory=dict)
+    loads: dict[str, Load] = field(default_factory=dict)
+    limits: str = choice("way with limits", LIMITS, default="ignore")
+    """Versions that knew of none ignored them."""
 
 
 class _Figure(BaseModel):
@@ -195,6 +206,7 @@ def _check_histories(dataset: xr.Dataset, path: Path, given: Any) -> None:
             if joint not in names:
                 raise _wrong(path, f"it has histories of the joint {_short(joint)}, not its inputs")
         _names(dataset, path, "contact")
+    wanted |= {name: dims for name, dims in _MAY_HAVE.items() if name in dataset.data_vars}
     for name, dims in wanted.items():
         if name not in dataset.data_vars:
             raise _wrong(path, f"it has no variable {name!r}")
@@ -208,6 +220,9 @@ def _check_histories(dataset: xr.Dataset, path: Path, given: Any) -> None:
     _names(dataset, path, "coordinate")
     if _names(dataset, path, "axis") != _AXES:
         raise _wrong(path, f"its axes are {_short(_names(dataset, path, 'axis'))}, not x, y, z")
+    if "quaternion" in dataset.dims and _names(dataset, path, "quaternion") != [*"wxyz"]:
+        found = _short(_names(dataset, path, "quaternion"))
+        raise _wrong(path, f"its quaternions are {found}, not w, x, y, z")
     if "moving_joint" in dataset.dims:
         _names(dataset, path, "moving_joint")
 

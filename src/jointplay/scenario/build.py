@@ -17,6 +17,7 @@ from jointplay.errors import JointplayError, MissingName, require_positive, with
 from jointplay.fields import fields_of
 from jointplay.host.files import is_file
 from jointplay.joints import JOINT_WORDS, Clearance
+from jointplay.loads import Load
 from jointplay.loads.drive import ComputedTorque, Drive, JointFriction, Torque
 from jointplay.mechanism.loop import Loop, refuse_name
 from jointplay.mechanism.mechanism import Mechanism
@@ -86,6 +87,8 @@ def build(model: Model, folder: Path) -> Simulation:
         joint_friction=_joint_friction(model, mechanism),
         seed=integration.seed,
         payloads=_payloads(model, mechanism),
+        loads=_loads(model, mechanism, folder),
+        limits=model.robot.limits,
         state={name: (start.get(name), start_speed.get(name)) for name in {**start, **start_speed}},
         start=integration.start,
         settle=integration.settle,
@@ -256,7 +259,7 @@ def _as_given(
             )
     if source == "file":
         with within("motion", "file"):
-            return _from_csv(locate(given["file"], folder), interpolation)
+            return _from_file(locate(given["file"], folder), table.interpolation)
     if source == "speeds":
         return _turning(model, mechanism, start)
     if table.times is None:
@@ -277,18 +280,24 @@ def _as_given(
         return Motion(list(given["joints"]), table.times, positions, interpolation)
 
 
-def _from_csv(path: Path, interpolation: str) -> Motion:
+def _from_file(path: Path, interpolation: str | None) -> Motion:
     """Motion of a file, which is read again only once it has changed."""
     try:
         found = path.stat()
-    except (OSError, ValueError):  # which from_csv puts into words
-        return Motion.from_csv(path, interpolation)
-    return _read_csv(path, interpolation, (found.st_mtime_ns, found.st_size, found.st_ino))
+    except (OSError, ValueError):  # which those who read put into words
+        return _read(path, interpolation)
+    return _read_once(path, interpolation, (found.st_mtime_ns, found.st_size, found.st_ino))
 
 
 @lru_cache(maxsize=16)
-def _read_csv(path: Path, interpolation: str, stamp: tuple[int, ...]) -> Motion:
-    return Motion.from_csv(path, interpolation)
+def _read_once(path: Path, interpolation: str | None, stamp: tuple[int, ...]) -> Motion:
+    return _read(path, interpolation)
+
+
+def _read(path: Path, interpolation: str | None) -> Motion:
+    if path.suffix.lower() == ".mcap":  # recorded, and dense
+        return Motion.from_mcap(path, interpolation=interpolation or "spline")
+    return Motion.from_csv(path, interpolation or INTERPOLATIONS[0])
 
 
 def _turning(model: Model, mechanism: Mechanism, start: dict[str, float]) -> Motion:
@@ -398,6 +407,28 @@ def _joint_friction(model: Model, mechanism: Mechanism) -> dict[str, JointFricti
         with within(*path):
             friction[name] = JointFriction(**fields)
     return friction
+
+
+def _loads(model: Model, mechanism: Mechanism, folder: Path) -> dict[str, Load]:
+    loads: dict[str, Load] = {}
+    for name, draft in _drafts(model.loads).items():
+        fitted = {}
+        for key, value in draft.fields.items():
+            units = fields_of(draft.kind)[key].units
+            if len(units) == 2 and value is not None:
+                at = ("loads", name, key)
+                fitted[key] = _fit(
+                    mechanism, draft.fields["joint"], value, (units[0], units[1]), at
+                )
+        with (
+            within("loads", name),
+            _beside(folder, str(draft.fields.get("function", ""))),
+        ):
+            load = Draft(draft.kind, draft.word, {**draft.fields, **fitted}).make()
+            load.site(mechanism)
+            load.numbers(mechanism)
+        loads[name] = load
+    return loads
 
 
 def _payloads(model: Model, mechanism: Mechanism) -> tuple[Payload, ...]:

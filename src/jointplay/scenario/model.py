@@ -13,7 +13,9 @@ from jointplay.fields import choice, quantity
 from jointplay.joints import Clearance, Material
 from jointplay.joints.materials import material, materials
 from jointplay.kernel.integrators import DEFAULT, INTEGRATORS
+from jointplay.loads import Load
 from jointplay.loads.drive import Drive, JointFriction
+from jointplay.loads.limits import LIMITS
 from jointplay.mechanism.gear import Gear
 from jointplay.mechanism.mechanism import STANDARD_GRAVITY
 from jointplay.mechanism.payload import Payload, Vector
@@ -44,6 +46,10 @@ class Robot:
     """Frame whose motion is reported; the last one of the URDF if not given."""
     gravity: Vector = quantity("m/s^2", default=STANDARD_GRAVITY, choices=("gravity", GRAVITY))
     """``loaded`` (9.81 m/s^2 along -z), ``balanced`` (none), or three components in world axes."""
+    limits: str = choice("way with limits", LIMITS, default=LIMITS[0])
+    """The URDF's limits of joints: ``report`` refuses motions beyond a position and reports speeds
+    and efforts, ``cut`` also cuts the efforts of drives and controllers, ``ignore`` checks nothing.
+    """
     allow_unphysical: tuple[str, ...] = ()
     """Links whose inertia is used although no rigid body has it."""
 
@@ -75,7 +81,8 @@ class MotionTable:
     """Reference motion: a file, joint positions, constant speeds, or positions of the tool."""
 
     file: str | None = None
-    """CSV with the header ``time_s,<joint>,...``, in rad and m; a path like that of the URDF."""
+    """CSV with the header ``time_s,<joint>,...``, in rad and m, or ROS 2 bag (.mcap); a path like
+    that of the URDF."""
     times: list[float] | None = quantity("s", default=None)
     """Times of the waypoints."""
     joints: dict[str, list[float]] | None = quantity(*ANGLE, default=None)
@@ -83,7 +90,7 @@ class MotionTable:
     speeds: dict[str, float] | None = quantity(*ANGULAR_SPEED, default=None)
     """Constant speed, by joint, from the position in [start]; needs a duration."""
     interpolation: str | None = choice("interpolation", INTERPOLATIONS, default=None)
-    """How joints move between waypoints; ``rest-to-rest`` if not given."""
+    """How joints move between waypoints; if not given ``rest-to-rest``, for a bag ``spline``."""
     tool_position: list[Vector] | None = quantity("m", default=None)
     """Position of the frame at each time, in world axes; inverse kinematics finds the joints'."""
     tool_rpy: list[Vector] | None = quantity("rad", default=None)
@@ -177,6 +184,8 @@ class Model:
     ``"joint_b.x"``; with ``tool_position``, where inverse kinematics begins."""
     start_speed: dict[str, float] = quantity(*ANGULAR_SPEED, default_factory=dict)
     """Speed at the start of the same."""
+    loads: dict[str, Load] = field(default_factory=dict)
+    """What else acts, by a name of your choice."""
     payloads: list[HeldPayload] = field(default_factory=list)
     """Bodies that the tool picks up and releases."""
     integration: Integration = Integration()

@@ -7,8 +7,11 @@ from typing import Any
 
 from jointplay.contact.law import Law
 from jointplay.fields import fields_of
+from jointplay.loads import Load
 from jointplay.loads.drive import assign
+from jointplay.loads.limits import LIMITS
 from jointplay.mechanism.impact import contact_duration
+from jointplay.mechanism.mechanism import Mechanism
 from jointplay.scenario.load import Scenario
 from jointplay.simulation.simulation import Run
 from jointplay.units import readable
@@ -68,6 +71,10 @@ def _facts(run: Run) -> dict[str, str]:
             facts[f"friction {name}"] = _fields(losses, joint=mechanism.description.joints[name])
     for number, payload in enumerate(simulation.payloads, 1):
         facts[f"payload {number}"] = f"at {payload.frame}: {_fields(payload)}"
+    for name, load in simulation.loads.items():
+        facts[f"load {name}"] = f"{load.kind}: {_load_fields(load, mechanism)}"
+    if simulation.limits != LIMITS[0]:
+        facts["limits"] = simulation.limits
     facts["start"] = (
         ", ".join(
             f"{name} {run.workspace.q[mechanism.coordinate(name)]:.6g}" for name in mechanism.joints
@@ -82,6 +89,28 @@ def _facts(run: Run) -> dict[str, str]:
         + ("" if simulation.seed is None else f", seed {simulation.seed}")
     )
     return facts
+
+
+def _load_fields(load: Load, mechanism: Mechanism) -> str:
+    """Fields of a load, with units; those not set left out."""
+    words = []
+    entry = mechanism.description.joints.get(getattr(load, "joint", ""))
+    slides = entry is not None and entry.kind == "prismatic"
+    description = load.describe()
+    for name, field in fields_of(type(load)).items():
+        value = description.get(name)
+        numbers = value if isinstance(value, list) else [value]
+        if name == "source" or value is None or not any(numbers):
+            continue
+        unit = field.units[slides and len(field.units) > 1]
+        words.append(f"{name.replace('_', ' ')} {_nested(value, unit)}")
+    return ", ".join(words)
+
+
+def _nested(value: Any, unit: str) -> str:
+    if isinstance(value, list):
+        return f"({', '.join(_nested(one, unit) for one in value)})"
+    return value if isinstance(value, str) else readable(value, unit)
 
 
 def _or_none(name: str, value: float | None, unit: str) -> str:

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from jointplay.kernel import Status
 from jointplay.kernel.workspace import Workspace
 from jointplay.mechanism.mechanism import Mechanism
 
 
-def message(mechanism: Mechanism, workspace: Workspace, status: Status) -> str:
-    """One line on how a run ended."""
+def message(
+    mechanism: Mechanism, workspace: Workspace, status: Status, loads: Sequence[str] = ()
+) -> str:
+    """One line on how a run ended; `loads` are their names."""
     at = f"at t = {workspace.time:.6g} s (step {workspace.steps})"
     if status == Status.COMPLETED:
         return f"completed {workspace.time:g} s in {workspace.steps} steps"
@@ -19,7 +23,9 @@ def message(mechanism: Mechanism, workspace: Workspace, status: Status) -> str:
         for name, q, v in zip(mechanism.coordinates, workspace.q, workspace.v, strict=True)
     )
     joint, contact = workspace.bad_contact
-    if status == Status.RUN_AWAY:
+    if status == Status.BAD_LOAD:
+        what, remedy = f"the load {loads[joint]!r} gave a non-finite value", "correct it"
+    elif status == Status.RUN_AWAY:
         what = "the state ran away or is not a number"
         remedy = "reduce the step or the drive's bandwidth"
     else:

@@ -20,6 +20,7 @@ from jointplay.mechanism.loop import (
     misfit,
 )
 from jointplay.mechanism.mechanism import Mechanism
+from jointplay.simulation.standing import StandingLoads
 from jointplay.simulation.statics import Balance, Rest
 
 if TYPE_CHECKING:
@@ -191,6 +192,7 @@ def rest(
     workspace: Workspace,
     drives: Mapping[str, Drive],
     friction: Mapping[str, JointFriction],
+    loads: StandingLoads,
 ) -> Rest:
     """Where the machine stands; see `statics`.
 
@@ -201,6 +203,7 @@ def rest(
         workspace: with the state of `start`.
         drives: of every moving joint.
         friction: by joint.
+        loads: what else acts.
     """
     mechanism = start.mechanism
     along = np.zeros(bodies.nv)
@@ -221,6 +224,7 @@ def rest(
         workspace,
         drives,
         friction,
+        loads,
         start.acceleration(along),
         given,
     )

@@ -12,7 +12,7 @@ import pinocchio as pin
 
 from jointplay.kernel import THERE, Command, compiled, layout
 from jointplay.kernel.integrators import Integrator
-from jointplay.kernel.workspace import CarriedFrame, Workspace
+from jointplay.kernel.workspace import CarriedFrame, ContactSite, LoadSite, Workspace
 from jointplay.mechanism.loop import PROXIMAL
 from jointplay.mechanism.tree import Frame, Tree
 
@@ -29,8 +29,9 @@ says differs from it by no more, or the next macro step is shorter.
 The error between the middles is a small part of that. Measured: docs/integrators.md.
 """
 
-LARGEST_DEPARTURE = 1e-5
-"""Angle by which the state may leave the path that was predicted for a macro step [rad]."""
+LARGEST_DEPARTURE = 3.0
+"""Angle by which the state may leave the path that was predicted for a macro step, over the micro
+step [rad/s]: in proportion, so that smaller micro steps bring this error down with their own."""
 
 LOOP_TOLERANCE = 3e-5
 """`MACRO_TOLERANCE` with ideal loops, which drift apart by what the parabola is off."""
@@ -124,6 +125,10 @@ class Loop(ABC):
     @abstractmethod
     def settle(self) -> None:
         """Make the workspace's state (q, v) whole, for an event that is going to change it."""
+
+    def velocity(self) -> np.ndarray:
+        """Velocities at the present instant, shape (nv,)."""
+        return self.workspace.v
 
     def look(self) -> None:
         """Evaluate the present state to be read; the caller brings the workspace back to it."""
@@ -227,7 +232,7 @@ class MultiRate(Loop):
         self._planned_on = False
         fixed = macro_step is not None
         run["fixed"], run["unit"] = fixed, 1
-        run["departure_limit"] = np.inf if fixed else LARGEST_DEPARTURE
+        run["departure_limit"] = np.inf if fixed else LARGEST_DEPARTURE * self._dt
         longest = LONGEST_MACRO_STEP_S if macro_step is None else macro_step
         run["longest"] = max(round(longest / self._dt), 1)
         run["wish"] = run["longest"] if fixed else max(int(run["longest"][0]) // 10, 1)
@@ -241,7 +246,8 @@ class MultiRate(Loop):
         Where they are must be known at every micro step: no call of Pinocchio is cheap enough.
         """
         w = self.workspace
-        reached = [frame for site in w.sites for frame in site.carriers or ()]
+        sites: list[ContactSite | LoadSite] = [*w.sites, *w.load_sites]
+        reached = [frame for site in sites for frame in site.carriers or ()]
         held = [
             frame
             for one in self._models
@@ -272,6 +278,12 @@ class MultiRate(Loop):
     def settle(self) -> None:
         """Find the velocity at the present instant."""
         self.workspace.do(Command.SETTLE_MACRO)
+
+    def velocity(self) -> np.ndarray:
+        """From those half a step ago, with the last acceleration."""
+        w = self.workspace
+        found: np.ndarray = w.half + 0.5 * float(w.run["dt_before"][0]) * w.acceleration
+        return found
 
     def look(self) -> None:
         """Find the velocity at the present instant, for a moment."""
@@ -382,9 +394,7 @@ class Adaptive(MultiRate):
         w = self.workspace
         w.run["micro"] = micro
         self._enter(w.run, int(Command.ADAPTIVE_STEP))
-        # From half a step ago to now, with the acceleration of the last state.
-        v = w.half + 0.5 * float(w.run["dt_before"][0]) * w.acceleration
-        return w.q.copy(), v
+        return w.q.copy(), self.velocity()
 
     def _difference(
         self, one: tuple[np.ndarray, np.ndarray], other: tuple[np.ndarray, np.ndarray], span: float

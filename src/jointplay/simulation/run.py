@@ -6,7 +6,7 @@ import math
 import sys
 import time
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, ExitStack
 from dataclasses import replace
 from pathlib import Path
@@ -21,16 +21,20 @@ from jointplay.errors import JointplayError, MissingName, require_positive
 from jointplay.kernel import Status
 from jointplay.kernel.integrators import DEFAULT, Integrator, integrator
 from jointplay.kernel.workspace import Workspace
+from jointplay.loads import limits as limits_of_joints
 from jointplay.loads.drive import JointFriction, assign, table_nodes, tabulate
 from jointplay.result.audit import Judgement
 from jointplay.result.histories import Phase, histories
 from jointplay.result.result import Result
 from jointplay.simulation import checkpoint, ending, initial, limits, step_check
+from jointplay.simulation import loads as acting
 from jointplay.simulation.assemble import check_step, contact_site
 from jointplay.simulation.events import Events
 from jointplay.simulation.loop import LOOP_CORRECTION, Adaptive, Loop, MultiRate, SingleRate
 from jointplay.simulation.moment import Moment
 from jointplay.simulation.progress import Bar
+from jointplay.simulation.standing import StandingLoads
+from jointplay.simulation.watch import Watch
 
 if TYPE_CHECKING:
     from jointplay.simulation.simulation import Simulation
@@ -50,16 +54,25 @@ class Run:
         limits.check_names(mechanism)
         self.method: Integrator = integrator(simulation.integrator)
         step, duration = self._check_numbers()
+        acting.check(simulation.loads)
         drives = assign(mechanism, simulation.motion, simulation.drive)
         nodes = table_nodes(simulation.motion, drives, duration)
         limits.check_memory(mechanism, duration, self.steps, simulation.record_every, nodes)
         self.friction = self._friction()
         followed = [name for name, drive in drives.items() if drive.follows]
+        bounds = self._bounds(followed)
         start = initial.place(simulation, mechanism, followed)
         if simulation.seed is not None and not simulation.stands:
             start.perturb(simulation.seed, at_rest=False)
         tables, armature = tabulate(
-            mechanism, simulation.motion, drives, duration, self.friction, start.q, progress
+            mechanism,
+            simulation.motion,
+            drives,
+            duration,
+            self.friction,
+            start.q,
+            progress,
+            bounds,
         )
         start.move()
         # The run's own, for payloads and prescribed motion change its inertias.
@@ -67,6 +80,7 @@ class Run:
         for at, value in armature.items():
             self.model.armature[at] = value
         self.data = self.model.createData()
+        sites = [acting.load_site(load, mechanism, bounds) for load in simulation.loads.values()]
         self.workspace = w = Workspace(
             self.data,
             self.model.nv,
@@ -76,18 +90,22 @@ class Run:
             simulation.record_every,
             self.steps // simulation.record_every + 2,
             own_acceleration=not self.method.single_rate,
+            loads=sites,
         )
+        self._watch = Watch(simulation.loads, sites, mechanism, self.model, w, step)
         w.q[:], w.v[:] = start.q, start.v
         self._events = Events(
             mechanism, self.model, simulation.payloads, step, simulation.record_every
         )
         check_step(mechanism, pin.computeTotalMass(self.model), step, start.q)
+        acting.check_step(simulation.loads, mechanism, step, start.q)
         self.rest: initial.Rest | None = None
         """Where the search for the place of rest ended; None if journals start centred."""
         if simulation.stands and (mechanism.clearance or mechanism.gears):
             self._events.happen(w)  # what is picked at 0 weighs from the first
             bodies = self.phases[-1].model
-            self.rest = initial.rest(simulation, start, bodies, w, drives, self.friction)
+            pushing = StandingLoads(simulation.loads, mechanism, sites)
+            self.rest = initial.rest(simulation, start, bodies, w, drives, self.friction, pushing)
             self._stand(start)
         self.judged_from = simulation.judged_from
         """When figures begin to be judged [s]."""
@@ -176,6 +194,18 @@ class Run:
                 raise MissingName("moving joint", name, joints)
         return friction
 
+    def _bounds(self, followed: Sequence[str]) -> dict[str, float]:
+        """Hold the motion against the URDF's limits; returns the efforts that are to be cut."""
+        way = limits_of_joints.require_known(self.simulation.limits)
+        if way == "ignore":
+            return {}
+        if followed:
+            assert self.simulation.motion is not None
+            found = limits_of_joints.check_motion(self.mechanism, self.simulation.motion, followed)
+            for text in found:
+                warnings.warn(text, RuntimeWarning, stacklevel=5)
+        return limits_of_joints.bounds(self.mechanism) if way == "cut" else {}
+
     def _make_loop(self, constraints: list[pin.RigidConstraintModel]) -> Loop:
         simulation = self.simulation
         parts = (self.model, self.data, self.workspace, self.method, constraints)
@@ -246,6 +276,7 @@ class Run:
             self.message(status) if message is None else message,
             self._elapsed,
             self.judgement(),
+            self.simulation.loads,
         )
 
     def judgement(self) -> Judgement:
@@ -346,7 +377,7 @@ class Run:
         Begin again whenever you have changed q or v of the workspace, after `settle`.
         """
         self._events.happen(self.workspace)
-        self._loop.begin()
+        self._watch.set_off(self._loop)
         self._begun = True
 
     def settle(self) -> None:
@@ -377,6 +408,7 @@ class Run:
             "events": self._events.memory(),
             "loop": self._loop.memory(),
             "unjudged": self._unjudged,
+            "watch": self._watch.memory(),
         }
 
     def recall(self, memory: Mapping[str, Any]) -> None:
@@ -387,6 +419,7 @@ class Run:
         self._begun, self._elapsed = bool(memory["begun"]), float(memory["elapsed"])
         self.workspace.unresolved = int(memory["unresolved"])
         self._unjudged = memory["unjudged"]
+        self._watch.recall(memory["watch"])
 
     def stretch(self, most: int = _CHUNK, pause: int | None = None) -> bool:
         """Do some steps, then what is due; returns whether all is well.
@@ -402,6 +435,9 @@ class Run:
         if due is not None:
             steps = min(steps, due - w.steps)
         judged = round(self.judged_from / self.simulation.step)
+        watched = self._watch.until_next(w.steps)
+        if watched is not None:
+            steps = min(steps, watched)
         if w.steps < judged:
             pause = judged if pause is None else min(pause, judged)
         if not self._loop.stretch(steps, pause):
@@ -411,7 +447,9 @@ class Run:
         if due is not None and due == w.steps:
             self._loop.settle()
             self._events.happen(w)
-            self._loop.begin()
+            self._watch.set_off(self._loop)
+        elif self._watch.due(w.steps):
+            self._watch.look(self._loop, last=w.steps >= self.steps)
         return True
 
     def advance(self, steps: int) -> bool:
@@ -424,4 +462,4 @@ class Run:
 
     def message(self, status: Status) -> str:
         """One line on how the run ended."""
-        return ending.message(self.mechanism, self.workspace, status)
+        return ending.message(self.mechanism, self.workspace, status, list(self.simulation.loads))

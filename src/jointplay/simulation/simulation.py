@@ -13,7 +13,9 @@ import numpy as np
 from jointplay.errors import JointplayError, MissingName
 from jointplay.host.late import late
 from jointplay.kernel.integrators import DEFAULT
+from jointplay.loads import Load, load_from_description
 from jointplay.loads.drive import ComputedTorque, Drive, JointFriction, drive_from_description
+from jointplay.loads.limits import LIMITS
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.mechanism.payload import Payload
 from jointplay.motion.reference import Motion
@@ -76,6 +78,11 @@ class Simulation:
     until a driven joint has turned so often."""
     judge_from: float | None = None
     """When figures begin to be judged [s]; None: when the run has settled, see `judged_from`."""
+    loads: Mapping[str, Load] = field(default_factory=dict)
+    """What else acts, by a name of your choice: springs, wrenches, stops, controllers."""
+    limits: str = LIMITS[0]
+    """The URDF's limits: ``report`` refuses motions beyond a position and reports speeds and
+    efforts, ``cut`` also cuts the efforts of drives and controllers, ``ignore`` checks nothing."""
 
     def __post_init__(self) -> None:
         """Bring the older ways to give a state into `state`."""
@@ -142,6 +149,8 @@ class Simulation:
             "state": {name: list(pair(name, value)) for name, value in self.state.items()},
             "settle": self.settle,
             "judge_from": self.judge_from,
+            "loads": {name: load.describe() for name, load in self.loads.items()},
+            "limits": self.limits,
         }
 
     @classmethod
@@ -170,6 +179,9 @@ class Simulation:
             fields["joint_friction"] = {
                 name: JointFriction(**value) for name, value in fields["joint_friction"].items()
             }
+        loads = fields.get("loads", {})
+        fields["loads"] = {name: load_from_description(one) for name, one in loads.items()}
+        fields.setdefault("limits", "ignore")  # of a version that knew of none
         return cls(**fields)
 
     def steps(self, every: float | None = None) -> Iterator[Moment]:

@@ -1,8 +1,8 @@
 """Where a machine stands: the equilibrium of all journals under gravity and drives.
 
-The potential energy of gravity, drives (springs about their reference), gears and contacts is made
-as small as can be by Newton's method in a trust region; docs/statics.md says what is solved, and
-what rest means where the start moves.
+The potential energy of gravity, drives (springs about their reference), gears, loads and contacts
+is made as small as can be by Newton's method in a trust region; docs/statics.md says what is
+solved, and what rest means where the start moves.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from jointplay.loads.drive import Drive, JointFriction
 from jointplay.mechanism.loop import ANGLE_ARM_M, closing_rows, misfit
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.simulation.elastic import ElasticJoint
+from jointplay.simulation.standing import StandingLoads, relative_motion, relative_pose
 
 TOLERANCE = 1e-4
 """Unbalanced force, relative to the largest force of a joint, below which a state is at rest."""
@@ -86,6 +87,7 @@ class Balance:
         workspace: has drives, gears and the state that the search begins with.
         drives: of every moving joint.
         friction: by joint.
+        loads: what else acts.
         acceleration: of the reference, journals at rest in their bearings, shape (nv,).
         given: coordinates that stay where they are.
     """
@@ -97,13 +99,14 @@ class Balance:
         workspace: Workspace,
         drives: Mapping[str, Drive],
         friction: Mapping[str, JointFriction],
+        loads: StandingLoads,
         acceleration: np.ndarray,
         given: Collection[int] = (),
     ) -> None:
         """Find what may move, and what acts on it."""
         self._mechanism, self._model, self._data = mechanism, bodies, bodies.createData()
         self._start, self._speed = workspace.q.copy(), workspace.v.copy()
-        self._acceleration = acceleration
+        self._acceleration, self._loads = acceleration, loads
         nv = bodies.nv
         self._elastic = {name: ElasticJoint(one) for name, one in mechanism.clearance.items()}
         self._frames = {
@@ -120,7 +123,7 @@ class Balance:
             at = mechanism.coordinate(name)
             self._constant[at] -= float(losses.torque(self._speed[at : at + 1])[0])
         self._ideal = sorted(set(mechanism.loops) - set(mechanism.clearance))
-        self._inertia = np.zeros(nv)
+        self._inertia, self._given = np.zeros(nv), np.zeros(nv)
         self.refresh(self._start)
         self.basis = self._find_basis(sprung, drives, set(given))
         self.scale, self._room = self._scales()
@@ -211,24 +214,18 @@ class Balance:
         return np.where(np.isfinite(scale), scale, room), room
 
     def refresh(self, q: np.ndarray) -> None:
-        """Reckon the inertia forces of a moving start anew, in configuration q."""
+        """Reckon inertia forces of a moving start and given loads anew, in configuration q."""
         if self._speed.any() or self._acceleration.any():
             whole = pin.rnea(self._model, self._data, q, self._speed, self._acceleration)
             weight = pin.computeGeneralizedGravity(self._model, self._data, q)
             self._inertia = whole - weight
+        self._given = self._loads.given(self._model, self._data, q, self._speed)
 
     def _pose(self, name: str) -> np.ndarray:
-        (i, bearing), (j, journal) = self._frames[name]
-        pose = (self._data.oMi[i] * bearing).actInv(self._data.oMi[j] * journal)
-        return np.concatenate([pose.translation, pose.rotation.ravel()])
+        return relative_pose(self._data, self._frames[name])
 
     def _jacobian(self, name: str) -> np.ndarray:
-        (i, bearing), (j, journal) = self._frames[name]
-        turn = (self._data.oMi[i] * bearing).rotation
-        centre = (self._data.oMi[j] * journal).translation
-        columns = self._data.J.reshape(6, -1) * self._signs[name]
-        linear = columns[:3] + np.cross(columns[3:], centre, axisa=0, axisc=0)
-        return np.concatenate([turn.T @ linear, turn.T @ columns[3:]])
+        return relative_motion(self._data, self._frames[name], self._signs[name])
 
     def energy(self, q: np.ndarray, names: Collection[str]) -> float:
         """Potential energy [J], of contacts of the joints `names`; infinite where a law fails."""
@@ -237,7 +234,7 @@ class Balance:
         total = pin.computePotentialEnergy(self._model, self._data, q)
         pull = self._rest - q
         total += 0.5 * float(self._springs @ pull**2) - float(self._constant @ away)
-        total += float(self._inertia @ away)
+        total += float((self._inertia - self._given) @ away) + self._loads.energy(self._data, q)
         for name in names:
             total += self._elastic[name].energy(self._pose(name))
         for row in self._gears:
@@ -253,6 +250,8 @@ class Balance:
         gradient = pin.computeGeneralizedGravity(self._model, self._data, q).copy()
         gradient += self._inertia - self._constant - self._springs * (self._rest - q)
         pin.computeJointJacobians(self._model, self._data, q)
+        slope, bend = self._loads.slopes(self._data, q)
+        gradient, curvature = gradient + (slope - self._given), curvature + bend
         load = 0.0
         for name in names:
             one = self._elastic[name]

@@ -10,16 +10,9 @@ import numpy as np
 
 from jointplay.analysis.tool_error import COMPONENTS, deviation, stops
 from jointplay.geometry import Mode
+from jointplay.loads.terms import LOSSES
 from jointplay.motion.reference import Motion
 from jointplay.result.result import Result
-
-LOSSES = (
-    "normal_dissipation",
-    "friction_dissipation",
-    "joint_friction_loss",
-    "gear_dissipation",
-    "film_dissipation",
-)
 
 COST = "cost"
 """Name of the measure that no two runs share: seconds of processor time."""
@@ -32,7 +25,7 @@ ABOUT: dict[str, tuple[str, str]] = {
     "rms_force": ("N", "RMS joint force{part}"),
     "impacts": ("1", "contacts that began"),
     "impulse": ("N s", "normal impulse of all contacts"),
-    "dissipated_energy": ("J", "lost in contacts, films, joints and gears"),
+    "dissipated_energy": ("J", "lost in contacts, films, joints, gears and loads"),
     **{name: ("J", name.replace("_", " ")) for name in LOSSES},
     "share": ("1", "share of the time in mode {part}"),
     "penetration": ("m", "deepest penetration"),
@@ -88,6 +81,10 @@ def measure(
     found["impulse"] = audit.normal_impulse
     losses = {n: float(_values(result, n)[-1]) for n in LOSSES if n in result.dataset.variables}
     found["dissipated_energy"] = sum(losses.values())
+    if "load_work" in result.dataset.variables:
+        found["dissipated_energy"] += float(
+            np.maximum(-_values(result, "load_work")[-1], 0.0).sum()
+        )
     found |= losses
     for k, joint in enumerate(result.joints):
         at = f"_{joint}" if len(joints) > 1 else ""

@@ -1,0 +1,128 @@
+"""Quantities of a run by name, such as ``guide.acceleration`` or ``crank_pin.moment``."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from jointplay.errors import MissingName
+from jointplay.mechanism.mechanism import Mechanism
+from jointplay.result.result import AXES, Result
+
+
+@dataclass(frozen=True)
+class Observable:
+    """A quantity of a run."""
+
+    name: str
+    values: np.ndarray
+    """By record, shape (n,)."""
+    unit: str
+
+
+def names(mechanism: Mechanism) -> list[str]:
+    """What can be observed of a mechanism: ``THING.QUANTITY``."""
+    found = [f"{joint}.{what}" for joint in mechanism.clearance for what in _OF_JOURNALS]
+    for joint in mechanism.joints:
+        found += [f"{joint}.{what}" for what in ("position", "speed", "acceleration", "moment")]
+    return [*found, *(f"tool.{axis}" for axis in AXES), "tool.speed", "tool.acceleration"]
+
+
+_OF_JOURNALS = ("x", "y", "z", "eccentricity", "force")
+
+
+def unknown(name: str, mechanism: Mechanism) -> MissingName:
+    """What to say of a quantity that there is not."""
+    return MissingName("quantity", name, names(mechanism))
+
+
+def unit(name: str, mechanism: Mechanism) -> str:
+    """Unit of a quantity of `names`."""
+    thing, _, what = name.rpartition(".")
+    if thing == "tool":
+        return {"speed": "m/s", "acceleration": "m/s²"}.get(what, "m")
+    if what in _OF_JOURNALS and thing in mechanism.clearance:
+        return "N" if what == "force" else "m"
+    slides = mechanism.description.joints[thing].kind == "prismatic"
+    if what == "moment":
+        return "N" if slides else "N m"
+    base = "m" if slides else "rad"
+    return {"position": base, "speed": f"{base}/s", "acceleration": f"{base}/s²"}[what]
+
+
+def label(name: str, mechanism: Mechanism) -> str:
+    """For an axis of a figure."""
+    thing, _, what = name.rpartition(".")
+    return f"{what} of {thing} [{unit(name, mechanism)}]"
+
+
+def usual(mechanism: Mechanism) -> str:
+    """What is looked at if nobody says: a slider's acceleration, else a journal's eccentricity."""
+    kinds = {name: mechanism.description.joints[name].kind for name in mechanism.joints}
+    sliders = [name for name, kind in kinds.items() if kind == "prismatic"]
+    if len(sliders) == 1 and mechanism.loops:
+        return f"{sliders[0]}.acceleration"
+    if mechanism.clearance:
+        return f"{next(iter(mechanism.clearance))}.eccentricity"
+    return "tool.speed"
+
+
+def observe(result: Result, name: str) -> Observable:
+    """A quantity of a run, by record.
+
+    ``JOINT.x``, ``y``, ``z`` and ``eccentricity`` are the journal's centre in its bearing [m],
+    ``JOINT.force`` the size of the joint's force [N]; ``position``, ``speed``, ``acceleration`` and
+    ``moment`` (the drive's, N m, or its force, N) those of a moving joint; ``tool.x`` and so on
+    [m], and the sizes of ``tool.speed`` and ``tool.acceleration``. An acceleration is the central
+    difference of recorded speeds: it is a mean over two record intervals.
+
+    Raises:
+        MissingName: no such quantity.
+    """
+    mechanism = result.simulation.mechanism
+    if name not in names(mechanism):
+        raise unknown(name, mechanism)
+    return Observable(name, _values(result, mechanism, name), unit(name, mechanism))
+
+
+def _values(result: Result, mechanism: Mechanism, name: str) -> np.ndarray:
+    thing, _, what = name.rpartition(".")
+    if thing == "tool":
+        return _of_tool(result, what)
+    if what in _OF_JOURNALS and thing in result.joints:
+        return _of_journal(result, thing, what)
+    at = mechanism.coordinate(thing)
+    found: np.ndarray
+    if what == "moment":
+        found = result["drive"].values[:, mechanism.motor(thing)]
+    elif what == "position":
+        found = result["q"].values[:, at]
+    else:
+        found = result["v"].values[:, at]
+    if what == "acceleration":
+        found = np.gradient(found, result.time, edge_order=2)
+    return found
+
+
+def _of_tool(result: Result, what: str) -> np.ndarray:
+    found: np.ndarray
+    if what in AXES:
+        found = result["tool_position"].values[:, AXES.index(what)]
+        return found
+    velocity = result["tool_velocity"].values
+    if what == "acceleration":
+        velocity = np.gradient(velocity, result.time, axis=0, edge_order=2)
+    found = np.linalg.norm(velocity, axis=1)
+    return found
+
+
+def _of_journal(result: Result, joint: str, what: str) -> np.ndarray:
+    index = result.joints.index(joint)
+    found: np.ndarray
+    if what == "force":
+        found = np.linalg.norm(result["joint_force"].values[:, index], axis=1)
+        return found
+    centre = result["journal_centre"].values[:, index]
+    found = np.hypot(*centre[:, :2].T) if what == "eccentricity" else centre[:, AXES.index(what)]
+    return found

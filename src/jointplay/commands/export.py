@@ -1,0 +1,53 @@
+"""`jointplay export`: a result for other programs."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+from jointplay.commands import add_trust
+
+KINDS = ("csv", "parquet", "trajectory", "mcap", "rerun")
+"""Kinds of file; `jointplay.exports.KINDS` says what they are."""
+
+
+def add(commands: Any) -> None:
+    """Add the command's parser."""
+    parser = commands.add_parser(
+        "export",
+        help="write a result as table, joint trajectory, ROS 2 bag or rerun recording",
+        description="Write a result for other programs: all histories as a table with one row a "
+        "record (csv, parquet); joint positions as ROS 2 JointTrajectory (trajectory: .yaml) or as "
+        "a motion (trajectory: .csv); a ROS 2 bag (mcap); a recording of rerun.io (rerun: .rrd).",
+        epilog="docs/exports.md says what the files hold. parquet, mcap, YAML and rerun need the "
+        "extras tables, ros and rerun: pip install 'jointplay[ros]'.",
+    )
+    parser.add_argument("result", metavar="RESULT", help="file that a run wrote (.nc)")
+    parser.add_argument(
+        "--to", choices=KINDS, help="kind of file (default: told by --out's ending)"
+    )
+    parser.add_argument("--out", required=True, metavar="FILE", help="file to write")
+    parser.add_argument(
+        "--every",
+        type=int,
+        default=1,
+        metavar="N",
+        help="only each N-th record and the last; peaks cover what lies between (default 1)",
+    )
+    parser.add_argument("--quiet", action="store_true", help="no progress bar")
+    add_trust(parser)
+    parser.set_defaults(handler=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Read, write, say what was written."""
+    from jointplay import exports
+    from jointplay.result.result import Result
+
+    exports.check(options.out, options.to)
+    result = Result.load(options.result, options.trust)
+    path = exports.export(
+        result, options.out, options.to, every=options.every, progress=not options.quiet
+    )
+    print(f"{path}: {path.stat().st_size / 1e6:.3g} MB")
+    return 0

@@ -1,0 +1,113 @@
+"""Results out to where users work: tables, joint trajectories, bags, rerun, notebooks.
+
+Each kind of file is a `Kind` of one function that turns a result into bytes; `export` names it,
+thins the records and writes the file whole or not at all. Libraries that only one kind needs are
+extras, imported when it is asked for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from jointplay.errors import JointplayError, MissingName
+from jointplay.exports.thin import thinned
+from jointplay.host import files
+from jointplay.host.late import late
+from jointplay.result.result import Result
+
+Maker = Callable[[Result, str, bool], bytes]
+"""From a result, the file's suffix and whether to show progress to the file's content."""
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of file that results are written to."""
+
+    maker: str
+    """Address of its `Maker`."""
+    suffixes: tuple[str, ...]
+    """Endings of its files; the first is the usual one."""
+    about: str
+    """What it holds, in a few words."""
+
+
+KINDS = {
+    "csv": Kind("exports.table:csv", (".csv",), "all histories as a table, one row a record"),
+    "parquet": Kind("exports.table:parquet", (".parquet",), "the same table, typed and compressed"),
+    "trajectory": Kind(
+        "exports.trajectory:trajectory",
+        (".yaml", ".yml", ".csv"),
+        "joint positions: ROS 2 JointTrajectory (YAML), or a CSV that is a motion",
+    ),
+    "mcap": Kind(
+        "exports.bag:mcap", (".mcap",), "ROS 2 bag: joint states, trajectory, tool, forces"
+    ),
+    "rerun": Kind("exports.rerun_log:rrd", (".rrd",), "rerun.io recording: robot and histories"),
+}
+"""Kinds of file by name."""
+
+
+def export(
+    result: Result,
+    path: str | Path,
+    to: str | None = None,
+    *,
+    every: int = 1,
+    overwrite: bool = False,
+    progress: bool = False,
+) -> Path:
+    """Write a result for other programs.
+
+    Args:
+        result: what is written.
+        path: the file; its ending must be one of the kind's.
+        to: one of `KINDS`; None tells it by the file's ending (.csv is the table).
+        every: only each n-th record and the last; peaks keep what lies between (`thinned`).
+        overwrite: whether a file of that name is replaced.
+        progress: whether to show a bar.
+
+    Returns:
+        The file.
+
+    Raises:
+        JointplayError: no such kind, a wrong ending, the file exists or cannot be written, or a
+            library of an extra is missing.
+    """
+    kind = check(path, to, overwrite)
+    maker: Maker = late(KINDS[kind].maker)
+    content = maker(thinned(result, every), Path(path).suffix.lower(), progress)
+    return files.write(path, content, overwrite=overwrite)
+
+
+def check(path: str | Path, to: str | None = None, overwrite: bool = False) -> str:
+    """Kind of file that `path` will be; refuses what cannot be written, before any work is done.
+
+    Raises:
+        JointplayError: no such kind, a wrong ending, or a file that exists or cannot be written.
+    """
+    path = Path(path)
+    suffix = path.suffix.lower()
+    if to is None:
+        to = next((name for name, kind in KINDS.items() if suffix in kind.suffixes), None)
+        if to is None:
+            known = dict.fromkeys(s for kind in KINDS.values() for s in kind.suffixes)
+            raise JointplayError(
+                f"the name of the file must end in one of {', '.join(known)}, got {path.name!r}"
+            )
+    if to not in KINDS:
+        raise MissingName("kind of export", to, KINDS)
+    if suffix not in KINDS[to].suffixes:
+        choices = " or ".join(KINDS[to].suffixes)
+        raise JointplayError(f"the name of a {to} file must end in {choices}, got {path.name!r}")
+    if not overwrite:
+        files.check_new(path)
+    return to
+
+
+def needs(extra: str, package: str, error: ImportError) -> JointplayError:
+    """What to say where a library of an extra is missing."""
+    return JointplayError(
+        f"this needs {package} ({error}); install it with pip install 'jointplay[{extra}]'"
+    )

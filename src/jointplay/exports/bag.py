@@ -1,0 +1,153 @@
+"""Results as ROS 2 bags: MCAP files, which PlotJuggler, Foxglove and ``ros2 bag`` read.
+
+Topics: ``/joint_states``, ``/joint_trajectory`` (one message), ``/tool_pose`` and ``/tool_twist``,
+and for each joint with clearance ``/clearance/<joint>/force`` and ``.../journal_centre``. Time
+begins at zero. Written by the library ``mcap-ros2-support``.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from tqdm import tqdm
+
+from jointplay import exports
+from jointplay.errors import JointplayError
+from jointplay.exports.trajectory import joint_trajectory, message, stamp
+from jointplay.result.result import AXES, Result
+
+_TIME = "int32 sec\nuint32 nanosec"
+_VECTOR = "float64 x\nfloat64 y\nfloat64 z"
+_PARTS = {
+    "std_msgs/Header": "builtin_interfaces/Time stamp\nstring frame_id",
+    "builtin_interfaces/Time": _TIME,
+    "builtin_interfaces/Duration": _TIME,
+    "geometry_msgs/Vector3": _VECTOR,
+    "geometry_msgs/Point": _VECTOR,
+    "geometry_msgs/Quaternion": f"{_VECTOR}\nfloat64 w",
+    "geometry_msgs/Pose": "geometry_msgs/Point position\ngeometry_msgs/Quaternion orientation",
+    "geometry_msgs/Twist": "geometry_msgs/Vector3 linear\ngeometry_msgs/Vector3 angular",
+    "trajectory_msgs/JointTrajectoryPoint": "float64[] positions\nfloat64[] velocities\n"
+    "float64[] accelerations\nfloat64[] effort\nbuiltin_interfaces/Duration time_from_start",
+}
+"""Definitions of the messages' parts, from ROS 2's common_interfaces."""
+_MESSAGES = {
+    "sensor_msgs/msg/JointState": "string[] name\nfloat64[] position\nfloat64[] velocity\n"
+    "float64[] effort",
+    "trajectory_msgs/msg/JointTrajectory": "string[] joint_names\n"
+    "trajectory_msgs/JointTrajectoryPoint[] points",
+    "geometry_msgs/msg/PoseStamped": "geometry_msgs/Pose pose",
+    "geometry_msgs/msg/TwistStamped": "geometry_msgs/Twist twist",
+    "geometry_msgs/msg/Vector3Stamped": "geometry_msgs/Vector3 vector",
+}
+"""Definitions of the messages, the header they all begin with left out."""
+
+
+def definition(kind: str) -> str:
+    """Definition of a message with those of all its parts, as MCAP wants it."""
+    found = {"": f"std_msgs/Header header\n{_MESSAGES[kind]}"}
+    waiting = list(found.values())
+    while waiting:
+        for part in re.findall(r"^(\w+/\w+)", waiting.pop(), re.MULTILINE):
+            if part not in found:
+                found[part] = _PARTS[part]
+                waiting.append(_PARTS[part])
+    rule = "=" * 80
+    return "".join(f"{rule}\nMSG: {n}\n{t}\n" if n else f"{t}\n" for n, t in found.items())
+
+
+def mcap(result: Result, suffix: str, progress: bool) -> bytes:
+    """The bag's content.
+
+    Raises:
+        JointplayError: the library is not installed.
+    """
+    try:
+        from mcap_ros2.writer import Writer
+    except ImportError as error:
+        raise exports.needs("ros", "mcap-ros2-support", error) from None
+    sink = io.BytesIO()
+    schemas: dict[str, Any] = {}
+    with Writer(sink) as writer:
+        steps = tqdm(_messages(result), "bag", disable=not progress, unit="message")
+        for topic, kind, time, content in steps:
+            if kind not in schemas:
+                schemas[kind] = writer.register_msgdef(kind, definition(kind))
+            nano = round(time * 1_000_000_000)
+            writer.write_message(topic, schemas[kind], content, nano, nano)
+    return sink.getvalue()
+
+
+def _messages(result: Result) -> Iterator[tuple[str, str, float, dict[str, Any]]]:
+    """Topic, kind, time [s] and content of all messages, by time."""
+    topics = _topics(result)
+    try:
+        found = joint_trajectory(result)
+    except JointplayError:  # only ball joints
+        found = None
+    names = list(found.joints) if found is not None else []
+    if found is not None:
+        yield "/joint_trajectory", "trajectory_msgs/msg/JointTrajectory", 0.0, message(found)
+    for i, time in enumerate(result.time.tolist()):
+        if found is not None:
+            yield (
+                "/joint_states",
+                "sensor_msgs/msg/JointState",
+                time,
+                {
+                    "header": _header(time, ""),
+                    "name": names,
+                    "position": found.position[i].tolist(),
+                    "velocity": found.velocity[i].tolist(),
+                    "effort": found.effort[i].tolist(),
+                },
+            )
+        for topic, kind, frame, key, values in topics:
+            yield topic, kind, time, {"header": _header(time, frame), key: _nested(values, i)}
+
+
+def _topics(result: Result) -> list[tuple[str, str, str, str, Any]]:
+    """Topic, kind, frame, key and histories of what is sent at each record."""
+    found: list[tuple[str, str, str, str, Any]] = []
+    if "tool_orientation" in result.dataset:
+        pose = {
+            "position": _vector(result["tool_position"].values),
+            "orientation": _vector(result["tool_orientation"].values, "wxyz"),
+        }
+        twist = {
+            "linear": _vector(result["tool_velocity"].values),
+            "angular": _vector(result["tool_angular_velocity"].values),
+        }
+        found = [
+            ("/tool_pose", "geometry_msgs/msg/PoseStamped", "world", "pose", pose),
+            ("/tool_twist", "geometry_msgs/msg/TwistStamped", "world", "twist", twist),
+        ]
+    kind = "geometry_msgs/msg/Vector3Stamped"
+    for joint in result.joints:
+        place = f"/clearance/{re.sub(r'[^A-Za-z0-9_]', '_', joint)}"
+        force = _vector(result["joint_force"].sel(joint=joint).values)
+        centre = _vector(result["journal_centre"].sel(joint=joint).values)
+        found.append((f"{place}/force", kind, "world", "vector", force))
+        found.append((f"{place}/journal_centre", kind, f"{joint}_bearing", "vector", centre))
+    return found
+
+
+def _vector(values: np.ndarray, names: tuple[str, ...] | str = AXES) -> dict[str, list[float]]:
+    """Columns of an array (n, k) by name."""
+    return {name: values[:, k].tolist() for k, name in enumerate(names)}
+
+
+def _nested(values: dict[str, Any], i: int) -> dict[str, Any]:
+    """Entry i of all histories in a table of tables."""
+    return {
+        name: _nested(inner, i) if isinstance(inner, dict) else inner[i]
+        for name, inner in values.items()
+    }
+
+
+def _header(time: float, frame: str) -> dict[str, Any]:
+    return {"stamp": stamp(time), "frame_id": frame}

@@ -1,0 +1,97 @@
+"""What a notebook shows of a result: how it ended, its figures, a small picture."""
+
+from __future__ import annotations
+
+import base64
+import html
+import io
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from jointplay.plots.style import new_figure, style
+from jointplay.result.result import Result
+from jointplay.units import readable
+
+_WIDTH, _HEIGHT = 6.6, 2.2
+"""Of the picture [inches]."""
+
+
+def page(result: Result) -> str:
+    """HTML that needs nothing from elsewhere."""
+    rows = "".join(
+        f"<tr><th style='text-align:left'>{html.escape(name)}</th>"
+        f"<td style='text-align:left'>{html.escape(value)}</td></tr>"
+        for name, value in rows_of(result)
+    )
+    warnings = "".join(f"<li>{html.escape(text)}</li>" for text in result.audit.warnings)
+    return (
+        f"<div><p><b>jointplay result</b>: {html.escape(result.message)}</p>"
+        f"<table>{rows}</table>"
+        + (f"<p>To worry about:</p><ul>{warnings}</ul>" if warnings else "")
+        + _image(result)
+        + "</div>"
+    )
+
+
+def rows_of(result: Result) -> list[tuple[str, str]]:
+    """Name and value of each line of the table."""
+    audit, time = result.audit, result.time
+    span = f"{time[0]:g} to {time[-1]:g} s" if len(time) else "none"
+    names = result["coordinate"].values.tolist()
+    found = [
+        ("records", f"{len(time)}, {span}"),
+        ("coordinates", f"{len(names)}: {_few(names)}"),
+        ("clearance in", _few(result.joints) or "no joint"),
+    ]
+    start = result.judge_from
+    since = f" from {start:g} s on" if start > 0.0 else ""
+    for k, joint in enumerate(result.joints):
+        forces = np.linalg.norm(result["joint_force_peak"].values[time >= start, k], axis=1)
+        found.append((f"peak force in {joint}", f"{forces.max(initial=0.0):.4g} N{since}"))
+    if result.joints:
+        found.append(("contacts", str(audit.impacts)))
+        found.append(
+            ("largest penetration", readable(float(f"{audit.largest_penetration:.3g}"), "m"))
+        )
+    percent = 100.0 * audit.relative_energy_residual
+    found.append(("energy residual", f"{audit.energy_residual:.3g} J, {percent:.2g} % of exchange"))
+    if result.certificate is not None:
+        found += [("certified", str(figure)) for figure in result.certificate.figures]
+    return found
+
+
+def _few(names: list[str], most: int = 8) -> str:
+    text = ", ".join(names[:most])
+    return f"{text} and {len(names) - most} more" if len(names) > most else text
+
+
+def _image(result: Result) -> str:
+    if len(result.time) < 2:
+        return ""
+    with style():
+        figure = _figure(result)
+        buffer = io.BytesIO()
+        figure.savefig(buffer, format="png", dpi=100)
+    data = base64.b64encode(buffer.getvalue()).decode()
+    text = "tool path and contact force" if result.joints else "tool path and drive efforts"
+    return f'<img alt="{text}" src="data:image/png;base64,{data}"/>'
+
+
+def _figure(result: Result) -> Figure:
+    """Tool over time; beside it the forces in the joints with clearance, or of the drives."""
+    figure = new_figure(_WIDTH, _HEIGHT)
+    left, right = figure.subplots(1, 2)
+    result.plot.displacement(ax=left)
+    left.set_ylabel("tool [m]")
+    if result.joints:
+        for joint in result.joints[:6]:
+            result.plot.forces("total", joint, ax=right, label=joint, color=None)
+        right.set(title="joint force, peaks", ylabel="force [N]")
+    else:
+        efforts = result["drive"].values
+        for k, name in enumerate(result["coordinate"].values.tolist()[:6]):
+            right.plot(result.time, efforts[:, k], label=name)
+        right.set(title="drive efforts", ylabel="effort [N m, N]", xlabel="time [s]")
+    right.legend(fontsize=7)
+    return figure

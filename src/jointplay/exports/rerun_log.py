@@ -1,0 +1,136 @@
+"""Results as recordings of rerun.io: the robot in motion, and every history beside it.
+
+Entities: ``robot/<link>`` with its shapes, ``tool`` with its path, ``force/<joint>`` as arrows at
+the joints, and ``histories/...`` with all numbers of `Result.to_dataframe`. The timeline is called
+``time``. Pinocchio places the links, so the journal is seen where it is in its bearing.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import trimesh
+from tqdm import tqdm
+
+from jointplay import exports
+from jointplay.exports.table import columns
+from jointplay.mechanism.mechanism import Mechanism
+from jointplay.mechanism.picture import triangles_of
+from jointplay.mechanism.visuals import visuals
+from jointplay.result.result import Result
+
+ARROW = 0.15
+"""Length of the arrow of the largest force, relative to the robot's size."""
+_TONES = ((201, 211, 223), (169, 184, 201))
+_RED, _BLUE = (209, 53, 43), (0, 114, 178)
+
+
+def rrd(result: Result, suffix: str, progress: bool) -> bytes:
+    """The recording's content.
+
+    Raises:
+        JointplayError: rerun is not installed, or the result's mechanism cannot be built.
+    """
+    try:
+        import rerun as rr
+    except ImportError as error:
+        raise exports.needs("rerun", "rerun-sdk", error) from None
+    escape = rr.escape_entity_path_part
+    mechanism = result.simulation.mechanism
+    recording: Any = rr.RecordingStream("jointplay")
+    stream = recording.binary_stream()
+    time = rr.TimeColumn("time", duration=result.time)
+    recording.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+    text = f"{result.message}\n\n{result.judgement}"
+    recording.log("about", rr.TextDocument(text), static=True)
+    reach = _robot(rr, recording, mechanism)
+    links, poses, bearings = _poses(mechanism, result, progress)
+    for name, pose in zip(links, poses, strict=True):
+        moved = rr.Transform3D.columns(translation=pose[:, :3], quaternion=pose[:, 3:])
+        recording.send_columns(f"robot/{escape(name)}", [time], moved)
+    _tool(rr, recording, result, time)
+    _forces(rr, recording, result, bearings, ARROW * reach, time)
+    for name, (values, unit) in columns(result).items():
+        if name == "time":
+            continue
+        variable, _, rest = name.partition(".")
+        place = f"histories/{variable}" + (f"/{escape(rest)}" if rest else "")
+        recording.log(place, rr.SeriesLines(names=[f"{name} [{unit}]"]), static=True)
+        found = rr.Scalars.columns(scalars=values.astype(float))
+        recording.send_columns(place, [time], found)
+    recording.flush()
+    content: bytes = stream.read() or b""
+    return content
+
+
+def _robot(rr: Any, recording: Any, mechanism: Mechanism) -> float:
+    """Log the shapes of all links; returns the robot's size [m]."""
+    escape = rr.escape_entity_path_part
+    look = visuals(mechanism)
+    order = list(dict.fromkeys(look.links))
+    for shape, link in zip(look.geometry.geometryObjects, look.links, strict=True):
+        frame = mechanism.model.frames[mechanism.model.getFrameId(link, pin.FrameType.BODY)]
+        place = frame.placement.actInv(shape.placement)
+        corners = triangles_of(shape).reshape(-1, 3)
+        mesh = trimesh.Trimesh(corners, np.arange(len(corners)).reshape(-1, 3))  # merges corners
+        colour: Any = _TONES[order.index(link) % len(_TONES)]
+        if shape.overrideMaterial:
+            colour = [int(255 * part) for part in shape.meshColor]
+        recording.log(
+            f"robot/{escape(link)}/{escape(shape.name)}",
+            rr.Mesh3D(
+                vertex_positions=mesh.vertices @ place.rotation.T + place.translation,
+                triangle_indices=mesh.faces,
+                vertex_normals=mesh.vertex_normals @ place.rotation.T,
+                albedo_factor=colour,
+            ),
+            static=True,
+        )
+    return look.reach
+
+
+def _poses(
+    mechanism: Mechanism, result: Result, progress: bool
+) -> tuple[list[str], np.ndarray, dict[str, np.ndarray]]:
+    """Links, their poses (links, n, 7: position, quaternion x y z w), origins of the bearings."""
+    model, data = mechanism.model, mechanism.data
+    links = [frame.name for frame in model.frames if frame.type == pin.FrameType.BODY]
+    frames = [model.getFrameId(link, pin.FrameType.BODY) for link in links]
+    held = {name: mechanism.bearing_frame(name) for name in mechanism.clearance}
+    poses = np.empty((len(links), len(result.time), 7))
+    origins = {name: np.empty((len(result.time), 3)) for name in held}
+    for i, q in enumerate(tqdm(result.q, "poses", disable=not progress, unit="record")):
+        pin.framesForwardKinematics(model, data, q)
+        for k, frame in enumerate(frames):
+            poses[k, i] = pin.SE3ToXYZQUAT(data.oMf[frame])
+        for name, (index, placement) in held.items():
+            origins[name][i] = (data.oMi[index] * placement).translation
+    return links, poses, origins
+
+
+def _tool(rr: Any, recording: Any, result: Result, time: Any) -> None:
+    path = result["tool_position"].values
+    recording.log("tool/path", rr.LineStrips3D([path], colors=[_BLUE]), static=True)
+    recording.send_columns("tool/position", [time], rr.Points3D.columns(positions=path))
+
+
+def _forces(
+    rr: Any,
+    recording: Any,
+    result: Result,
+    origins: dict[str, np.ndarray],
+    longest: float,
+    time: Any,
+) -> None:
+    """Peak contact forces as arrows at their bearings, the largest of all as long as `longest`."""
+    if not result.joints:
+        return
+    largest = float(np.linalg.norm(result["joint_force_peak"].values, axis=2).max(initial=0.0))
+    for joint in result.joints:
+        arrows = result["joint_force_peak"].sel(joint=joint).values * (longest / (largest or 1.0))
+        place = f"force/{rr.escape_entity_path_part(joint)}"
+        recording.log(place, rr.Arrows3D.from_fields(colors=[_RED]), static=True)
+        found = rr.Arrows3D.columns(vectors=arrows, origins=origins[joint])
+        recording.send_columns(place, [time], found)

@@ -1,0 +1,121 @@
+"""Joint trajectories with the URDF's joint names, as robots' controllers take them.
+
+A joint with clearance has up to six coordinates; what its encoder sees is the one that the ideal
+joint would have, and goes by the joint's name. Ball joints have no such coordinate and are left
+out, as are motors behind gears.
+"""
+
+from __future__ import annotations
+
+import csv as _csv
+import io
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from tqdm import tqdm
+
+from jointplay import exports
+from jointplay.analysis.twin import inputs
+from jointplay.errors import JointplayError
+from jointplay.joints import VIRTUAL_LINK
+from jointplay.result.result import Result
+
+_NANO = 1_000_000_000
+_BLOCK = 500
+"""Points that are written before the progress is shown."""
+_SEEN: dict[str | None, str] = {"revolute": "yaw", "prismatic": "z"}
+"""The coordinate that the ideal joint would have, by the kind of joint."""
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """What the joints did, by record."""
+
+    time: np.ndarray
+    """(n,) [s]."""
+    joints: tuple[str, ...]
+    """Names of the URDF's joints."""
+    position: np.ndarray
+    """(n, joints) [rad, or m for prismatic joints]."""
+    velocity: np.ndarray
+    """The same, per second."""
+    effort: np.ndarray
+    """Of the drives (n, joints) [N m or N]."""
+
+
+def joint_trajectory(result: Result) -> Trajectory:
+    """Positions, velocities and drive efforts of the joints as their encoders see them.
+
+    Raises:
+        JointplayError: no joint has a single coordinate.
+    """
+    given = inputs(result)["mechanism"]
+    parts = {f"{j}.{p}": (j, p) for j in given["clearance"] for p in VIRTUAL_LINK}
+    motors = {f"{joint}.motor" for joint in given.get("gears", {})}
+    at: dict[str, int] = {}
+    for index, name in enumerate(result["coordinate"].values.tolist()):
+        joint, part = parts.get(name, (name, ""))
+        kind = given["clearance"][joint].get("kind") if part else None
+        if name not in motors and part == _SEEN.get(kind, "" if kind is None else None):
+            at[joint] = index
+    if not at:
+        raise JointplayError("no joint of this result has one coordinate: there is no trajectory")
+    columns = list(at.values())
+    position, velocity, effort = (result[name].values[:, columns] for name in ("q", "v", "drive"))
+    return Trajectory(result.time, tuple(at), position, velocity, effort)
+
+
+def stamp(time: float) -> dict[str, int]:
+    """A time [s] as ROS has it: whole seconds and nanoseconds, rounded to these."""
+    seconds, nanoseconds = divmod(round(float(time) * _NANO), _NANO)
+    return {"sec": seconds, "nanosec": nanoseconds}
+
+
+def message(found: Trajectory) -> dict[str, Any]:
+    """A ROS 2 ``trajectory_msgs/msg/JointTrajectory`` as plain data."""
+    rows = zip(found.time, found.position, found.velocity, found.effort, strict=True)
+    return {
+        "header": {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": ""},
+        "joint_names": list(found.joints),
+        "points": [
+            {
+                "positions": position.tolist(),
+                "velocities": velocity.tolist(),
+                "accelerations": [],
+                "effort": effort.tolist(),
+                "time_from_start": stamp(time),
+            }
+            for time, position, velocity, effort in rows
+        ],
+    }
+
+
+def trajectory(result: Result, suffix: str, progress: bool) -> bytes:
+    """YAML as ``ros2 topic pub`` takes it, or a CSV file that `Motion.from_csv` reads.
+
+    Raises:
+        JointplayError: PyYAML is not installed (for YAML).
+    """
+    found = joint_trajectory(result)
+    if suffix == ".csv":
+        text = io.StringIO()
+        writer = _csv.writer(text, lineterminator="\n")
+        writer.writerow(["time_s", *found.joints])
+        writer.writerows(np.column_stack([found.time, found.position]).tolist())
+        return text.getvalue().encode()
+    try:
+        import yaml
+    except ImportError as error:
+        raise exports.needs("ros", "PyYAML", error) from None
+    dumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
+    options = {"sort_keys": False, "default_flow_style": None, "width": 10_000}
+    whole = message(found)
+    points = whole.pop("points")
+    parts = [yaml.dump(whole, Dumper=dumper, **options), "points:\n"]
+    with tqdm(desc="points", total=len(points), disable=not progress, unit="record") as bar:
+        for first in range(0, len(points), _BLOCK):
+            block = points[first : first + _BLOCK]
+            parts.append(yaml.dump(block, Dumper=dumper, **options))
+            bar.update(len(block))
+    return "".join(parts).encode()

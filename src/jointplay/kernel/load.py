@@ -1,0 +1,323 @@
+"""Loads whose laws are called by address: springs, wrenches, stops, controllers, a user's own.
+
+A law is a compiled function
+
+    law(time, x, dx, p, out)
+
+of the time [s] and what it sees. Between two frames x is the pose of the second one in the first
+(origin, then orientation row by row), dx its velocity and angular velocity there, and out the
+wrench on it: force, then moment about its origin, in axes of the first frame, whose body gets the
+opposite. On coordinates x and dx are positions and velocities, out the efforts. p are numbers of
+the load.
+
+What a load answers at rest, law(time, x, 0), does not depend on velocity if it stores energy; the
+rest does, and takes part in the velocity solve. A load that stores none is evaluated at velocities
+extrapolated by half a step, as drives are.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic
+
+from jointplay.contact.compiled import pointer
+from jointplay.kernel.frames import pose_of_frames, twist_by
+from jointplay.kernel.layout import (
+    ALWAYS,
+    IF_PRESSED,
+    Status,
+    fail,
+    floats,
+    internal,
+    loads,
+    matrix,
+    wholes,
+)
+
+_BAD_LOAD = int(Status.BAD_LOAD)
+
+_NUMBERS = types.CPointer(types.float64)
+LOAD_LAW = types.void(types.float64, _NUMBERS, _NUMBERS, _NUMBERS, _NUMBERS)
+"""Signature of a load's law."""
+
+_DIFFERENCE = 1e-6
+"""Difference of velocities by which laws are differentiated, relative; and at rest [m/s]."""
+
+
+@intrinsic
+def _call(typingctx: Any, at: Any, time: Any, x: Any, dx: Any, p: Any, out: Any) -> Any:
+    """Call the law at address `at`."""
+
+    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        double = ir.DoubleType()
+        kind = ir.FunctionType(ir.VoidType(), [double, *[ir.PointerType(double)] * 4])
+        builder.call(builder.inttoptr(args[0], kind.as_pointer()), args[1:])
+        return context.get_dummy_value()
+
+    return types.none(types.int64, types.float64, *(_NUMBERS,) * 4), codegen
+
+
+@internal
+def _size(load):
+    """How many numbers the law gives."""
+    return 6 if load.frames != 0 else load.npushed
+
+
+@internal
+def _ask(load, time):
+    """Let the law write its answer to what the load sees now into `out`."""
+    _call(
+        load.law,
+        time,
+        pointer(load.place),
+        pointer(load.rate),
+        pointer(load.numbers),
+        pointer(load.out),
+    )
+    if load.bounded != 0:
+        out, bounds = floats(load.out, load.npushed), floats(load.bounds, load.npushed)
+        for i in range(load.npushed):
+            if abs(out[i]) > bounds[i]:
+                out[i] = math.copysign(bounds[i], out[i])
+
+
+@internal
+def _see_places(load, q):
+    """Put the coordinates that a load sees into its x."""
+    seen, place = wholes(load.seen, load.nseen), floats(load.place, load.nseen)
+    for k in range(load.nseen):
+        place[k] = q[seen[k]]
+
+
+@internal
+def _see_rates(load, v):
+    """Put the velocities that a load sees into its dx."""
+    if load.frames != 0:
+        twist_by(load, floats(load.reach, 6 * load.nsupport), v, load.twist)
+        return
+    seen, rate = wholes(load.seen, load.nseen), floats(load.rate, load.nseen)
+    for k in range(load.nseen):
+        rate[k] = v[seen[k]]
+
+
+@internal
+def _ask_at_rest(load, time):
+    """Write the answer at rest into `out` and `elastic`."""
+    n = 6 if load.frames != 0 else load.nseen
+    rate = floats(load.rate, n)
+    for k in range(n):
+        rate[k] = 0.0
+    _ask(load, time)
+    out, elastic = floats(load.out, _size(load)), floats(load.elastic, _size(load))
+    for i in range(_size(load)):
+        elastic[i] = out[i]
+
+
+@internal
+def _push(load, sign, forces, tau):
+    """Add the generalised forces of `forces`, times `sign`, to tau."""
+    if load.frames != 0:
+        n = load.nsupport
+        reach, support = floats(load.reach, 6 * n), wholes(load.support, n)
+        for k in range(n):
+            total = 0.0
+            for r in range(6):
+                total += reach[r * n + k] * forces[r]
+            tau[support[k]] += sign * total
+        return
+    pushed = wholes(load.pushed, load.npushed)
+    for k in range(load.npushed):
+        tau[pushed[k]] += sign * forces[k]
+
+
+@internal
+def find_loads(run, q, v, marks):
+    """Answer of all loads at q, but for what depends on velocity: into `load_push`.
+
+    Coordinates on which the rest acts are marked. v are the extrapolated velocities.
+    """
+    tau = floats(run.load_push, run.nv)
+    for i in range(run.nv):
+        tau[i] = 0.0
+    for load in loads(run):
+        if load.frames != 0:
+            pose_of_frames(run, load, load.pose, floats(load.reach, 6 * load.nsupport))
+        else:
+            _see_places(load, q)
+        load.active = 0
+        if load.stores == 0:
+            _see_rates(load, v)
+            _ask(load, run.time)
+            _push(load, 1.0, floats(load.out, _size(load)), tau)
+            continue
+        _ask_at_rest(load, run.time)
+        elastic = floats(load.elastic, _size(load))
+        _push(load, 1.0, elastic, tau)
+        pressed = load.implicit == ALWAYS
+        if load.implicit == IF_PRESSED:
+            for i in range(_size(load)):
+                pressed = pressed or elastic[i] != 0.0
+        if not pressed:
+            continue
+        load.active = 1
+        frames = load.frames != 0
+        n = load.nsupport if frames else load.npushed
+        moved = wholes(load.support if frames else load.pushed, n)
+        for k in range(n):
+            marks[moved[k]] = 1.0
+
+
+@internal
+def apply_loads(run, base, h):
+    """Add what `find_loads` found to the forces tau, and what it does in h to the velocities."""
+    nv = run.nv
+    push, tau = floats(run.load_push, nv), floats(run.tau, nv)
+    minv = matrix(run.minv, nv, nv)
+    for k in range(nv):
+        if push[k] == 0.0:
+            continue
+        tau[k] += push[k]
+        for i in range(nv):
+            base[i] += h * minv[i, k] * push[k]
+
+
+@internal
+def damp_loads(run, v, tau):
+    """Add to tau what of the loads depends on velocity."""
+    for load in loads(run):
+        if load.active == 0:
+            continue
+        _see_rates(load, v)
+        _ask(load, run.time)
+        n = _size(load)
+        _push(load, 1.0, floats(load.out, n), tau)
+        _push(load, -1.0, floats(load.elastic, n), tau)
+
+
+@internal
+def steepen_loads(run):
+    """Add how the loads' answer changes with the velocity to the slope, after `damp_loads`."""
+    slope, place = matrix(run.slope, run.active, run.active), wholes(run.place, run.nv)
+    for load in loads(run):
+        if load.active == 0:
+            continue
+        frames, m = load.frames != 0, _size(load)
+        n = 6 if frames else load.nseen
+        rate, out = floats(load.rate, n), floats(load.out, m)
+        kept = floats(load.elastic + 8 * m, m)
+        for i in range(m):
+            kept[i] = out[i]
+        for c in range(n):
+            now = rate[c]
+            more = _DIFFERENCE * (abs(now) + 1.0)
+            rate[c] = now + more
+            _ask(load, run.time)
+            rate[c] = now
+            for r in range(m):
+                rise = (out[r] - kept[r]) / more
+                if frames:
+                    load.stiff[r, c] = rise
+                elif rise != 0.0:
+                    i, k = wholes(load.pushed, m)[r], wholes(load.seen, n)[c]
+                    slope[place[i], place[k]] += rise
+        for i in range(m):
+            out[i] = kept[i]
+        if frames:
+            _steepen_frames(load, place, slope)
+
+
+@internal
+def _steepen_frames(load, place, slope):
+    """Project the slope of a wrench on the coordinates: slope += J^T K J."""
+    n, stiff = load.nsupport, load.stiff
+    reach, support = matrix(load.reach, 6, n), wholes(load.support, n)
+    for k in range(n):
+        for r in range(6):
+            total = 0.0
+            for c in range(6):
+                total += stiff[r, c] * reach[c, k]
+            if total != 0.0:
+                for m in range(n):
+                    slope[place[support[m]], place[support[k]]] += reach[r, m] * total
+
+
+@internal
+def find_load_powers(run, v):
+    """Powers of the loads at velocities v; stops the run where a law has failed."""
+    for index in range(run.nl):
+        load = loads(run)[index]
+        n = _size(load)
+        out, elastic = floats(load.out, n), floats(load.elastic, n)
+        _see_rates(load, v)
+        if load.stores != 0 and load.implicit != 0 and load.active == 0:
+            for i in range(n):
+                out[i] = elastic[i]
+        pushed = wholes(load.pushed, load.npushed)
+        total, finite = 0.0, True
+        for i in range(n):
+            finite = finite and math.isfinite(out[i])
+            speed = load.twist[i] if load.frames != 0 else v[pushed[i]]
+            total += (out[i] - elastic[i] if load.stores != 0 else out[i]) * speed
+        load.power = total
+        if not finite:
+            fail(run, _BAD_LOAD, index)
+
+
+@internal
+def load_now(run, q, v, time, tau):
+    """Add the forces of all loads at state (q, v) to tau, and find their powers."""
+    for load in loads(run):
+        if load.frames != 0:
+            pose_of_frames(run, load, load.pose, floats(load.reach, 6 * load.nsupport))
+        else:
+            _see_places(load, q)
+        if load.stores != 0:
+            _ask_at_rest(load, time)
+        load.active = 1
+        _see_rates(load, v)
+        _ask(load, time)
+        _push(load, 1.0, floats(load.out, _size(load)), tau)
+    find_load_powers(run, v)
+
+
+@internal
+def work_of_loads(run, duration):
+    """Let the loads work at their powers for `duration`."""
+    for load in loads(run):
+        load.work += duration * load.power
+
+
+@internal
+def settle_loads(run):
+    """Complete the works of a single-rate step by the trapezoidal rule, if they are pending."""
+    for load in loads(run):
+        if run.pending != 0:
+            load.work += 0.5 * run.dt * (load.before + load.power)
+        load.before = load.power
+
+
+@internal
+def gather_works(run, stage, weight):
+    """Add a stage's part to the works of a Runge-Kutta step; with the fourth they are done."""
+    for load in loads(run):
+        load.gathered = weight * load.power + (0.0 if stage == 0 else load.gathered)
+        if stage == 3:
+            load.work += load.gathered
+
+
+@internal
+def record_loads(run, row, at):
+    """Write answers, then works, into a record's row from place `at`."""
+    for load in loads(run):
+        n = _size(load)
+        out = floats(load.out, n)
+        for i in range(n):
+            row[at + i] = out[i]
+        at += n
+    for load in loads(run):
+        row[at] = load.work
+        at += 1

@@ -1,0 +1,186 @@
+"""What a load is: something that pushes on a mechanism, besides contact, drives and gravity.
+
+A load says where it acts, by what law, and what it is made of:
+
+- its law is a short function ``law(time, x, dx, p, out)``, compiled and called by address in every
+  micro step (`kernel.load` says what x, dx and out are), as a contact law is;
+- it stores energy, or it brings work in or takes it out; both enter the energy balance;
+- it records histories of its own, beside these energies.
+
+The model is Drake's ForceElement (multibody/tree/force_element.h): forces, stored energy, power of
+what is conserved and of what is not. A new load is a class in a module of its own, and an entry in
+`loads.LOADS`.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from jointplay.codec import Described
+from jointplay.contact.compiled import compiled_function
+from jointplay.contact.trust import Absent
+from jointplay.errors import JointplayError, MissingName, Where, require_finite
+from jointplay.kernel.layout import NEVER
+from jointplay.kernel.load import LOAD_LAW
+from jointplay.mechanism.mechanism import Mechanism, frame_index
+
+WORLD = "world"
+"""Name of the frame that does not move."""
+
+Frame = tuple[int, pin.SE3]
+"""A Pinocchio joint, and a frame's placement in it."""
+
+Vector = tuple[float, float, float]
+
+
+class Series(NamedTuple):
+    """A history that a load records."""
+
+    name: str
+    values: np.ndarray
+    """(n,)."""
+    unit: str
+
+
+@dataclass(frozen=True)
+class Site:
+    """Where a load acts: on coordinates, or between two frames."""
+
+    seen: tuple[int, ...] = ()
+    """Coordinates whose positions and velocities its law sees."""
+    pushed: tuple[int, ...] = ()
+    """Coordinates on which it acts."""
+    frames: tuple[Frame, Frame] | None = None
+    """The law's wrench acts on the second, its opposite on the first."""
+
+
+class Load(Described, ABC):
+    """Something that pushes on a mechanism. Subclasses are frozen dataclasses.
+
+    Their numbers are fields with units (`fields.quantity`), of revolute and of prismatic joints
+    where these depend on the joint that the load's `joint` names.
+    """
+
+    selector = ("kind", "kind")
+
+    kind: ClassVar[str]
+    """The one word that selects the load."""
+    stores: ClassVar[bool] = False
+    """Whether its answer at rest is the slope of an energy: a spring's."""
+
+    @abstractmethod
+    def site(self, mechanism: Mechanism) -> Site:
+        """Where it acts.
+
+        Raises:
+            JointplayError: on a joint or frame that `mechanism` does not have.
+        """
+
+    @abstractmethod
+    def law(self) -> Callable[..., None]:
+        """``law(time, x, dx, p, out)``, at module level; numba compiles it."""
+
+    @abstractmethod
+    def numbers(self, mechanism: Mechanism) -> np.ndarray:
+        """Numbers p of the law."""
+
+    def implicit(self) -> int:
+        """When its answer depends on velocity: `layout.NEVER`, `ALWAYS` or `IF_PRESSED`.
+
+        Of loads whose answer at rest is the slope of an energy; others are extrapolated.
+        """
+        return NEVER
+
+    def energy(self, x: np.ndarray, numbers: np.ndarray) -> np.ndarray:
+        """Energy stored at the positions x, shape (n, numbers that the law sees): (n,) [J]."""
+        return np.zeros(len(x))
+
+    def steepest(self) -> float:
+        """Largest slope of its answer at rest, by which time steps are checked [N/m or N m/rad]."""
+        return 0.0
+
+    @abstractmethod
+    def record(self, x: np.ndarray, answers: np.ndarray) -> Sequence[Series]:
+        """Histories that results hold, from x as in `energy` and the law's answers (n, size)."""
+
+    def driven(self) -> tuple[str, ...]:
+        """Joints whose actuator it is: torques that their limit of effort concerns."""
+        return ()
+
+
+def address(load: Load) -> int:
+    """Machine address of the load's compiled law.
+
+    Raises:
+        JointplayError: numba cannot compile it; the message carries numba's reason.
+    """
+    return int(compiled_law(load).address)
+
+
+def compiled_law(load: Load) -> Any:
+    """The load's compiled law: its `address`, and `ctypes` to call it from Python.
+
+    Raises:
+        JointplayError: see `address`; or it is a function that is not at hand.
+    """
+    law = load.law()
+    if isinstance(law, Absent):
+        raise JointplayError(law.reason)
+    return compiled_function(law, LOAD_LAW)
+
+
+def frame(mechanism: Mechanism, name: str, at: Vector = (0.0, 0.0, 0.0)) -> Frame:
+    """Frame of the point `at` [m] of the frame or link `name`; `WORLD` is the ground.
+
+    Raises:
+        MissingName: no such frame.
+    """
+    model = mechanism.model
+    place = pin.SE3(np.eye(3), np.array(at))
+    if model.existFrame(name):
+        found_frame = model.frames[frame_index(model, name)]
+        return int(found_frame.parentJoint), found_frame.placement * place
+    if name == WORLD:
+        return 0, place
+    names = [one.name for one in model.frames if one.name != "universe"]
+    raise MissingName("frame for a load", name, dict.fromkeys([WORLD, *names]))
+
+
+def between(mechanism: Mechanism, first: Frame, second: Frame) -> Site:
+    """Site between two frames.
+
+    Raises:
+        JointplayError: they do not move against each other.
+    """
+    if first[0] == second[0]:
+        raise JointplayError(
+            "a load acts between two frames that do not move against each other: "
+            f"both belong to {mechanism.model.names[first[0]]!r}"
+        )
+    return Site(frames=(first, second))
+
+
+def joint_site(mechanism: Mechanism, joint: str) -> Site:
+    """Site of a load at the coordinate of a joint."""
+    at = (mechanism.coordinate(joint),)
+    return Site(at, at)
+
+
+def require_increasing(
+    name: str, values: Sequence[float], unit: str, where: Where = ()
+) -> tuple[float, ...]:
+    """Return finite numbers that increase as floats, else raise naming the first that does not."""
+    checked = tuple(require_finite(name, one, unit, where) for one in values)
+    for before, after in pairwise(checked):
+        if after <= before:
+            raise JointplayError(
+                f"{name} must increase: {before:g} {unit} is followed by {after:g} {unit}", where
+            )
+    return checked

@@ -1,0 +1,138 @@
+"""The URDF's limits of joints: of their position, speed and effort.
+
+A motion beyond a position limit is refused; speeds and efforts beyond theirs are reported, with
+joint, time and value, those of the reference before the run and those of the run in its audit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from jointplay.errors import JointplayError, MissingName
+from jointplay.mechanism.mechanism import Mechanism
+from jointplay.mechanism.urdf import JointEntry
+from jointplay.motion.reference import Motion
+
+LIMITS = ("report", "cut", "ignore")
+"""What becomes of them: ``cut`` also cuts efforts to them, ``ignore`` checks nothing."""
+
+INTERVAL_S = 1e-3
+"""Interval at which a reference is held against them."""
+
+MARGIN = 1e-6
+"""What passes for rounding [rad or m; of speeds and efforts relative]."""
+
+_SPEEDS, _EFFORTS = ("rad/s", "m/s"), ("N m", "N")
+_POSITIONS = ("rad", "m")
+
+
+def require_known(limits: str) -> str:
+    """Return `limits` if it is one of `LIMITS`, else raise."""
+    if limits not in LIMITS:
+        raise MissingName("way with limits", limits, LIMITS)
+    return limits
+
+
+def bounds(mechanism: Mechanism) -> dict[str, float]:
+    """Largest effort of each joint that has one in the URDF [N m or N]."""
+    entries = mechanism.description.joints
+    found = {name: entries[name].effort for name in mechanism.joints if name in entries}
+    return {name: effort for name, effort in found.items() if effort is not None}
+
+
+def check_motion(mechanism: Mechanism, motion: Motion, joints: Sequence[str]) -> list[str]:
+    """Hold a reference against the limits of position and speed.
+
+    Args:
+        mechanism: whose URDF has them.
+        motion: the reference.
+        joints: that follow it.
+
+    Returns:
+        Speeds beyond their limits, a line each.
+
+    Raises:
+        JointplayError: a position beyond its limit.
+    """
+    times = np.linspace(0.0, motion.duration, max(round(motion.duration / INTERVAL_S), 1) + 1)
+    position, velocity, _ = motion(times)
+    found = []
+    for name in joints:
+        entry, k = mechanism.description.joints[name], motion.joints.index(name)
+        worst = _positions(entry, times, position[:, k])
+        if worst is not None:
+            raise JointplayError(
+                f"the motion takes joint {name!r} to {worst}; change it, or say limits = ignore"
+            )
+        text = _largest(entry.speed, times, velocity[:, k], "a speed", _unit(entry, _SPEEDS))
+        if text:
+            found.append(f"the motion asks joint {name!r} for {text}")
+    return found
+
+
+def beyond(
+    mechanism: Mechanism, times: np.ndarray, q: np.ndarray, v: np.ndarray, effort: np.ndarray
+) -> tuple[str, ...]:
+    """Say in what a run went beyond the limits, a line for each joint and quantity.
+
+    Args:
+        mechanism: whose URDF has them.
+        times: of the records (n,) [s].
+        q, v: of the coordinates (n, nv).
+        effort: of drives and controllers on the coordinates (n, nv).
+    """
+    found = []
+    for name in mechanism.joints:
+        entry = mechanism.description.joints.get(name)
+        if entry is None or not len(times):
+            continue
+        at = mechanism.coordinate(name)
+        worst = _positions(entry, times, q[:, at])
+        if worst is not None:
+            found.append(f"joint {name!r} was at {worst}")
+        for limit, values, word, units in (
+            (entry.speed, v[:, at], "a speed", _SPEEDS),
+            (entry.effort, effort[:, mechanism.motor(name)], "an effort", _EFFORTS),
+        ):
+            text = _largest(limit, times, values, word, _unit(entry, units))
+            if text:
+                found.append(f"joint {name!r} had {text}")
+    return tuple(found)
+
+
+def _unit(entry: JointEntry, units: tuple[str, str]) -> str:
+    return units[entry.kind == "prismatic"]
+
+
+def _positions(entry: JointEntry, times: np.ndarray, values: np.ndarray) -> str | None:
+    """Where a position is furthest beyond its limits; None if nowhere."""
+    if entry.lower is None or entry.upper is None:
+        return None
+    over = np.maximum(entry.lower - values, values - entry.upper)
+    at = int(np.argmax(over))
+    if not over[at] > MARGIN:
+        return None
+    unit = _unit(entry, _POSITIONS)
+    return (
+        f"{values[at]:.6g} {unit} at t = {times[at]:.4g} s, beyond its limits "
+        f"{entry.lower:g} to {entry.upper:g} {unit}"
+    )
+
+
+def _largest(
+    limit: float | None, times: np.ndarray, values: np.ndarray, word: str, unit: str
+) -> str | None:
+    """The largest value and when, if it is beyond its limit, and when that began."""
+    if limit is None:
+        return None
+    sizes = np.abs(values)
+    at = int(np.argmax(sizes))
+    if not sizes[at] > limit * (1.0 + MARGIN):
+        return None
+    first = times[int(np.argmax(sizes > limit * (1.0 + MARGIN)))]
+    return (
+        f"{word} of {values[at]:.4g} {unit} at t = {times[at]:.4g} s, beyond its limit of "
+        f"{limit:g} {unit} (first at {first:.4g} s)"
+    )

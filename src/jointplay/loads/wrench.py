@@ -1,0 +1,221 @@
+"""A given force and moment on a frame: constant, over time, or a function of the user's own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from jointplay.errors import JointplayError, MissingName, require_vector
+from jointplay.fields import choice, quantity
+from jointplay.loads.base import (
+    WORLD,
+    Load,
+    Series,
+    Site,
+    Vector,
+    between,
+    frame,
+    require_increasing,
+)
+from jointplay.loads.function import OfFunction, WrittenFunction
+from jointplay.mechanism.mechanism import Mechanism
+
+AXES = ("world", "frame")
+"""Axes in which a wrench is given."""
+
+_COMPONENTS = ("fx", "fy", "fz", "mx", "my", "mz")
+_UNITS = ("N",) * 3 + ("N m",) * 3
+
+
+def _given(time: Any, x: Any, dx: Any, p: Any, out: Any) -> None:
+    """p: number of times, whether in the frame's axes, times, wrenches (6 each).
+
+    Linear between the times, constant before and after.
+    """
+    n = int(p[0])
+    low, high = 0, n - 1
+    while high - low > 1:
+        middle = (low + high) // 2
+        if time < p[2 + middle]:
+            high = middle
+        else:
+            low = middle
+    part = 0.0
+    if high > low:
+        part = (time - p[2 + low]) / (p[2 + high] - p[2 + low])
+        part = min(max(part, 0.0), 1.0)
+    for k in range(6):
+        a, b = p[2 + n + 6 * low + k], p[2 + n + 6 * high + k]
+        out[k] = a + part * (b - a)
+    if p[1] != 0.0:
+        for s in range(0, 6, 3):
+            a, b, c = out[s], out[s + 1], out[s + 2]
+            for k in range(3):
+                out[s + k] = x[3 + 3 * k] * a + x[4 + 3 * k] * b + x[5 + 3 * k] * c
+
+
+class _OnFrame(Load):
+    """What all wrenches have in common."""
+
+    frame: str
+    at: Vector
+
+    def site(self, mechanism: Mechanism) -> Site:
+        """The point of the frame, against the ground."""
+        return between(mechanism, frame(mechanism, WORLD), frame(mechanism, self.frame, self.at))
+
+    def record(self, x: np.ndarray, answers: np.ndarray) -> Sequence[Series]:
+        """Force, and moment about the point, in world axes."""
+        return [
+            Series(name, answers[:, k], unit)
+            for k, (name, unit) in enumerate(zip(_COMPONENTS, _UNITS, strict=True))
+        ]
+
+
+def _check_axes(axes: str) -> None:
+    if axes not in AXES:
+        raise MissingName("axes for a wrench", axes, AXES, where=("axes",))
+
+
+@dataclass(frozen=True)
+class Wrench(_OnFrame):
+    """A constant force and moment on a frame.
+
+    Raises:
+        JointplayError: not three components, a number that is not finite, or no such axes.
+    """
+
+    kind: ClassVar[str] = "wrench"
+
+    frame: str
+    """Link or frame that it acts on."""
+    force: Vector = quantity("N", default=(0.0, 0.0, 0.0))
+    """[N]."""
+    moment: Vector = quantity("N*m", default=(0.0, 0.0, 0.0))
+    """[N m]."""
+    at: Vector = quantity("m", default=(0.0, 0.0, 0.0))
+    """Point in the frame's axes at which the force acts [m]."""
+    axes: str = choice("axes for a wrench", AXES, default=AXES[0])
+    """Axes of force and moment: ``world``, or ``frame``: they turn with it."""
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        for name, unit in (("force", "N"), ("moment", "N m"), ("at", "m")):
+            object.__setattr__(self, name, require_vector(name, getattr(self, name), unit, (name,)))
+        _check_axes(self.axes)
+
+    def law(self) -> Callable[..., None]:
+        """A table of one row."""
+        return _given
+
+    def numbers(self, mechanism: Mechanism) -> np.ndarray:
+        """Numbers of `_given`."""
+        turns = self.axes == "frame"
+        return np.array([1.0, turns, 0.0, *self.force, *self.moment], float)
+
+
+@dataclass(frozen=True)
+class WrenchOverTime(_OnFrame):
+    """A force and moment on a frame given in time: linear between the times, constant outside.
+
+    Raises:
+        JointplayError: lists of different lengths, times that do not increase, a number that is not
+            finite, or no such axes.
+    """
+
+    kind: ClassVar[str] = "wrench-over-time"
+
+    frame: str
+    """Link or frame that it acts on."""
+    times: tuple[float, ...] = quantity("s")
+    """Increasing [s]."""
+    forces: tuple[Vector, ...] = quantity("N", default=())
+    """Force at each time [N]; none if not given."""
+    moments: tuple[Vector, ...] = quantity("N*m", default=())
+    """Moment at each time [N m]; none if not given."""
+    at: Vector = quantity("m", default=(0.0, 0.0, 0.0))
+    """Point in the frame's axes at which the force acts [m]."""
+    axes: str = choice("axes for a wrench", AXES, default=AXES[0])
+    """Axes of force and moment: ``world``, or ``frame``: they turn with it."""
+
+    def __post_init__(self) -> None:
+        """Check the table."""
+        object.__setattr__(
+            self, "times", require_increasing("wrench times", self.times, "s", ("times",))
+        )
+        object.__setattr__(self, "at", require_vector("at", self.at, "m", ("at",)))
+        for name, unit in (("forces", "N"), ("moments", "N m")):
+            rows = tuple(require_vector(name, row, unit, (name,)) for row in getattr(self, name))
+            if rows and len(rows) != len(self.times):
+                raise JointplayError(
+                    f"a wrench over time has {len(self.times)} times but {len(rows)} {name}"
+                )
+            object.__setattr__(self, name, rows)
+        if not self.times or not (self.forces or self.moments):
+            raise JointplayError("a wrench over time needs times, and forces or moments for each")
+        _check_axes(self.axes)
+
+    def law(self) -> Callable[..., None]:
+        """Linear between the times."""
+        return _given
+
+    def numbers(self, mechanism: Mechanism) -> np.ndarray:
+        """Numbers of `_given`."""
+        n = len(self.times)
+        parts = [np.array(rows or np.zeros((n, 3)), float) for rows in (self.forces, self.moments)]
+        table = np.hstack(parts).ravel()
+        return np.array([n, self.axes == "frame", *self.times, *table], float)
+
+
+@dataclass(frozen=True, kw_only=True)
+class WrittenWrench(WrittenFunction):
+    """What files say of a wrench by a function of one's own."""
+
+    frame: str
+    """Link or frame that it acts on."""
+    at: Vector = quantity("m", default=(0.0, 0.0, 0.0))
+    """Point in the frame's axes at which the force acts [m]."""
+
+
+@dataclass(frozen=True)
+class WrenchFunction(OfFunction, _OnFrame):
+    """A force and moment on a frame by a function of the user's own, compiled like a law.
+
+    ``function(time, pose, twist, p, out)`` has the time [s]; the point's position [m] and the
+    frame's orientation row by row (12 numbers); its velocity [m/s] and angular velocity [rad/s]
+    (6); and the parameters. It writes force [N] and moment [N m] about the point into out (6).
+    Everything is in world axes. Velocities are extrapolated by half a step.
+
+    Raises:
+        JointplayError: the function takes other arguments, or a number is not finite. Whether it
+            compiles is found out when a run is prepared.
+    """
+
+    written = WrittenWrench
+
+    kind: ClassVar[str] = "wrench-function"
+
+    frame: str
+    """Link or frame that it acts on."""
+    function: Callable[..., Any]
+    """At module level of an importable file (files then name it as ``module:function``)."""
+    parameters: tuple[float, ...] = quantity("", default=())
+    """Numbers that the function finds in p."""
+    at: Vector = quantity("m", default=(0.0, 0.0, 0.0))
+    """Point in the frame's axes at which the force acts [m]."""
+
+    def __post_init__(self) -> None:
+        """Check signature and numbers."""
+        self._keep(("time", "pose", "twist", "p", "out"))
+        object.__setattr__(self, "at", require_vector("at", self.at, "m", ("at",)))
+
+    def law(self) -> Callable[..., None]:
+        """The user's own."""
+        return self.function
+
+    def numbers(self, mechanism: Mechanism) -> np.ndarray:
+        """The user's own."""
+        return np.array([*self.parameters, 0.0])

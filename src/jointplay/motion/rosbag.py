@@ -1,0 +1,125 @@
+"""Motions from ROS bags: MCAP files with JointTrajectory or JointState messages.
+
+Read by the library ``mcap-ros2-support``, which runs nothing that a file says.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterable
+from contextlib import redirect_stderr
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jointplay.errors import JointplayError, MissingName
+from jointplay.host.files import is_file
+
+_TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"
+_STATE = "sensor_msgs/msg/JointState"
+
+
+def read(path: str | Path, topic: str | None = None) -> tuple[list[str], np.ndarray, np.ndarray]:
+    """Joint positions that a bag holds.
+
+    Args:
+        path: the file.
+        topic: of JointTrajectory or JointState messages; None takes the only one, and of several
+            that with trajectories.
+
+    Returns:
+        Joints; times (n,) [s], for joint states from the first message's stamp on; positions
+        (n, joints) [rad or m]. Of several trajectories the last one holds.
+
+    Raises:
+        JointplayError: no such file or topic, several to choose from, no bag, or messages that
+            make no motion.
+    """
+    path = Path(path)
+    try:
+        from mcap.reader import make_reader
+        from mcap_ros2.decoder import DecoderFactory
+    except ImportError as error:
+        raise JointplayError(
+            f"reading {path.name!r} needs mcap-ros2-support ({error}); install it with "
+            "pip install 'jointplay[ros]'"
+        ) from None
+    if not is_file(path):
+        raise JointplayError(f"no bag {str(path)!r}")
+    try:
+        with path.open("rb") as file, redirect_stderr(io.StringIO()):  # which the parser prints to
+            factories = [DecoderFactory()]
+            reader = make_reader(file, validate_crcs=True, decoder_factories=factories)
+            kind, chosen = _choose(reader, path, topic)
+            messages = [one[3] for one in reader.iter_decoded_messages([chosen])]
+        where = f"{path}, topic {chosen}"
+        if not messages:
+            raise JointplayError(f"{where}: there is no message")
+        return _trajectory(messages[-1], where) if kind == _TRAJECTORY else _states(messages, where)
+    except JointplayError:
+        raise
+    except Exception as error:  # its libraries raise whatever they stumble over
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise JointplayError(f"cannot read the bag {str(path)!r}: {reason}") from None
+
+
+def _choose(reader: Any, path: Path, topic: str | None) -> tuple[str, str]:
+    """Kind and name of the topic to read."""
+    summary = reader.get_summary()
+    if summary is None:
+        raise JointplayError(f"the bag {str(path)!r} has no summary; mcap recover makes one")
+    found: dict[str, str] = {}
+    for channel in summary.channels.values():
+        schema = summary.schemas.get(channel.schema_id)
+        if schema is not None and schema.name in (_TRAJECTORY, _STATE):
+            found[channel.topic] = schema.name
+    if topic is not None:
+        if topic not in found:
+            raise MissingName("topic of joint positions", topic, found)
+        return found[topic], topic
+    for kind in (_TRAJECTORY, _STATE):
+        named = [name for name, one in found.items() if one == kind]
+        if len(named) > 1:
+            raise JointplayError(f"{path}: name one of the topics {', '.join(named)}")
+        if named:
+            return kind, named[0]
+    held = ", ".join(sorted(schema.name for schema in summary.schemas.values())) or "nothing"
+    raise JointplayError(f"{path}: no JointTrajectory and no JointState; it holds {held}")
+
+
+def _trajectory(message: Any, where: str) -> tuple[list[str], np.ndarray, np.ndarray]:
+    joints, points = list(message.joint_names), message.points
+    for number, point in enumerate(points, 1):
+        if len(point.positions) != len(joints):
+            raise JointplayError(
+                f"{where}: point {number} has {len(point.positions)} positions for "
+                f"{len(joints)} joints"
+            )
+    times = np.array([_seconds(point.time_from_start) for point in points])
+    positions = np.array([list(point.positions) for point in points], float)
+    return joints, times, positions.reshape(len(points), len(joints))
+
+
+def _states(messages: Iterable[Any], where: str) -> tuple[list[str], np.ndarray, np.ndarray]:
+    """Of messages that name different joints those joints that all of them name."""
+    rows = []
+    for number, state in enumerate(messages, 1):
+        if len(state.position) != len(state.name):
+            raise JointplayError(
+                f"{where}: message {number} has {len(state.position)} positions for "
+                f"{len(state.name)} joints"
+            )
+        rows.append((state.header.stamp, dict(zip(state.name, state.position, strict=True))))
+    joints = [name for name in rows[0][1] if all(name in row for _, row in rows)]
+    if not joints:
+        raise JointplayError(f"{where}: no joint is in all messages")
+    first = rows[0][0]
+    times = np.array(
+        [(s.sec - first.sec) + 1e-9 * (s.nanosec - first.nanosec) for s, _ in rows], float
+    )
+    return joints, times, np.array([[row[name] for name in joints] for _, row in rows], float)
+
+
+def _seconds(time: Any) -> float:
+    return float(time.sec) + 1e-9 * float(time.nanosec)

@@ -1,0 +1,105 @@
+"""The command `jointplay dynamics`: tiny runs of real mechanisms."""
+
+import pytest
+
+from jointplay import cli
+
+QUICK = ["--settle", "1", "--keep", "3", "--records", "200", "--jobs", "1", "--quiet"]
+CRANK = ["jointplay:slider_crank.toml", "--case", "0.5 mm", "--set", "integration.step=4 us"]
+
+
+def dynamics(kind, out, *more, scenario=CRANK, quick=QUICK):
+    return cli.main(
+        ["dynamics", scenario[0], kind, *scenario[1:], *quick, "--out", str(out), *more]
+    )
+
+
+SPEEDS = ["--vary", "motion.speeds.crank_pin=4000:5000:2 rpm"]
+
+
+@pytest.mark.parametrize(
+    ("kind", "more", "says"),
+    [
+        ("turns", [], "moment of crank_pin [N m]: largest"),
+        ("bifurcation", SPEEDS, "of 2 values"),
+        ("poincare", [], "the section"),
+        ("lyapunov", [], "largest Lyapunov exponent"),
+        ("lyapunov", SPEEDS, "2 of 2 runs done now"),
+        ("recurrence", [], "recurrence rate"),
+        ("waterfall", SPEEDS, "2 of 2 runs done now"),
+        ("basin", ["--grid", "2"], "of the starts"),
+    ],
+)
+def test_each_kind_writes_its_table_and_figure(kind, more, says, tmp_path, capsys):
+    assert dynamics(kind, tmp_path, *more) == 0
+    assert says in capsys.readouterr().out
+    assert (tmp_path / f"{kind}.csv").stat().st_size > 300
+    assert (tmp_path / f"{kind}.png").read_bytes()[:4] == b"\x89PNG"
+
+
+def test_what_is_done_is_not_run_again_and_half_a_row_is(tmp_path, capsys):
+    assert dynamics("bifurcation", tmp_path, *SPEEDS) == 0
+    table = tmp_path / "bifurcation.csv"
+    whole = table.read_bytes()
+    table.write_bytes(whole[:-20])  # as a full disk would leave it
+    assert dynamics("bifurcation", tmp_path, *SPEEDS) == 0
+    assert "1 of 2 runs done now, 1 were there" in capsys.readouterr().out
+    assert table.read_bytes() == whole
+
+
+def test_more_values_use_those_that_are_there(tmp_path, capsys):
+    assert dynamics("bifurcation", tmp_path, *SPEEDS) == 0
+    finer = ["--vary", "motion.speeds.crank_pin=4000:5000:3 rpm"]
+    assert dynamics("bifurcation", tmp_path, *finer) == 0
+    assert "1 of 3 runs done now, 2 were there" in capsys.readouterr().out
+
+
+def test_processes_find_the_same_rows(tmp_path):
+    for jobs in ("1", "2"):
+        assert dynamics("bifurcation", tmp_path / jobs, *SPEEDS, "--jobs", jobs) == 0
+    one, two = ((tmp_path / jobs / "bifurcation.csv").read_text() for jobs in ("1", "2"))
+    assert sorted(one.splitlines()) == sorted(two.splitlines())
+
+
+def test_folder_of_another_study_is_refused(tmp_path, capsys):
+    assert dynamics("bifurcation", tmp_path, *SPEEDS) == 0
+    assert dynamics("bifurcation", tmp_path, *SPEEDS, "--phase", "0.5") == 2
+    assert "was made for something else (another phase)" in capsys.readouterr().err
+
+
+def test_value_that_fails_is_kept_with_its_message_and_the_others_go_on(tmp_path, capsys):
+    worst = ["--vary", "joints.piston_pin.radial_clearance=0.2:40:2 mm"]
+    assert dynamics("bifurcation", tmp_path, *worst) == 0
+    out = capsys.readouterr().out
+    assert "failed at 40: " in out
+    assert "of 1 values" in out
+
+
+@pytest.mark.parametrize("name", ["four_bar", "scara"])
+def test_other_mechanisms_have_sections_too(name, tmp_path, capsys):
+    step = {"four_bar": "5 us", "scara": "15 us"}[name]
+    scenario = [f"jointplay:{name}.toml", "--case", "0.2 mm", "--set", f"integration.step={step}"]
+    quick = [*QUICK[:1], "0", "--keep", "1", *QUICK[4:]]
+    assert dynamics("poincare", tmp_path, scenario=scenario, quick=quick) == 0
+    assert "the section" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("kind", "more", "says"),
+    [
+        ("bifurcation", [], "bifurcation needs --vary KEY=FROM:TO:COUNT"),
+        ("poincare", SPEEDS, "poincare has no --vary"),
+        ("bifurcation", ["--vary", "motion.speeds.crank_pin=1:2"], "--vary must read KEY="),
+        ("poincare", ["--of", "guide.acceleraton", "--of", "guide.speed"], "guide.acceleration"),
+        ("poincare", ["--phase", "1.5"], "--phase must be in [0, 1) turns, got 1.5"),
+        ("turns", ["--keep", "0"], "keep must be at least 1, got 0"),
+        ("basin", ["--joint", "guide"], "piston_pin"),
+        ("bifurcation", ["--vary", "motion.speeds.crnk=1:2:3 rpm"], "crnk"),
+        ("turns", ["--jobs", "0"], "at least one process is needed, got 0"),
+    ],
+)
+def test_wrong_input_is_one_line(kind, more, says, tmp_path, capsys):
+    assert dynamics(kind, tmp_path / "out", *more) == 2
+    error = capsys.readouterr().err
+    assert says in error
+    assert error.count("\n") == 1

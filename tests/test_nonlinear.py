@@ -1,0 +1,225 @@
+"""Sections, exponents, recurrence and spectra of motions whose answers are known."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+
+import jointplay as jp
+from jointplay.analysis import lyapunov, nonlinear, recurrence
+from jointplay.analysis.poincare import attractors, once_per_turn, repeats_after
+from jointplay.scenario import Scenario
+
+
+def logistic(r, number, start=0.3, settle=2000):
+    found = []
+    x = start
+    for k in range(settle + number):
+        x = r * x * (1.0 - x)
+        if k >= settle:
+            found.append(x)
+    return np.array(found)
+
+
+def duffing(force, turns, start=(0.1, 0.0), settle=0, per_turn=1):
+    """x'' + 0.3 x' - x + x^3 = force cos(1.2 t): a classic double well."""
+    period = 2.0 * math.pi / 1.2
+    times = np.arange(settle * per_turn, (settle + turns) * per_turn) * period / per_turn
+    found = solve_ivp(
+        lambda t, y: (y[1], y[0] - y[0] ** 3 - 0.3 * y[1] + force * math.cos(1.2 * t)),
+        (0.0, times[-1] + 1e-9), start, t_eval=times, rtol=1e-9, atol=1e-11,
+    )  # fmt: skip
+    return found.y.T
+
+
+@pytest.mark.parametrize(("r", "period"), [(2.8, 1), (3.2, 2), (3.5, 4), (3.83, 3), (3.55, 8)])
+def test_logistic_map_repeats_after_the_turns_of_its_window(r, period):
+    assert repeats_after(logistic(r, 60), 1e-6) == period
+
+
+@pytest.mark.parametrize("r", [3.7, 3.9, 4.0])
+def test_chaotic_logistic_map_does_not_repeat(r):
+    assert repeats_after(logistic(r, 60), 1e-3) is None
+
+
+def test_first_period_doubling_of_the_logistic_map_is_at_three():
+    rates = np.array([2.95, 2.99, 3.01, 3.05])
+    periods = [repeats_after(logistic(r, 30, settle=20000), 1e-6) for r in rates]
+    assert periods == [1, 1, 2, 2]
+
+
+@pytest.mark.parametrize(("r", "start"), [(4.0, 0.3), (2.5, 0.3)])
+def test_exponent_of_the_logistic_map(r, start):
+    known = {4.0: math.log(2.0), 2.5: math.log(0.5)}[r]  # |f'| = |2 - r| at the fixed point
+    grown = lyapunov.growths(lambda x: r * x * (1.0 - x), np.array([start]), 20000, 1e-8)[200:]
+    found = lyapunov.exponent(grown, 1.0)
+    assert found.value == pytest.approx(known, abs=0.01)
+    assert found.low - 1e-3 <= known <= found.high + 1e-3
+    assert found.verdict == ("chaotic" if known > 0.0 else "regular")
+
+
+def test_exponent_of_the_henon_map():
+    def advance(state):
+        x, y = state
+        return np.array([1.0 - 1.4 * x * x + y, 0.3 * x])
+
+    grown = lyapunov.growths(advance, np.array([0.1, 0.1]), 20000, 1e-8)[100:]
+    assert lyapunov.exponent(grown, 1.0).value == pytest.approx(0.419, abs=0.01)  # Sprott, 2003
+
+
+def test_exponent_of_a_flow_is_by_its_time():
+    damping = np.array([0.7, 0.9])
+    grown = lyapunov.growths(lambda s: s * np.exp(-0.1 * damping), np.array([1.0, 1.0]), 2000)
+    assert lyapunov.exponent(grown[1000:], 0.1).value == pytest.approx(-0.7, abs=1e-3)
+
+
+@given(mean=st.floats(-5.0, 5.0), seed=st.integers(0, 2**16))
+def test_interval_holds_the_estimate_and_narrows_with_confidence(mean, seed):
+    grown = mean + np.random.default_rng(seed).normal(size=200)
+    wide, narrow = (lyapunov.exponent(grown, 0.5, level) for level in (0.99, 0.5))
+    assert wide.low < narrow.low < narrow.value < narrow.high < wide.high
+    assert narrow.value == pytest.approx(grown.mean() / 0.5)
+
+
+def test_interval_of_confidence_holds_the_truth_as_often_as_it_says():
+    random = np.random.default_rng(1)
+    held = [
+        abs(one.value) <= one.high - one.value
+        for one in (lyapunov.exponent(random.normal(size=100), 1.0, 0.9) for _ in range(500))
+    ]
+    assert 0.86 < np.mean(held) < 0.94
+
+
+def test_weakly_driven_duffing_repeats_each_turn_and_ends_in_two_wells():
+    starts = [(1.0, 0.0), (-1.0, 0.0), (1.2, 0.1), (-0.8, 0.1)]
+    sections = [duffing(0.1, 12, start, settle=60) for start in starts]
+    labels, orbits = attractors(sections, 1e-3)
+    assert labels.tolist() == [0, 1, 0, 1]
+    assert [len(orbit) for orbit in orbits] == [1, 1]
+
+
+def test_strongly_driven_duffing_is_chaotic():
+    points = duffing(0.5, 120, settle=40)
+    assert repeats_after(points, 1e-2) is None
+    assert attractors([points], 1e-2)[0].tolist() == [-1]
+
+
+def test_orbits_that_begin_in_another_turn_are_the_same():
+    swap = np.array([[0.0], [1.0]] * 6)
+    labels, orbits = attractors([swap, swap[1:], np.zeros((9, 1))], 1e-6)
+    assert labels.tolist() == [0, 0, 1]
+    assert [len(orbit) for orbit in orbits] == [2, 1]
+
+
+@given(per_turn=st.integers(4, 60), turns=st.integers(3, 20), phase=st.floats(0.0, 0.999))
+def test_periodic_motion_gives_one_point_of_its_section(per_turn, turns, phase):
+    time = np.arange(per_turn * turns) / per_turn
+    points = once_per_turn(np.sin(2.0 * np.pi * time), per_turn, phase)
+    assert len(points) == turns
+    assert repeats_after(points, 1e-9) == 1
+
+
+def test_subharmonic_motion_gives_as_many_points_as_turns():
+    time = np.arange(40 * 60) / 40
+    points = once_per_turn(np.sin(2.0 * np.pi * time / 3.0), 40)
+    assert repeats_after(points, 1e-9) == 3
+
+
+def test_phase_beyond_the_turn_is_refused():
+    with pytest.raises(jp.JointplayError, match=r"phase must be in \[0, 1\) turns, got 1"):
+        once_per_turn(np.zeros(10), 5, 1.0)
+
+
+def test_periodic_motion_recurs_along_diagonals_a_period_apart():
+    angle = 2.0 * np.pi * np.arange(200) / 40
+    near = recurrence.recurrence(np.stack([np.cos(angle), np.sin(angle)], 1), 0.01)
+    gaps = {int(k) for k in np.flatnonzero(near[0])}
+    assert gaps == {0, 40, 80, 120, 160}
+    assert recurrence.determinism(near) == 1.0
+    assert recurrence.rate(near) == pytest.approx(2 * (160 + 120 + 80 + 40) / (200 * 199))
+
+
+def test_noise_is_less_deterministic_than_a_circle_and_chaos_between():
+    random = np.random.default_rng(0)
+    noise = recurrence.recurrence(random.uniform(size=400), 0.03)
+    chaos = recurrence.recurrence(logistic(3.9, 400), 0.03)
+    assert recurrence.determinism(noise) < recurrence.determinism(chaos) < 1.0
+
+
+def test_recurrence_of_too_many_points_is_refused():
+    with pytest.raises(jp.JointplayError, match="takes 2 to 4000 points, got 4001"):
+        recurrence.recurrence(np.zeros(4001))
+
+
+@given(
+    order=st.integers(1, 15), amplitude=st.floats(1e-6, 1e6), mean=st.floats(-1e3, 1e3),
+    shift=st.floats(0.0, 6.0),
+)  # fmt: skip
+def test_harmonic_shows_its_amplitude_at_its_order(order, amplitude, mean, shift):
+    time = np.arange(8 * 64) / 64
+    values = amplitude * np.cos(2.0 * np.pi * order * time + shift)
+    at, found = nonlinear.orders(values + mean * amplitude, 8, 20.0)
+    assert at[-1] == 20.0
+    assert found[at == order] == pytest.approx(amplitude, rel=1e-6)
+    assert at[found.argmax()] == order
+    far = np.abs(at - order) > 0.2
+    assert found[far].max() < 1e-6 * amplitude
+
+
+def crank(**changes):
+    scenario = Scenario.load("jointplay:slider_crank.toml")
+    return scenario.simulation("0.2 mm", {"integration": {"step": 2e-6}, **changes})
+
+
+def test_turn_of_a_crank_is_that_of_its_speed():
+    assert nonlinear.turn(crank().motion) == pytest.approx(60.0 / 5000.0, rel=1e-12)
+
+
+def test_a_turn_has_a_whole_number_of_steps_not_longer_than_asked():
+    turning = nonlinear.Turning.of(crank(), 2, 3, records=700)
+    simulation = turning.simulation
+    every = simulation.record_every
+    assert simulation.step <= 2e-6
+    assert 700 * every * simulation.step == pytest.approx(turning.turn, rel=1e-12)
+    assert simulation.duration == pytest.approx(5 * turning.turn)
+
+
+def test_repeated_motion_goes_through_its_waypoints_each_time():
+    motion = jp.Motion(["a"], [0.0, 1.0, 3.0], [[0.0], [2.0], [0.0]])
+    simulation = crank()
+    twice = nonlinear._repeated(motion, 2)
+    assert twice.duration == 6.0
+    at = np.linspace(0.0, 3.0, 50)
+    assert twice(at + 3.0)[0] == pytest.approx(motion(at)[0], abs=1e-12)
+    assert nonlinear._repeated(simulation.motion, 9) is simulation.motion
+
+
+def test_motion_that_does_not_return_cannot_be_repeated():
+    with pytest.raises(jp.JointplayError, match="'a' ends 2 rad or m from where it began"):
+        nonlinear.turn(jp.Motion(["a"], [0.0, 1.0], [[0.0], [2.0]]))
+
+
+@pytest.mark.parametrize("file", ["slider_crank", "scara"])
+def test_journal_begins_where_it_was_put(file):
+    case = "0.2 mm"
+    scenario = Scenario.load(f"jointplay:{file}.toml")
+    simulation = scenario.simulation(case, {"integration": {"start": "centred"}})
+    joint = next(iter(simulation.mechanism.clearance))
+    run = simulation.prepare()
+    nonlinear.placing(joint, 0.9e-4, -0.5e-4)(run)
+    run.begin()
+    centre, _ = run.moment().journal(joint)
+    assert centre[:2] == pytest.approx([0.9e-4, -0.5e-4], abs=1e-9)
+
+
+def test_ideal_slider_crank_gives_one_point_and_the_closed_form():
+    simulation = crank(joints={"piston_pin": {"ideal": True}}, integration={"integrator": "rk4"})
+    turning = nonlinear.Turning.of(simulation, 1, 3, records=400)
+    kept = turning.kept(turning.run(), ["guide.acceleration", "guide.position"])
+    assert repeats_after(once_per_turn(kept[:-1], 400), 1e-3 * np.ptp(kept[:, 0])) == 1
+    angle = 2.0 * np.pi * np.arange(len(kept)) / 400
+    exact = 0.05 * np.cos(angle) + np.sqrt(0.12**2 - (0.05 * np.sin(angle)) ** 2)
+    assert kept[:, 1] == pytest.approx(exact, abs=1e-8)
