@@ -12,6 +12,7 @@ from jointplay.geometry import touch
 from jointplay.joints import CylindricalClearance, joint_from_description
 from jointplay.mechanism.export import to_urdf
 from jointplay.mechanism.loop import Loop, misfit
+from jointplay.scenario import Scenario
 
 PLAY = 2e-4
 ROD = CylindricalClearance(radial_clearance=PLAY)
@@ -172,3 +173,14 @@ def test_loop_closed_by_a_rod_leaves_it_to_slide(urdf):
             {"guide": CylindricalClearance(radial_clearance=PLAY, ideal=True)},
             loops={"guide": loop},
         )
+
+
+def test_scenario_chooses_the_kind_by_its_word(floating, tmp_path):
+    urdf = floating(ROD).description.path
+    path = tmp_path / "rod.toml"
+    path.write_text(
+        f'[robot]\nurdf = "{urdf}"\n\n[joints.pin]\nkind = "cylindrical"\n'
+        'radial_clearance = "0.1 mm"\nbearing_length = "25 mm"\n'
+    )
+    found = Scenario.load(path).simulation().mechanism.clearance["pin"]
+    assert found == CylindricalClearance(radial_clearance=1e-4, bearing_length=25e-3)

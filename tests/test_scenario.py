@@ -510,7 +510,7 @@ def test_schema_accepts_what_ships_and_marks_mistakes():
 
 
 def test_schema_has_units_and_explanations():
-    joint = schema()["$defs"]["ClearanceJoint"]["properties"]
+    joint = schema()["$defs"]["RevoluteClearance"]["properties"]
     assert joint["radial_clearance"]["description"] == "C_r, radial, not diametral [m]."
     speed = schema()["$defs"]["LuGre"]["properties"]["v_s"]["description"]
     assert speed == "Speed over which the friction falls from static to dynamic [m/s]."
