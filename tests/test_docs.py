@@ -6,7 +6,6 @@ that it runs in. Commands that set up a machine are `.ci/run`'s business.
 
 import os
 import re
-import shlex
 import shutil
 import signal
 import subprocess
@@ -70,9 +69,9 @@ def parsed(page):
 
 def commands(text):
     """The commands of a block, comments and continuations gone."""
-    joined = text.replace("\\\n", " ")
-    lines = [shlex.split(line, comments=True) for line in joined.splitlines()]
-    return [shlex.join(words) for words in lines if words]
+    lines = text.replace("\\\n", " ").splitlines()
+    whole = [re.sub(r"\s+#\s.*$", "", line).strip() for line in lines]
+    return [line for line in whole if line and not line.startswith("#")]
 
 
 @pytest.fixture(scope="module")
