@@ -25,7 +25,6 @@ from typing import Any
 
 import numpy as np
 
-from jointplay.analysis.allocate import scaled
 from jointplay.analysis.iso9283 import ideal_of
 from jointplay.analysis.levers import GEAR
 from jointplay.analysis.traces import Trace, traces
@@ -328,7 +327,7 @@ def _inputs(base: Simulation, spread: float, slowest: float, payload: float) -> 
     def clearance(name: str) -> Callable[[Simulation, float], Simulation]:
         def change(one: Simulation, factor: float) -> Simulation:
             own = one.mechanism.clearance
-            wider = {**own, name: scaled(own[name], factor)}
+            wider = {**own, name: own[name].scaled(factor)}
             return replace(one, mechanism=one.mechanism.with_clearance(wider))
 
         return change
