@@ -126,7 +126,8 @@ class Job:
     def title(self) -> str:
         """Says where the figure comes from."""
         study, options = self.study, self.options
-        case = f", {options.case}" if options.case and not options.vary else ""
+        case = f", case {options.case}" if options.case else ""
+        case += " changed" if case and (options.vary or options.changes) else ""
         file = Path(options.file.removeprefix("jointplay:")).stem
         return f"{file}{case}: turns {study.settle + 1} to {study.end}"
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+import matplotlib as mpl
 import numpy as np
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
@@ -189,9 +190,10 @@ def basin(
         for label in np.unique(labels):
             at = 1e3 * places[labels == label]
             word = words.get(label) or f"orbit {label + 1}, period {periods[label]}"
-            colour = colours.get(label) or COLOURS[label % len(COLOURS)]
+            many = mpl.colormaps["tab20"](label % 20) if len(periods) > len(COLOURS) else None
+            colour = colours.get(label) or many or COLOURS[label]
             axes.plot(*at.T, "s", ms=5, mew=0, color=colour, label=f"{word}: {len(at)}")
         axes.set_aspect("equal")
         axes.set(xlabel=f"start of the journal of {joint}, x [mm]", ylabel="y [mm]", title=title)
-        figure.legend(loc="outside right upper", fontsize=7)
+        axes.legend(bbox_to_anchor=(1.02, 1.0), loc="upper left", fontsize=7)
     return figure
