@@ -139,12 +139,9 @@ class Clearance(Described, ABC):
     @classmethod
     @abstractmethod
     def of_room(cls, radial: float, axial: float, sizes: Mapping[str, float]) -> Self:
-        """A joint with these clearances.
+        """A joint with these clearances on each side, across and (with walls) along the axis [m].
 
-        Args:
-            radial: on each side, across the axis [m].
-            axial: on each side, along the axis, if the kind has walls there [m].
-            sizes: of the bearing, by the name of the field [m]; a kind takes what it has.
+        `sizes` of the bearing are by the name of the field [m]; a kind takes what it has.
         """
 
     @property
