@@ -12,6 +12,7 @@ from jointplay.geometry import touch
 from jointplay.joints import CylindricalClearance, joint_from_description
 from jointplay.mechanism.export import to_urdf
 from jointplay.mechanism.loop import Loop, misfit
+from jointplay.scenario import Scenario
 
 PLAY = 2e-4
 ROD = CylindricalClearance(radial_clearance=PLAY)
@@ -112,12 +113,12 @@ def test_rod_lies_on_both_edges_and_rubs_as_coulomb_says(floating):
     result = jp.simulate(robot, duration=0.3, state={"pin.z": (0.0, speed)}, **FREE)
     z = result["q"].values[:, robot.coordinates.index("pin.z")]
     assert z[-1] == pytest.approx(speed**2 / (2 * mu * 9.81), rel=0.03)
-    carried = result["normal_force"].values[-1, 0]
-    assert carried.sum() == pytest.approx(2.0 * 9.81, rel=1e-2)
+    carried = result["joint_force"].values[len(z) // 2 :, 0].mean(axis=0)
+    assert np.abs(carried).max() == pytest.approx(2.0 * 9.81, rel=0.05)
 
 
 def test_bushing_that_is_too_short_is_refused():
-    with pytest.raises(jp.JointplayError, match=r"0[.]002 m is too short"):
+    with pytest.raises(jp.JointplayError, match=r"0\.002 m is too short"):
         CylindricalClearance(radial_clearance=PLAY, bearing_length=2e-3)
 
 
@@ -172,3 +173,14 @@ def test_loop_closed_by_a_rod_leaves_it_to_slide(urdf):
             {"guide": CylindricalClearance(radial_clearance=PLAY, ideal=True)},
             loops={"guide": loop},
         )
+
+
+def test_scenario_chooses_the_kind_by_its_word(floating, tmp_path):
+    urdf = floating(ROD).description.path
+    path = tmp_path / "rod.toml"
+    path.write_text(
+        f'[robot]\nurdf = "{urdf}"\n\n[joints.pin]\nkind = "cylindrical"\n'
+        'radial_clearance = "0.1 mm"\nbearing_length = "25 mm"\n'
+    )
+    found = Scenario.load(path).simulation().mechanism.clearance["pin"]
+    assert found == CylindricalClearance(radial_clearance=1e-4, bearing_length=25e-3)

@@ -4,6 +4,7 @@ import xml.etree.ElementTree as ElementTree
 
 import numpy as np
 import pytest
+from conftest import body, joint
 
 from jointplay import ClearanceJoint, JointplayError, Mechanism, Motion, simulate
 from jointplay.cli import main
@@ -162,6 +163,9 @@ def test_every_robot_is_surveyed():
     assert "move no mass" in found["romeo"].remarks[0]
     assert found["so101"].unphysical == ("gripper_frame_link",)
     assert not found["quadrotor_base"].moving
+    astray = found["alex_psyonic_hands"]
+    assert astray.astray["Left_index_q2"] == "index_q1"
+    assert any("does not exist: Left_index_q2 (index_q1)" in one for one in astray.remarks)
 
 
 def test_all_impossible_inertias_are_named_at_once():
@@ -169,7 +173,7 @@ def test_all_impossible_inertias_are_named_at_once():
     with pytest.raises(JointplayError) as error:
         Mechanism(found.path)
     assert len(found.unphysical) == 2
-    assert all(link in str(error.value) for link in found.unphysical)
+    assert all(f"--allow-unphysical {link}" in str(error.value) for link in found.unphysical)
     with pytest.raises(JointplayError, match="link 'wrist_left_ft_tool_link'"):
         Mechanism(found.path, allow_unphysical=["wrist_left_ft_link"])
 
@@ -178,18 +182,53 @@ def test_command_lists_all_robots(capsys):
     assert main(["robots"]) == 0
     out = capsys.readouterr().out
     assert out.index("\nur5\n") < out.index("OTHERS") < out.index("\na1\n")
-    for joint in JOINTS["ur5"]:
-        assert joint in out
+    for name in JOINTS["ur5"]:
+        assert name in out
     assert max(map(len, out.splitlines())) <= 100
 
 
 def test_command_lists_one_robot(capsys):
     assert main(["robots", "so101"]) == 0
     out = capsys.readouterr().out
-    for joint in JOINTS["so101"]:
-        assert re.search(rf"^ +{joint} +revolute$", out, re.MULTILINE)
+    for name in JOINTS["so101"]:
+        assert re.search(rf"^ +{name} +revolute\b", out, re.MULTILINE)
     assert "options: --allow-unphysical gripper_frame_link" in out
     assert main(["robots", "r2d2"]) == 2
+
+
+def test_command_lists_any_urdf(urdf, capsys):
+    slide = joint("slide", "arm", "tip", "prismatic")
+    for key, value in (("lower", "-9"), ("upper", "9"), ("effort", "1e3"), ("velocity", "1e3")):
+        slide = slide.replace(f'{key}="{value}"', f'{key}="0"')
+    mimic = '<mimic joint="turn" multiplier="0.5" offset="-0.1"/></joint>'
+    gear = (
+        '<transmission name="t"><joint name="turn"/><actuator name="m">'
+        "<mechanicalReduction>50</mechanicalReduction></actuator></transmission>"
+    )
+    path = urdf(
+        body("arm"),
+        '<link name="tip"/>',
+        joint("turn", "base", "arm"),
+        slide.replace("</joint>", mimic),
+        gear,
+    )
+    assert main(["robots", str(path)]) == 0
+    out = capsys.readouterr().out
+    row = r"turn +revolute +base +arm +-9 to 9 rad +1000 rad/s +1000 N m +geared 50 : 1\n"
+    assert re.search(row, out)
+    assert re.search(r"slide +prismatic +arm +tip +follows 0\.5 turn - 0\.1\n", out)
+    assert "frames: base, arm, tip" in out
+    assert "tool, if none is named: tip" in out
+    assert "no mass of their own: tip" in out
+    assert "slide move no mass" in out
+
+
+def test_a_urdf_that_cannot_be_read_is_refused(tmp_path, capsys):
+    path = tmp_path / "robot.urdf"
+    assert main(["robots", str(path)]) == 2
+    path.write_text("<robot>")
+    assert main(["robots", str(path)]) == 2
+    assert "not well-formed" in capsys.readouterr().err
 
 
 def test_a_robot_is_run_by_name(tmp_path):

@@ -352,7 +352,11 @@ REFUSED = {
     "no such frame": (("suction_cup", "hammer"), "line 4, robot.tool", "'hammer'", "arm1"),
     "gravity": (('"balanced"', '"balance"'), "line 5, robot.gravity", "balanced, loaded"),
     "times": (('"1 s"]', '"-1 s"]'), "motion.times[2]", "must increase"),
-    "missing joint": (("joint_c = [0, 0]", ""), "motion", "lacks joint_c"),
+    "missing joint": (
+        ("joint_c = [0, 0]", "[start_speed]\njoint_c = 1"),
+        "motion",
+        "lacks joint_c",
+    ),
     "missing position": (("joint_c = [0, 0]", "joint_c = [0]"), "line 15", "1 positions for 2"),
     "no such motion": (
         ("times = [0", 'file = "x.csv"\ntimes = [0'),
@@ -506,7 +510,7 @@ def test_schema_accepts_what_ships_and_marks_mistakes():
 
 
 def test_schema_has_units_and_explanations():
-    joint = schema()["$defs"]["ClearanceJoint"]["properties"]
+    joint = schema()["$defs"]["RevoluteClearance"]["properties"]
     assert joint["radial_clearance"]["description"] == "C_r, radial, not diametral [m]."
     speed = schema()["$defs"]["LuGre"]["properties"]["v_s"]["description"]
     assert speed == "Speed over which the friction falls from static to dynamic [m/s]."

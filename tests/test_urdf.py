@@ -1,5 +1,9 @@
 """What a URDF may say, and how it is refused."""
 
+import pickle
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 from conftest import body, joint
@@ -78,3 +82,86 @@ def test_file_that_is_no_text_is_refused(tmp_path):
     path.write_bytes(b"\xff\xfe\x00robot")
     with pytest.raises(JointplayError, match=r"cannot read the URDF .*robot\.urdf"):
         read(path)
+
+
+def limited(kind, limit, more=""):
+    """A joint with the attributes `limit`, or without any."""
+    element = f"<limit {limit}/>" if limit else ""
+    return (
+        f'<joint name="j" type="{kind}"><parent link="base"/><child link="l"/>'
+        f'<axis xyz="0 0 1"/>{element}{more}</joint>'
+    )
+
+
+FOLLOWER = '<mimic joint="{}" multiplier="-2" offset="0.1"/></joint>'
+
+
+def follower(name, parent, child, leader, kind="revolute"):
+    return joint(name, parent, child, kind).replace("</joint>", FOLLOWER.format(leader))
+
+
+@pytest.mark.parametrize(
+    ("kind", "limit", "found"),
+    [
+        ("revolute", 'lower="-1" upper="2" effort="3" velocity="4"', (-1.0, 2.0, 4.0, 3.0)),
+        ("prismatic", 'upper="0.5" effort="0" velocity="0"', (0.0, 0.5, None, None)),
+        ("revolute", 'lower="0" upper="0" effort="3" velocity="4"', (None, None, 4.0, 3.0)),
+        ("continuous", 'effort="3" velocity="4"', (None, None, 4.0, 3.0)),
+        ("continuous", "", (None, None, None, None)),
+        ("fixed", 'lower="-1" upper="2" effort="3" velocity="4"', (None, None, None, None)),
+        ("revolute", 'lower="-inf" upper="inf"', (-np.inf, np.inf, None, None)),
+    ],
+)  # fmt: skip
+def test_limits_are_read(urdf, kind, limit, found):
+    entry = read(urdf(body("l"), limited(kind, limit))).joints["j"]
+    assert (entry.lower, entry.upper, entry.speed, entry.effort) == found
+
+
+def test_limits_that_are_no_numbers_are_named(urdf):
+    with pytest.raises(JointplayError, match="upper of the limit of joint 'j' is no number: 'far'"):
+        read(urdf(body("l"), limited("revolute", 'lower="0" upper="far" effort="1" velocity="1"')))
+
+
+def test_mimicry_is_read(urdf):
+    bodies = body("l"), body("m"), joint("a", "base", "l"), follower("b", "l", "m", "a")
+    description = read(urdf(*bodies))
+    assert description.joints["a"].mimic is None
+    assert description.joints["b"].mimic == ("a", -2.0, 0.1)
+    assert pickle.loads(pickle.dumps(description)).joints["b"].mimic == ("a", -2.0, 0.1)
+
+
+def test_joints_that_mimic_each_other_in_a_ring_are_refused(urdf):
+    path = urdf(body("l"), body("m"), follower("a", "base", "l", "b"), follower("b", "l", "m", "a"))
+    with pytest.raises(JointplayError, match="mimic each other in a ring: a - b - a"):
+        read(path)
+
+
+def test_a_joint_that_mimics_what_is_not_there_mimics_nothing(urdf):
+    entry = read(urdf(body("l"), follower("a", "base", "l", "z"))).joints["a"]
+    assert not entry.mimics
+    assert entry.mimic is None
+
+
+def test_transmissions_are_read(urdf):
+    gear = (
+        '<transmission name="t"><joint name="j"/><actuator name="m">'
+        "<mechanicalReduction>160</mechanicalReduction></actuator></transmission>"
+    )
+    found = read(urdf(body("l"), joint("j", "base", "l"), gear)).transmissions
+    assert (found["j"].name, found["j"].reduction) == ("t", 160.0)
+
+
+def test_pictures_are_not_looked_at(urdf):
+    mesh = '<visual><geometry><mesh filename="not/there.dae" scale="big"/></geometry></visual>'
+    path = urdf(body("l").replace("</link>", f"{mesh}</link>"), joint("j", "base", "l"))
+    assert read(path).joints["j"].upper == 9.0
+
+
+def test_the_slow_reader_comes_with_the_first_question_only():
+    code = (
+        "import sys; from jointplay import shipped; from jointplay.mechanism.urdf import read; "
+        "d = read(shipped('scara.urdf')); early = 'yourdfpy' in sys.modules; "
+        "d.joints['joint_a'].upper; print(early, 'yourdfpy' in sys.modules)"
+    )
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert found.stdout.split() == ["False", "True"]

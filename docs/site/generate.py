@@ -136,7 +136,7 @@ def api():
         thing = getattr(jointplay, name)
         module = getattr(thing, "__module__", "")
         if module.startswith("jointplay") and (inspect.isclass(thing) or callable(thing)):
-            homes.setdefault(module.split(".")[1], []).append(f"{module}.{name}")
+            homes.setdefault(module.split(".")[1], set()).add(f"{module}.{thing.__name__}")
     lines = [
         "# Python",
         "",

@@ -115,3 +115,12 @@ def test_gonthiers_bristles_stick_and_slide_in_parts(speed):
     assert cap == pytest.approx((0.1 + 0.05 * 0.4) * 3.0)
     assert target == pytest.approx(stick)
     assert pace == pytest.approx(10.0 if stick >= 0.4 else 1e4)
+
+
+@pytest.mark.parametrize("name", ["bengisu-akay", "brown-mcphee", "lugre", "gonthier"])
+@pytest.mark.parametrize("mu_d", [0.02, 0.05, 0.3])
+def test_static_friction_follows_the_dynamic_one_where_it_is_not_given(name, mu_d):
+    law = FRICTION_LAWS[name]
+    assert law(mu_d=mu_d).mu_s == pytest.approx(1.5 * mu_d, rel=1e-11)
+    assert law(mu_d=mu_d, mu_s=0.4).mu_s == 0.4
+    assert law() == law(mu_s=0.15)

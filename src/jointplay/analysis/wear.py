@@ -44,7 +44,7 @@ def worn_depth(result: Result, joint: str) -> np.ndarray:
     Raises:
         MissingName: no joint of that name whose wear the run reckoned.
     """
-    return _depth(_wearing(result.simulation, joint), result, joint)
+    return depth_of(_wearing(result.simulation, joint), result, joint)
 
 
 def _wearing(simulation: Simulation, joint: str) -> ClearanceJoint:
@@ -57,7 +57,8 @@ def _wearing(simulation: Simulation, joint: str) -> ClearanceJoint:
     return found
 
 
-def _depth(clearance: ClearanceJoint, result: Result, joint: str) -> np.ndarray:
+def depth_of(clearance: ClearanceJoint, result: Result, joint: str) -> np.ndarray:
+    """See `worn_depth`; of a joint that is known to wear."""
     names = list(clearance.contacts[: len(clearance.worn_widths)])
     if "sliding_work" not in result.dataset or not set(names) <= set(result["contact"].values):
         raise JointplayError(f"the result has no wear of the joint {joint!r}: it is damaged")
@@ -159,14 +160,14 @@ def wear_life(
         if not isinstance(value, int) or value < 1:
             raise JointplayError(f"{name} must be a whole number >= 1, got {value!r}")
     _wearing(simulation, joint)
-    worn = {name: _start(one) for name, one in _all_wearing(simulation).items()}
+    worn = {name: first_profile(one) for name, one in all_wearing(simulation).items()}
     begun = worn[joint].copy()
     cycles, profiles, scatter = [0.0], [begun - begun], [0.0]
     bar = tqdm(total=blocks * runs, disable=not progress, unit="run", desc=f"wear of {joint}")
     reached = False
     try:
         for block in range(blocks):
-            wear, known = _block(_with(simulation, worn), joint, runs, bar)
+            wear, known = _block(with_worn(simulation, worn), joint, runs, bar)
             wear = {name: depth / cycles_per_run for name, depth in wear.items()}
             if wear[joint].max() <= 0.0:
                 raise JointplayError(
@@ -189,12 +190,13 @@ def wear_life(
     return WearLife(joint, np.array(cycles), np.array(profiles), np.array(scatter), growth, reached)
 
 
-def _all_wearing(simulation: Simulation) -> dict[str, ClearanceJoint]:
+def all_wearing(simulation: Simulation) -> dict[str, ClearanceJoint]:
+    """The joints that have a wear rate, by name."""
     clearance = simulation.mechanism.clearance
     return {name: _wearing(simulation, name) for name, one in clearance.items() if one.wears}
 
 
-def _start(clearance: ClearanceJoint) -> np.ndarray:
+def first_profile(clearance: ClearanceJoint) -> np.ndarray:
     """Profile that a joint begins with, at `AZIMUTHS` azimuths, shape (ends, AZIMUTHS) [m]."""
     ends = len(clearance.worn_widths)
     if clearance.worn is None:
@@ -204,7 +206,7 @@ def _start(clearance: ClearanceJoint) -> np.ndarray:
     return np.array([np.interp(places, own, row, period=1.0) for row in given])
 
 
-def _with(simulation: Simulation, worn: dict[str, np.ndarray]) -> Simulation:
+def with_worn(simulation: Simulation, worn: dict[str, np.ndarray]) -> Simulation:
     """The simulation with worn bores."""
     joints = dict(simulation.mechanism.clearance)
     for name, profile in worn.items():
@@ -217,7 +219,7 @@ def _block(
 ) -> tuple[dict[str, np.ndarray], float]:
     """Mean wear of the runs of one block by joint [m], and its relative standard error."""
     found: list[dict[str, np.ndarray]] = []
-    wearing = _all_wearing(simulation)
+    wearing = all_wearing(simulation)
     for run in range(runs):
         seed = simulation.seed if runs == 1 else (simulation.seed or 0) + run + 1
         result = replace(simulation, seed=seed).run()
@@ -225,7 +227,7 @@ def _block(
             raise KeyboardInterrupt
         if result.status != Status.COMPLETED:
             raise JointplayError(f"a run with the worn bore failed: {result.message}")
-        found.append({name: _depth(one, result, name) for name, one in wearing.items()})
+        found.append({name: depth_of(one, result, name) for name, one in wearing.items()})
         bar.update()
     mean = {name: np.mean([one[name] for one in found], axis=0) for name in wearing}
     total = np.array([one[joint].sum() for one in found])

@@ -231,36 +231,21 @@ def _clearance(
 
 
 def _bearing(options: argparse.Namespace, kind: str, radial: float) -> Clearance:
-    from jointplay.joints import ClearanceJoint, PrismaticJoint, SphericalJoint
+    from jointplay.joints import JOINT_KINDS, replacing
 
-    sizes: dict[str, Any] = {
+    sizes: dict[str, float] = {
         name: quantity(getattr(options, name), "m", f"--{name.replace('_', '-')}")
         for name in ("bearing_radius", "bearing_length")
         if getattr(options, name) is not None
     }
-    if kind == "prismatic":
-        return PrismaticJoint(clearance=radial)
-    if kind == "floating":
-        sizes.pop("bearing_length", None)
-        return SphericalJoint(radial_clearance=radial, **sizes)
     axial = radial if options.axial is None else quantity(options.axial, "m", "--axial")
-    return ClearanceJoint(radial_clearance=radial, axial_clearance=axial, **sizes)
+    return JOINT_KINDS[replacing(kind)[0]].of_room(radial, axial, sizes)
 
 
 def _words(joints: dict[str, Clearance]) -> str:
-    from jointplay.joints import ClearanceJoint
-    from jointplay.units import readable
-
     parts: dict[str, list[str]] = {}
     for name, joint in joints.items():
-        if isinstance(joint, ClearanceJoint):
-            words = (
-                f"radial {readable(joint.cr, 'm')}, axial {readable(joint.ca, 'm')}, "
-                f"bearing {2e3 * joint.ri:g} x {1e3 * joint.li:g} mm"
-            )
-        else:
-            words = f"{joint.kind}, {readable(joint.radial_room, 'm')}"
-        parts.setdefault(words, []).append(name)
+        parts.setdefault(joint.words, []).append(name)
     return "; ".join(f"{', '.join(names)} ({words})" for words, names in parts.items())
 
 

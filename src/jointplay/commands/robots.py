@@ -7,7 +7,9 @@ import textwrap
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from jointplay.mechanism.mechanism import Mechanism
     from jointplay.mechanism.robots import Survey
+    from jointplay.mechanism.urdf import Description
 
 
 def add(commands: Any) -> None:
@@ -16,10 +18,13 @@ def add(commands: Any) -> None:
         "robots",
         help="list robots that are at hand, with their joints",
         description="List the robots of the package example-robot-data with their joints, and what "
-        "stands against simulating them. Each is loaded to find out.",
-        epilog="Use one wherever a URDF is expected: --urdf example-robot-data:NAME.",
+        "stands against simulating them. Each is loaded to find out. Of one robot, or of any "
+        "URDF: joints with limits, what they follow, frames, the tool.",
+        epilog="Use one wherever a URDF is expected: jointplay run NAME --joint JOINT.",
     )
-    parser.add_argument("name", nargs="?", metavar="NAME", help="one robot, in detail")
+    parser.add_argument(
+        "name", nargs="?", metavar="NAME", help="one robot, or the path of a URDF, in detail"
+    )
     parser.set_defaults(handler=run)
 
 
@@ -55,10 +60,60 @@ def _wrapped(text: str) -> str:
 
 def _detail(found: Survey) -> str:
     lines = [f"{found.name}: {found.path}"]
-    width = max(map(len, found.moving), default=0)
-    lines += [f"    {joint:{width}}  {kind}" for joint, kind in found.moving.items()]
-    lines += [_wrapped(f"! {remark}") for remark in found.remarks]
+    if found.mechanism is None:
+        lines += [f"    {joint}  {kind}" for joint, kind in found.moving.items()]
+    else:
+        lines += _joints(found, found.mechanism.description) + _frames(found.mechanism)
+    remarks = list(found.remarks)
+    if found.bare:
+        remarks.append(
+            f"no mass of their own: {', '.join(found.bare)}; joints beside them can have no "
+            "clearance until the URDF gives them an <inertial>"
+        )
+    lines += [_wrapped(f"! {remark}") for remark in remarks]
     if found.unphysical:
         allowed = " ".join(f"--allow-unphysical {link}" for link in found.unphysical)
         lines.append(f"    options: {allowed}")
     return "\n".join(lines)
+
+
+def _joints(found: Survey, description: Description) -> list[str]:
+    """A table of the moving joints, a line each."""
+    rows = [("joint", "kind", "parent", "child", "position", "speed", "effort", "")]
+    gears = description.transmissions
+    for name in found.moving:
+        entry = description.joints[name]
+        unit, force = ("m", "N") if entry.kind == "prismatic" else ("rad", "N m")
+        position = "" if entry.lower is None else f"{entry.lower:.4g} to {entry.upper:.4g} {unit}"
+        more = []
+        if entry.mimic is not None:
+            more.append(f"follows {entry.mimic.formula()}")
+        if name in gears and gears[name].reduction is not None:
+            more.append(f"geared {gears[name].reduction:g} : 1")
+        rows.append(
+            (
+                name,
+                entry.kind,
+                entry.parent,
+                entry.child,
+                position,
+                "" if entry.speed is None else f"{entry.speed:.4g} {unit}/s",
+                "" if entry.effort is None else f"{entry.effort:.4g} {force}",
+                "; ".join(more),
+            )
+        )
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return [
+        "    " + "  ".join(f"{cell:{w}}" for cell, w in zip(row, widths, strict=True)).rstrip()
+        for row in rows
+    ]
+
+
+def _frames(mechanism: Mechanism) -> list[str]:
+    from jointplay.mechanism.tool import choose_tool
+
+    tool, reason = choose_tool(mechanism.description)
+    return [
+        _wrapped(f"frames: {', '.join(mechanism.description.links)}"),
+        _wrapped(f"tool, if none is named: {tool} ({reason})"),
+    ]

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import argparse
 import sys
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from jointplay.commands import add_trust, flags
 from jointplay.errors import JointplayError
+
+if TYPE_CHECKING:
+    from jointplay.scenario import Scenario
 
 
 def add(commands: Any) -> None:
@@ -21,8 +24,23 @@ def add(commands: Any) -> None:
         "arm under gravity, 0.2 mm in joint B, 3 s. Options count more than what FILE says.",
         epilog="DIR receives result.nc, or a .nc for each case (read it with jointplay.Result.load "
         "or any NetCDF reader), and the figures as .png and .pdf.",
-        lazy=_explain,
+        lazy=explain,
     )
+    run.add_argument("--out", metavar="DIR", required=True, help="folder for the results")
+    group = add_inputs(run)["integration and output"]
+    group.add_argument(
+        "--certify",
+        action="store_true",
+        help="run again more finely, and give the headline figures with their numerical errors; "
+        "takes some ten times as long",
+    )
+    group.add_argument("--no-figures", action="store_true", help="write no figures")
+    group.add_argument("--quiet", action="store_true", help="show no progress")
+    run.set_defaults(handler=execute)
+
+
+def add_inputs(run: Any) -> dict[str, Any]:
+    """Add the options that say what is simulated; returns their groups."""
     run.add_argument(
         "target",
         nargs="?",
@@ -38,7 +56,6 @@ def add(commands: Any) -> None:
         help='any key of the scenario, such as joints.joint_b.radial_clearance="0.3 mm" '
         "(repeatable; keys: docs/scenarios.md)",
     )
-    run.add_argument("--out", metavar="DIR", required=True, help="folder for the results")
     group = run.add_argument_group("cases of FILE")
     group.add_argument(
         "--case",
@@ -49,7 +66,7 @@ def add(commands: Any) -> None:
     )
     group.add_argument("--jobs", type=int, metavar="N", help="processes (default: one per core)")
     add_trust(group)
-    groups = {"robot": run.add_argument_group("robot")}
+    groups: dict[str, Any] = {"robot": run.add_argument_group("robot")}
     group = groups["robot"]
     group.add_argument("--urdf", metavar="ROBOT", help="the same as ROBOT")
     group.add_argument("--ideal", action="store_true", help="no clearance anywhere")
@@ -85,19 +102,10 @@ def add(commands: Any) -> None:
         help="Coulomb [N m or N] and viscous [N m s or N s/m] friction (repeatable; default: "
         "the URDF's)",
     )
-    group = groups["integration and output"]
-    group.add_argument(
-        "--certify",
-        action="store_true",
-        help="run again more finely, and give the headline figures with their numerical errors; "
-        "takes some ten times as long",
-    )
-    group.add_argument("--no-figures", action="store_true", help="write no figures")
-    group.add_argument("--quiet", action="store_true", help="show no progress")
-    run.set_defaults(handler=execute)
+    return groups
 
 
-def _explain(parser: argparse.ArgumentParser) -> None:
+def explain(parser: argparse.ArgumentParser) -> None:
     """Fill in what the scenario's tables say; only who asks for help waits for them."""
     known = {flag.name: flag for flag in flags.FLAGS}
     for action in parser._actions:
@@ -109,6 +117,16 @@ def _explain(parser: argparse.ArgumentParser) -> None:
 def execute(options: argparse.Namespace) -> int:
     """Make the scenario that the options describe, and run it."""
     from jointplay.commands import run_scenario
+
+    return run_scenario.run(scenario_of(options), options)
+
+
+def scenario_of(options: argparse.Namespace) -> Scenario:
+    """The scenario that the options of `add_inputs` describe.
+
+    Raises:
+        JointplayError: options that do not go together, or what they name is not there.
+    """
     from jointplay.scenario import Scenario
     from jointplay.scenario.robot import is_robot, robot_scenario
     from jointplay.scenario.settings import parse
@@ -134,7 +152,7 @@ def execute(options: argparse.Namespace) -> int:
             raise JointplayError(
                 "--ideal is for a robot; of a scenario's joint say --set joints.NAME.ideal=true"
             )
-    return run_scenario.run(scenario, options)
+    return scenario
 
 
 def _joints(path: str, trust: list[str]) -> list[str]:

@@ -57,6 +57,8 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
         run = scenario.prepare(case, progress=not options.quiet)
         runs = 1 + (further_runs(run.simulation) if case in certified else 0)
         total += runs * run.steps * run.simulation.step
+    for line in scenario.notes:
+        print(line, file=sys.stderr)
     files = dict(zip(cases, file_names(cases), strict=True))
     names = list(files.values())
     figures = scenario.figures and not options.no_figures

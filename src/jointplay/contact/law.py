@@ -199,8 +199,18 @@ class FrictionLaw(Law):
         return tuple(getattr(self, name) for name in names)
 
 
+STATIC_RATIO = 1.5
+"""Static over dynamic friction coefficient, where only the dynamic one is given."""
+
+
 def require_static(law: Any) -> None:
-    """Raise unless the law's static friction coefficient is at least its dynamic one."""
+    """Set a static friction coefficient that was not given; raise if it is below the dynamic one.
+
+    Where it was not given it is `STATIC_RATIO` times the dynamic one, to 12 digits: what one law
+    says of sliding holds in another.
+    """
+    if law.mu_s is None:
+        object.__setattr__(law, "mu_s", float(f"{STATIC_RATIO * law.mu_d:.12g}"))
     if law.mu_s < law.mu_d:
         raise JointplayError(
             f"mu_s must be at least mu_d = {law.mu_d:g}, got {law.mu_s:g}", where=("mu_s",)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import ClassVar, Literal, Self
 
@@ -23,6 +24,7 @@ from jointplay.contact import (
 from jointplay.errors import JointplayError, require_positive
 from jointplay.fields import check_fields, quantity
 from jointplay.joints.play import Play
+from jointplay.units import readable
 
 VIRTUAL_LINK = ("x", "y", "z", "yaw", "pitch", "roll")
 """The six coordinates of a clearance joint, in their order in q."""
@@ -133,6 +135,22 @@ class Clearance(Described, ABC):
                     f"got {getattr(self, name)!r}",
                     where=(name,),
                 )
+
+    @classmethod
+    @abstractmethod
+    def of_room(cls, radial: float, axial: float, sizes: Mapping[str, float]) -> Self:
+        """A joint with these clearances.
+
+        Args:
+            radial: on each side, across the axis [m].
+            axial: on each side, along the axis, if the kind has walls there [m].
+            sizes: of the bearing, by the name of the field [m]; a kind takes what it has.
+        """
+
+    @property
+    def words(self) -> str:
+        """Kind and clearance, for a line of text."""
+        return f"{self.kind}, {readable(self.radial_room, 'm')}"
 
     @property
     @abstractmethod

@@ -7,6 +7,7 @@ the touch of this kind, called by address (`geometry.own`).
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import ClassVar, Self
 
@@ -109,6 +110,11 @@ class CylindricalClearance(RoundClearance):
                 f"{shortest:.3g} m",
                 where=("bearing_length",),
             )
+
+    @classmethod
+    def of_room(cls, radial: float, axial: float, sizes: Mapping[str, float]) -> Self:
+        """See `Clearance.of_room`."""
+        return cls(radial_clearance=radial, **sizes)  # type: ignore[arg-type]
 
     @property
     def shape(self) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import product
 from typing import ClassVar, Self
@@ -71,6 +72,11 @@ class PrismaticClearance(Clearance):
                     f"slider clearance {play:g} m is as large as the slider's side {side:g} m",
                     where=(name,),
                 )
+
+    @classmethod
+    def of_room(cls, radial: float, axial: float, sizes: Mapping[str, float]) -> Self:
+        """See `Clearance.of_room`."""
+        return cls(clearance=radial)
 
     @property
     def cy(self) -> float:

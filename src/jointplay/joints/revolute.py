@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Self
 
@@ -17,6 +17,7 @@ from jointplay.geometry import EDGE_ROUNDING_M, Shape, worn_bore
 from jointplay.joints.base import VIRTUAL_LINK, Outline, complete
 from jointplay.joints.play import JournalPlay
 from jointplay.joints.round import RoundClearance
+from jointplay.units import readable
 
 SAMPLES = 72
 """Azimuths at which contact directions are sampled."""
@@ -150,6 +151,19 @@ class RevoluteClearance(RoundClearance):
         `fields` are those of the joint but for the two locks.
         """
         return cls(lock_tilt=True, lock_axial=True, **fields)  # type: ignore[arg-type]
+
+    @classmethod
+    def of_room(cls, radial: float, axial: float, sizes: Mapping[str, float]) -> Self:
+        """See `Clearance.of_room`."""
+        return cls(radial_clearance=radial, axial_clearance=axial, **sizes)  # type: ignore[arg-type]
+
+    @property
+    def words(self) -> str:
+        """Clearances and bore, for a line of text."""
+        return (
+            f"radial {readable(self.cr, 'm')}, axial {readable(self.ca, 'm')}, "
+            f"bearing {2e3 * self.ri:g} x {1e3 * self.li:g} mm"
+        )
 
     @property
     def walls(self) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import ClassVar, Self
 
@@ -41,6 +42,12 @@ class SphericalClearance(RoundClearance):
         """Derive what is missing and refuse what cannot be."""
         super().__post_init__()
         self.refuse_line_contact()
+
+    @classmethod
+    def of_room(cls, radial: float, axial: float, sizes: Mapping[str, float]) -> Self:
+        """See `Clearance.of_room`."""
+        own = {name: size for name, size in sizes.items() if name == "bearing_radius"}
+        return cls(radial_clearance=radial, **own)  # type: ignore[arg-type]
 
     def contact_properties(self, contact: int) -> ContactProperties:
         """Those of the one contact."""

@@ -8,14 +8,19 @@ have a URDF of the same name, the folder's name instead.
 from __future__ import annotations
 
 import sys
-import xml.etree.ElementTree as ElementTree
 from collections import defaultdict
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cache
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from jointplay.errors import JointplayError, MissingName
+from jointplay.host.files import is_file
+
+if TYPE_CHECKING:
+    from jointplay.mechanism.mechanism import Mechanism
 
 PACKAGE = "example-robot-data"
 PREFIX = f"{PACKAGE}:"
@@ -117,11 +122,26 @@ class Survey:
     unphysical: tuple[str, ...] = ()
     """Links whose inertia no rigid body has; to be allowed by name."""
     mimics: tuple[str, ...] = ()
-    """Joints that shall follow others; here they move freely."""
+    """Joints that follow others, unless a motion or drive says otherwise."""
     massless: tuple[str, ...] = ()
     """Joints that move no mass: nothing can be simulated unless they are fixed."""
     problem: str = ""
     """Why it cannot be loaded at all; empty if it can."""
+    astray: Mapping[str, str] = field(default_factory=dict)
+    """Joints that shall follow one that does not exist, and so move on their own."""
+    mechanism: Mechanism | None = None
+    """The ideal robot, if it can be loaded."""
+
+    @property
+    def bare(self) -> tuple[str, ...]:
+        """Links that joints move and that have no mass of their own."""
+        if self.mechanism is None:
+            return ()
+        model, entries = self.mechanism.model, self.mechanism.description.joints
+        moved = {name: int(model.getJointId(name)) for name in self.moving}
+        return tuple(
+            entries[name].child for name, at in moved.items() if not model.inertias[at].mass > 0.0
+        )
 
     @property
     def revolute(self) -> tuple[str, ...]:
@@ -139,36 +159,43 @@ class Survey:
         if self.unphysical:
             found.append(f"impossible inertia, to be allowed by name: {_list(self.unphysical)}")
         if self.mimics:
-            found.append(f"mimic joints move freely: {_list(self.mimics)}")
+            found.append(f"joints that follow others: {_list(self.mimics)}")
+        if self.astray:
+            words = tuple(f"{name} ({leader})" for name, leader in self.astray.items())
+            found.append(f"move on their own, for what they mimic does not exist: {_list(words)}")
         return tuple(found)
 
 
-def survey(name: str) -> Survey:
-    """Load the robot `name` and look at what it is made of.
+def survey(place: str | Path) -> Survey:
+    """Load a robot and look at what it is made of.
+
+    Args:
+        place: name of one of the package's robots, or path of a URDF.
 
     Raises:
-        JointplayError, MissingName: see `robot_urdf`.
+        JointplayError, MissingName: no such robot, or no well-formed URDF.
     """
     import numpy as np
     import pinocchio as pin
 
     from jointplay.mechanism.mechanism import Mechanism
-    from jointplay.mechanism.urdf import impossible_inertias
+    from jointplay.mechanism.urdf import elements, impossible_inertias, leaders
 
-    path = robot_urdf(name)
-    root = ElementTree.parse(path).getroot()
+    path, name = find(place)
+    root = elements(path)
     joints = {joint.get("name", ""): joint for joint in root.findall("joint")}
     moving = {n: joint.get("type", "") for n, joint in joints.items()}
     moving = {n: kind for n, kind in moving.items() if kind != "fixed"}
-    mimics = tuple(n for n in moving if joints[n].find("mimic") is not None)
+    following, astray = leaders(root)
+    mimics = tuple(n for n in moving if n in following)
     unphysical = tuple(impossible_inertias(root))
     try:
         mechanism = Mechanism(path, allow_unphysical=unphysical)
     except JointplayError as error:
-        return Survey(name, path, moving, False, unphysical, mimics, (), str(error))
+        return Survey(name, path, moving, False, unphysical, mimics, (), str(error), astray)
     model = mechanism.model
     moving = {n: moving[n] for n in mechanism.coordinates}
-    mass = pin.crba(model, mechanism.data, pin.neutral(model))
+    mass = pin.crba(model, mechanism.data, pin.neutral(model)).reshape(model.nv, model.nv)
     massless = tuple(
         joint
         for joint, m in zip(mechanism.coordinates, np.diag(mass), strict=True)
@@ -177,7 +204,20 @@ def survey(name: str) -> Survey:
     turning = [model.getJointId(n) for n in moving if moving[n] in ("revolute", "continuous")]
     paths = [set(model.supports[joint]) for joint in turning]
     serial = bool(paths) and max(paths, key=len).issuperset(turning)
-    return Survey(name, path, moving, serial, unphysical, mimics, massless)
+    return Survey(name, path, moving, serial, unphysical, mimics, massless, "", astray, mechanism)
+
+
+def find(place: str | Path) -> tuple[Path, str]:
+    """URDF of a robot of the package or of a path, and what to call it.
+
+    Raises:
+        JointplayError, MissingName: see `robot_urdf`.
+    """
+    text = str(place)
+    if isinstance(place, Path) or Path(text).suffix in (".urdf", ".xml") or is_file(Path(text)):
+        return Path(place), Path(place).stem
+    name = text.removeprefix(PREFIX)
+    return robot_urdf(name), name
 
 
 def _list(words: tuple[str, ...], most: int = 4) -> str:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Collection, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 
 from jointplay.errors import JointplayError, MissingName
+from jointplay.mechanism.declared import Declared, Mimic, Transmission
 
 _INSTALLED = Path(__file__).parents[1] / "urdf"
 _CHECKOUT = Path(__file__).parents[3] / "urdf"
@@ -55,13 +56,35 @@ class JointEntry:
     """Dry friction torque [N m or N]."""
     damping: float
     """Viscous friction [N m s/rad or N s/m]."""
-    lower: float | None = None
-    """Limits of its position [rad or m]; None where there are none, or where they are the same."""
-    upper: float | None = None
-    speed: float | None = None
-    """Limit of its speed [rad/s or m/s]; None where there is none, or 0."""
-    effort: float | None = None
-    """Limit of its effort [N m or N]; likewise."""
+    mimics: bool
+    """Whether it follows another joint that exists, see `mimic`."""
+    declared: Declared = field(compare=False, repr=False)
+    """Where the rest of what the URDF says is read."""
+
+    @property
+    def lower(self) -> float | None:
+        """Lower limit of its position [rad or m]; None where there is none, or `upper`'s."""
+        return self.declared.limits(self.name).lower
+
+    @property
+    def upper(self) -> float | None:
+        """Upper limit of its position [rad or m]; likewise."""
+        return self.declared.limits(self.name).upper
+
+    @property
+    def speed(self) -> float | None:
+        """Limit of its speed [rad/s or m/s]; None where there is none, or 0."""
+        return self.declared.limits(self.name).speed
+
+    @property
+    def effort(self) -> float | None:
+        """Limit of its effort [N m or N]; likewise."""
+        return self.declared.limits(self.name).effort
+
+    @property
+    def mimic(self) -> Mimic | None:
+        """The joint that it follows, and how; None if it follows none."""
+        return self.declared.mimic(self.name) if self.mimics else None
 
 
 @dataclass(frozen=True)
@@ -80,6 +103,11 @@ class Description:
         """Names of the joints that can get clearance."""
         return [j.name for j in self.joints.values() if j.kind in ("revolute", "continuous")]
 
+    @property
+    def transmissions(self) -> dict[str, Transmission]:
+        """What stands between motors and joints, by joint."""
+        return Declared(self.text).transmissions
+
 
 def read(path: str | Path, allow_unphysical: Collection[str] = ()) -> Description:
     """Read a URDF and check every inertia.
@@ -93,12 +121,34 @@ def read(path: str | Path, allow_unphysical: Collection[str] = ()) -> Descriptio
             link's inertia is impossible (the message names the link and its principal moments).
     """
     path = Path(path)
+    return parse(_text(path), path, allow_unphysical)
+
+
+def _text(path: Path) -> str:
     try:
-        text = path.read_text(encoding="utf-8")
+        return path.read_text(encoding="utf-8")
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise JointplayError(f"cannot read the URDF {str(path)!r}: {reason}") from None
-    return parse(text, path, allow_unphysical)
+
+
+def elements(path: Path) -> ElementTree.Element:
+    """A URDF's elements, unchecked.
+
+    Raises:
+        JointplayError: the file cannot be read, or is no URDF.
+    """
+    return _root(_text(path), path)
+
+
+def _root(text: str, path: Path) -> ElementTree.Element:
+    try:
+        root = ElementTree.fromstring(text)
+    except (ElementTree.ParseError, ValueError) as error:
+        raise JointplayError(f"the URDF {str(path)!r} is not well-formed XML: {error}") from None
+    if root.tag != "robot":
+        raise JointplayError(f"the URDF {str(path)!r} has the root <{root.tag}>, expected <robot>")
+    return root
 
 
 def parse(text: str, path: Path, allow_unphysical: Collection[str] = ()) -> Description:
@@ -111,12 +161,7 @@ def parse(text: str, path: Path, allow_unphysical: Collection[str] = ()) -> Desc
 
 @lru_cache(maxsize=32)
 def _parsed(text: str, path: Path, allow_unphysical: tuple[str, ...]) -> Description:
-    try:
-        root = ElementTree.fromstring(text)
-    except (ElementTree.ParseError, ValueError) as error:
-        raise JointplayError(f"the URDF {str(path)!r} is not well-formed XML: {error}") from None
-    if root.tag != "robot":
-        raise JointplayError(f"the URDF {str(path)!r} has the root <{root.tag}>, expected <robot>")
+    root = _root(text, path)
     found = root.findall("link")
     if not found:
         raise JointplayError(f"the URDF {str(path)!r} has no links")
@@ -139,11 +184,15 @@ def _parsed(text: str, path: Path, allow_unphysical: tuple[str, ...]) -> Descrip
     faults = impossible_inertias(root)
     wrong = [name for name in faults if name not in allow_unphysical]
     if wrong:
-        rest = f" (impossible too: {', '.join(wrong[1:])})" if wrong[1:] else ""
+        flags = " ".join(f"--allow-unphysical {name}" for name in wrong)
+        rest = f" (impossible too: {', '.join(wrong[1:])}; all: {flags})" if wrong[1:] else ""
         raise JointplayError(faults[wrong[0]] + rest)
     joints = {}
+    declared = Declared(text)
+    followers, _ = leaders(root)
     for joint in root.findall("joint"):
         name = joint.get("name", "")
+        _check_limit(joint, name)
         dynamics = joint.find("dynamics")
         joints[name] = JointEntry(
             name,
@@ -152,36 +201,51 @@ def _parsed(text: str, path: Path, allow_unphysical: tuple[str, ...]) -> Descrip
             _link(joint, "child", links),
             _number(dynamics, "friction", f"joint {name!r}", 0.0),
             _number(dynamics, "damping", f"joint {name!r}", 0.0),
-            *_limits(joint, name),
+            name in followers,
+            declared,
         )
     _check_tree(path, links, joints.values())
     return Description(path, text, joints, tuple(links))
 
 
-def _limits(
-    joint: ElementTree.Element, name: str
-) -> tuple[float | None, float | None, float | None, float | None]:
-    """Lower and upper position, speed and effort; exporters write zeros where they know none."""
-    found, owner = joint.find("limit"), f"limit of joint {name!r}"
-    if found is None or joint.get("type") in _NO_AXIS:
-        return None, None, None, None
-    lower, upper, speed, effort = (
-        _limit(found, key, owner) for key in ("lower", "upper", "velocity", "effort")
-    )
-    if not lower < upper or joint.get("type") == "continuous":
-        return None, None, speed or None, effort or None
-    return lower, upper, speed or None, effort or None
+def _check_limit(joint: ElementTree.Element, name: str) -> None:
+    """Refuse limits that are no numbers; they may be infinite."""
+    limit = joint.find("limit")
+    for key in ("lower", "upper", "effort", "velocity"):
+        text = "0" if limit is None else limit.get(key, "0")
+        try:
+            value = float(text)
+        except ValueError:
+            value = np.nan
+        if np.isnan(value):
+            raise JointplayError(f"{key} of the limit of joint {name!r} is no number: {text!r}")
 
 
-def _limit(element: ElementTree.Element, key: str, owner: str) -> float:
-    """A number that may be infinite; 0 if it is not given."""
-    try:
-        value = float(element.get(key, "0"))
-    except ValueError:
-        value = np.nan
-    if np.isnan(value):
-        raise JointplayError(f"{key} of the {owner} is no number: {element.get(key)!r}")
-    return value
+def leaders(root: ElementTree.Element) -> tuple[dict[str, str], dict[str, str]]:
+    """Joint that each joint mimics: those that exist, and those that do not.
+
+    Raises:
+        JointplayError: numbers that are none, or joints that in the end follow themselves.
+    """
+    found: dict[str, str] = {}
+    astray: dict[str, str] = {}
+    joints = {joint.get("name", "") for joint in root.findall("joint")}
+    for joint in root.findall("joint"):
+        name, mimic = joint.get("name", ""), joint.find("mimic")
+        if mimic is None:
+            continue
+        for key, default in (("multiplier", 1.0), ("offset", 0.0)):
+            _number(mimic, key, f"joint {name!r}: mimic", default)
+        leader = mimic.get("joint", "")
+        (found if leader in joints else astray)[name] = leader
+    for name in found:
+        way = [name]
+        while way[-1] in found:
+            way.append(found[way[-1]])
+            if way[-1] in way[:-1]:
+                ring = " - ".join(way[way.index(way[-1]) :])
+                raise JointplayError(f"joints mimic each other in a ring: {ring}")
+    return found, astray
 
 
 def _check_names(kind: str, names: Sequence[str]) -> None:

@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from jointplay.codec import Draft, unknown_key
+from jointplay.codec import Draft, Preset, unknown_key
 from jointplay.contact.trust import trusting
 from jointplay.errors import JointplayError, MissingName, require_positive, within
 from jointplay.fields import fields_of
 from jointplay.host.files import is_file
-from jointplay.joints import Clearance
+from jointplay.joints import JOINT_WORDS, Clearance
 from jointplay.loads import Load
 from jointplay.loads.drive import ComputedTorque, Drive, JointFriction, Torque
 from jointplay.mechanism.loop import Loop, refuse_name
@@ -28,6 +28,7 @@ from jointplay.motion.cartesian import cartesian_motion
 from jointplay.motion.reference import INTERPOLATIONS, Motion
 from jointplay.result.result import AXES
 from jointplay.scenario.model import ANGLE, ANGULAR_SPEED, PATHS, Model
+from jointplay.scenario.unnamed import complete
 from jointplay.simulation.simulation import Simulation
 from jointplay.units import WORDS, Measured, expected, shown
 
@@ -56,8 +57,11 @@ def locate(place: str, folder: Path) -> Path:
     return folder / place
 
 
-def build(model: Model, folder: Path) -> Simulation:
+def build(model: Model, folder: Path) -> tuple[Simulation, list[str]]:
     """Simulation that `model` describes; its paths are relative to `folder`.
+
+    Returns:
+        The simulation, and what was added that nobody asked for, a line each.
 
     Raises:
         JointplayError: what cannot be; `where` has the key.
@@ -72,9 +76,12 @@ def build(model: Model, folder: Path) -> Simulation:
         for name, value in model.start_speed.items()
     }
     motion = _motion(model, mechanism, folder, start)
+    notes: list[str] = []
+    if motion is not None:
+        motion, notes = complete(model, mechanism, motion, start)
     drive = _drive(model, mechanism, motion)
     integration = model.integration
-    return Simulation(
+    simulation = Simulation(
         mechanism,
         motion,
         drive=drive,
@@ -94,6 +101,7 @@ def build(model: Model, folder: Path) -> Simulation:
         settle=integration.settle,
         judge_from=integration.judge_from,
     )
+    return simulation, notes
 
 
 def _mechanism(model: Model, folder: Path) -> Mechanism:
@@ -164,7 +172,11 @@ def _renamed(**names: str) -> Iterator[None]:
 
 def _plain_when_ideal(kind: str | None, loop: bool) -> bool:
     """Whether an ideal joint of this kind is what stands there anyway, and needs no dimensions."""
-    return kind in ("revolute", "planar") or (kind == "prismatic" and not loop)
+    if kind is None:
+        return False
+    chosen = JOINT_WORDS[kind]
+    joint: Any = chosen.kind if isinstance(chosen, Preset) else chosen
+    return not (joint.compound() or (loop and joint.slides()))
 
 
 def _joint(draft: Draft, folder: Path) -> Clearance:

@@ -73,6 +73,7 @@ class Scenario:
         self._set = tree(self.settings)
         self.trust = tuple(trust)
         self.text = text
+        self.notes: list[str] = []
         data = self._parsed(text)
         cases = data.pop("cases", {})
         self.sweep = dict(self._table(data.pop("sweep", {}), ("sweep",)))
@@ -151,9 +152,11 @@ class Scenario:
         model = self.model(case, changes)
         try:
             with trusting(self.trust):
-                return build(model, self.path.parent)
+                simulation, notes = build(model, self.path.parent)
         except JointplayError as error:
             raise self._error(error.where, str(error), case, True) from None
+        self.notes += [line for line in notes if line not in self.notes]
+        return simulation
 
     def prepare(self, case: str | None = None, progress: bool = False) -> Run:
         """A case made ready to step; see `simulation` and `Simulation.prepare`."""

@@ -14,6 +14,7 @@ from jointplay.host import files
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.mechanism.model import parse
 from jointplay.mechanism.robots import PREFIX, robot_urdf
+from jointplay.mechanism.tool import choose_tool
 from jointplay.mechanism.urdf import read
 from jointplay.scenario.build import SHIPPED, locate
 from jointplay.scenario.load import Scenario
@@ -92,7 +93,7 @@ def robot_scenario(
         ideal: none has clearance.
 
     Returns:
-        The scenario, and what the user must be told of it; empty if nothing.
+        The scenario, and what the user must be told of it, in lines; empty if nothing.
 
     Raises:
         JointplayError: the robot cannot be read, no joint was named, or see `Scenario`.
@@ -109,13 +110,18 @@ def robot_scenario(
             choices = ", ".join(description.revolute) or "none"
             raise JointplayError(f"--joint is missing; revolute joints of {path}: {choices}")
         joints = (SCARA_JOINT,)
-    told = ""
+    told = []
     text: dict[str, Any] = {"robot": {"urdf": place if ":" in place else str(path.resolve())}}
+    if not scara and "tool" not in given.get("robot", {}):
+        tool, reason = choose_tool(description)
+        text["robot"]["tool"] = tool
+        told.append(f"tool: {tool} (chosen: {reason}; --tool FRAME takes another)")
     if "motion" not in given:
         if scara:
             text["motion"] = {"file": SCARA_MOTION}
         else:
-            text["motion"], told = _there_and_back(Mechanism(path, allow_unphysical=allowed))
+            text["motion"], words = _there_and_back(Mechanism(path, allow_unphysical=allowed))
+            told.append(words)
     named = []
     for name in () if ideal else joints:
         known = description.joints.get(name)
@@ -128,7 +134,7 @@ def robot_scenario(
                 table.pop(derived, None)
         named.append(Setting(("joints", name), table, f"--joint {name}"))
     written = "\n".join(f"{key} = {_inline(value)}" for key, value in text.items())
-    return Scenario(written, place, (), (*named, *settings), LABEL), told
+    return Scenario(written, place, (), (*named, *settings), LABEL), "\n".join(told)
 
 
 def _prefixed(place: str) -> str:
@@ -139,10 +145,15 @@ def _prefixed(place: str) -> str:
 
 
 def _there_and_back(mechanism: Mechanism) -> tuple[dict[str, Any], str]:
-    """A motion for who gave none: every joint a little way there and back, within its limits."""
+    """A motion for who gave none: every joint a little way there and back, within its limits.
+
+    Joints that mimic others follow them.
+    """
     model = parse(mechanism.description)
     ways = {}
     for name in mechanism.joints:
+        if mechanism.description.joints[name].mimics:  # it follows
+            continue
         at = model.joints[model.getJointId(name)].idx_q
         if model.joints[model.getJointId(name)].nq != 1:  # a continuous joint: without limits
             low, high = -np.inf, np.inf

@@ -31,7 +31,7 @@ def summary(scenario: Scenario, runs: Mapping[str, Run]) -> str:
         for case, own in facts.items():
             rest = {what: text for what, text in own.items() if what not in common}
             lines += [f"case {case}", *_lines(rest)]
-    return "\n".join(lines)
+    return "\n".join([*lines, *(f"  {note}" for note in scenario.notes)])
 
 
 def _lines(facts: Mapping[str, str]) -> list[str]:

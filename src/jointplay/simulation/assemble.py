@@ -81,14 +81,33 @@ def contact_site(mechanism: Mechanism, name: str, q: np.ndarray) -> ContactSite:
     )
 
 
+def _beside(mechanism: Mechanism, name: str) -> str:
+    """The two links of a joint with clearance, with their masses."""
+    sides = mechanism.bearing_frame(name)[0], mechanism.journal_frame(name)[0]
+    if name in mechanism.loops:
+        loop = mechanism.loops[name]
+        links = (loop.bearing_link, loop.journal_link)
+    else:
+        entry = mechanism.description.joints[name]
+        links = (entry.parent, entry.child)
+    if mechanism.clearance[name].exchanged:
+        sides = sides[::-1]
+    masses = [float(mechanism.model.inertias[index].mass) for index in sides]
+    return " and ".join(
+        f"link {link!r} belongs to the ground" if index == 0 else f"link {link!r} has {mass:.2g} kg"
+        for link, index, mass in zip(links, sides, masses, strict=True)
+    )
+
+
 def check_step(mechanism: Mechanism, mass_of_all: float, step: float, q: np.ndarray) -> None:
     """Refuse a step [s] too large for an impact, and contacts that meet no mass."""
     for name in mechanism.clearance:
         mass = effective_mass(mechanism, name, q)
         if not mass >= NO_MASS * mass_of_all:
             raise JointplayError(
-                f"a contact in joint {name!r} would meet a mass of {mass:.2g} kg only: a link "
-                "beside it has no mass or inertia of its own; give it some"
+                f"a contact in joint {name!r} would meet a mass of {mass:.2g} kg only, of "
+                f"{mass_of_all:.3g} kg in all: {_beside(mechanism, name)}; give the lighter one "
+                "more mass or inertia in the URDF"
             )
         duration = contact_duration(mechanism, name, q)
         if duration < MIN_CONTACT_STEPS * step:

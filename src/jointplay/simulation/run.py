@@ -23,6 +23,7 @@ from jointplay.kernel.integrators import DEFAULT, Integrator, integrator
 from jointplay.kernel.workspace import Workspace
 from jointplay.loads import limits as limits_of_joints
 from jointplay.loads.drive import JointFriction, assign, table_nodes, tabulate
+from jointplay.mechanism.massless import require_inertia
 from jointplay.result.audit import Judgement
 from jointplay.result.histories import Phase, histories
 from jointplay.result.result import Result
@@ -62,6 +63,7 @@ class Run:
         followed = [name for name, drive in drives.items() if drive.follows]
         bounds = self._bounds(followed)
         start = initial.place(simulation, mechanism, followed)
+        require_inertia(mechanism, start.q)
         if simulation.seed is not None and not simulation.stands:
             start.perturb(simulation.seed, at_rest=False)
         tables, armature = tabulate(

@@ -24,8 +24,8 @@ class BengisuAkay(FrictionLaw):
     reference = "M. T. Bengisu, A. Akay, J. Sound Vib. 171 (1994) 557-570"
     validity = "sliding with a Stribeck fall; no sticking: a resting contact creeps below v0"
 
-    mu_s: float = quantity("", default=0.15, least=0.0)
-    """Static friction coefficient, >= mu_d."""
+    mu_s: float = quantity("", default=None, least=0.0)
+    """Static friction coefficient, >= mu_d; 1.5 mu_d if not given."""
     mu_d: float = quantity("", default=0.1, least=0.0)
     """Dynamic friction coefficient."""
     v0: float = quantity("m/s", default=1e-3, above=0.0)

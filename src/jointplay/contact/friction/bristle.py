@@ -72,8 +72,8 @@ class StribeckBristles(BristleLaw):
 
     mu_d: float = quantity("", default=0.1, above=0.0)
     """Dynamic friction coefficient."""
-    mu_s: float = quantity("", default=0.15, above=0.0)
-    """Static friction coefficient, >= mu_d."""
+    mu_s: float = quantity("", default=None, above=0.0)
+    """Static friction coefficient, >= mu_d; 1.5 mu_d if not given."""
     v_s: float = quantity("m/s", default=1e-2, above=0.0)
     """Speed over which the friction falls from static to dynamic [m/s]."""
     sigma0: float = quantity("1/m", default=1e5, above=0.0)

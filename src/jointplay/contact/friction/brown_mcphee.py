@@ -27,8 +27,8 @@ class BrownMcPhee(FrictionLaw):
     reference = "P. Brown, J. McPhee, J. Comput. Nonlinear Dyn. 11 (2016) 054502"
     validity = "sliding with a Stribeck fall; no sticking: a resting contact creeps below v_t"
 
-    mu_s: float = quantity("", default=0.15, least=0.0)
-    """Static friction coefficient, >= mu_d: the largest, near v_t."""
+    mu_s: float = quantity("", default=None, least=0.0)
+    """Static friction coefficient, >= mu_d: the largest, near v_t; 1.5 mu_d if not given."""
     mu_d: float = quantity("", default=0.1, least=0.0)
     """Dynamic friction coefficient."""
     v_t: float = quantity("m/s", default=1e-3, above=0.0)

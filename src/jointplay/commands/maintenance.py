@@ -1,0 +1,76 @@
+"""`jointplay maintenance`: cycles until wear makes the tool miss its tolerance."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+from jointplay.commands import add_trust
+from jointplay.commands.playing import quantity
+
+INTERRUPTED = 130
+
+
+def add(commands: Any) -> None:
+    """Add the command's parser."""
+    parser = commands.add_parser(
+        "maintenance",
+        help="estimate the cycles until wear makes the tool miss its tolerance",
+        description="Estimate after how many cycles of a scenario the worn bores of its joints let "
+        "the tool be off by more than a target (static worst case along the motion), and which "
+        "joint's wear it is. Joints need a wear_rate in the scenario. docs/decisions.md says what "
+        "the numbers mean.",
+    )
+    parser.add_argument("file", metavar="FILE", help="scenario (TOML); one run is one cycle")
+    parser.add_argument(
+        "--target", required=True, metavar="LENGTH", help='tolerance of the tool, "0.1 mm" or [m]'
+    )
+    parser.add_argument("--case", help="case of the scenario; may be left out if there is one")
+    parser.add_argument("--blocks", type=int, default=5, metavar="N", help="default 5")
+    parser.add_argument(
+        "--runs", type=int, default=2, metavar="N", help="perturbed runs of each block (default 2)"
+    )
+    parser.add_argument(
+        "--cycles-per-run", type=float, default=1.0, metavar="N", help="cycles in one run"
+    )
+    parser.add_argument(
+        "--wear-factor",
+        type=float,
+        default=3.0,
+        metavar="X",
+        help="factor within which wear rates are known, for the spread (default 3)",
+    )
+    parser.add_argument("--out", metavar="DIR", help="folder for maintenance.csv and the figure")
+    parser.add_argument("--quiet", action="store_true", help="show no progress")
+    add_trust(parser)
+    parser.set_defaults(handler=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Estimate, print, draw."""
+    from jointplay.analysis.maintenance import maintenance
+    from jointplay.host import files
+    from jointplay.scenario import Scenario
+
+    target = quantity(options.target, "m", "--target")
+    simulation = Scenario.load(options.file, options.trust).simulation(options.case)
+    names = ["maintenance.csv", "maintenance.png"]
+    out = files.claim(options.out, names) if options.out else None
+    found = maintenance(
+        simulation,
+        target,
+        blocks=options.blocks,
+        runs=options.runs,
+        cycles_per_run=options.cycles_per_run,
+        factor=options.wear_factor,
+        progress=not options.quiet,
+    )
+    print(f"tool: {simulation.mechanism.tool!r}")
+    print(found)
+    if out is not None:
+        from jointplay.plots.maintenance import course
+
+        files.write(out / "maintenance.csv", found.csv())
+        course(found).savefig(out / "maintenance.png")
+        print(f"written to {options.out}: {', '.join(names)}")
+    return 0 if found.reached else INTERRUPTED

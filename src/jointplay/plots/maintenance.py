@@ -1,0 +1,47 @@
+"""Figure of wear: the tool's error and the joints' clearances over the cycles."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from jointplay.analysis.maintenance import Maintenance
+from jointplay.plots.style import COLOURS, new_figure, style
+
+
+def course(found: Maintenance) -> Figure:
+    """The tool's error up to its tolerance, and each joint's growth of clearance."""
+    aside = np.sqrt(np.cumsum(np.nan_to_num(found.scatter) ** 2))
+    with style():
+        figure = new_figure(7.5, 3.4)
+        axes: Any = figure.subplots(1, 2)
+        axes[0].errorbar(
+            found.cycles,
+            1e3 * found.error,
+            xerr=2.0 * aside,
+            fmt="o-",
+            ms=3,
+            capsize=2,
+            color=COLOURS[0],
+            label="worst case, static",
+        )
+        axes[0].axhline(1e3 * found.target, color="black", ls="--", label="tolerance")
+        axes[0].set(xlabel="cycles", ylabel="error of the tool [mm]")
+        axes[0].set_ylim(bottom=0.0)
+        axes[0].legend(fontsize=7)
+        for name, depths in zip(found.joints, found.growth.T, strict=True):
+            axes[1].plot(found.cycles, 1e6 * depths, "o-", ms=3, label=name)
+        axes[1].set(xlabel="cycles", ylabel="growth of clearance, deepest [um]")
+        axes[1].legend(fontsize=7)
+        low, high = found.spread
+        figure.supxlabel(
+            "an estimate from simulated cycles; bars: two standard errors of the perturbed runs; "
+            f"{low:.2g} to {high:.2g} cycles\nif wear rates are known to a factor of "
+            f"{found.factor:g}",
+            fontsize=5.5,
+            x=0.01,
+            ha="left",
+        )
+    return figure

@@ -1,0 +1,39 @@
+"""Figure of a dynamic budget: each joint alone, all together, and the shares."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from jointplay.analysis.dynamic_budget import DynamicBudget
+from jointplay.plots.style import COLOURS, new_figure, style
+
+
+def bars(found: DynamicBudget) -> Figure:
+    """Errors of each source alone and of all together; shares with the interaction."""
+    names = [*found.joints, "all together"]
+    rms = [*found.alone_rms.mean(axis=0), found.rms.mean()]
+    peak = [*found.alone_peak.max(axis=0), found.peak.max()]
+    parts = np.column_stack([found.parts, found.interaction])
+    place = np.arange(len(names))
+    several = len(parts) > 1
+    known = 100 * parts.std(axis=0, ddof=1) / math.sqrt(len(parts)) if several else None
+    with style():
+        figure = new_figure(8.5, 1.8 + 0.45 * len(names))
+        axes: Any = figure.subplots(1, 2)
+        axes[0].barh(place - 0.2, 1e3 * np.array(peak), 0.38, color=COLOURS[1], label="peak")
+        axes[0].barh(place + 0.2, 1e3 * np.array(rms), 0.38, color=COLOURS[0], label="RMS")
+        axes[0].set_yticks(place, names)
+        axes[0].set_xlabel("error of the tool [mm]")
+        axes[0].legend(fontsize=7)
+        axes[1].barh(place, 100 * parts.mean(axis=0), 0.6, xerr=known, color=COLOURS[0])
+        axes[1].set_yticks(place, [*found.joints, "interaction"])
+        axes[1].set_xlabel("share of the mean square of the error [%]")
+        for panel in axes:
+            panel.invert_yaxis()
+            panel.axvline(0.0, color="black", lw=0.6)
+        figure.supxlabel(found.accuracy, fontsize=5.5, x=0.01, ha="left")
+    return figure

@@ -1,0 +1,133 @@
+"""From wear to maintenance."""
+
+import numpy as np
+import pytest
+from conftest import body, joint
+
+import jointplay as jp
+from jointplay.analysis.maintenance import maintenance
+from jointplay.cli import main
+
+PLAY = 1e-4
+
+
+def rubbing(urdf, *, gravity=9.81, target_joint=True, wear_rate=1e-13, second=False, **options):
+    """A heavy body whose journal turns in a bore, the tool on its axis."""
+    play = {"pin": jp.ClearanceJoint.planar(radial_clearance=PLAY, wear_rate=wear_rate)}
+    parts = [body("arm"), joint("pin", "base", "arm")]
+    if second:
+        parts += [body("end", mass=1.0), joint("tip", "arm", "end")]
+        play["tip"] = jp.ClearanceJoint.planar(radial_clearance=PLAY)
+    robot = jp.Mechanism(urdf(*parts), play, gravity=(0, -gravity, 0))
+    motion = jp.Motion(["pin"], [0, 0.05], [[0], [1.5]], "constant-speed")
+    return jp.Simulation(
+        robot, motion, **({"drive": jp.ComputedTorque(300.0), "joint_friction": {}} | options)
+    )
+
+
+def test_the_tool_on_the_axis_is_off_by_the_clearance_and_what_has_worn(urdf):
+    found = maintenance(rubbing(urdf), 1.1e-4, blocks=2, runs=2)
+    assert found.joints == ("pin",)
+    assert found.error == pytest.approx([1e-4, 1.05e-4, 1.1e-4], rel=2e-3)
+    assert found.growth[:, 0] == pytest.approx([0.0, 5e-6, 1e-5], abs=2e-7)
+    assert found.blame == pytest.approx([1.0])
+    assert found.reached
+    low, high = found.spread
+    assert low < found.life < high
+
+
+def test_ten_times_the_wear_rate_is_a_tenth_of_the_life(urdf):
+    one, other = (
+        maintenance(rubbing(urdf, wear_rate=rate), 1.02e-4, blocks=1, runs=1).life
+        for rate in (1e-13, 1e-12)
+    )
+    assert one == pytest.approx(10.0 * other, rel=1e-3)
+
+
+def test_with_one_run_the_scatter_is_unknown_and_said_so(urdf):
+    found = maintenance(rubbing(urdf), 1.02e-4, blocks=1, runs=1)
+    assert np.isnan(found.standard_error)
+    assert "unknown" in str(found)
+    assert "an estimate" in str(found)
+
+
+def test_two_cycles_a_run_double_the_life(urdf):
+    one, two = (
+        maintenance(rubbing(urdf), 1.02e-4, blocks=1, runs=1, cycles_per_run=count).life
+        for count in (1.0, 2.0)
+    )
+    assert two == pytest.approx(2.0 * one, rel=1e-3)
+
+
+def test_a_target_that_is_missed_already_is_refused_with_the_present_error(urdf):
+    with pytest.raises(jp.JointplayError, match=r"0\.1 mm before anything wears.*missed already"):
+        maintenance(rubbing(urdf), 0.9e-4)
+
+
+def test_joints_without_wear_rate_are_named(urdf):
+    with pytest.raises(jp.JointplayError, match=r"pin.*wear_rate"):
+        maintenance(rubbing(urdf, wear_rate=None), 2e-4)
+
+
+def test_a_machine_without_motion_does_not_wear(urdf):
+    still = rubbing(urdf)
+    with pytest.raises(jp.JointplayError, match="no motion"):
+        maintenance(jp.Simulation(still.mechanism, duration=0.05), 2e-4)
+
+
+def test_journals_without_load_last(urdf):
+    still = rubbing(urdf, gravity=0.0, start="centred")
+    with pytest.raises(jp.JointplayError, match="slides under load"):
+        maintenance(still, 2e-4, runs=1)
+
+
+def test_a_target_that_no_wear_leads_to_is_refused(urdf):
+    with pytest.raises(jp.JointplayError, match="does not lead"):
+        maintenance(rubbing(urdf), 1.0, blocks=1, runs=1)
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ({"target": -1.0}, "target"),
+        ({"blocks": 0}, "blocks"),
+        ({"runs": 0}, "runs"),
+        ({"factor": 0.5}, "factor"),
+        ({"cycles_per_run": 0.0}, "cycles per run"),
+    ],
+)
+def test_values_out_of_range_are_named(urdf, changes, says):
+    with pytest.raises(jp.JointplayError, match=says):
+        maintenance(rubbing(urdf), **({"target": 2e-4} | changes))
+
+
+SCENARIO = """
+[robot]
+urdf = "robot.urdf"
+gravity = [0, "-9.81 m/s^2", 0]
+[joints.pin]
+kind = "planar"
+radial_clearance = "0.1 mm"
+wear_rate = "1e-4 mm^3/(N*m)"
+[motion]
+times = [0, "50 ms"]
+interpolation = "constant-speed"
+[motion.joints]
+pin = [0, "1.5 rad"]
+"""
+
+
+def test_the_command_prints_and_writes(urdf, tmp_path, capsys):
+    urdf(body("arm"), joint("pin", "base", "arm"))
+    file, out = tmp_path / "s.toml", tmp_path / "out"
+    file.write_text(SCENARIO)
+    order = ["maintenance", str(file), "--blocks", "1", "--runs", "2", "--quiet"]
+    assert main([*order, "--target", "0.102 mm", "--out", str(out)]) == 0
+    text = capsys.readouterr().out
+    assert "pin 100 %" in text
+    assert (out / "maintenance.png").stat().st_size > 5000
+    rows = (out / "maintenance.csv").read_text().splitlines()
+    assert rows[0] == "cycles,standard_error_of_block,error_m,growth_pin_m"
+    assert float(rows[-1].split(",")[2]) == pytest.approx(1.02e-4, rel=2e-3)
+    assert main([*order, "--target", "0.05 mm"]) == 2
+    assert "missed already" in capsys.readouterr().err
