@@ -20,7 +20,7 @@ CRANK = (
     joint("rod", "crank", "rod", axis="0 1 0", at=f"0 0 {LENGTH}"),
     body("block", 0.5, "0.01 0 0.01", 1e-3),
 )
-FREE = {"record_every": 50, "drive": {}}
+FREE = {"record_every": 50, "drive": {}, "start": "centred"}
 
 
 def cut_at_the_slider(urdf, **fields):
@@ -37,7 +37,7 @@ def cut_at_the_pin(urdf):
 
 
 def thrown(mechanism, **options):
-    options = {"start": START, "start_speed": {"crank": 5.0}, "duration": 0.05} | FREE | options
+    options = {"state": START, "start_speed": {"crank": 5.0}, "duration": 0.05} | FREE | options
     return jp.simulate(mechanism, **options)
 
 
