@@ -157,3 +157,16 @@ def test_parts_of_a_kernel_are_translated_to_machine_code_with_their_entry_only(
         assert one.library.get_pointer_to_function(one.fndesc.llvm_func_name) == 0
     (entry,) = called.overloads.values()
     assert not isinstance(entry.library, PartLibrary)
+
+
+def test_compiled_functions_that_call_other_files_are_stamped_with_them():
+    from jointplay import geometry
+    from jointplay.host import numba_cache
+    from jointplay.simulation import elastic
+
+    own = sorted(Path(geometry.__file__).parent.glob("*.py"))
+    for function in (geometry.touch, geometry.classify_many, geometry.worn_gap, geometry.gaps):
+        assert function._cache._cache_file._source_stamp == numba_cache.fingerprint(own)
+    whole = numba_cache.fingerprint((*stamp.SOURCES, Path(elastic.__file__)))
+    for name in ("_wrench", "_energy", "_stiffness"):
+        assert getattr(elastic, name)._cache._cache_file._source_stamp == whole

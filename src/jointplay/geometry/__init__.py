@@ -15,6 +15,8 @@ normal, and its rate is the normal velocity of the contact point, so contact for
 work that the change of the gap implies.
 """
 
+from pathlib import Path
+
 from jointplay.geometry.bore import worn_bore, worn_gap
 from jointplay.geometry.cylinder import (
     axial_gap,
@@ -34,6 +36,7 @@ from jointplay.geometry.forms import (
 )
 from jointplay.geometry.shapes import CONTACTS, EDGE_ROUNDING_M, Shape
 from jointplay.geometry.touching import touch
+from jointplay.host.numba_cache import stamp
 
 __all__ = [
     "CONTACTS",
@@ -55,3 +58,11 @@ __all__ = [
     "worn_bore",
     "worn_gap",
 ]
+
+# They call each other across files, so their compiled code is valid for all of them only.
+_SOURCES = sorted(Path(__file__).parent.glob("*.py"))
+for _compiled in (
+    *(axial_gap, radial_gap, deepest_rim_direction, touch_cylinder, gaps, worn_gap, touch),
+    *(classify_form, classify_mode, classify_many),
+):
+    stamp(_compiled, _SOURCES)

@@ -8,9 +8,11 @@ Compiled modules take `njit` from here, so that this is seen to before they comp
 from __future__ import annotations
 
 import atexit
+import hashlib
 import shutil
 import tempfile
 import warnings
+from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -19,7 +21,7 @@ import numba
 from numba import njit
 from numba.core import caching
 
-__all__ = ["NO_PLACE", "ensure", "njit"]
+__all__ = ["NO_PLACE", "ensure", "fingerprint", "njit", "stamp"]
 
 NO_PLACE = (
     "compiled code cannot be kept, so every start compiles anew (some 20 s): neither the package's "
@@ -40,6 +42,23 @@ def ensure() -> None:
         atexit.register(shutil.rmtree, folder, ignore_errors=True)
         numba.config.CACHE_DIR = folder
         warnings.warn(NO_PLACE, RuntimeWarning, stacklevel=2)
+
+
+def fingerprint(sources: Iterable[Path]) -> str:
+    """Hash of what these files say."""
+    digest = hashlib.sha256()
+    for source in sources:
+        digest.update(source.read_bytes())
+    return digest.hexdigest()
+
+
+def stamp(dispatcher: Any, sources: Iterable[Path]) -> None:
+    """Let the cache of a compiled function be valid for exactly these sources.
+
+    numba compiles again when the file of the function changed - that file only, not those of the
+    functions that it calls. The attributes are numba's own and private; a test guards them.
+    """
+    dispatcher._cache._cache_file._source_stamp = fingerprint(sources)
 
 
 def _forgive() -> None:

@@ -7,9 +7,10 @@ therefore stamped with all sources that go into it.
 
 from __future__ import annotations
 
-import hashlib
 from pathlib import Path
 from typing import Any
+
+from jointplay.host import numba_cache
 
 _PACKAGE = Path(__file__).parent
 _PLAIN = ("integrators.py", "workspace.py")
@@ -27,15 +28,9 @@ SOURCES = (
 
 def fingerprint() -> str:
     """Hash of all `SOURCES`."""
-    digest = hashlib.sha256()
-    for source in SOURCES:
-        digest.update(source.read_bytes())
-    return digest.hexdigest()
+    return numba_cache.fingerprint(SOURCES)
 
 
-def stamp(dispatcher: Any) -> None:
-    """Let numba's cache of a compiled function be valid for exactly these sources.
-
-    The attributes are numba's own and private; a test guards them.
-    """
-    dispatcher._cache._cache_file._source_stamp = fingerprint()
+def stamp(dispatcher: Any, *more: Path) -> None:
+    """Let numba's cache of a compiled function be valid for exactly these sources, and `more`."""
+    numba_cache.stamp(dispatcher, (*SOURCES, *more))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 
@@ -10,6 +11,7 @@ from jointplay.contact.compiled import MAX_PARAMETERS, address, call_normal, poi
 from jointplay.geometry import classify_many, touch
 from jointplay.host.numba_cache import njit
 from jointplay.joints import Clearance
+from jointplay.kernel.sources import stamp
 
 _SHIFT_M = 1e-9
 """Displacement by which wrenches are differentiated [m]."""
@@ -121,3 +123,7 @@ class ElasticJoint:
         """Fall of the wrench per displacement [m] and turn [rad] of the journal, (6, 6)."""
         found: np.ndarray = _stiffness(*self._of, pose, _SHIFT_M, _SHIFT_M / self.reach)
         return found
+
+
+for _compiled in (_wrench, _energy, _stiffness):
+    stamp(_compiled, Path(__file__))
