@@ -19,8 +19,11 @@ from jointplay.kernel.solve import LEAST_COMPLIANCE
 """Rows of `run.path`: the state at the start of the predicted path and what changes it, the state
 in its middle, `half` at its start, and the mean acceleration of the last macro step."""
 
-LARGEST_TURN = 0.035
+LARGEST_TURN = 0.02
 """Angle by which no joint turns further in a macro step that an error estimate chooses [rad]."""
+
+FEWEST_STEPS = 6
+"""Steps that a macro step has although joints turn further: coarse steps of fast machines."""
 
 REFUSED = 4.0
 """A macro step whose middle is so many times the tolerance off is planned anew."""
@@ -72,7 +75,8 @@ def _bounded(run):
     longest = run.until - run.step
     macro = min(longest, max(run.wish // run.unit, 1) * run.unit)
     if run.fixed == 0 and run.fastest * macro * run.dt > LARGEST_TURN:
-        macro = max(int(LARGEST_TURN / (run.fastest * run.dt * run.unit)), 1) * run.unit
+        units = int(LARGEST_TURN / (run.fastest * run.dt * run.unit))
+        macro = max(units, FEWEST_STEPS // run.unit, 1) * run.unit
     return min(macro, longest)
 
 
