@@ -209,7 +209,8 @@ def test_a_second_ctrl_c_gives_up_and_says_what(tmp_path):
     process.send_signal(signal.SIGINT)
     _, err, status = end(process)
     assert status == 130
-    assert f"interrupted; gave up {tmp_path / 'o' / 'result.nc'}" in err
+    assert "interrupted" in err
+    assert f"gave up {tmp_path / 'o' / 'result.nc'}" in err
     assert "what was computed is in" not in err
     assert "Traceback" not in err
     assert list((tmp_path / "o").iterdir()) == []
