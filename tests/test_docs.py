@@ -99,7 +99,10 @@ def folder(earlier, tmp_path, monkeypatch):
     monkeypatch.setenv("PATH", f"{JOINTPLAY.parent}{os.pathsep}{os.environ['PATH']}")
     monkeypatch.setenv("MPLBACKEND", "agg")
     (tmp_path / "my_robot.urdf").write_text(ROBOT)
-    for name, source in {"a": "case1_0.2mm", "b": "case2_0.5mm", "one": "case1_0.2mm"}.items():
+    for name, source in {
+        **{"a": "case1_0.2mm", "b": "case2_0.5mm", "one": "case1_0.2mm"},
+        "run": "case1_0.2mm",
+    }.items():
         shutil.copy(earlier / f"{source}.nc", tmp_path / f"{name}.nc")
     shutil.copy(earlier / "case1_0.2mm.nc", tmp_path)
     shutil.copytree(earlier, tmp_path / "results")

@@ -138,7 +138,6 @@ BAD = {
     "missing file": (["run", "none.toml", "--out", "o"], "none.toml"),
     "no such case": (["run", "study.toml", "--out", "o", "--case", "x"], "ideal, 0.2 mm, 0.5 mm"),
     "jobs": (["run", "study.toml", "--out", "o", "--jobs", "0"], "got 0"),
-    "options of another run": (["run", "study.toml", "--out", "o", "--radial", "1e-4"], "--radial"),
     "case without scenario": (["run", "--case", "x", "--out", "o"], "--case needs a scenario"),
     "check": (["check", "none.toml"], "none.toml"),
 }

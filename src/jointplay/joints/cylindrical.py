@@ -73,7 +73,8 @@ def touch(k, pose, bore_radius, rod_radius, half_length):  # type: ignore[no-unt
     there = rx * ax + ry * ay + rz * az
     fx, fy, fz = there * ax - rx, there * ay - ry, there * az - rz
     distance = math.sqrt(fx * fx + fy * fy + fz * fz)
-    return distance - rod_radius, rx, ry, rz, fx / distance, fy / distance, fz / distance
+    inverse = 1.0 / distance if distance > 0.0 else 0.0  # an edge on the axis has no direction
+    return distance - rod_radius, rx, ry, rz, inverse * fx, inverse * fy, inverse * fz
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -60,8 +60,8 @@ SWING_S = 1.0
 
 
 def _there(place: str) -> bool:
-    """Whether there is a file or folder of this name, which may be one that none can have."""
-    return files.is_file(Path(place)) or files.is_folder(Path(place))
+    """Whether there is a file of this name, which may be one that none can have."""
+    return files.is_file(Path(place))
 
 
 def is_robot(place: str) -> bool:

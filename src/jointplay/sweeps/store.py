@@ -99,7 +99,7 @@ class Store:
         self.array("error", "string", "", "what went wrong with the case", "")
         self._coordinates()
         # With these attributes it is a store; without, the rest of one that was not made.
-        self.group.attrs.update(
+        self.group.update_attributes(
             self._about()
             | {
                 "jointplay_sweep": FORMAT,
@@ -186,7 +186,7 @@ class Store:
                 if tuple(names[: len(dims)]) == tuple(dims):
                     array.resize((*plan.shape, *array.shape[len(dims) :]))
             self._coordinates()
-            self.group.attrs.update(self._about())
+            self.group.update_attributes(self._about())
             self._consolidate()
 
     def _consolidate(self) -> None:
