@@ -10,10 +10,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from jointplay.errors import JointplayError
-from jointplay.scenario.settings import Setting
+
+if TYPE_CHECKING:
+    from jointplay.scenario.settings import Setting
 
 
 @dataclass(frozen=True)
@@ -135,6 +137,8 @@ def settings(options: Any, joints: Sequence[str]) -> list[Setting]:
     Raises:
         JointplayError: one for a joint, and no joint; or friction of a joint that reads wrong.
     """
+    from jointplay.scenario.settings import Setting
+
     found = []
     for flag in FLAGS:
         given = getattr(options, flag.attribute)
@@ -168,6 +172,8 @@ def _keys(flag: Flag, key: str, joints: Sequence[str], options: Any) -> list[tup
 
 
 def _friction(entries: Sequence[str]) -> list[Setting]:
+    from jointplay.scenario.settings import Setting
+
     found = []
     for entry in entries:
         name, _, values = entry.partition("=")
