@@ -33,6 +33,7 @@ def geared(gear, step, integrator):
         step=step,
         record_every=every,
         integrator=integrator,
+        limits="ignore",
     )
 
 

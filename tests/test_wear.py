@@ -201,7 +201,7 @@ def test_interrupted_life_keeps_what_is_known(urdf, monkeypatch):
 
     simulation, calls, original = rubbing(urdf, 30.0, duration=0.05), [], module.Run.execute
 
-    def execute(self, progress=False, **options):
+    def execute(self, progress=False, *options):
         calls.append(1)
         if len(calls) == 3:
             raise KeyboardInterrupt
