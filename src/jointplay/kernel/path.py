@@ -47,7 +47,7 @@ def _predict(run):
     done = run.time - run.path_start
     if done > 0.0:  # else planned anew
         apart = run.path_start + 0.5 * done - run.mean_time
-        smooth = run.events == 0 and run.known_free > 1
+        smooth = run.touching == 0 and run.events == 0 and run.known_free > 1
         for i in range(nv):
             # The acceleration of a contact that lasts swings; its mean is what moves the arm.
             mean = (half[i] - path[HALF, i]) / done
