@@ -45,7 +45,7 @@ from jointplay.kernel.vectors import inlined
 TOLERANCE = 1e-9
 """Error of the velocity solve, as the root of twice its kinetic energy [kg^0.5 m/s]."""
 
-RELATIVE_TOLERANCE = 1e-9
+RELATIVE_TOLERANCE = 1e-11
 """The same relative to the state's own."""
 
 LEAST_COMPLIANCE = 1e-14
