@@ -41,7 +41,11 @@ def test_swinging_robot_converges_to_an_independent_integration(urdf, method):
         run = release(simulation.prepare())
         run.workspace.q[:] = start
         errors.append(np.abs(run.execute()["q"].values[-1] - exact).max())
-    assert observed_order(errors, steps) == pytest.approx(method.order, abs=0.15)
+    found = observed_order(errors, steps)
+    if method.single_rate:
+        assert found == pytest.approx(method.order, abs=0.15)
+    else:  # two clocks: where macro steps shrink with the steps, their higher order shows
+        assert method.order - 0.15 < found < method.order + 1.0
 
 
 def errors_of_speed(free_mass, method, counts, height, speed, gravity, duration):

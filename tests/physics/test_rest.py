@@ -8,8 +8,7 @@ import pytest
 from conftest import body, joint, still
 
 import jointplay as jp
-from jointplay.joints.prismatic import PrismaticJoint
-from jointplay.joints.spherical import SphericalJoint
+from jointplay.joints import PrismaticJoint, SphericalJoint
 from jointplay.scenario import Scenario
 
 PIN = {"radial_clearance": 1e-4, "axial_clearance": 1e-4}
