@@ -36,7 +36,7 @@ BODY = """
 JOINT = """
   <joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>
     <origin xyz="{at}" rpy="{rpy}"/><axis xyz="{axis}"/>
-    <limit lower="-1e9" upper="1e9" effort="1e3" velocity="1e3"/></joint>"""
+    <limit lower="-9" upper="9" effort="1e3" velocity="1e3"/></joint>"""
 
 
 def body(name, mass=2.0, com="0 0 0", inertia=1e-2):

@@ -214,7 +214,7 @@ def test_command_lists_any_urdf(urdf, capsys):
     )
     assert main(["robots", str(path)]) == 0
     out = capsys.readouterr().out
-    row = r"turn +revolute +base +arm +-1e\+09 to 1e\+09 rad +1000 rad/s +1000 N m +geared 50 : 1\n"
+    row = r"turn +revolute +base +arm +-9 to 9 rad +1000 rad/s +1000 N m +geared 50 : 1\n"
     assert re.search(row, out)
     assert re.search(r"slide +prismatic +arm +tip +follows 0\.5 turn - 0\.1\n", out)
     assert "frames: base, arm, tip" in out
