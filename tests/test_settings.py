@@ -1,7 +1,7 @@
 import pytest
 
 from jointplay import JointplayError, Scenario
-from jointplay.scenario.settings import given_by, parse, tree, words
+from jointplay.scenario.settings import Setting, given_by, parse, tree, words
 
 SCARA = "jointplay:scara.toml"
 
@@ -49,3 +49,11 @@ def test_a_key_of_a_law_keeps_the_law_that_a_word_chose():
     scenario = Scenario.load("jointplay:scara.toml", settings=[parse(text)])
     friction = scenario.model("0.2 mm").joints["joint_b"].fields["friction"]
     assert (friction.word, friction.fields["mu_d"]) == ("ambrosio", 0.3)
+
+
+def test_later_settings_leave_the_values_of_earlier_ones_as_they_are():
+    material = {"young": 207e9}
+    first = Setting(("joints", "a"), {"bearing_material": material}, "--joint a")
+    found = tree([first, parse("joints.a.bearing_material.young=1e9")])
+    assert found["joints"]["a"]["bearing_material"]["young"] == 1e9
+    assert material == {"young": 207e9}

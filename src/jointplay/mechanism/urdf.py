@@ -13,7 +13,7 @@ import numpy as np
 from jointplay.errors import JointplayError, MissingName
 from jointplay.mechanism.declared import Declared, Mimic, Transmission
 
-_INSTALLED = Path(__file__).parents[1] / "urdf"
+_INSTALLED = Path(__file__).parents[1] / "shipped"
 _CHECKOUT = Path(__file__).parents[3] / "urdf"
 
 MOST_LINKS, MOST_MOVING = 5000, 250

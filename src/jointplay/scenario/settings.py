@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import json
 import tomllib
 from collections.abc import Iterable, Mapping
@@ -75,7 +76,7 @@ def tree(settings: Iterable[Setting]) -> dict[str, Any]:
             if not isinstance(below, dict):
                 below = here[part] = {}
             here = below
-        here[setting.key[-1]] = setting.value
+        here[setting.key[-1]] = copy.deepcopy(setting.value)  # later settings may reach into it
     return root
 
 
