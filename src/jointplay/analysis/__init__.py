@@ -1,47 +1,39 @@
 """What results say: accuracy, contacts, spectra, numerical error, wear."""
 
-from jointplay.analysis.contact_statistics import Contacts, contacts, shares
-from jointplay.analysis.spectra import spectrum
-from jointplay.analysis.tool_error import (
-    COMPONENTS,
-    Accuracy,
-    Stop,
-    accuracy,
-    deviation,
-    error_at,
-    stops,
-)
-from jointplay.analysis.twin import (
-    clearance_inputs,
-    clearance_outline,
-    has_play,
-    ideal_simulation,
-    inputs,
-    is_twin,
-    places,
-    task,
-    twin,
-)
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "COMPONENTS",
-    "Accuracy",
-    "Contacts",
-    "Stop",
-    "accuracy",
-    "clearance_inputs",
-    "clearance_outline",
-    "contacts",
-    "deviation",
-    "error_at",
-    "has_play",
-    "ideal_simulation",
-    "inputs",
-    "is_twin",
-    "places",
-    "shares",
-    "spectrum",
-    "stops",
-    "task",
-    "twin",
-]
+from jointplay.host.late import lazily
+
+if TYPE_CHECKING:
+    from jointplay.analysis.contact_statistics import Contacts as Contacts
+    from jointplay.analysis.contact_statistics import contacts as contacts
+    from jointplay.analysis.contact_statistics import shares as shares
+    from jointplay.analysis.spectra import spectrum as spectrum
+    from jointplay.analysis.tool_error import COMPONENTS as COMPONENTS
+    from jointplay.analysis.tool_error import Accuracy as Accuracy
+    from jointplay.analysis.tool_error import Stop as Stop
+    from jointplay.analysis.tool_error import accuracy as accuracy
+    from jointplay.analysis.tool_error import deviation as deviation
+    from jointplay.analysis.tool_error import error_at as error_at
+    from jointplay.analysis.tool_error import stops as stops
+    from jointplay.analysis.twin import clearance_inputs as clearance_inputs
+    from jointplay.analysis.twin import clearance_outline as clearance_outline
+    from jointplay.analysis.twin import has_play as has_play
+    from jointplay.analysis.twin import ideal_simulation as ideal_simulation
+    from jointplay.analysis.twin import inputs as inputs
+    from jointplay.analysis.twin import is_twin as is_twin
+    from jointplay.analysis.twin import places as places
+    from jointplay.analysis.twin import task as task
+    from jointplay.analysis.twin import twin as twin
+
+_HOMES = {
+    "contact_statistics": "Contacts contacts shares",
+    "spectra": "spectrum",
+    "tool_error": "COMPONENTS Accuracy Stop accuracy deviation error_at stops",
+    "twin": "clearance_inputs clearance_outline has_play ideal_simulation inputs is_twin places "
+    "task twin",
+}
+
+__getattr__ = lazily(
+    __name__, {name: module for module, names in _HOMES.items() for name in names.split()}
+)

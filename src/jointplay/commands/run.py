@@ -145,6 +145,7 @@ def scenario_of(options: argparse.Namespace) -> Scenario:
         if told:
             print(told, file=sys.stderr)
     else:
+        _require_known(target)
         joints = options.joint or _joints(options.target, options.trust)
         settings = [*flags.settings(options, joints), *given]
         scenario = Scenario.load(options.target, options.trust, settings)
@@ -153,6 +154,33 @@ def scenario_of(options: argparse.Namespace) -> Scenario:
                 "--ideal is for a robot; of a scenario's joint say --set joints.NAME.ideal=true"
             )
     return scenario
+
+
+def _require_known(target: str) -> None:
+    """Refuse what is neither a scenario file nor looks like one: perhaps a robot's name gone wrong.
+
+    Raises:
+        JointplayError: with the robots whose names resemble it.
+    """
+    import difflib
+    from pathlib import Path
+
+    from jointplay.host.files import is_file
+    from jointplay.mechanism.robots import names
+
+    if is_file(Path(target)) or Path(target).suffix or "/" in target or ":" in target:
+        return
+    try:
+        known = names()
+    except JointplayError as error:
+        raise JointplayError(f"no file {target!r}, and {error}") from None
+    near = [name for name in known if target.lower() in name] or difflib.get_close_matches(
+        target.lower().replace("-", "_"), known
+    )
+    similar = f"; did you mean {', '.join(near)}?" if near else ""
+    raise JointplayError(
+        f"{target!r} is no file and no robot{similar} (jointplay robots lists all)"
+    )
 
 
 def _joints(path: str, trust: list[str]) -> list[str]:

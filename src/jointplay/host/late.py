@@ -7,6 +7,8 @@ conveniences name their home instead of importing it.
 from __future__ import annotations
 
 import importlib
+import sys
+from collections.abc import Callable, Mapping
 from typing import Any
 
 
@@ -14,3 +16,23 @@ def late(address: str) -> Any:
     """The object at "module:name" of this package, such as ``plots:Plots``."""
     module, _, name = address.partition(":")
     return getattr(importlib.import_module(f"jointplay.{module}"), name)
+
+
+def lazily(package: str, homes: Mapping[str, str]) -> Callable[[str], Any]:
+    """The ``__getattr__`` of a package whose names are imported when they are first used.
+
+    To check a scenario file needs words of many packages, but no compiler and no Pinocchio.
+
+    Args:
+        package: its ``__name__``.
+        homes: the module of the package that has each name.
+    """
+
+    def get(name: str) -> Any:
+        if name not in homes:
+            raise AttributeError(f"module {package!r} has no attribute {name!r}")
+        value = getattr(importlib.import_module(f"{package}.{homes[name]}"), name)
+        setattr(sys.modules[package], name, value)
+        return value
+
+    return get

@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 from typing import ClassVar, Self
 
 import numpy as np
-import pinocchio as pin
 
 from jointplay.contact import ContactProperties
 from jointplay.contact.compiled import compiled_touch
@@ -194,6 +193,8 @@ class CylindricalClearance(RoundClearance):
 
     def ideal_part(self, rotation: np.ndarray, centre: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The axis is turned back by the shortest way; along it, all stays."""
+        import pinocchio as pin
+
         swing = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), rotation[:, 2])
         return swing.toRotationMatrix().T @ rotation, np.array([0.0, 0.0, centre[2]])
 

@@ -8,12 +8,11 @@ from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Self
 
 import numpy as np
-import pinocchio as pin
 
 from jointplay.contact import ContactProperties, FilmLaw, FilmProperties
 from jointplay.errors import JointplayError, require_positive, within
 from jointplay.fields import quantity
-from jointplay.geometry import EDGE_ROUNDING_M, Shape, worn_bore
+from jointplay.geometry import EDGE_ROUNDING_M, Shape
 from jointplay.joints.base import VIRTUAL_LINK, Outline, complete
 from jointplay.joints.play import JournalPlay
 from jointplay.joints.round import RoundClearance
@@ -243,7 +242,7 @@ class RevoluteClearance(RoundClearance):
     @property
     def dimensions(self) -> tuple[float, ...]:
         """R_i, R_j and the half lengths [m]; then the worn profile, if any."""
-        profile = () if self.worn is None else tuple(map(worn_bore, np.array(self.worn)))
+        profile = () if self.worn is None else tuple(map(_profile, np.array(self.worn)))
         return self.ri, self.rj, self.li / 2, self.lj / 2, *(x for row in profile for x in row)
 
     @property
@@ -327,6 +326,8 @@ class RevoluteClearance(RoundClearance):
 
     def ideal_part(self, rotation: np.ndarray, centre: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The axis is turned back by the shortest way; along the axis, only what nothing limits."""
+        import pinocchio as pin
+
         swing = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), rotation[:, 2])
         slide = np.array([0.0, 0.0, 0.0 if self.walls else centre[2]])
         return swing.toRotationMatrix().T @ rotation, slide
@@ -342,3 +343,10 @@ class RevoluteClearance(RoundClearance):
             arm = 0.0 if self.lock_tilt else self.rj
             rows.append(np.column_stack([zero, zero, one, arm * s, -arm * c, zero]))
         return np.concatenate(rows)
+
+
+def _profile(depths: np.ndarray) -> tuple[float, ...]:
+    """Numbers of one end of a worn bore; numba comes with the first that is worn."""
+    from jointplay.geometry import worn_bore
+
+    return worn_bore(depths)

@@ -6,7 +6,6 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 import pinocchio as pin
-from scipy.interpolate import make_interp_spline
 from tqdm import tqdm
 
 from jointplay.errors import JointplayError
@@ -133,6 +132,8 @@ def _with_loops(
             guess[at] = positions[0]
             guess = assemble(ideal, guess, at)
         q[i], maps[i] = guess, driven_map(ideal, guess, at)
+    from scipy.interpolate import make_interp_spline
+
     curve = make_interp_spline(nodes, q, k=5)
     model, data = ideal.model, ideal.data
     states = (curve(nodes), curve(nodes, 1), curve(nodes, 2))

@@ -140,9 +140,34 @@ class Packer:
         entry = self.raw(np.ascontiguousarray(planes).tobytes())
         return entry | {"rows": table.shape[0], "columns": table.shape[1], "quantum": quantum}
 
+    def mesh(self, triangles: np.ndarray) -> dict[str, Any]:
+        """Append the triangles of a surface whose points are in the order of their first use.
+
+        Each number of a point is kept as how far it lies behind the next new point: mostly little.
+
+        Args:
+            triangles: numbers of their points, shape (m, 3).
+        """
+        used = triangles.reshape(-1).astype(np.int64)
+        fresh = np.maximum.accumulate(np.concatenate([[-1], used[:-1]])) + 1
+        behind = (fresh - used).astype("<u4")
+        planes = np.ascontiguousarray(behind.view(np.uint8).reshape(-1, 4).T)
+        return self.raw(planes.tobytes()) | {"numbers": len(used)}
+
     def deflated(self) -> bytes:
         """All that was appended, compressed (zlib)."""
         return zlib.compress(b"".join(self._blocks), 9)
+
+
+def unpack_mesh(block: bytes, entry: dict[str, Any]) -> np.ndarray:
+    """Triangles that `Packer.mesh` appended, from the decompressed block: shape (m, 3)."""
+    data = np.frombuffer(block, np.uint8, entry["bytes"], entry["at"])
+    behind = np.ascontiguousarray(data.reshape(4, -1).T).view("<u4").reshape(-1)
+    found, fresh = [], 0
+    for back in behind.tolist():
+        found.append(fresh - back)
+        fresh += back == 0
+    return np.array(found).reshape(-1, 3)
 
 
 def unpack(block: bytes, entry: dict[str, Any]) -> np.ndarray:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -16,22 +16,14 @@ from jointplay import analysis
 from jointplay.errors import JointplayError
 from jointplay.host import files
 from jointplay.mechanism.mechanism import Mechanism
-from jointplay.plots.style import COLOURS, new_figure, style
+from jointplay.plots.names import PAPER, is_paper_robot
+from jointplay.plots.palette import Cases, colours, reference
+from jointplay.plots.style import new_figure, style
 from jointplay.result.result import AXES, Result
-
-PAPER_ROBOTS = ("scara.urdf", "scara_as_printed.urdf")
 
 _LEGEND_COLUMNS = 3
 _ORBITS = 3
 """Columns of a legend, and of orbits, at most."""
-
-Cases = Mapping[str, Result]
-"""Results by label, in drawing order; the first one without clearance is the reference."""
-
-
-def reference(cases: Cases) -> Result | None:
-    """The ideal mechanism among the cases, if there is one."""
-    return next((result for result in cases.values() if not analysis.has_play(result)), None)
 
 
 def joint_of(cases: Cases) -> str | None:
@@ -43,13 +35,6 @@ def coloured(cases: Cases) -> Iterator[tuple[str, Result, str]]:
     """Label, result and colour of each case."""
     for (label, result), colour in zip(cases.items(), colours(cases), strict=True):
         yield label, result, colour
-
-
-def colours(cases: Cases) -> list[str]:
-    """The colour of each case, wherever it is drawn: figures, report, player."""
-    # Without an ideal case the first colour stays free: red means ideal.
-    shift = 0 if reference(cases) is not None else 1
-    return [COLOURS[(index + shift) % len(COLOURS)] for index in range(len(cases))]
 
 
 def compared(cases: Cases) -> Iterator[tuple[str, Result, str, Result]]:
@@ -65,11 +50,6 @@ def is_paper(cases: Cases) -> bool:
     return all(
         is_paper_robot(analysis.inputs(result)["mechanism"]["urdf"]) for result in cases.values()
     )
-
-
-def is_paper_robot(urdf: str) -> bool:
-    """Whether a URDF of this name is the paper's robot."""
-    return Path(urdf.rpartition(":")[2]).name in PAPER_ROBOTS
 
 
 def _figure(width: float, height: float, rows: int, columns: int, **options: Any) -> Any:
@@ -277,15 +257,6 @@ FIGURES: dict[str, Callable[[Cases], Figure]] = {
     "overview": overview,
 }
 NEEDS_CLEARANCE = ("journal_orbit", "overview")
-
-PAPER = {name: f"fig{9 + k:02d}" for k, name in enumerate(FIGURES) if name != "overview"}
-"""Names of the paper's figures."""
-
-
-def file_names(paper: bool) -> list[str]:
-    """Names of all files that `save` may write, for the paper's robot or for another."""
-    names = [PAPER.get(name, name) if paper else name for name in FIGURES]
-    return [f"{name}.{kind}" for name in names for kind in ("png", "pdf")]
 
 
 def _drawn(cases: Cases) -> Iterator[tuple[str, Figure]]:

@@ -5,20 +5,21 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from jointplay.errors import JointplayError
+from jointplay.errors import JointplayError, MissingName
 from jointplay.host import files
-from jointplay.mechanism.mechanism import Mechanism
-from jointplay.mechanism.model import parse
 from jointplay.mechanism.robots import PREFIX, robot_urdf
 from jointplay.mechanism.tool import choose_tool
 from jointplay.mechanism.urdf import read
-from jointplay.scenario.build import SHIPPED, locate
 from jointplay.scenario.load import Scenario
 from jointplay.scenario.settings import Setting, tree
+from jointplay.scenario.sources import SHIPPED, locate
+
+if TYPE_CHECKING:
+    from jointplay.mechanism.mechanism import Mechanism
 
 SCARA = f"{SHIPPED}scara.urdf"
 SCARA_JOINT = "joint_b"
@@ -110,6 +111,10 @@ def robot_scenario(
             choices = ", ".join(description.revolute) or "none"
             raise JointplayError(f"--joint is missing; revolute joints of {path}: {choices}")
         joints = (SCARA_JOINT,)
+    for name in () if ideal else joints:
+        if name not in description.joints and name not in given.get("loops", {}):
+            wrong = MissingName("joint", name, [*description.joints, *given.get("loops", {})])
+            raise JointplayError(f"--joint {name}: {wrong}")
     told = []
     text: dict[str, Any] = {"robot": {"urdf": place if ":" in place else str(path.resolve())}}
     if not scara and "tool" not in given.get("robot", {}):
@@ -120,6 +125,8 @@ def robot_scenario(
         if scara:
             text["motion"] = {"file": SCARA_MOTION}
         else:
+            from jointplay.mechanism.mechanism import Mechanism
+
             text["motion"], words = _there_and_back(Mechanism(path, allow_unphysical=allowed))
             told.append(words)
     named = []
@@ -149,6 +156,8 @@ def _there_and_back(mechanism: Mechanism) -> tuple[dict[str, Any], str]:
 
     Joints that mimic others follow them.
     """
+    from jointplay.mechanism.model import parse
+
     model = parse(mechanism.description)
     ways = {}
     for name in mechanism.joints:

@@ -6,7 +6,7 @@ import warnings
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -20,11 +20,13 @@ from jointplay.mechanism.mechanism import Mechanism
 from jointplay.mechanism.payload import Payload
 from jointplay.motion.reference import Motion
 from jointplay.result.judging import STARTS
-from jointplay.result.result import Result
 from jointplay.simulation import checkpoint, judging
 from jointplay.simulation.initial import PERTURBATION, pair
 from jointplay.simulation.moment import Moment
 from jointplay.simulation.run import Run
+
+if TYPE_CHECKING:
+    from jointplay.result.result import Result
 
 __all__ = ["PERTURBATION", "Run", "Simulation", "simulate"]
 
