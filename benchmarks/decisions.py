@@ -155,7 +155,7 @@ def reductions() -> list[str]:
 
 
 def figure(rows: list[dict[str, float]], path: Path) -> None:
-    from jointplay.plots.style import COLOURS, new_figure, style
+    from jointplay.plots.styles import COLOURS, new_figure, style
 
     with style():
         drawn = new_figure(5.5, 4.2)

@@ -42,13 +42,13 @@ def filmable():
 def frames_of(path):
     import imageio.v3 as imageio
 
-    return np.asarray(imageio.imread(path, index=None if path.suffix == ".gif" else ...))
+    return np.asarray(imageio.imread(path, index=0 if path.suffix == ".png" else None))
 
 
 @given(st.floats(1e-4, 1e3))
 def test_films_have_an_ordinary_length(duration):
     length = duration / speed_for(duration)
-    assert 4.0 * (1 - 1e-9) <= length or duration < 4e-5
+    assert length >= 4.0 * (1 - 1e-9) or duration < 4e-5
     assert length <= 20.0 * (1 + 1e-9) or duration > 1000.0
 
 
@@ -96,7 +96,7 @@ def test_what_is_missing_is_said_with_the_remedy(monkeypatch, tmp_path):
 
 def test_a_machine_without_a_browser_is_told_how_to_get_one(monkeypatch, tmp_path):
     class Tools:
-        class chromium:  # noqa: N801
+        class chromium:
             executable_path = str(tmp_path / "none")
 
     monkeypatch.delenv(movie.CHROMIUM, raising=False)

@@ -16,21 +16,21 @@ if TYPE_CHECKING:
     from jointplay.analysis.tool_error import deviation as deviation
     from jointplay.analysis.tool_error import error_at as error_at
     from jointplay.analysis.tool_error import stops as stops
-    from jointplay.analysis.twin import clearance_inputs as clearance_inputs
-    from jointplay.analysis.twin import clearance_outline as clearance_outline
-    from jointplay.analysis.twin import has_play as has_play
-    from jointplay.analysis.twin import ideal_simulation as ideal_simulation
-    from jointplay.analysis.twin import inputs as inputs
-    from jointplay.analysis.twin import is_twin as is_twin
-    from jointplay.analysis.twin import places as places
-    from jointplay.analysis.twin import task as task
-    from jointplay.analysis.twin import twin as twin
+    from jointplay.analysis.twins import clearance_inputs as clearance_inputs
+    from jointplay.analysis.twins import clearance_outline as clearance_outline
+    from jointplay.analysis.twins import has_play as has_play
+    from jointplay.analysis.twins import ideal_simulation as ideal_simulation
+    from jointplay.analysis.twins import inputs as inputs
+    from jointplay.analysis.twins import is_twin as is_twin
+    from jointplay.analysis.twins import places as places
+    from jointplay.analysis.twins import task as task
+    from jointplay.analysis.twins import twin as twin
 
 _HOMES = {
     "contact_statistics": "Contacts contacts shares",
     "spectra": "spectrum",
     "tool_error": "COMPONENTS Accuracy Stop accuracy deviation error_at stops",
-    "twin": "clearance_inputs clearance_outline has_play ideal_simulation inputs is_twin places "
+    "twins": "clearance_inputs clearance_outline has_play ideal_simulation inputs is_twin places "
     "task twin",
 }
 

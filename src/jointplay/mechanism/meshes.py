@@ -195,7 +195,9 @@ def surface(points: np.ndarray, triangles: np.ndarray, colour: Colour | None = N
 
     Triangles that joining makes lines are left out.
     """
-    used = np.asarray(points, float)[triangles.reshape(-1)]
+    used = np.asarray(points, float)[np.asarray(triangles, np.int64).reshape(-1)]
+    if not len(used):
+        return Part(np.zeros((0, 3)), np.zeros((0, 3), np.int64), colour)
     grid = _WELD * float(np.ptp(used, axis=0).max()) or 1.0
     _, first, number = np.unique(
         np.round(used / grid).astype(np.int64), axis=0, return_index=True, return_inverse=True

@@ -88,7 +88,7 @@ def look(mechanism: Mechanism, folders: Sequence[str | Path] = ()) -> Look:
         for visual in link.visuals:
             mesh = visual.geometry.mesh
             key, parts = _surfaces(visual.geometry, where, not description.stored)
-            if not parts:
+            if not parts and mesh is not None:
                 missing.append(mesh.filename or "")
                 continue
             place = np.eye(4) if visual.origin is None else np.array(visual.origin)
@@ -97,7 +97,7 @@ def look(mechanism: Mechanism, folders: Sequence[str | Path] = ()) -> Look:
             given = _colour(visual.material, robot)
             colours = tuple(given or part.colour or tone for part in parts)
             found.append(Shape(link.name, place, parts, colours, key))
-        shapes += found
+        shapes += [shape for shape in found if any(len(part.triangles) for part in shape.parts)]
         if link.visuals and not found:
             bare.append(link.name)
     if not any(link.visuals for link in robot.links):

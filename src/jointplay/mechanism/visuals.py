@@ -24,10 +24,8 @@ import pinocchio as pin
 from jointplay.errors import JointplayError
 from jointplay.host.files import is_folder
 from jointplay.mechanism.mechanism import Mechanism
+from jointplay.mechanism.meshes import FORMATS, Parts, parts_of
 from jointplay.mechanism.model import parse
-
-FORMATS = (".dae", ".obj", ".stl")
-"""Mesh files that meshcat reads."""
 
 _VIEW = (1.6, -1.6, 1.0)
 """Where the camera stands, from the robot's middle, relative to the robot's reach."""
@@ -252,6 +250,8 @@ def _carried(
         original = pin.buildGeomFromUrdf(source, str(file), kind)
     geometry, links = pin.GeometryModel(), []
     for shape in original.geometryObjects:
+        if Path(shape.meshPath).is_file():
+            shape.geometry = _solid(parts_of(Path(shape.meshPath)), np.array(shape.meshScale))
         frame = source.frames[shape.parentFrame]
         _attach(
             geometry, mechanism.model, shape, frame.name, frame.placement.actInv(shape.placement)
@@ -261,12 +261,30 @@ def _carried(
 
 
 def _loads(file: Path) -> bool:
-    """Whether Pinocchio's library can read a mesh: one broken file must not stop the others."""
+    """Whether a mesh can be read: one broken file must not stop the others."""
     try:
-        coal.MeshLoader().load(str(file))
-    except Exception:  # whatever Assimp throws
+        parts_of(file)
+    except JointplayError:
         return False
     return True
+
+
+def _solid(parts: Parts, scale: np.ndarray) -> Any:
+    """All parts of a mesh as one body of coal's.
+
+    coal's own loader (3.0.3) has the triangles of a file's second part use the points of the first.
+    """
+    points = np.concatenate([part.points for part in parts]) * scale
+    before = np.cumsum([0, *(len(part.points) for part in parts[:-1])])
+    triangles = np.concatenate(
+        [part.triangles + first for part, first in zip(parts, before, strict=True)]
+    )
+    made = coal.BVHModelOBBRSS()
+    made.beginModel(len(triangles), len(points))
+    made.addVertices(points)
+    made.addTriangles(triangles)
+    made.endModel()
+    return made
 
 
 def _attach(

@@ -19,13 +19,14 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from jointplay.analysis.twin import ideal_simulation, is_twin
+from jointplay.analysis.twins import ideal_simulation, is_twin
 from jointplay.errors import JointplayError, MissingName
 from jointplay.kernel import Status
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.mechanism.meshes import Colour, Part
 from jointplay.mechanism.seen import Look, look
-from jointplay.playback.closeup import close_up, continuous
+from jointplay.mechanism.tree import Motion, Tree
+from jointplay.playback.closeup import close_up, continuous, quaternions
 from jointplay.playback.tracks import Impacts, Packer, impacts, keep, strongest
 from jointplay.plots.palette import colours
 from jointplay.result.result import Result
@@ -288,14 +289,17 @@ def _typical(force: np.ndarray, hits: Impacts) -> float:
 
 def _poses(mechanism: Mechanism, q: np.ndarray, links: Sequence[str]) -> np.ndarray:
     """World poses of link frames, shape (n, links, 7): position [m] and quaternion (x, y, z, w)."""
-    model, data = mechanism.model, mechanism.data
-    frames = [model.getFrameId(link, pin.FrameType.BODY) for link in links]
+    model = mechanism.model
+    ground = (0, pin.SE3.Identity())
+    frames = [model.frames[model.getFrameId(link, pin.FrameType.BODY)] for link in links]
+    pairs = [(ground, (frame.parentJoint, frame.placement)) for frame in frames]
+    found = Motion.of(len(q), len(links))
+    states = np.ascontiguousarray(q), np.zeros((len(q), model.nv))
+    Tree(model).move(found, 0, len(q), *states, ground, pairs)
     poses = np.empty((len(q), len(links), 7))
-    for i, row in enumerate(q):
-        pin.framesForwardKinematics(model, data, row)
-        for k, frame in enumerate(frames):
-            poses[i, k] = pin.SE3ToXYZQUAT(data.oMf[frame])
-    for k in range(len(links)):
+    for k, places in enumerate(found.poses):
+        poses[:, k, :3] = places[:, :3]
+        poses[:, k, 3:] = quaternions(places[:, 3:].reshape(-1, 3, 3))
         continuous(poses[:, k, 3:])
     return poses
 

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from jointplay.plots.palette import COLOURS as COLOURS
     from jointplay.plots.palette import Cases as Cases
     from jointplay.plots.palette import reference as reference
-    from jointplay.plots.style import STYLES as STYLES
-    from jointplay.plots.style import style as style
+    from jointplay.plots.styles import STYLES as STYLES
+    from jointplay.plots.styles import style as style
 
 __getattr__ = lazily(
     __name__,
@@ -35,7 +35,7 @@ __getattr__ = lazily(
         "COLOURS": "palette",
         "Cases": "palette",
         "reference": "palette",
-        "STYLES": "style",
-        "style": "style",
+        "STYLES": "styles",
+        "style": "styles",
     },
 )

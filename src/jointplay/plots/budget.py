@@ -14,7 +14,7 @@ from jointplay.analysis.budget import Budget
 from jointplay.analysis.levers import GEAR
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.mechanism.picture import picture
-from jointplay.plots.style import COLOURS, new_figure, style
+from jointplay.plots.styles import COLOURS, new_figure, style
 
 _SHARES = "YlOrRd"
 _ERRORS = "viridis"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from jointplay.analysis.twin import has_play
+from jointplay.analysis.twins import has_play
 from jointplay.result.result import Result
 
 COLOURS = ("#D55E00", "#0072B2", "#CC79A7", "#009E73", "#E69F00", "#56B4E9")

@@ -13,7 +13,7 @@ from jointplay.geometry import Mode
 from jointplay.plots.accessor import CONTACT_COLOURS, MODE_NAMES
 from jointplay.plots.figures import force_joints, is_paper, plane_of
 from jointplay.plots.names import PAPER
-from jointplay.plots.style import MODE_COLOURS
+from jointplay.plots.styles import MODE_COLOURS
 from jointplay.report.cases import Case
 from jointplay.report.series import EXACT, Pack, Thinning
 from jointplay.result.result import AXES, Result

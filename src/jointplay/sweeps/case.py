@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from jointplay.analysis.twin import ideal_simulation, task
+from jointplay.analysis.twins import ideal_simulation, task
 from jointplay.errors import JointplayError
 from jointplay.kernel import Status
 from jointplay.motion.reference import Motion
