@@ -24,7 +24,15 @@ SHIPPED = ("scara", "slider_crank", "four_bar")
 """Scenarios that lie in the package; the others are in the gallery's own folder."""
 VIEWS = {"oil_pendulum": (-65.0, 18.0), "spline": (-60.0, 22.0), "ball_pendulum": (-60.0, 15.0)}
 """Directions from which some are drawn: azimuth and elevation [deg]."""
-FIELDS = ("mechanism", "case", "tool_peak_mm", "tool_rms_mm", "force_peak_N", "contacts", "residual")
+FIELDS = (
+    "mechanism",
+    "case",
+    "tool_peak_mm",
+    "tool_rms_mm",
+    "force_peak_N",
+    "contacts",
+    "residual",
+)
 
 
 def names() -> list[str]:
@@ -61,11 +69,15 @@ def numbers(name: str) -> list[dict[str, str]]:
             ),
             default=float("nan"),
         )  # fmt: skip
-        count = sum(len(one.start) for one in analysis.contacts(result, start)) if result.joints else 0
+        count = (
+            sum(len(one.start) for one in analysis.contacts(result, start)) if result.joints else 0
+        )
+        peak, rms = (f"{1e3 * s:.3g}" for s in (sizes.max(), np.sqrt((sizes**2).mean())))
+        if sizes.max() < 1e-12:  # a tool frame that does not move
+            peak = rms = "-"
         rows.append(
             dict(zip(FIELDS, (
-                name, case, f"{1e3 * sizes.max():.3g}", f"{1e3 * np.sqrt((sizes**2).mean()):.3g}",
-                f"{force:.3g}", str(count), f"{result.audit.relative_energy_residual:.1e}",
+                name, case, peak, rms, f"{force:.3g}", str(count), residual,
             ), strict=True))
         )  # fmt: skip
     return rows

@@ -91,6 +91,8 @@ def test_the_numbers_can_be_measured_again(name):
     known = {row["case"]: row for row in rows() if row["mechanism"] == name}
     for row in gallery.numbers(name):
         for field, factor in (("tool_rms_mm", 1.3), ("force_peak_N", 3.0)):
+            if row[field] == "-":
+                continue
             then, now = float(known[row["case"]][field]), float(row[field])
             if np.isfinite(then):
                 assert then / factor <= now <= then * factor, (row, field)

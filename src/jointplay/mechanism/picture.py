@@ -87,13 +87,15 @@ def picture(
         flat = high[2] - low[2] < _FLAT * float((high - low).max())
         view = (-70.0, 55.0) if flat else (-60.0, 24.0)
     # Matplotlib sorts whole triangles by depth, which needs them small.
-    pieces = [_cut(_coarse(body, _FINEST * size), _PIECE * size) for body in bodies]
-    triangles = np.concatenate(pieces)
+    pieces, sides = zip(
+        *(_coarse(_cut(body, _PIECE * size), _FINEST * size) for body in bodies), strict=True
+    )
+    triangles, normals = np.concatenate(pieces), np.concatenate(sides)
     tones = [np.tile(tone, (len(piece), 1)) for tone, piece in zip(paints, pieces, strict=True)]
 
     figure = Figure(figsize=(8.0, 5.5), layout="constrained")
     axes: Any = figure.add_subplot(projection="3d", proj_type="ortho", computed_zorder=False)
-    axes.add_collection3d(_shaded(triangles, np.concatenate(tones)))
+    axes.add_collection3d(_shaded(triangles, normals, np.concatenate(tones)))
     for name, place, colour, text in _marks(mechanism):
         text = f"{name}\n{text}" if labels is None else labels.get(name, name)
         _mark(axes, place, _RING * size, colour, text)
@@ -125,16 +127,21 @@ def _placed(
     return bodies, paints
 
 
-def _coarse(triangles: np.ndarray, grid: float) -> np.ndarray:
-    """The same surface without what is smaller than `grid`: finer is not seen, and takes long."""
+def _coarse(triangles: np.ndarray, grid: float) -> tuple[np.ndarray, np.ndarray]:
+    """The same surface without what is smaller than `grid`, which is not seen but takes long.
+
+    Returns:
+        Triangles (n, 3, 3) [m], and the normal of each as it was before (n, 3).
+    """
+    normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
     whole = np.round(triangles / grid)
     apart = (whole != np.roll(whole, 1, axis=1)).any(axis=2).all(axis=1)
     if len(triangles) < _FINE or not apart.any():
-        return triangles
-    order = np.sort(whole[apart].reshape(-1, 3, 3).view([("x", "f8"), ("y", "f8"), ("z", "f8")])[
-        ..., 0], axis=1)  # fmt: skip
-    _, first = np.unique(order, axis=0, return_index=True)
-    return grid * whole[apart][first]
+        return triangles, normals
+    corners = np.ascontiguousarray(whole[apart]).view([("x", "f8"), ("y", "f8"), ("z", "f8")])
+    _, first = np.unique(np.sort(corners[..., 0], axis=1), axis=0, return_index=True)
+    return grid * whole[apart][first], normals[apart][first]
 
 
 def triangles_of(thing: pin.GeometryObject) -> np.ndarray:
@@ -170,12 +177,10 @@ def _rgb(colour: str) -> np.ndarray:
     return np.array([int(colour[i : i + 2], 16) / 255.0 for i in (1, 3, 5)])
 
 
-def _shaded(triangles: np.ndarray, colours: np.ndarray) -> Poly3DCollection:
-    normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+def _shaded(triangles: np.ndarray, normals: np.ndarray, colours: np.ndarray) -> Poly3DCollection:
     light = _LIGHT / np.linalg.norm(_LIGHT)
     # Either side may be the outer one: not all mesh files wind their triangles alike.
-    shade = 0.5 + 0.5 * np.abs(normals @ light)
+    shade = 0.45 + 0.5 * np.abs(normals @ light)
     faces = np.clip(colours * shade[:, None], 0.0, 1.0)
     return Poly3DCollection(triangles, facecolors=faces, edgecolors=faces, linewidths=0.2, zorder=1)
 
