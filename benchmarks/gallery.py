@@ -69,9 +69,9 @@ def numbers(name: str) -> list[dict[str, str]]:
             ),
             default=float("nan"),
         )  # fmt: skip
-        count = (
-            sum(len(one.start) for one in analysis.contacts(result, start)) if result.joints else 0
-        )
+        found = analysis.contacts(result, start) if result.joints else ()
+        count = sum(len(one.start) for one in found)
+        residual = f"{result.audit.relative_energy_residual:.1e}"
         peak, rms = (f"{1e3 * s:.3g}" for s in (sizes.max(), np.sqrt((sizes**2).mean())))
         if sizes.max() < 1e-12:  # a tool frame that does not move
             peak = rms = "-"

@@ -21,11 +21,7 @@ def pages():
     found = [page for page in (ROOT / "docs").rglob("*.md") if page.parent.name != "law_cards"]
     return [
         *(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "SECURITY.md")),
-        *(
-            page
-            for page in sorted((ROOT / "docs").rglob("*.md"))
-            if page.parent.name != "law_cards"
-        ),
+        *sorted(found),
         ROOT / "benchmarks" / "README.md",
     ]
 

@@ -44,3 +44,8 @@ def add_trust(parser: Any) -> None:
         help="import laws from this module, should the file name any (repeatable; by default a "
         "result imports none, a scenario those beside it)",
     )
+
+
+def listed(text: str) -> list[str]:
+    """Names of an option that takes several, joined by commas."""
+    return [name.strip() for name in text.split(",") if name.strip()]

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from jointplay.commands import listed
 from jointplay.errors import JointplayError
 
 if TYPE_CHECKING:
@@ -69,10 +70,11 @@ def add_robot(parser: Any) -> None:
     group.add_argument("--tool", metavar="FRAME", help="frame whose error counts")
     group.add_argument(
         "--allow-unphysical",
-        action="append",
+        action="extend",
+        type=listed,
         default=[],
-        metavar="LINK",
-        help="accept this link's inertia although no rigid body has it (repeatable)",
+        metavar="LINK,...",
+        help="accept these links' inertia although no rigid body has it (repeatable)",
     )
 
 

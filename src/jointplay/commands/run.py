@@ -6,11 +6,12 @@ import argparse
 import sys
 from typing import TYPE_CHECKING, Any
 
-from jointplay.commands import add_trust, flags
+from jointplay.commands import add_trust, flags, listed
 from jointplay.errors import JointplayError
 
 if TYPE_CHECKING:
     from jointplay.scenario import Scenario
+    from jointplay.scenario.settings import Setting
 
 
 def add(commands: Any) -> None:
@@ -72,19 +73,20 @@ def add_inputs(run: Any) -> dict[str, Any]:
     group.add_argument("--ideal", action="store_true", help="no clearance anywhere")
     group.add_argument(
         "--allow-unphysical",
-        action="append",
+        action="extend",
+        type=listed,
         default=[],
-        metavar="LINK",
-        help="accept this link's inertia although no rigid body has it (repeatable)",
+        metavar="LINK,...",
+        help="accept these links' inertia although no rigid body has it (repeatable)",
     )
     groups["clearance joint"] = run.add_argument_group("clearance joint")
     groups["clearance joint"].add_argument(
         "--joint",
         action="append",
         default=[],
-        metavar="NAME",
-        help="joint that has clearance, and that the options of this and the next group are for "
-        "(repeatable)",
+        metavar="NAME[=LENGTH]",
+        help="joint that has clearance, its own or that of --clearance, and that the options of "
+        "this and the next group are for (repeatable)",
     )
     for flag in flags.FLAGS:
         if flag.group not in groups:
@@ -117,7 +119,12 @@ def explain(parser: argparse.ArgumentParser) -> None:
 def execute(options: argparse.Namespace) -> int:
     """Make the scenario that the options describe, and run it."""
     from jointplay.commands import run_scenario
+    from jointplay.host.files import refuse_present
+    from jointplay.scenario.robot import LABEL, is_robot
 
+    target = options.urdf or options.target
+    if target is None or options.urdf or is_robot(target):
+        refuse_present(options.out, [f"{LABEL}.nc"])
     return run_scenario.run(scenario_of(options), options)
 
 
@@ -128,7 +135,7 @@ def scenario_of(options: argparse.Namespace) -> Scenario:
         JointplayError: options that do not go together, or what they name is not there.
     """
     from jointplay.scenario import Scenario
-    from jointplay.scenario.robot import is_robot, robot_scenario
+    from jointplay.scenario.robot import is_robot
     from jointplay.scenario.settings import parse
 
     if options.target is not None and options.urdf is not None:
@@ -136,12 +143,7 @@ def scenario_of(options: argparse.Namespace) -> Scenario:
     given = [parse(text) for text in options.set]
     target = options.urdf or options.target
     if target is None or options.urdf or is_robot(target):
-        joints = options.joint or ([] if target is not None or options.ideal else ["joint_b"])
-        for name in ("case", "jobs", "trust"):
-            if getattr(options, name):
-                raise JointplayError(f"--{name} needs a scenario: jointplay run FILE --{name} ...")
-        settings = [*flags.settings(options, joints), *given]
-        scenario, told = robot_scenario(target, joints, settings, options.ideal)
+        scenario, told = _of_robot(options, target, given)
         if told:
             print(told, file=sys.stderr)
     else:
@@ -154,6 +156,44 @@ def scenario_of(options: argparse.Namespace) -> Scenario:
                 "--ideal is for a robot; of a scenario's joint say --set joints.NAME.ideal=true"
             )
     return scenario
+
+
+def _of_robot(
+    options: argparse.Namespace, target: str | None, given: list[Setting]
+) -> tuple[Scenario, str]:
+    """The scenario of a bare robot, and what the user must be told of it."""
+    from jointplay.scenario.robot import robot_scenario, step_for
+    from jointplay.scenario.settings import Setting
+
+    joints, own = _with_lengths(options.joint)
+    joints = joints or ([] if target is not None or options.ideal else ["joint_b"])
+    for name in ("case", "jobs", "trust"):
+        if getattr(options, name):
+            raise JointplayError(f"--{name} needs a scenario: jointplay run FILE --{name} ...")
+    settings = [*flags.settings(options, joints), *own, *given]
+    scenario, told = robot_scenario(target, joints, settings, options.ideal)
+    integration = scenario.data(scenario.cases[0]).get("integration", {})
+    found = None if target is None or "step" in integration else step_for(scenario)
+    if found is None:
+        return scenario, told
+    step, reason = found
+    settings.append(Setting(("integration", "step"), step, "step chosen"))
+    scenario, told = robot_scenario(target, joints, settings, options.ideal)
+    return scenario, f"{told}\nstep: {step:g} s (chosen: {reason}; --step takes another)"
+
+
+def _with_lengths(entries: list[str]) -> tuple[list[str], list[Setting]]:
+    """Names of joints, and the clearance of those that are given as NAME=LENGTH."""
+    from jointplay.scenario.settings import Setting
+
+    names, found = [], []
+    for entry in entries:
+        name, equals, length = entry.partition("=")
+        names.append(name)
+        if equals:
+            key = ("joints", name, "clearance")
+            found.append(Setting(key, flags.number(length), f"--joint {entry}"))
+    return names, found
 
 
 def _require_known(target: str) -> None:

@@ -7,6 +7,7 @@ import re
 from pathlib import Path
 from typing import Any
 
+from jointplay.commands import listed
 from jointplay.host import files
 
 
@@ -44,10 +45,11 @@ def add(commands: Any) -> None:
         )
     parser.add_argument(
         "--allow-unphysical",
-        action="append",
+        action="extend",
+        type=listed,
         default=[],
-        metavar="LINK",
-        help="accept this link's inertia although no rigid body has it (repeatable)",
+        metavar="LINK,...",
+        help="accept these links' inertia although no rigid body has it (repeatable)",
     )
     parser.add_argument("--out", metavar="FILE", required=True, help="the URDF to write")
     parser.set_defaults(handler=run)
