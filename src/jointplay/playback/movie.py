@@ -341,6 +341,7 @@ def _encoded(frames: Iterator[bytes], folder: Path, suffix: str, shot: Shot) -> 
             "pixelformat": "yuv420p",
             "output_params": ["-row-mt", "1"] if suffix == ".webm" else [],
         }
+    writer: Any
     with imageio.get_writer(target, **options) as writer:
         for frame in frames:
             writer.append_data(imageio.imread(io.BytesIO(frame))[..., :3])

@@ -59,8 +59,14 @@ def _figure(width: float, height: float, rows: int, columns: int, **options: Any
 
 def _legend(figure: Figure, axes: Any) -> None:
     handles, labels = axes.get_legend_handles_labels()
+    columns = min(len(labels), _LEGEND_COLUMNS)
+    # matplotlib fills columns; cases are read in rows.
+    order = [i for column in range(columns) for i in range(column, len(labels), columns)]
     figure.legend(
-        handles, labels, loc="outside upper center", ncols=min(len(labels), _LEGEND_COLUMNS)
+        [handles[i] for i in order],
+        [labels[i] for i in order],
+        loc="outside upper center",
+        ncols=columns,
     )
     for line in figure.legends[0].get_lines():
         line.set_linewidth(2.0)
@@ -220,7 +226,7 @@ def overview(cases: Cases) -> Figure:
             drawn = line[:, [AXES.index(axis) for axis in plane]].T
             plan.plot(*drawn, "-o", color="0.6", lw=3.0, ms=5.0, alpha=0.7)
     for _, result, colour in coloured(cases):
-        result.plot.path(plane, ax=plan, color=colour, lw=1.0)
+        result.plot.path(plane, ax=plan, color=colour, lw=1.0, label="_")
     plan.set_title(f"{plane} plane, with the tool's path", fontsize=9)
     for label, result, colour, ideal in reversed(pairs):
         result.plot.deviation("total", ideal, ax=error, color=colour, label=label)
@@ -232,8 +238,9 @@ def overview(cases: Cases) -> Figure:
         error.set_ylabel("tool error [mm]")
     error.set_xlabel("")
     force.set_ylabel("contact force [N]")
-    handles, labels = error.get_legend_handles_labels()
-    error.legend(handles[::-1], labels[::-1])  # drawn from the last case on, named from the first
+    for label, _, colour in shown:  # drawn from the last case on, named from the first
+        plan.plot([], [], color=colour, label=label)
+    _legend(figure, plan)
     label, result, colour = shown[-1]
     result.plot.orbit(ax=orbit, color=colour)
     orbit.set_title(f"journal centre in its bearing, {label}", fontsize=9)
