@@ -7,7 +7,7 @@ const MODES = [
 ];
 const GHOST = 0x00897b;
 const FRICTION = 0x2e7d32;
-const MOST_EDGES = 60000;  // triangles of a body whose outline is still drawn for its twin
+const MOST_EDGES = 2500;  // triangles of a surface whose outline is still drawn for its twin: finer ones would be all lines
 
 const CREASE = Math.cos(35 * Math.PI / 180);  // neighbours that turn further make an edge
 
