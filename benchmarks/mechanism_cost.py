@@ -29,7 +29,7 @@ PLAY = {"radial_clearance": 0.2e-3, "axial_clearance": 0.2e-3}
 
 
 def scara(*joints):
-    clearance = {joint: jp.ClearanceJoint(**PLAY) for joint in joints}
+    clearance = {joint: jp.RevoluteClearance(**PLAY) for joint in joints}
     robot = jp.Mechanism(jp.shipped("scara.urdf"), clearance, gravity=(0, 0, 0), tool="suction_cup")
     return robot, jp.Motion.from_csv(jp.shipped("scara_motion.csv")), {}
 
@@ -49,7 +49,7 @@ def arm(worn, folder):
     ]
     path = Path(folder) / "arm.urdf"
     path.write_text(f'<robot name="arm"><link name="base"/>{"".join(parts)}</robot>')
-    clearance = {f"j{i}": jp.ClearanceJoint(**PLAY) for i in range(1, worn + 1)}
+    clearance = {f"j{i}": jp.RevoluteClearance(**PLAY) for i in range(1, worn + 1)}
     robot = jp.Mechanism(path, clearance, gravity=(0, 0, 0))
     still, swung = np.zeros(JOINTS), np.full(JOINTS, 0.3)
     motion = jp.Motion(robot.joints, [0, 0.5, 1.0], [still, swung, still])
@@ -69,7 +69,7 @@ def slider_crank(joint):
         mechanism,
         motion,
         {
-            "drive": {"crank_pin": jp.Prescribed()},
+            "drive": {"crank_pin": jp.loads.Prescribed()},
             "state": {"guide": 0.17},
             "start": "centred",
         },
@@ -78,8 +78,8 @@ def slider_crank(joint):
 
 def mechanisms(folder):
     """Every mechanism by name."""
-    planar = jp.ClearanceJoint.planar(radial_clearance=0.5e-3)
-    spatial = jp.ClearanceJoint(radial_clearance=0.5e-3, axial_clearance=0.5e-3)
+    planar = jp.RevoluteClearance.planar(radial_clearance=0.5e-3)
+    spatial = jp.RevoluteClearance(radial_clearance=0.5e-3, axial_clearance=0.5e-3)
     return {
         "SCARA, ideal": scara(),
         "SCARA, B": scara("joint_b"),

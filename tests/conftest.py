@@ -7,15 +7,9 @@ import pytest
 from hypothesis import HealthCheck, Phase, settings
 from sweep_scenario import GRID, SCENARIO
 
-from jointplay import (
-    ClearanceJoint,
-    ComputedTorque,
-    JointplayError,
-    Mechanism,
-    Motion,
-    Simulation,
-)
+from jointplay import JointplayError, Mechanism, Motion, RevoluteClearance, Simulation
 from jointplay.kernel.integrators import DEFAULT
+from jointplay.loads import ComputedTorque
 from jointplay.simulation import Run
 
 # A simulation in each example: slow machines must not fail, and a failure must not be shrunk for
@@ -95,7 +89,7 @@ def free_mass(urdf):
     ) -> Run:
         clearance = {"radial_clearance": 2e-4, "axial_clearance": 2e-4} | bearing
         path = urdf(body("arm", mass, com, inertia), joint("pin", "base", "arm"))
-        mechanism = Mechanism(path, {"pin": ClearanceJoint(**clearance)}, gravity=gravity)
+        mechanism = Mechanism(path, {"pin": RevoluteClearance(**clearance)}, gravity=gravity)
         simulation = Simulation(
             mechanism,
             still(mechanism, duration),

@@ -7,15 +7,31 @@ import pytest
 from conftest import body, joint, still
 
 import jointplay as jp
-from jointplay import Audit
+from jointplay.result import Audit
 
 MASS, SPEED = 2.0, 0.2
-GOOD = Audit(1e-4, 1.0, 5, 30, 0, 0.0, 2.0, 1e-6, 0.01, 1e-5, 2e-5)
+GOOD = Audit(
+    energy_residual=1e-4,
+    energy_exchanged=1.0,
+    impacts=5,
+    shortest_contact_steps=30,
+    under_resolved=0,
+    under_resolved_impulse=0.0,
+    normal_impulse=2.0,
+    largest_penetration=1e-6,
+    penetration_over_clearance=0.01,
+    step=1e-5,
+    friction_step_limit=2e-5,
+)
 
 
 def bouncing(free_mass, **options):
     """A frictionless elastic body flying to and fro between both end walls."""
-    elastic = {"normal": jp.Hertz(), "restitution": 1.0, "friction": jp.Ambrosio(0.0)}
+    elastic = {
+        "normal": jp.contact.Hertz(),
+        "restitution": 1.0,
+        "friction": jp.contact.Ambrosio(0.0),
+    }
     return free_mass(velocity=(0, 0, SPEED, 0, 0, 0), mass=MASS, **(elastic | options)).execute()
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from jointplay.analysis.contact_statistics import contacts
 from jointplay.analysis.tool_error import accuracy, deviation, error_at, stops
-from jointplay.analysis.twin import has_play, twin
+from jointplay.analysis.twins import has_play, twin
 from jointplay.errors import JointplayError
 from jointplay.result.result import Result
 

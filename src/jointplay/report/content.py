@@ -5,9 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import math
-import tomllib
 from collections.abc import Sequence
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +15,8 @@ from jointplay import analysis
 from jointplay.analysis.claims import measure
 from jointplay.errors import JointplayError
 from jointplay.geometry import Form
-from jointplay.joints import JOINT_KINDS
 from jointplay.plots.accessor import MODE_NAMES
+from jointplay.report.assumptions import made
 from jointplay.report.cases import Case
 from jointplay.report.html import (
     Cell,
@@ -285,46 +283,7 @@ def _robots(cases: Sequence[Case]) -> Html:
 
 def assumptions(cases: Sequence[Case], start: float) -> Html:
     """What is assumed in these runs and in their evaluation."""
-    entries = tomllib.loads(
-        (files("jointplay.report") / "assumptions.toml").read_text(encoding="utf-8")
-    )["assumption"]
-    inputs = [analysis.inputs(case.result) for case in cases]
-    moving = [given for case, given in zip(cases, inputs, strict=True) if case.joints]
-    bearings = [
-        joint for case in cases for joint in analysis.clearance_inputs(case.result).values()
-    ]
-    kinds = {joint["kind"] for joint in bearings}
-    holds = {
-        "always": True,
-        "clearance": bool(moving),
-        "dry": any(not joint.get("lubricant") for joint in bearings),
-        "oil": any(joint.get("lubricant") for joint in bearings),
-        "worn": any(joint.get("worn") for joint in bearings),
-        "wearing": any(joint.get("wear_rate") for joint in bearings),
-        "unworn": not any(joint.get("worn") or joint.get("wear_rate") for joint in bearings),
-        **{kind: kind in kinds for kind in JOINT_KINDS},
-        "loops": any(given["mechanism"].get("loops") for given in inputs),
-        "gears": any(given["mechanism"].get("gears") for given in inputs),
-        "computed torque": any("computed-torque" in json.dumps(given["drive"]) for given in inputs),
-        "prescribed": any("prescribed" in json.dumps(given["drive"]) for given in inputs),
-        "payloads": any(given.get("payloads") for given in inputs),
-        "loads": any(given.get("loads") for given in inputs),
-        "cut": any(given.get("limits") == "cut" for given in inputs),
-        "derived stiffness": any(
-            joint.get("stiffness", 0.0) is None
-            for given in moving
-            for joint in given["mechanism"]["clearance"].values()
-            if not joint.get("ideal")
-        ),
-        "centred": any(
-            given.get("seed") is None and given.get("start") != "rest" for given in moving
-        ),
-        "rest": any(given.get("start") == "rest" for given in moving),
-        "seeded": any(given.get("seed") is not None for given in moving),
-        "balanced": any(not any(given["mechanism"].get("gravity", (1,))) for given in inputs),
-        "unphysical": any(given["mechanism"].get("allow_unphysical") for given in inputs),
-    }
-    points = [entry["text"] for entry in entries if holds[entry["when"]]]
+    points = made(cases)
     if start:
         points.append(
             f"Tool accuracy, peak force, contact statistics, shares of time and spectra are judged "

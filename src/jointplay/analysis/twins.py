@@ -11,6 +11,7 @@ import numpy as np
 from jointplay.errors import MissingName
 from jointplay.joints import VIRTUAL_LINK
 from jointplay.result.result import Result
+from jointplay.result.stored import given_state
 
 if TYPE_CHECKING:
     from jointplay.simulation.simulation import Simulation
@@ -83,13 +84,9 @@ def task(result: Result) -> dict[str, Any]:
 
 
 def _state(given: dict[str, Any]) -> dict[str, list[float | None]]:
-    """What is given of the state at the start, but for journals; version 0.1 had it in two."""
-    state = given.get("state")
-    if state is None:
-        places, speeds = given.get("start") or {}, given.get("start_speed") or {}
-        state = {name: [places.get(name), speeds.get(name)] for name in {**places, **speeds}}
+    """What is given of the state at the start, but for journals."""
     own = tuple(f".{part}" for part in VIRTUAL_LINK)
-    return {name: value for name, value in state.items() if not name.endswith(own)}
+    return {name: at for name, at in given_state(given).items() if not name.endswith(own)}
 
 
 def has_play(result: Result) -> bool:
