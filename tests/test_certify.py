@@ -21,7 +21,7 @@ from jointplay.analysis.certification import (
     numerical_error,
 )
 from jointplay.kernel import Status
-from jointplay.report import cases, content
+from jointplay.report import cases, judgement
 from jointplay.result.certificate import Certificate, CertifiedFigure, plus_minus
 from jointplay.scenario.keep import add_certificate
 from jointplay.study import scara
@@ -314,7 +314,7 @@ def test_the_report_shows_what_certificates_say_as_text(short):
     found = short.certificate
     shown.certificate = replace(found, note="<script>", runs=("<b>finer",))
     (case,) = cases.build({"one": shown}, 0, print)
-    page = content.certificates([case])
+    page = judgement.certificates([case])
     assert "&lt;script&gt;" in page
     assert "<b>" not in page
     assert str(found["peak joint force"]) in page

@@ -1,4 +1,4 @@
-"""Write what reports assume into docs/assumptions.md, from src/jointplay/report/assumptions.toml."""
+"""Write into docs/assumptions.md what reports assume: src/jointplay/report/assumptions.toml."""
 
 from pathlib import Path
 

@@ -15,6 +15,8 @@ from importlib.resources import files
 from jointplay import analysis
 from jointplay.joints import JOINT_KINDS
 from jointplay.report.cases import Case
+from jointplay.report.html import Html, bullets, markup
+from jointplay.report.naming import dark
 
 
 @dataclass(frozen=True)
@@ -76,6 +78,22 @@ def conditions(cases: Sequence[Case]) -> dict[str, bool]:
         "balanced": any(not any(given["mechanism"].get("gravity", (1,))) for given in inputs),
         "unphysical": any(given["mechanism"].get("allow_unphysical") for given in inputs),
     }
+
+
+def assumed(cases: Sequence[Case], start: float) -> Html:
+    """What is assumed in these runs and in their evaluation."""
+    points = made(cases)
+    if start:
+        points.append(
+            f"Tool accuracy, peak force, contact statistics, shares of time and spectra are judged "
+            f"from {start:g} s on; penetration and audit are those of whole runs."
+        )
+    points += [
+        markup("{}: {}.", dark(case), case.result.audit.headline) for case in cases if case.joints
+    ]
+    for case in cases:
+        points += [markup("{} {}", dark(case), note) for note in case.notes]
+    return bullets(points)
 
 
 def page_section() -> str:
