@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from conftest import body, joint
 
-from jointplay import Mechanism, Motion
+from jointplay import Mechanism, Motion, robot_scenario
 from jointplay.errors import JointplayError
 from jointplay.motion.whole import whole
-from jointplay.scenario import Scenario, robot_scenario
+from jointplay.scenario import Scenario
 from jointplay.scenario.settings import parse
 from jointplay.scenario.unnamed import complete
 

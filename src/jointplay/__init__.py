@@ -40,6 +40,7 @@ _HOMES = {
     "material": "joints.materials",
     "oil": "joints.materials",
     "open_sweep": "sweeps",
+    "robot_scenario": "scenario.robot",
     "shipped": "mechanism.urdf",
     "simulate": "simulation",
     "sweep": "sweeps",
@@ -71,6 +72,7 @@ if TYPE_CHECKING:
     from jointplay.motion import Motion as Motion
     from jointplay.result import Result as Result
     from jointplay.scenario import Scenario as Scenario
+    from jointplay.scenario.robot import robot_scenario as robot_scenario
     from jointplay.simulation import Simulation as Simulation
     from jointplay.simulation import simulate as simulate
     from jointplay.sweeps import open_sweep as open_sweep

@@ -60,7 +60,6 @@ _PACKAGES = {
     "loads": "ComputedTorque Free JointFriction Prescribed Torque",
     "motion": "cartesian_motion",
     "result": "Audit Certificate",
-    "scenario": "robot_scenario",
 }
 
 KINDS = {
