@@ -1,5 +1,6 @@
 """Small mechanisms with known answers."""
 
+import signal
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,10 @@ from jointplay import (
 )
 from jointplay.kernel.integrators import DEFAULT
 from jointplay.simulation import Run
+
+# What a shell starts in the background ignores Ctrl-C, and so would all that tests start.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # A simulation in each example: slow machines must not fail, and a failure must not be shrunk for
 # minutes.
