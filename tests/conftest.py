@@ -19,9 +19,11 @@ from jointplay import (
 from jointplay.kernel.integrators import DEFAULT
 from jointplay.simulation import Run
 
-# What a shell starts in the background ignores Ctrl-C, and so would all that tests start.
+# What runs in the background or under nohup ignores these, and so would all that tests start.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 # A simulation in each example: slow machines must not fail, and a failure must not be shrunk for
 # minutes.
