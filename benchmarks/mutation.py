@@ -92,7 +92,10 @@ TARGETS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
         ("contact/film/short_bearing.py", "contact/film/pinkus_sternlicht.py"),
         ("tests/test_film.py",),
     ),
-    "audit": (("result/audit.py",), ("tests/test_audit.py",)),
+    "audit": (
+        ("result/audit.py",),
+        ("tests/test_audit.py", "tests/test_run.py", "tests/test_step_check.py"),
+    ),
     "solver": (("kernel/solve.py",), ("tests/physics/test_multi_rate.py",)),
 }
 """Modules, and the tests that must notice."""
