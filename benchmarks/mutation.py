@@ -94,7 +94,7 @@ TARGETS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     ),
     "audit": (
         ("result/audit.py",),
-        ("tests/test_audit.py", "tests/test_run.py", "tests/test_step_check.py"),
+        ("tests/test_audit_figures.py", "tests/test_audit.py"),
     ),
     "solver": (("kernel/solve.py",), ("tests/physics/test_multi_rate.py",)),
 }
