@@ -133,7 +133,7 @@ def test_an_ideal_run_has_no_orbit_to_plot(cases):
 @pytest.mark.parametrize("number", [2, 5, 6])
 def test_legends_are_read_in_the_order_of_the_cases(number):
     from jointplay.plots.figures import _legend
-    from jointplay.plots.styles import new_figure
+    from jointplay.plots.style import new_figure
 
     figure = new_figure(8.0, 4.0)
     axes = figure.subplots()

@@ -2,13 +2,17 @@
 
 from typing import TYPE_CHECKING
 
-from jointplay.host.late import lazily
+from jointplay.host.late import offering
 
 if TYPE_CHECKING:
+    from jointplay.analysis.allocation import allocate as allocate
+    from jointplay.analysis.certification import certify as certify
     from jointplay.analysis.contact_statistics import Contacts as Contacts
     from jointplay.analysis.contact_statistics import contacts as contacts
     from jointplay.analysis.contact_statistics import shares as shares
+    from jointplay.analysis.reduce import reduce_joint as reduce_joint
     from jointplay.analysis.spectra import spectrum as spectrum
+    from jointplay.analysis.static_budget import budget as budget
     from jointplay.analysis.tool_error import COMPONENTS as COMPONENTS
     from jointplay.analysis.tool_error import Accuracy as Accuracy
     from jointplay.analysis.tool_error import Stop as Stop
@@ -25,15 +29,51 @@ if TYPE_CHECKING:
     from jointplay.analysis.twins import places as places
     from jointplay.analysis.twins import task as task
     from jointplay.analysis.twins import twin as twin
+    from jointplay.analysis.wear import wear_life as wear_life
+    from jointplay.analysis.wear import worn_depth as worn_depth
 
 _HOMES = {
     "contact_statistics": "Contacts contacts shares",
     "spectra": "spectrum",
     "tool_error": "COMPONENTS Accuracy Stop accuracy deviation error_at stops",
-    "twins": "clearance_inputs clearance_outline has_play ideal_simulation inputs is_twin places "
-    "task twin",
+    "twins": "clearance_inputs clearance_outline has_play ideal_simulation inputs "
+    "is_twin places task twin",
+    "allocation": "allocate",
+    "certification": "certify",
+    "reduce": "reduce_joint",
+    "static_budget": "budget",
+    "wear": "wear_life worn_depth",
 }
 
-__getattr__ = lazily(
+__getattr__ = offering(
     __name__, {name: module for module, names in _HOMES.items() for name in names.split()}
 )
+
+__all__ = [
+    "COMPONENTS",
+    "Accuracy",
+    "Contacts",
+    "Stop",
+    "accuracy",
+    "allocate",
+    "budget",
+    "certify",
+    "clearance_inputs",
+    "clearance_outline",
+    "contacts",
+    "deviation",
+    "error_at",
+    "has_play",
+    "ideal_simulation",
+    "inputs",
+    "is_twin",
+    "places",
+    "reduce_joint",
+    "shares",
+    "spectrum",
+    "stops",
+    "task",
+    "twin",
+    "wear_life",
+    "worn_depth",
+]

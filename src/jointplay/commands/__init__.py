@@ -46,6 +46,33 @@ def add_trust(parser: Any) -> None:
     )
 
 
+def add_quiet(parser: Any) -> None:
+    """Add the option of commands that show a bar."""
+    parser.add_argument("--quiet", action="store_true", help="show no progress")
+
+
+def add_case(parser: Any) -> None:
+    """Add the option of commands that take one case of a scenario."""
+    parser.add_argument("--case", help="case of the scenario; may be left out if there is one")
+
+
+def add_jobs(parser: Any) -> None:
+    """Add the option of commands that work on several cores."""
+    parser.add_argument("--jobs", type=int, metavar="N", help="processes (default: one per core)")
+
+
+def add_unphysical(parser: Any) -> None:
+    """Add the option of commands that read a URDF."""
+    parser.add_argument(
+        "--allow-unphysical",
+        action="extend",
+        type=listed,
+        default=[],
+        metavar="LINK,...",
+        help="accept these links' inertia although no rigid body has it (repeatable)",
+    )
+
+
 def listed(text: str) -> list[str]:
     """Names of an option that takes several, joined by commas."""
     return [name.strip() for name in text.split(",") if name.strip()]

@@ -6,7 +6,7 @@ import argparse
 import sys
 from typing import Any
 
-from jointplay.commands import add_trust
+from jointplay.commands import add_quiet, add_trust
 
 
 def add(commands: Any) -> None:
@@ -63,7 +63,7 @@ def add(commands: Any) -> None:
     film.add_argument("--fps", type=float, metavar="N", help="frames per second (default 25)")
     film.add_argument("--size", metavar="WxH", help="pixels, even numbers (default 1280x720)")
     film.add_argument("--view", metavar="VIEW", help="both, robot or closeup (default both)")
-    parser.add_argument("--quiet", action="store_true", help="show no progress")
+    add_quiet(parser)
     add_trust(parser)
     parser.set_defaults(handler=run)
 

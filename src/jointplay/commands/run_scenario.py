@@ -50,7 +50,7 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
     names = [*files.values(), *(_figures(scenario, cases) if figures else ())]
     refuse_present(options.out, names)
     from jointplay import plots  # what comes now takes long to import
-    from jointplay.analysis.certify import further_runs
+    from jointplay.analysis.certification import further_runs
     from jointplay.kernel import Status
     from jointplay.result.result import Result
 

@@ -9,7 +9,7 @@ import io
 import numpy as np
 from matplotlib.figure import Figure
 
-from jointplay.plots.styles import new_figure, style
+from jointplay.plots.style import new_figure, style
 from jointplay.result.result import Result
 from jointplay.units import readable
 

@@ -27,7 +27,7 @@ from jointplay.geometry.shapes import (
     Mode,
     Shape,
 )
-from jointplay.host.late import lazily
+from jointplay.host.late import offering
 
 if TYPE_CHECKING:
     from jointplay.geometry.kernels import axial_gap as axial_gap
@@ -48,7 +48,7 @@ _COMPILED = (
     *("gaps", "journal_axis", "radial_gap", "touch", "touch_cylinder", "worn_bore", "worn_gap"),
 )
 
-__getattr__ = lazily(__name__, dict.fromkeys(_COMPILED, "kernels"))
+__getattr__ = offering(__name__, dict.fromkeys(_COMPILED, "kernels"))
 
 __all__ = [
     "CONTACTS",

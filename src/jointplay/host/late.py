@@ -18,21 +18,22 @@ def late(address: str) -> Any:
     return getattr(importlib.import_module(f"jointplay.{module}"), name)
 
 
-def lazily(package: str, homes: Mapping[str, str]) -> Callable[[str], Any]:
-    """The ``__getattr__`` of a package whose names are imported when they are first used.
+def offering(package: str, homes: Mapping[str, str]) -> Callable[[str], Any]:
+    """A package's `__getattr__` for names whose modules are loaded when they are first used.
 
-    To check a scenario file needs words of many packages, but no compiler and no Pinocchio.
+    To check a scenario file needs words of many packages, but no compiler and no Pinocchio. No name
+    may be that of a module of the package.
 
     Args:
-        package: its ``__name__``.
-        homes: the module of the package that has each name.
+        package: its full name.
+        homes: module below it in which each name is.
     """
 
-    def get(name: str) -> Any:
+    def __getattr__(name: str) -> Any:
         if name not in homes:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
         value = getattr(importlib.import_module(f"{package}.{homes[name]}"), name)
         setattr(sys.modules[package], name, value)
         return value
 
-    return get
+    return __getattr__

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from jointplay.host.late import lazily
+from jointplay.host.late import offering
 from jointplay.kernel.words import (
     AZIMUTHS,
     JOINT_FRICTION_SPEED,
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from jointplay.kernel.entry import enter as enter
     from jointplay.kernel.layout import MIN_APPROACH_SPEED as MIN_APPROACH_SPEED
 
-__getattr__ = lazily(
+__getattr__ = offering(
     __name__, {"compiled": "entry", "enter": "entry", "MIN_APPROACH_SPEED": "layout"}
 )
 

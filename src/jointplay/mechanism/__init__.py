@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from jointplay.host.late import lazily
+from jointplay.host.late import offering
 
 if TYPE_CHECKING:
     from jointplay.mechanism.gravity import STANDARD_GRAVITY as STANDARD_GRAVITY
@@ -11,4 +11,4 @@ if TYPE_CHECKING:
 
 __all__ = ["STANDARD_GRAVITY", "Mechanism", "frame_index"]
 
-__getattr__ = lazily(__name__, dict.fromkeys(__all__, "mechanism"))
+__getattr__ = offering(__name__, dict.fromkeys(__all__, "mechanism"))

@@ -12,16 +12,16 @@ from typing import TYPE_CHECKING, Any
 
 from jointplay.errors import JointplayError
 from jointplay.host.files import check_new
-from jointplay.host.late import lazily
+from jointplay.host.late import offering
 from jointplay.playback.server import HOST, PORT, Server, open_browser
 
 if TYPE_CHECKING:
+    from jointplay.playback.rendering import write as write
     from jointplay.playback.scene import Scene as Scene
     from jointplay.playback.scene import build as build
-    from jointplay.playback.webpage import write as write
     from jointplay.result.result import Result
 
-__getattr__ = lazily(__name__, {"write": "webpage", "Scene": "scene", "build": "scene"})
+__getattr__ = offering(__name__, {"write": "rendering", "Scene": "scene", "build": "scene"})
 
 MOST_BYTES = 15_000_000
 """Size that a page does not exceed, meshes permitting."""
@@ -68,8 +68,8 @@ def page(
     Raises:
         JointplayError: see `scene.build`.
     """
+    from jointplay.playback.rendering import render
     from jointplay.playback.scene import BUDGET, build
-    from jointplay.playback.webpage import render
 
     budget = options.pop("budget", BUDGET)
     title = title if title is not None else ", ".join(cases)
@@ -93,7 +93,7 @@ def save_html(cases: Mapping[str, Result], path: str | Path, **options: Any) -> 
     Raises:
         JointplayError: the file exists or cannot be written; see also `scene.build`.
     """
-    from jointplay.playback.webpage import write
+    from jointplay.playback.rendering import write
 
     path = Path(path)
     check_new(path)

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from jointplay.host.late import lazily
+from jointplay.host.late import offering
 
 if TYPE_CHECKING:
     from jointplay.plots.accessor import Plots as Plots
@@ -17,10 +17,9 @@ if TYPE_CHECKING:
     from jointplay.plots.palette import COLOURS as COLOURS
     from jointplay.plots.palette import Cases as Cases
     from jointplay.plots.palette import reference as reference
-    from jointplay.plots.styles import STYLES as STYLES
-    from jointplay.plots.styles import style as style
+    from jointplay.plots.style import STYLES as STYLES
 
-__getattr__ = lazily(
+__getattr__ = offering(
     __name__,
     {
         "Plots": "accessor",
@@ -35,7 +34,6 @@ __getattr__ = lazily(
         "COLOURS": "palette",
         "Cases": "palette",
         "reference": "palette",
-        "STYLES": "styles",
-        "style": "styles",
+        "STYLES": "style",
     },
 )

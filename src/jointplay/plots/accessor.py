@@ -19,7 +19,7 @@ from jointplay import analysis
 from jointplay.errors import JointplayError, MissingName
 from jointplay.geometry import Form, Mode
 from jointplay.loads.terms import TERMS
-from jointplay.plots.styles import AXIS_COLOURS, COLOURS, MODE_COLOURS, new_figure, style
+from jointplay.plots.style import AXIS_COLOURS, COLOURS, MODE_COLOURS, new_figure, style
 from jointplay.result.result import AXES, Result
 
 COMPONENTS = (*AXES, "total")

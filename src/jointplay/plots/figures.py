@@ -18,7 +18,7 @@ from jointplay.host import files
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.plots.names import PAPER, is_paper_robot
 from jointplay.plots.palette import Cases, colours, reference
-from jointplay.plots.styles import new_figure, style
+from jointplay.plots.style import new_figure, style
 from jointplay.result.result import AXES, Result
 
 _LEGEND_COLUMNS = 3

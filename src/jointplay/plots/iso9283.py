@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from jointplay.analysis.iso9283 import Iso9283
-from jointplay.plots.styles import COLOURS, new_figure, style
+from jointplay.plots.style import COLOURS, new_figure, style
 
 MOST_POSES = 6
 """Stops that are drawn: the worst."""

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from jointplay.analysis.maintenance import Maintenance
-from jointplay.plots.styles import COLOURS, new_figure, style
+from jointplay.plots.style import COLOURS, new_figure, style
 
 
 def course(found: Maintenance) -> Figure:

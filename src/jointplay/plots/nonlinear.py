@@ -11,7 +11,7 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
 from jointplay.analysis.lyapunov import Exponent
-from jointplay.plots.styles import COLOURS, new_figure, style
+from jointplay.plots.style import COLOURS, new_figure, style
 
 
 def turns(

@@ -7,7 +7,7 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from jointplay.analysis.reduce import Reduction
-from jointplay.plots.styles import COLOURS, new_figure, style
+from jointplay.plots.style import COLOURS, new_figure, style
 
 
 def reversals(reduction: Reduction) -> Figure:

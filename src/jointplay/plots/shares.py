@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from jointplay.analysis.dynamic_budget import DynamicBudget
-from jointplay.plots.styles import COLOURS, new_figure, style
+from jointplay.plots.style import COLOURS, new_figure, style
 
 
 def bars(found: DynamicBudget) -> Figure:

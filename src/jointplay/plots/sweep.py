@@ -9,7 +9,7 @@ import numpy as np
 import xarray as xr
 
 from jointplay.errors import JointplayError, MissingName
-from jointplay.plots.styles import COLOURS, StyledFigure, new_figure, style
+from jointplay.plots.style import COLOURS, StyledFigure, new_figure, style
 from jointplay.sweeps.plan import SAMPLE
 from jointplay.sweeps.statements import samples_of
 from jointplay.sweeps.table import label, measured, scale, select, shown

@@ -13,7 +13,7 @@ from jointplay.geometry import Mode
 from jointplay.plots.accessor import CONTACT_COLOURS, MODE_NAMES
 from jointplay.plots.figures import force_joints, is_paper, plane_of
 from jointplay.plots.names import PAPER
-from jointplay.plots.styles import MODE_COLOURS
+from jointplay.plots.style import MODE_COLOURS
 from jointplay.report.cases import Case
 from jointplay.report.series import EXACT, Pack, Thinning
 from jointplay.result.result import AXES, Result
@@ -85,7 +85,7 @@ def _panel(label: str, traces: list[dict[str, Any]], **more: Any) -> Chart:
     return {"label": label, "traces": traces, **more}
 
 
-def charts(cases: Sequence[Case], pack: Pack, start: float) -> list[Chart]:
+def all_charts(cases: Sequence[Case], pack: Pack, start: float) -> list[Chart]:
     """All charts of a report; their series go into `pack`."""
     histories = [Histories(case, pack) for case in cases]
     paper = is_paper({case.label: case.result for case in cases})

@@ -2,13 +2,24 @@
 
 from typing import TYPE_CHECKING
 
-from jointplay.host.late import lazily
+from jointplay.host.late import offering
 
 if TYPE_CHECKING:
+    from jointplay.result.audit import Audit as Audit
+    from jointplay.result.certificate import Certificate as Certificate
     from jointplay.result.result import AXES as AXES
     from jointplay.result.result import FORMAT as FORMAT
     from jointplay.result.result import Result as Result
 
-__all__ = ["AXES", "FORMAT", "Result"]
+__all__ = ["AXES", "FORMAT", "Audit", "Certificate", "Result"]
 
-__getattr__ = lazily(__name__, dict.fromkeys(__all__, "result"))
+__getattr__ = offering(
+    __name__,
+    {
+        "AXES": "result",
+        "FORMAT": "result",
+        "Audit": "audit",
+        "Certificate": "certificate",
+        "Result": "result",
+    },
+)

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from jointplay.host.late import lazily
+from jointplay.host.late import offering
 
 if TYPE_CHECKING:
     from jointplay.simulation.simulation import PERTURBATION as PERTURBATION
@@ -12,4 +12,4 @@ if TYPE_CHECKING:
 
 __all__ = ["PERTURBATION", "Run", "Simulation", "simulate"]
 
-__getattr__ = lazily(__name__, dict.fromkeys(__all__, "simulation"))
+__getattr__ = offering(__name__, dict.fromkeys(__all__, "simulation"))

@@ -196,7 +196,7 @@ class Bench:
         if result.status != Status.COMPLETED:
             raise JointplayError(result.message)
         if self._certified(changes):
-            from jointplay.analysis.certify import certify
+            from jointplay.analysis.certification import certify
 
             result.certificate = certify(result, simulation=simulation)
         ideal = self._ideal(result, simulation) if self.job.tool_error else None
