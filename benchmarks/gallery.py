@@ -77,10 +77,15 @@ def numbers(name: str) -> list[dict[str, str]]:
             peak = rms = "-"
         rows.append(
             dict(zip(FIELDS, (
-                name, case, peak, rms, f"{force:.3g}", str(count), residual,
+                name, case, peak, rms, _round(force), str(count), residual,
             ), strict=True))
         )  # fmt: skip
     return rows
+
+
+def _round(value: float) -> str:
+    """Three digits that count, no power of ten."""
+    return f"{float(f'{value:.3g}'):g}"
 
 
 def draw(name: str) -> None:
@@ -118,7 +123,9 @@ def fill(rows: list[dict[str, str]]) -> None:
     for name in dict.fromkeys(row["mechanism"] for row in rows):
         own = table([row for row in rows if row["mechanism"] == name])
         text = re.sub(
-            rf"(<!-- numbers: {name} -->\n)(?:\|.*\n)*", lambda m, own=own: f"{m[1]}{own}\n", text
+            rf"(<!-- numbers: {name} -->\n)\n?(?:\|.*\n)*",
+            lambda m, own=own: f"{m[1]}\n{own}\n",
+            text,
         )
     page.write_text(text, encoding="utf-8")
 
