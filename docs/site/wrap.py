@@ -1,6 +1,7 @@
 """Prose of the documentation in lines of at most 100 columns: `python docs/site/wrap.py` wraps it.
 
-Code, formulas, tables, HTML and links that are longer stay as they are.
+Code, formulas, tables, HTML and links that are longer stay as they are; so do law cards and claims,
+which programs write.
 """
 
 import re
@@ -18,7 +19,8 @@ _KEPT = re.compile(r"^\s*(\||#|<|!\[|\[[^\]]+\]:|>|\$\$)|^ {4,}\S|^---$")
 
 def pages():
     """All pages whose prose is wrapped."""
-    found = [page for page in (ROOT / "docs").rglob("*.md") if page.parent.name != "law_cards"]
+    every = (ROOT / "docs").rglob("*.md")
+    found = [one for one in every if one.parent.name != "law_cards" and one.name != "claims.md"]
     return [
         *(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "SECURITY.md")),
         *sorted(found),
