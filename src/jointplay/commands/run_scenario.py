@@ -43,36 +43,52 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
     """Run the cases, draw the figures, say how each ended and what came out."""
     from jointplay import plots
     from jointplay.analysis.certify import further_runs
+    from jointplay.commands import resuming
     from jointplay.host.files import claim
     from jointplay.kernel import Status
-    from jointplay.result.result import Result
+    from jointplay.scenario.keep import load_some
 
     cases = _chosen(scenario, options.case)
     jobs = _jobs(options.jobs, len(cases))
     certified = {
         case for case in cases if options.certify or scenario.model(case).integration.certify
     }
-    total = 0.0
+    files = dict(zip(cases, file_names(cases), strict=True))
+    out, total = Path(options.out), 0.0
+    given = {}
     for case in cases:  # before anything is written
-        run = scenario.prepare(case, progress=not options.quiet)
+        run = scenario.prepare(case, not options.quiet, resuming.records(out / files[case]))
+        given[case] = run.simulation.describe()
+        if case in certified:
+            resuming.require_short(run, case)
         runs = 1 + (further_runs(run.simulation) if case in certified else 0)
         total += runs * run.steps * run.simulation.step
     for line in scenario.notes:
         print(line, file=sys.stderr)
-    files = dict(zip(cases, file_names(cases), strict=True))
-    names = list(files.values())
     figures = scenario.figures and not options.no_figures
+    drawn = []
     if figures:
         paper = all(plots.is_paper_robot(scenario.model(case).robot.urdf) for case in cases)
-        names += plots.file_names(paper)
-    out = claim(options.out, names)
-    if jobs == 1:
-        interrupted = _one_by_one(scenario, files, certified, out, not options.quiet)
+        drawn = plots.file_names(paper)
+    if options.resume:
+        claim(out, ())
+        done = resuming.finished(out, files, given)
+        for name in drawn:
+            (out / name).unlink(missing_ok=True)
     else:
-        progress = not options.quiet
-        interrupted = _side_by_side(scenario, files, certified, out, jobs, total, progress)
+        resuming.refuse_interrupted(out, files)
+        done = []
+        claim(out, [*files.values(), *drawn])
+    left = {case: name for case, name in files.items() if case not in done}
+    progress = not options.quiet
+    if not left:
+        interrupted = False
+    elif jobs == 1 or len(left) == 1:
+        interrupted = _one_by_one(scenario, left, certified, out, progress)
+    else:
+        interrupted = _side_by_side(scenario, left, certified, out, jobs, total, progress)
     saved = {case: out / name for case, name in files.items() if (out / name).exists()}
-    results = {case: Result.load(path, scenario.trust) for case, path in saved.items()}
+    results = {case: load_some(path, scenario.trust) for case, path in saved.items()}
     for case, result in results.items():
         print(f"\n{case}: {result.message}\n{result.judgement}")
         print("\n".join(_came_out(result, results, not options.quiet)))
@@ -84,7 +100,7 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
         missing = [case for case in cases if case not in results]
         there = f"; there is {', '.join(path.name for path in saved.values())}" if saved else ""
         note = f"; nothing of: {', '.join(missing)}" if missing else there
-        print(f"interrupted{note}", file=sys.stderr)
+        print(f"interrupted{note}; the same command with --resume goes on", file=sys.stderr)
         return INTERRUPTED
     return 0 if all(r.status == Status.COMPLETED for r in results.values()) else STOPPED
 
@@ -145,6 +161,7 @@ def _execute(
         progress: show a bar.
         begin: told of each run before it begins.
     """
+    from jointplay.commands import resuming
     from jointplay.scenario.keep import add_certificate, run_and_save
     from jointplay.scenario.settings import words
 
@@ -157,7 +174,8 @@ def _execute(
     if scenario.settings:
         notes["settings"] = "\n".join(words(scenario.settings))
     begin(run)
-    result = run_and_save(run, path, progress, notes)
+    resumed = resuming.go_on(run, path)
+    result = run_and_save(run, path, progress, notes, overwrite=resumed)
     if certified:
         add_certificate(result, path, run.simulation, progress, begin)
     return result
@@ -169,11 +187,12 @@ def _one_by_one(
     """Run all in this process; returns whether it was told to stop."""
     from tqdm import tqdm
 
+    from jointplay.commands import resuming
     from jointplay.kernel import Status
 
     for case, name in files.items():
         try:
-            prepared = scenario.prepare(case, progress)
+            prepared = scenario.prepare(case, progress, resuming.records(out / name))
             if progress:
                 tqdm.write(f"case {case}:", file=sys.stderr)
             result = _execute(scenario, case, prepared, out / name, case in certified, progress)
@@ -286,11 +305,6 @@ def _end(*_: Any) -> None:
     _ending = True
 
 
-def _interrupt(*_: Any) -> None:
-    _end()
-    raise KeyboardInterrupt
-
-
 def _work(
     path: str,
     text: str,
@@ -302,13 +316,14 @@ def _work(
     index: int,
 ) -> None:
     """Run a case in this process and save it; then certify it."""
+    from jointplay.commands import resuming
     from jointplay.scenario import Scenario
 
     with _idle:
         if _ending:
             return
         scenario = Scenario(text, path, trust, settings)
-        prepared = scenario.prepare(case)
+        prepared = scenario.prepare(case, records=resuming.records(target))
         with _ticking(index) as begin:
             _execute(scenario, case, prepared, target, certified, False, begin)
 
@@ -327,7 +342,8 @@ def _ticking(index: int) -> Iterator[Callable[[Run], None]]:
         nonlocal past
         if runs:
             past += runs.pop().workspace.time
-        run.guards.append(_stoppable)
+        run.guards.append(_not_after_the_end)
+        run.between.append(lambda: _ending)
         runs.append(run)
         _begun[index] += 1
 
@@ -346,12 +362,8 @@ def _ticking(index: int) -> Iterator[Callable[[Run], None]]:
 
 
 @contextmanager
-def _stoppable() -> Iterator[None]:
-    """Let the parent stop the time loop, but nothing else: half a file is worth nothing."""
-    signal.signal(signal.SIGTERM, _interrupt)
-    try:
-        if _ending:
-            raise KeyboardInterrupt
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, _end)
+def _not_after_the_end() -> Iterator[None]:
+    """Told to stop before the time loop began, there is nothing to be kept."""
+    if _ending:
+        raise KeyboardInterrupt
+    yield

@@ -11,22 +11,28 @@ from tqdm import tqdm
 class Bar:
     """Progress by simulated time: speed relative to real time, and time left."""
 
-    def __init__(self, total: float, show: bool, label: str = "") -> None:
-        """Show nothing unless `show`; `total` is the time to simulate [s]."""
+    def __init__(self, total: float, show: bool, label: str = "", begin: float = 0.0) -> None:
+        """Show nothing unless `show`; `total` is the time to simulate, from `begin` on [s]."""
         layout = (
             "{desc}{percentage:3.0f}%|{bar}| {n:.3f}/{total:.3f} s simulated{postfix}, "
             "{remaining} left"
         )
         self._bar = tqdm(
-            total=total, disable=not show, bar_format=layout, mininterval=0.2, desc=label or None
+            total=total,
+            disable=not show,
+            bar_format=layout,
+            mininterval=0.2,
+            desc=label or None,
+            initial=begin,
         )
+        self._begin = begin
         self._started = time.perf_counter()
 
     def update(self, now: float) -> None:
         """Say that the run has got to the time `now` [s]."""
         if self._bar.disable or not math.isfinite(now):
             return
-        speed = now / max(time.perf_counter() - self._started, 1e-9)
+        speed = (now - self._begin) / max(time.perf_counter() - self._started, 1e-9)
         self._bar.set_postfix_str(f"{speed:.2f} x real time", refresh=False)
         self._bar.update(now - self._bar.n)
 

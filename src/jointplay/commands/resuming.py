@@ -1,0 +1,95 @@
+"""`jointplay run --resume`: which runs in a folder are finished, and going on with the others."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from jointplay.errors import JointplayError
+from jointplay.simulation.checkpoint import continue_run, differing
+from jointplay.simulation.on_disk import beside
+
+if TYPE_CHECKING:
+    from jointplay.simulation.simulation import Run
+
+
+def records(path: Path) -> Path:
+    """Where the records go of the run whose result is `path`."""
+    return beside(path)[0]
+
+
+def require_short(run: Run, case: str) -> None:
+    """Refuse to certify what memory has no room for.
+
+    Raises:
+        JointplayError: the run's records go to disk.
+    """
+    if run.on_disk is not None and run.on_disk.needed:
+        raise JointplayError(
+            f"case {case!r} makes more records than are kept in memory, which certifying needs; "
+            "certify a shorter duration, or record less often (record_every)"
+        )
+
+
+def refuse_interrupted(out: Path, files: Mapping[str, str]) -> None:
+    """Refuse a folder with an interrupted run, which would be lost.
+
+    Raises:
+        JointplayError: there is one.
+    """
+    for name in files.values():
+        kept = beside(out / name)[1]
+        if kept.exists():
+            raise JointplayError(
+                f"{str(out)!r} holds an interrupted run ({kept.name}); --resume goes on with it, "
+                "or name another folder"
+            )
+
+
+def finished(out: Path, files: Mapping[str, str], given: Mapping[str, Any]) -> list[str]:
+    """Cases whose results are there and whole.
+
+    Args:
+        out: the folder.
+        files: their names by case.
+        given: the simulations as they are now, as plain data, by case.
+
+    Raises:
+        JointplayError: a result is of another simulation, or was interrupted and left no
+            checkpoint.
+    """
+    from jointplay.kernel import Status
+    from jointplay.result.result import Result
+
+    found = []
+    for case, name in files.items():
+        path = out / name
+        if beside(path)[1].exists() or not path.exists():
+            continue
+        result = Result.open(path)
+        with result.dataset as dataset:
+            was = json.loads(dataset.attrs["simulation"])
+        now = json.loads(json.dumps(given[case]))
+        if was != now:
+            raise JointplayError(
+                f"{str(path)!r} is of another run: {differing(was, now)}; name another folder, or "
+                "change it back"
+            )
+        if result.status == Status.INTERRUPTED:
+            raise JointplayError(
+                f"{str(path)!r} was interrupted and has no checkpoint; delete it to begin anew, or "
+                "name another folder"
+            )
+        found.append(case)
+    return found
+
+
+def go_on(run: Run, path: Path) -> bool:
+    """Bring a run to its checkpoint, if there is one; returns whether there is."""
+    kept = beside(path)[1]
+    if not kept.exists():
+        return False
+    continue_run(run, kept)
+    return True
