@@ -31,6 +31,7 @@ def small_portions(monkeypatch):
     monkeypatch.setattr(spool, "PORTION", 64)
     monkeypatch.setattr(spool, "PORTION_BYTES", 1)
     monkeypatch.setattr(on_disk, "RECORD_BYTES", 1)
+    monkeypatch.setattr(on_disk, "MOST_BYTES", 1)
 
 
 def simulation(**options):

@@ -15,22 +15,9 @@ if TYPE_CHECKING:
     from jointplay.simulation.simulation import Run
 
 
-def records(path: Path) -> Path:
-    """Where the records go of the run whose result is `path`."""
-    return beside(path)[0]
-
-
-def require_short(run: Run, case: str) -> None:
-    """Refuse to certify what memory has no room for.
-
-    Raises:
-        JointplayError: the run's records go to disk.
-    """
-    if run.on_disk is not None and run.on_disk.needed:
-        raise JointplayError(
-            f"case {case!r} makes more records than are kept in memory, which certifying needs; "
-            "certify a shorter duration, or record less often (record_every)"
-        )
+def records(path: Path, certified: bool) -> Path | None:
+    """Where the records of a run go whose result is `path`; certified, they stay in memory."""
+    return None if certified else beside(path)[0]
 
 
 def refuse_interrupted(out: Path, files: Mapping[str, str]) -> None:

@@ -57,10 +57,9 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
     out, total = Path(options.out), 0.0
     given = {}
     for case in cases:  # before anything is written
-        run = scenario.prepare(case, not options.quiet, resuming.records(out / files[case]))
+        records = resuming.records(out / files[case], case in certified)
+        run = scenario.prepare(case, not options.quiet, records)
         given[case] = run.simulation.describe()
-        if case in certified:
-            resuming.require_short(run, case)
         runs = 1 + (further_runs(run.simulation) if case in certified else 0)
         total += runs * run.steps * run.simulation.step
     for line in scenario.notes:
@@ -192,7 +191,8 @@ def _one_by_one(
 
     for case, name in files.items():
         try:
-            prepared = scenario.prepare(case, progress, resuming.records(out / name))
+            records = resuming.records(out / name, case in certified)
+            prepared = scenario.prepare(case, progress, records)
             if progress:
                 tqdm.write(f"case {case}:", file=sys.stderr)
             result = _execute(scenario, case, prepared, out / name, case in certified, progress)
@@ -323,7 +323,7 @@ def _work(
         if _ending:
             return
         scenario = Scenario(text, path, trust, settings)
-        prepared = scenario.prepare(case, records=resuming.records(target))
+        prepared = scenario.prepare(case, records=resuming.records(target, certified))
         with _ticking(index) as begin:
             _execute(scenario, case, prepared, target, certified, False, begin)
 

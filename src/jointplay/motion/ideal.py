@@ -161,10 +161,11 @@ class IdealMotion:
 
 def _shown(things: Sequence[int], progress: bool) -> Iterable[int]:
     """`things`, with a bar of how many have been taken if that takes long."""
+    if not progress:
+        return things  # and nothing of tqdm: see `simulation.progress`
     bar: Iterable[int] = tqdm(
         things,
         "tabulating the motion",
-        disable=not progress,
         delay=_PATIENCE_S,
         leave=False,
         bar_format="{desc} {percentage:3.0f}%|{bar}| {remaining} left",

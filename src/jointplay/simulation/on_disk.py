@@ -12,8 +12,6 @@ from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tqdm import tqdm
-
 from jointplay.host import files, stopping
 from jointplay.kernel import Status
 from jointplay.kernel.workspace import Workspace
@@ -21,14 +19,18 @@ from jointplay.result.growing import Growing
 from jointplay.result.histories import Histories
 from jointplay.result.result import Result
 from jointplay.simulation import checkpoint
+from jointplay.simulation.progress import Writing
 from jointplay.simulation.spool import Spool
 
 if TYPE_CHECKING:
     from jointplay.simulation.run import Run
     from jointplay.simulation.simulation import Simulation
 
+MOST_BYTES = 32 << 20
+"""A run whose records take more has them on disk, if it may [bytes]."""
+
 RECORD_BYTES = 4 << 20
-"""Records that are kept in memory before they go to disk, if they may [bytes]."""
+"""Of such a run so much is in memory [bytes]."""
 
 CHECKPOINT_S = 60.0
 """Interval between the checkpoints of a run whose records go to disk [s]."""
@@ -51,10 +53,11 @@ class OnDisk:
         """Make room in memory for some."""
         self.path, self._workspace, self._most = path, workspace, most
         self._spool: Spool | None = None
-        room = max(RECORD_BYTES // workspace.record.strides[0], 2 * most)
-        self.needed = records > room
-        """Whether the run makes more than fit into that."""
-        workspace.make_room(min(records, room))
+        size = workspace.record.strides[0]
+        room = max(RECORD_BYTES // size, 2 * most)
+        self.needed = records * size > MOST_BYTES and records > room
+        """Whether the run makes more than memory is to hold."""
+        workspace.make_room(room if self.needed else records)
 
     def before_stretch(self) -> None:
         """Make room for the records of a stretch."""
@@ -160,13 +163,8 @@ def save(
     spool = run.on_disk.spill()
     made = Histories(run.mechanism, run.simulation.describe(), run.friction, run.judged_from, loads)
     portions = spool.portions(w.fields, w.contacts.shape[1])
-    bar = tqdm(
-        total=spool.rows,
-        disable=not progress,
-        desc="writing the histories",
-        bar_format="{desc} {percentage:3.0f}%|{bar}| {remaining} left",
-    )
-    with bar, files.writing(path, overwrite=overwrite) as file:
+    bar = Writing(spool.rows, progress)
+    with closing(bar), files.writing(path, overwrite=overwrite) as file:
         whole, records = made.whole(w), next(portions)
         first = made.portion(records, run.phases).assign(whole)
         bar.update(records.rows)
