@@ -189,7 +189,7 @@ def _with_error(value: float, low: float, high: float) -> Cell:
         return None
     if not (np.isfinite(low) and np.isfinite(high)):
         return f"{value:.4g}"
-    return f"{value:.4g} ± {0.5 * (high - low):.2g}"
+    return f"{value:.4g}\u00a0±\u00a0{0.5 * (high - low):.2g}"
 
 
 def _varied(dataset: xr.Dataset) -> list[str]:
