@@ -125,8 +125,8 @@ class Study:
     def run_up(self) -> RunUp:
         """From the first of the values to the last."""
         assert self.varied is not None
-        ends = (self.simulation(self.varied.values[k]) for k in (0, -1))
-        return RunUp.of(*ends, self.settle, self.keep, self.records)
+        slow, fast = (self.simulation(self.varied.values[k]) for k in (0, -1))
+        return RunUp.of(slow, fast, self.settle, self.keep, self.records)
 
     def rising(self, key: tuple[float, ...]) -> np.ndarray:
         """Amplitudes of the first quantity in each window of a run-up, window by window."""
