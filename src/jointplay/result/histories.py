@@ -60,6 +60,7 @@ class Histories:
         friction: friction by joint.
         judged_from: when judging begins [s].
         loads: by name, in the order of the run's.
+        reactions: whether the constraint forces of an ideal mechanism are found.
     """
 
     def __init__(
@@ -69,9 +70,11 @@ class Histories:
         friction: Mapping[str, JointFriction],
         judged_from: float = 0.0,
         loads: Mapping[str, Load] | None = None,
+        reactions: bool = True,
     ) -> None:
         """Nothing is made yet."""
         self._mechanism, self._simulation, self._friction = mechanism, simulation, friction
+        self._reactions = reactions
         self._acting = Acting(mechanism, loads or {})
         self._auditor = Auditor(mechanism, simulation, judged_from)
         self._energy: np.ndarray | None = None
@@ -101,7 +104,7 @@ class Histories:
         if mechanism.clearance:
             contact, elastic = contact_variables(mechanism, records, body)
             variables |= contact
-        else:
+        elif self._reactions:
             held = [self._constraints(phase, q[first]) for first, _, phase in stretches]
             pushes = acting.pushes(body, records)
             effort = reacting_effort(mechanism, v, records, self._friction, pushes)
@@ -235,10 +238,11 @@ def histories(
     wall_time: float,
     judgement: Judgement | None = None,
     loads: Mapping[str, Load] | None = None,
+    reactions: bool = True,
 ) -> Result:
     """Make a `Result` of the records that a run left in its workspace; see `Histories`."""
     judged_from = (judgement or Judgement()).judged_from
-    made = Histories(mechanism, simulation, friction, judged_from, loads)
+    made = Histories(mechanism, simulation, friction, judged_from, loads, reactions)
     dataset = made.portion(records_of(workspace), phases)
     dataset = dataset.assign(made.whole(workspace))
     dataset.attrs = made.attributes(workspace, status, message, wall_time, judgement)
