@@ -14,7 +14,7 @@ import pytest
 
 import jointplay as jp
 from jointplay.kernel import Status
-from jointplay.loads import reference
+from jointplay.loads import ComputedTorque, reference
 from jointplay.result import auditor
 from jointplay.simulation import on_disk, spool
 from jointplay.study import scara
@@ -126,7 +126,7 @@ def test_a_checkpoint_of_another_run_is_refused_with_the_difference(tmp_path):
 def test_a_motion_in_blocks_drives_as_a_whole_table_does(loops, monkeypatch, tmp_path):
     one = simulation(duration=0.25)
     if loops:
-        one = crank(False, duration=0.25, drive=jp.ComputedTorque(), step=1e-5)
+        one = crank(False, duration=0.25, drive=ComputedTorque(), step=1e-5)
     whole = one.prepare().workspace.reference
     monkeypatch.setattr(reference, "BLOCK_NODES", 1)
     table = one.prepare()._reference
