@@ -244,7 +244,9 @@ def histories(
     judged_from = (judgement or Judgement()).judged_from
     made = Histories(mechanism, simulation, friction, judged_from, loads, reactions)
     dataset = made.portion(records_of(workspace), phases)
-    dataset = dataset.assign(made.whole(workspace))
+    whole = made.whole(workspace)
+    if whole:  # to assign nothing takes milliseconds
+        dataset = dataset.assign(whole)
     dataset.attrs = made.attributes(workspace, status, message, wall_time, judgement)
     return Result(dataset)
 
