@@ -17,7 +17,8 @@ from tqdm import tqdm
 
 import jointplay as jp
 from jointplay.kernel import Status
-from jointplay.result import histories
+from jointplay.result import histories, variables
+from jointplay.result.loads import Pushes
 
 WHOLE, MOTION, FORCES = "whole result", "motion of the bodies", "forces in the joints"
 
@@ -60,8 +61,10 @@ def measure(simulation, repeats, bar):
         raise SystemExit(run.message(run.workspace.status))
     mechanism, w = run.mechanism, run.workspace
     rows = w.rows
-    q, v, drive = (np.ascontiguousarray(w.recorded(name)) for name in ("q", "v", "drive"))
-    stretches = histories._stretches(run.phases, rows)
+    q, v = (np.ascontiguousarray(w.recorded(name)) for name in ("q", "v"))
+    none = Pushes(np.zeros_like(q), (), np.zeros((rows, 0, 6)))
+    records = histories.records_of(w)
+    stretches = variables.stretches_of(run.phases, 0, rows)
     end = (Status.COMPLETED, "", 0.0)
     samples = {WHOLE: [], MOTION: [], FORCES: [], "one record": []}
     for turn in range(repeats + 1):
@@ -69,12 +72,13 @@ def measure(simulation, repeats, bar):
         single = (mechanism, plain, first.workspace, first.friction, first.phases, *end)
         costs = {
             WHOLE: seconds(histories.histories, *whole) / rows,
-            MOTION: seconds(histories._kinematics, mechanism, q, v, stretches) / rows,
+            MOTION: seconds(variables.kinematics, mechanism, q, v, stretches, {}) / rows,
             "one record": seconds(histories.histories, *single),
         }
         if not mechanism.clearance:
-            ideal = (mechanism, q, v, drive, run.friction, stretches)
-            costs[FORCES] = seconds(histories._reactions, *ideal) / rows
+            held = [mechanism.constraints(q[first], 0.0) for first, _, _ in stretches]
+            ideal = (mechanism, q, v, records.recorded("drive"), stretches, held)
+            costs[FORCES] = seconds(variables.reactions, *ideal, none) / rows
         if turn:  # the first one loads compiled code
             for part, cost in costs.items():
                 samples[part].append(cost)

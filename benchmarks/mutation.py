@@ -93,7 +93,7 @@ TARGETS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
         ("tests/test_film.py",),
     ),
     "audit": (
-        ("result/audit.py",),
+        ("result/audit.py", "result/auditor.py"),
         ("tests/test_audit_figures.py", "tests/test_audit.py"),
     ),
     "solver": (("kernel/solve.py",), ("tests/physics/test_multi_rate.py",)),

@@ -8,7 +8,9 @@ import pytest
 
 from jointplay.kernel.layout import FRICTION, POWERS
 from jointplay.result import audit as audit_module
+from jointplay.result import auditor
 from jointplay.result.audit import Audit, Judgement
+from jointplay.result.records import Records
 
 TIME = np.array([0.0, 0.1, 0.2])
 Q = np.array([[0.3, 0.0, 0.1], [0.2, 0.5, 0.9], [0.1, 0.6, 0.0]])
@@ -65,20 +67,23 @@ def mechanism():
 
 @pytest.fixture
 def workspace():
-    records = {
-        "q": Q,
-        "time": TIME[:, None],
-        "normal_peak": NORMAL_PEAKS,
-        "force_peak": FORCE_PEAKS,
-    }
+    """What the kernels counted."""
     return SimpleNamespace(
-        rows=3,
-        contacts=np.zeros((2, 2)),
-        unresolved=4,
-        run={"unsolved": [6]},
-        recorded=records.__getitem__,
-        contact_statistics=lambda: STATISTICS,
+        unresolved=4, run={"unsolved": [6]}, contact_statistics=lambda: STATISTICS
     )
+
+
+RECORDS = Records(
+    np.hstack([TIME[:, None], Q, np.zeros((3, 3)), NORMAL_PEAKS, FORCE_PEAKS]),
+    {
+        "time": slice(0, 1),
+        "q": slice(1, 4),
+        "v": slice(4, 7),
+        "normal_peak": slice(7, 11),
+        "force_peak": slice(11, 17),
+    },
+    width=2,
+)
 
 
 @pytest.fixture
@@ -91,20 +96,37 @@ def audited(mechanism, workspace, monkeypatch):
         asked.append((name, *q, force))
         return 1e-3 / force
 
-    monkeypatch.setattr(audit_module, "friction_step_limit", limit)
-    monkeypatch.setattr(audit_module, "tooth_duration", lambda mechanism, name, q: 1e-3 * q[0])
+    monkeypatch.setattr(auditor, "friction_step_limit", limit)
+    monkeypatch.setattr(auditor, "worst", lambda *_: np.array([0]))
+    monkeypatch.setattr(auditor, "beyond", lambda *_: ("limit",))
+    monkeypatch.setattr(auditor, "tooth_duration", lambda mechanism, name, q: 1e-3 * q[0])
 
     def make(
-        *, integrator="semi-implicit-euler", tolerance=None, judgement=None, kinetic=None, work=None
+        *,
+        integrator="semi-implicit-euler",
+        tolerance=None,
+        judgement=None,
+        kinetic=None,
+        work=None,
+        records=RECORDS,
+        portion=None,
     ):
-        simulation = {"integrator": integrator, "step": 2e-5, "tolerance": tolerance}
+        monkeypatch.setattr(auditor, "PORTION", portion or 4096)
+        simulation = {
+            "integrator": integrator,
+            "step": 2e-5,
+            "tolerance": tolerance,
+            "limits": "report",
+        }
+        judgement = judgement or Judgement()
         kinetic = np.array([0.0, 2.0, 1.0]) if kinetic is None else kinetic
         potential = np.array([1.0, 0.5, 0.5])
         work = np.zeros((3, len(POWERS))) if work is None else work
         residual, drift = np.array([0.01, -0.04, 0.02]), np.array([1e-7, 3e-7, 0.0])
-        energies = (kinetic, potential)
-        of = mechanism, simulation, workspace, energies, work, residual, drift, judgement
-        return Audit.of(*of, ("limit",)), asked
+        watching = auditor.Auditor(mechanism, simulation, judgement.judged_from)
+        histories = (kinetic, potential), work, residual, drift, np.zeros((3, 3))
+        watching.watch(records, *histories)
+        return watching.audit(workspace, judgement), asked
 
     return make
 
@@ -120,6 +142,15 @@ def test_sums_and_extremes_are_over_all_contacts_of_all_joints(audited):
     assert audit.loop_drift == 3e-7
     assert (audit.unsolved, audit.unresolved, audit.step) == (6, 4, 2e-5)
     assert audit.limit_warnings == ("limit",)
+
+
+@pytest.mark.parametrize("portion", [1, 2])
+def test_portions_come_to_the_same(audited, portion):
+    work = np.zeros((3, len(POWERS)))
+    work[:, FRICTION] = [0.0, 4.0, 3.5]
+    judgement = Judgement(judged_from=0.2)
+    whole, _ = audited(work=work, judgement=judgement)
+    assert audited(work=work, judgement=judgement, portion=portion)[0] == whole
 
 
 def test_energy_exchanged_is_the_largest_variation(audited):
@@ -142,16 +173,8 @@ def test_friction_is_asked_at_the_start_for_each_joints_largest_force(audited):
     assert not asked
 
 
-def test_run_without_records_has_no_limit_of_friction_nor_teeth(audited, workspace, monkeypatch):
-    monkeypatch.setattr(workspace, "rows", 0)
-    nothing = {
-        "q": Q[:0],
-        "time": TIME[:0, None],
-        "normal_peak": NORMAL_PEAKS[:0],
-        "force_peak": FORCE_PEAKS[:0],
-    }
-    monkeypatch.setattr(workspace, "recorded", nothing.__getitem__)
-    audit, asked = audited()
+def test_run_without_records_has_no_limit_of_friction_nor_teeth(audited):
+    audit, asked = audited(records=RECORDS.part(0, 0))
     assert not asked
     assert audit.friction_step_limit == audit.tooth_steps == math.inf
     assert audit.peak_force == 0.0
@@ -182,11 +205,11 @@ def test_what_came_before_is_told_apart(audited):
     assert (found.peak_force, found.peak_force_before) == (10.0, 5.0)
 
 
-def test_small_forces_are_no_less_than_they_are(audited, workspace, monkeypatch):
-    small = {"force_peak": 0.01 * FORCE_PEAKS, "normal_peak": 0.01 * NORMAL_PEAKS}
-    records = {"q": Q, "time": TIME[:, None], **small}
-    monkeypatch.setattr(workspace, "recorded", records.__getitem__)
-    found, asked = audited(judgement=Judgement(judged_from=0.2))
+def test_small_forces_are_no_less_than_they_are(audited):
+    small = RECORDS.rows_of.copy()
+    small[:, 7:] *= 0.01
+    records = Records(small, RECORDS.fields, RECORDS.width)
+    found, asked = audited(judgement=Judgement(judged_from=0.2), records=records)
     assert (found.peak_force, found.peak_force_before) == pytest.approx((0.07, 0.1))
     assert [force for *_, force in asked] == pytest.approx([0.9, 0.3])
 

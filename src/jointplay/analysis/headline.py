@@ -8,6 +8,7 @@ from jointplay.analysis.contact_statistics import contacts
 from jointplay.analysis.tool_error import accuracy, deviation, error_at, stops
 from jointplay.analysis.twins import has_play, twin
 from jointplay.errors import JointplayError
+from jointplay.motion.reference import GOES_ON
 from jointplay.result.result import Result
 
 MOST_STOPS = 6
@@ -61,7 +62,7 @@ def headline(result: Result, ideal: Result | None, start: float = 0.0) -> list[s
 
 def _at_stops(result: Result, error: object, start: float) -> list[str]:
     motion = result.simulation.motion
-    if motion is None or motion.interpolation == "constant-speed":
+    if motion is None or motion.interpolation in GOES_ON:
         return []
     times = [stop.end for stop in stops(motion, float(result.time[-1])) if stop.at_rest]
     times = [time for time in times if time >= start and time > 0.0]

@@ -45,7 +45,7 @@ from jointplay.analysis.settling import Settling, settling, settling_words
 from jointplay.analysis.tool_error import stops
 from jointplay.analysis.traces import Trace, traces
 from jointplay.errors import JointplayError, require_positive
-from jointplay.motion.reference import Motion
+from jointplay.motion.reference import GOES_ON, Motion
 from jointplay.simulation.simulation import Simulation
 
 CYCLES = 30
@@ -313,7 +313,7 @@ def figures(
 
 
 def _stops(motion: Motion) -> bool:
-    return motion.interpolation != "constant-speed"
+    return motion.interpolation not in GOES_ON
 
 
 def _path(ideal: Trace, since: float) -> np.ndarray:

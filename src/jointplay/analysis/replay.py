@@ -16,8 +16,9 @@ import xarray as xr
 from jointplay.analysis import Contacts, contacts
 from jointplay.errors import JointplayError
 from jointplay.kernel import Status
-from jointplay.result.histories import Phase, contact_names, histories
+from jointplay.result.histories import histories
 from jointplay.result.result import Result
+from jointplay.result.variables import Phase, contact_names
 from jointplay.simulation.simulation import Run, Simulation
 
 WINDOW_STEPS = 600

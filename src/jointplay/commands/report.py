@@ -8,16 +8,19 @@ from pathlib import Path
 from typing import Any
 
 from jointplay.commands import add_trust
+from jointplay.errors import JointplayError
 
 
 def add(commands: Any) -> None:
     """Add the command's parser."""
     parser = commands.add_parser(
         "report",
-        help="write a report on results: one HTML page, and a PDF of the figures",
+        help="write a report on results, or on a sweep: one HTML page, and a PDF of the figures",
         description="Write a report on one or several results: parameters, assumptions, audit, "
         "Figures 9-15 to zoom into, contact modes, impacts, spectra, accuracy of the tool. The "
-        "page needs no network. Runs are repeated to show their largest impacts step by step.",
+        "page needs no network. Of a sweep: table, lines with confidence bands, heat maps, "
+        "distributions, failed cases. Runs are repeated to show their largest impacts step by "
+        "step.",
         epilog="A tool's error is its difference from an ideal run of the same work, which is "
         "simulated if it is not among the results.",
     )
@@ -25,7 +28,8 @@ def add(commands: Any) -> None:
         "results",
         nargs="+",
         metavar="RESULT",
-        help="result file (.nc), or a folder of them such as jointplay scara writes",
+        help="result file (.nc), a folder of them such as jointplay scara writes, or the store of "
+        "a sweep",
     )
     parser.add_argument(
         "-o",
@@ -62,8 +66,11 @@ def run(options: argparse.Namespace) -> int:
     """Read the results, write the report, say where."""
     from jointplay.errors import JointplayError
     from jointplay.host.files import check_new
+    from jointplay.report.sweep import is_sweep
 
     paths = [Path(name) for name in options.results]
+    if any(is_sweep(path) for path in paths):
+        return _sweep(paths, options)
     home = paths[0] if paths[0].is_dir() else paths[0].parent
     for path in paths:  # before anything is loaded that takes time
         if not path.exists():
@@ -84,6 +91,29 @@ def run(options: argparse.Namespace) -> int:
         title=options.title or f"jointplay: {', '.join(results)}",
         claims=claims,
         impacts=report.IMPACTS if options.impacts is None else options.impacts,
+        pdf=not options.no_pdf,
+        say=(lambda text: None) if options.quiet else _say,
+    )
+    for path in written:
+        print(path)
+    return 0
+
+
+def _sweep(paths: list[Path], options: argparse.Namespace) -> int:
+    """Write the report of a sweep."""
+    from jointplay.report import sweep
+
+    if len(paths) > 1:
+        raise JointplayError("a sweep has a report of its own; give its store alone")
+    for name in ("label", "claims", "impacts"):
+        if getattr(options, name):
+            raise JointplayError(f"--{name} is for results; {str(paths[0])!r} is a sweep")
+    store = paths[0]
+    default = store.parent / f"{store.name.removesuffix('.zarr')}_report.html"
+    written = sweep.write(
+        store,
+        Path(options.out) if options.out else default,
+        title=options.title,
         pdf=not options.no_pdf,
         say=(lambda text: None) if options.quiet else _say,
     )

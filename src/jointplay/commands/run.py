@@ -35,6 +35,11 @@ def add(commands: Any) -> None:
         help="run again more finely, and give the headline figures with their numerical errors; "
         "takes some ten times as long",
     )
+    group.add_argument(
+        "--resume",
+        action="store_true",
+        help="go on with the runs in DIR that were interrupted, bit for bit; finished ones stay",
+    )
     group.add_argument("--no-figures", action="store_true", help="write no figures")
     add_quiet(group)
     run.set_defaults(handler=execute)

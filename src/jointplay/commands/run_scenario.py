@@ -41,37 +41,57 @@ _LOOK_S = 0.2
 
 def run(scenario: Scenario, options: argparse.Namespace) -> int:
     """Run the cases, draw the figures, say how each ended and what came out."""
+    from jointplay.commands import resuming
     from jointplay.host.files import claim, refuse_present
 
     cases = _chosen(scenario, options.case)
     jobs = _jobs(options.jobs, len(cases))
     files = dict(zip(cases, file_names(cases), strict=True))
     figures = scenario.figures and not options.no_figures
-    names = [*files.values(), *(_figures(scenario, cases) if figures else ())]
-    refuse_present(options.out, names)
+    drawn = _figures(scenario, cases) if figures else []
+    if not options.resume:
+        try:
+            refuse_present(options.out, [*files.values(), *drawn])
+        except JointplayError:
+            resuming.refuse_interrupted(Path(options.out), files)
+            raise
     from jointplay import plots  # what comes now takes long to import
     from jointplay.analysis.certification import further_runs
     from jointplay.kernel import Status
-    from jointplay.result.result import Result
+    from jointplay.scenario.keep import load_some
 
     certified = {
         case for case in cases if options.certify or scenario.model(case).integration.certify
     }
-    total = 0.0
+    out, total = Path(options.out), 0.0
+    given = {}
     for case in cases:  # before anything is written
-        run = scenario.prepare(case, progress=not options.quiet)
+        records = resuming.records(out / files[case], case in certified)
+        run = scenario.prepare(case, not options.quiet, records)
+        given[case] = run.simulation.describe()
         runs = 1 + (further_runs(run.simulation) if case in certified else 0)
         total += runs * run.steps * run.simulation.step
     for line in scenario.notes:
         print(line, file=sys.stderr)
-    out = claim(options.out, names)
-    if jobs == 1:
-        interrupted = _one_by_one(scenario, files, certified, out, not options.quiet)
+    if options.resume:
+        claim(out, ())
+        done = resuming.finished(out, files, given)
+        for name in drawn:
+            (out / name).unlink(missing_ok=True)
     else:
-        progress = not options.quiet
-        interrupted = _side_by_side(scenario, files, certified, out, jobs, total, progress)
+        resuming.refuse_interrupted(out, files)
+        done = []
+        claim(out, [*files.values(), *drawn])
+    left = {case: name for case, name in files.items() if case not in done}
+    progress = not options.quiet
+    if not left:
+        interrupted = False
+    elif jobs == 1 or len(left) == 1:
+        interrupted = _one_by_one(scenario, left, certified, out, progress)
+    else:
+        interrupted = _side_by_side(scenario, left, certified, out, jobs, total, progress)
     saved = {case: out / name for case, name in files.items() if (out / name).exists()}
-    results = {case: Result.load(path, scenario.trust) for case, path in saved.items()}
+    results = {case: load_some(path, scenario.trust) for case, path in saved.items()}
     for case, result in results.items():
         print(f"\n{case}: {result.message}\n{result.judgement}")
         print("\n".join(_came_out(result, results, not options.quiet)))
@@ -83,7 +103,7 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
         missing = [case for case in cases if case not in results]
         there = f"; there is {', '.join(path.name for path in saved.values())}" if saved else ""
         note = f"; nothing of: {', '.join(missing)}" if missing else there
-        print(f"interrupted{note}", file=sys.stderr)
+        print(f"interrupted{note}; the same command with --resume goes on", file=sys.stderr)
         return INTERRUPTED
     return 0 if all(r.status == Status.COMPLETED for r in results.values()) else STOPPED
 
@@ -151,6 +171,7 @@ def _execute(
         progress: show a bar.
         begin: told of each run before it begins.
     """
+    from jointplay.commands import resuming
     from jointplay.scenario.keep import add_certificate, run_and_save
     from jointplay.scenario.settings import words
 
@@ -163,7 +184,8 @@ def _execute(
     if scenario.settings:
         notes["settings"] = "\n".join(words(scenario.settings))
     begin(run)
-    result = run_and_save(run, path, progress, notes)
+    resumed = resuming.go_on(run, path)
+    result = run_and_save(run, path, progress, notes, overwrite=resumed)
     if certified:
         add_certificate(result, path, run.simulation, progress, begin)
     return result
@@ -175,11 +197,13 @@ def _one_by_one(
     """Run all in this process; returns whether it was told to stop."""
     from tqdm import tqdm
 
+    from jointplay.commands import resuming
     from jointplay.kernel import Status
 
     for case, name in files.items():
         try:
-            prepared = scenario.prepare(case, progress)
+            records = resuming.records(out / name, case in certified)
+            prepared = scenario.prepare(case, progress, records)
             if progress:
                 tqdm.write(f"case {case}:", file=sys.stderr)
             result = _execute(scenario, case, prepared, out / name, case in certified, progress)
@@ -292,11 +316,6 @@ def _end(*_: Any) -> None:
     _ending = True
 
 
-def _interrupt(*_: Any) -> None:
-    _end()
-    raise KeyboardInterrupt
-
-
 def _work(
     path: str,
     text: str,
@@ -308,13 +327,14 @@ def _work(
     index: int,
 ) -> None:
     """Run a case in this process and save it; then certify it."""
+    from jointplay.commands import resuming
     from jointplay.scenario import Scenario
 
     with _idle:
         if _ending:
             return
         scenario = Scenario(text, path, trust, settings)
-        prepared = scenario.prepare(case)
+        prepared = scenario.prepare(case, records=resuming.records(target, certified))
         with _ticking(index) as begin:
             _execute(scenario, case, prepared, target, certified, False, begin)
 
@@ -333,7 +353,8 @@ def _ticking(index: int) -> Iterator[Callable[[Run], None]]:
         nonlocal past
         if runs:
             past += runs.pop().workspace.time
-        run.guards.append(_stoppable)
+        run.guards.append(_not_after_the_end)
+        run.between.append(lambda: _ending)
         runs.append(run)
         _begun[index] += 1
 
@@ -352,12 +373,8 @@ def _ticking(index: int) -> Iterator[Callable[[Run], None]]:
 
 
 @contextmanager
-def _stoppable() -> Iterator[None]:
-    """Let the parent stop the time loop, but nothing else: half a file is worth nothing."""
-    signal.signal(signal.SIGTERM, _interrupt)
-    try:
-        if _ending:
-            raise KeyboardInterrupt
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, _end)
+def _not_after_the_end() -> Iterator[None]:
+    """Told to stop before the time loop began, there is nothing to be kept."""
+    if _ending:
+        raise KeyboardInterrupt
+    yield

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from jointplay.errors import JointplayError, MissingName
-from jointplay.exports.thin import thinned
 from jointplay.host import files
 from jointplay.host.late import late
 from jointplay.result.result import Result
+from jointplay.result.thin import thinned
 
 Maker = Callable[[Result, str, bool], bytes]
 """From a result, the file's suffix and whether to show progress to the file's content."""

@@ -9,9 +9,10 @@ import errno
 import os
 import secrets
 import tempfile
-from collections.abc import Iterable
-from contextlib import suppress
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import BinaryIO
 
 from jointplay.errors import JointplayError
 
@@ -40,16 +41,31 @@ def write(path: str | Path, content: str | bytes, *, overwrite: bool = False) ->
     Raises:
         JointplayError: the file exists (and `overwrite` is false) or cannot be written.
     """
+    with writing(path, overwrite=overwrite) as file:
+        file.write(content.encode("utf-8") if isinstance(content, str) else content)
+    return Path(path)
+
+
+@contextmanager
+def writing(path: str | Path, *, overwrite: bool = False) -> Iterator[BinaryIO]:
+    """A file to be written, and read, in the block; it gets its name when all is on disk.
+
+    Args:
+        path: the file; its folder exists.
+        overwrite: whether a file of that name is replaced.
+
+    Raises:
+        JointplayError: the file exists (and `overwrite` is false) or cannot be written.
+    """
     path = Path(path)
     if not path.name:
         raise JointplayError(f"{str(path)!r} is a folder; name a file")
-    data = content.encode("utf-8") if isinstance(content, str) else content
     part = path.with_name(f".{path.name[:40]}.{os.getpid()}-{secrets.token_hex(4)}.part")
     try:
         if not overwrite and os.path.lexists(path):
             raise FileExistsError
-        with part.open("wb") as file:
-            file.write(data)
+        with part.open("w+b") as file:
+            yield file
             file.flush()
             os.fsync(file.fileno())
         if overwrite:
@@ -57,6 +73,8 @@ def write(path: str | Path, content: str | bytes, *, overwrite: bool = False) ->
         else:
             _name(part, path)
         _sync(path.parent)
+    except JointplayError:
+        raise
     except FileExistsError:
         raise exists(path) from None
     except (OSError, ValueError) as error:  # ValueError: a name that no file can have
@@ -66,7 +84,6 @@ def write(path: str | Path, content: str | bytes, *, overwrite: bool = False) ->
             part.unlink()
     if path not in written:
         written.append(path)
-    return path
 
 
 def _name(part: Path, path: Path) -> None:

@@ -35,8 +35,6 @@ class _State:
     """How often it has been told to stop."""
     keeping = ""
     """What is to be saved, if anything."""
-    stepping = False
-    """Whether it is in a time loop, which stops in good order."""
 
 
 _state = _State()
@@ -68,8 +66,6 @@ def _told(*_: Any) -> None:
     if _state.told > 1:
         raise GivenUp(f"gave up {_state.keeping}")
     say(f"stopping; saving {_state.keeping} (once more gives it up)")
-    if _state.stepping:
-        raise KeyboardInterrupt  # which the time loop takes
 
 
 def say(text: str) -> None:
@@ -108,19 +104,16 @@ def told() -> bool:
 
 
 def stoppable(run: Run) -> Run:
-    """Have `run` know when it is in its time loop; returns it."""
+    """Have `run` stop between two stretches when this process is told to; returns it."""
 
     @contextmanager
     def guard() -> Iterator[None]:
         if _state.told:  # before it began
             raise KeyboardInterrupt
-        _state.stepping = True
-        try:
-            yield
-        finally:
-            _state.stepping = False
+        yield
         if run.workspace.rows == 0:  # stopped before its first record
             raise KeyboardInterrupt
 
     run.guards.append(guard)
+    run.between.append(told)
     return run

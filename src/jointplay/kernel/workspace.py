@@ -210,8 +210,11 @@ class Workspace:
         for index, load in enumerate(loads):
             self._write_load(index, load, data)
         self.reference = self._point("reference", np.ascontiguousarray(tables.reference, float))
+        self._nodes = tables.nodes
         self.windows = np.zeros((0, 2))
         self.record = np.zeros((rows, columns))
+        self.kept_elsewhere = 0
+        """Records that are no longer in memory, see `give_records`."""
         self.sites, self.load_sites = tuple(sites), tuple(loads)
         self.sliding_work: list[np.ndarray] = []
         """For each joint, normal force x sliding distance by contact and azimuth [N m]."""
@@ -226,7 +229,7 @@ class Workspace:
             nf=len(self.frictions),
             ng=len(self.gears),
             nl=len(self.loads),
-            nref=len(self.reference),
+            nref=tables.nodes,
             record_columns=columns,
             every=every,
             dt=dt,
@@ -377,6 +380,8 @@ class Workspace:
             self.run["found_free"],
         )
         self._addresses["run"] |= {"open_minv", "open_free"}
+        for name in ("minv", "free"):  # Pinocchio's, which the next plan looks at
+            self._arrays[f"open_{name}"] = self._arrays[f"found_{name}"]
         self._room("found_free", nv)
         for name in ("found_minv", "closing_minv"):
             self._room(name, nv, nv)
@@ -399,7 +404,8 @@ class Workspace:
         for name, fields in self._addresses.items():
             for field in fields:
                 found[name][field] = 0
-        found["written"] = self.record[: self.rows].copy()
+        found["written"] = self.record[: self.rows - self.kept_elsewhere].copy()
+        found["kept_elsewhere"] = np.array(self.kept_elsewhere)
         return found
 
     def restore(self, snapshot: Mapping[str, np.ndarray]) -> None:
@@ -417,20 +423,46 @@ class Workspace:
         written = snapshot["written"]
         if written.ndim != 2 or written.shape[1] != self.record.shape[1]:
             raise JointplayError("the records are not those of this simulation")
-        rows = int(self.run["rows"][0])
+        if len(written) > len(self.record):
+            raise JointplayError("there are more records than this simulation makes")
         for name, array in own.items():
             if array.dtype.names is None:
                 np.copyto(array, snapshot[name])
                 continue
             for field in set(array.dtype.names) - self._addresses.get(name, set()):
                 array[field] = snapshot[name][field]
-        self._set(rows=rows, nwindows=len(self.windows))
+        self.kept_elsewhere = int(snapshot["kept_elsewhere"])
+        self._set(nwindows=len(self.windows), nref=self._nodes)
+        self._place_records()
         self.record[: len(written)] = written
 
     def make_room(self, rows: int) -> None:
         """Have room for `rows` records, before the first of them is written."""
         self.record = np.zeros((rows, self.record.shape[1]))
-        self._set(record=self.record.ctypes.data, rows=rows)
+        self._place_records()
+
+    def give_records(self) -> np.ndarray:
+        """The records in memory, to be kept elsewhere; the next ones take their place.
+
+        Returns:
+            (n, columns), valid until the next record is written.
+        """
+        given = self.record[: self.rows - self.kept_elsewhere]
+        self.kept_elsewhere = self.rows
+        self._place_records()
+        return given
+
+    def _place_records(self) -> None:
+        """Tell the kernels where records go: as if those that are elsewhere lay before them."""
+        before = self.kept_elsewhere * self.record.strides[0]
+        room = self.kept_elsewhere + len(self.record)
+        self._set(record=self.record.ctypes.data - before, rows=room)
+
+    def refer(self, reference: np.ndarray, first: int) -> None:
+        """Let drives go by another part of the reference, which begins with its node `first`."""
+        self.reference = self._arrays["reference"] = np.ascontiguousarray(reference, float)
+        before = first * self.reference.strides[0]
+        self.run["reference"] = self.reference.ctypes.data - before
 
     def watch(self, windows: Sequence[tuple[int, int]]) -> None:
         """Record every step from the first to the last of each of these pairs of steps, too."""
@@ -483,8 +515,8 @@ class Workspace:
         return joint, contact
 
     def recorded(self, name: str) -> np.ndarray:
-        """Columns `name` of the records written so far, shape (rows, width)."""
-        return self.record[: self.rows, self.fields[name]]
+        """Columns `name` of the records in memory, shape (rows, width)."""
+        return self.record[: self.rows - self.kept_elsewhere, self.fields[name]]
 
     def contact_statistics(self) -> dict[str, np.ndarray]:
         """Per joint and contact, (nj, width).
@@ -548,6 +580,8 @@ class Tables:
     nref >= 2."""
     interval: float
     """Between the rows of `reference` [s]."""
+    nodes: int
+    """Rows of the whole reference, of which `reference` is the beginning."""
 
 
 def drive_row(

@@ -29,13 +29,6 @@ if TYPE_CHECKING:
 FASTEST = 1e9
 """Largest bandwidth of a drive [rad/s]: no step follows it."""
 
-REFERENCE_NODE_S = 1e-4
-"""Interval at which the reference is tabulated; between nodes it is linear [s].
-
-At 30 rad/s^2 the tabulated position is within 4e-8 rad of the curve. Prescribed motion is
-interpolated by cubics.
-"""
-
 PRESCRIBED_ARMATURE = 1e9
 """Armature of a joint with prescribed motion, relative to the inertia that it carries."""
 

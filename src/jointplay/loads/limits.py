@@ -105,6 +105,34 @@ def beyond(
     return tuple(found)
 
 
+def worst(mechanism: Mechanism, q: np.ndarray, v: np.ndarray, effort: np.ndarray) -> np.ndarray:
+    """Records by which `beyond` says of these what it says of all.
+
+    Args:
+        mechanism: whose URDF has the limits.
+        q, v, effort: as in `beyond`, at least one record.
+
+    Returns:
+        Their places, ascending.
+    """
+    rows = {0}
+    for name in mechanism.joints:
+        entry = mechanism.description.joints.get(name)
+        if entry is None:
+            continue
+        at = mechanism.coordinate(name)
+        rows |= {int(np.argmax(q[:, at])), int(np.argmin(q[:, at]))}
+        for limit, values in (
+            (entry.speed, v[:, at]),
+            (entry.effort, effort[:, mechanism.motor(name)]),
+        ):
+            if limit is not None:
+                sizes = np.abs(values)
+                over = sizes > limit * (1.0 + MARGIN)
+                rows |= {int(np.argmax(sizes)), int(np.argmax(over))}
+    return np.array(sorted(rows))
+
+
 def _unit(entry: JointEntry, units: tuple[str, str]) -> str:
     return units[entry.kind == "prismatic"]
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from functools import partial
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -12,15 +14,15 @@ from jointplay.kernel import layout, workspace
 from jointplay.kernel.workspace import Tables
 from jointplay.loads.drive import (
     PRESCRIBED_ARMATURE,
-    REFERENCE_NODE_S,
     ComputedTorque,
     Drive,
     JointFriction,
     Prescribed,
     Torque,
 )
+from jointplay.loads.reference import REFERENCE_NODE_S, Efforts, Reference, nodes_ahead
 from jointplay.mechanism.mechanism import Mechanism
-from jointplay.motion.ideal import ideal_motion
+from jointplay.motion.ideal import IdealMotion
 from jointplay.motion.reference import Motion
 
 
@@ -49,7 +51,8 @@ def tabulate(
     start: np.ndarray,
     progress: bool = False,
     bounds: Mapping[str, float] | None = None,
-) -> tuple[Tables, dict[int, float]]:
+    ahead: float = 0.0,
+) -> tuple[Tables, dict[int, float], Reference]:
     """Tabulate all drives.
 
     Args:
@@ -61,22 +64,23 @@ def tabulate(
         start: configuration of `mechanism` at the start, loops closed, shape (nq,).
         progress: show a bar on standard error if it takes long.
         bounds: efforts to which the drives are cut, by joint; prescribed motion is not.
+        ahead: how far beyond the present the table must always reach [s].
 
     Returns:
-        The tables, and the armature that the model needs, by coordinate [kg m^2 or kg].
+        The tables as they are at the start, the armature that the model needs, by coordinate
+        [kg m^2 or kg], and what the tables of later times come from.
     """
     nodes = table_nodes(motion, drives, duration)
-    times = np.arange(nodes) * REFERENCE_NODE_S
     driven = [name for name, drive in drives.items() if drive.kind != "free"]
     follows = [name for name in driven if drives[name].follows]
-    rows = []
-    columns = np.zeros((3, nodes, max(len(driven), 1)))
-    if follows:
+    ideal = None
+    if any(isinstance(drives[name], ComputedTorque) for name in follows):
         assert motion is not None
-        order = [motion.joints.index(name) for name in follows]
-        position, velocity, acceleration = (values[:, order] for values in motion(times))
-        if any(isinstance(drives[name], ComputedTorque) for name in follows):
-            effort, carried = ideal_motion(mechanism, motion, follows, times, start, progress)
+        end = (nodes - 1) * REFERENCE_NODE_S
+        ideal = IdealMotion(mechanism, motion, follows, end, start)
+    columns: list[Any] = []
+    efforts: dict[int, Efforts] = {}
+    rows = []
     model = mechanism.model
     own = pin.crba(model, mechanism.data, start).reshape(model.nv, model.nv).diagonal().copy()
     armature: dict[int, float] = {}
@@ -85,25 +89,26 @@ def tabulate(
         gear = mechanism.gears.get(name)
         losses, limit = friction.get(name, JointFriction()), (bounds or {}).get(name, np.inf)
         if isinstance(drive, Torque):
-            columns[2, :, u] = np.interp(times, drive.times, drive.values)
+            columns.append((drive.times, drive.values))
             row = workspace.drive_row(u, at, limit=limit)
         else:
-            k = follows.index(name)
-            columns[0, :, u], columns[1, :, u] = position[:, k], velocity[:, k]
+            columns.append(k := follows.index(name))
         if isinstance(drive, Prescribed):
             armature[at] = PRESCRIBED_ARMATURE * own[at]
             row = workspace.drive_row(u, at, armature=armature[at])
         if isinstance(drive, ComputedTorque):
+            assert ideal is not None
             rotor = gear.rotor_inertia if gear else 0.0
-            inertia = carried[k] + rotor
-            columns[2, :, u] = (
-                effort[:, k] + rotor * acceleration[:, k] + losses.torque(velocity[:, k])
-            )
+            inertia = ideal.inertia[k] + rotor
+            efforts[k] = partial(_effort, rotor, losses)
             seen = at if drive.encoder == "motor" else mechanism.coordinate(name)
             kp = drive.bandwidth**2 * inertia
             kd = 2.0 * drive.damping_ratio * drive.bandwidth * inertia
             row = workspace.drive_row(u, at, seen, kp, kd, limit=limit)
         rows.append(row)
+    reference = Reference(
+        columns, nodes, follows, motion, ideal, efforts, nodes_ahead(ahead), progress
+    )
     frictions = [
         workspace.friction_row(
             mechanism.coordinate(name),
@@ -129,7 +134,20 @@ def tabulate(
         workspace.stacked(rows, layout.DRIVE_ROW),
         workspace.stacked(frictions, layout.FRICTION_ROW),
         workspace.stacked(gears, layout.GEAR_ROW),
-        np.hstack(list(columns)),
+        reference.table,
         REFERENCE_NODE_S,
+        nodes,
     )
-    return tables, armature
+    return tables, armature, reference
+
+
+def _effort(
+    rotor: float,
+    losses: JointFriction,
+    ideal: np.ndarray,
+    velocity: np.ndarray,
+    acceleration: np.ndarray,
+) -> np.ndarray:
+    """Effort of a drive that also turns its rotor and overcomes its joint's friction."""
+    effort: np.ndarray = ideal + rotor * acceleration + losses.torque(velocity)
+    return effort

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+import math
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 import pinocchio as pin
@@ -16,6 +17,12 @@ from jointplay.motion.reference import Motion
 LOOP_NODE_S = 1e-3
 """Interval at which loops are closed along the motion; between, a quintic spline [s]."""
 
+_SPLINE_MARGIN = 60
+"""Nodes beyond the times that are asked for: a spline forgets its end by 0.43 a node or faster."""
+
+_BLOCKS_BEHIND = 3
+"""Ends of calls of `efforts` whose closed loops are remembered."""
+
 _PORTION = 20_000
 """Times at which a tree's motion is held in memory at once."""
 
@@ -23,62 +30,143 @@ _PATIENCE_S = 1.0
 """What takes longer has a bar [s]."""
 
 
-def ideal_motion(
-    mechanism: Mechanism,
-    motion: Motion,
-    driven: Sequence[str],
-    times: np.ndarray,
-    start: np.ndarray,
-    progress: bool = False,
-) -> tuple[np.ndarray, np.ndarray]:
+class IdealMotion:
     """Inverse dynamics of the ideal mechanism along `motion`.
 
     In a tree, joints that are not driven stand where they start. In a mechanism with loops they
-    follow; their inertia and weight appear at the driven joints.
+    follow; their inertia and weight appear at the driven joints. With q' = G q_driven' the loops'
+    constraint forces do no work, and tau_driven = G^T rnea(q, q', q''); Nikravesh, Computer-Aided
+    Analysis of Mechanical Systems, 1988, calls it the joint coordinate method.
 
     Args:
         mechanism: with its clearance, which is left out.
         motion: reference of the driven joints.
         driven: names of the joints that follow it.
-        times: where it is wanted, at equal intervals, shape (n,) [s].
+        end: last time that will be asked for [s].
         start: configuration of `mechanism` at the start, shape (nq,).
-        progress: show a bar on standard error if it takes longer than `_PATIENCE_S`.
 
-    Returns:
-        Efforts of the ideal mechanism's drives, shape (n, driven) [N m or N], and the inertia that
-        each driven joint carries at the start, shape (driven,) [kg m^2 or kg].
+    Attributes:
+        inertia: what each driven joint carries at the start, shape (driven,) [kg m^2 or kg].
 
     Raises:
-        JointplayError: loops that cannot be closed along the motion, or a configuration in which
-            the driven joints do not determine the others.
+        JointplayError: loops that cannot be closed at the start, or a configuration in which the
+            driven joints do not determine the others.
     """
-    ideal = mechanism.ideal()
-    order = [motion.joints.index(name) for name in driven]
-    at = [ideal.coordinate(name) for name in driven]
-    base = _ideal_configuration(mechanism, ideal, start)
-    if ideal.loops:
-        return _with_loops(ideal, motion, order, at, times, base, progress)
-    model, data = ideal.model, ideal.data
-    effort = np.empty((len(times), len(at)))
-    for first in _shown(range(0, len(times), _PORTION), progress):
-        portion = times[first : first + _PORTION]
-        q, v, a = (np.zeros((len(portion), model.nv)) for _ in range(3))
-        q[:] = base
-        q[:, at], v[:, at], a[:, at] = (values[:, order] for values in motion(portion))
-        for i, state in enumerate(zip(q, v, a, strict=True), first):
-            effort[i] = pin.rnea(model, data, *state)[at]
-    q = base.copy()
-    q[at] = motion(times[:1])[0][0, order]
-    inertia = pin.crba(model, data, q).reshape(model.nv, model.nv).diagonal()
-    return effort, inertia[at]
+
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        motion: Motion,
+        driven: Sequence[str],
+        end: float,
+        start: np.ndarray,
+    ) -> None:
+        """Assemble the ideal mechanism at the start of the motion."""
+        self._ideal = ideal = mechanism.ideal()
+        self._motion = motion
+        self._order = [motion.joints.index(name) for name in driven]
+        self._at = [ideal.coordinate(name) for name in driven]
+        self._base = _ideal_configuration(mechanism, ideal, start)
+        self._end = max(end, LOOP_NODE_S)
+        self._nodes = max(round(self._end / LOOP_NODE_S), 6) + 1
+        self._closed: dict[int, np.ndarray] = {}
+        """Configurations from which loops are closed further on, by node."""
+        q = self._base.copy()
+        q[self._at] = motion(np.zeros(1))[0][0, self._order]
+        if ideal.loops:
+            self._closed[0] = q = assemble(ideal, q, self._at)
+        mass = pin.crba(ideal.model, ideal.data, q).reshape(ideal.model.nv, ideal.model.nv)
+        self.inertia = mass.diagonal()[self._at]
+        if ideal.loops:
+            mass = np.triu(mass) + np.triu(mass, 1).T
+            first = driven_map(ideal, q, self._at)
+            self.inertia = np.einsum("vd,vw,wd->d", first, mass, first)
+
+    def efforts(self, times: np.ndarray, progress: bool = False) -> np.ndarray:
+        """Efforts of the ideal mechanism's drives, shape (n, driven) [N m or N].
+
+        Args:
+            times: at equal intervals, shape (n,) [s]; those of a mechanism with loops go on where
+                the last ones ended, or begin at 0.
+            progress: show a bar on standard error if it takes longer than `_PATIENCE_S`.
+
+        Raises:
+            JointplayError: loops that cannot be closed along the motion.
+        """
+        if self._ideal.loops:
+            return self._with_loops(times, progress)
+        model, data, at = self._ideal.model, self._ideal.data, self._at
+        effort = np.empty((len(times), len(at)))
+        for first in _shown(range(0, len(times), _PORTION), progress):
+            portion = times[first : first + _PORTION]
+            q, v, a = (np.zeros((len(portion), model.nv)) for _ in range(3))
+            q[:] = self._base
+            q[:, at], v[:, at], a[:, at] = (
+                values[:, self._order] for values in self._motion(portion)
+            )
+            for i, state in enumerate(zip(q, v, a, strict=True), first):
+                effort[i] = pin.rnea(model, data, *state)[at]
+        return effort
+
+    def memory(self) -> dict[str, list[float]]:
+        """Configurations from which loops are closed further on, for a checkpoint."""
+        return {str(node): q.tolist() for node, q in self._closed.items()}
+
+    def recall(self, memory: Mapping[str, Sequence[float]]) -> None:
+        """Go on as the one that had this memory."""
+        self._closed = {int(node): np.array(q, float) for node, q in memory.items()}
+
+    def _with_loops(self, times: np.ndarray, progress: bool) -> np.ndarray:
+        """By splines through nodes at which the loops are closed.
+
+        Nodes beyond both ends of `times` hide that splines are bound to end somewhere: what they do
+        there has fallen to rounding after `_SPLINE_MARGIN` of them.
+        """
+        ideal, motion, at = self._ideal, self._motion, self._at
+        interval = self._end / (self._nodes - 1)
+        low = max(math.floor(times[0] / interval) - _SPLINE_MARGIN, 0)
+        high = min(math.ceil(times[-1] / interval) + _SPLINE_MARGIN, self._nodes - 1)
+        further = math.floor(times[-1] / interval) - _SPLINE_MARGIN
+        begin = max(node for node in self._closed if node <= low)
+        way = np.arange(begin, high + 1) * interval
+        if high == self._nodes - 1:
+            way[-1] = self._end
+        nodes, places = way[low - begin :], motion(way)[0][:, self._order]
+        q = np.empty((len(nodes), ideal.model.nq))
+        maps = np.empty((len(nodes), ideal.model.nv, len(at)))
+        guess = self._closed[begin]
+        last = driven_map(ideal, guess, at)
+        for i in _shown(range(begin, high + 1), progress):
+            if i > begin:
+                place = places[i - begin]
+                guess = guess + last @ (place - guess[at])
+                guess[at] = place
+                guess = follow(ideal, guess, at)
+                last = driven_map(ideal, guess, at)
+            if i == further:
+                self._closed[i] = guess.copy()
+                for old in sorted(self._closed)[1:-_BLOCKS_BEHIND]:
+                    del self._closed[old]
+            if i >= low:
+                q[i - low], maps[i - low] = guess, last
+        from scipy.interpolate import make_interp_spline  # takes long to import
+
+        curve = make_interp_spline(nodes, q, k=5)
+        states = (curve(nodes), curve(nodes, 1), curve(nodes, 2))
+        model, data = ideal.model, ideal.data
+        full = np.array([pin.rnea(model, data, *state) for state in zip(*states, strict=True)])
+        effort = np.einsum("nvd,nv->nd", maps, full)
+        found: np.ndarray = make_interp_spline(nodes, effort, k=3)(np.minimum(times, self._end))
+        return found
 
 
 def _shown(things: Sequence[int], progress: bool) -> Iterable[int]:
     """`things`, with a bar of how many have been taken if that takes long."""
+    if not progress:
+        return things  # and nothing of tqdm: see `simulation.progress`
     bar: Iterable[int] = tqdm(
         things,
         "tabulating the motion",
-        disable=not progress,
         delay=_PATIENCE_S,
         leave=False,
         bar_format="{desc} {percentage:3.0f}%|{bar}| {remaining} left",
@@ -99,50 +187,6 @@ def _ideal_configuration(mechanism: Mechanism, ideal: Mechanism, q: np.ndarray) 
                     mechanism.coordinates.index(coordinate)
                 ]
     return found
-
-
-def _with_loops(
-    ideal: Mechanism,
-    motion: Motion,
-    order: list[int],
-    at: list[int],
-    times: np.ndarray,
-    base: np.ndarray,
-    progress: bool,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Efforts (n, driven) and inertia (driven,) by projection on the driven joints.
-
-    With q' = G q_driven' the loops' constraint forces do no work, and tau_driven = G^T rnea(q, q',
-    q''); Nikravesh, Computer-Aided Analysis of Mechanical Systems, 1988, calls it the joint
-    coordinate method.
-    """
-    end = max(times[-1], LOOP_NODE_S)
-    nodes = np.linspace(0.0, end, max(round(end / LOOP_NODE_S), 6) + 1)
-    positions = motion(nodes)[0][:, order]
-    q = np.empty((len(nodes), ideal.model.nq))
-    maps = np.empty((len(nodes), ideal.model.nv, len(at)))
-    guess = base
-    for i in _shown(range(len(nodes)), progress):
-        if i:
-            guess = guess + maps[i - 1] @ (positions[i] - guess[at])
-            guess[at] = positions[i]
-            guess = follow(ideal, guess, at)
-        else:
-            guess = guess.copy()
-            guess[at] = positions[0]
-            guess = assemble(ideal, guess, at)
-        q[i], maps[i] = guess, driven_map(ideal, guess, at)
-    from scipy.interpolate import make_interp_spline
-
-    curve = make_interp_spline(nodes, q, k=5)
-    model, data = ideal.model, ideal.data
-    states = (curve(nodes), curve(nodes, 1), curve(nodes, 2))
-    full = np.array([pin.rnea(model, data, *state) for state in zip(*states, strict=True)])
-    effort = np.einsum("nvd,nv->nd", maps, full)
-    mass = pin.crba(model, data, q[0]).reshape(model.nv, model.nv)
-    mass = np.triu(mass) + np.triu(mass, 1).T
-    inertia = np.einsum("vd,vw,wd->d", maps[0], mass, maps[0])
-    return make_interp_spline(nodes, effort, k=3)(np.minimum(times, end)), inertia
 
 
 def driven_map(mechanism: Mechanism, q: np.ndarray, at: Sequence[int]) -> np.ndarray:

@@ -15,7 +15,10 @@ from jointplay.codec import Described
 from jointplay.errors import JointplayError, MissingName
 from jointplay.fields import quantity
 
-INTERPOLATIONS = ("rest-to-rest", "spline", "constant-speed")
+INTERPOLATIONS = ("rest-to-rest", "spline", "constant-speed", "speed-ramps")
+
+GOES_ON = INTERPOLATIONS[2:]
+"""Those that do not stand still after the last waypoint."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +55,9 @@ class Motion(Described):
     at both ends; ``spline`` passes through them without stopping (quintic spline, at rest at both
     ends; for densely recorded motions); ``constant-speed`` moves at the speed that joins the
     waypoints, which must be the same between all of them, and goes on with it after the last (a
-    crank).
+    crank); ``speed-ramps`` begins at the speed that joins the first two waypoints and changes it
+    evenly on the way to each of the others, without a jump; it goes on with its last speed (a crank
+    that is run up).
     """
 
     def __init__(
@@ -129,11 +134,27 @@ class Motion(Described):
             from scipy.interpolate import PPoly
 
             return PPoly(np.stack([speeds[:1], self.positions[:1]]), self.times[[0, -1]])
+        if self.interpolation == "speed-ramps":
+            return self._ramps()
         from scipy.interpolate import make_interp_spline
 
         still = np.zeros(len(self.joints))
         rest = [(1, still), (2, still)]
         return make_interp_spline(self.times, self.positions, k=5, bc_type=(rest, rest))
+
+    def _ramps(self) -> Any:
+        """Parabolas whose speeds meet; after them a straight line."""
+        spans = np.diff(self.times)[:, None]
+        means = np.diff(self.positions, axis=0) / spans
+        speeds = [means[0]]
+        for mean in means:
+            speeds.append(2.0 * mean - speeds[-1])
+        bends = np.diff(speeds, axis=0) / (2.0 * spans)
+        pieces = [np.vstack([bends, 0.0 * means[:1]]), np.array(speeds), self.positions]
+        ends = np.append(self.times, 2.0 * self.times[-1] - self.times[-2])
+        from scipy.interpolate import PPoly
+
+        return PPoly(np.stack(pieces), ends)
 
     @property
     def duration(self) -> float:
@@ -143,20 +164,20 @@ class Motion(Described):
     @property
     def still_from(self) -> float:
         """Time from which all joints stand still [s]; inf if they go on."""
-        return math.inf if self.interpolation == "constant-speed" else self.duration
+        return math.inf if self.interpolation in GOES_ON else self.duration
 
     def __call__(self, time: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Position, velocity and acceleration at the times `time` (n,) [s].
 
         Before the first waypoint and after the last the joints stand still, but for constant
-        speed, which goes on.
+        speed and speed ramps, which go on.
 
         Returns:
             Three arrays of shape (n, joints) [rad or m, and their derivatives by seconds].
         """
         time = np.asarray(time, float)
         position, speed, acceleration = vars(self)["_curves"]
-        if self.interpolation == "constant-speed":
+        if self.interpolation in GOES_ON:
             return position(time), speed(time), acceleration(time)
         inside = (time >= self.times[0]) & (time <= self.times[-1])
         held = np.clip(time, self.times[0], self.times[-1])

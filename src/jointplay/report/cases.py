@@ -14,8 +14,8 @@ from jointplay import analysis
 from jointplay.analysis.replay import Impact, Replay, follow, largest_impacts, replay, window
 from jointplay.errors import JointplayError
 from jointplay.plots.figures import coloured
-from jointplay.result.histories import contact_names
 from jointplay.result.result import Result
+from jointplay.result.variables import contact_names
 
 Say = Callable[[str], None]
 

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
 
 import numpy as np
 
@@ -14,10 +13,7 @@ from jointplay.codec import Described
 from jointplay.contact import ContactProperties
 from jointplay.fields import quantity
 from jointplay.kernel import WELL_RESOLVED_STEPS
-from jointplay.kernel.integrators import DEFAULT, integrator
-from jointplay.kernel.layout import FRICTION
-from jointplay.kernel.workspace import Workspace
-from jointplay.mechanism.impact import friction_step_limit, tooth_duration
+from jointplay.kernel.integrators import DEFAULT
 from jointplay.mechanism.mechanism import Mechanism
 
 DRIFT_WARNING_M = 1e-6
@@ -132,69 +128,6 @@ class Audit(Described):
     """In what normal-force and film laws were used beyond their range; see `out_of_range`."""
     limit_warnings: tuple[str, ...] = ()
     """In what the run went beyond the URDF's limits of joints; see `loads.limits`."""
-
-    @classmethod
-    def of(
-        cls,
-        mechanism: Mechanism,
-        simulation: Mapping[str, Any],
-        workspace: Workspace,
-        energies: Sequence[np.ndarray],
-        work: np.ndarray,
-        residual: np.ndarray,
-        drift: np.ndarray,
-        judgement: Judgement | None = None,
-        limit_warnings: tuple[str, ...] = (),
-    ) -> Audit:
-        """Audit the records in `workspace` of `simulation`, which is given as plain data.
-
-        `energies` are the kinetic and the potential one.
-        """
-        statistics = workspace.contact_statistics()
-        kinetic, _ = energies
-        moved = (*energies, *work.T)
-        variations = (float(np.abs(np.diff(values)).sum()) for values in moved)
-        exchanged = max(*variations, NOTHING_EXCHANGED * float(kinetic.max(initial=0.0)))
-        shortest = float(np.min(statistics["shortest_steps"], initial=np.inf))
-        impulse = float(statistics["impulse"].sum())
-        depth, relative, limit = 0.0, 0.0, math.inf
-        explicit = integrator(simulation["integrator"]).single_rate
-        rubbed = work[:, FRICTION]
-        peaks = workspace.recorded("normal_peak")
-        peaks = peaks.reshape(workspace.rows, *workspace.contacts.shape[:2])
-        largest = peaks.max(axis=(0, 2), initial=0.0)
-        for name, gaps, force in zip(
-            mechanism.clearance, statistics["smallest_gap"], largest, strict=True
-        ):
-            joint = mechanism.clearance[name]
-            if workspace.rows and explicit:
-                q = workspace.recorded("q")[0]
-                limit = min(limit, friction_step_limit(mechanism, name, q, float(force)))
-            for gap, room in zip(gaps, joint.rooms, strict=False):
-                depth, relative = max(depth, -gap), max(relative, -gap / room)
-        return cls(
-            energy_residual=float(np.abs(residual).max(initial=0.0)),
-            energy_exchanged=exchanged,
-            impacts=int(statistics["onsets"].sum()),
-            shortest_contact_steps=int(shortest) if math.isfinite(shortest) else 0,
-            under_resolved=int(statistics["under_resolved"].sum()),
-            under_resolved_impulse=float(statistics["under_resolved_impulse"].sum()) / impulse
-            if impulse
-            else 0.0,
-            normal_impulse=impulse,
-            largest_penetration=float(depth),
-            penetration_over_clearance=float(relative),
-            step=float(simulation["step"]),
-            friction_step_limit=limit,
-            unsolved=int(workspace.run["unsolved"][0]),
-            unresolved=workspace.unresolved,
-            friction_fed=float((np.maximum.accumulate(rubbed) - rubbed).max(initial=0.0)),
-            tooth_steps=_tooth_steps(mechanism, simulation, workspace),
-            loop_drift=float(drift.max(initial=0.0)),
-            law_warnings=out_of_range(mechanism, statistics),
-            limit_warnings=limit_warnings,
-            **_judged(workspace, statistics, judgement or Judgement()),
-        )
 
     @property
     def relative_energy_residual(self) -> float:
@@ -311,45 +244,6 @@ class Audit(Described):
         if self.loop_drift:
             lines.append(f"  drift of ideal loops: {self.loop_drift:.3g} m")
         return "\n".join(lines + [f"  warning: {text}" for text in self.warnings])
-
-
-def _judged(
-    workspace: Workspace, statistics: Mapping[str, np.ndarray], judgement: Judgement
-) -> dict[str, Any]:
-    """Headlines of the part of a run that is judged."""
-    before = judgement.before or {name: np.zeros(1) for name in ("onsets", "impulse")}
-    found: dict[str, Any] = {
-        "start": judgement.start,
-        "start_residual": judgement.residual,
-        "start_load": judgement.load,
-        "judged_from": judgement.judged_from,
-        "judged_impacts": int((statistics["onsets"] - before["onsets"]).sum()),
-        "judged_impulse": float((statistics["impulse"] - before["impulse"]).sum()),
-    }
-    recorded = workspace.recorded("force_peak")
-    peaks = recorded.reshape(len(recorded), recorded.shape[1] // 3, 3)
-    if peaks.shape[1]:
-        sizes = np.linalg.norm(peaks, axis=2).max(axis=1)
-        late = workspace.recorded("time")[:, 0] >= judgement.judged_from
-        found["peak_force"] = float(sizes[late].max(initial=0.0))
-        if judgement.judged_from > 0.0:
-            found["peak_force_before"] = float(sizes[~late].max(initial=0.0))
-    return found
-
-
-def _tooth_steps(
-    mechanism: Mechanism, simulation: Mapping[str, Any], workspace: Workspace
-) -> float:
-    """See `Audit.tooth_steps`."""
-    q, steps = workspace.recorded("q"), math.inf
-    if not len(q) or simulation["tolerance"] is not None:
-        return steps
-    for name, gear in mechanism.gears.items():
-        twist = np.abs(q[:, mechanism.motor(name)] - q[:, mechanism.coordinate(name)])
-        if twist.max() > gear.play / 2.0:
-            duration = tooth_duration(mechanism, name, q[0])
-            steps = min(steps, duration / float(simulation["step"]))
-    return steps
 
 
 def out_of_range(mechanism: Mechanism, statistics: Mapping[str, np.ndarray]) -> tuple[str, ...]:

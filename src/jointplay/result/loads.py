@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from jointplay.kernel.workspace import Workspace
 from jointplay.loads.base import Load
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.mechanism.tree import Frame
+from jointplay.result.records import Records
 
 Variables = dict[str, tuple[tuple[str, ...], np.ndarray, str, str]]
 
@@ -47,9 +47,9 @@ class Acting:
                 self.pairs["load", name] = site.frames
                 self.pairs["world", name] = ((0, pin.SE3.Identity()), site.frames[1])
 
-    def _answers(self, workspace: Workspace) -> dict[str, np.ndarray]:
+    def _answers(self, records: Records) -> dict[str, np.ndarray]:
         """What each load's law gave, (n, size)."""
-        recorded, found, at = workspace.recorded("load_force"), {}, 0
+        recorded, found, at = records.recorded("load_force"), {}, 0
         for name, site in self._sites.items():
             size = len(site.pushed) if site.frames is None else 6
             found[name] = recorded[:, at : at + size]
@@ -57,17 +57,17 @@ class Acting:
         return found
 
     def histories(
-        self, q: np.ndarray, body: Mapping[str, Any], workspace: Workspace
+        self, q: np.ndarray, body: Mapping[str, Any], records: Records
     ) -> tuple[Variables, dict[str, Any]]:
         """Variables of a result, and their coordinates.
 
         Args:
             q: of all records (n, nq).
             body: has under "poses" those of `pairs` (n, 12), by key.
-            workspace: has the records.
+            records: these.
         """
         n, names = len(q), list(self.loads)
-        energy, answers = np.zeros((n, len(names))), self._answers(workspace)
+        energy, answers = np.zeros((n, len(names))), self._answers(records)
         parts, values, units = [], [], []
         for i, (name, load) in enumerate(self.loads.items()):
             site = self._sites[name]
@@ -77,7 +77,7 @@ class Acting:
                 parts.append(f"{name}.{series.name}")
                 values.append(series.values)
                 units.append(series.unit)
-        work = workspace.recorded("load_work").copy()
+        work = records.recorded("load_work").copy()
         each, part = ("time", "load"), ("time", "load_part")
         text = "brought in by the load since t = 0, beyond what it stores"
         variables: Variables = {
@@ -88,21 +88,21 @@ class Acting:
         units_of_parts = ("load_part", units)
         return variables, {"load": names, "load_part": parts, "load_part_unit": units_of_parts}
 
-    def driven(self, workspace: Workspace) -> np.ndarray:
+    def driven(self, records: Records) -> np.ndarray:
         """Efforts of those loads that are actuators of joints, (n, nv) [N m or N]."""
-        efforts = np.zeros((workspace.rows, self.mechanism.model.nv))
-        for name, answers in self._answers(workspace).items():
+        efforts = np.zeros((records.rows, self.mechanism.model.nv))
+        for name, answers in self._answers(records).items():
             if self.loads[name].driven():
                 efforts[:, list(self._sites[name].pushed)] += answers
         return efforts
 
-    def pushes(self, body: Mapping[str, Any], workspace: Workspace) -> Pushes:
+    def pushes(self, body: Mapping[str, Any], records: Records) -> Pushes:
         """What the loads pushed on; arguments as in `histories`."""
-        n = workspace.rows
+        n = records.rows
         efforts = np.zeros((n, self.mechanism.model.nv))
         bodies: list[int] = []
         wrenches = []
-        for name, answers in self._answers(workspace).items():
+        for name, answers in self._answers(records).items():
             site = self._sites[name]
             if site.frames is None:
                 efforts[:, list(site.pushed)] += answers

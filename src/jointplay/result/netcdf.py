@@ -10,11 +10,12 @@ from __future__ import annotations
 
 import hashlib
 import io
+import math
 import os
 import subprocess
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, BinaryIO
 
 from jointplay.errors import JointplayError
 
@@ -23,6 +24,11 @@ if TYPE_CHECKING:
 
 SEAL = b"\njointplay sha256 "
 """What stands between a file's content and its checksum, which ends the file with a newline."""
+
+_CHANGED = "its checksum does not match (cut short, or changed since)"
+
+_PIECE = 1 << 20
+"""Bytes that are read at once for a checksum."""
 
 _SEALED = len(SEAL) + 64 + 1
 
@@ -38,18 +44,62 @@ _GUARD = "import sys, xarray; xarray.load_dataset(sys.argv[1], engine='h5netcdf'
 
 def pack(dataset: xr.Dataset) -> bytes:
     """The file that holds `dataset`, compressed and sealed."""
-    compress = {
-        name: {"zlib": True, "complevel": 1, "shuffle": True}
+    content = bytes(dataset.to_netcdf(None, engine="h5netcdf", encoding=compression(dataset)))
+    return seal(content)
+
+
+def compression(dataset: xr.Dataset) -> dict[str, dict[str, Any]]:
+    """How the variables are compressed, by name."""
+    return {
+        str(name): {"zlib": True, "complevel": 1, "shuffle": True}
         for name, variable in dataset.data_vars.items()
         if variable.dtype.kind in "fi"
     }
-    content = bytes(dataset.to_netcdf(None, engine="h5netcdf", encoding=compress))
-    return seal(content)
 
 
 def seal(content: bytes) -> bytes:
     """`content` with its checksum behind it."""
     return content + SEAL + hashlib.sha256(content).hexdigest().encode() + b"\n"
+
+
+def digest(file: BinaryIO, size: int | None = None) -> bytes:
+    """Checksum of what `file` holds from where it stands, of `size` bytes or to its end."""
+    found, left = hashlib.sha256(), math.inf if size is None else size
+    while left > 0 and (piece := file.read(int(min(_PIECE, left)))):
+        found.update(piece)
+        left -= len(piece)
+    return found.hexdigest().encode()
+
+
+def open_lazily(path: Path) -> xr.Dataset:
+    """A file that `pack` or `Growing` made, of which is read what is asked for.
+
+    All of it is read once, for its checksum.
+
+    Raises:
+        JointplayError: damaged, without checksum, or no NetCDF file.
+    """
+    try:
+        with path.open("rb") as file:
+            size = file.seek(0, os.SEEK_END) - _SEALED
+            file.seek(max(size, 0))
+            sealed = file.read()
+            file.seek(0)
+            if size < 0 or not sealed.startswith(SEAL):
+                raise _damaged(path, "it has no checksum, so that it must be loaded whole")
+            if sealed != SEAL + digest(file, size) + b"\n":
+                raise _damaged(path, _CHANGED)
+    except JointplayError:
+        raise
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise JointplayError(f"cannot read {str(path)!r}: {reason}") from None
+    try:
+        import xarray as xr
+
+        return xr.open_dataset(path, engine="h5netcdf", cache=False)
+    except Exception as error:  # HDF5 raises whatever it stumbles over
+        raise _damaged(path, error) from None
 
 
 def load(path: Path) -> xr.Dataset:
@@ -66,7 +116,7 @@ def load(path: Path) -> xr.Dataset:
     body, sealed = content[:-_SEALED], content[-_SEALED:]
     if sealed.startswith(SEAL):
         if sealed != seal(body)[-_SEALED:]:
-            raise _damaged(path, "its checksum does not match (cut short, or changed since)")
+            raise _damaged(path, _CHANGED)
         content = body
     else:
         _guarded(path, len(content))

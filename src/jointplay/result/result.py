@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -210,8 +210,8 @@ class Result:
         return files.write(path, netcdf.pack(self.dataset), overwrite=overwrite)
 
     @classmethod
-    def load(cls, path: str | Path, trust: Collection[str] = ()) -> Result:
-        """Read a file that `save` wrote.
+    def load(cls, path: str | Path, trust: Collection[str] = (), every: int = 1) -> Result:
+        """Read a file that `save` or a long run wrote.
 
         A file runs no code. If it names a law of the user's own, `simulation` finds it only among
         those defined in this process or in the modules of `trust`.
@@ -219,16 +219,48 @@ class Result:
         Args:
             path: the file.
             trust: modules, such as ``"my_laws"``, that may be imported when the file names them.
+            every: only each n-th record and the last, peaks covering what lies between: the result
+                of a run that recorded so seldom. A file of any size then fits into memory.
 
         Raises:
             JointplayError: no such file, damaged, or not a jointplay result.
         """
+        if every == 1:
+            return cls._read(path, trust, netcdf.load)
+        with cls.open(path, trust).dataset as dataset:
+            found: Result = late("result.thin:thinned")(cls(dataset, trust), every)
+        simulation = json.loads(found.dataset.attrs["simulation"])
+        simulation["record_every"] *= every
+        found.dataset.attrs["simulation"] = json.dumps(simulation)
+        return found
+
+    @classmethod
+    def open(cls, path: str | Path, trust: Collection[str] = ()) -> Result:
+        """Open a file that `save` or a long run wrote, and read from it only what is asked for.
+
+        Histories stay on disk, but for the times; what one takes from them, such as
+        ``result["q"].isel(time=slice(0, 1000))``, is read when its values are. Nothing is kept:
+        whatever goes over all histories reads them, and needs memory for them.
+
+        Args:
+            path: the file.
+            trust: see `load`.
+
+        Raises:
+            JointplayError: no such file, damaged, without checksum, or not a jointplay result.
+        """
+        return cls._read(path, trust, netcdf.open_lazily)
+
+    @classmethod
+    def _read(
+        cls, path: str | Path, trust: Collection[str], reader: Callable[[Path], xr.Dataset]
+    ) -> Result:
         from jointplay.result.stored import check
 
         path = Path(path)
         if not files.is_file(path):
             raise JointplayError(f"no result file {str(path)!r}")
-        dataset = netcdf.load(path)
+        dataset = reader(path)
         if dataset.attrs.get("jointplay_format") != FORMAT:
             raise JointplayError(
                 f"{str(path)!r} is not a jointplay result of format {FORMAT} "

@@ -4,40 +4,95 @@ from __future__ import annotations
 
 import tempfile
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from jointplay.errors import JointplayError
 from jointplay.host import stopping
+from jointplay.kernel import Status
+from jointplay.result.result import Result
+from jointplay.simulation.on_disk import beside, checkpoints, forget
+from jointplay.simulation.on_disk import save as on_disk_save
 
 if TYPE_CHECKING:
-    from jointplay.result.result import Result
     from jointplay.simulation.simulation import Run, Simulation
 
 
+LARGE_FILE = 10_000_000
+"""Files that are smaller are read whole [bytes]."""
+
+SUMMARY_RECORDS = 100_000
+"""Records of a long run that are read for its summary and figures, about."""
+
+
 def run_and_save(
-    run: Run, path: Path, progress: bool = False, notes: Mapping[str, Any] | None = None
+    run: Run,
+    path: Path,
+    progress: bool = False,
+    notes: Mapping[str, Any] | None = None,
+    overwrite: bool = False,
 ) -> Result:
-    """Run and save; told to stop, the run is saved as far as it came.
+    """Run and save; told to stop, the run is saved as far as it came, with a checkpoint beside it.
 
     Args:
-        run: made ready.
-        path: a new file.
+        run: made ready, or continued.
+        path: the file.
         progress: show a bar.
         notes: further attributes of the file.
+        overwrite: whether a file of that name is replaced.
+
+    Returns:
+        The result; of a run whose records are on disk no more than `SUMMARY_RECORDS` records, see
+        `Result.load`.
 
     Raises:
         JointplayError: the result cannot be written to `path`; the message says where it is.
         KeyboardInterrupt: told to stop twice, or before anything was computed.
     """
+    on_disk = run.on_disk
+    kept = beside(path)[1]
     with stopping.keeping(str(path)):
+        stopping.stoppable(run)
+        if on_disk is not None:
+            run.between.append(checkpoints(run, kept))
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)  # the caller says how runs ended
-            result = stopping.stoppable(run).execute(progress)
-        result.dataset.attrs.update(notes or {})
-        save(result, path)
+            if on_disk is None or not on_disk.needed:
+                result = run.execute(progress)
+                status = result.status
+            else:
+                status, message = run.complete(progress)
+        if status == Status.INTERRUPTED and on_disk is not None:
+            _keep_checkpoint(run, kept)
+        if on_disk is None or not on_disk.needed:
+            result.dataset.attrs.update(notes or {})
+            save(result, path, overwrite)
+        else:
+            on_disk_save(run, path, status, message, notes, overwrite, progress)
+            result = load_some(path)
+        if status != Status.INTERRUPTED and on_disk is not None:
+            forget(run, path)
     return result
+
+
+def load_some(path: Path, trust: Collection[str] = ()) -> Result:
+    """A result with no more than about `SUMMARY_RECORDS` records; see `Result.load`."""
+    if path.stat().st_size < LARGE_FILE:
+        return Result.load(path, trust)
+    with Result.open(path).dataset as dataset:
+        every = -(-dataset.sizes["time"] // SUMMARY_RECORDS)
+    return Result.load(path, trust, every)
+
+
+def _keep_checkpoint(run: Run, kept: Path) -> None:
+    """Write a checkpoint and say so; if it cannot be, say why."""
+    try:
+        run.checkpoint(kept)
+    except JointplayError as error:
+        stopping.say(f"no checkpoint: {error}")
+    else:
+        stopping.say(f"checkpoint at t = {run.workspace.time:.6g} s: --resume goes on from it")
 
 
 def add_certificate(
@@ -63,7 +118,6 @@ def add_certificate(
         KeyboardInterrupt: told to stop; the result is there without certificate.
     """
     from jointplay.analysis.certification import certify
-    from jointplay.kernel import Status
 
     if result.status == Status.INTERRUPTED or stopping.told():
         return

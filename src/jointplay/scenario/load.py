@@ -162,12 +162,14 @@ class Scenario:
         self.notes += [line for line in notes if line not in self.notes]
         return simulation
 
-    def prepare(self, case: str | None = None, progress: bool = False) -> Run:
+    def prepare(
+        self, case: str | None = None, progress: bool = False, records: Path | None = None
+    ) -> Run:
         """A case made ready to step; see `simulation` and `Simulation.prepare`."""
         simulation = self.simulation(case)
         case = self.cases[0] if case is None else case
         try:
-            return simulation.prepare(progress)
+            return simulation.prepare(progress, records)
         except JointplayError as error:
             raise self._error(_place_of(error), str(error), case, True) from None
 

@@ -3,13 +3,81 @@
 from __future__ import annotations
 
 import math
+import warnings
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
 
-from jointplay.errors import JointplayError
+from jointplay.errors import JointplayError, MissingName, require_positive
+from jointplay.kernel.integrators import DEFAULT, Integrator
+from jointplay.loads import limits as limits_of_joints
+from jointplay.loads.drive import JointFriction
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.result.netcdf import MEMORY_SHARE, memory
 
+if TYPE_CHECKING:
+    from jointplay.simulation.simulation import Simulation
+
 MOST_STEPS = 10**12
 """Most steps of a run: they would take months."""
+
+
+def numbers(simulation: Simulation, method: Integrator) -> tuple[float, float, int]:
+    """Refuse settings that make no sense; returns step, duration [s] and the number of steps."""
+    step = require_positive("step", simulation.step, "s", ("step",))
+    if simulation.macro_step is not None:
+        require_positive("macro step", simulation.macro_step, "s", ("macro_step",))
+    if simulation.tolerance is not None:
+        require_positive("tolerance", simulation.tolerance, "", ("tolerance",))
+    for option in ("macro_step", "tolerance"):
+        value = getattr(simulation, option)
+        if value is not None and method.single_rate:
+            raise JointplayError(
+                f"{option} (got {value:g}) belongs to the integrator {DEFAULT!r}; "
+                f"{method.name!r} has a fixed step: leave it out, or take {DEFAULT!r}",
+                where=(option,),
+            )
+    duration, motion = simulation.duration, simulation.motion
+    if duration is None:
+        if motion is None:
+            raise JointplayError(
+                "a simulation without motion needs a duration [s]", where=("duration",)
+            )
+        duration = motion.duration
+    duration = require_positive("duration", duration, "s", ("duration",))
+    check_numbers(step, duration, simulation.record_every, simulation.seed)
+    steps = round(duration / step)
+    if steps < 1:
+        raise JointplayError(
+            f"duration {duration:g} s is shorter than the step {step:g} s", where=("duration",)
+        )
+    return step, duration, steps
+
+
+def friction(simulation: Simulation) -> Mapping[str, JointFriction]:
+    """Friction by joint: what is given, or the URDF's."""
+    found, joints = simulation.joint_friction, simulation.mechanism.joints
+    if found is None:
+        entries = simulation.mechanism.description.joints
+        found = {
+            name: JointFriction(entries[name].friction, entries[name].damping) for name in joints
+        }
+    for name in found:
+        if name not in joints:
+            raise MissingName("moving joint", name, joints)
+    return found
+
+
+def bounds(simulation: Simulation, followed: Sequence[str]) -> dict[str, float]:
+    """Hold the motion against the URDF's limits; returns the efforts that are to be cut."""
+    way = limits_of_joints.require_known(simulation.limits)
+    if way == "ignore":
+        return {}
+    if followed:
+        assert simulation.motion is not None
+        motion = simulation.motion
+        for text in limits_of_joints.check_motion(simulation.mechanism, motion, followed):
+            warnings.warn(text, RuntimeWarning, stacklevel=5)
+    return limits_of_joints.bounds(simulation.mechanism) if way == "cut" else {}
 
 
 def check_numbers(step: float, duration: float, every: object, seed: object) -> None:

@@ -6,7 +6,7 @@ import math
 import sys
 import time
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, ExitStack
 from dataclasses import replace
 from pathlib import Path
@@ -17,22 +17,31 @@ import pinocchio as pin
 from tqdm import tqdm
 
 from jointplay import kernel
-from jointplay.errors import JointplayError, MissingName, require_positive
+from jointplay.errors import JointplayError, require_positive
+from jointplay.host import stopping
 from jointplay.kernel import Status
-from jointplay.kernel.integrators import DEFAULT, Integrator, integrator
+from jointplay.kernel.integrators import Integrator, integrator
 from jointplay.kernel.workspace import Workspace
-from jointplay.loads import limits as limits_of_joints
-from jointplay.loads.drive import JointFriction, assign
+from jointplay.loads.drive import assign
 from jointplay.loads.tables import table_nodes, tabulate
 from jointplay.mechanism.massless import require_inertia
 from jointplay.result.audit import Judgement
-from jointplay.result.histories import Phase, histories
+from jointplay.result.histories import histories
+from jointplay.result.variables import Phase
 from jointplay.simulation import checkpoint, ending, initial, limits, step_check
 from jointplay.simulation import loads as acting
 from jointplay.simulation.assemble import check_step, contact_site
 from jointplay.simulation.events import Events
-from jointplay.simulation.loop import LOOP_CORRECTION, Adaptive, Loop, MultiRate, SingleRate
+from jointplay.simulation.loop import (
+    LONGEST_MACRO_STEP_S,
+    LOOP_CORRECTION,
+    Adaptive,
+    Loop,
+    MultiRate,
+    SingleRate,
+)
 from jointplay.simulation.moment import Moment
+from jointplay.simulation.on_disk import OnDisk
 from jointplay.simulation.progress import Bar
 from jointplay.simulation.standing import StandingLoads
 from jointplay.simulation.watch import Watch
@@ -42,32 +51,37 @@ if TYPE_CHECKING:
     from jointplay.simulation.simulation import Simulation
 
 _CHUNK = 2000
-"""Steps between two looks at the clock and the keyboard."""
+"""Steps between two looks at the clock and the keyboard, at most."""
 
 
 class Run:
     """A simulation made ready to step: its workspace, and the initial state in it."""
 
-    def __init__(self, simulation: Simulation, progress: bool = False) -> None:
-        """Check the numbers, place the journals, tabulate the drives."""
+    def __init__(
+        self, simulation: Simulation, progress: bool = False, records: Path | None = None
+    ) -> None:
+        """Check the numbers, place the journals, tabulate the drives; see `Simulation.prepare`."""
         self.simulation = simulation
         self.label = ""  # what the progress bar calls the run
         self.mechanism = mechanism = simulation.mechanism
         limits.check_names(mechanism)
         self.method: Integrator = integrator(simulation.integrator)
-        step, duration = self._check_numbers()
+        step, duration, self.steps = limits.numbers(simulation, self.method)
         acting.check(simulation.loads)
         drives = assign(mechanism, simulation.motion, simulation.drive)
-        nodes = table_nodes(simulation.motion, drives, duration)
-        limits.check_memory(mechanism, duration, self.steps, simulation.record_every, nodes)
-        self.friction = self._friction()
+        every = simulation.record_every
+        if records is None:
+            nodes = table_nodes(simulation.motion, drives, duration)
+            limits.check_memory(mechanism, duration, self.steps, every, nodes)
+        self.friction = limits.friction(simulation)
         followed = [name for name, drive in drives.items() if drive.follows]
-        bounds = self._bounds(followed)
+        bounds = limits.bounds(simulation, followed)
         start = initial.place(simulation, mechanism, followed)
         require_inertia(mechanism, start.q)
         if simulation.seed is not None and not simulation.stands:
             start.perturb(simulation.seed, at_rest=False)
-        tables, armature = tabulate(
+        macro = simulation.macro_step or LONGEST_MACRO_STEP_S
+        tables, armature, self._reference = tabulate(
             mechanism,
             simulation.motion,
             drives,
@@ -76,6 +90,7 @@ class Run:
             start.q,
             progress,
             bounds,
+            ahead=2.0 * (_CHUNK * step + macro),
         )
         start.move()
         # The run's own, for payloads and prescribed motion change its inertias.
@@ -90,11 +105,16 @@ class Run:
             [contact_site(mechanism, name, start.q) for name in mechanism.clearance],
             tables,
             step,
-            simulation.record_every,
-            self.steps // simulation.record_every + 2,
+            every,
+            self.steps // every + 2 if records is None else 1,
             own_acceleration=not self.method.single_rate,
             loads=sites,
         )
+        self.on_disk: OnDisk | None = None
+        """Where records go that memory has no room for."""
+        if records is not None:
+            most = _CHUNK + math.ceil(macro / step) + 2
+            self.on_disk = OnDisk(records, w, self.steps // every + 2, most)
         self._watch = Watch(simulation.loads, sites, mechanism, self.model, w, step)
         w.q[:], w.v[:] = start.q, start.v
         self._events = Events(
@@ -115,8 +135,12 @@ class Run:
         self._unjudged: dict[str, np.ndarray] | None = None
         self._begun = False
         self._elapsed = 0.0
+        self._since: float | None = None
+        self._origin: tuple[np.ndarray, np.ndarray] | None = None
         self.guards: list[Callable[[], AbstractContextManager[object]]] = []
         """Contexts in which the time loop runs, such as one that takes signals."""
+        self.between: list[Callable[[], bool]] = []
+        """Called between stretches; the run stops, to be continued or not, if one says True."""
         self._loop = self._make_loop(mechanism.constraints(w.q, LOOP_CORRECTION / step))
 
     def _stand(self, start: initial.Start) -> None:
@@ -146,68 +170,6 @@ class Run:
                 start.perturb(simulation.seed, at_rest=True)
         start.move()
         self.workspace.q[:], self.workspace.v[:] = start.q, start.v
-
-    def _check_numbers(self) -> tuple[float, float]:
-        """Refuse settings that make no sense; returns step and duration [s]."""
-        simulation = self.simulation
-        step = require_positive("step", simulation.step, "s", ("step",))
-        if simulation.macro_step is not None:
-            require_positive("macro step", simulation.macro_step, "s", ("macro_step",))
-        if simulation.tolerance is not None:
-            require_positive("tolerance", simulation.tolerance, "", ("tolerance",))
-        for option in ("macro_step", "tolerance"):
-            value = getattr(simulation, option)
-            if value is not None and self.method.single_rate:
-                raise JointplayError(
-                    f"{option} (got {value:g}) belongs to the integrator {DEFAULT!r}; "
-                    f"{self.method.name!r} has a fixed step: leave it out, or take {DEFAULT!r}",
-                    where=(option,),
-                )
-        duration = self._duration()
-        every = simulation.record_every
-        limits.check_numbers(step, duration, every, simulation.seed)
-        self.steps = round(duration / step)
-        if self.steps < 1:
-            raise JointplayError(
-                f"duration {duration:g} s is shorter than the step {step:g} s", where=("duration",)
-            )
-        return step, duration
-
-    def _duration(self) -> float:
-        duration, motion = self.simulation.duration, self.simulation.motion
-        if duration is None:
-            if motion is None:
-                raise JointplayError(
-                    "a simulation without motion needs a duration [s]", where=("duration",)
-                )
-            duration = motion.duration
-        return require_positive("duration", duration, "s", ("duration",))
-
-    def _friction(self) -> Mapping[str, JointFriction]:
-        friction = self.simulation.joint_friction
-        joints = self.mechanism.joints
-        if friction is None:
-            entries = self.mechanism.description.joints
-            friction = {
-                name: JointFriction(entries[name].friction, entries[name].damping)
-                for name in joints
-            }
-        for name in friction:
-            if name not in joints:
-                raise MissingName("moving joint", name, joints)
-        return friction
-
-    def _bounds(self, followed: Sequence[str]) -> dict[str, float]:
-        """Hold the motion against the URDF's limits; returns the efforts that are to be cut."""
-        way = limits_of_joints.require_known(self.simulation.limits)
-        if way == "ignore":
-            return {}
-        if followed:
-            assert self.simulation.motion is not None
-            found = limits_of_joints.check_motion(self.mechanism, self.simulation.motion, followed)
-            for text in found:
-                warnings.warn(text, RuntimeWarning, stacklevel=5)
-        return limits_of_joints.bounds(self.mechanism) if way == "cut" else {}
 
     def _make_loop(self, constraints: list[pin.RigidConstraintModel]) -> Loop:
         simulation = self.simulation
@@ -244,25 +206,36 @@ class Run:
             everything up to there and says so in `Result.status` and `Result.message`; a run that
             stopped also warns.
         """
-        started = time.perf_counter()
-        whole = not self._begun
-        start = self.workspace.q.copy(), self.workspace.v.copy()
-        status = self.loop(progress)
-        self._elapsed += time.perf_counter() - started
-        message = self.message(status)
-        if status not in (Status.COMPLETED, Status.INTERRUPTED):
-            warnings.warn(message, RuntimeWarning, stacklevel=2)
+        if self.on_disk is not None and self.on_disk.needed:
+            raise JointplayError("the histories of this run go to a file: save it")
+        status, message = self.complete(progress)
         result = self.result(status, message, reactions)
-        check_step = check_step and whole and step_check.wanted(self.simulation)
+        check_step = check_step and self._origin is not None and step_check.wanted(self.simulation)
         if check_step and status == Status.COMPLETED:
-            error = step_check.step_error(self, result, start, progress)
+            assert self._origin is not None
+            error = step_check.step_error(self, result, self._origin, progress)
             if error is not None:
                 result.amend(step_error=error.tool, relative_step_error=error.relative)
         return result
 
+    def complete(self, progress: bool = False) -> tuple[Status, str]:
+        """Step to the end; returns how it ended, in one line. Warns if the run failed.
+
+        Args:
+            progress: see `execute`.
+        """
+        if not self._begun:
+            self._origin = self.workspace.q.copy(), self.workspace.v.copy()
+        status = self.loop(progress)
+        message = self.message(status)
+        if status not in (Status.COMPLETED, Status.INTERRUPTED):
+            warnings.warn(message, RuntimeWarning, stacklevel=3)
+        return status, message
+
     def guard(self, other: Run) -> Run:
         """Make a run that is part of this one stop as this one does; returns it."""
         other.guards += self.guards
+        other.between += self.between
         return other
 
     def result(
@@ -308,17 +281,31 @@ class Run:
             note = "loading compiled kernels (the first start ever compiles them, ~20 s)"
             tqdm.write(note, file=sys.stderr)
         kernel.compiled()
-        bar = Bar(self.steps * self.simulation.step, progress, self.label)
+        bar = Bar(self.steps * self.simulation.step, progress, self.label, workspace.time)
+        self._since = time.perf_counter() - self._elapsed
         with ExitStack() as stack:
             stack.callback(bar.close)
+            stack.callback(self._stand_still)
             for guard in self.guards:
                 stack.enter_context(guard())
             try:
                 for now in self.stretches():
                     bar.update(now)
+                    if [told for told in self.between if told()]:
+                        return Status.INTERRUPTED
+            except stopping.GivenUp:
+                raise
             except KeyboardInterrupt:
                 return Status.INTERRUPTED
             return workspace.status
+
+    def _stand_still(self) -> None:
+        self._elapsed, self._since = self.elapsed, None
+
+    @property
+    def elapsed(self) -> float:
+        """What the run took so far, in all processes together [s]."""
+        return self._elapsed if self._since is None else time.perf_counter() - self._since
 
     def stretches(self, pause: int = _CHUNK) -> Iterator[float]:
         """Step to the end, or to a failure, and give the time after every stretch [s].
@@ -414,7 +401,9 @@ class Run:
         """What a checkpoint holds beside the workspace."""
         return {
             "begun": self._begun,
-            "elapsed": self._elapsed,
+            "elapsed": self.elapsed,
+            "origin": None if self._origin is None else [x.tolist() for x in self._origin],
+            "reference": self._reference.memory(),
             "unresolved": self.workspace.unresolved,
             "events": self._events.memory(),
             "loop": self._loop.memory(),
@@ -428,6 +417,11 @@ class Run:
         if memory["begun"]:
             self._loop.recall(memory["loop"])
         self._begun, self._elapsed = bool(memory["begun"]), float(memory["elapsed"])
+        if memory["origin"] is not None:
+            q, v = memory["origin"]
+            self._origin = np.array(q, float), np.array(v, float)
+        self._reference.recall(memory["reference"])
+        self._refer()
         self.workspace.unresolved = int(memory["unresolved"])
         self._unjudged = memory["unjudged"]
         self._watch.recall(memory["watch"])
@@ -441,7 +435,13 @@ class Run:
                 the run is the same with and without.
         """
         w = self.workspace
+        if w.time >= self._reference.until:
+            self._refer()
+        if self.on_disk is not None:
+            self.on_disk.before_stretch()
         steps = min(most, self.steps - w.steps)
+        soon = w.steps + _CHUNK
+        pause = soon if pause is None else min(pause, soon)
         due = self._events.next_step
         if due is not None:
             steps = min(steps, due - w.steps)
@@ -450,7 +450,7 @@ class Run:
         if watched is not None:
             steps = min(steps, watched)
         if w.steps < judged:
-            pause = judged if pause is None else min(pause, judged)
+            pause = min(pause, judged)
         if not self._loop.stretch(steps, pause):
             return False
         if self._unjudged is None and w.steps >= judged > 0:
@@ -462,6 +462,17 @@ class Run:
         elif self._watch.due(w.steps):
             self._watch.look(self._loop, last=w.steps >= self.steps)
         return True
+
+    def _refer(self) -> None:
+        """Let the drives go by the part of the reference that holds the present time."""
+        if self._reference.go_to(self.workspace.time):
+            self.workspace.refer(self._reference.table, self._reference.first)
+
+    def follow_same(self, other: Run) -> None:
+        """Go by the reference of a run of the same motion, to the last bit."""
+        self._reference = other._reference
+        self._reference.go_to(self.workspace.time)
+        self.workspace.refer(self._reference.table, self._reference.first)
 
     def advance(self, steps: int) -> bool:
         """Do `steps` steps, or fewer if the run fails; returns whether all is well."""

@@ -25,6 +25,7 @@ from jointplay.result.stored import Inputs, given_state
 from jointplay.simulation import checkpoint, judging
 from jointplay.simulation.initial import PERTURBATION, pair
 from jointplay.simulation.moment import Moment
+from jointplay.simulation.on_disk import run_to
 from jointplay.simulation.run import Run
 
 if TYPE_CHECKING:
@@ -198,22 +199,44 @@ class Simulation(Described):
         """
         return checkpoint.resume(Path(path), trust)
 
-    def prepare(self, progress: bool = False) -> Run:
+    def prepare(self, progress: bool = False, records: str | Path | None = None) -> Run:
         """Check everything and make ready to step.
 
         Args:
             progress: show a bar on standard error while a long motion is tabulated.
+            records: a file for the records that memory has no room for; `run_to` makes a result of
+                them. None: all stay in memory.
 
         Raises:
             JointplayError: a step, duration or record interval that makes no sense, a step too
                 large for the contact stiffness, or a motion that does not fit the mechanism.
         """
         try:
-            return Run(self, progress)
+            return Run(self, progress, None if records is None else Path(records))
         except (ArithmeticError, np.linalg.LinAlgError) as error:
             raise JointplayError(
                 f"these numbers cannot be computed with, one is far too large or small: {error}"
             ) from None
+
+    def run_to(self, path: str | Path, progress: bool = False, resume: bool = False) -> Result:
+        """Simulate with the histories on disk: memory does not grow with the length of the run.
+
+        Beside the file are written, while it runs, its records (``.records``) and every minute a
+        checkpoint (``.checkpoint``), with which an interrupted run is continued bit for bit.
+
+        Args:
+            path: the result's file, ``NAME.nc``.
+            progress: show bars.
+            resume: continue from the checkpoint if there is one.
+
+        Returns:
+            The result, opened as by `Result.open`. Interrupted, it holds everything up to there.
+
+        Raises:
+            JointplayError: see `prepare`; the file exists (and nothing is to be continued); it
+                cannot be written.
+        """
+        return run_to(self, Path(path), progress, resume)
 
     def run(self, progress: bool = False, certify: bool = False, check_step: bool = True) -> Result:
         """`prepare`, then `Run.execute`.

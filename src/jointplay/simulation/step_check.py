@@ -123,7 +123,8 @@ def _difference(
         raise
     other.label = "checking the step "
     mine, theirs = run.workspace, other.workspace
-    theirs.drives[:], theirs.reference[:] = mine.drives, mine.reference
+    theirs.drives[:] = mine.drives
+    other.follow_same(run)
     theirs.q[:], theirs.v[:] = start
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)

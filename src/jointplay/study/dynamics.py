@@ -11,6 +11,7 @@ import numpy as np
 
 from jointplay.analysis import ideal_simulation, lyapunov, nonlinear
 from jointplay.analysis.poincare import once_per_turn
+from jointplay.analysis.run_up import RunUp
 from jointplay.errors import JointplayError
 from jointplay.scenario import Scenario
 from jointplay.scenario.settings import Setting, parse, tree
@@ -89,6 +90,8 @@ class Study:
     """Whose journal is put aside at the start."""
     every: int = 1
     """Records from one point of a course to the next."""
+    window: int = 0
+    """Turns of a spectrum in a run-up."""
 
     @property
     def end(self) -> int:
@@ -118,6 +121,20 @@ class Study:
         turning = self.turning(self.simulation(*key))
         kept = turning.kept(turning.run(), self.names[:1])[:-1, 0]
         return nonlinear.orders(kept, self.keep, self.highest)[1]
+
+    def run_up(self) -> RunUp:
+        """From the first of the values to the last."""
+        assert self.varied is not None
+        slow, fast = (self.simulation(self.varied.values[k]) for k in (0, -1))
+        return RunUp.of(slow, fast, self.settle, self.keep, self.records)
+
+    def rising(self, key: tuple[float, ...]) -> np.ndarray:
+        """Amplitudes of the first quantity in each window of a run-up, window by window."""
+        assert self.varied is not None
+        rising = self.run_up()
+        values = rising.over_angle(rising.run(), self.names[0])
+        number = len(self.varied.values)
+        return rising.spectra(values, number, self.window, self.highest)[1].ravel()
 
     def growth(self, key: tuple[float, ...]) -> np.ndarray:
         """Mean growth of a small difference in each turn that is looked at [1/s], shape (keep,)."""
@@ -152,4 +169,6 @@ class Study:
         given["version"] = version("jointplay")
         given["settings"] = [[list(s.key), repr(s.value)] for s in self.settings]
         given["varied"] = None if self.varied is None else [self.varied.key, self.varied.unit]
+        if self.window and self.varied is not None:  # one row holds all its values
+            given["varied"] += list(self.varied.values)
         return {name: list(v) if isinstance(v, tuple) else v for name, v in given.items()}

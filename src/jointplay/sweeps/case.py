@@ -50,7 +50,7 @@ class Job:
     joints: tuple[str, ...]
     measures: tuple[str, ...]
     histories: tuple[str, ...]
-    start: float
+    start: float | None
     tool_error: bool
     version: str
     settings: tuple[Setting, ...] = ()
@@ -178,7 +178,10 @@ class Bench:
         """The simulation of a case."""
         if self._names:
             changes = self._relocated(changes)
-        return self.scenario.simulation(self.job.case, changes)
+        found = self.scenario.simulation(self.job.case, changes)
+        if self.job.start is not None:
+            found = replace(found, judge_from=self.job.start, settle=None)
+        return found
 
     def _relocated(self, changes: Mapping[str, Any]) -> dict[str, Any]:
         """Changes with the files where they are here."""
@@ -201,7 +204,7 @@ class Bench:
             result.certificate = certify(result, simulation=simulation)
         ideal = self._ideal(result, simulation) if self.job.tool_error else None
         rests = self._rests_of(simulation.motion, float(result.time[-1])) if ideal else ()
-        values = measure(result, ideal, self.job.joints, self.job.start, rests)
+        values = measure(result, ideal, self.job.joints, rests)
         for name, function in self.measures.items():
             values |= own(name, function(result))
         return values, {name: _history(result, name) for name in self.job.histories}

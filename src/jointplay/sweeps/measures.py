@@ -58,40 +58,40 @@ def measure(
     result: Result,
     ideal: Result | None,
     joints: Sequence[str],
-    start: float,
     rests: Sequence[float] = (),
 ) -> dict[str, float]:
     """Measures of a run, by name; `ABOUT` has their units.
+
+    What is before `Result.judge_from` is left out, but of what the run says of its own quality.
 
     Args:
         result: the run, completed.
         ideal: the ideal mechanism's run of the same work, or the run itself if it is ideal; None if
             the tool error is not wanted.
         joints: the joints that have clearance in some case, whose forces are wanted.
-        start: what is before is left out of errors, forces and shares [s].
         rests: times at which the reference stands still [s].
     """
     found: dict[str, float] = {}
+    start = result.judge_from
     if ideal is not None:
         found |= dict(_tool_error(result, ideal, start, rests))
     kept = result.time >= start
     found |= dict(_forces(result, joints, kept))
     audit = result.audit
-    found["impacts"] = float(audit.impacts)
-    found["impulse"] = audit.normal_impulse
-    losses = {n: float(_values(result, n)[-1]) for n in LOSSES if n in result.dataset.variables}
+    found["impacts"] = float(audit.judged_impacts or 0)
+    found["impulse"] = audit.judged_impulse or 0.0
+    losses = {n: _lost(result, n, kept) for n in LOSSES if n in result.dataset.variables}
     found["dissipated_energy"] = sum(losses.values())
     if "load_work" in result.dataset.variables:
-        found["dissipated_energy"] += float(
-            np.maximum(-_values(result, "load_work")[-1], 0.0).sum()
-        )
+        taken = -_since(_values(result, "load_work"), kept)
+        found["dissipated_energy"] += float(np.maximum(taken, 0.0).sum())
     found |= losses
     for k, joint in enumerate(result.joints):
         at = f"_{joint}" if len(joints) > 1 else ""
         modes = np.bincount(_values(result, "mode")[kept, k], minlength=len(Mode))
         for mode in Mode:
             found[f"share_{mode.name.lower()}{at}"] = float(modes[mode] / max(kept.sum(), 1))
-    found["penetration"] = audit.largest_penetration
+    found["penetration"] = audit.largest_penetration if kept.all() else _deepest(result, kept)
     found["energy_error"] = audit.relative_energy_residual
     found["under_resolved"] = audit.under_resolved_impulse
     found["warnings"] = float(len(audit.warnings))
@@ -100,6 +100,24 @@ def measure(
             name = re.sub(r"\W+", "_", figure.name.lower()).strip("_")
             found[f"numerical_error_{name}"] = figure.error
     return found
+
+
+def _since(values: np.ndarray, kept: np.ndarray) -> np.ndarray:
+    """What was added to a sum in the records that are kept, the last ones of the run."""
+    added: np.ndarray = values[-1] - values[int(kept.argmax())]
+    return added
+
+
+def _lost(result: Result, name: str, kept: np.ndarray) -> float:
+    return float(_since(_values(result, name), kept))
+
+
+def _deepest(result: Result, kept: np.ndarray) -> float:
+    """The deepest penetration in the records that are kept; 0 if nothing touched [m]."""
+    if "gap_min" not in result.dataset.variables:
+        return 0.0
+    gaps = _values(result, "gap_min")[kept]
+    return float(np.fmax.reduce(-gaps, axis=None, initial=0.0))
 
 
 def _values(result: Result, name: str) -> np.ndarray:

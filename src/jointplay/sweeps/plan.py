@@ -45,7 +45,7 @@ class Plan:
         repeats: runs of each point with displaced journals, with `seed` and those that follow.
         measures: functions of a result, ``module:function``.
         histories: variables of results that are kept.
-        start: measures leave out what is before [s].
+        start: measures leave out what is before [s]; None: as the scenario's runs are judged.
         tool_error: whether the tool is compared with the ideal mechanism's.
         until: the precision that ends the sweep.
     """
@@ -60,7 +60,7 @@ class Plan:
     repeats: int = 1
     measures: tuple[str, ...] = ()
     histories: tuple[str, ...] = ()
-    start: float = 0.0
+    start: float | None = None
     tool_error: bool = True
     until: Until | None = None
     given: Mapping[str, Any] = field(default_factory=dict)

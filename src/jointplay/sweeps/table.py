@@ -35,8 +35,7 @@ def table(dataset: xr.Dataset, rows: int = 20) -> str:
     state = dataset["state"].values
     dims = [d for d in dataset.attrs["sizes"] if d not in (SAMPLE, REPEAT)]
     over = [d for d in dataset.attrs["sizes"] if d in (SAMPLE, REPEAT)]
-    own = [(name, str(dataset[name].attrs.get("units", "")), 1.0) for name in _own(dataset)]
-    columns = [c for c in (*SHOWN, *own) if c[0] in dataset]
+    columns = columns_of(dataset)
     header = [*(label(dataset, d) for d in dims), *(_head(*c[:2]) for c in columns)]
     values = [mean(dataset[name], over) * factor for name, _, factor in columns]
     lines = []
@@ -57,6 +56,12 @@ def table(dataset: xr.Dataset, rows: int = 20) -> str:
         text += str(dataset["error"].values[tuple(failed[0])])
     cost = float(np.nansum(dataset["cost"].values)) if "cost" in dataset else 0.0
     return f"{text}\n{int(np.count_nonzero(state))} cases, {cost:.3g} s of processor time"
+
+
+def columns_of(dataset: xr.Dataset) -> list[tuple[str, str, float]]:
+    """Measures of the table, the user's own last: name, unit, and factor to it."""
+    own = [(name, str(dataset[name].attrs.get("units", "")), 1.0) for name in _own(dataset)]
+    return [column for column in (*SHOWN, *own) if column[0] in dataset]
 
 
 def _own(dataset: xr.Dataset) -> list[str]:

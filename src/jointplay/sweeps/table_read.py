@@ -127,7 +127,9 @@ def _numbers(scenario: Scenario, given: Mapping[str, Any]) -> dict[str, Any]:
                 raise JointplayError(f"{shown(names)} are no {word}; give a list of names")
             found[word] = tuple(names)
         word = "start"
-        found[word] = float(convert(given.get(word, 0.0), "s"))
+        found[word] = float(convert(given[word], "s")) if word in given else None
+        if found[word] is not None and not found[word] >= 0.0:
+            raise JointplayError(f"must not be negative, got {shown(given[word])}")
         word = "tool_error"
         if not isinstance(given.get(word, True), bool):
             raise JointplayError(f"expected true or false, got {shown(given[word])}")

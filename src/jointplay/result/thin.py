@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import numpy as np
+import xarray as xr
 
 from jointplay.errors import JointplayError
 from jointplay.result.result import Result
 
 _LARGEST, _SMALLEST, _STRONGEST = ("normal_force_peak",), ("gap_min",), ("joint_force_peak",)
 """Variables that cover the time since the last record, by how two of them make one."""
+
+
+_AT_ONCE = 1 << 15
+"""Records that are read at once, about."""
 
 
 def thinned(result: Result, every: int) -> Result:
@@ -18,7 +23,7 @@ def thinned(result: Result, every: int) -> Result:
     one kept.
 
     Args:
-        result: with all its records; it is not changed.
+        result: with all its records, in memory or opened lazily; it is not changed.
         every: n, at least 1.
 
     Raises:
@@ -31,16 +36,31 @@ def thinned(result: Result, every: int) -> Result:
         return result
     kept = np.unique(np.append(np.arange(0, count, every), count - 1))
     begin = np.append(0, kept[:-1] + 1)
-    dataset = result.dataset.isel(time=kept)
+    at_once = max(_AT_ONCE // int(every), 1)
+    parts = []
+    for first in range(0, len(kept), at_once):
+        here = slice(first, first + at_once)
+        start, end = int(begin[here][0]), int(kept[here][-1]) + 1
+        block = result.dataset.isel(time=slice(start, end)).load()
+        parts.append(_reduced(block, kept[here] - start, begin[here] - start))
+    over_time = [name for name, values in result.dataset.items() if "time" in values.dims]
+    dataset = xr.concat(parts, "time", data_vars=over_time) if len(parts) > 1 else parts[0]
+    dataset.attrs = dict(result.dataset.attrs)
+    return Result(dataset, result.trust)
+
+
+def _reduced(block: xr.Dataset, kept: np.ndarray, begin: np.ndarray) -> xr.Dataset:
+    """The records `kept`, each with what happened from the one at `begin` on."""
+    dataset = block.isel(time=kept)
     for names, reduce in ((_LARGEST, np.fmax), (_SMALLEST, np.fmin)):
         for name in names:
             if name in dataset:
-                values = reduce.reduceat(result[name].values, begin, axis=0)
+                values = reduce.reduceat(block[name].values, begin, axis=0)
                 dataset[name] = dataset[name].copy(data=values)
     for name in _STRONGEST:
         if name in dataset:
-            dataset[name] = dataset[name].copy(data=_strongest(result[name].values, begin))
-    return Result(dataset, result.trust)
+            dataset[name] = dataset[name].copy(data=_strongest(block[name].values, begin))
+    return dataset
 
 
 def _strongest(vectors: np.ndarray, begin: np.ndarray) -> np.ndarray:

@@ -1,0 +1,259 @@
+"""What histories are made of: motion of the bodies, contacts, forces of ideal joints."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from jointplay.geometry import classify_many
+from jointplay.joints import VIRTUAL_LINK
+from jointplay.kernel import AZIMUTHS
+from jointplay.kernel.workspace import Workspace
+from jointplay.loads.drive import JointFriction
+from jointplay.mechanism.impact import elastic_energy
+from jointplay.mechanism.loop import ANGLE_ARM_M, locked
+from jointplay.mechanism.mechanism import Mechanism
+from jointplay.mechanism.tree import Frame, Motion, Tree
+from jointplay.result.loads import Pushes
+from jointplay.result.records import Records
+from jointplay.result.result import AXES
+
+
+@dataclass(frozen=True)
+class Phase:
+    """A stretch of a run in which the bodies keep their inertias."""
+
+    row: int
+    """First record that belongs to it."""
+    model: pin.Model
+    energy: float = 0.0
+    """What payloads have brought in since the start, when they were picked and released [J]."""
+
+
+Variables = dict[str, tuple[tuple[str, ...], np.ndarray, str, str]]
+"""By name: dimensions, values, unit, long name."""
+
+
+def motion(
+    mechanism: Mechanism, records: Records, q: np.ndarray, v: np.ndarray, body: Mapping[str, Any]
+) -> Variables:
+    """Variables of the coordinates, the tool, and gravity."""
+    return {
+        "q": (("time", "coordinate"), q, "", "generalised coordinates"),
+        "v": (("time", "coordinate"), v, "", "generalised velocities"),
+        "drive": (("time", "coordinate"), records.recorded("drive"), "", "drive efforts"),
+        "tool_position": (("time", "axis"), body["position"], "m", f"{mechanism.tool}, world axes"),
+        "tool_velocity": (("time", "axis"), body["velocity"], "m/s", "of the tool, world axes"),
+        **turning(body),
+        "kinetic_energy": (("time",), body["kinetic"], "J", "kinetic energy"),
+        "potential_energy": (("time",), body["potential"], "J", "potential energy of gravity"),
+    }
+
+
+def turning(body: Mapping[str, Any]) -> dict[str, Any]:
+    """The tool's orientation and angular velocity."""
+    text = "orientation of the tool in the world, unit quaternion w, x, y, z"
+    return {
+        "tool_orientation": (("time", "quaternion"), body["orientation"], "1", text),
+        "tool_angular_velocity": (
+            ("time", "axis"),
+            body["spin"],
+            "rad/s",
+            "angular velocity of the tool, world axes",
+        ),
+    }
+
+
+def contact_names(mechanism: Mechanism) -> list[str]:
+    """Names of the contacts of all joints, each once."""
+    names = (name for joint in mechanism.clearance.values() for name in joint.contacts)
+    return list(dict.fromkeys(names))
+
+
+def unit_of(mechanism: Mechanism, coordinate: str) -> str:
+    """``m`` or ``rad``."""
+    joint, _, part = coordinate.partition(".")
+    if part in VIRTUAL_LINK:
+        return "m" if part in AXES else "rad"
+    return "m" if mechanism.description.joints[joint].kind == "prismatic" else "rad"
+
+
+def stretches_of(phases: Sequence[Phase], first: int, n: int) -> list[tuple[int, int, Phase]]:
+    """First record, end and phase of each stretch of the n records from `first` on; none empty."""
+    begins = [max(phase.row - first, 0) for phase in phases]
+    ends = [min(begin, n) for begin in begins[1:]] + [n]
+    stretches = zip(begins, ends, phases, strict=True)
+    return [(begin, end, phase) for begin, end, phase in stretches if begin < end]
+
+
+def gear_energy(mechanism: Mechanism, q: np.ndarray) -> np.ndarray:
+    """Energy stored in the teeth and shafts of all gears, shape (n,) [J]."""
+    energy = np.zeros(len(q))
+    for name, gear in mechanism.gears.items():
+        twist = np.abs(q[:, mechanism.motor(name)] - q[:, mechanism.coordinate(name)])
+        energy += 0.5 * gear.stiffness * np.maximum(twist - gear.play / 2.0, 0.0) ** 2
+    return energy
+
+
+def kinematics(
+    mechanism: Mechanism,
+    q: np.ndarray,
+    v: np.ndarray,
+    stretches: Sequence[tuple[int, int, Phase]],
+    more: Mapping[Any, tuple[Frame, Frame]],
+) -> dict[str, Any]:
+    """Tool motion and energies by record; by joint with clearance, loop and pair of `more`.
+
+    `bearings` (n, 3, 3) and `poses` (n, 12), by name.
+    """
+    names: list[Any] = list(dict.fromkeys([*mechanism.clearance, *mechanism.loops]))
+    pairs = [(mechanism.bearing_frame(name), mechanism.journal_frame(name)) for name in names]
+    names += map(locked, mechanism.locks)
+    pairs += mechanism.locks.values()
+    names += more
+    pairs += more.values()
+    frame = mechanism.model.frames[mechanism.tool_frame]
+    tool = int(frame.parentJoint), frame.placement
+    motion, n = Motion.of(len(q), len(pairs)), len(q)
+    for first, end, phase in stretches:
+        Tree(phase.model).move(motion, first, end, q, v, tool, pairs)
+    return {
+        "position": motion.tool[:, :3],
+        "velocity": motion.tool[:, 3:],
+        "orientation": motion.orientation,
+        "spin": motion.spin,
+        "kinetic": motion.energy[:, 0],
+        "potential": motion.energy[:, 1],
+        "bearings": dict(zip(names, motion.bearings.reshape(len(pairs), n, 3, 3), strict=True)),
+        "poses": dict(zip(names, motion.poses, strict=True)),
+    }
+
+
+def drift_of(mechanism: Mechanism, name: str, poses: np.ndarray) -> np.ndarray:
+    """Largest `misfit` of an ideal loop or a lock, by the journal's poses (n, 12): (n,) [m]."""
+    parts = [poses[:, :3]]
+    if name not in mechanism.loops:
+        parts.append(ANGLE_ARM_M * poses[:, [5, 8, 6]])
+    elif mechanism.loop_class(name).holds_axis():  # an ideal slider closes no loop
+        parts.append(ANGLE_ARM_M * poses[:, [5, 8]])
+    return np.abs(np.concatenate(parts, axis=1)).max(axis=1)
+
+
+def contact_variables(
+    mechanism: Mechanism, records: Records, body: dict[str, Any]
+) -> tuple[dict[str, Any], np.ndarray]:
+    """Variables of the joints with clearance, and the energy stored in their contacts."""
+    n, nj, width = records.rows, len(mechanism.clearance), records.width
+    names = contact_names(mechanism)
+    centre, tilt = np.empty((n, nj, 3)), np.empty((n, nj))
+    mode, form = np.empty((n, nj), np.int8), np.empty((n, nj), np.int8)
+    force = records.recorded("force").reshape(n, nj, 3).copy()
+    peak = records.recorded("force_peak").reshape(n, nj, 3).copy()
+    film = records.recorded("film_force").reshape(n, nj, 3).copy()
+    gap = np.full((n, nj, len(names)), np.nan)
+    by_contact = {
+        name: (records.recorded(name).reshape(n, nj, width), np.full_like(gap, np.nan))
+        for name in ("gap_min", "normal", "normal_peak", "tangential")
+    }
+    elastic = np.zeros(n)
+    for j, (name, joint) in enumerate(mechanism.clearance.items()):
+        bearing, poses = body["bearings"][name], body["poses"][name]
+        centre[:, j] = poses[:, :3]
+        tilt[:, j] = np.arctan2(np.hypot(poses[:, 5], poses[:, 8]), poses[:, 11])
+        count = len(joint.contacts)
+        at = [names.index(contact) for contact in joint.contacts]
+        gap[:, j, at], mode[:, j], form[:, j] = classify_many(
+            int(joint.shape), np.array(joint.dimensions), count, poses
+        )
+        for recorded, values in by_contact.values():
+            values[:, j, at] = recorded[:, j, :count]
+        for values in (force, peak, film):
+            values[:, j] = np.einsum("nik,nk->ni", bearing, values[:, j])
+        groups: dict[Any, list[int]] = {}
+        for k in range(count):
+            groups.setdefault(joint.contact_properties(k), []).append(at[k])
+        for contact, members in groups.items():
+            parameters = joint.normal.parameters(contact)
+            elastic += elastic_energy(joint.normal, parameters, -gap[:, j, members]).sum(axis=1)
+
+    each = ("time", "joint", "contact")
+    vector = ("time", "joint", "axis")
+    last = "largest since the last record"
+    variables = {
+        "journal_centre": (vector, centre, "m", "journal centre in the bearing frame"),
+        "tilt": (("time", "joint"), tilt, "rad", "angle between the axes"),
+        "gap": (each, gap, "m", "gap; negative in penetration"),
+        "gap_min": (each, by_contact["gap_min"][1], "m", "smallest gap since the last record"),
+        "normal_force": (each, by_contact["normal"][1], "N", "normal force"),
+        "normal_force_peak": (each, by_contact["normal_peak"][1], "N", last),
+        "friction_force": (each, by_contact["tangential"][1], "N", "friction force, magnitude"),
+        "joint_force": (vector, force, "N", "contact force on the journal, world axes"),
+        "joint_force_peak": (
+            vector,
+            peak,
+            "N",
+            "joint_force where its magnitude was largest since the last record",
+        ),
+        "film_force": (vector, film, "N", "part of joint_force that is the film's, world axes"),
+        "mode": (("time", "joint"), mode, "1", "mode of the joint (Table 1)"),
+        "form": (("time", "joint"), form, "1", "contact form (Figure 2)"),
+    }
+    if all(joint.film is None for joint in mechanism.clearance.values()):
+        del variables["film_force"]
+    return variables, elastic
+
+
+def sliding_work(mechanism: Mechanism, workspace: Workspace) -> np.ndarray:
+    """By joint, contact and azimuth; not a number where a joint has no such contact [N m]."""
+    names = contact_names(mechanism)
+    counted = np.full((len(mechanism.clearance), len(names), AZIMUTHS), np.nan)
+    for j, joint in enumerate(mechanism.clearance.values()):
+        for k, work in enumerate(workspace.sliding_work[j]):
+            counted[j, names.index(joint.contacts[k])] = work
+    return counted
+
+
+def reacting_effort(
+    mechanism: Mechanism,
+    v: np.ndarray,
+    records: Records,
+    friction: Mapping[str, JointFriction],
+    pushes: Pushes,
+) -> np.ndarray:
+    """What drives, loads and friction push on the coordinates, shape (n, nv)."""
+    effort = records.recorded("drive") + pushes.efforts
+    for name, joint in friction.items():
+        at = mechanism.coordinate(name)
+        effort[:, at] -= joint.torque(v[:, at])
+    return effort
+
+
+def reactions(
+    mechanism: Mechanism,
+    q: np.ndarray,
+    v: np.ndarray,
+    effort: np.ndarray,
+    stretches: Sequence[tuple[int, int, Phase]],
+    constraints: Sequence[Sequence[pin.RigidConstraintModel]],
+    pushes: Pushes,
+) -> np.ndarray:
+    """Constraint forces at the joints of an ideal mechanism, world axes (n, joints, 3) [N].
+
+    The joints of the tree come first, then those that close loops, which `constraints` hold in each
+    of the stretches.
+    """
+    tree, loops = mechanism.joints, list(mechanism.loops)
+    forces = np.zeros((len(q), len(tree) + len(loops), 3))
+    for (first, end, phase), held in zip(stretches, constraints, strict=True):
+        joints = [int(phase.model.getJointId(name)) for name in tree]
+        found, holds = Tree(phase.model).reactions(
+            first, end, q, v, effort, joints, held, pushes.bodies, pushes.wrenches
+        )
+        forces[first:end, : len(tree)] = found
+        for k, constraint in enumerate(held):
+            forces[first:end, len(tree) + loops.index(constraint.name)] += holds[:, k]
+    return forces

@@ -1,0 +1,276 @@
+"""Runs whose histories go to disk: the same to the last bit, in bounded memory, and continued."""
+
+import dataclasses
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import jointplay as jp
+from jointplay.kernel import Status
+from jointplay.loads import ComputedTorque, reference
+from jointplay.result import auditor
+from jointplay.simulation import on_disk, spool
+from jointplay.study import scara
+
+JOINTPLAY = str(Path(sys.executable).parent / "jointplay")
+PATIENCE_S = 900.0
+"""A deadline for broken code, not a measure of its speed."""
+
+
+@pytest.fixture
+def small_portions(monkeypatch):
+    """So little memory for records that a short run needs several portions."""
+    monkeypatch.setattr(auditor, "PORTION", 64)
+    monkeypatch.setattr(spool, "PORTION", 64)
+    monkeypatch.setattr(spool, "PORTION_BYTES", 1)
+    monkeypatch.setattr(on_disk, "RECORD_BYTES", 1)
+    monkeypatch.setattr(on_disk, "MOST_BYTES", 1)
+
+
+def simulation(**options):
+    made = scara(2e-4)
+    return jp.Simulation(made.mechanism, made.motion, record_every=1, **options)
+
+
+def crank(clearance, **options):
+    scenario = jp.Scenario.load("jointplay:slider_crank.toml")
+    found = scenario.simulation("0.5 mm" if clearance else "ideal")
+    return dataclasses.replace(found, record_every=1, settle=None, **options)
+
+
+def same(one, other):
+    """Whether two results are equal in every bit but the cost."""
+    assert one.time.size == other.time.size
+    for name in other.dataset.variables:
+        found, expected = one.dataset[name].values, other.dataset[name].values
+        floats = found.dtype.kind == "f"
+        assert np.array_equal(found, expected, equal_nan=floats), name
+    assert one.audit == other.audit
+    assert (one.status, one.message) == (other.status, other.message)
+    for name in ("simulation", "versions"):
+        assert json.loads(one.dataset.attrs[name]) == json.loads(other.dataset.attrs[name])
+
+
+CASES = {
+    "clearance": lambda: simulation(duration=0.06, judge_from=0.02, start="centred"),
+    "seed": lambda: simulation(duration=0.05, seed=3),
+    "loop": lambda: crank(True, duration=0.06),
+    "ideal loop": lambda: crank(False, duration=0.06),
+    "fixed step": lambda: simulation(duration=0.045, integrator="rk4"),
+    "tolerance": lambda: simulation(duration=0.045, tolerance=1e-3),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_histories_on_disk_are_those_in_memory_bit_for_bit(name, small_portions, tmp_path):
+    one = CASES[name]()
+    found = one.run_to(tmp_path / "long.nc")
+    assert [path.name for path in tmp_path.iterdir()] == ["long.nc"]
+    same(found, one.run(check_step=False))
+
+
+def test_payloads_come_and_go_on_disk_as_in_memory(small_portions, tmp_path):
+    load = jp.Payload("suction_cup", 0.5, pick=0.011, release=0.043)
+    one = simulation(duration=0.06, payloads=[load])
+    same(one.run_to(tmp_path / "long.nc"), one.run(check_step=False))
+
+
+def stepped(run, until):
+    for moment in run.moments(1e-3):
+        if moment.time >= until:
+            return run
+    raise AssertionError("the run is shorter")
+
+
+def test_a_run_is_continued_bit_for_bit_wherever_it_was_stopped(small_portions, tmp_path):
+    one = simulation(duration=0.06, judge_from=0.02, seed=1)
+    whole = one.run_to(tmp_path / "whole.nc")
+    path = tmp_path / "parts.nc"
+    records, kept = on_disk.beside(path)
+    run = one.prepare(records=records)
+    for stop in (0.013, 0.041):
+        stepped(run, stop).checkpoint(kept)
+        run = jp.Simulation.resume(kept)
+    with records.open("ab") as file:
+        file.write(b"what a killed process left")
+    same(one.run_to(path, resume=True), whole)
+    assert sorted(name.name for name in tmp_path.iterdir()) == ["parts.nc", "whole.nc"]
+
+
+def test_records_that_are_missing_are_said(small_portions, tmp_path):
+    one = simulation(duration=0.06)
+    records, kept = on_disk.beside(tmp_path / "r.nc")
+    stepped(one.prepare(records=records), 0.03).checkpoint(kept)
+    os.truncate(records, 1000)
+    with pytest.raises(jp.JointplayError, match="lacks records of the run: it holds 1000 bytes"):
+        one.run_to(tmp_path / "r.nc", resume=True)
+
+
+def test_a_checkpoint_of_another_run_is_refused_with_the_difference(tmp_path):
+    kept = on_disk.beside(tmp_path / "r.nc")[1]
+    stepped(simulation(duration=0.02).prepare(), 0.01).checkpoint(kept)
+    with pytest.raises(jp.JointplayError, match=r"of another run: duration is 0.03, and was 0.02"):
+        simulation(duration=0.03).run_to(tmp_path / "r.nc", resume=True)
+    with pytest.raises(jp.JointplayError, match="exists"):
+        simulation(duration=0.02).run_to(tmp_path / "r.nc")
+
+
+@pytest.mark.parametrize("loops", [True, False])
+def test_a_motion_in_blocks_drives_as_a_whole_table_does(loops, monkeypatch, tmp_path):
+    one = simulation(duration=0.25)
+    if loops:
+        one = crank(False, duration=0.25, drive=ComputedTorque(), step=1e-5)
+    whole = one.prepare().workspace.reference
+    monkeypatch.setattr(reference, "BLOCK_NODES", 1)
+    table = one.prepare()._reference
+    found = [table.table]
+    while table.until < 0.25:
+        first = table.first + len(table.table)
+        table.go_to(table.until)
+        found.append(table.table[first - table.first :])
+    assert len(found) > 2
+    np.testing.assert_allclose(np.concatenate(found), whole, rtol=1e-9, atol=1e-9)
+    run = stepped(one.prepare(), 0.2)
+    again = jp.Simulation.resume(run.checkpoint(tmp_path / "run.npz"))
+    same(again.execute(check_step=False), one.run(check_step=False))
+
+
+def test_a_file_is_read_as_if_it_had_been_recorded_less_often(tmp_path):
+    one = simulation(duration=0.05, seed=2)
+    one.run_to(tmp_path / "r.nc")
+    seldom = dataclasses.replace(one, record_every=50).run(check_step=False)
+    found = jp.Result.load(tmp_path / "r.nc", every=50)
+    np.testing.assert_array_equal(found.q, seldom.q)
+    for name in ("q", "joint_force_peak", "gap_min", "normal_force_peak"):
+        np.testing.assert_allclose(found[name].values, seldom[name].values, rtol=1e-4, atol=1e-12)
+    assert found.simulation == seldom.simulation
+
+
+def test_a_lazily_opened_file_keeps_nothing_in_memory_and_is_checked(tmp_path):
+    path = tmp_path / "r.nc"
+    simulation(duration=0.01).run_to(path)
+    found = jp.Result.open(path)
+    assert not any(v.variable._in_memory for v in found.dataset.data_vars.values())
+    assert found["q"].isel(time=slice(3, 5)).values.shape[0] == 2
+    found.dataset.close()
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2] ^= 1
+    path.write_bytes(content)
+    with pytest.raises(jp.JointplayError, match="checksum"):
+        jp.Result.open(path)
+
+
+CHILD = """
+import resource, sys
+import jointplay as jp
+from jointplay.study import scara
+
+def peak():
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+
+made = scara(2e-4)
+def simulation(duration):
+    return jp.Simulation(made.mechanism, made.motion, record_every=1, duration=duration)
+
+simulation(0.01).run_to(sys.argv[1] + "/short.nc")
+before = peak()
+result = simulation(4.0).run_to(sys.argv[1] + "/long.nc")
+print(before, peak(), result.dataset.nbytes)
+"""
+
+ALLOWED = 80e6
+"""What a long run may add to the memory of a short one [bytes]."""
+
+
+def test_memory_does_not_grow_with_the_length_of_a_run(tmp_path):
+    done = subprocess.run(
+        [sys.executable, "-c", CHILD, str(tmp_path)], capture_output=True, text=True, check=True
+    )
+    before, after, histories = map(float, done.stdout.split())
+    assert histories > 2.0 * ALLOWED
+    assert after - before < ALLOWED
+
+
+def start(*arguments):
+    command = [JOINTPLAY, *map(str, arguments)]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+def ended(process):
+    out, err = process.communicate(timeout=PATIENCE_S)
+    return out, err, process.returncode
+
+
+def stopped_once_it_steps(process, number=signal.SIGTERM):
+    seen = ""
+    while not re.search(r" \d+\.\d*[1-9]\d*/\d+.*left", seen):
+        read = process.stderr.read(1)
+        assert read, seen
+        seen += read
+    process.send_signal(number)
+    return ended(process)
+
+
+def names(folder):
+    return sorted(path.name for path in folder.iterdir())
+
+
+LONG = ("--duration", "6", "--no-figures")
+
+
+def test_sigterm_writes_a_checkpoint_says_so_and_resume_gives_the_same_bits(tmp_path):
+    out = tmp_path / "o"
+    said, err, status = stopped_once_it_steps(start("run", *LONG, "--out", out))
+    assert status == 130, err
+    assert "checkpoint at t = " in err
+    assert "the same command with --resume goes on" in err
+    assert "interrupted at" in said
+    assert {"result.checkpoint", "result.nc"} <= set(names(out))
+    part = jp.Result.load(out / "result.nc")
+    assert part.status == Status.INTERRUPTED
+    _, err, status = ended(start("run", *LONG, "--out", out))
+    assert (status, "--resume goes on with it" in err) == (2, True)
+    _, err, status = ended(start("run", *LONG, "--step", "8e-6", "--out", out, "--resume"))
+    assert (status, "step is 8e-06, and was 1e-05" in err) == (2, True)
+    _, err, status = ended(start("run", *LONG, "--out", out, "--resume"))
+    assert status == 0, err
+    assert names(out) == ["result.nc"]
+    _, err, status = ended(start("run", *LONG, "--out", tmp_path / "whole", "--quiet"))
+    assert status == 0, err
+    found = jp.Result.load(out / "result.nc")
+    same(found, jp.Result.load(tmp_path / "whole" / "result.nc"))
+    assert len(part.time) < len(found.time)
+
+
+def test_resume_goes_on_after_a_kill_and_leaves_what_is_done(tmp_path):
+    """Of two cases one is done, of the other a checkpoint is left."""
+    _, err, status = ended(start("init", tmp_path / "study"))
+    assert status == 0, err
+    path = tmp_path / "study.toml"
+    text = path.read_text(encoding="utf-8").replace("# duration = ", 'duration = "0.1 s" # ')
+    path.write_text(text, encoding="utf-8")
+    scenario = jp.Scenario.load(path)
+    first, second = scenario.cases[:2]
+    chosen = ("--case", first, "--case", second, "--no-figures", "--quiet")
+    _, err, status = ended(start("run", path, *chosen, "--out", tmp_path / "whole"))
+    assert status == 0, err
+    out = tmp_path / "o"
+    _, err, status = ended(start("run", path, *chosen[:2], *chosen[4:], "--out", out))
+    assert status == 0, err
+    (done,) = out.iterdir()
+    before = done.stat().st_mtime_ns
+    (other,) = set(names(tmp_path / "whole")) - {done.name}
+    records, kept = on_disk.beside(out / other)
+    stepped(scenario.prepare(second, records=records), 0.05).checkpoint(kept)
+    _, err, status = ended(start("run", path, *chosen, "--out", out, "--resume"))
+    assert status == 0, err
+    assert done.stat().st_mtime_ns == before
+    assert names(out) == names(tmp_path / "whole")
+    same(jp.Result.load(out / other), jp.Result.load(tmp_path / "whole" / other))

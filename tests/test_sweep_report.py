@@ -1,0 +1,109 @@
+"""The page on a sweep."""
+
+import numpy as np
+import pytest
+from sweep_scenario import SCENARIO
+
+import jointplay as jp
+from jointplay.cli import main
+
+AXES = """
+clearance = { key = "joints.joint_b.radial_clearance", values = [0, "0.2 mm", "50 mm"] }
+"<script>friction" = { key = "joints.joint_b.friction.mu_d", values = [0.0, 0.1] }
+"""
+SAMPLED = """
+[sweep.axes.clearance]
+key = "joints.joint_b.radial_clearance"
+distribution = "normal"
+mean = "0.2 mm"
+std = "0.01 mm"
+"""
+
+
+def swept(folder, axes, options):
+    path = folder / "study.toml"
+    path.write_text(SCENARIO.format(axes=axes, options=options, duration="0.01 s"))
+    jp.sweep(path, folder / "s.zarr", jobs=1)
+    return folder / "s.zarr"
+
+
+@pytest.fixture(scope="module")
+def grid(tmp_path_factory):
+    """A store with failed cases, and a name that is no name."""
+    return swept(tmp_path_factory.mktemp("grid"), AXES, "repeats = 2")
+
+
+def test_the_page_has_table_lines_maps_and_failed_cases(grid, tmp_path):
+    page = tmp_path / "p.html"
+    assert main(["report", str(grid), "-o", str(page), "--quiet"]) == 0
+    source = page.read_text(encoding="utf-8")
+    for name in ("Cases", "Lines", "Heat maps", "Failed cases", "What was run"):
+        assert f"<h2>{name}</h2>" in source
+    assert "leaves no journal in a bearing of radius 0.01 m" in source
+    assert "4 of 12 cases" in source
+    assert "<script" not in source  # neither of ours nor of a name
+    assert "&lt;script&gt;friction" in source
+    found = jp.open_sweep(grid)["peak_force"].values[0, 0].mean()
+    assert f"{found:.4g}\u00a0±\u00a00" in source  # the ideal joint's: all runs the same
+    assert source.count("data:image/svg+xml") >= 5
+    assert (tmp_path / "p.pdf").read_bytes()[:5] == b"%PDF-"
+
+
+def test_the_page_of_samples_has_their_distributions(tmp_path):
+    text = SCENARIO.format(axes="", options="samples = 8", duration="0.01 s") + SAMPLED
+    (tmp_path / "u.toml").write_text(text)
+    jp.sweep(tmp_path / "u.toml", tmp_path / "u.zarr", jobs=1)
+    assert main(["report", str(tmp_path / "u.zarr"), "--quiet", "--no-pdf"]) == 0
+    source = (tmp_path / "u_report.html").read_text(encoding="utf-8")
+    assert "<h2>Distributions</h2>" in source
+    assert "peak_force: 8 samples" in source
+    assert "<h2>Heat maps</h2>" not in source
+    assert not (tmp_path / "u_report.pdf").exists()
+
+
+def test_a_sweep_has_a_report_of_its_own(grid, tmp_path, capsys):
+    assert main(["report", str(grid), str(grid)]) == 2
+    assert main(["report", str(grid), "--impacts", "3"]) == 2
+    assert main(["report", str(grid), "-o", str(tmp_path / "page.txt")]) == 2
+    err = capsys.readouterr().err
+    assert "give its store alone" in err
+    assert "--impacts is for results" in err
+    assert "must end in .html" in err
+
+
+def judged(folder, options, integration):
+    text = SCENARIO.format(axes="", options=options, duration="0.05 s")
+    text = text.replace('duration = "0.05 s"', f'duration = "0.05 s"\n{integration}')
+    text = text.replace("[sweep.axes]", "")
+    path = folder / "s.toml"
+    path.write_text(text)
+    axes = {"joints.joint_b.radial_clearance": ["0.2 mm"]}
+    store = jp.sweep(path, folder / "s.zarr", axes, jobs=1).load().isel(radial_clearance=0)
+    return path, store
+
+
+@pytest.mark.parametrize(
+    ("options", "integration"),
+    [("", 'start = "centred"\njudge_from = "0.03 s"'),
+     ('start = "0.03 s"', 'start = "centred"\nsettle = "0.01 s"')],
+)  # fmt: skip
+def test_all_measures_of_a_sweep_are_of_the_part_that_is_judged(options, integration, tmp_path):
+    path, found = judged(tmp_path, options, integration)
+    import dataclasses
+
+    one = jp.Scenario.load(path).simulation()
+    result = dataclasses.replace(one, settle=None, judge_from=0.03).run()
+    audit, late = result.audit, result.time >= 0.03
+    peaks = np.linalg.norm(result["joint_force_peak"].values, axis=2)
+    assert float(found["peak_force"]) == peaks[late].max() == audit.peak_force
+    assert peaks.max() > 1.2 * audit.peak_force  # what is left out matters
+    assert float(found["impacts"]) == audit.judged_impacts < audit.impacts
+    assert float(found["impulse"]) == audit.judged_impulse < audit.normal_impulse
+    assert 0.0 < float(found["penetration"]) < audit.largest_penetration
+    gaps = result["gap_min"].values[late]
+    assert float(found["penetration"]) == -np.nanmin(gaps)
+    lost = result["normal_dissipation"].values
+    expected = lost[-1] - lost[np.argmax(late)]
+    assert float(found["normal_dissipation"]) == pytest.approx(expected)
+    modes = result["mode"].values[late, 0]
+    assert float(found["share_free_flight"]) == np.mean(modes == 0)
