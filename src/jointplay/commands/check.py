@@ -62,7 +62,7 @@ def run(options: argparse.Namespace) -> int:
 def _draw(options: argparse.Namespace, scenario: Scenario, mechanism: Mechanism, q: Any) -> str:
     """Draw the mechanism; says where."""
     from jointplay.mechanism.picture import picture
-    from jointplay.scenario.build import SHIPPED
+    from jointplay.scenario.fitting import SHIPPED
 
     beside = scenario.path.with_suffix(".png")
     if options.file.startswith(SHIPPED):  # not into the package

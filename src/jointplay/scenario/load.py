@@ -14,8 +14,10 @@ from jointplay.codec import check, make, unknown_key
 from jointplay.contact.trust import trusting
 from jointplay.errors import JointplayError, MissingName
 from jointplay.fields import fields_of
-from jointplay.scenario.build import MOTION_SOURCES, SHIPPED, build, locate
+from jointplay.scenario.build import build
+from jointplay.scenario.fitting import SHIPPED, locate
 from jointplay.scenario.model import NOT_IN_A_CASE, Integration, Model, Output
+from jointplay.scenario.motions import MOTION_SOURCES
 from jointplay.scenario.places import Key, dotted, line_of, lines
 from jointplay.scenario.settings import Setting, given_by, tree
 from jointplay.simulation.simulation import Run, Simulation

@@ -16,7 +16,7 @@ from jointplay.mechanism.model import parse
 from jointplay.mechanism.robots import PREFIX, robot_urdf
 from jointplay.mechanism.tool import choose_tool
 from jointplay.mechanism.urdf import read
-from jointplay.scenario.build import SHIPPED, locate
+from jointplay.scenario.fitting import SHIPPED, locate
 from jointplay.scenario.load import Scenario
 from jointplay.scenario.settings import Setting, tree
 

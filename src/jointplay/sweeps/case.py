@@ -19,11 +19,12 @@ import numpy as np
 from jointplay.analysis.twins import ideal_simulation, task
 from jointplay.errors import JointplayError
 from jointplay.kernel import Status
+from jointplay.mechanism.robots import PREFIX
 from jointplay.motion.reference import Motion
 from jointplay.result.histories import versions
 from jointplay.result.result import Result
 from jointplay.scenario import Scenario
-from jointplay.scenario.build import PREFIX, SHIPPED
+from jointplay.scenario.fitting import SHIPPED
 from jointplay.scenario.settings import Setting
 from jointplay.simulation.simulation import Simulation
 from jointplay.sweeps.measures import COST, measure, own, rests_of

@@ -15,7 +15,7 @@ import numpy as np
 from jointplay.errors import JointplayError
 from jointplay.host.files import is_file
 from jointplay.scenario import Scenario
-from jointplay.scenario.build import locate
+from jointplay.scenario.fitting import locate
 from jointplay.scenario.load import merge
 from jointplay.scenario.places import Key, dotted
 from jointplay.sweeps import sampling
