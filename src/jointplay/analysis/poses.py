@@ -9,7 +9,7 @@ from scipy.stats import qmc
 
 from jointplay.errors import JointplayError, MissingName, require_finite
 from jointplay.mechanism.mechanism import Mechanism
-from jointplay.motion.cartesian import joint_limits
+from jointplay.motion.arm import joint_limits
 from jointplay.motion.reference import Motion
 
 ALONG = 60

@@ -31,9 +31,11 @@ from jointplay.simulation import checkpoint, ending, initial, limits, step_check
 from jointplay.simulation import loads as acting
 from jointplay.simulation.assemble import check_step, contact_site
 from jointplay.simulation.events import Events
-from jointplay.simulation.loop import LOOP_CORRECTION, Adaptive, Loop, MultiRate, SingleRate
+from jointplay.simulation.loop import LOOP_CORRECTION, Loop
 from jointplay.simulation.moment import Moment
+from jointplay.simulation.multi_rate import Adaptive, MultiRate
 from jointplay.simulation.progress import Bar
+from jointplay.simulation.single_rate import SingleRate
 from jointplay.simulation.standing import StandingLoads
 from jointplay.simulation.watch import Watch
 
