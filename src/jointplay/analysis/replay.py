@@ -16,7 +16,9 @@ import xarray as xr
 from jointplay.analysis import Contacts, contacts
 from jointplay.errors import JointplayError
 from jointplay.kernel import Status
-from jointplay.result.histories import Phase, contact_names, histories
+from jointplay.result.contacts import contact_names
+from jointplay.result.histories import histories
+from jointplay.result.kinematics import Phase
 from jointplay.result.result import Result
 from jointplay.simulation.simulation import Run, Simulation
 

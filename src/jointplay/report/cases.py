@@ -14,7 +14,7 @@ from jointplay import analysis
 from jointplay.analysis.replay import Impact, Replay, follow, largest_impacts, replay, window
 from jointplay.errors import JointplayError
 from jointplay.plots.figures import coloured
-from jointplay.result.histories import contact_names
+from jointplay.result.contacts import contact_names
 from jointplay.result.result import Result
 
 Say = Callable[[str], None]

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from functools import cache
 from typing import Any
 
 import numpy as np
-import pinocchio as pin
 import xarray as xr
 
-from jointplay.geometry import Form, Mode, classify_many
+from jointplay.geometry import Form, Mode
 from jointplay.joints import VIRTUAL_LINK
 from jointplay.kernel import AZIMUTHS, Status
 from jointplay.kernel.workspace import Workspace
@@ -20,12 +17,21 @@ from jointplay.loads.base import Load
 from jointplay.loads.drive import JointFriction
 from jointplay.loads.limits import beyond
 from jointplay.loads.terms import TERMS
-from jointplay.mechanism.impact import elastic_energy
-from jointplay.mechanism.loop import ANGLE_ARM_M, locked
+from jointplay.mechanism.loop import locked
 from jointplay.mechanism.mechanism import Mechanism
-from jointplay.mechanism.tree import Frame, Motion, Tree
 from jointplay.result.audit import Audit, Judgement
-from jointplay.result.loads import Acting, Pushes
+from jointplay.result.contacts import contact_histories, contact_names
+from jointplay.result.kinematics import (
+    Phase,
+    drift,
+    gear_energy,
+    kinematics,
+    reactions,
+    stretches_of,
+    turning,
+)
+from jointplay.result.loads import Acting, Variables
+from jointplay.result.provenance import versions
 from jointplay.result.result import AXES, FORMAT, Result
 
 QUATERNION = ("w", "x", "y", "z")
@@ -34,17 +40,6 @@ CONVENTION = (
     "Hamilton quaternion w, x, y, z of the active rotation from the tool's axes to the world's: "
     "v_world = R(quaternion) v_tool; the scalar comes first, signs do not jump"
 )
-
-
-@dataclass(frozen=True)
-class Phase:
-    """A stretch of a run in which the bodies keep their inertias."""
-
-    row: int
-    """First record that belongs to it."""
-    model: pin.Model
-    energy: float = 0.0
-    """What payloads have brought in since the start, when they were picked and released [J]."""
 
 
 def histories(
@@ -72,134 +67,196 @@ def histories(
         judgement: how the run began and from when on it is judged; None: centred, from the start.
         loads: by name, in the order of the run's.
     """
-    n = workspace.rows
-    q, v = (np.ascontiguousarray(workspace.recorded(name)) for name in ("q", "v"))
-    stretches = _stretches(phases, n)
-    acting = Acting(mechanism, loads or {})
-    body = _kinematics(mechanism, q, v, stretches, acting.pairs)
-    variables: dict[str, tuple[tuple[str, ...], np.ndarray, str, str]] = {
-        "q": (("time", "coordinate"), q, "", "generalised coordinates"),
-        "v": (("time", "coordinate"), v, "", "generalised velocities"),
-        "drive": (("time", "coordinate"), workspace.recorded("drive"), "", "drive efforts"),
-        "tool_position": (("time", "axis"), body["position"], "m", f"{mechanism.tool}, world axes"),
-        "tool_velocity": (("time", "axis"), body["velocity"], "m/s", "of the tool, world axes"),
-        **_turning(body),
-        "kinetic_energy": (("time",), body["kinetic"], "J", "kinetic energy"),
-        "potential_energy": (("time",), body["potential"], "J", "potential energy of gravity"),
-    }
-    work = workspace.recorded("work")
-    for index, term in enumerate(TERMS):
-        text = f"{term.variable.replace('_', ' ')} since t = 0"
-        variables[term.variable] = (("time",), work[:, index], "J", text)
-    elastic = np.zeros(n)
+    told = _Told(mechanism, workspace, phases, loads or {})
+    told.moved()
     if mechanism.clearance:
-        contact, elastic = _contact(mechanism, workspace, body)
-        variables |= contact
+        told.touched()
     else:
-        variables["reaction_force"] = (
-            ("time", "moving_joint", "axis"),
-            _reactions(
-                mechanism,
-                q,
-                v,
-                workspace.recorded("drive"),
-                friction,
-                stretches,
-                acting.pushes(body, workspace),
-            ),
-            "N",
-            "constraint force of the parent on the child at the joint, world axes",
-        )
-    closed = [name for name in mechanism.loops if name not in mechanism.clearance]
-    strict = [*closed, *map(locked, mechanism.locks)]
-    if strict:
-        gaps = [_drift(mechanism, name, body["poses"][name]) for name in strict]
-        drift = np.stack(gaps, axis=1)
-        variables["loop_drift"] = (("time", "loop"), drift, "m", "gap of the ideal loop")
-    variables["contact_elastic_energy"] = (("time",), elastic, "J", "stored in the contacts")
-    if mechanism.gears:
-        variables["gear_elastic_energy"] = (
-            ("time",),
-            stored := _gear_energy(mechanism, q),
-            "J",
-            "stored in the gears",
-        )
-        elastic = elastic + stored
-    coordinates: dict[str, Any] = {}
-    if acting.loads:
-        found, coordinates = acting.histories(q, body, workspace)
-        variables |= found
-        elastic = elastic + found["load_energy"][1].sum(axis=1)
-        work = np.hstack([work, -found["load_work"][1]])
-    if len(phases) > 1:
-        brought = np.concatenate([np.full(hi - lo, phase.energy) for lo, hi, phase in stretches])
-        variables["payload_energy"] = (("time",), brought, "J", "brought in by payloads")
-        work = work.copy()
-        work[:, 0] += brought
-    energy = body["kinetic"] + body["potential"] + elastic - work[:, 0] + work[:, 1:].sum(axis=1)
-    residual = energy - energy[:1]
-    variables["energy_residual"] = (("time",), residual, "J", "error of the energy balance")
-
-    units = [_units(mechanism, name) for name in mechanism.coordinates]
-    coordinates |= {
-        "time": ("time", workspace.recorded("time")[:, 0], {"units": "s"}),
-        "coordinate": list(mechanism.coordinates),
-        "coordinate_unit": ("coordinate", units),
-        "axis": list(AXES),
-        "quaternion": list(QUATERNION),
-    }
-    if mechanism.clearance:
-        coordinates |= {"joint": list(mechanism.clearance), "contact": contact_names(mechanism)}
-    else:
-        coordinates["moving_joint"] = [*mechanism.joints, *closed]
-    if strict:
-        coordinates["loop"] = strict
-    if "sliding_work" in variables:
-        azimuths = 2.0 * np.pi * np.arange(AZIMUTHS) / AZIMUTHS
-        text = "around the bore, from the bearing's x axis"
-        coordinates["azimuth"] = ("azimuth", azimuths, {"units": "rad", "long_name": text})
-    drift = variables["loop_drift"][1] if strict else np.zeros(0)
+        told.held(friction)
+    told.closed()
+    told.stored()
+    told.pushed()
+    residual = told.balanced()
     audit = Audit.of(
         mechanism,
         simulation,
         workspace,
-        (body["kinetic"], body["potential"]),
-        work,
+        (told.body["kinetic"], told.body["potential"]),
+        told.work,
         residual,
-        drift,
+        told.variables["loop_drift"][1] if told.strict else np.zeros(0),
         judgement,
-        _beyond_limits(mechanism, simulation, workspace, acting),
+        _beyond_limits(mechanism, simulation, workspace, told.acting),
     )
-    dataset = xr.Dataset(
-        {
+    attributes = {
+        "jointplay_format": FORMAT,
+        "simulation": json.dumps(simulation),
+        "audit": json.dumps(audit.describe()),
+        "status": status.name.lower(),
+        "message": message,
+        "wall_time_s": wall_time,
+        "versions": json.dumps(versions()),
+    }
+    return Result(_explained(xr.Dataset(told.explained(), told.coordinates(), attributes)))
+
+
+class _Told:
+    """What the records of a run tell, gathered variable by variable.
+
+    Attributes:
+        body: what `kinematics` makes of the coordinates.
+        variables: dimensions, values, unit and explanation, by name.
+        elastic: energy stored in contacts, gears and loads by record, shape (n,) [J].
+        work: done by drives, payloads and loads, and lost, shape (n, terms) [J].
+        strict: names of the loops without clearance, and of locks.
+    """
+
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        workspace: Workspace,
+        phases: Sequence[Phase],
+        loads: Mapping[str, Load],
+    ) -> None:
+        self.mechanism, self.workspace, self.phases = mechanism, workspace, phases
+        self.q, self.v = (np.ascontiguousarray(workspace.recorded(name)) for name in ("q", "v"))
+        self.stretches = stretches_of(phases, workspace.rows)
+        self.acting = Acting(mechanism, loads)
+        self.body = kinematics(mechanism, self.q, self.v, self.stretches, self.acting.pairs)
+        self.variables: Variables = {}
+        self.elastic = np.zeros(workspace.rows)
+        self.work = workspace.recorded("work")
+        self.ideal_loops = [name for name in mechanism.loops if name not in mechanism.clearance]
+        self.strict = [*self.ideal_loops, *map(locked, mechanism.locks)]
+        self._of_loads: dict[str, Any] = {}
+
+    def moved(self) -> None:
+        """Coordinates, the tool, the energies of bodies, and work."""
+        of_each = ("time", "coordinate")
+        of_tool = ("time", "axis")
+        tool = f"{self.mechanism.tool}, world axes"
+        body, drive = self.body, self.workspace.recorded("drive")
+        self.variables |= {
+            "q": (of_each, self.q, "", "generalised coordinates"),
+            "v": (of_each, self.v, "", "generalised velocities"),
+            "drive": (of_each, drive, "", "drive efforts"),
+            "tool_position": (of_tool, body["position"], "m", tool),
+            "tool_velocity": (of_tool, body["velocity"], "m/s", "of the tool, world axes"),
+            **turning(body),
+            "kinetic_energy": (("time",), body["kinetic"], "J", "kinetic energy"),
+            "potential_energy": (("time",), body["potential"], "J", "potential energy of gravity"),
+        }
+        for index, term in enumerate(TERMS):
+            text = f"{term.variable.replace('_', ' ')} since t = 0"
+            self.variables[term.variable] = (("time",), self.work[:, index], "J", text)
+
+    def touched(self) -> None:
+        """Joints with clearance."""
+        found, self.elastic = contact_histories(self.mechanism, self.workspace, self.body)
+        self.variables |= found
+
+    def held(self, friction: Mapping[str, JointFriction]) -> None:
+        """Forces of the joints of an ideal mechanism."""
+        forces = reactions(
+            self.mechanism,
+            self.q,
+            self.v,
+            self.workspace.recorded("drive"),
+            friction,
+            self.stretches,
+            self.acting.pushes(self.body, self.workspace),
+        )
+        text = "constraint force of the parent on the child at the joint, world axes"
+        self.variables["reaction_force"] = ("time", "moving_joint", "axis"), forces, "N", text
+
+    def closed(self) -> None:
+        """Gaps of loops without clearance."""
+        if self.strict:
+            poses = self.body["poses"]
+            gaps = [drift(self.mechanism, name, poses[name]) for name in self.strict]
+            found = np.stack(gaps, axis=1)
+            self.variables["loop_drift"] = ("time", "loop"), found, "m", "gap of the ideal loop"
+
+    def stored(self) -> None:
+        """Energy in contacts and gears."""
+        text = "stored in the contacts"
+        self.variables["contact_elastic_energy"] = ("time",), self.elastic, "J", text
+        if self.mechanism.gears:
+            energy = gear_energy(self.mechanism, self.q)
+            self.variables["gear_elastic_energy"] = ("time",), energy, "J", "stored in the gears"
+            self.elastic = self.elastic + energy
+
+    def pushed(self) -> None:
+        """Loads and payloads: what they stored and brought in."""
+        if self.acting.loads:
+            found, self._of_loads = self.acting.histories(self.q, self.body, self.workspace)
+            self.variables |= found
+            self.elastic = self.elastic + found["load_energy"][1].sum(axis=1)
+            self.work = np.hstack([self.work, -found["load_work"][1]])
+        if len(self.phases) > 1:
+            brought = np.concatenate(
+                [np.full(end - first, phase.energy) for first, end, phase in self.stretches]
+            )
+            self.variables["payload_energy"] = ("time",), brought, "J", "brought in by payloads"
+            self.work = self.work.copy()
+            self.work[:, 0] += brought
+
+    def balanced(self) -> np.ndarray:
+        """Error of the energy balance, shape (n,) [J]."""
+        body, work = self.body, self.work
+        energy = body["kinetic"] + body["potential"] + self.elastic
+        energy = energy - work[:, 0] + work[:, 1:].sum(axis=1)
+        residual: np.ndarray = energy - energy[:1]
+        self.variables["energy_residual"] = ("time",), residual, "J", "error of the energy balance"
+        return residual
+
+    def explained(self) -> dict[str, Any]:
+        """Variables as xarray takes them."""
+        return {
             name: (dims, values, {"units": unit, "long_name": text})
-            for name, (dims, values, unit, text) in variables.items()
-        },
-        coordinates,
-        {
-            "jointplay_format": FORMAT,
-            "simulation": json.dumps(simulation),
-            "audit": json.dumps(audit.describe()),
-            "status": status.name.lower(),
-            "message": message,
-            "wall_time_s": wall_time,
-            "versions": json.dumps(versions()),
-        },
-    )
-    for name in ("q", "v", "drive"):
-        dataset[name].attrs["units"] = {
-            "q": "see coordinate_unit",
-            "v": "coordinate_unit per second",
-            "drive": "N m for rad, N for m",
-        }[name]
+            for name, (dims, values, unit, text) in self.variables.items()
+        }
+
+    def coordinates(self) -> dict[str, Any]:
+        """Names along the dimensions."""
+        mechanism = self.mechanism
+        units = [_units(mechanism, name) for name in mechanism.coordinates]
+        found = self._of_loads | {
+            "time": ("time", self.workspace.recorded("time")[:, 0], {"units": "s"}),
+            "coordinate": list(mechanism.coordinates),
+            "coordinate_unit": ("coordinate", units),
+            "axis": list(AXES),
+            "quaternion": list(QUATERNION),
+        }
+        if mechanism.clearance:
+            found |= {"joint": list(mechanism.clearance), "contact": contact_names(mechanism)}
+        else:
+            found["moving_joint"] = [*mechanism.joints, *self.ideal_loops]
+        if self.strict:
+            found["loop"] = self.strict
+        if "sliding_work" in self.variables:
+            azimuths = 2.0 * np.pi * np.arange(AZIMUTHS) / AZIMUTHS
+            text = "around the bore, from the bearing's x axis"
+            found["azimuth"] = ("azimuth", azimuths, {"units": "rad", "long_name": text})
+        return found
+
+
+def _explained(dataset: xr.Dataset) -> xr.Dataset:
+    """The dataset with what its units and flags mean."""
+    for name, unit in (
+        ("q", "see coordinate_unit"),
+        ("v", "coordinate_unit per second"),
+        ("drive", "N m for rad, N for m"),
+    ):
+        dataset[name].attrs["units"] = unit
     dataset["tool_orientation"].attrs["comment"] = CONVENTION
-    if mechanism.clearance:
+    if "mode" in dataset:
         for name, kind in (("mode", Mode), ("form", Form)):
             members = [member.name.lower() for member in kind]  # type: ignore[var-annotated]
             dataset[name].attrs["flag_meanings"] = " ".join(members)
             dataset[name].attrs["flag_values"] = np.arange(len(members), dtype=np.int8)
         dataset["form"].attrs["comment"] = "-1 for joints that Figure 2 does not show"
-    return Result(dataset)
+    return dataset
 
 
 def _beyond_limits(
@@ -213,211 +270,8 @@ def _beyond_limits(
     return beyond(mechanism, time[:, 0], q, v, effort)
 
 
-def _turning(body: Mapping[str, Any]) -> dict[str, Any]:
-    """The tool's orientation and angular velocity."""
-    text = "orientation of the tool in the world, unit quaternion w, x, y, z"
-    return {
-        "tool_orientation": (("time", "quaternion"), body["orientation"], "1", text),
-        "tool_angular_velocity": (
-            ("time", "axis"),
-            body["spin"],
-            "rad/s",
-            "angular velocity of the tool, world axes",
-        ),
-    }
-
-
-def versions() -> dict[str, str]:
-    """Versions of this package, Python and the libraries that enter a result."""
-    return dict(_versions())
-
-
-@cache
-def _versions() -> dict[str, str]:
-    """The same, looked up once: that takes milliseconds."""
-    import platform
-    from importlib.metadata import PackageNotFoundError, version
-
-    found = {"python": platform.python_version(), "machine": platform.machine()}
-    for name in ("jointplay", "pin", "numpy", "numba", "scipy"):
-        try:
-            found[name] = version(name)
-        except PackageNotFoundError:  # run from a source tree that is not installed
-            found[name] = "unknown"
-    return found
-
-
-def contact_names(mechanism: Mechanism) -> list[str]:
-    """Names of the contacts of all joints, each once."""
-    names = (name for joint in mechanism.clearance.values() for name in joint.contacts)
-    return list(dict.fromkeys(names))
-
-
 def _units(mechanism: Mechanism, coordinate: str) -> str:
     joint, _, part = coordinate.partition(".")
     if part in VIRTUAL_LINK:
         return "m" if part in AXES else "rad"
     return "m" if mechanism.description.joints[joint].kind == "prismatic" else "rad"
-
-
-def _stretches(phases: Sequence[Phase], n: int) -> list[tuple[int, int, Phase]]:
-    """First record, end and phase of each stretch of the n records; none of them empty."""
-    ends = [min(phase.row, n) for phase in phases[1:]] + [n]
-    return [
-        (phase.row, end, phase) for phase, end in zip(phases, ends, strict=True) if phase.row < end
-    ]
-
-
-def _gear_energy(mechanism: Mechanism, q: np.ndarray) -> np.ndarray:
-    """Energy stored in the teeth and shafts of all gears, shape (n,) [J]."""
-    energy = np.zeros(len(q))
-    for name, gear in mechanism.gears.items():
-        twist = np.abs(q[:, mechanism.motor(name)] - q[:, mechanism.coordinate(name)])
-        energy += 0.5 * gear.stiffness * np.maximum(twist - gear.play / 2.0, 0.0) ** 2
-    return energy
-
-
-def _kinematics(
-    mechanism: Mechanism,
-    q: np.ndarray,
-    v: np.ndarray,
-    stretches: Sequence[tuple[int, int, Phase]],
-    more: Mapping[Any, tuple[Frame, Frame]],
-) -> dict[str, Any]:
-    """Tool motion and energies by record; by joint with clearance, loop and pair of `more`.
-
-    `bearings` (n, 3, 3) and `poses` (n, 12), by name.
-    """
-    names: list[Any] = list(dict.fromkeys([*mechanism.clearance, *mechanism.loops]))
-    pairs = [(mechanism.bearing_frame(name), mechanism.journal_frame(name)) for name in names]
-    names += map(locked, mechanism.locks)
-    pairs += mechanism.locks.values()
-    names += more
-    pairs += more.values()
-    frame = mechanism.model.frames[mechanism.tool_frame]
-    tool = int(frame.parentJoint), frame.placement
-    motion, n = Motion.of(len(q), len(pairs)), len(q)
-    for first, end, phase in stretches:
-        Tree(phase.model).move(motion, first, end, q, v, tool, pairs)
-    return {
-        "position": motion.tool[:, :3],
-        "velocity": motion.tool[:, 3:],
-        "orientation": motion.orientation,
-        "spin": motion.spin,
-        "kinetic": motion.energy[:, 0],
-        "potential": motion.energy[:, 1],
-        "bearings": dict(zip(names, motion.bearings.reshape(len(pairs), n, 3, 3), strict=True)),
-        "poses": dict(zip(names, motion.poses, strict=True)),
-    }
-
-
-def _drift(mechanism: Mechanism, name: str, poses: np.ndarray) -> np.ndarray:
-    """Largest `misfit` of an ideal loop or a lock, by the journal's poses (n, 12): (n,) [m]."""
-    parts = [poses[:, :3]]
-    if name not in mechanism.loops:
-        parts.append(ANGLE_ARM_M * poses[:, [5, 8, 6]])
-    elif mechanism.loop_class(name).holds_axis():  # an ideal slider closes no loop
-        parts.append(ANGLE_ARM_M * poses[:, [5, 8]])
-    return np.abs(np.concatenate(parts, axis=1)).max(axis=1)
-
-
-def _contact(
-    mechanism: Mechanism, workspace: Workspace, body: dict[str, Any]
-) -> tuple[dict[str, Any], np.ndarray]:
-    """Variables of the joints with clearance, and the energy stored in their contacts."""
-    n, nj, width = workspace.rows, len(mechanism.clearance), workspace.contacts.shape[1]
-    names = contact_names(mechanism)
-    centre, tilt = np.empty((n, nj, 3)), np.empty((n, nj))
-    mode, form = np.empty((n, nj), np.int8), np.empty((n, nj), np.int8)
-    force = workspace.recorded("force").reshape(n, nj, 3).copy()
-    peak = workspace.recorded("force_peak").reshape(n, nj, 3).copy()
-    film = workspace.recorded("film_force").reshape(n, nj, 3).copy()
-    gap = np.full((n, nj, len(names)), np.nan)
-    by_contact = {
-        name: (workspace.recorded(name).reshape(n, nj, width), np.full_like(gap, np.nan))
-        for name in ("gap_min", "normal", "normal_peak", "tangential")
-    }
-    elastic = np.zeros(n)
-    for j, (name, joint) in enumerate(mechanism.clearance.items()):
-        bearing, poses = body["bearings"][name], body["poses"][name]
-        centre[:, j] = poses[:, :3]
-        tilt[:, j] = np.arctan2(np.hypot(poses[:, 5], poses[:, 8]), poses[:, 11])
-        count = len(joint.contacts)
-        at = [names.index(contact) for contact in joint.contacts]
-        gap[:, j, at], mode[:, j], form[:, j] = classify_many(
-            int(joint.shape), np.array(joint.dimensions), count, poses
-        )
-        for recorded, values in by_contact.values():
-            values[:, j, at] = recorded[:, j, :count]
-        for values in (force, peak, film):
-            values[:, j] = np.einsum("nik,nk->ni", bearing, values[:, j])
-        groups: dict[Any, list[int]] = {}
-        for k in range(count):
-            groups.setdefault(joint.contact_properties(k), []).append(at[k])
-        for contact, members in groups.items():
-            parameters = joint.normal.parameters(contact)
-            elastic += elastic_energy(joint.normal, parameters, -gap[:, j, members]).sum(axis=1)
-
-    each = ("time", "joint", "contact")
-    vector = ("time", "joint", "axis")
-    last = "largest since the last record"
-    variables = {
-        "journal_centre": (vector, centre, "m", "journal centre in the bearing frame"),
-        "tilt": (("time", "joint"), tilt, "rad", "angle between the axes"),
-        "gap": (each, gap, "m", "gap; negative in penetration"),
-        "gap_min": (each, by_contact["gap_min"][1], "m", "smallest gap since the last record"),
-        "normal_force": (each, by_contact["normal"][1], "N", "normal force"),
-        "normal_force_peak": (each, by_contact["normal_peak"][1], "N", last),
-        "friction_force": (each, by_contact["tangential"][1], "N", "friction force, magnitude"),
-        "joint_force": (vector, force, "N", "contact force on the journal, world axes"),
-        "joint_force_peak": (
-            vector,
-            peak,
-            "N",
-            "joint_force where its magnitude was largest since the last record",
-        ),
-        "film_force": (vector, film, "N", "part of joint_force that is the film's, world axes"),
-        "mode": (("time", "joint"), mode, "1", "mode of the joint (Table 1)"),
-        "form": (("time", "joint"), form, "1", "contact form (Figure 2)"),
-    }
-    if any(joint.wears for joint in mechanism.clearance.values()):
-        counted = np.full((nj, len(names), AZIMUTHS), np.nan)
-        for j, joint in enumerate(mechanism.clearance.values()):
-            for k, work in enumerate(workspace.sliding_work[j]):
-                counted[j, names.index(joint.contacts[k])] = work
-        text = "normal force times sliding distance over the whole run"
-        variables["sliding_work"] = (("joint", "contact", "azimuth"), counted, "N m", text)
-    if all(joint.film is None for joint in mechanism.clearance.values()):
-        del variables["film_force"]
-    return variables, elastic
-
-
-def _reactions(
-    mechanism: Mechanism,
-    q: np.ndarray,
-    v: np.ndarray,
-    drive: np.ndarray,
-    friction: Mapping[str, JointFriction],
-    stretches: Sequence[tuple[int, int, Phase]],
-    pushes: Pushes,
-) -> np.ndarray:
-    """Constraint forces at the joints of an ideal mechanism, world axes (n, joints, 3) [N].
-
-    The joints of the tree come first, then those that close loops.
-    """
-    tree, loops = mechanism.joints, list(mechanism.loops)
-    forces = np.zeros((len(q), len(tree) + len(loops), 3))
-    effort = drive + pushes.efforts
-    for name, joint in friction.items():
-        at = mechanism.coordinate(name)
-        effort[:, at] -= joint.torque(v[:, at])
-    for first, end, phase in stretches:
-        joints = [int(phase.model.getJointId(name)) for name in tree]
-        held = mechanism.constraints(q[first], 0.0)
-        found, holds = Tree(phase.model).reactions(
-            first, end, q, v, effort, joints, held, pushes.bodies, pushes.wrenches
-        )
-        forces[first:end, : len(tree)] = found
-        for k, constraint in enumerate(held):
-            forces[first:end, len(tree) + loops.index(constraint.name)] += holds[:, k]
-    return forces

@@ -12,7 +12,7 @@ from jointplay.kernel.workspace import Workspace
 from jointplay.mechanism.loop import closing_rows
 from jointplay.mechanism.mechanism import Mechanism, frame_index
 from jointplay.mechanism.payload import Payload, velocity_after_pick
-from jointplay.result.histories import Phase
+from jointplay.result.kinematics import Phase
 
 
 class Events:

@@ -25,7 +25,8 @@ from jointplay.loads import limits as limits_of_joints
 from jointplay.loads.drive import JointFriction, assign, table_nodes, tabulate
 from jointplay.mechanism.massless import require_inertia
 from jointplay.result.audit import Judgement
-from jointplay.result.histories import Phase, histories
+from jointplay.result.histories import histories
+from jointplay.result.kinematics import Phase
 from jointplay.result.result import Result
 from jointplay.simulation import checkpoint, ending, initial, limits, step_check
 from jointplay.simulation import loads as acting

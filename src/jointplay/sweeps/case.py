@@ -21,7 +21,7 @@ from jointplay.errors import JointplayError
 from jointplay.kernel import Status
 from jointplay.mechanism.robots import PREFIX
 from jointplay.motion.reference import Motion
-from jointplay.result.histories import versions
+from jointplay.result.provenance import versions
 from jointplay.result.result import Result
 from jointplay.scenario import Scenario
 from jointplay.scenario.fitting import SHIPPED
