@@ -6,7 +6,7 @@ import math
 import sys
 import time
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, ExitStack
 from dataclasses import replace
 from pathlib import Path
@@ -17,23 +17,22 @@ import pinocchio as pin
 from tqdm import tqdm
 
 from jointplay import kernel
-from jointplay.errors import JointplayError, MissingName, require_positive
+from jointplay.errors import JointplayError, require_positive
 from jointplay.kernel import Status
-from jointplay.kernel.integrators import DEFAULT, Integrator, integrator
+from jointplay.kernel.integrators import Integrator, integrator
 from jointplay.kernel.workspace import Workspace
-from jointplay.loads import limits as limits_of_joints
-from jointplay.loads.drive import JointFriction, assign, table_nodes, tabulate
+from jointplay.loads.drive import assign, table_nodes, tabulate
 from jointplay.mechanism.massless import require_inertia
 from jointplay.result.audit import Judgement
 from jointplay.result.histories import histories
 from jointplay.result.kinematics import Phase
 from jointplay.result.result import Result
-from jointplay.simulation import checkpoint, ending, initial, limits, step_check
+from jointplay.simulation import checkpoint, ending, initial, limits, settings, step_check
 from jointplay.simulation import loads as acting
 from jointplay.simulation.assemble import check_step, contact_site
 from jointplay.simulation.events import Events
 from jointplay.simulation.loop import LOOP_CORRECTION, Loop
-from jointplay.simulation.moment import Moment
+from jointplay.simulation.moment import Moment, moment_of
 from jointplay.simulation.multi_rate import Adaptive, MultiRate
 from jointplay.simulation.progress import Bar
 from jointplay.simulation.single_rate import SingleRate
@@ -57,14 +56,16 @@ class Run:
         self.mechanism = mechanism = simulation.mechanism
         limits.check_names(mechanism)
         self.method: Integrator = integrator(simulation.integrator)
-        step, duration = self._check_numbers()
+        duration = settings.duration(simulation)
+        self.steps = settings.steps(simulation, duration, self.method)
+        step = float(simulation.step)
         acting.check(simulation.loads)
         drives = assign(mechanism, simulation.motion, simulation.drive)
         nodes = table_nodes(simulation.motion, drives, duration)
         limits.check_memory(mechanism, duration, self.steps, simulation.record_every, nodes)
-        self.friction = self._friction()
+        self.friction = settings.friction(simulation)
         followed = [name for name, drive in drives.items() if drive.follows]
-        bounds = self._bounds(followed)
+        bounds = settings.bounds(simulation, followed)
         start = initial.place(simulation, mechanism, followed)
         require_inertia(mechanism, start.q)
         if simulation.seed is not None and not simulation.stands:
@@ -148,68 +149,6 @@ class Run:
                 start.perturb(simulation.seed, at_rest=True)
         start.move()
         self.workspace.q[:], self.workspace.v[:] = start.q, start.v
-
-    def _check_numbers(self) -> tuple[float, float]:
-        """Refuse settings that make no sense; returns step and duration [s]."""
-        simulation = self.simulation
-        step = require_positive("step", simulation.step, "s", ("step",))
-        if simulation.macro_step is not None:
-            require_positive("macro step", simulation.macro_step, "s", ("macro_step",))
-        if simulation.tolerance is not None:
-            require_positive("tolerance", simulation.tolerance, "", ("tolerance",))
-        for option in ("macro_step", "tolerance"):
-            value = getattr(simulation, option)
-            if value is not None and self.method.single_rate:
-                raise JointplayError(
-                    f"{option} (got {value:g}) belongs to the integrator {DEFAULT!r}; "
-                    f"{self.method.name!r} has a fixed step: leave it out, or take {DEFAULT!r}",
-                    where=(option,),
-                )
-        duration = self._duration()
-        every = simulation.record_every
-        limits.check_numbers(step, duration, every, simulation.seed)
-        self.steps = round(duration / step)
-        if self.steps < 1:
-            raise JointplayError(
-                f"duration {duration:g} s is shorter than the step {step:g} s", where=("duration",)
-            )
-        return step, duration
-
-    def _duration(self) -> float:
-        duration, motion = self.simulation.duration, self.simulation.motion
-        if duration is None:
-            if motion is None:
-                raise JointplayError(
-                    "a simulation without motion needs a duration [s]", where=("duration",)
-                )
-            duration = motion.duration
-        return require_positive("duration", duration, "s", ("duration",))
-
-    def _friction(self) -> Mapping[str, JointFriction]:
-        friction = self.simulation.joint_friction
-        joints = self.mechanism.joints
-        if friction is None:
-            entries = self.mechanism.description.joints
-            friction = {
-                name: JointFriction(entries[name].friction, entries[name].damping)
-                for name in joints
-            }
-        for name in friction:
-            if name not in joints:
-                raise MissingName("moving joint", name, joints)
-        return friction
-
-    def _bounds(self, followed: Sequence[str]) -> dict[str, float]:
-        """Hold the motion against the URDF's limits; returns the efforts that are to be cut."""
-        way = limits_of_joints.require_known(self.simulation.limits)
-        if way == "ignore":
-            return {}
-        if followed:
-            assert self.simulation.motion is not None
-            found = limits_of_joints.check_motion(self.mechanism, self.simulation.motion, followed)
-            for text in found:
-                warnings.warn(text, RuntimeWarning, stacklevel=5)
-        return limits_of_joints.bounds(self.mechanism) if way == "cut" else {}
 
     def _make_loop(self, constraints: list[pin.RigidConstraintModel]) -> Loop:
         simulation = self.simulation
@@ -356,25 +295,7 @@ class Run:
 
     def moment(self) -> Moment:
         """The present instant, to be read; the run must have begun."""
-        w = self.workspace
-        kept = [array.copy() for array in w.state()]
-        self._loop.look()
-        touching = (w.contacts["touching"] > 0) & (w.joints["touching"] > 0)[:, None]
-        if self.method.single_rate:
-            touching = w.contacts["touching"] > 0
-        moment = Moment(
-            w.time,
-            w.steps,
-            w.q.copy(),
-            w.v.copy(),
-            self.mechanism,
-            w.joints["pose"].copy(),
-            w.joints["wrench"].copy(),
-            np.where(touching, w.contacts["normal_now"], 0.0),
-        )
-        for array, values in zip(w.state(), kept, strict=True):
-            np.copyto(array, values)
-        return moment
+        return moment_of(self.workspace, self._loop, self.mechanism, self.method.single_rate)
 
     def begin(self) -> None:
         """Evaluate forces and acceleration of the state, payloads picked at 0 in hand.
