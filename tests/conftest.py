@@ -1,5 +1,6 @@
 """Small mechanisms with known answers."""
 
+import signal
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,12 @@ from jointplay import JointplayError, Mechanism, Motion, RevoluteClearance, Simu
 from jointplay.kernel.integrators import DEFAULT
 from jointplay.loads import ComputedTorque
 from jointplay.simulation import Run
+
+# What runs in the background or under nohup ignores these, and so would all that tests start.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 # A simulation in each example: slow machines must not fail, and a failure must not be shrunk for
 # minutes.

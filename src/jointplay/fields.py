@@ -40,7 +40,6 @@ def quantity(
     least: float | None = None,
     words: str = "",
     finite: bool = True,
-    kw_only: bool = False,
 ) -> Any:
     """Field of a dataclass that holds a number, or several, in an SI unit.
 
@@ -53,7 +52,6 @@ def quantity(
         least: 0.0 if it must not be negative.
         words: what errors call it; the field's name, if not given.
         finite: without, files may have infinity or no number (NaN) here.
-        kw_only: as in `dataclasses.field`.
     """
     if above not in (None, 0.0) or least not in (None, 0.0):
         raise ValueError("a range begins at zero, or the class checks it itself")
@@ -61,18 +59,13 @@ def quantity(
     check = require_finite if above is None and least is None else check
     metadata = {UNITS: units, _RANGE: check, _WORDS: words, FINITE: finite}
     metadata |= {} if choices is None else {CHOICES: choices}
-    options: dict[str, Any] = {"metadata": metadata, "kw_only": kw_only}
     if default_factory is not dataclasses.MISSING:
-        return dataclasses.field(default_factory=default_factory, **options)
-    return dataclasses.field(default=default, **options)
+        return dataclasses.field(default_factory=default_factory, metadata=metadata)
+    return dataclasses.field(default=default, metadata=metadata)
 
 
 def choice(
-    noun: str,
-    choices: Collection[str] | Mapping[str, Any],
-    *,
-    default: Any = dataclasses.MISSING,
-    kw_only: bool = False,
+    noun: str, choices: Collection[str] | Mapping[str, Any], *, default: Any = dataclasses.MISSING
 ) -> Any:
     """Field of a dataclass that holds one of several words.
 
@@ -80,10 +73,8 @@ def choice(
         noun: what one is called.
         choices: the words; a mapping has the values for which they stand.
         default: of the field; without one it must be given.
-        kw_only: as in `dataclasses.field`.
     """
-    metadata = {CHOICES: (noun, choices)}
-    return dataclasses.field(default=default, metadata=metadata, kw_only=kw_only)
+    return dataclasses.field(default=default, metadata={CHOICES: (noun, choices)})
 
 
 def units_of(field: dataclasses.Field[Any]) -> tuple[str, ...] | None:

@@ -22,7 +22,7 @@ def reference(result: Result, progress: bool = False) -> Result | None:
     if not has_play(result) or len(result.time) < 2:
         return None
     try:
-        return twin(result, progress)
+        return twin(result, progress, reactions=False)
     except JointplayError:
         return None
 

@@ -99,10 +99,15 @@ def is_twin(result: Result, ideal: Result) -> bool:
     return not has_play(ideal) and task(result) == task(ideal)
 
 
-def twin(result: Result, progress: bool = False) -> Result:
+def twin(result: Result, progress: bool = False, reactions: bool = True) -> Result:
     """The ideal mechanism doing the same work for the same time, simulated now.
 
     Where it has closed loops, by rk4, with which they drift least.
+
+    Args:
+        result: of the run with play.
+        progress: show a bar on standard error.
+        reactions: whether the forces in its joints are found, too.
 
     Raises:
         JointplayError: the result's simulation cannot be built again, or its ideal mechanism
@@ -110,7 +115,8 @@ def twin(result: Result, progress: bool = False) -> Result:
     """
     simulation = ideal_simulation(result)
     # By rk4, a step that resolves impacts is far smaller than motion without them asks for.
-    return simulation.run(progress, check_step=not simulation.mechanism.loops)
+    check_step = not simulation.mechanism.loops
+    return simulation.prepare(progress).execute(progress, check_step, reactions)
 
 
 def ideal_simulation(result: Result) -> Simulation:

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from itertools import pairwise
 from typing import Any, ClassVar, NamedTuple
 
@@ -122,7 +122,8 @@ class OnFrame(Load):
 
     frame: str
     """Link or frame that it acts on."""
-    at: Vector = quantity("m", default=(0.0, 0.0, 0.0), kw_only=True)
+    _: KW_ONLY
+    at: Vector = quantity("m", default=(0.0, 0.0, 0.0))
     """Point in the axes of `frame` at which it acts [m]."""
 
     def __post_init__(self) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass
 from typing import Any, ClassVar
 
 import numpy as np
@@ -73,11 +73,12 @@ class _Between(OnFrame):
 
     stores: ClassVar[bool] = True
 
-    other: str = field(default=WORLD, kw_only=True)
+    _: KW_ONLY
+    other: str = WORLD
     """Link or frame at its other end; ``world`` is the ground."""
-    other_at: Vector = quantity("m", default=(0.0, 0.0, 0.0), kw_only=True)
+    other_at: Vector = quantity("m", default=(0.0, 0.0, 0.0))
     """Point in the axes of `other` [m]."""
-    damping: float = quantity("N*s/m", default=0.0, kw_only=True)
+    damping: float = quantity("N*s/m", default=0.0)
     """[N s/m]."""
 
     def __post_init__(self) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from typing import Any, ClassVar
 
 import numpy as np
@@ -77,7 +77,8 @@ class _Pushing(OnFrame):
 class _InAxes(_Pushing):
     """A wrench given in the axes of the world or of its frame, by the law `_given`."""
 
-    axes: str = choice("axes for a wrench", AXES, default=AXES[0], kw_only=True)
+    _: KW_ONLY
+    axes: str = choice("axes for a wrench", AXES, default=AXES[0])
     """Axes of force and moment: ``world``, or ``frame``: they turn with it."""
 
     def __post_init__(self) -> None:

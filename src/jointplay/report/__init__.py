@@ -25,7 +25,7 @@ from jointplay.report import (
 from jointplay.report import cases as _cases
 from jointplay.report.cases import Case, Say
 from jointplay.report.cases import load as load
-from jointplay.report.charts import Chart, charts
+from jointplay.report.charts import Chart, all_charts
 from jointplay.report.html import Html, joined, markup, paragraph, render
 from jointplay.report.series import MAX_RECORDS, Pack
 from jointplay.result.provenance import versions
@@ -100,7 +100,7 @@ def page(cases: Sequence[Case], title: str, claims: Path | None) -> str:
     """The page's source."""
     start = naming.settled(cases)
     pack = Pack()
-    drawn = charts(cases, pack, start)
+    drawn = all_charts(cases, pack, start)
     by_name = {chart["id"]: chart for chart in drawn}
 
     def chart(*names: str) -> Html:

@@ -25,8 +25,8 @@ from jointplay.result.kinematics import (
     Phase,
     drift,
     gear_energy,
+    joint_forces,
     kinematics,
-    reactions,
     stretches_of,
     turning,
 )
@@ -53,6 +53,7 @@ def histories(
     wall_time: float,
     judgement: Judgement | None = None,
     loads: Mapping[str, Load] | None = None,
+    reactions: bool = True,
 ) -> Result:
     """Make a `Result` of the records that a run left in its workspace.
 
@@ -66,12 +67,13 @@ def histories(
         wall_time: what it took [s].
         judgement: how the run began and from when on it is judged; None: centred, from the start.
         loads: by name, in the order of the run's.
+        reactions: whether the constraint forces of an ideal mechanism are found.
     """
     told = _Told(mechanism, workspace, phases, loads or {})
     told.moved()
     if mechanism.clearance:
         told.touched()
-    else:
+    elif reactions:
         told.held(friction)
     told.closed()
     told.stored()
@@ -157,7 +159,7 @@ class _Told:
 
     def held(self, friction: Mapping[str, JointFriction]) -> None:
         """Forces of the joints of an ideal mechanism."""
-        forces = reactions(
+        forces = joint_forces(
             self.mechanism,
             self.q,
             self.v,

@@ -102,7 +102,7 @@ def drift(mechanism: Mechanism, name: str, poses: np.ndarray) -> np.ndarray:
     return np.abs(np.concatenate(parts, axis=1)).max(axis=1)
 
 
-def reactions(
+def joint_forces(
     mechanism: Mechanism,
     q: np.ndarray,
     v: np.ndarray,
