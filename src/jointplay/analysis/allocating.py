@@ -9,11 +9,13 @@ import numpy as np
 from scipy.optimize import linprog, minimize, nnls
 from scipy.stats import binom
 
-from jointplay.analysis.allocation import MM
 from jointplay.analysis.levers import Part, sources
 from jointplay.analysis.static_budget import half_sphere
 from jointplay.errors import JointplayError
 from jointplay.mechanism.mechanism import Mechanism
+
+_MM = 1e3
+"""Costs are of clearances in millimetres."""
 
 SAMPLES = 4000
 """States drawn for a quantile."""
@@ -136,16 +138,16 @@ class Problem:
     def value(self, c: np.ndarray) -> float:
         """Cost of clearances c [m]."""
         if self.cost == "linear":
-            return float(self.weight @ (self.most - c)) * MM
+            return float(self.weight @ (self.most - c)) * _MM
         power = 1 if self.cost == "reciprocal" else 2
-        return float(self.weight @ (1.0 / (MM * c) ** power))
+        return float(self.weight @ (1.0 / (_MM * c) ** power))
 
     def slope(self, c: np.ndarray) -> np.ndarray:
         """Derivative of the cost by each clearance [1/m]."""
         if self.cost == "linear":
-            return -self.weight * MM
+            return -self.weight * _MM
         power = 1 if self.cost == "reciprocal" else 2
-        return -power * self.weight / ((MM * c) ** power * c)
+        return -power * self.weight / ((_MM * c) ** power * c)
 
     def solve(self, rows: np.ndarray, room: np.ndarray, start: np.ndarray) -> np.ndarray:
         """The cheapest clearances with rows . c <= room [m]."""

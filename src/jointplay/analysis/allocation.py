@@ -38,8 +38,6 @@ _EXACT = 2e-5
 _CLOSE = 0.9995
 """Part of the target that must be used up, second order included."""
 
-MM = 1e3
-
 
 @dataclass(frozen=True)
 class Allocation:
@@ -129,25 +127,8 @@ def allocate(
             values that cannot be.
         MissingName: no such cost or joint.
     """
-    require_positive("target", target, "m")
-    if quantile is not None and not 0.0 < quantile < 1.0:
-        raise JointplayError(f"the quantile must lie between 0 and 1, got {quantile:g}")
-    if cost not in COSTS:
-        raise MissingName("cost", cost, COSTS)
-    if quantile is not None and cost == "linear":
-        raise JointplayError(
-            "the cost 'linear' goes with the worst case only, for a quantile is not convex; take "
-            + " or ".join(COSTS[:2])
-        )
-    if not 0.0 < require_positive("least clearance", least, "m") < most:
-        raise JointplayError(f"the least clearance {least:g} m must be below the most, {most:g} m")
     names = tuple(mechanism.clearance)
-    if not names:
-        raise JointplayError("no joint has clearance to decide on")
-    for name, value in (weights or {}).items():
-        if name not in names:
-            raise MissingName("joint with clearance", name, names)
-        require_positive(f"weight of {name!r}", value, "")
+    _check(names, target, quantile, cost, weights or {}, least, most)
     weight = np.array([(weights or {}).get(name, 1.0) for name in names])
     model = ErrorModel(mechanism, poses, quantile, seed)
     problem = Problem(cost, weight, least, most)
@@ -188,6 +169,36 @@ def allocate(
         bound,
         model.with_clearance(found),
     )
+
+
+def _check(
+    names: tuple[str, ...],
+    target: float,
+    quantile: float | None,
+    cost: str,
+    weights: Mapping[str, float],
+    least: float,
+    most: float,
+) -> None:
+    """Refuse what `allocate` cannot work on."""
+    require_positive("target", target, "m")
+    if quantile is not None and not 0.0 < quantile < 1.0:
+        raise JointplayError(f"the quantile must lie between 0 and 1, got {quantile:g}")
+    if cost not in COSTS:
+        raise MissingName("cost", cost, COSTS)
+    if quantile is not None and cost == "linear":
+        raise JointplayError(
+            "the cost 'linear' goes with the worst case only, for a quantile is not convex; take "
+            + " or ".join(COSTS[:2])
+        )
+    if not 0.0 < require_positive("least clearance", least, "m") < most:
+        raise JointplayError(f"the least clearance {least:g} m must be below the most, {most:g} m")
+    if not names:
+        raise JointplayError("no joint has clearance to decide on")
+    for name, value in weights.items():
+        if name not in names:
+            raise MissingName("joint with clearance", name, names)
+        require_positive(f"weight of {name!r}", value, "")
 
 
 def _true_error(model: ErrorModel, clearance: np.ndarray) -> tuple[float, tuple[float, float]]:

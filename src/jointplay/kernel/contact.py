@@ -12,6 +12,7 @@ import math
 from jointplay.contact.compiled import call_bristle, call_friction, call_normal, pointer
 from jointplay.geometry import Shape, touch_cylinder
 from jointplay.geometry import touch as touch_shape
+from jointplay.kernel.access import address_of, contacts, fail, matrix
 from jointplay.kernel.layout import (
     AZIMUTHS,
     FRICTION,
@@ -19,12 +20,8 @@ from jointplay.kernel.layout import (
     NORMAL,
     WELL_RESOLVED_STEPS,
     Status,
-    address_of,
-    contacts,
-    fail,
-    internal,
-    matrix,
 )
+from jointplay.kernel.parts import internal
 from jointplay.kernel.vectors import add, along, cross, dot, length, put, scale, vector
 
 _CYLINDER = int(Shape.CYLINDER)

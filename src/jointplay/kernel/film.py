@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 
 from jointplay.contact.compiled import call_film
-from jointplay.kernel.layout import FILM, Status, address_of, fail, internal
+from jointplay.kernel.access import address_of, fail
+from jointplay.kernel.layout import FILM, Status
+from jointplay.kernel.parts import internal
 from jointplay.kernel.vectors import add, along, cross, scale, vector
 
 _BAD_FORCE = int(Status.BAD_FORCE)

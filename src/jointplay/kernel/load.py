@@ -25,18 +25,10 @@ from numba import types
 from numba.extending import intrinsic
 
 from jointplay.contact.compiled import pointer
+from jointplay.kernel.access import fail, floats, loads, matrix, wholes
 from jointplay.kernel.frames import pose_of_frames, twist_by
-from jointplay.kernel.layout import (
-    ALWAYS,
-    IF_PRESSED,
-    Status,
-    fail,
-    floats,
-    internal,
-    loads,
-    matrix,
-    wholes,
-)
+from jointplay.kernel.layout import ALWAYS, IF_PRESSED, Status
+from jointplay.kernel.parts import internal
 
 _BAD_LOAD = int(Status.BAD_LOAD)
 

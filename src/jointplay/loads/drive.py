@@ -23,8 +23,8 @@ from jointplay.errors import (
     require_finite,
 )
 from jointplay.fields import check_fields, quantity
-from jointplay.kernel import layout, workspace
-from jointplay.kernel.workspace import Tables
+from jointplay.kernel import layout
+from jointplay.kernel.tables import Tables, drive_row, friction_row, gear_row, stacked
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.motion.ideal import ideal_motion
 from jointplay.motion.reference import Motion
@@ -323,13 +323,13 @@ def tabulate(
         losses, limit = friction.get(name, JointFriction()), (bounds or {}).get(name, np.inf)
         if isinstance(drive, Torque):
             columns[2, :, u] = np.interp(times, drive.times, drive.values)
-            row = workspace.drive_row(u, at, limit=limit)
+            row = drive_row(u, at, limit=limit)
         else:
             k = follows.index(name)
             columns[0, :, u], columns[1, :, u] = position[:, k], velocity[:, k]
         if isinstance(drive, Prescribed):
             armature[at] = PRESCRIBED_ARMATURE * own[at]
-            row = workspace.drive_row(u, at, armature=armature[at])
+            row = drive_row(u, at, armature=armature[at])
         if isinstance(drive, ComputedTorque):
             rotor = gear.rotor_inertia if gear else 0.0
             inertia = carried[k] + rotor
@@ -339,10 +339,22 @@ def tabulate(
             seen = at if drive.encoder == "motor" else mechanism.coordinate(name)
             kp = drive.bandwidth**2 * inertia
             kd = 2.0 * drive.damping_ratio * drive.bandwidth * inertia
-            row = workspace.drive_row(u, at, seen, kp, kd, limit=limit)
+            row = drive_row(u, at, seen, kp, kd, limit=limit)
         rows.append(row)
-    frictions = [
-        workspace.friction_row(
+    tables = Tables(
+        stacked(rows, layout.DRIVE_ROW),
+        _friction_rows(mechanism, friction),
+        _gear_rows(mechanism),
+        np.hstack(list(columns)),
+        REFERENCE_NODE_S,
+    )
+    return tables, armature
+
+
+def _friction_rows(mechanism: Mechanism, friction: Mapping[str, JointFriction]) -> np.ndarray:
+    """Records of the joints that have friction."""
+    rows = [
+        friction_row(
             mechanism.coordinate(name),
             losses.coulomb,
             losses.excess,
@@ -352,8 +364,13 @@ def tabulate(
         for name, losses in friction.items()
         if losses.coulomb or losses.excess or losses.viscous
     ]
-    gears = [
-        workspace.gear_row(
+    return stacked(rows, layout.FRICTION_ROW)
+
+
+def _gear_rows(mechanism: Mechanism) -> np.ndarray:
+    """Records of the gears."""
+    rows = [
+        gear_row(
             mechanism.motor(name),
             mechanism.coordinate(name),
             gear.play / 2.0,
@@ -362,11 +379,4 @@ def tabulate(
         )
         for name, gear in mechanism.gears.items()
     ]
-    tables = Tables(
-        workspace.stacked(rows, layout.DRIVE_ROW),
-        workspace.stacked(frictions, layout.FRICTION_ROW),
-        workspace.stacked(gears, layout.GEAR_ROW),
-        np.hstack(list(columns)),
-        REFERENCE_NODE_S,
-    )
-    return tables, armature
+    return stacked(rows, layout.GEAR_ROW)

@@ -17,7 +17,7 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from jointplay.errors import JointplayError
 from jointplay.mechanism.loop import assemble
 from jointplay.mechanism.mechanism import Mechanism
-from jointplay.mechanism.visuals import visuals
+from jointplay.mechanism.visuals import Visuals, visuals
 from jointplay.units import readable
 
 _LIGHT = np.array([0.35, -0.6, 0.72])
@@ -77,18 +77,7 @@ def picture(
         )
     found = visuals(mechanism, folders)
     pin.framesForwardKinematics(mechanism.model, mechanism.data, q)
-    corners, paints = [], []
-    order = list(dict.fromkeys(found.links))
-    for thing, link in zip(found.geometry.geometryObjects, found.links, strict=True):
-        place = mechanism.data.oMi[thing.parentJoint] * thing.placement
-        local = triangles_of(thing)
-        corners.append(local @ place.rotation.T + place.translation)
-        plain = _TONES[order.index(link) % len(_TONES)]
-        colour = thing.meshColor[:3] if thing.overrideMaterial else _rgb(plain)
-        if colours is not None:
-            carrier = mechanism.model.names[thing.parentJoint].split(".")[0]
-            colour = _rgb(colours.get(carrier, _TONES[0]))
-        paints.append(np.tile(colour, (len(local), 1)))
+    corners, paints = _surfaces(mechanism, found, colours)
     points = np.concatenate(corners).reshape(-1, 3)
     low, high = points.min(axis=0), points.max(axis=0)
     size = float(np.linalg.norm(high - low))
@@ -97,12 +86,13 @@ def picture(
         view = (-70.0, 55.0) if flat else (-60.0, 24.0)
     # Matplotlib sorts whole triangles by depth, which needs them small.
     pieces = [_cut(body, _PIECE * size) for body in corners]
-    triangles = np.concatenate(pieces)
-    paints = [np.tile(c[0], (len(piece), 1)) for c, piece in zip(paints, pieces, strict=True)]
+    shades = [
+        np.tile(colour, (len(piece), 1)) for colour, piece in zip(paints, pieces, strict=True)
+    ]
 
     figure = Figure(figsize=(8.0, 5.5), layout="constrained")
     axes: Any = figure.add_subplot(projection="3d", proj_type="ortho", computed_zorder=False)
-    axes.add_collection3d(_shaded(triangles, np.concatenate(paints)))
+    axes.add_collection3d(_shaded(np.concatenate(pieces), np.concatenate(shades)))
     for name, place, colour, text in _marks(mechanism):
         text = f"{name}\n{text}" if labels is None else labels.get(name, name)
         _mark(axes, place, _RING * size, colour, text)
@@ -111,11 +101,34 @@ def picture(
     axes.text(*tool, f"  {mechanism.tool}", color=_TOOL, fontsize=8, zorder=6, **_halo())
     _frame(axes, low, high, view)
     axes.set_title(title, fontsize=11)
+    _say_missing(figure, found)
+    return figure
+
+
+def _surfaces(
+    mechanism: Mechanism, found: Visuals, colours: Mapping[str, str] | None
+) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    """Triangles of each shape, world axes, (n, 3, 3) [m]; and its colour, shape (3,)."""
+    corners, paints = [], []
+    order = list(dict.fromkeys(found.links))
+    for thing, link in zip(found.geometry.geometryObjects, found.links, strict=True):
+        place = mechanism.data.oMi[thing.parentJoint] * thing.placement
+        corners.append(triangles_of(thing) @ place.rotation.T + place.translation)
+        plain = _TONES[order.index(link) % len(_TONES)]
+        colour = thing.meshColor[:3] if thing.overrideMaterial else _rgb(plain)
+        if colours is not None:
+            carrier = mechanism.model.names[thing.parentJoint].split(".")[0]
+            colour = _rgb(colours.get(carrier, _TONES[0]))
+        paints.append(np.array(colour))
+    return corners, paints
+
+
+def _say_missing(figure: Figure, found: Visuals) -> None:
+    """Name the meshes that were not found."""
     if found.missing:
         names = ", ".join(Path(name).name for name in found.missing[:3])
         more = f" and {len(found.missing) - 3} more" if len(found.missing) > 3 else ""
         figure.text(0.01, 0.01, f"not found, simple shapes instead: {names}{more}", fontsize=8)
-    return figure
 
 
 def triangles_of(thing: pin.GeometryObject) -> np.ndarray:

@@ -9,7 +9,7 @@ import numpy as np
 from jointplay import kernel
 from jointplay.contact.compiled import address, check_parameters
 from jointplay.errors import JointplayError
-from jointplay.kernel.workspace import ContactSite, FilmSite
+from jointplay.kernel.sites import ContactSite, FilmSite
 from jointplay.mechanism.impact import (
     REFERENCE_SPEED,
     contact_duration,

@@ -11,7 +11,8 @@ import pinocchio as pin
 
 from jointplay.kernel import compiled, layout
 from jointplay.kernel.integrators import Integrator
-from jointplay.kernel.workspace import CarriedFrame, Workspace
+from jointplay.kernel.sites import CarriedFrame
+from jointplay.kernel.workspace import Workspace
 from jointplay.mechanism.loop import PROXIMAL
 from jointplay.mechanism.tree import Frame, Tree
 

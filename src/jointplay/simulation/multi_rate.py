@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from jointplay.kernel import THERE, Command, layout
-from jointplay.kernel.workspace import ContactSite, LoadSite
+from jointplay.kernel.sites import ContactSite, LoadSite
 from jointplay.simulation.loop import Loop, moving_bodies
 
 LONGEST_MACRO_STEP_S = 2e-4

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from jointplay.kernel.workspace import LoadSite, Workspace
+from jointplay.kernel.sites import LoadSite
+from jointplay.kernel.workspace import Workspace
 from jointplay.loads.base import Load, Site
 from jointplay.loads.loaded_friction import LEVEL, RATE, TIME, LoadedFriction
 from jointplay.mechanism.mechanism import Mechanism
