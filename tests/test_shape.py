@@ -104,3 +104,35 @@ def test_lengths_are_of_all_functions(tmp_path):
         "class A:\n    def f(self):\n        def g():\n            x = 1\n            y = 2\n"
     )
     assert dict(functions(path)) == {"f": 4, "g": 3}
+
+
+def kinds_told_apart(tree, classes, words):
+    """Lines on which a class of joint is named in code, or something's kind compared with one."""
+    for node in ast.walk(tree):
+        named = isinstance(node, ast.Name) and node.id in classes
+        taken = isinstance(node, ast.Attribute) and node.attr in classes
+        compared = False
+        if isinstance(node, ast.Compare) and ast.unparse(node.left).endswith(".kind"):
+            constants = {n.value for n in ast.walk(node) if isinstance(n, ast.Constant)}
+            compared = bool(constants & words)
+        if named or taken or compared:
+            yield node.lineno
+
+
+def test_nobody_outside_joints_tells_kinds_of_joint_apart():
+    """They ask what a kind can do; `jointplay urdf` takes one, and `urdf` has its own kinds."""
+    from jointplay.joints import JOINT_KINDS
+
+    classes = {kind.__name__ for kind in JOINT_KINDS.values()}
+    asking = []
+    for path in SOURCES:
+        place = path.relative_to(ROOT / "jointplay").as_posix()
+        if place.startswith("joints/") or place in ("commands/urdf.py", "mechanism/urdf.py"):
+            continue
+        lines = kinds_told_apart(
+            ast.parse(path.read_text(encoding="utf-8")), classes, set(JOINT_KINDS)
+        )
+        asking += [f"{place}:{line}" for line in lines]
+    assert asking == []
+    text = "isinstance(x, A)\njp.A()\nx.kind == 'a'\nx.kind in ('b', 'a')\nx.kind == 'b'\n"
+    assert sorted(kinds_told_apart(ast.parse(text), {"A"}, {"a"})) == [1, 2, 3, 4]

@@ -11,7 +11,8 @@ import pinocchio as pin
 
 from jointplay.contact import ContactProperties
 from jointplay.fields import quantity
-from jointplay.joints.base import VIRTUAL_LINK, Clearance, complete
+from jointplay.joints.base import VIRTUAL_LINK, Clearance
+from jointplay.joints.dimensions import complete
 
 SAMPLES = 72
 """Azimuths at which contact directions are sampled."""

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from jointplay.errors import JointplayError, MissingName
+from jointplay.mechanism.entry import JointEntry
 from jointplay.mechanism.mechanism import Mechanism
-from jointplay.mechanism.urdf import JointEntry
 from jointplay.motion.reference import Motion
 
 LIMITS = ("report", "cut", "ignore")
@@ -103,7 +103,7 @@ def beyond(
 
 
 def _unit(entry: JointEntry, units: tuple[str, str]) -> str:
-    return units[entry.kind == "prismatic"]
+    return units[entry.slides]
 
 
 def _positions(entry: JointEntry, times: np.ndarray, values: np.ndarray) -> str | None:

@@ -165,7 +165,7 @@ class Mechanism(Described, Shown, Placed):
         if not isinstance(gear, Gear):
             raise JointplayError(f"joint {name!r} needs a Gear, got {gear!r}")
         entry = self.description.joints.get(name)
-        if entry is None or entry.kind not in ("revolute", "continuous"):
+        if entry is None or not entry.turns:
             raise MissingName("joint for a gear", name, self.description.revolute)
 
     def _check_loop(self, name: str, loop: Loop) -> None:

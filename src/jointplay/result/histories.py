@@ -276,4 +276,4 @@ def _units(mechanism: Mechanism, coordinate: str) -> str:
     joint, _, part = coordinate.partition(".")
     if part in VIRTUAL_LINK:
         return "m" if part in AXES else "rad"
-    return "m" if mechanism.description.joints[joint].kind == "prismatic" else "rad"
+    return "m" if mechanism.description.joints[joint].slides else "rad"

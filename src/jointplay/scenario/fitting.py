@@ -68,8 +68,8 @@ def fit(
     """`value` as float, if its unit is one for this joint: units are (revolute's, prismatic's)."""
     kind = f"a {path[0]} of a journal"
     if joint in mechanism.joints:
-        kind = mechanism.description.joints[joint].kind
-        unit = units[kind == "prismatic"]
+        entry = mechanism.description.joints[joint]
+        kind, unit = entry.kind, units[entry.slides]
     elif path[0] in ("start", "start_speed") and joint in mechanism.coordinates:
         unit = units[joint.rpartition(".")[2] in AXES]
     else:

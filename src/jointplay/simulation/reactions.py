@@ -139,7 +139,7 @@ def _axis(mechanism: Mechanism, name: str) -> tuple[int, np.ndarray, bool]:
     """Pinocchio joint, its axis in its own frame, and whether it slides."""
     model = mechanism.model
     index = int(model.getJointId(name))
-    slides = mechanism.description.joints[name].kind == "prismatic"
+    slides = mechanism.description.joints[name].slides
     if name in mechanism.clearance:
         return index, np.array([0.0, 0.0, 1.0]), slides
     data = model.createData()
