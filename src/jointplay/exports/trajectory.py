@@ -19,7 +19,7 @@ from tqdm import tqdm
 from jointplay import exports
 from jointplay.analysis.twins import inputs
 from jointplay.errors import JointplayError
-from jointplay.joints import JOINT_KINDS, UNNAMED_KIND, VIRTUAL_LINK
+from jointplay.joints import JOINT_WORDS, UNNAMED_KIND, VIRTUAL_LINK
 from jointplay.result.result import Result
 
 _NANO = 1_000_000_000
@@ -45,8 +45,10 @@ class Trajectory:
 
 def _seen(description: Mapping[str, Any]) -> str | None:
     """The one coordinate that a joint with clearance would have without; None if it has several."""
-    kind = JOINT_KINDS.get(description.get("kind", UNNAMED_KIND.kind))
-    return None if kind is None or kind.compound() else kind.ideal_freedoms[0]
+    kind = JOINT_WORDS.get(description.get("kind", UNNAMED_KIND.kind))
+    if not isinstance(kind, type) or kind.compound():
+        return None
+    return kind.ideal_freedoms[0]
 
 
 def joint_trajectory(result: Result) -> Trajectory:
