@@ -60,7 +60,7 @@ def arm(worn, folder):
     return robot, motion, {}
 
 
-def slider_crank(joint, step):
+def slider_crank(joint, step=1e-5):
     mechanism = jp.Mechanism(
         jp.shipped("slider_crank.urdf"),
         {"piston_pin": joint} if joint else {},

@@ -92,7 +92,10 @@ TARGETS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
         ("contact/film/short_bearing.py", "contact/film/pinkus_sternlicht.py"),
         ("tests/test_film.py",),
     ),
-    "audit": (("result/audit.py",), ("tests/test_audit.py",)),
+    "audit": (
+        ("result/audit.py",),
+        ("tests/test_audit_figures.py", "tests/test_audit.py"),
+    ),
     "solver": (("kernel/solve.py",), ("tests/physics/test_multi_rate.py",)),
 }
 """Modules, and the tests that must notice."""
@@ -100,7 +103,7 @@ TARGETS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
 COMPILED = ("film", "audit", "solver")
 """Targets whose functions call compiled ones: their tests run with numba's JIT on."""
 
-KEPT = ("audit", "solver")
+KEPT = ("film", "audit", "solver")
 """Those for which compiled code that a mutant leaves as it is may be kept: the kernel's cache is
 stamped by all that it is made of. A mutant of the solver compiles anew all the same, half a minute.
 """

@@ -7,6 +7,7 @@ import pkgutil
 import re
 import subprocess
 import sys
+import tomllib
 import types
 import warnings
 from dataclasses import MISSING, fields
@@ -26,6 +27,12 @@ def test_about_25_names_are_shown_and_all_are_there():
     assert 20 <= len(jp.__all__) <= 28
     for name in jp.__all__:
         assert getattr(jp, name) is not None
+
+
+def test_the_version_is_that_of_the_release():
+    assert (
+        jp.__version__ == tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
+    )
 
 
 def test_nothing_else_is_shown_after_use():

@@ -82,6 +82,10 @@ if TYPE_CHECKING:
 def __getattr__(name: str) -> Any:
     if name in _PACKAGES:
         return importlib.import_module(f"jointplay.{name}")
+    if name == "__version__":
+        from importlib.metadata import version  # takes longer than all the rest of this
+
+        return version("jointplay")
     if name in _moved.NAMES:
         return _moved.found("jointplay", name)
     if name not in _HOMES:
