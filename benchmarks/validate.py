@@ -16,7 +16,7 @@ from pathlib import Path
 from tqdm import tqdm
 from validation import CASES, Case, Outcome, load
 
-from jointplay.result.histories import versions
+from jointplay.result.provenance import versions
 
 DOCS = Path(__file__).parents[1] / "docs"
 HEADS = {

@@ -12,8 +12,7 @@ import pytest
 from numba import njit
 
 from jointplay.kernel import enter
-from jointplay.kernel.layout import internal
-from jointplay.kernel.parts import PartLibrary
+from jointplay.kernel.parts import PartLibrary, internal
 
 stamp = importlib.import_module("jointplay.kernel.sources")
 PACKAGE = Path(stamp.__file__).parent
@@ -162,11 +161,14 @@ def test_parts_of_a_kernel_are_translated_to_machine_code_with_their_entry_only(
 def test_compiled_functions_that_call_other_files_are_stamped_with_them():
     from jointplay import geometry
     from jointplay.host import numba_cache
+    from jointplay.mechanism import body_forces, body_motion
     from jointplay.simulation import elastic
 
     own = sorted(Path(geometry.__file__).parent.glob("*.py"))
     for function in (geometry.touch, geometry.classify_many, geometry.worn_gap, geometry.gaps):
         assert function._cache._cache_file._source_stamp == numba_cache.fingerprint(own)
+    trees = numba_cache.fingerprint((Path(body_forces.__file__), Path(body_motion.__file__)))
+    assert body_forces.react._cache._cache_file._source_stamp == trees
     whole = numba_cache.fingerprint((*stamp.SOURCES, Path(elastic.__file__)))
     for name in ("_wrench", "_energy", "_stiffness"):
         assert getattr(elastic, name)._cache._cache_file._source_stamp == whole

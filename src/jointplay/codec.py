@@ -17,7 +17,7 @@ import dataclasses
 import difflib
 import math
 import types
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import (
     Any,
@@ -33,58 +33,18 @@ from typing import (
 import numpy as np
 
 from jointplay.errors import JointplayError, MissingName, within
+from jointplay.families import Family as Family
+from jointplay.families import Preset as Preset
+from jointplay.families import add as add
+from jointplay.families import family_of as family_of
+from jointplay.families import named
+from jointplay.families import names_of as names_of
+from jointplay.families import register as register
+from jointplay.families import register_names as register_names
 from jointplay.fields import Field, fields_of
 from jointplay.units import convert, expected, shown
 
 T = TypeVar("T")
-
-
-@dataclass(frozen=True)
-class Preset:
-    """A kind with some of its fields set."""
-
-    kind: type
-    title: str
-    given: Mapping[str, Any]
-
-
-@dataclass(frozen=True)
-class Family:
-    """Classes of which a word chooses one."""
-
-    key: str
-    """Key that has the word: ``law``, ``kind``."""
-    noun: str
-    """What one is called: ``friction law``."""
-    members: Mapping[str, type | Preset]
-    default: str | None = None
-    """Word that is taken where there is none."""
-    bare: bool = True
-    """Whether the bare word stands for a table with nothing else in it."""
-
-
-_families: dict[type, Family] = {}
-_names: dict[type, tuple[Callable[[str], Any], Sequence[str]]] = {}
-
-
-def register(base: type, family: Family) -> None:
-    """Let `base` be read as one of a family."""
-    _families[base] = family
-
-
-def register_names(kind: type, find: Callable[[str], Any], names: Sequence[str]) -> None:
-    """Let a `kind` be given by name; `find` gives that of one of `names`."""
-    _names[kind] = find, names
-
-
-def family_of(kind: type) -> Family | None:
-    """The family whose base `kind` is, if it is one."""
-    return _families.get(kind)
-
-
-def names_of(kind: type) -> Sequence[str]:
-    """Names by which a `kind` can be given."""
-    return _names[kind][1] if kind in _names else ()
 
 
 class Described:
@@ -210,14 +170,15 @@ def check(kind: Any, data: Any, units: tuple[str, ...] = ("",)) -> Any:
     Raises:
         JointplayError: what cannot be; `where` has its place in the data.
     """
-    if kind in _names and isinstance(data, str):
-        find, names = _names[kind]
+    names = names_of(kind)
+    if names and isinstance(data, str):
         try:
-            return find(data)
+            return named(kind, data)
         except MissingName:
             raise JointplayError(one_of(kind.__name__.lower(), data, names)) from None
-    if kind in _families:
-        return _chosen(_families[kind], data)
+    family = family_of(kind)
+    if family is not None:
+        return _chosen(family, data)
     origin, parts = get_origin(kind), get_args(kind)
     if origin in (Union, types.UnionType):
         return _one_of_several(data, parts, units)

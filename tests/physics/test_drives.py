@@ -11,7 +11,7 @@ import jointplay as jp
 from jointplay.kernel.integrators import INTEGRATORS
 from jointplay.loads.drive import ComputedTorque, Free, JointFriction, Prescribed, Torque
 from jointplay.mechanism.gear import Gear
-from jointplay.simulation.loop import LONGEST_MACRO_STEP_S
+from jointplay.simulation.multi_rate import LONGEST_MACRO_STEP_S
 
 FLAT = {"gravity": (0.0, 0.0, 0.0)}
 QUIET = {"joint_friction": {}}

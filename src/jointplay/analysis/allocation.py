@@ -13,15 +13,13 @@ of random direction puts it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import linprog, minimize, nnls
-from scipy.stats import binom
 
-from jointplay.analysis.levers import Part, sources
-from jointplay.analysis.static_budget import budget, half_sphere
+from jointplay.analysis.allocating import SAMPLES, ErrorModel, Problem
+from jointplay.analysis.static_budget import budget
 from jointplay.errors import JointplayError, MissingName, require_positive
 from jointplay.mechanism.mechanism import Mechanism
 
@@ -31,15 +29,14 @@ COSTS = ("reciprocal", "reciprocal-squared", "linear")
 LEAST_M, MOST_M = 2e-6, 1e-3
 """Clearances that can be bought, unless others are given [m]."""
 
-SAMPLES = 4000
-"""States drawn for a quantile."""
 _ROUNDS = 80
+
 _QUANTILE_ROUNDS = 8
-_QUANTILE_POSES = 12
+
 _EXACT = 2e-5
+
 _CLOSE = 0.9995
 """Part of the target that must be used up, second order included."""
-_MM = 1e3
 
 
 @dataclass(frozen=True)
@@ -130,28 +127,11 @@ def allocate(
             values that cannot be.
         MissingName: no such cost or joint.
     """
-    require_positive("target", target, "m")
-    if quantile is not None and not 0.0 < quantile < 1.0:
-        raise JointplayError(f"the quantile must lie between 0 and 1, got {quantile:g}")
-    if cost not in COSTS:
-        raise MissingName("cost", cost, COSTS)
-    if quantile is not None and cost == "linear":
-        raise JointplayError(
-            "the cost 'linear' goes with the worst case only, for a quantile is not convex; take "
-            + " or ".join(COSTS[:2])
-        )
-    if not 0.0 < require_positive("least clearance", least, "m") < most:
-        raise JointplayError(f"the least clearance {least:g} m must be below the most, {most:g} m")
     names = tuple(mechanism.clearance)
-    if not names:
-        raise JointplayError("no joint has clearance to decide on")
-    for name, value in (weights or {}).items():
-        if name not in names:
-            raise MissingName("joint with clearance", name, names)
-        require_positive(f"weight of {name!r}", value, "")
+    _check(names, target, quantile, cost, weights or {}, least, most)
     weight = np.array([(weights or {}).get(name, 1.0) for name in names])
-    model = _Model(mechanism, poses, quantile, seed)
-    problem = _Problem(cost, weight, least, most)
+    model = ErrorModel(mechanism, poses, quantile, seed)
+    problem = Problem(cost, weight, least, most)
     smallest = model.error(np.full(len(names), least))
     if smallest > target:
         raise JointplayError(
@@ -191,109 +171,37 @@ def allocate(
     )
 
 
-class _Model:
-    """The tool's error as a function of the clearances, and its rows."""
-
-    def __init__(
-        self,
-        mechanism: Mechanism,
-        poses: np.ndarray | Mapping[str, float],
-        quantile: float | None,
-        seed: int,
-    ) -> None:
-        self.mechanism, self.poses, self.quantile = mechanism, poses, quantile
-        self.seed = seed
-        self.names = tuple(mechanism.clearance)
-        self.nominal = np.array([joint.radial_room for joint in mechanism.clearance.values()])
-        self.parts = sources(mechanism, poses, second_order=False)
-        self.n, self.j = len(self.parts[0].move), len(self.names)
-        if quantile is None:
-            directions = np.broadcast_to(half_sphere(), (self.n, *half_sphere().shape))
-            # Per unit of clearance; then what gears add.
-            self._grid = np.stack([part.along(directions)[0] for part in self.parts], axis=2)
-            self._grid[..., : self.j] /= self.nominal
-        else:
-            # A state is drawn at the poses that matter; the result is judged at all of them.
-            first = self._draw(self.parts, SAMPLES // 20).sum(axis=0)
-            size = np.quantile(np.linalg.norm(first, axis=2), quantile, axis=1)
-            kept = np.argsort(size)[-_QUANTILE_POSES:]
-            self.parts = tuple(
-                replace(part, move=part.move[kept], load=part.load[kept]) for part in self.parts
-            )
-            self.n = len(kept)
-            self._states = self._draw(self.parts)
-
-    def _draw(self, parts: Sequence[Part], count: int = SAMPLES) -> np.ndarray:
-        """States of each part under loads of random directions, (parts, n, count, 3) [m]."""
-        random = np.random.default_rng(self.seed)
-        found = []
-        for part in parts:
-            d = random.normal(size=(1, count, 3))
-            d /= np.linalg.norm(d, axis=2, keepdims=True)
-            shape = (len(part.move), count, 3)
-            found.append(part.along(np.broadcast_to(d, shape))[1][..., :3])
-        return np.stack(found)
-
-    def with_clearance(self, clearance: np.ndarray) -> Mechanism:
-        """The mechanism with these clearances."""
-        factors = clearance / self.nominal
-        joints = self.mechanism.clearance.items()
-        return self.mechanism.with_clearance(
-            {name: joint.scaled(float(f)) for (name, joint), f in zip(joints, factors, strict=True)}
+def _check(
+    names: tuple[str, ...],
+    target: float,
+    quantile: float | None,
+    cost: str,
+    weights: Mapping[str, float],
+    least: float,
+    most: float,
+) -> None:
+    """Refuse what `allocate` cannot work on."""
+    require_positive("target", target, "m")
+    if quantile is not None and not 0.0 < quantile < 1.0:
+        raise JointplayError(f"the quantile must lie between 0 and 1, got {quantile:g}")
+    if cost not in COSTS:
+        raise MissingName("cost", cost, COSTS)
+    if quantile is not None and cost == "linear":
+        raise JointplayError(
+            "the cost 'linear' goes with the worst case only, for a quantile is not convex; take "
+            + " or ".join(COSTS[:2])
         )
-
-    def error(self, clearance: np.ndarray) -> float:
-        """Largest error of all poses [m]."""
-        rows, offsets = self.rows(clearance)
-        return float((rows @ clearance + offsets).max())
-
-    def rows(self, clearance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The error at each pose as rows . clearance + offsets, exact here: (n, j), (n,)."""
-        scale = np.append(clearance / self.nominal, np.ones(len(self.parts) - self.j))
-        return self._worst(scale) if self.quantile is None else self._at_quantile(scale)
-
-    def _worst(self, scale: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        per_unit = np.append(scale[: self.j] * self.nominal, scale[self.j :])
-        best = (self._grid @ per_unit).argmax(axis=1)
-        d = half_sphere()[best]
-        for _ in range(5):
-            points = [part.along(d[:, None])[1][:, 0, :3] for part in self.parts]
-            total = np.einsum("j,jnk->nk", scale, np.stack(points))
-            size = np.linalg.norm(total, axis=1, keepdims=True)
-            d = np.where(size > 0.0, total / np.where(size > 0.0, size, 1.0), d)
-        values = np.stack([part.along(d[:, None])[0][:, 0] for part in self.parts], axis=1)
-        return values[:, : self.j] / self.nominal, values[:, self.j :].sum(axis=1)
-
-    def _at_quantile(self, scale: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The mean over states about the quantile of what each joint adds along the error."""
-        assert self.quantile is not None
-        total = np.einsum("j,jnsk->nsk", scale, self._states)
-        size = np.linalg.norm(total, axis=2)
-        order = np.argsort(size, axis=1)
-        place = int(np.ceil(self.quantile * SAMPLES)) - 1
-        width = max(int(0.005 * SAMPLES), 1)
-        near = order[:, max(place - width, 0) : min(place + width + 1, SAMPLES)]
-        poses = np.arange(self.n)[:, None]
-        unit = total[poses, near] / np.maximum(size[poses, near], 1e-300)[..., None]
-        adds = np.einsum("jnsk,nsk->nj", self._states[:, poses, near], unit) / near.shape[1]
-        exact = size[poses[:, 0], order[:, place]]
-        mean = adds @ scale
-        adds *= np.divide(exact, mean, out=np.ones_like(mean), where=mean > 0.0)[:, None]
-        return adds[:, : self.j] / self.nominal, adds[:, self.j :].sum(axis=1)
-
-    def spread(self, mechanism: Mechanism) -> tuple[float, tuple[float, float]]:
-        """Quantile with the second order, included, and its 95 % interval [m]."""
-        assert self.quantile is not None
-        parts = sources(mechanism, self.poses)
-        size = np.sort(np.linalg.norm(self._draw(parts).sum(axis=0), axis=2), axis=1)
-        low, high = binom.ppf([0.025, 0.975], SAMPLES, self.quantile).astype(int)
-        place = int(np.ceil(self.quantile * SAMPLES)) - 1
-        worst = int(size[:, place].argmax())
-        row = size[worst]
-        return float(row[place]), (float(row[low]), float(row[min(high, SAMPLES - 1)]))
+    if not 0.0 < require_positive("least clearance", least, "m") < most:
+        raise JointplayError(f"the least clearance {least:g} m must be below the most, {most:g} m")
+    if not names:
+        raise JointplayError("no joint has clearance to decide on")
+    for name, value in weights.items():
+        if name not in names:
+            raise MissingName("joint with clearance", name, names)
+        require_positive(f"weight of {name!r}", value, "")
 
 
-def _true_error(model: _Model, clearance: np.ndarray) -> tuple[float, tuple[float, float]]:
+def _true_error(model: ErrorModel, clearance: np.ndarray) -> tuple[float, tuple[float, float]]:
     """Error with these clearances, second order included, and its interval [m]."""
     mechanism = model.with_clearance(clearance)
     if model.quantile is not None:
@@ -302,90 +210,8 @@ def _true_error(model: _Model, clearance: np.ndarray) -> tuple[float, tuple[floa
     return worst, (worst, worst)
 
 
-@dataclass(frozen=True)
-class _Problem:
-    """Cost and limits of the clearances."""
-
-    cost: str
-    weight: np.ndarray
-    least: float
-    most: float
-
-    def value(self, c: np.ndarray) -> float:
-        """Cost of clearances c [m]."""
-        if self.cost == "linear":
-            return float(self.weight @ (self.most - c)) * _MM
-        power = 1 if self.cost == "reciprocal" else 2
-        return float(self.weight @ (1.0 / (_MM * c) ** power))
-
-    def slope(self, c: np.ndarray) -> np.ndarray:
-        """Derivative of the cost by each clearance [1/m]."""
-        if self.cost == "linear":
-            return -self.weight * _MM
-        power = 1 if self.cost == "reciprocal" else 2
-        return -power * self.weight / ((_MM * c) ** power * c)
-
-    def solve(self, rows: np.ndarray, room: np.ndarray, start: np.ndarray) -> np.ndarray:
-        """The cheapest clearances with rows . c <= room [m]."""
-        limits = [(self.least, self.most)] * len(start)
-        if self.cost == "linear":
-            # The solver's tolerances are absolute: in parts of the room and of these clearances.
-            alone = (room[:, None] / np.maximum(rows, 1e-12)).min(axis=0)
-            unit = np.clip(alone, self.least, self.most)
-            found = linprog(
-                -self.weight * unit / unit.max(),
-                A_ub=rows * unit / room[:, None],
-                b_ub=np.ones(len(rows)),
-                bounds=[(self.least / u, self.most / u) for u in unit],
-                method="highs",
-            )
-            if not found.success:
-                raise JointplayError(f"no clearances keep the target: {found.message}")
-            return np.clip(found.x * unit, self.least, self.most)
-        # In logarithms of clearances the problem is convex too, and well scaled.
-        cost = self.value(start)
-        found = minimize(
-            lambda y: self.value(np.exp(y)) / cost,
-            np.log(start),
-            jac=lambda y: self.slope(np.exp(y)) * np.exp(y) / cost,
-            bounds=np.log(limits),
-            constraints={
-                "type": "ineq",
-                "fun": lambda y: 1.0 - rows @ np.exp(y) / room,
-                "jac": lambda y: -rows * np.exp(y) / room[:, None],
-            },
-            method="SLSQP",
-            options={"maxiter": 500, "ftol": 1e-14},
-        )
-        c = np.clip(np.exp(found.x), self.least, self.most)
-        over = float((rows @ c / room).max())
-        return c if over <= 1.0 else self.shrunk(c, rows, room)
-
-    def shrunk(self, c: np.ndarray, rows: np.ndarray, room: np.ndarray) -> np.ndarray:
-        """Clearances scaled down until they fit, but not below the least."""
-        low, high = 0.0, 1.0
-        for _ in range(60):
-            middle = 0.5 * (low + high)
-            fits = (rows @ np.maximum(middle * c, self.least) <= room).all()
-            low, high = (middle, high) if fits else (low, middle)
-        return np.maximum(low * c, self.least)
-
-    def duals(self, c: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """What the last metre of each clearance costs, and the multipliers of the rows [1/m].
-
-        By the conditions of Karush, Kuhn and Tucker: the cost's slope is balanced by the rows that
-        bind, joints at a limit aside.
-        """
-        slope = -self.slope(c)
-        inside = (c > self.least * (1 + 1e-6)) & (c < self.most * (1 - 1e-6))
-        if not len(rows) or not inside.any():
-            return slope, np.zeros(len(rows))
-        scale = np.linalg.norm(slope[inside])
-        return slope, nnls(rows[:, inside].T, slope[inside] / scale)[0] * scale
-
-
 def _solve(
-    model: _Model, problem: _Problem, target: float
+    model: ErrorModel, problem: Problem, target: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Clearances, and the rows and offsets that hold them."""
     c = np.full(model.j, problem.most)
@@ -409,7 +235,7 @@ def _solve(
 
 
 def _solve_quantile(
-    model: _Model, problem: _Problem, target: float, c: np.ndarray
+    model: ErrorModel, problem: Problem, target: float, c: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """As `_solve`: a quantile is not convex, so what holds near the last clearances is solved."""
     rows, offsets = model.rows(c)

@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from jointplay.errors import JointplayError
 from jointplay.mechanism.mechanism import Mechanism
-from jointplay.motion.cartesian import joint_limits
+from jointplay.motion.arm import joint_limits
 
 
 @dataclass(frozen=True)

@@ -172,10 +172,10 @@ def _angles(scale: np.ndarray) -> np.ndarray:
 def _weights(run: Run) -> tuple[np.ndarray, np.ndarray]:
     """What each part of a state counts, and 1 where it may have a neighbour, shape (2 nv,)."""
     mechanism, simulation = run.mechanism, run.simulation
-    kinds = {name: entry.kind for name, entry in mechanism.description.joints.items()}
+    sliders = {name for name, entry in mechanism.description.joints.items() if entry.slides}
     lengths = np.array([
         name.partition(".")[2] in ("x", "y", "z") or "stroke" in name
-        or kinds.get(name) == "prismatic"
+        or name in sliders
         for name in mechanism.coordinates
     ])  # fmt: skip
     weights = np.where(lengths, 1.0, WEIGHT_OF_ANGLES)

@@ -150,7 +150,7 @@ def maintenance(
             already, or wear never leads to it; a run that fails.
     """
     worn, poses = _checked(simulation, target, blocks, runs, cycles_per_run, factor)
-    deepest = {name: _DEEPEST * one.rj for name, one in all_wearing(simulation).items()}
+    deepest = {name: _DEEPEST * one.journal_radius for name, one in all_wearing(simulation).items()}
     begun = {name: profile.copy() for name, profile in worn.items()}
 
     def error_of(profiles: Worn) -> float:

@@ -44,7 +44,7 @@ def unit(name: str, mechanism: Mechanism) -> str:
         return {"speed": "m/s", "acceleration": "m/s²"}.get(what, "m")
     if what in _OF_JOURNALS and thing in mechanism.clearance:
         return "N" if what == "force" else "m"
-    slides = mechanism.description.joints[thing].kind == "prismatic"
+    slides = mechanism.description.joints[thing].slides
     if what == "moment":
         return "N" if slides else "N m"
     base = "m" if slides else "rad"
@@ -59,8 +59,7 @@ def label(name: str, mechanism: Mechanism) -> str:
 
 def usual(mechanism: Mechanism) -> str:
     """What is looked at if nobody says: a slider's acceleration, else a journal's eccentricity."""
-    kinds = {name: mechanism.description.joints[name].kind for name in mechanism.joints}
-    sliders = [name for name, kind in kinds.items() if kind == "prismatic"]
+    sliders = [name for name in mechanism.joints if mechanism.description.joints[name].slides]
     if len(sliders) == 1 and mechanism.loops:
         return f"{sliders[0]}.acceleration"
     if mechanism.clearance:

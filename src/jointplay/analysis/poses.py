@@ -9,7 +9,7 @@ from scipy.stats import qmc
 
 from jointplay.errors import JointplayError, MissingName, require_finite
 from jointplay.mechanism.mechanism import Mechanism
-from jointplay.motion.cartesian import joint_limits
+from jointplay.motion.arm import joint_limits
 from jointplay.motion.reference import Motion
 
 ALONG = 60
@@ -76,7 +76,7 @@ def over_workspace(mechanism: Mechanism, count: int, seed: int = 0) -> np.ndarra
     names = moving(mechanism)
     low, high = joint_limits(mechanism, names)
     for i, name in enumerate(names):
-        turns = mechanism.description.joints[name].kind != "prismatic"
+        turns = not mechanism.description.joints[name].slides
         if not (np.isfinite(low[i]) and np.isfinite(high[i])) or high[i] < low[i]:
             low[i], high[i] = (-np.pi, np.pi) if turns else (0.0, 0.0)
         elif turns and high[i] - low[i] > 2.0 * np.pi:

@@ -28,7 +28,7 @@ from jointplay.analysis.statics import play
 from jointplay.analysis.verify import fitting_step
 from jointplay.codec import plain
 from jointplay.errors import JointplayError, MissingName, require_positive
-from jointplay.joints import Clearance, RevoluteClearance
+from jointplay.joints import JOINT_KINDS, Clearance
 from jointplay.kernel import Status
 from jointplay.loads.drive import JointFriction, Prescribed
 from jointplay.mechanism.impact import elastic_energy
@@ -150,9 +150,11 @@ def reduce_joint(
     if joint not in names:
         raise MissingName("joint with play", joint, names)
     clearance = mechanism.clearance.get(joint)
-    if clearance is not None and not isinstance(clearance, RevoluteClearance):
+    if clearance is not None and clearance.hinge is None:
+        kinds = [word for word, kind in JOINT_KINDS.items() if kind.hinge is not Clearance.hinge]
         raise JointplayError(
-            f"joint {joint!r} is {clearance.kind}; only revolute joints are reduced to hinges"
+            f"joint {joint!r} is {clearance.kind}, for which no hinge can stand; "
+            f"kinds that can be reduced: {', '.join(kinds)}"
         )
     require_positive("amplitude", amplitude, "rad")
     require_positive("period", period, "s")
@@ -242,13 +244,13 @@ def _fit_friction(
 ) -> tuple[float, float, float, tuple[float, float]]:
     """Dry and viscous friction of the bearing, RMS difference, and 5 % to 95 % quantiles."""
     clearance = mechanism.clearance.get(joint)
-    if not isinstance(clearance, RevoluteClearance):
+    if clearance is None or clearance.hinge is None:
         return 0.0, 0.0, 0.0, (0.0, 0.0)
     force = np.nan_to_num(result["friction_force"].sel(joint=joint).values)
     speed = np.abs(result["v"].values[:, mechanism.coordinate(joint)])
     settled = result.time >= SETTLED * result.time[-1]
     slides = settled & (speed > _MOVING * speed.max())
-    torque = clearance.rj * force.sum(axis=1)[slides]
+    torque = clearance.hinge.radius * force.sum(axis=1)[slides]
     if not len(torque):
         return 0.0, 0.0, 0.0, (0.0, 0.0)
     shape = np.column_stack([np.ones(len(torque)), speed[slides]])
@@ -321,32 +323,33 @@ def _across(
 ) -> dict[str, Any]:
     """Play across the axis: from the bearing's geometry, and stiffness at its resting load."""
     none = dict.fromkeys(("tilt", "tilt_stiffness", "lateral", "axial", "contact_stiffness"), 0.0)
-    if not isinstance(clearance, RevoluteClearance):
+    if clearance is None or clearance.hinge is None:
         return none | {"load": (0.0,) * 6}
+    hinge = clearance.hinge
     (part, *_) = sources(mechanism, pose)
     load = part.load[0]
     _, tilt = play(clearance, second_order=False).reach
-    arm = clearance.lj / 2.0
+    arm = hinge.length / 2.0
     # Each rim carries half the force, and what the moment over the length asks for.
     push = math.hypot(load[0], load[1]) / 2.0
-    push += math.hypot(load[3], load[4]) / clearance.lj if not clearance.lock_tilt else push
-    stiffness = _chord(clearance, max(push, 1.0))
+    push += math.hypot(load[3], load[4]) / hinge.length if hinge.leans else push
+    stiffness = _chord(clearance, hinge.radius, max(push, 1.0))
     return {
-        "tilt": 0.0 if clearance.lock_tilt else tilt,
-        "tilt_stiffness": 0.0 if clearance.lock_tilt else 2.0 * stiffness * arm**2,
-        "lateral": clearance.cr,
-        "axial": clearance.ca if clearance.walls else 0.0,
+        "tilt": tilt if hinge.leans else 0.0,
+        "tilt_stiffness": 2.0 * stiffness * arm**2 if hinge.leans else 0.0,
+        "lateral": hinge.lateral,
+        "axial": hinge.axial,
         "contact_stiffness": stiffness,
         "load": tuple(float(x) for x in load),
-        "half_length": 0.0 if clearance.lock_tilt else arm,
+        "half_length": arm if hinge.leans else 0.0,
     }
 
 
-def _chord(clearance: RevoluteClearance, force: float) -> float:
-    """Force over penetration of a radial contact that carries `force` [N/m]."""
+def _chord(clearance: Clearance, radius: float, force: float) -> float:
+    """Force over penetration of a contact of the journal that carries `force` [N/m]."""
     law = clearance.normal
     parameters = law.parameters(clearance.contact_properties(0))
-    depths = np.geomspace(1e-12, 0.05 * clearance.rj, 4000)
+    depths = np.geomspace(1e-12, 0.05 * radius, 4000)
     forces = np.gradient(elastic_energy(law, parameters, depths), depths)
     at = min(int(np.searchsorted(forces, force)), len(depths) - 1)
     return float(forces[at] / depths[at])

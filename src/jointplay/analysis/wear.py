@@ -27,7 +27,7 @@ from tqdm import tqdm
 
 from jointplay.errors import JointplayError, MissingName, require_positive
 from jointplay.host import files
-from jointplay.joints import RevoluteClearance
+from jointplay.joints.abilities import BoreWear
 from jointplay.kernel import AZIMUTHS, Status
 
 if TYPE_CHECKING:
@@ -48,25 +48,22 @@ def worn_depth(result: Result, joint: str) -> np.ndarray:
     return depth_of(_wearing(result.simulation, joint), result, joint)
 
 
-def _wearing(simulation: Simulation, joint: str) -> RevoluteClearance:
-    clearance = simulation.mechanism.clearance
-    wearing = [name for name, one in clearance.items() if one.wears]
+def _wearing(simulation: Simulation, joint: str) -> BoreWear:
+    wearing = all_wearing(simulation)
     if joint not in wearing:
         raise MissingName("joint with a wear rate", joint, wearing)
-    found = clearance[joint]
-    assert isinstance(found, RevoluteClearance)
-    return found
+    return wearing[joint]
 
 
-def depth_of(clearance: RevoluteClearance, result: Result, joint: str) -> np.ndarray:
+def depth_of(bore: BoreWear, result: Result, joint: str) -> np.ndarray:
     """See `worn_depth`; of a joint that is known to wear."""
-    names = list(clearance.contacts[: len(clearance.worn_widths)])
+    contacts = result.simulation.mechanism.clearance[joint].contacts
+    names = list(contacts[: len(bore.widths)])
     if "sliding_work" not in result.dataset or not set(names) <= set(result["contact"].values):
         raise JointplayError(f"the result has no wear of the joint {joint!r}: it is damaged")
     work = result["sliding_work"].sel(joint=joint, contact=names).values
-    assert clearance.wear_rate is not None
-    area = clearance.ri * (2.0 * math.pi / AZIMUTHS) * np.array(clearance.worn_widths)
-    return clearance.wear_rate * work / area[:, None]
+    area = bore.radius * (2.0 * math.pi / AZIMUTHS) * np.array(bore.widths)
+    return bore.rate * work / area[:, None]
 
 
 @dataclass(frozen=True)
@@ -191,18 +188,17 @@ def wear_life(
     return WearLife(joint, np.array(cycles), np.array(profiles), np.array(scatter), growth, reached)
 
 
-def all_wearing(simulation: Simulation) -> dict[str, RevoluteClearance]:
-    """The joints that have a wear rate, by name."""
+def all_wearing(simulation: Simulation) -> dict[str, BoreWear]:
+    """The bores that have a wear rate, by joint."""
     clearance = simulation.mechanism.clearance
-    return {name: _wearing(simulation, name) for name, one in clearance.items() if one.wears}
+    return {name: one.wear for name, one in clearance.items() if one.wear is not None}
 
 
-def first_profile(clearance: RevoluteClearance) -> np.ndarray:
-    """Profile that a joint begins with, at `AZIMUTHS` azimuths, shape (ends, AZIMUTHS) [m]."""
-    ends = len(clearance.worn_widths)
-    if clearance.worn is None:
-        return np.zeros((ends, AZIMUTHS))
-    given = np.array(clearance.worn)
+def first_profile(bore: BoreWear) -> np.ndarray:
+    """Profile that a bore begins with, at `AZIMUTHS` azimuths, shape (ends, AZIMUTHS) [m]."""
+    given = bore.profile
+    if given is None:
+        return np.zeros((len(bore.widths), AZIMUTHS))
     places, own = np.arange(AZIMUTHS) / AZIMUTHS, np.arange(given.shape[1]) / given.shape[1]
     return np.array([np.interp(places, own, row, period=1.0) for row in given])
 
@@ -211,7 +207,7 @@ def with_worn(simulation: Simulation, worn: dict[str, np.ndarray]) -> Simulation
     """The simulation with worn bores."""
     joints = dict(simulation.mechanism.clearance)
     for name, profile in worn.items():
-        joints[name] = replace(joints[name], worn=profile)  # type: ignore[call-arg]
+        joints[name] = joints[name].with_worn(profile)
     return replace(simulation, mechanism=simulation.mechanism.with_clearance(joints))
 
 

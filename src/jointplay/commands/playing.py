@@ -265,6 +265,6 @@ def _positions(mechanism: Mechanism, text: str | None) -> dict[str, float]:
         if not equals:
             raise JointplayError(f"--pose must read JOINT=X,JOINT=X,..., got {part!r}")
         entry = mechanism.description.joints.get(name)
-        unit = "m" if entry is not None and entry.kind == "prismatic" else "rad"
+        unit = "m" if entry is not None and entry.slides else "rad"
         found[name] = quantity(value, unit, f"--pose {name}")
     return found

@@ -82,7 +82,7 @@ def _joints(found: Survey, description: Description) -> list[str]:
     gears = description.transmissions
     for name in found.moving:
         entry = description.joints[name]
-        unit, force = ("m", "N") if entry.kind == "prismatic" else ("rad", "N m")
+        unit, force = ("m", "N") if entry.slides else ("rad", "N m")
         position = "" if entry.lower is None else f"{entry.lower:.4g} to {entry.upper:.4g} {unit}"
         more = []
         if entry.mimic is not None:

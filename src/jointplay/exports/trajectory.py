@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import csv as _csv
 import io
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,14 +19,12 @@ from tqdm import tqdm
 from jointplay import exports
 from jointplay.analysis.twins import inputs
 from jointplay.errors import JointplayError
-from jointplay.joints import VIRTUAL_LINK
+from jointplay.joints import JOINT_WORDS, UNNAMED_KIND, VIRTUAL_LINK
 from jointplay.result.result import Result
 
 _NANO = 1_000_000_000
 _BLOCK = 500
 """Points that are written before the progress is shown."""
-_SEEN: dict[str | None, str] = {"revolute": "yaw", "prismatic": "z"}
-"""The coordinate that the ideal joint would have, by the kind of joint."""
 
 
 @dataclass(frozen=True)
@@ -44,6 +43,14 @@ class Trajectory:
     """Of the drives (n, joints) [N m or N]."""
 
 
+def _seen(description: Mapping[str, Any]) -> str | None:
+    """The one coordinate that a joint with clearance would have without; None if it has several."""
+    kind = JOINT_WORDS.get(description.get("kind", UNNAMED_KIND.kind))
+    if not isinstance(kind, type) or kind.compound():
+        return None
+    return kind.ideal_freedoms[0]
+
+
 def joint_trajectory(result: Result) -> Trajectory:
     """Positions, velocities and drive efforts of the joints as their encoders see them.
 
@@ -56,8 +63,7 @@ def joint_trajectory(result: Result) -> Trajectory:
     at: dict[str, int] = {}
     for index, name in enumerate(result["coordinate"].values.tolist()):
         joint, part = parts.get(name, (name, ""))
-        kind = given["clearance"][joint].get("kind") if part else None
-        if name not in motors and part == _SEEN.get(kind, "" if kind is None else None):
+        if name not in motors and (not part or part == _seen(given["clearance"][joint])):
             at[joint] = index
     if not at:
         raise JointplayError("no joint of this result has one coordinate: there is no trajectory")

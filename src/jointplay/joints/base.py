@@ -20,8 +20,9 @@ from jointplay.contact import (
     LankaraniNikravesh,
     NormalForceLaw,
 )
-from jointplay.errors import JointplayError, require_positive
+from jointplay.errors import JointplayError
 from jointplay.fields import check_fields, quantity
+from jointplay.joints.abilities import BoreWear, Hinge
 from jointplay.joints.play import Play
 from jointplay.units import readable
 
@@ -300,14 +301,23 @@ class Clearance(Described, ABC):
         return None
 
     @property
-    def wears(self) -> bool:
-        """Whether wear of the bearing is reckoned."""
-        return False
+    def hinge(self) -> Hinge | None:
+        """What a hinge in this joint's place is to know of it; None: no hinge can stand for it."""
+        return None
 
     @property
-    def worn_widths(self) -> tuple[float, ...]:
-        """Length of the bearing that each contact wears, from the first contact on [m]."""
-        return ()
+    def wear(self) -> BoreWear | None:
+        """How the bearing wears; None: wear is not reckoned."""
+        return None
+
+    @property
+    def wears(self) -> bool:
+        """Whether wear of the bearing is reckoned."""
+        return self.wear is not None
+
+    def with_worn(self, profile: np.ndarray) -> Self:
+        """The joint with a bore worn so, of a kind that can wear; see `BoreWear`."""
+        raise JointplayError(f"the bearing of a {self.kind} joint cannot be worn")
 
     @property
     def combined_compliance(self) -> float:
@@ -344,59 +354,3 @@ class Clearance(Described, ABC):
     def hertz(self, radius: float) -> float:
         """Stiffness of eq. 11 for an effective radius R [m], in N/m^1.5."""
         return 4.0 / (3.0 * math.pi * self.combined_compliance) * math.sqrt(radius)
-
-
-def close(a: float, b: float) -> bool:
-    """Whether two lengths [m] agree but for rounding."""
-    return math.isclose(a, b, rel_tol=1e-6, abs_tol=1e-9)
-
-
-def complete(
-    play: float | None, outer: float, inner: float | None, factor: float, words: tuple[str, str]
-) -> tuple[float, float]:
-    """Derive clearance from dimensions or dimensions from clearance: outer - inner = factor play.
-
-    Args:
-        play: clearance [m], or None.
-        outer: dimension of the bearing [m].
-        inner: dimension of the journal [m], or None.
-        factor: clearances between outer and inner.
-        words: names of the clearance and of the dimension, for errors.
-
-    Returns:
-        play and inner [m].
-
-    Raises:
-        JointplayError: neither given, or values that are not positive or contradict each other.
-    """
-    clearance, dimension = words
-    at_play, at_inner = (f"{clearance}_clearance",), (f"journal_{dimension}",)
-    if play is None and inner is None:
-        raise JointplayError(f"give the {clearance} clearance or the journal {dimension}")
-    if play is not None:
-        require_positive(f"{clearance} clearance", play, "m", at_play)
-    if inner is not None:
-        require_positive(f"journal {dimension}", inner, "m", at_inner)
-        if inner >= outer:
-            raise JointplayError(
-                f"journal {dimension} {inner:g} m does not fit into the bearing's {outer:g} m",
-                where=at_inner,
-            )
-        if play is not None and not close(outer - inner, factor * play):
-            raise JointplayError(
-                f"{clearance} clearance {play:g} m contradicts the dimensions: bearing "
-                f"{outer:g} m and journal {inner:g} m give {(outer - inner) / factor:g} m",
-                where=at_play,
-            )
-    if play is None:
-        assert inner is not None
-        play = (outer - inner) / factor
-    if inner is None:
-        inner = outer - factor * play
-    if inner <= 0.0:
-        raise JointplayError(
-            f"{clearance} clearance {play:g} m leaves no journal in a bearing of "
-            f"{dimension} {outer:g} m",
-            where=at_play,
-        )
-    return float(play), float(inner)

@@ -12,8 +12,10 @@ import numpy as np
 from jointplay.contact import ContactProperties, FilmLaw, FilmProperties
 from jointplay.errors import JointplayError, require_positive, within
 from jointplay.fields import quantity
-from jointplay.geometry import EDGE_ROUNDING_M, Shape
-from jointplay.joints.base import VIRTUAL_LINK, Outline, complete
+from jointplay.geometry import EDGE_ROUNDING_M, Shape, worn_bore
+from jointplay.joints.abilities import BoreWear, Hinge
+from jointplay.joints.base import VIRTUAL_LINK, Outline
+from jointplay.joints.dimensions import complete
 from jointplay.joints.play import JournalPlay
 from jointplay.joints.round import (
     SAMPLES,
@@ -216,9 +218,22 @@ class RevoluteClearance(RoundClearance):
         return self.lubricant, FilmProperties(self.cr, self.rj, self.lj, len(self.worn_widths))
 
     @property
-    def wears(self) -> bool:
-        """Whether a wear rate is given."""
-        return self.wear_rate is not None
+    def hinge(self) -> Hinge:
+        """The journal about its axis."""
+        axial = self.ca if self.walls else 0.0
+        return Hinge(self.rj, self.lj, not self.lock_tilt, self.cr, axial)
+
+    @property
+    def wear(self) -> BoreWear | None:
+        """Of the bore, if a wear rate is given."""
+        if self.wear_rate is None:
+            return None
+        profile = None if self.worn is None else np.array(self.worn)
+        return BoreWear(self.wear_rate, self.ri, self.rj, self.worn_widths, profile)
+
+    def with_worn(self, profile: np.ndarray) -> Self:
+        """See `Clearance.with_worn`."""
+        return replace(self, worn=profile.tolist())
 
     @property
     def worn_widths(self) -> tuple[float, ...]:
@@ -330,6 +345,5 @@ class RevoluteClearance(RoundClearance):
 
 def _profile(depths: np.ndarray) -> tuple[float, ...]:
     """Numbers of one end of a worn bore; numba comes with the first that is worn."""
-    from jointplay.geometry import worn_bore
 
     return worn_bore(depths)

@@ -10,7 +10,8 @@ import numpy as np
 
 from jointplay.contact import ContactProperties
 from jointplay.fields import quantity
-from jointplay.joints.base import VIRTUAL_LINK, Clearance, complete
+from jointplay.joints.base import VIRTUAL_LINK, Clearance
+from jointplay.joints.dimensions import complete
 
 SAMPLES = 72
 """Azimuths at which contact directions are sampled."""

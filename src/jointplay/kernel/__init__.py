@@ -1,9 +1,13 @@
 """The compiled part of the time loop.
 
-`layout` has the records that hold a run, `vectors`, `bodies` and `frames` the geometry, `contact`,
-`film` and `drive` the forces, `solve` the velocity solve, `record` the records, `multirate` and
-`singlerate` the methods, `path` and `loops` what the first asks of Pinocchio and makes of it. All
-of it is entered through one compiled function, `enter`, which is imported with its first use.
+`words` says what is asked of it. `layout` has the records that hold a run, `access` opens what they
+point to, `vectors`, `bodies` and `frames` have the geometry, `contact`, `film`, `load` and `drive`
+the forces, `solve` the velocity solve, `record` the records, `multirate` and `singlerate` the
+methods, `path` and `loops` what the first asks of Pinocchio and makes of it. All is entered through
+one compiled function, `enter`, which is imported with its first use.
+
+Around it, in Python: `workspace` holds a run's arrays (`pointed`), made from `sites` and `tables`;
+`columns` says where its records have what.
 """
 
 from __future__ import annotations

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import math
 
-from jointplay.kernel.layout import bodies, floats, internal
+from jointplay.kernel.access import bodies, floats
+from jointplay.kernel.parts import internal
 from jointplay.kernel.vectors import add, along, cross, put, scale, vector
 
 

@@ -12,16 +12,13 @@ import math
 from jointplay.contact.calls import call_bristle, call_friction, call_normal, pointer
 from jointplay.geometry import Shape, touch_cylinder
 from jointplay.geometry import touch as touch_shape
+from jointplay.kernel.access import address_of, contacts, fail, matrix
 from jointplay.kernel.layout import (
     FRICTION,
     MIN_APPROACH_SPEED,
     NORMAL,
-    address_of,
-    contacts,
-    fail,
-    internal,
-    matrix,
 )
+from jointplay.kernel.parts import internal
 from jointplay.kernel.vectors import add, along, cross, dot, length, put, scale, vector
 from jointplay.kernel.words import AZIMUTHS, WELL_RESOLVED_STEPS, Status
 

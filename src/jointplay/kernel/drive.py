@@ -4,18 +4,9 @@ from __future__ import annotations
 
 import math
 
-from jointplay.kernel.layout import (
-    DRIVE,
-    GEAR,
-    JOINT_FRICTION,
-    drives,
-    floats,
-    frictions,
-    gears,
-    internal,
-    matrix,
-    wholes,
-)
+from jointplay.kernel.access import drives, floats, frictions, gears, matrix, wholes
+from jointplay.kernel.layout import DRIVE, GEAR, JOINT_FRICTION
+from jointplay.kernel.parts import internal
 from jointplay.kernel.words import JOINT_FRICTION_SPEED
 
 

@@ -8,7 +8,7 @@ from typing import Any
 from jointplay.host.numba_cache import njit
 from jointplay.kernel import multirate, path, singlerate
 from jointplay.kernel import record as records
-from jointplay.kernel.layout import TABLE
+from jointplay.kernel.access import TABLE
 from jointplay.kernel.sources import stamp
 from jointplay.kernel.words import THERE, Command
 

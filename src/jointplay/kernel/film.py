@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 
 from jointplay.contact.calls import call_film
-from jointplay.kernel.layout import FILM, address_of, fail, internal
+from jointplay.kernel.access import address_of, fail
+from jointplay.kernel.layout import FILM
+from jointplay.kernel.parts import internal
 from jointplay.kernel.vectors import add, along, cross, scale, vector
 from jointplay.kernel.words import Status
 

@@ -14,7 +14,8 @@ from __future__ import annotations
 
 import math
 
-from jointplay.kernel.layout import floats, internal, matrix, wholes
+from jointplay.kernel.access import floats, matrix, wholes
+from jointplay.kernel.parts import internal
 from jointplay.kernel.vectors import add, along, cross, put, scale, vector
 
 

@@ -25,8 +25,9 @@ from numba import types
 from numba.extending import intrinsic
 
 from jointplay.contact.calls import pointer
+from jointplay.kernel.access import fail, floats, loads, matrix, wholes
 from jointplay.kernel.frames import pose_of_frames, twist_by
-from jointplay.kernel.layout import fail, floats, internal, loads, matrix, wholes
+from jointplay.kernel.parts import internal
 from jointplay.kernel.words import ALWAYS, IF_PRESSED, Status
 
 _BAD_LOAD = int(Status.BAD_LOAD)

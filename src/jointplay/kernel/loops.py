@@ -11,8 +11,9 @@ what others have said. The same steps close what a loop has drifted apart, in po
 
 from __future__ import annotations
 
+from jointplay.kernel.access import bodies, floats, holds, matrix
 from jointplay.kernel.bodies import lifted, place_bodies, swing_bodies, times
-from jointplay.kernel.layout import bodies, floats, holds, internal, matrix
+from jointplay.kernel.parts import internal
 from jointplay.kernel.vectors import add, cross, vector
 
 REDUNDANT = 1e-10

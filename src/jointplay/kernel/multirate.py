@@ -20,24 +20,15 @@ import math
 import numpy as np
 
 from jointplay.kernel import path
+from jointplay.kernel.access import contacts, drives, fail, floats, joints, matrix
 from jointplay.kernel.bodies import place_bodies
 from jointplay.kernel.contact import gap_of, lose, remember
 from jointplay.kernel.drive import drive, lose_in_joints, prescribe, work_of_drives
 from jointplay.kernel.film import lose_to_film
-from jointplay.kernel.layout import (
-    DRIVE,
-    POWERS,
-    SPEED_LIMIT,
-    contacts,
-    drives,
-    fail,
-    floats,
-    internal,
-    joints,
-    matrix,
-)
+from jointplay.kernel.layout import DRIVE, POWERS, SPEED_LIMIT
 from jointplay.kernel.load import apply_loads, find_load_powers, work_of_loads
 from jointplay.kernel.loops import project
+from jointplay.kernel.parts import internal
 from jointplay.kernel.record import due, record
 from jointplay.kernel.solve import (
     SPEED,

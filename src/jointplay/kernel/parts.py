@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from numba import njit
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import AnalysisPass, register_pass
@@ -76,3 +77,12 @@ class PartCompiler(CompilerBase):  # type: ignore[misc]
         passes.add_pass_after(_IntoPart, AnnotateTypes)
         passes.finalize()
         return [passes]
+
+
+internal = njit(
+    error_model="numpy",
+    no_cpython_wrapper=True,
+    no_cfunc_wrapper=True,
+    pipeline_class=PartCompiler,
+)
+"""For functions that only compiled code calls."""

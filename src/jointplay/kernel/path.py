@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import math
 
-from jointplay.kernel.layout import floats, internal, matrix
+from jointplay.kernel.access import floats, matrix
 from jointplay.kernel.loops import close, project
+from jointplay.kernel.parts import internal
 from jointplay.kernel.solve import LEAST_COMPLIANCE
 
 (

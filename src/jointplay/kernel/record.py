@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from jointplay.kernel.access import contacts, floats, joints, matrix
 from jointplay.kernel.drive import work_of_prescribed
-from jointplay.kernel.layout import POWERS, contacts, floats, internal, joints, matrix
+from jointplay.kernel.layout import POWERS
 from jointplay.kernel.load import record_loads, settle_loads
+from jointplay.kernel.parts import internal
 
 _NP = len(POWERS)
 

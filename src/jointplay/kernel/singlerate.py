@@ -10,6 +10,7 @@ Where joints are reached through frames, Pinocchio's Jacobians come between, and
 
 from __future__ import annotations
 
+from jointplay.kernel.access import fail, floats, joints
 from jointplay.kernel.contact import bend, lose, remember, respond, touch
 from jointplay.kernel.drive import (
     drive,
@@ -21,8 +22,9 @@ from jointplay.kernel.drive import (
 )
 from jointplay.kernel.film import carry, lose_to_film, remember_film
 from jointplay.kernel.frames import pose_of_frames, pose_of_virtual_link, push, twist
-from jointplay.kernel.layout import POWERS, SPEED_LIMIT, fail, floats, internal, joints
+from jointplay.kernel.layout import POWERS, SPEED_LIMIT
 from jointplay.kernel.load import gather_works, load_now
+from jointplay.kernel.parts import internal
 from jointplay.kernel.record import due, record, settle
 from jointplay.kernel.words import Status
 

@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import math
 
+from jointplay.kernel.access import floats, frictions, gears, joints, matrix, wholes
 from jointplay.kernel.bodies import place_bodies
 from jointplay.kernel.contact import bend, respond, steepen, touch
 from jointplay.kernel.drive import rub_joints, steepen_joints, turn_gears
@@ -30,16 +31,8 @@ from jointplay.kernel.frames import (
     push_slope,
     twist,
 )
-from jointplay.kernel.layout import (
-    floats,
-    frictions,
-    gears,
-    internal,
-    joints,
-    matrix,
-    wholes,
-)
 from jointplay.kernel.load import damp_loads, find_loads, steepen_loads
+from jointplay.kernel.parts import internal
 from jointplay.kernel.vectors import inlined
 
 TOLERANCE = 1e-9

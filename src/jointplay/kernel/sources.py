@@ -13,7 +13,14 @@ from typing import Any
 from jointplay.host import numba_cache
 
 _PACKAGE = Path(__file__).parent
-_PLAIN = ("__init__.py", "integrators.py", "workspace.py")
+_PLAIN = (
+    "columns.py",
+    "integrators.py",
+    "pointed.py",
+    "sites.py",
+    "tables.py",
+    "workspace.py",
+)
 """Modules of the package without compiled code."""
 
 SOURCES = (

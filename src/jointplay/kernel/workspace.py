@@ -3,119 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
 
 from jointplay.errors import JointplayError
 from jointplay.kernel import Command, Status, enter, layout
+from jointplay.kernel.columns import columns_of
 from jointplay.kernel.path import MIDDLE, MIDDLE_SPEED, ROWS
-from jointplay.kernel.words import AZIMUTHS, NEVER, POWERS
-
-Carriers = tuple[tuple[int, pin.SE3], tuple[int, pin.SE3]]
-"""Two Pinocchio joints, and the placement of a frame in each."""
-
-
-@dataclass(frozen=True)
-class FilmSite:
-    """What the kernels know of a film."""
-
-    law: int
-    """Address of the law."""
-    sections: int
-    """1, or 2 for a journal that can tilt."""
-    section: float
-    """Their distance from the journal's centre [m]."""
-    clearance: float
-    """c [m]."""
-    thinnest: float
-    """Eccentricity ratio at which the film is thinnest."""
-    transition: float
-    """Depth at which nothing of it is left [m]."""
-    lag_mass: float
-    """No more than the smallest mass that the film meets; of explicit methods [kg]."""
-    parameters: tuple[float, ...]
-    """Of the film law."""
+from jointplay.kernel.pointed import Pointed
+from jointplay.kernel.sites import PARTS, CarriedFrame, Carriers, ContactSite, LoadSite
+from jointplay.kernel.tables import Tables
+from jointplay.kernel.words import AZIMUTHS, POWERS
 
 
-@dataclass(frozen=True)
-class ContactSite:
-    """What the kernels know of one joint with clearance.
-
-    Attributes:
-        shape, dimensions: see `geometry.touch`.
-        depth_limit: penetration at which the journal has broken out [m].
-        normal, friction: addresses of the laws.
-        bristles: whether the friction law has them.
-        parameters: of the normal-force law, for each contact.
-        friction_parameters: of the friction law.
-        first: index of the virtual link's first coordinate, or None where bearing and journal are
-            reached through their frames; then are needed
-        carriers: Pinocchio joint that carries the bearing, and the bearing's placement in it; the
-            same of the journal.
-        film: None for a dry joint.
-        wearing: this many contacts, from the first, count their sliding work.
-        must_not_touch: this many contacts, from the first, end the run when they touch.
-        signs: +1 for coordinates that move the journal only, -1 for those that move the bearing
-            only, 0 for all others, shape (nv,).
-    """
-
-    shape: int
-    dimensions: tuple[float, ...]
-    depth_limit: float
-    normal: int
-    friction: int
-    bristles: bool
-    parameters: Sequence[tuple[float, ...]]
-    friction_parameters: tuple[float, ...]
-    first: int | None
-    carriers: Carriers | None = None
-    signs: np.ndarray | None = None
-    film: FilmSite | None = None
-    must_not_touch: int = 0
-    wearing: int = 0
-
-
-PARTS = ("bearing", "journal")
-
-CarriedFrame = tuple[int, np.ndarray]
-"""A body by its place, and a frame's rotation, row by row, and origin in it, shape (12,)."""
-
-
-@dataclass(frozen=True)
-class LoadSite:
-    """What the kernels know of one load; see `kernel.load`.
-
-    It acts either on coordinates or between two frames.
-    """
-
-    law: int
-    """Address of its law."""
-    numbers: np.ndarray
-    """Of the law; what is written into it later, the law sees."""
-    stores: bool = False
-    """Whether its answer at rest is the slope of an energy."""
-    implicit: int = NEVER
-    """When the rest of it depends on velocity: `words.NEVER`, `ALWAYS` or `IF_PRESSED`."""
-    seen: tuple[int, ...] = ()
-    """Coordinates that the law sees."""
-    pushed: tuple[int, ...] = ()
-    """Coordinates on which it acts; if it is implicit, those that it sees."""
-    bounds: tuple[float, ...] = ()
-    """Largest effort on each of them, if it is limited [N m or N]."""
-    carriers: Carriers | None = None
-    """Between frames: Pinocchio joints that carry them, and the frames' placements in these."""
-    signs: np.ndarray | None = None
-    """See `ContactSite`."""
-
-    @property
-    def size(self) -> int:
-        """Numbers that the law gives."""
-        return len(self.pushed) if self.carriers is None else 6
-
-
-class Workspace:
+class Workspace(Pointed):
     """The arrays of one run and the record through which the kernels reach them.
 
     Args:
@@ -151,42 +53,78 @@ class Workspace:
         loads: Sequence[LoadSite] = (),
     ) -> None:
         """Allocate, and fill in the record."""
-        nj = len(sites)
         width = max((len(site.parameters) for site in sites), default=0)
-        self.fields, columns = _layout(nv, nj, width, loads)
-        self._kept: list[np.ndarray] = []  # what the record points to must live as long
-        self._arrays: dict[str, np.ndarray] = {}  # the same by name, but for Pinocchio's frames
-        self._addresses: dict[str, set[str]] = {
-            "run": {"record", "windows"},
-            "joints": set(),
-            "loads": set(),
-        }
-        self.run = np.zeros(1, layout.RUN)
+        super().__init__(layout.RUN, ("joints", "loads"))
+        self._addresses["run"] |= {"record", "windows"}
+        self.fields, columns = columns_of(nv, len(sites), width, loads)
         # Views of single fields: to look a field up costs more than to read it.
         self._row, self._step = self.run["row"], self.run["step"]
         self._time, self._status = self.run["time"], self.run["status"]
         self._macros = self.run["macros"]
         self.unresolved = 0
         """Macro steps in which the shortest adaptive micro steps did not reach the tolerance."""
+        self._make_state(nv)
+        self._make_solve(nv)
+        self._use(data, nv, own_acceleration)
+        self._make_tables(tables, nv)
+        self.joints = self._point("joints", np.zeros(len(sites), layout.JOINT))
+        self.contacts = self._point("contacts", np.zeros((len(sites), width), layout.CONTACT))
+        for name in ("shortest", "gap_min", "deepest"):
+            self.contacts[name] = np.inf
+        self.loads = self._point("loads", np.zeros(len(loads), layout.LOAD))
+        self.sites, self.load_sites = tuple(sites), tuple(loads)
+        self.sliding_work: list[np.ndarray] = []
+        """For each joint, normal force x sliding distance by contact and azimuth [N m]."""
+        for index, load in enumerate(loads):
+            self._write_load(index, load, data)
+        for j, site in enumerate(sites):
+            self._write(j, site, data)
+        self.windows = np.zeros((0, 2))
+        self.record = np.zeros((rows, columns))
+        self.kept_elsewhere = 0
+        """Records that are no longer in memory, see `give_records`."""
+        through_frames = any(site.first is None for site in sites) or self.loads["frames"].any()
+        self._set(
+            nv=nv,
+            nj=len(sites),
+            width=width,
+            nl=len(loads),
+            record_columns=columns,
+            every=every,
+            dt=dt,
+            dt_before=dt,
+            through_frames=int(through_frames),
+            record=self.record.ctypes.data,
+            rows=rows,
+        )
+
+    def _make_state(self, nv: int) -> None:
+        """Room for the state, for what acts on it, and for what the macro steps know of it."""
         self.q, self.v, self.tau = (self._room(name, nv) for name in ("q", "v", "tau"))
         self.half, self.drive = self._room("half", nv), self._room("drive", nv)
-        self._changing = [self.q, self.v, self.half, self.drive, self.tau]
+        self._changing += [self.q, self.v, self.half, self.drive, self.tau]
         self._changing += [self._room(name, nv) for name in ("contact_push", "load_push", "free")]
         self._changing.append(self._room("minv", nv, nv))
         self._changing += [self._room("free_rate", nv), self._room("minv_rate", nv, nv)]
         for name in ("free_middle", "free_slope", "free_curve"):
             self._room(name, nv)
-        for name in ("minv_middle", "minv_slope", "minv_curve", "compliance"):
+        for name in ("minv_middle", "minv_slope", "minv_curve"):
             self._room(name, nv, nv)
-        for name in ("slope", "system"):
+        path = self._room("path", ROWS, nv)
+        self.middle = (path[MIDDLE], path[MIDDLE_SPEED])
+
+    def _make_solve(self, nv: int) -> None:
+        """Room for the velocity solve, and for Runge-Kutta."""
+        for name in ("compliance", "slope", "system"):
             self._room(name, nv, nv)
         self._changing.append(self._room("inverse", nv, nv))
         self._room("trial", 7, nv)
         self._room("scratch", 4 * nv + len(POWERS))
-        path = self._room("path", ROWS, nv)
-        self.middle = (path[MIDDLE], path[MIDDLE_SPEED])
         for name in ("touched", "place"):
             self._point(name, np.zeros(nv, np.int64))
+
+    def _use(self, data: pin.Data, nv: int, own_acceleration: bool) -> None:
+        """Let the kernels read what Pinocchio finds."""
         self.inverse_mass = self._point("found_minv", data.Minv)
         self._point("found_free", data.ddq)
         self._point("jacobian", data.J)
@@ -195,67 +133,28 @@ class Workspace:
             self._changing.append(self.acceleration)
         else:
             self.acceleration = self._point("a", data.ddq)
-        self.joints = self._point("joints", np.zeros(nj, layout.JOINT))
-        self.contacts = self._point("contacts", np.zeros((nj, width), layout.CONTACT))
-        for name in ("shortest", "gap_min", "deepest"):
-            self.contacts[name] = np.inf
+
+    def _make_tables(self, tables: Tables, nv: int) -> None:
+        """Let the kernels read what acts on single coordinates."""
         self.drives = self._point("drives", tables.drives)
         self.turning = self._room("turning", nv)
+        prescribed = self.drives["armature"] > 0.0
         weights = self._room("weights", nv)
         weights[:] = 1.0
-        weights[self.drives["coordinate"][self.drives["armature"] > 0.0]] = 0.0
+        weights[self.drives["coordinate"][prescribed]] = 0.0
         self.frictions = self._point("frictions", tables.frictions)
         self.gears = self._point("gears", tables.gears)
-        self.loads = self._point("loads", np.zeros(len(loads), layout.LOAD))
-        for index, load in enumerate(loads):
-            self._write_load(index, load, data)
         self.reference = self._point("reference", np.ascontiguousarray(tables.reference, float))
         self._nodes = tables.nodes
-        self.windows = np.zeros((0, 2))
-        self.record = np.zeros((rows, columns))
-        self.kept_elsewhere = 0
-        """Records that are no longer in memory, see `give_records`."""
-        self.sites, self.load_sites = tuple(sites), tuple(loads)
-        self.sliding_work: list[np.ndarray] = []
-        """For each joint, normal force x sliding distance by contact and azimuth [N m]."""
-        for j, site in enumerate(sites):
-            self._write(j, site, data)
         self._set(
-            nv=nv,
-            nj=nj,
-            width=width,
             nu=self.reference.shape[1] // 3,
             nd=len(self.drives),
             nf=len(self.frictions),
             ng=len(self.gears),
-            nl=len(self.loads),
             nref=tables.nodes,
-            record_columns=columns,
-            every=every,
-            dt=dt,
-            dt_before=dt,
             reference_interval=tables.interval,
-            through_frames=int(any(site.first is None for site in sites))
-            or int(self.loads["frames"].any()),
-            prescribed=int(np.any(self.drives["armature"] > 0.0)),
-            record=self.record.ctypes.data,
-            rows=rows,
+            prescribed=int(prescribed.any()),
         )
-
-    def _set(self, **fields: float) -> None:
-        for name, value in fields.items():
-            self.run[name] = value
-
-    def _point(self, name: str, array: np.ndarray) -> np.ndarray:
-        """Let the record's field `name` point to an array."""
-        self.run[name] = array.ctypes.data
-        self._kept.append(array)
-        self._arrays[name] = array
-        self._addresses["run"].add(name)
-        return array
-
-    def _room(self, name: str, *shape: int) -> np.ndarray:
-        return self._point(name, np.zeros(shape))
 
     def _write(self, j: int, site: ContactSite, data: pin.Data) -> None:
         joint = self.joints[j]
@@ -278,10 +177,7 @@ class Workspace:
             "reach": np.zeros((6, n)),
             "sliding_work": self.sliding_work[j],
         }
-        for name, array in arrays.items():
-            joint[name] = array.ctypes.data
-            self._kept.append(array)
-            self._arrays[f"{name}.{j}"] = array
+        self._point_row(joint, arrays, "{}." + str(j))
         self._addresses["joints"] |= {*arrays, "normal_law", "friction_law", "film_law"}
         joint["friction_parameters"][: len(site.friction_parameters)] = site.friction_parameters
         joint["first"] = layout.NO_VIRTUAL_LINK if site.first is None else site.first
@@ -336,10 +232,7 @@ class Workspace:
             here = self.loads.ctypes.data + index * layout.LOAD.itemsize
             for name, field in (("place", "pose"), ("rate", "twist"), ("out", "wrench")):
                 load[name] = here + places[field][1]
-        for name, array in arrays.items():
-            load[name] = array.ctypes.data
-            self._kept.append(array)
-            self._arrays[f"load.{name}.{index}"] = array
+        self._point_row(load, arrays, "load.{}." + str(index))
         self._addresses["loads"] |= {*arrays, "law", "place", "rate", "out"}
         load["law"], load["stores"], load["implicit"] = site.law, site.stores, site.implicit
         load["nseen"], load["npushed"] = len(site.seen), len(site.pushed)
@@ -399,39 +292,24 @@ class Workspace:
 
         The table of the reference is left out; addresses are zero.
         """
-        found = {name: array.copy() for name, array in self._arrays.items() if name != "reference"}
-        found["run"] = self.run.copy()
-        for name, fields in self._addresses.items():
-            for field in fields:
-                found[name][field] = 0
+        found = self._taken()
         found["written"] = self.record[: self.rows - self.kept_elsewhere].copy()
         found["kept_elsewhere"] = np.array(self.kept_elsewhere)
         return found
 
-    def restore(self, snapshot: Mapping[str, np.ndarray]) -> None:
+    def restore(self, kept: Mapping[str, np.ndarray]) -> None:
         """Come back to what `snapshot` found in a workspace of the same simulation.
 
         Raises:
             JointplayError: the snapshot is that of another simulation.
         """
-        own = {name: array for name, array in self._arrays.items() if name != "reference"}
-        own["run"] = self.run
-        for name, array in own.items():
-            given = snapshot.get(name)
-            if given is None or given.shape != array.shape or given.dtype != array.dtype:
-                raise JointplayError(f"the state of {name!r} is not that of this simulation")
-        written = snapshot["written"]
+        written = kept["written"]
         if written.ndim != 2 or written.shape[1] != self.record.shape[1]:
             raise JointplayError("the records are not those of this simulation")
         if len(written) > len(self.record):
             raise JointplayError("there are more records than this simulation makes")
-        for name, array in own.items():
-            if array.dtype.names is None:
-                np.copyto(array, snapshot[name])
-                continue
-            for field in set(array.dtype.names) - self._addresses.get(name, set()):
-                array[field] = snapshot[name][field]
-        self.kept_elsewhere = int(snapshot["kept_elsewhere"])
+        self._put_back(kept)
+        self.kept_elsewhere = int(kept["kept_elsewhere"])
         self._set(nwindows=len(self.windows), nref=self._nodes)
         self._place_records()
         self.record[: len(written)] = written
@@ -536,91 +414,3 @@ class Workspace:
         # A contact that has not ended keeps its approach to itself.
         fastest = np.maximum(self.contacts["fastest"], self.contacts["ddelta0"])
         return found | {"fastest_approach": fastest}
-
-
-def _layout(
-    nv: int, nj: int, width: int, loads: Sequence[LoadSite]
-) -> tuple[dict[str, slice], int]:
-    """Columns of a record, and their number."""
-    widths = {
-        "time": 1,
-        "q": nv,
-        "v": nv,
-        "drive": nv,
-        "work": len(POWERS),
-        "force": 3 * nj,
-        "force_peak": 3 * nj,
-        "film_force": 3 * nj,
-        "normal": width * nj,
-        "tangential": width * nj,
-        "normal_peak": width * nj,
-        "gap_min": width * nj,
-        "load_force": sum(load.size for load in loads),
-        "load_work": len(loads),
-    }
-    fields, at = {}, 0
-    for name, size in widths.items():
-        fields[name] = slice(at, at + size)
-        at += size
-    return fields, at
-
-
-@dataclass(frozen=True)
-class Tables:
-    """What acts on single coordinates."""
-
-    drives: np.ndarray
-    """Of `layout.DRIVE_ROW`, see `drive_row`."""
-    frictions: np.ndarray
-    """Of `layout.FRICTION_ROW`."""
-    gears: np.ndarray
-    """Of `layout.GEAR_ROW`."""
-    reference: np.ndarray
-    """Rows of q, v and feed-forward effort of the nu driven coordinates, shape (nref, 3 nu),
-    nref >= 2."""
-    interval: float
-    """Between the rows of `reference` [s]."""
-    nodes: int
-    """Rows of the whole reference, of which `reference` is the beginning."""
-
-
-def drive_row(
-    column: int,
-    coordinate: int,
-    seen: int | None = None,
-    kp: float = 0.0,
-    kd: float = 0.0,
-    armature: float = 0.0,
-    limit: float = np.inf,
-) -> np.ndarray:
-    """Record of the drive of one coordinate, shape (1,).
-
-    Args:
-        column: of the reference.
-        coordinate: that it acts on.
-        seen: coordinate that its encoder sees; None takes its own.
-        kp, kd: gains [N m/rad, N m s/rad, or N/m, N s/m].
-        armature: > 0 prescribes the motion; the model must have this armature [kg m^2 or kg].
-        limit: largest effort, to which others are cut [N m or N].
-    """
-    seen = coordinate if seen is None else seen
-    return np.array([(column, coordinate, seen, kp, kd, armature, limit)], layout.DRIVE_ROW)
-
-
-def friction_row(
-    coordinate: int, coulomb: float, stiction: float, stribeck: float, viscous: float
-) -> np.ndarray:
-    """Record of a joint's friction, shape (1,); see `drive.JointFriction`."""
-    return np.array([(coordinate, coulomb, stiction, stribeck, viscous)], layout.FRICTION_ROW)
-
-
-def gear_row(
-    motor: int, link: int, half_play: float, stiffness: float, damping: float
-) -> np.ndarray:
-    """Record of a gear, shape (1,): coordinates, half the play [rad], stiffness and damping."""
-    return np.array([(motor, link, half_play, stiffness, damping)], layout.GEAR_ROW)
-
-
-def stacked(rows: Sequence[np.ndarray], kind: np.dtype) -> np.ndarray:
-    """All rows of one kind, an empty array if there are none."""
-    return np.concatenate(rows) if rows else np.zeros(0, kind)

@@ -14,8 +14,8 @@ import numpy as np
 from jointplay.errors import JointplayError, MissingName
 
 if TYPE_CHECKING:
+    from jointplay.mechanism.entry import JointEntry
     from jointplay.mechanism.mechanism import Mechanism
-    from jointplay.mechanism.urdf import JointEntry
     from jointplay.motion.reference import Motion
 
 LIMITS = ("report", "cut", "ignore")
@@ -134,7 +134,7 @@ def worst(mechanism: Mechanism, q: np.ndarray, v: np.ndarray, effort: np.ndarray
 
 
 def _unit(entry: JointEntry, units: tuple[str, str]) -> str:
-    return units[entry.kind == "prismatic"]
+    return units[entry.slides]
 
 
 def _positions(entry: JointEntry, times: np.ndarray, values: np.ndarray) -> str | None:

@@ -68,7 +68,7 @@ class LoadedFriction(Load):
                 f"the friction of joint {self.joint!r} cannot grow with its load: in a mechanism "
                 f"with loops ({', '.join(mechanism.loops)}) motion does not tell the forces"
             )
-        slides = mechanism.description.joints[self.joint].kind == "prismatic"
+        slides = mechanism.description.joints[self.joint].slides
         radii = (self.radius, self.axial_radius)
         if slides and any(radii):
             raise JointplayError(

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from jointplay.kernel import layout, workspace
-from jointplay.kernel.workspace import Tables
+from jointplay.kernel import layout
+from jointplay.kernel.tables import Tables, drive_row, friction_row, gear_row, stacked
 from jointplay.loads.drive import (
     PRESCRIBED_ARMATURE,
     ComputedTorque,
@@ -90,12 +90,12 @@ def tabulate(
         losses, limit = friction.get(name, JointFriction()), (bounds or {}).get(name, np.inf)
         if isinstance(drive, Torque):
             columns.append((drive.times, drive.values))
-            row = workspace.drive_row(u, at, limit=limit)
+            row = drive_row(u, at, limit=limit)
         else:
             columns.append(k := follows.index(name))
         if isinstance(drive, Prescribed):
             armature[at] = PRESCRIBED_ARMATURE * own[at]
-            row = workspace.drive_row(u, at, armature=armature[at])
+            row = drive_row(u, at, armature=armature[at])
         if isinstance(drive, ComputedTorque):
             assert ideal is not None
             rotor = gear.rotor_inertia if gear else 0.0
@@ -104,13 +104,13 @@ def tabulate(
             seen = at if drive.encoder == "motor" else mechanism.coordinate(name)
             kp = drive.bandwidth**2 * inertia
             kd = 2.0 * drive.damping_ratio * drive.bandwidth * inertia
-            row = workspace.drive_row(u, at, seen, kp, kd, limit=limit)
+            row = drive_row(u, at, seen, kp, kd, limit=limit)
         rows.append(row)
     reference = Reference(
         columns, nodes, follows, motion, ideal, efforts, nodes_ahead(ahead), progress
     )
     frictions = [
-        workspace.friction_row(
+        friction_row(
             mechanism.coordinate(name),
             losses.coulomb,
             losses.excess,
@@ -121,7 +121,7 @@ def tabulate(
         if losses.coulomb or losses.excess or losses.viscous
     ]
     gears = [
-        workspace.gear_row(
+        gear_row(
             mechanism.motor(name),
             mechanism.coordinate(name),
             gear.play / 2.0,
@@ -131,9 +131,9 @@ def tabulate(
         for name, gear in mechanism.gears.items()
     ]
     tables = Tables(
-        workspace.stacked(rows, layout.DRIVE_ROW),
-        workspace.stacked(frictions, layout.FRICTION_ROW),
-        workspace.stacked(gears, layout.GEAR_ROW),
+        stacked(rows, layout.DRIVE_ROW),
+        stacked(frictions, layout.FRICTION_ROW),
+        stacked(gears, layout.GEAR_ROW),
         reference.table,
         REFERENCE_NODE_S,
         nodes,

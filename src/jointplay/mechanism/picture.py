@@ -104,11 +104,16 @@ def picture(
     axes.text(*tool, f"  {mechanism.tool}", color=_TOOL, fontsize=8, zorder=6, **_halo())
     _frame(axes, low, high, view)
     axes.set_title(title, fontsize=11)
+    _say_missing(figure, found)
+    return figure
+
+
+def _say_missing(figure: Figure, found: Look) -> None:
+    """Name the meshes that were not found."""
     if found.missing:
         names = ", ".join(Path(name).name for name in found.missing[:3])
         more = f" and {len(found.missing) - 3} more" if len(found.missing) > 3 else ""
         figure.text(0.01, 0.01, f"not found, simple shapes instead: {names}{more}", fontsize=8)
-    return figure
 
 
 def _placed(

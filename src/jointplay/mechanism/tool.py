@@ -9,7 +9,8 @@ from __future__ import annotations
 import re
 from collections import defaultdict
 
-from jointplay.mechanism.urdf import Description, JointEntry
+from jointplay.mechanism.entry import JointEntry
+from jointplay.mechanism.urdf import Description
 
 _NAMED = re.compile(
     r"(^|_)(tool0|tool|tcp|tool_?frame|ee_link|ee|eef|end_?effector|flange|gripper_frame_link|foot|suction_?\w*|vacuum_?\w*|nozzle|spindle|torch|needle|pen)$",

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Collection, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 
 from jointplay.errors import JointplayError, MissingName
-from jointplay.mechanism.declared import Declared, Mimic, Transmission
+from jointplay.mechanism.declared import Declared, Transmission
+from jointplay.mechanism.entry import JointEntry
 
 _INSTALLED = Path(__file__).parents[1] / "shipped"
 _CHECKOUT = Path(__file__).parents[3] / "urdf"
@@ -44,50 +45,6 @@ def shipped(name: str) -> Path:
 
 
 @dataclass(frozen=True)
-class JointEntry:
-    """A joint as the URDF declares it."""
-
-    name: str
-    kind: str
-    """URDF type: revolute, continuous, prismatic, fixed, ..."""
-    parent: str
-    child: str
-    friction: float
-    """Dry friction torque [N m or N]."""
-    damping: float
-    """Viscous friction [N m s/rad or N s/m]."""
-    mimics: bool
-    """Whether it follows another joint that exists, see `mimic`."""
-    declared: Declared = field(compare=False, repr=False)
-    """Where the rest of what the URDF says is read."""
-
-    @property
-    def lower(self) -> float | None:
-        """Lower limit of its position [rad or m]; None where there is none, or `upper`'s."""
-        return self.declared.limits(self.name).lower
-
-    @property
-    def upper(self) -> float | None:
-        """Upper limit of its position [rad or m]; likewise."""
-        return self.declared.limits(self.name).upper
-
-    @property
-    def speed(self) -> float | None:
-        """Limit of its speed [rad/s or m/s]; None where there is none, or 0."""
-        return self.declared.limits(self.name).speed
-
-    @property
-    def effort(self) -> float | None:
-        """Limit of its effort [N m or N]; likewise."""
-        return self.declared.limits(self.name).effort
-
-    @property
-    def mimic(self) -> Mimic | None:
-        """The joint that it follows, and how; None if it follows none."""
-        return self.declared.mimic(self.name) if self.mimics else None
-
-
-@dataclass(frozen=True)
 class Description:
     """A URDF's text, with its joints by name in the order of the file."""
 
@@ -101,7 +58,7 @@ class Description:
     @property
     def revolute(self) -> list[str]:
         """Names of the joints that can get clearance."""
-        return [j.name for j in self.joints.values() if j.kind in ("revolute", "continuous")]
+        return [j.name for j in self.joints.values() if j.turns]
 
     @property
     def transmissions(self) -> dict[str, Transmission]:

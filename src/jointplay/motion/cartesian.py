@@ -8,188 +8,27 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
 from jointplay.errors import JointplayError, MissingName, require_finite, within
-from jointplay.mechanism.mechanism import Mechanism, frame_index
-from jointplay.mechanism.model import parse
+from jointplay.mechanism.mechanism import Mechanism
+from jointplay.motion.arm import ANGLE_ARM_M, NEARLY_M, SINGULAR_M, Arm, Found, Target
 from jointplay.motion.reference import Motion
 
 PATHS = ("joint", "line")
 
 SAMPLE_S = 5e-3
 """Longest time between two inverse solutions on a line [s]."""
+
 SAMPLE_M = 2e-3
 """Longest way of the tool between them [m]; an angle counts on an arm of `ANGLE_ARM_M`."""
-
-ANGLE_ARM_M = 0.1
-"""What turns an angle of the tool into a length [m]: 1 rad counts as 0.1 m."""
-
-REACHED_M = 1e-11
-"""Error within which a waypoint counts as reached [m]."""
-NEARLY_M = 1e-6
-"""Error to which a search that ends in a singular configuration may have come [m]."""
-
-SINGULAR_M = 1e-4
-"""Singular values of the tool's Jacobian below this have lost their direction [m per rad or m]."""
 
 JUMP = 0.1
 """A joint that moves farther than this while the tool moves by `SAMPLE_M` jumps [rad or m]."""
 
-_DAMPING = (1e-7, 1e-2, 1e3)
-"""Smallest, first and largest damping of the search [m]."""
-_ITERATIONS = 300
 _RESTARTS = 40
-_HALF_RANGE = math.pi
-"""Range of restarts about zero, for joints without limits [rad or m]."""
-
-
-class _Target(NamedTuple):
-    """Where the frame shall be."""
-
-    position: np.ndarray
-    turn: np.ndarray | None
-    """Rotation matrix; None: any."""
-
-    def __str__(self) -> str:
-        x, y, z = self.position
-        return f"({x:.6g}, {y:.6g}, {z:.6g}) m"
-
-
-@dataclass(frozen=True)
-class _Found:
-    """Where a search ended."""
-
-    q: np.ndarray
-    error: np.ndarray
-    """Distance in world axes [m], then the rotation vector that is left times `ANGLE_ARM_M`."""
-
-    @property
-    def reached(self) -> bool:
-        return float(np.linalg.norm(self.error)) < REACHED_M
-
-
-class _Arm:
-    """The ideal robot, the frame that is led, and the joints' limits."""
-
-    def __init__(self, mechanism: Mechanism, frame: str | None) -> None:
-        if mechanism.loops:
-            raise JointplayError(
-                "a Cartesian motion needs a robot without loops, this one has "
-                f"{', '.join(mechanism.loops)}; give the motion of its driven joints instead"
-            )
-        ideal = mechanism.ideal()
-        self.joints = ideal.joints
-        balls = [name for name in self.joints if name not in ideal.coordinates]
-        if balls:
-            raise JointplayError(
-                f"a Cartesian motion cannot lead the ball joint {balls[0]!r}, which no drive turns"
-            )
-        if not self.joints:
-            raise JointplayError("a Cartesian motion needs moving joints, this robot has none")
-        self.model, self.data = ideal.model, ideal.data
-        name = ideal.tool if frame is None else frame
-        if not self.model.existFrame(name):
-            frames = [known.name for known in self.model.frames if known.name != "universe"]
-            raise MissingName("frame", name, frames)
-        self.frame = frame_index(self.model, name)
-        self.low, self.high = joint_limits(mechanism, self.joints)
-        self.rank = 0
-
-    def pose(self, q: np.ndarray) -> pin.SE3:
-        pin.forwardKinematics(self.model, self.data, q)
-        return pin.updateFramePlacement(self.model, self.data, self.frame)
-
-    def error(self, q: np.ndarray, target: _Target) -> np.ndarray:
-        pose = self.pose(q)
-        way = target.position - pose.translation
-        if target.turn is None:
-            return way
-        return np.concatenate([way, ANGLE_ARM_M * pin.log3(target.turn @ pose.rotation.T)])
-
-    def jacobian(self, q: np.ndarray, turning: bool) -> np.ndarray:
-        kind = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-        jacobian = pin.computeFrameJacobian(self.model, self.data, q, self.frame, kind)
-        jacobian = jacobian.reshape(6, self.model.nv)
-        if not turning:
-            return jacobian[:3]
-        return np.concatenate([jacobian[:3], ANGLE_ARM_M * jacobian[3:]])
-
-    def find_rank(self, turning: bool, random: np.random.Generator) -> None:
-        """How many directions the tool can be led in at all, somewhere."""
-        for _ in range(20):
-            values = np.linalg.svd(self.jacobian(self.anywhere(random), turning), compute_uv=False)
-            self.rank = max(self.rank, int(np.sum(values > 10.0 * SINGULAR_M)))
-
-    def anywhere(self, random: np.random.Generator) -> np.ndarray:
-        low = np.where(np.isfinite(self.low), self.low, -_HALF_RANGE)
-        high = np.where(np.isfinite(self.high), self.high, _HALF_RANGE)
-        return random.uniform(low, high)
-
-    def manoeuvrability(self, q: np.ndarray, turning: bool) -> float:
-        """Smallest singular value of the directions in which the tool can be led at all [m]."""
-        values = np.linalg.svd(self.jacobian(q, turning), compute_uv=False)
-        return float(values[self.rank - 1]) if self.rank else 0.0
-
-    def search(
-        self,
-        seed: np.ndarray,
-        target: _Target,
-        bounds: tuple[np.ndarray, np.ndarray] | None = None,
-    ) -> _Found:
-        """Levenberg-Marquardt from `seed`; joints that come to their limits stay there.
-
-        Steps are of least norm, so that joints which need not move do not.
-        """
-        low, high = (self.low, self.high) if bounds is None else bounds
-        q, damping = np.clip(seed, low, high), _DAMPING[1]
-        error = self.error(q, target)
-        for _ in range(_ITERATIONS):
-            if np.linalg.norm(error) < 1e-3 * REACHED_M:
-                break
-            jacobian = self.jacobian(q, target.turn is not None)
-            free = np.ones(len(q), bool)
-            while True:  # without the joints that would leave their range
-                left, values, right = np.linalg.svd(jacobian[:, free], full_matrices=False)
-                step = np.zeros(len(q))
-                step[free] = right.T @ (values / (values**2 + damping**2) * (left.T @ error))
-                out = ((q <= low) & (step < 0.0)) | ((q >= high) & (step > 0.0))
-                if not out.any():
-                    break
-                free &= ~out
-            trial = np.clip(q + step, low, high)
-            if np.array_equal(trial, q):
-                break
-            left_over = self.error(trial, target)
-            if np.linalg.norm(left_over) < np.linalg.norm(error):
-                q, error, damping = trial, left_over, max(0.2 * damping, _DAMPING[0])
-            elif damping < _DAMPING[2]:
-                damping *= 4.0
-            else:
-                break
-        return _Found(q, error)
-
-    def nearest(self, found: _Found, seed: np.ndarray, target: _Target) -> _Found:
-        """The solution nearest to `seed` that can be reached from `found` without losing it."""
-        share = 1.0
-        for _ in range(_ITERATIONS):
-            _, _, right = np.linalg.svd(
-                self.jacobian(found.q, target.turn is not None), full_matrices=False
-            )
-            away = seed - found.q
-            step = away - right[: self.rank].T @ (right[: self.rank] @ away)
-            if np.linalg.norm(step) < 1e-9 or share < 1e-3:
-                break
-            trial = self.search(found.q + share * step, target)
-            if trial.reached and np.linalg.norm(seed - trial.q) < np.linalg.norm(away):
-                found = trial
-            else:
-                share *= 0.5
-        return found
 
 
 def cartesian_motion(
@@ -236,7 +75,7 @@ def cartesian_motion(
     if path not in PATHS:
         raise MissingName("path", path, PATHS)
     moments, targets = _waypoints(times, positions, orientations)
-    arm = _Arm(mechanism, frame)
+    arm = Arm(mechanism, frame)
     random = np.random.default_rng(0)
     arm.find_rank(orientations is not None, random)
     with within("positions", 0):
@@ -259,7 +98,7 @@ def _waypoints(
     times: Sequence[float] | np.ndarray,
     positions: Sequence[Sequence[float]] | np.ndarray,
     orientations: Sequence[Sequence[float]] | np.ndarray | None,
-) -> tuple[np.ndarray, list[_Target]]:
+) -> tuple[np.ndarray, list[Target]]:
     """Checked times (n,), and where the frame shall be at each."""
     given = {"times": times, "positions": positions}
     if orientations is not None:
@@ -297,22 +136,10 @@ def _waypoints(
     turns: list[np.ndarray | None] = [None] * len(moments)
     if orientations is not None:
         turns = [pin.rpy.rpyToMatrix(*angles) for angles in checked["orientations"]]
-    return moments, [_Target(*pair) for pair in zip(checked["positions"], turns, strict=True)]
+    return moments, [Target(*pair) for pair in zip(checked["positions"], turns, strict=True)]
 
 
-def joint_limits(mechanism: Mechanism, joints: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
-    """Lower and upper limits that the URDF sets, infinite where it sets none."""
-    source = parse(mechanism.description)
-    low, high = np.full(len(joints), -np.inf), np.full(len(joints), np.inf)
-    for i, name in enumerate(joints):
-        joint = source.joints[source.getJointId(name)]
-        if joint.nq == 1:  # a continuous joint has two coordinates there
-            low[i] = source.lowerPositionLimit[joint.idx_q]
-            high[i] = source.upperPositionLimit[joint.idx_q]
-    return low, high
-
-
-def _seed(arm: _Arm, start: Mapping[str, float]) -> np.ndarray:
+def _seed(arm: Arm, start: Mapping[str, float]) -> np.ndarray:
     q = np.clip(np.zeros(len(arm.joints)), arm.low, arm.high)
     for name, value in start.items():
         if name not in arm.joints:
@@ -328,9 +155,9 @@ def _seed(arm: _Arm, start: Mapping[str, float]) -> np.ndarray:
 
 
 def _solve(
-    arm: _Arm,
+    arm: Arm,
     seed: np.ndarray,
-    target: _Target,
+    target: Target,
     what: str,
     random: np.random.Generator,
     first: bool = False,
@@ -348,14 +175,14 @@ def _solve(
 
 
 def _otherwise(
-    arm: _Arm,
-    found: _Found,
+    arm: Arm,
+    found: Found,
     seed: np.ndarray,
-    target: _Target,
+    target: Target,
     what: str,
     random: np.random.Generator,
     first: bool,
-) -> _Found:
+) -> Found:
     """Another solution for the first waypoint, else the reason why there is none."""
     tries = [arm.search(arm.anywhere(random), target) for _ in range(_RESTARTS)]
     others = [one for one in tries if one.reached]
@@ -391,10 +218,10 @@ def _otherwise(
 
 
 def _line(
-    arm: _Arm,
+    arm: Arm,
     q: np.ndarray,
     times: np.ndarray,
-    targets: Sequence[_Target],
+    targets: Sequence[Target],
     number: int,
     random: np.random.Generator,
 ) -> list[tuple[float, np.ndarray]]:
@@ -420,7 +247,7 @@ def _line(
         part, what = k / count, f"the line to waypoint {number}"
         law = part**3 * (10.0 - 15.0 * part + 6.0 * part**2)
         turn = None if before is None else before @ pin.exp3(law * axis)
-        time, target = times[0] + part * span, _Target(begin + law * way, turn)
+        time, target = times[0] + part * span, Target(begin + law * way, turn)
         if k == count:
             time, target, what = times[1], targets[1], f"waypoint {number}"
         ahead = _solve(arm, q, target, what, random)
@@ -437,7 +264,7 @@ def _line(
     return solved
 
 
-def _singular(what: str, target: _Target, smallest: float) -> str:
+def _singular(what: str, target: Target, smallest: float) -> str:
     return (
         f"{what} at {target} is singular: the tool cannot be led in every direction there "
         f"(smallest singular value {smallest:.2g} m, at least {SINGULAR_M:g} m is needed)"

@@ -5,40 +5,30 @@ Figures of several cases are made of the same methods; see `jointplay.plots.figu
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from itertools import cycle
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
 
 from jointplay import analysis
 from jointplay.errors import JointplayError, MissingName
-from jointplay.geometry import Form, Mode
 from jointplay.loads.terms import TERMS
-from jointplay.plots.style import AXIS_COLOURS, COLOURS, MODE_COLOURS, new_figure, style
-from jointplay.result.result import AXES, Result
-
-COMPONENTS = (*AXES, "total")
+from jointplay.plots.of_joints import JointPlots
+from jointplay.plots.of_tool import ToolPlots
+from jointplay.plots.panels import CONTACT_COLOURS, figure_of, legend
+from jointplay.plots.style import COLOURS
+from jointplay.result.result import AXES
 
 ALWAYS = ("displacement", "velocity", "path", "coordinates", "forces", "energy", "spectrum")
 """Plots that have a meaning for every run."""
 NEED_CLEARANCE = ("orbit", "contacts", "gaps", "modes", "tilt", "impacts")
 """Plots that have one only with clearance."""
 
-MODE_NAMES = ("free flight", "continuous contact", "pseudo-penetration")
-CONTACT_COLOURS = (COLOURS[1], COLOURS[5], COLOURS[0], COLOURS[4], COLOURS[3], COLOURS[2], "0.5")
-_DASHES = ("-", "--", ":")
-"""Tell contacts apart that share a colour: a slider has up to sixteen."""
-_MARKERS = "o^sDvP*"
-_TICKS = 5
-"""Intervals between the ticks of an orbit, at most."""
 
-
-class Plots:
+class Plots(ToolPlots, JointPlots):
     """Draws one result. Each method returns the figure and takes these arguments.
 
     Args:
@@ -52,10 +42,6 @@ class Plots:
         MissingName: no such joint, axis or style.
     """
 
-    def __init__(self, result: Result) -> None:
-        """Draw `result`."""
-        self.result = result
-
     def __repr__(self) -> str:
         """The plots that this result has."""
         return f"<plots of a result: {', '.join(self.available)}>"
@@ -68,155 +54,6 @@ class Plots:
             found += NEED_CLEARANCE
             found += ("forms",) if bool((self.result["form"] >= 0).any()) else ()
         return found + (("deviation",) if analysis.has_play(self.result) else ())
-
-    @contextmanager
-    def _axes(
-        self, ax: Axes | None, look: str, width: float = 6.0, height: float = 3.2
-    ) -> Iterator[Axes]:
-        if ax is not None:
-            yield ax
-            return
-        with style(look):
-            yield new_figure(width, height, look).subplots()
-
-    def _joint(self, plot: str, joint: str | None) -> str:
-        joints = self.result.joints
-        if not joints:
-            raise JointplayError(
-                f"plot {plot!r} needs a clearance joint, and this run has none; it can plot "
-                f"{', '.join(self.available)}"
-            )
-        if joint is None:
-            return joints[0]
-        if joint not in joints:
-            raise MissingName("clearance joint", joint, joints)
-        return joint
-
-    def _components(
-        self,
-        ax: Axes,
-        time: np.ndarray,
-        vectors: np.ndarray,
-        axis: str | None,
-        symbol: str,
-        unit: str,
-        options: dict[str, Any],
-    ) -> None:
-        """One component of vectors (n, 3), or all three of them in the colours of the axes."""
-        if axis is not None and axis not in COMPONENTS:
-            raise MissingName("axis", axis, COMPONENTS)
-        for name in AXES if axis is None else (axis,):
-            values = (
-                np.linalg.norm(vectors, axis=1) if name == "total" else vectors[:, AXES.index(name)]
-            )
-            line = {"color": AXIS_COLOURS[name], **({"label": name} if axis is None else {})}
-            ax.plot(time, values, **(line | options))
-        if axis is None:
-            _legend(ax, 3)
-        part = {None: "", "total": ", total"}.get(axis, f" {axis}")
-        ax.set_ylabel(f"{symbol}{part} [{unit}]")
-        ax.set_xlabel("time [s]")
-
-    def displacement(
-        self, axis: str | None = None, *, ax: Axes | None = None, style: str = "screen", **line: Any
-    ) -> Figure:
-        """Tool position over time along world `axis` x, y, z (None: all) [m] (Figure 9)."""
-        return self._tool("tool_position", "displacement", "m", axis, ax, style, line)
-
-    def velocity(
-        self, axis: str | None = None, *, ax: Axes | None = None, style: str = "screen", **line: Any
-    ) -> Figure:
-        """Tool velocity over time along world `axis` x, y, z, total (None: all) [m/s] (Fig. 10)."""
-        return self._tool("tool_velocity", "velocity", "m/s", axis, ax, style, line)
-
-    def _tool(
-        self,
-        variable: str,
-        symbol: str,
-        unit: str,
-        axis: str | None,
-        ax: Axes | None,
-        look: str,
-        line: dict[str, Any],
-    ) -> Figure:
-        with self._axes(ax, look) as panel:
-            values = self.result[variable].values
-            self._components(panel, self.result.time, values, axis, symbol, unit, line)
-        return _figure_of(panel)
-
-    def deviation(
-        self,
-        axis: str | None = None,
-        ideal: Result | None = None,
-        *,
-        of: str = "tool_position",
-        ax: Axes | None = None,
-        style: str = "screen",
-        **line: Any,
-    ) -> Figure:
-        """Tool's difference from the ideal robot over time [mm, mm/s, mrad, mrad/s].
-
-        Args:
-            axis: x, y, z, total, or None for x, y and z.
-            ideal: the ideal robot's run; None simulates it (`analysis.twin`).
-            of: one of `analysis.tool_error.TOOL_MOTIONS`.
-            ax: see the class.
-            style: see the class.
-            line: see the class.
-        """
-        if not analysis.has_play(self.result):
-            raise JointplayError(
-                "plot 'deviation' needs clearance or a gear with play, and this run has neither; "
-                f"it can plot {', '.join(self.available)}"
-            )
-        reference = analysis.twin(self.result) if ideal is None else ideal
-        error = analysis.deviation(self.result, reference, of)
-        unit = f"m{error.attrs['units']}"
-        with self._axes(ax, style) as panel:
-            time, values = error["time"].values, 1e3 * error.values
-            self._components(panel, time, values, axis, "deviation", unit, line)
-        return _figure_of(panel)
-
-    def path(
-        self, plane: str = "xy", *, ax: Axes | None = None, style: str = "screen", **line: Any
-    ) -> Figure:
-        """Tool path in the world plane `plane`, two of x, y, z [m] (Figure 11)."""
-        if len(plane) != 2 or plane[0] == plane[1] or not set(plane) <= set(AXES):
-            raise MissingName("plane", plane, ("xy", "xz", "yz"))
-        with self._axes(ax, style, 4.6, 4.4) as panel:
-            across, up = (self.result["tool_position"].sel(axis=a).values for a in plane)
-            panel.plot(across, up, **({"color": COLOURS[1]} | line))
-            panel.set_xlabel(f"{plane[0]} [m]")
-            panel.set_ylabel(f"{plane[1]} [m]")
-            panel.set_aspect("equal", adjustable="datalim")
-        return _figure_of(panel)
-
-    def orbit(
-        self,
-        joint: str | None = None,
-        *,
-        ax: Axes | None = None,
-        style: str = "screen",
-        **line: Any,
-    ) -> Figure:
-        """Path of the journal's centre in its clearance circle, bearing frame [mm] (Fig. 12)."""
-        name = self._joint("orbit", joint)
-        with self._axes(ax, style, 4.8, 5.0) as panel:
-            centre = 1e3 * self.result["journal_centre"].sel(joint=name).values
-            outline = analysis.clearance_outline(self.result, name)
-            if outline is not None:
-                room = 1e3 * outline
-                panel.plot(*room, color="black", lw=1.0)
-                shape = "circle" if room.shape[1] > 5 else "rectangle"
-                panel.set_title(f"{name}, clearance {shape}, ±{room[0].max():g} mm")
-            look: dict[str, Any] = {"color": COLOURS[1], "lw": 0.5} | line
-            panel.plot(centre[:, 0], centre[:, 1], **look)
-            panel.set_aspect("equal")
-            for axis in (panel.xaxis, panel.yaxis):  # small panels have room for few
-                axis.set_major_locator(MaxNLocator(_TICKS, symmetric=True))
-            panel.set_xlabel("x in the bearing frame [mm]")
-            panel.set_ylabel("y in the bearing frame [mm]")
-        return _figure_of(panel)
 
     def coordinates(
         self,
@@ -266,8 +103,8 @@ class Plots:
                 panel.plot(self.result.time, values, **({"color": colour, "label": name} | line))
             panel.set_xlabel("time [s]")
             panel.set_ylabel(f"{words[of]} [{units[of][unit[names[0]]]}]")
-            _legend(panel, 4)
-        return _figure_of(panel)
+            legend(panel, 4)
+        return figure_of(panel)
 
     def forces(
         self,
@@ -301,133 +138,7 @@ class Plots:
             self._components(panel, self.result.time, forces.values, axis, "force", "N", line)
             if axis in AXES:
                 panel.set_ylabel(f"F{axis} [N]")
-        return _figure_of(panel)
-
-    def contacts(
-        self,
-        joint: str | None = None,
-        *,
-        ax: Axes | None = None,
-        style: str = "screen",
-        **line: Any,
-    ) -> Figure:
-        """Largest normal force at each of the joint's contacts since the last record [N]."""
-        name = self._joint("contacts", joint)
-        return self._places("normal_force_peak", name, 1.0, "normal force [N]", ax, style, line)
-
-    def gaps(
-        self,
-        joint: str | None = None,
-        *,
-        ax: Axes | None = None,
-        style: str = "screen",
-        **line: Any,
-    ) -> Figure:
-        """Smallest gap at each of the joint's contacts since the last record; < 0 sunk in [mm]."""
-        name = self._joint("gaps", joint)
-        figure = self._places("gap_min", name, 1e3, "gap [mm]", ax, style, line)
-        (ax or figure.axes[0]).axhline(0.0, color="black", lw=0.6)
-        return figure
-
-    def _places(
-        self,
-        variable: str,
-        joint: str,
-        scale: float,
-        label: str,
-        ax: Axes | None,
-        look: str,
-        line: dict[str, Any],
-    ) -> Figure:
-        with self._axes(ax, look) as panel:
-            for i, contact in enumerate(analysis.places(self.result, joint)):
-                values = self.result[variable].sel(joint=joint, contact=contact).values
-                drawn = {"label": contact.replace("_", " "), "lw": 0.7, **_contact_line(i)}
-                panel.plot(self.result.time, scale * values, **(drawn | line))
-            panel.set_xlabel("time [s]")
-            panel.set_ylabel(label)
-            _legend(panel, 4)
-        return _figure_of(panel)
-
-    def modes(
-        self, joint: str | None = None, *, ax: Axes | None = None, style: str = "screen", **bar: Any
-    ) -> Figure:
-        """Timeline of the joint's mode (Table 1), with the share of the time in each."""
-        name = self._joint("modes", joint)
-        with self._axes(ax, style, 6.0, 2.2) as panel:
-            found = analysis.shares(self.result, name)
-            rows = [
-                f"{text}\n{100 * share:.1f} %"
-                for text, share in zip(MODE_NAMES, found.values(), strict=True)
-            ]
-            values = self.result["mode"].sel(joint=name).values
-            _timeline(panel, self.result.time, values, list(Mode), rows, MODE_COLOURS, bar)
-        return _figure_of(panel)
-
-    def forms(
-        self, joint: str | None = None, *, ax: Axes | None = None, style: str = "screen", **bar: Any
-    ) -> Figure:
-        """Timeline of the contact forms that occurred (Figure 2), with the share of each."""
-        name = self._joint("forms", joint)
-        found = analysis.shares(self.result, name, "form")
-        if not found:
-            raise JointplayError(
-                f"Figure 2 has no forms for a joint such as {name!r}; plot its modes or contacts"
-            )
-        seen = [form for form in Form if found[form.name.lower()] > 0.0]
-        with self._axes(ax, style, 6.0, 0.9 + 0.24 * len(seen)) as panel:
-            rows = []
-            for form in seen:
-                words = form.name.lower().replace("_", " ")
-                if form:
-                    words = form.letter if _narrow(panel) else f"{form.letter}: {words}"
-                rows.append(f"{words}, {100 * found[form.name.lower()]:.1f} %")
-            values = self.result["form"].sel(joint=name).values
-            _timeline(panel, self.result.time, values, seen, rows, (COLOURS[1],) * 13, bar)
-        return _figure_of(panel)
-
-    def tilt(
-        self,
-        joint: str | None = None,
-        *,
-        ax: Axes | None = None,
-        style: str = "screen",
-        **line: Any,
-    ) -> Figure:
-        """Angle between the axes of journal and bearing over time [mrad]."""
-        name = self._joint("tilt", joint)
-        with self._axes(ax, style) as panel:
-            values = 1e3 * self.result["tilt"].sel(joint=name).values
-            panel.plot(self.result.time, values, **({"color": COLOURS[1]} | line))
-            panel.set_xlabel("time [s]")
-            panel.set_ylabel("tilt [mrad]")
-        return _figure_of(panel)
-
-    def impacts(
-        self,
-        joint: str | None = None,
-        *,
-        ax: Axes | None = None,
-        style: str = "screen",
-        **dots: Any,
-    ) -> Figure:
-        """Peak normal force [N] of every contact over its duration [ms], by place."""
-        name = self._joint("impacts", joint)
-        with self._axes(ax, style, 5.0, 3.6) as panel:
-            places = [p for p in analysis.contacts(self.result) if p.joint == name]
-            for i, place in enumerate(places):
-                marker = _MARKERS[i % len(_MARKERS)]
-                drawn = {**_contact_line(i), "marker": marker, "ls": "none", "ms": 3.5, "mew": 0.0}
-                drawn |= {"label": f"{place.contact.replace('_', ' ')}, {len(place.peak)}"}
-                drawn |= {"alpha": 0.8}
-                panel.plot(1e3 * place.duration, place.peak, **(drawn | dots))
-            if any(len(place.peak) for place in places):
-                panel.set_xscale("log")
-                panel.set_yscale("log")
-            panel.set_xlabel("duration of the contact [ms]")
-            panel.set_ylabel("peak normal force [N]")
-            _legend(panel, 2)
-        return _figure_of(panel)
+        return figure_of(panel)
 
     def energy(self, *, ax: Axes | None = None, style: str = "screen", **line: Any) -> Figure:
         """Terms of the energy balance over time, and its error [J]."""
@@ -454,102 +165,5 @@ class Plots:
                     )
             panel.set_xlabel("time [s]")
             panel.set_ylabel("energy [J]")
-            _legend(panel, 3)
-        return _figure_of(panel)
-
-    def spectrum(
-        self,
-        axis: str | None = None,
-        ideal: Result | None = None,
-        *,
-        of: str = "acceleration",
-        start: float | None = None,
-        ax: Axes | None = None,
-        style: str = "screen",
-        **line: Any,
-    ) -> Figure:
-        """Power spectral density of the tool's vibration; see `analysis.spectrum`.
-
-        Args:
-            axis: x, y, z, total, or None for x, y and z.
-            ideal: ideal run whose motion is subtracted; needed for ``deviation``.
-            of: ``acceleration`` or ``deviation``.
-            start: records before this are left out [s]; None: before the run is judged.
-            ax: see the class.
-            style: see the class.
-            line: see the class.
-        """
-        if axis is not None and axis not in COMPONENTS:
-            raise MissingName("axis", axis, COMPONENTS)
-        density = analysis.spectrum(self.result, ideal, of, start)
-        frequency = density["frequency"].values[1:]
-        with self._axes(ax, style) as panel:
-            for name in AXES if axis is None else (axis,):
-                values = density.sel(axis=name).values[1:]
-                if not values.any():  # the tool does not move this way
-                    continue
-                drawn = {"color": AXIS_COLOURS[name], **({"label": name} if axis is None else {})}
-                panel.loglog(frequency, values, **(drawn | line))
-            unit = r"(m/s$^2$)$^2$/Hz" if of == "acceleration" else r"m$^2$/Hz"
-            panel.set_xlabel("frequency [Hz]")
-            panel.set_ylabel(f"PSD of {of}{f' {axis}' if axis else ''} [{unit}]")
-            if axis is None:
-                _legend(panel, 3)
-        return _figure_of(panel)
-
-
-def _figure_of(panel: Axes) -> Figure:
-    figure = panel.get_figure(root=True)
-    assert isinstance(figure, Figure)
-    return figure
-
-
-def _contact_line(index: int) -> dict[str, Any]:
-    """Colour and dashes of a joint's contact."""
-    round_, at = divmod(index, len(CONTACT_COLOURS))
-    return {"color": CONTACT_COLOURS[at], "ls": _DASHES[round_ % len(_DASHES)]}
-
-
-def _narrow(panel: Axes) -> bool:
-    return bool(_figure_of(panel).get_figwidth() < 4.5)
-
-
-def _legend(panel: Axes, columns: int) -> None:
-    """Above the axes, in fewer columns on a narrow figure."""
-    if _narrow(panel) and columns > 3:
-        columns = 2
-    legend = panel.legend(
-        loc="lower left",
-        bbox_to_anchor=(0.0, 1.0),
-        ncols=columns,
-        borderaxespad=0.2,
-        handlelength=1.3,
-        columnspacing=1.2,
-    )
-    for line in legend.get_lines():
-        line.set_linewidth(max(line.get_linewidth(), 1.6))
-
-
-def _timeline(
-    panel: Axes,
-    time: np.ndarray,
-    values: np.ndarray,
-    members: Sequence[int],
-    rows: Sequence[str],
-    colours: Sequence[str],
-    options: dict[str, Any],
-) -> None:
-    """A row for each of `members`, filled while `values` equals it."""
-    ends = np.append(time[1:], time[-1])
-    for row, (member, colour) in enumerate(zip(members, colours, strict=False)):
-        edges = np.diff(np.concatenate([[False], values == member, [False]]).astype(int))
-        first, last = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1) - 1
-        spans = np.column_stack([time[first], ends[last] - time[first]])
-        drawn: dict[str, Any] = {"facecolors": colour, "linewidth": 0.0} | options
-        panel.broken_barh(spans.tolist(), (row - 0.4, 0.8), **drawn)
-    panel.set_yticks(range(len(rows)), rows)
-    panel.set_ylim(len(rows) - 0.5, -0.5)
-    panel.set_xlim(time[0], time[-1])
-    panel.grid(axis="y", visible=False)
-    panel.tick_params(axis="y", length=0)
-    panel.set_xlabel("time [s]")
+            legend(panel, 3)
+        return figure_of(panel)

@@ -28,7 +28,7 @@ from jointplay.report.cases import load as load
 from jointplay.report.charts import Chart, all_charts
 from jointplay.report.html import Html, joined, markup, paragraph, render
 from jointplay.report.series import MAX_RECORDS, Pack
-from jointplay.result.histories import versions
+from jointplay.result.provenance import versions
 from jointplay.result.result import Result
 
 IMPACTS = 5

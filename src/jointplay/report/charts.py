@@ -10,9 +10,9 @@ import numpy as np
 from jointplay import analysis
 from jointplay.errors import JointplayError
 from jointplay.geometry import Mode
-from jointplay.plots.accessor import CONTACT_COLOURS, MODE_NAMES
 from jointplay.plots.figures import force_joints, is_paper, plane_of
 from jointplay.plots.names import PAPER
+from jointplay.plots.panels import CONTACT_COLOURS, MODE_NAMES
 from jointplay.plots.style import MODE_COLOURS
 from jointplay.report.cases import Case
 from jointplay.report.series import EXACT, Pack, Thinning

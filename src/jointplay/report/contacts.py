@@ -9,7 +9,7 @@ import numpy as np
 
 from jointplay import analysis
 from jointplay.geometry import Form
-from jointplay.plots.accessor import MODE_NAMES
+from jointplay.plots.panels import MODE_NAMES
 from jointplay.report.cases import Case
 from jointplay.report.html import Cell, Html, joined, markup, paragraph, table
 from jointplay.report.naming import dark, place_of

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,6 +20,7 @@ from jointplay.mechanism.mechanism import Mechanism
 from jointplay.result.audit import Judgement
 from jointplay.result.auditor import Auditor
 from jointplay.result.loads import Acting
+from jointplay.result.provenance import versions
 from jointplay.result.records import Records
 from jointplay.result.result import AXES, FORMAT, Result
 from jointplay.result.variables import (
@@ -284,23 +284,3 @@ def _dataset(variables: Variables, coordinates: Mapping[str, Any]) -> xr.Dataset
             dataset[name].attrs["flag_values"] = np.arange(len(members), dtype=np.int8)
         dataset["form"].attrs["comment"] = "-1 for joints that Figure 2 does not show"
     return dataset
-
-
-def versions() -> dict[str, str]:
-    """Versions of this package, Python and the libraries that enter a result."""
-    return dict(_versions())
-
-
-@cache
-def _versions() -> dict[str, str]:
-    """The same, looked up once: that takes milliseconds."""
-    import platform
-    from importlib.metadata import PackageNotFoundError, version
-
-    found = {"python": platform.python_version(), "machine": platform.machine()}
-    for name in ("jointplay", "pin", "numpy", "numba", "scipy"):
-        try:
-            found[name] = version(name)
-        except PackageNotFoundError:  # run from a source tree that is not installed
-            found[name] = "unknown"
-    return found

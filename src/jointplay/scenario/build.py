@@ -2,34 +2,24 @@
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator
 from contextlib import ExitStack, contextmanager
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from jointplay.codec import Draft, Preset, unknown_key
-from jointplay.contact.trust import trusting
-from jointplay.errors import JointplayError, MissingName, require_positive, within
-from jointplay.fields import fields_of
-from jointplay.host.files import is_file
-from jointplay.joints import JOINT_WORDS, VIRTUAL_LINK, Clearance
-from jointplay.loads import Load
-from jointplay.loads.drive import ComputedTorque, Drive, JointFriction, Torque
+from jointplay.codec import Draft, Preset
+from jointplay.errors import JointplayError, MissingName, within
+from jointplay.joints import JOINT_WORDS, Clearance
 from jointplay.mechanism.loop import Loop, refuse_name
 from jointplay.mechanism.mechanism import Mechanism
-from jointplay.mechanism.payload import Payload
 from jointplay.mechanism.urdf import read
-from jointplay.motion.cartesian import cartesian_motion
-from jointplay.motion.reference import INTERPOLATIONS, Motion
-from jointplay.scenario.model import ANGLE, ANGULAR_SPEED, PATHS, Model
-from jointplay.scenario.sources import MOTION_SOURCES, locate
+from jointplay.scenario.acting import drive_of, friction_of, loads_of, payloads_of
+from jointplay.scenario.fitting import beside, drafts, fit
+from jointplay.scenario.model import ANGLE, ANGULAR_SPEED, Model
+from jointplay.scenario.motions import motion_of
+from jointplay.scenario.sources import locate
 from jointplay.scenario.unnamed import complete
 from jointplay.simulation.simulation import Simulation
-from jointplay.units import WORDS, Measured, expected, shown
 
 
 def build(model: Model, folder: Path) -> tuple[Simulation, list[str]]:
@@ -43,18 +33,18 @@ def build(model: Model, folder: Path) -> tuple[Simulation, list[str]]:
     """
     mechanism = _mechanism(model, folder)
     start = {
-        name: _fit(mechanism, name, value, ANGLE, ("start", name))
+        name: fit(mechanism, name, value, ANGLE, ("start", name))
         for name, value in model.start.items()
     }
     start_speed = {
-        name: _fit(mechanism, name, value, ANGULAR_SPEED, ("start_speed", name))
+        name: fit(mechanism, name, value, ANGULAR_SPEED, ("start_speed", name))
         for name, value in model.start_speed.items()
     }
-    motion = _motion(model, mechanism, folder, start)
+    motion = motion_of(model, mechanism, folder, start)
     notes: list[str] = []
     if motion is not None:
         motion, notes = complete(model, mechanism, motion, start)
-    drive = _drive(model, mechanism, motion)
+    drive = drive_of(model, mechanism, motion)
     integration = model.integration
     simulation = Simulation(
         mechanism,
@@ -66,10 +56,10 @@ def build(model: Model, folder: Path) -> tuple[Simulation, list[str]]:
         macro_step=integration.macro_step,
         tolerance=integration.tolerance,
         record_every=model.output.record_every,
-        joint_friction=_joint_friction(model, mechanism),
+        joint_friction=friction_of(model, mechanism),
         seed=integration.seed,
-        payloads=_payloads(model, mechanism),
-        loads=_loads(model, mechanism, folder),
+        payloads=payloads_of(model, mechanism),
+        loads=loads_of(model, mechanism, folder),
         limits=model.robot.limits,
         state={name: (start.get(name), start_speed.get(name)) for name in {**start, **start_speed}},
         start=integration.start,
@@ -93,7 +83,7 @@ def _mechanism(model: Model, folder: Path) -> Mechanism:
                 bearing.link, journal.link, bearing.xyz, bearing.rpy, journal.xyz, journal.rpy
             )
     joints = {}
-    for name, draft in _drafts(model.joints).items():
+    for name, draft in drafts(model.joints).items():
         with within("joints", name):
             if name not in description.joints and name not in loops:
                 raise MissingName("joint", name, [*description.joints, *loops])
@@ -101,7 +91,7 @@ def _mechanism(model: Model, folder: Path) -> Mechanism:
                 continue
             joints[name] = _joint(draft, folder)
     gears = {}
-    for name, draft in _drafts(model.gears).items():
+    for name, draft in drafts(model.gears).items():
         with within("gears", name):
             gears[name] = draft.make()
     with _in_scenario("robot", ("tool", "gravity", "allow_unphysical")):
@@ -116,12 +106,6 @@ def _mechanism(model: Model, folder: Path) -> Mechanism:
         )
 
 
-def _drafts(table: Any) -> dict[str, Draft]:
-    """Objects that the file describes, checked but not yet made, by name."""
-    drafts: dict[str, Draft] = dict(table)
-    return drafts
-
-
 @contextmanager
 def _in_scenario(table: str, keys: Collection[str]) -> Iterator[None]:
     """Say of errors in the block at one of `keys` that they are at it in the `table`."""
@@ -132,16 +116,6 @@ def _in_scenario(table: str, keys: Collection[str]) -> Iterator[None]:
             error.where = (table, *error.where)
         elif error.where[:1] == ("clearance",):
             error.where = ("joints", *error.where[1:])
-        raise
-
-
-@contextmanager
-def _renamed(**names: str) -> Iterator[None]:
-    """Say of errors in the block at one of these arguments that they are at its key."""
-    try:
-        yield
-    except JointplayError as error:
-        error.where = tuple(names.get(str(part), part) for part in error.where)
         raise
 
 
@@ -159,269 +133,6 @@ def _joint(draft: Draft, folder: Path) -> Clearance:
     functions = [str(law.fields["function"]) for law in laws if "function" in law.fields]
     with ExitStack() as stack:
         for function in functions:
-            stack.enter_context(_beside(folder, function))
+            stack.enter_context(beside(folder, function))
         joint: Clearance = draft.make()
         return joint
-
-
-@contextmanager
-def _beside(folder: Path, function: str) -> Iterator[None]:
-    """Let a law of the user's own be found beside the scenario that names it."""
-    module = function.partition(":")[0].partition(".")[0]
-    own = folder / f"{module}.py", folder / module / "__init__.py"
-    if not module.isidentifier() or not any(is_file(path) for path in own):
-        yield
-        return
-    place = str(folder.resolve())
-    sys.path.insert(0, place)
-    try:
-        with trusting({module}):
-            yield
-    finally:
-        sys.path.remove(place)
-
-
-def _fit(
-    mechanism: Mechanism,
-    joint: str,
-    value: float,
-    units: tuple[str, str],
-    path: tuple[str | int, ...],
-) -> float:
-    """`value` as float, if its unit is one for this joint: units are (revolute's, prismatic's)."""
-    kind = f"a {path[0]} of a journal"
-    if joint in mechanism.joints:
-        kind = mechanism.description.joints[joint].kind
-        unit = units[kind == "prismatic"]
-    elif path[0] in ("start", "start_speed") and joint in mechanism.coordinates:
-        unit = units[joint.rpartition(".")[2] in VIRTUAL_LINK[:3]]
-    else:
-        raise MissingName("moving joint", joint, mechanism.joints, where=path)
-    if isinstance(value, Measured) and value.unit not in ("", unit):
-        raise JointplayError(
-            f"{shown(value.text)} is no {WORDS[unit][0]}, but joint {joint!r} is {kind}; "
-            f"expected {expected(unit)}",
-            where=path,
-        )
-    return float(value)
-
-
-def _motion(
-    model: Model, mechanism: Mechanism, folder: Path, start: dict[str, float]
-) -> Motion | None:
-    """The reference; takes out of `start` what it uses."""
-    if model.motion is None:
-        return None
-    motion = _as_given(model, model.motion, mechanism, folder, start)
-    if model.motion.faster is None:
-        return motion
-    with within("motion", "faster"):
-        faster = require_positive("faster", model.motion.faster, "")
-        return Motion(motion.joints, motion.times / faster, motion.positions, motion.interpolation)
-
-
-def _as_given(
-    model: Model, table: Any, mechanism: Mechanism, folder: Path, start: dict[str, float]
-) -> Motion:
-    """The reference at the speed that the scenario gives it."""
-    given = table.given()
-    interpolation = table.interpolation or INTERPOLATIONS[0]
-    sources = [key for key in MOTION_SOURCES if key in given]
-    if len(sources) != 1:
-        raise JointplayError(
-            f"the motion needs one of {', '.join(MOTION_SOURCES)}; "
-            f"got {' and '.join(sources) or 'none'}",
-            where=("motion", *sources[1:2]),
-        )
-    (source,) = sources
-    for key in given:
-        if key not in (source, *MOTION_SOURCES[source]):
-            keys = (source, *MOTION_SOURCES[source])
-            raise JointplayError(
-                unknown_key(key, keys) + f" (with {source})", where=("motion", key)
-            )
-    if source == "file":
-        with within("motion", "file"):
-            return _from_file(locate(given["file"], folder), table.interpolation)
-    if source == "speeds":
-        return _turning(model, mechanism, start)
-    if table.times is None:
-        raise JointplayError(f"the key times is missing; {source} needs it", where=("motion",))
-    if source == "tool_position":
-        return _cartesian(table, mechanism, start)
-    columns = []
-    for name, values in given["joints"].items():
-        path = ("motion", "joints", name)
-        if len(values) != len(table.times):
-            raise JointplayError(
-                f"{len(values)} positions for {len(table.times)} times; give one for each",
-                where=path,
-            )
-        columns.append([_fit(mechanism, name, value, ANGLE, path) for value in values])
-    with within("motion"):
-        positions = np.array(columns).reshape(len(columns), len(table.times)).T
-        return Motion(list(given["joints"]), table.times, positions, interpolation)
-
-
-def _from_file(path: Path, interpolation: str | None) -> Motion:
-    """Motion of a file, which is read again only once it has changed."""
-    try:
-        found = path.stat()
-    except (OSError, ValueError):  # which those who read put into words
-        return _read(path, interpolation)
-    return _read_once(path, interpolation, (found.st_mtime_ns, found.st_size, found.st_ino))
-
-
-@lru_cache(maxsize=16)
-def _read_once(path: Path, interpolation: str | None, stamp: tuple[int, ...]) -> Motion:
-    return _read(path, interpolation)
-
-
-def _read(path: Path, interpolation: str | None) -> Motion:
-    if path.suffix.lower() == ".mcap":  # recorded, and dense
-        return Motion.from_mcap(path, interpolation=interpolation or "spline")
-    return Motion.from_csv(path, interpolation or INTERPOLATIONS[0])
-
-
-def _turning(model: Model, mechanism: Mechanism, start: dict[str, float]) -> Motion:
-    """Joints at constant speed."""
-    assert model.motion is not None
-    assert model.motion.speeds is not None
-    duration = model.integration.duration
-    if duration is None:
-        raise JointplayError(
-            "constant speeds have no end; give duration in [integration]",
-            where=("motion", "speeds"),
-        )
-    names = list(model.motion.speeds)
-    speeds = [
-        _fit(mechanism, name, speed, ANGULAR_SPEED, ("motion", "speeds", name))
-        for name, speed in model.motion.speeds.items()
-    ]
-    begin = np.array([start.pop(name, 0.0) for name in names])
-    with within("motion", "speeds"):
-        positions = [begin, begin + np.array(speeds) * duration]
-        return Motion(names, [0.0, duration], np.array(positions), "constant-speed")
-
-
-def _cartesian(table: Any, mechanism: Mechanism, start: dict[str, float]) -> Motion:
-    """Joints that move a frame as asked."""
-    for key in ("tool_position", "tool_rpy"):
-        rows = getattr(table, key)
-        if rows is not None and len(rows) != len(table.times):
-            raise JointplayError(
-                f"{len(rows)} waypoints for {len(table.times)} times; give one for each",
-                where=("motion", key),
-            )
-    with _renamed(positions="tool_position", orientations="tool_rpy"), within("motion"):
-        motion: Motion = cartesian_motion(
-            mechanism.ideal(),
-            np.array(table.times),
-            np.array(table.tool_position).reshape(-1, 3),
-            None if table.tool_rpy is None else np.array(table.tool_rpy).reshape(-1, 3),
-            frame=table.frame,
-            path=table.path or PATHS[0],
-            start=dict(start) or None,
-        )
-    for name in motion.joints:
-        start.pop(name, None)
-    return motion
-
-
-def _drive(
-    model: Model, mechanism: Mechanism, motion: Motion | None
-) -> Drive | Mapping[str, Drive]:
-    common: Drive = ComputedTorque()
-    shared: Any = model.drive
-    if shared is not None:
-        if shared.kind is Torque:
-            raise JointplayError(
-                "a torque acts on one joint; give [drives.JOINT]", where=("drive", "kind")
-            )
-        common = _one_drive(shared, ("drive",))
-    if motion is not None and not model.drives:
-        return common
-    drives: dict[str, Drive] = {}
-    if motion is not None and common.follows:
-        drives = dict.fromkeys(motion.joints, common)
-    for name, draft in _drafts(model.drives).items():
-        path = ("drives", name)
-        if name not in mechanism.joints:
-            raise MissingName("moving joint", name, mechanism.joints, where=path)
-        fitted = {}
-        if draft.kind is Torque:
-            revolute, prismatic = fields_of(Torque)["values"].units
-            fitted["values"] = tuple(
-                _fit(mechanism, name, value, (revolute, prismatic), (*path, "values"))
-                for value in draft.fields["values"]
-            )
-        drives[name] = _one_drive(draft, path, **fitted)
-        if drives[name].follows and (motion is None or name not in motion.joints):
-            kind = drives[name].kind
-            raise JointplayError(
-                f"a {kind} drive follows a motion, and [motion] has none for it", where=path
-            )
-    return drives
-
-
-def _one_drive(draft: Draft, path: tuple[str, ...], **fitted: Any) -> Drive:
-    with within(*path):
-        drive: Drive = Draft(draft.kind, draft.word, {**draft.fields, **fitted}).make()
-        return drive
-
-
-def _joint_friction(model: Model, mechanism: Mechanism) -> dict[str, JointFriction] | None:
-    """Friction of all moving joints, where the scenario says anything of it."""
-    if not model.joint_friction:
-        return None
-    entries = mechanism.description.joints
-    friction = {
-        name: JointFriction(entries[name].friction, entries[name].damping)
-        for name in mechanism.joints
-    }
-    for name, draft in _drafts(model.joint_friction).items():
-        path = ("joint_friction", name)
-        fields = {}
-        for key, value in draft.fields.items():
-            revolute, prismatic = fields_of(JointFriction)[key].units
-            fields[key] = _fit(mechanism, name, value, (revolute, prismatic), (*path, key))
-        if name not in friction:
-            raise MissingName("moving joint", name, mechanism.joints, where=path)
-        with within(*path):
-            friction[name] = JointFriction(**fields)
-    return friction
-
-
-def _loads(model: Model, mechanism: Mechanism, folder: Path) -> dict[str, Load]:
-    loads: dict[str, Load] = {}
-    for name, draft in _drafts(model.loads).items():
-        fitted = {}
-        for key, value in draft.fields.items():
-            units = fields_of(draft.kind)[key].units
-            if len(units) == 2 and value is not None:
-                at = ("loads", name, key)
-                fitted[key] = _fit(
-                    mechanism, draft.fields["joint"], value, (units[0], units[1]), at
-                )
-        with (
-            within("loads", name),
-            _beside(folder, str(draft.fields.get("function", ""))),
-        ):
-            load = Draft(draft.kind, draft.word, {**draft.fields, **fitted}).make()
-            load.site(mechanism)
-            load.numbers(mechanism)
-        loads[name] = load
-    return loads
-
-
-def _payloads(model: Model, mechanism: Mechanism) -> tuple[Payload, ...]:
-    payloads = []
-    drafts: list[Any] = list(model.payloads)
-    for index, draft in enumerate(drafts):
-        with within("payloads", index):
-            payload = Payload(**{"frame": mechanism.tool, **draft.fields})
-            if not mechanism.model.existFrame(payload.frame):
-                names = [f.name for f in mechanism.model.frames if f.name != "universe"]
-                raise MissingName("frame", payload.frame, names, where=("frame",))
-            payloads.append(payload)
-    return tuple(payloads)

@@ -143,7 +143,7 @@ def robot_scenario(
     for name in () if ideal else joints:
         known = description.joints.get(name)
         own = given.get("joints", {}).get(name, {})
-        kind = "prismatic" if known is not None and known.kind == "prismatic" else "revolute"
+        kind = "prismatic" if known is not None and known.slides else "revolute"
         wanted = own.get("kind", kind)
         table = dict(JOINTS.get(wanted, {"kind": wanted, **_MATERIALS, **_LAWS}))
         for instead, derived in _INSTEAD.items():
@@ -225,7 +225,7 @@ def _there_and_back(mechanism: Mechanism) -> tuple[dict[str, Any], str]:
             low, high = model.lowerPositionLimit[at], model.upperPositionLimit[at]
         begin = float(np.clip(0.0, low, high))
         room = max(high - begin, begin - low)
-        slides = mechanism.description.joints[name].kind == "prismatic"
+        slides = mechanism.description.joints[name].slides
         way = min(SLIDE if slides else SWING, PART * room)
         end = begin + (way if high - begin >= begin - low else -way)
         ways[name] = [begin, end, begin]

@@ -95,7 +95,7 @@ def _load_fields(load: Load, mechanism: Mechanism) -> str:
     """Fields of a load, with units; those not set left out."""
     words = []
     entry = mechanism.description.joints.get(getattr(load, "joint", ""))
-    slides = entry is not None and entry.kind == "prismatic"
+    slides = entry is not None and entry.slides
     description = load.describe()
     for name, field in fields_of(type(load)).items():
         value = description.get(name)
@@ -123,7 +123,7 @@ def _fields(thing: Any, joint: Any = None) -> str:
     kind: Any = type(thing)
     for name, field in fields_of(kind).items():
         value = getattr(thing, name, None)
-        slides = len(field.units) > 1 and joint is not None and joint.kind == "prismatic"
+        slides = len(field.units) > 1 and joint is not None and joint.slides
         unit = field.units[slides]
         name = name.replace("_", " ")
         if value is None or value is False or name == "frame":

@@ -9,7 +9,7 @@ import numpy as np
 from jointplay import kernel
 from jointplay.contact.compiled import address, check_parameters
 from jointplay.errors import JointplayError
-from jointplay.kernel.workspace import ContactSite, FilmSite
+from jointplay.kernel.sites import ContactSite, FilmSite
 from jointplay.mechanism.impact import (
     REFERENCE_SPEED,
     contact_duration,
@@ -66,7 +66,7 @@ def contact_site(mechanism: Mechanism, name: str, q: np.ndarray) -> ContactSite:
             check_parameters(law.parameters(properties), law.name),
         )
         reach["must_not_touch"] = 0 if law.hybrid else properties.contacts
-    reach["wearing"] = len(joint.worn_widths) if joint.wears else 0
+    reach["wearing"] = len(joint.wear.widths) if joint.wear else 0
     return ContactSite(
         int(joint.shape),
         joint.dimensions,

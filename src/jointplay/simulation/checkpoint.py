@@ -20,7 +20,7 @@ from jointplay.contact.trust import trusting
 from jointplay.errors import JointplayError
 from jointplay.host import files
 from jointplay.kernel.sources import fingerprint
-from jointplay.result.histories import versions
+from jointplay.result.provenance import versions
 
 if TYPE_CHECKING:
     from jointplay.simulation.run import Run

@@ -65,7 +65,7 @@ def settled(simulation: Simulation, settle: float | str, duration: float) -> flo
     motion, mechanism = simulation.motion, simulation.mechanism
     turning = [] if motion is None else [n for n in motion.joints if n in mechanism.joints]
     entries = mechanism.description.joints
-    turning = [name for name in turning if entries[name].kind != "prismatic"]
+    turning = [name for name in turning if not entries[name].slides]
     if motion is None or not turning:
         raise JointplayError(
             f"settle = {settle!r}: no joint follows a motion; give seconds", ("settle",)

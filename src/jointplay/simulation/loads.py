@@ -10,10 +10,12 @@ import numpy as np
 import pinocchio as pin
 
 from jointplay.errors import JointplayError
-from jointplay.kernel.workspace import LoadSite, Workspace
+from jointplay.kernel.sites import LoadSite
+from jointplay.kernel.workspace import Workspace
 from jointplay.loads.base import Load, Site, address
 from jointplay.loads.controller import Controller, hold
-from jointplay.mechanism.mechanism import Mechanism, signs_between
+from jointplay.mechanism.mechanism import Mechanism
+from jointplay.mechanism.placed import signs_between
 from jointplay.mechanism.urdf import MOST_LETTERS
 
 LARGEST_STEP_TURN = 1.0

@@ -7,7 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from jointplay.errors import MissingName
+from jointplay.kernel.workspace import Workspace
 from jointplay.mechanism.mechanism import Mechanism
+from jointplay.simulation.loop import Loop
 
 
 @dataclass(frozen=True)
@@ -92,3 +94,25 @@ class Moment:
         if name not in joints:
             raise MissingName("joint with clearance", name, joints)
         return joints.index(name)
+
+
+def moment_of(workspace: Workspace, loop: Loop, mechanism: Mechanism, single_rate: bool) -> Moment:
+    """The present instant of a run, which goes on as if nobody had looked."""
+    kept = [array.copy() for array in workspace.state()]
+    loop.look()
+    touching = workspace.contacts["touching"] > 0
+    if not single_rate:
+        touching &= (workspace.joints["touching"] > 0)[:, None]
+    moment = Moment(
+        workspace.time,
+        workspace.steps,
+        workspace.q.copy(),
+        workspace.v.copy(),
+        mechanism,
+        workspace.joints["pose"].copy(),
+        workspace.joints["wrench"].copy(),
+        np.where(touching, workspace.contacts["normal_now"], 0.0),
+    )
+    for array, values in zip(workspace.state(), kept, strict=True):
+        np.copyto(array, values)
+    return moment

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from jointplay.kernel.workspace import LoadSite, Workspace
+from jointplay.kernel.sites import LoadSite
+from jointplay.kernel.workspace import Workspace
 from jointplay.loads.base import Load, Site
 from jointplay.loads.loaded_friction import LEVEL, RATE, TIME, LoadedFriction
 from jointplay.mechanism.mechanism import Mechanism
@@ -138,7 +139,7 @@ def _axis(mechanism: Mechanism, name: str) -> tuple[int, np.ndarray, bool]:
     """Pinocchio joint, its axis in its own frame, and whether it slides."""
     model = mechanism.model
     index = int(model.getJointId(name))
-    slides = mechanism.description.joints[name].kind == "prismatic"
+    slides = mechanism.description.joints[name].slides
     if name in mechanism.clearance:
         return index, np.array([0.0, 0.0, 1.0]), slides
     data = model.createData()

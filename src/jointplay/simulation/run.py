@@ -32,17 +32,12 @@ from jointplay.simulation import checkpoint, ending, initial, limits, step_check
 from jointplay.simulation import loads as acting
 from jointplay.simulation.assemble import check_step, contact_site
 from jointplay.simulation.events import Events
-from jointplay.simulation.loop import (
-    LONGEST_MACRO_STEP_S,
-    LOOP_CORRECTION,
-    Adaptive,
-    Loop,
-    MultiRate,
-    SingleRate,
-)
-from jointplay.simulation.moment import Moment
+from jointplay.simulation.loop import LOOP_CORRECTION, Loop
+from jointplay.simulation.moment import Moment, moment_of
+from jointplay.simulation.multi_rate import LONGEST_MACRO_STEP_S, Adaptive, MultiRate
 from jointplay.simulation.on_disk import OnDisk
 from jointplay.simulation.progress import Bar
+from jointplay.simulation.single_rate import SingleRate
 from jointplay.simulation.standing import StandingLoads
 from jointplay.simulation.watch import Watch
 
@@ -349,25 +344,7 @@ class Run:
 
     def moment(self) -> Moment:
         """The present instant, to be read; the run must have begun."""
-        w = self.workspace
-        kept = [array.copy() for array in w.state()]
-        self._loop.look()
-        touching = (w.contacts["touching"] > 0) & (w.joints["touching"] > 0)[:, None]
-        if self.method.single_rate:
-            touching = w.contacts["touching"] > 0
-        moment = Moment(
-            w.time,
-            w.steps,
-            w.q.copy(),
-            w.v.copy(),
-            self.mechanism,
-            w.joints["pose"].copy(),
-            w.joints["wrench"].copy(),
-            np.where(touching, w.contacts["normal_now"], 0.0),
-        )
-        for array, values in zip(w.state(), kept, strict=True):
-            np.copyto(array, values)
-        return moment
+        return moment_of(self.workspace, self._loop, self.mechanism, self.method.single_rate)
 
     def begin(self) -> None:
         """Evaluate forces and acceleration of the state, payloads picked at 0 in hand.

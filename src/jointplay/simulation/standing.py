@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import pinocchio as pin
 
-from jointplay.kernel.workspace import Carriers, LoadSite
+from jointplay.kernel.sites import Carriers, LoadSite
 from jointplay.loads.base import Load, compiled_law
 from jointplay.mechanism.mechanism import Mechanism
 

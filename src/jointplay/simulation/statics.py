@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
-import eigenpy
 import numpy as np
 import pinocchio as pin
 
@@ -19,6 +18,7 @@ from jointplay.kernel.workspace import Workspace
 from jointplay.loads.drive import Drive, JointFriction
 from jointplay.mechanism.loop import ANGLE_ARM_M, closing_rows, misfit
 from jointplay.mechanism.mechanism import Mechanism
+from jointplay.simulation.descent import Place, step_within
 from jointplay.simulation.elastic import ElasticJoint
 from jointplay.simulation.standing import StandingLoads, relative_motion, relative_pose
 
@@ -33,9 +33,6 @@ MOST_TRIALS = 100
 
 MOST_LOCAL = 150
 """States tried of one joint."""
-
-_ROUNDING = 1e-14
-"""Part of an energy that rounding blurs."""
 
 _ANGLE = 1e-3
 """Displacement by which a joint is asked what its ideal twin would follow [m or rad]."""
@@ -345,14 +342,14 @@ class Balance:
             load = here.load
             if residual <= SOLVED * (load or self.weight()) or trials >= most or radius < 1e-12:
                 return here.q, residual, load, trials
-            step, expected = _step(here.slope, here.bend, radius)
+            step, expected = step_within(here.slope, here.bend, radius)
             size = float(np.linalg.norm(step))
             there = self._look(self.close(here.q + ways @ step), ways, names)
             trials += 1
             straight = here.gain(there, expected)
             if straight <= 0.1 and trials < most:
                 # Along curved walls, and where a wall is met: a second step leads back to it.
-                step, _ = _step(there.slope, there.bend, size)
+                step, _ = step_within(there.slope, there.bend, size)
                 there = self._look(self.close(there.q + ways @ step), ways, names)
                 trials += 1
             gain = here.gain(there, expected)
@@ -363,56 +360,7 @@ class Balance:
                 radius = max(radius, 2.0 * size)
             here = there
 
-    def _look(self, q: np.ndarray, ways: np.ndarray, names: Collection[str]) -> _Place:
+    def _look(self, q: np.ndarray, ways: np.ndarray, names: Collection[str]) -> Place:
         gradient, curvature, load = self.slopes(q, names)
         height = self.energy(q, names)
-        return _Place(q, height, ways.T @ gradient, ways.T @ curvature @ ways, load)
-
-
-@dataclass(frozen=True)
-class _Place:
-    """A state that was tried, in the coordinates of the search."""
-
-    q: np.ndarray
-    height: float
-    slope: np.ndarray
-    bend: np.ndarray
-    load: float
-
-    def gain(self, other: _Place, expected: float) -> float:
-        """Part of the expected gain that another place brings.
-
-        Where the gain drowns in rounding, 1 if it is less steep there, else 0.
-        """
-        if expected < _ROUNDING * max(abs(self.height), expected):
-            return float(np.linalg.norm(other.slope) < np.linalg.norm(self.slope))
-        return (self.height - other.height) / expected
-
-
-def _step(slope: np.ndarray, bend: np.ndarray, radius: float) -> tuple[np.ndarray, float]:
-    """Step to the lowest point of a quadratic within a ball, and how much lower that is."""
-    step = _lowest(slope, bend, radius)
-    return step, -float(slope @ step + 0.5 * step @ bend @ step)
-
-
-def _lowest(slope: np.ndarray, bend: np.ndarray, radius: float) -> np.ndarray:
-    # Eigen's, for on a busy machine the threads of numpy's wait for each other.
-    found = eigenpy.SelfAdjointEigenSolver(0.5 * (bend + bend.T))
-    sizes, axes = found.eigenvalues(), found.eigenvectors()
-    along = axes.T @ slope
-    least = 1e-13 * max(float(np.abs(sizes).max()), 1e-30)
-    low = max(0.0, -float(sizes.min())) + least
-    if sizes.min() > least and np.linalg.norm(along / sizes) <= radius:
-        return -axes @ (along / sizes)
-    if np.linalg.norm(along / (sizes + low)) <= radius:
-        return -axes @ (along / (sizes + low))
-    high = low + float(np.linalg.norm(along)) / radius
-    for _ in range(100):
-        middle = np.sqrt(low * high)
-        if np.linalg.norm(along / (sizes + middle)) > radius:
-            low = middle
-        else:
-            high = middle
-        if high < 1.01 * low:
-            break
-    return -axes @ (along / (sizes + high))
+        return Place(q, height, ways.T @ gradient, ways.T @ curvature @ ways, load)

@@ -23,7 +23,7 @@ from jointplay.host import stopping
 from jointplay.kernel import Status
 from jointplay.kernel.integrators import integrator
 from jointplay.result.audit import STEP_WARNING
-from jointplay.simulation.loop import LONGEST_MACRO_STEP_S
+from jointplay.simulation.multi_rate import LONGEST_MACRO_STEP_S
 
 if TYPE_CHECKING:
     from jointplay.result.result import Result

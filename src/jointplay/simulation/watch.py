@@ -7,7 +7,8 @@ from typing import Any
 
 import pinocchio as pin
 
-from jointplay.kernel.workspace import LoadSite, Workspace
+from jointplay.kernel.sites import LoadSite
+from jointplay.kernel.workspace import Workspace
 from jointplay.loads.base import Load
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.simulation.loads import Sampling

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from jointplay.host import files
-from jointplay.result.histories import versions
+from jointplay.result.provenance import versions
 from jointplay.result.result import Result
 from jointplay.study.cases import BESIDE, CASES, DIFFERS, EXPLICIT, EXPLICIT_STEP_S
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from jointplay.analysis.claims import ISOLATED, START_UP, Verdict
 from jointplay.host import files
-from jointplay.result.histories import versions
+from jointplay.result.provenance import versions
 from jointplay.scenario.model import GRAVITY
 from jointplay.simulation.simulation import PERTURBATION
 from jointplay.study.cases import CONDITIONS, VARIANTS

@@ -20,7 +20,7 @@ from jointplay.analysis.twins import ideal_simulation, task
 from jointplay.errors import JointplayError
 from jointplay.kernel import Status
 from jointplay.motion.reference import Motion
-from jointplay.result.histories import versions
+from jointplay.result.provenance import versions
 from jointplay.result.result import Result
 from jointplay.scenario import Scenario
 from jointplay.scenario.settings import Setting

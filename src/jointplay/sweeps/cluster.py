@@ -11,7 +11,7 @@ from itertools import islice
 from typing import Any
 
 from jointplay.errors import JointplayError
-from jointplay.result.histories import versions
+from jointplay.result.provenance import versions
 from jointplay.sweeps.case import COST, FAILED, Job, Outcome, run_cases
 from jointplay.sweeps.plan import Index
 

@@ -20,7 +20,7 @@ import zarr
 
 from jointplay.errors import JointplayError
 from jointplay.host import files
-from jointplay.result.histories import versions
+from jointplay.result.provenance import versions
 from jointplay.scenario.places import dotted
 from jointplay.sweeps import histories
 from jointplay.sweeps.case import Outcome

@@ -1,0 +1,46 @@
+"""A load of one's own: a spring at a joint that hardens with the cube of its twist."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from jointplay.codec import add
+from jointplay.fields import quantity
+from jointplay.loads import Load
+from jointplay.loads.base import Series, joint_site
+
+
+def hardened(time, x, dx, p, out):
+    out[0] = -p[0] * x[0] ** 3
+
+
+@dataclass(frozen=True)
+class CubicSpring(Load):
+    """torque = -stiffness q^3."""
+
+    kind: ClassVar[str] = "cubic-spring"
+    stores: ClassVar[bool] = True
+
+    joint: str
+    """Joint at which it acts."""
+    stiffness: float = quantity("N*m", above=0.0)
+    """[N m/rad^3]."""
+
+    def site(self, mechanism):
+        return joint_site(mechanism, self.joint)
+
+    def law(self):
+        return hardened
+
+    def numbers(self, mechanism):
+        return np.array([self.stiffness])
+
+    def energy(self, x, numbers):
+        return 0.25 * self.stiffness * x[:, 0] ** 4
+
+    def record(self, x, answers):
+        return (Series("torque", answers[:, 0], "N m"),)
+
+
+add(Load, CubicSpring)

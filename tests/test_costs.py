@@ -1,0 +1,121 @@
+"""What an addition costs its user: one file each, in tests/additions, and it goes all the way.
+
+Each is simulated, saved, loaded, run again from what the file says, and reported on.
+"""
+
+import importlib
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import body, joint
+
+import jointplay as jp
+from jointplay import report
+from jointplay.codec import add
+from jointplay.loads import Load
+from jointplay.result import Result
+
+sys.path.append(str(Path(__file__).parent))
+PLAY = {"radial_clearance": 1e-4, "axial_clearance": 1e-4}
+
+
+def addition(name):
+    return importlib.import_module(f"additions.{name}")
+
+
+def with_law():
+    return {"bearing": jp.RevoluteClearance(normal=addition("law").HalfDamped(), **PLAY)}
+
+
+def with_spring():
+    return {"loads": {"own": addition("spring").CubicSpring("swing", 300.0)}}
+
+
+def with_recorded():
+    return {"loads": {"own": addition("recorded").Distance("arm", at=(0.3, 0.0, 0.4))}}
+
+
+def with_drive():
+    return {"loads": {"own": addition("drive").BRAKE}}
+
+
+def with_joint_kind():
+    return {"bearing": addition("joint_kind").ThreeSided(radial_clearance=1e-4)}
+
+
+ADDITIONS = {
+    "law": with_law,
+    "spring": with_spring,
+    "recorded": with_recorded,
+    "drive": with_drive,
+    "joint_kind": with_joint_kind,
+}
+
+
+def swing(path, bearing=None, loads=None, duration=0.1):
+    mechanism = jp.Mechanism(path, {} if bearing is None else {"swing": bearing})
+    return jp.simulate(
+        mechanism,
+        duration=duration,
+        start={"swing": 0.3},
+        loads=loads or {},
+        drive=jp.loads.Free(),
+        joint_friction={},
+    )
+
+
+@pytest.fixture
+def pendulum(urdf):
+    return urdf(body("arm", 2.0, "0 0 -0.2"), joint("swing", "base", "arm", axis="0 1 0"))
+
+
+@pytest.mark.parametrize("name", ADDITIONS)
+def test_an_addition_is_one_file_and_goes_all_the_way(name, pendulum, tmp_path):
+    result = swing(pendulum, **ADDITIONS[name]())
+    assert result.status == jp.Status.COMPLETED
+    assert result.audit.relative_energy_residual < 1e-3
+    loaded = Result.load(result.save(tmp_path / "own.nc"))
+    again = loaded.simulation.run()
+    assert again.dataset.drop_attrs().identical(result.dataset.drop_attrs())
+    report.write({"own": loaded}, tmp_path / "report.html", pdf=False)
+    said = (tmp_path / "report.html").read_text(encoding="utf-8")
+    words = {"law": "half-damped", "joint_kind": "three-sided", "recorded": "distance"}
+    assert words.get(name, "own") in said
+
+
+def test_each_addition_acts(pendulum):
+    """A spring pushes back, a brake takes energy, a law and a kind of joint are felt."""
+    plain, played = swing(pendulum), swing(pendulum, jp.RevoluteClearance(**PLAY))
+    sprung = swing(pendulum, **with_spring())
+    assert sprung["load_energy"].values[0, 0] == pytest.approx(0.25 * 300.0 * 0.3**4)
+    assert sprung["q"].values[-1, 0] < plain["q"].values[-1, 0]
+    braked = swing(pendulum, **with_drive())
+    assert braked["kinetic_energy"].values[-1] < plain["kinetic_energy"].values[-1]
+    seen = swing(pendulum, **with_recorded())["load_record"].sel(load_part="own.distance").values
+    assert seen == pytest.approx(np.full(len(seen), 0.5), abs=1e-12)
+    for make in (with_law, with_joint_kind):
+        own = swing(pendulum, **make())
+        assert not np.array_equal(own["journal_centre"], played["journal_centre"])
+
+
+def test_a_pin_rests_in_the_corner_of_its_three_sides(urdf):
+    """Sides at 0 and 120 degrees: pushed along their bisector, both carry as much as the push."""
+    bore = addition("joint_kind").ThreeSided(radial_clearance=1e-4)
+    path = urdf(body("arm", 2.0), joint("swing", "base", "arm"))
+    push = 9.81 * np.array([np.cos(np.pi / 3), np.sin(np.pi / 3), 0.0])
+    mechanism = jp.Mechanism(path, {"swing": bore}, gravity=tuple(push))
+    result = jp.simulate(mechanism, duration=0.01, drive=jp.loads.Free(), start="rest")
+    forces = result["normal_force"].values[-1].ravel()
+    assert forces == pytest.approx([19.62, 19.62, 0.0], rel=1e-3)
+
+
+def test_a_word_is_given_once():
+    spring = addition("spring").CubicSpring
+    add(Load, spring)
+    other = type("Other", (spring,), {})
+    with pytest.raises(jp.JointplayError, match="there is a load 'cubic-spring' already"):
+        add(Load, other)
+    with pytest.raises(jp.JointplayError, match="int cannot be added to Load"):
+        add(Load, int)
