@@ -12,7 +12,7 @@ import numpy as np
 from jointplay.contact import ContactProperties, FilmLaw, FilmProperties
 from jointplay.errors import JointplayError, require_positive, within
 from jointplay.fields import quantity
-from jointplay.geometry import EDGE_ROUNDING_M, Shape, worn_bore
+from jointplay.geometry import EDGE_ROUNDING_M, Shape
 from jointplay.joints.abilities import BoreWear, Hinge
 from jointplay.joints.base import VIRTUAL_LINK, Outline
 from jointplay.joints.dimensions import complete
@@ -345,5 +345,6 @@ class RevoluteClearance(RoundClearance):
 
 def _profile(depths: np.ndarray) -> tuple[float, ...]:
     """Numbers of one end of a worn bore; numba comes with the first that is worn."""
+    from jointplay.geometry import worn_bore
 
     return worn_bore(depths)

@@ -1,8 +1,10 @@
-"""Where each quantity stands in the records that the kernels write."""
+"""Where each quantity stands in what the kernels write."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+
+import numpy as np
 
 from jointplay.kernel.sites import LoadSite
 from jointplay.kernel.words import POWERS
@@ -40,3 +42,23 @@ def columns_of(
         fields[name] = slice(at, at + size)
         at += size
     return fields, at
+
+
+def statistics_of(contacts: np.ndarray) -> dict[str, np.ndarray]:
+    """What records of contacts (nj, width) have counted, of the same shape.
+
+    Counts, steps, impulses [N s], smallest gap [m], fastest approach [m/s].
+    """
+    names = {
+        "onsets": "onsets",
+        "ended": "ended",
+        "shortest_steps": "shortest",
+        "under_resolved": "under",
+        "impulse": "impulse",
+        "under_resolved_impulse": "impulse_under",
+        "smallest_gap": "deepest",
+    }
+    found = {name: contacts[field].copy() for name, field in names.items()}
+    # A contact that has not ended keeps its approach to itself.
+    fastest = np.maximum(contacts["fastest"], contacts["ddelta0"])
+    return found | {"fastest_approach": fastest}

@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from jointplay.errors import JointplayError
 from jointplay.kernel import Command, Status, enter, layout
-from jointplay.kernel.columns import columns_of
+from jointplay.kernel.columns import columns_of, statistics_of
 from jointplay.kernel.path import MIDDLE, MIDDLE_SPEED, ROWS
 from jointplay.kernel.pointed import Pointed
 from jointplay.kernel.sites import PARTS, CarriedFrame, Carriers, ContactSite, LoadSite
@@ -94,9 +94,8 @@ class Workspace(Pointed):
             dt=dt,
             dt_before=dt,
             through_frames=int(through_frames),
-            record=self.record.ctypes.data,
-            rows=rows,
         )
+        self._place_records()
 
     def _make_state(self, nv: int) -> None:
         """Room for the state, for what acts on it, and for what the macro steps know of it."""
@@ -397,20 +396,5 @@ class Workspace(Pointed):
         return self.record[: self.rows - self.kept_elsewhere, self.fields[name]]
 
     def contact_statistics(self) -> dict[str, np.ndarray]:
-        """Per joint and contact, (nj, width).
-
-        Counts, steps, impulses [N s], smallest gap [m], fastest approach [m/s].
-        """
-        names = {
-            "onsets": "onsets",
-            "ended": "ended",
-            "shortest_steps": "shortest",
-            "under_resolved": "under",
-            "impulse": "impulse",
-            "under_resolved_impulse": "impulse_under",
-            "smallest_gap": "deepest",
-        }
-        found = {name: self.contacts[field].copy() for name, field in names.items()}
-        # A contact that has not ended keeps its approach to itself.
-        fastest = np.maximum(self.contacts["fastest"], self.contacts["ddelta0"])
-        return found | {"fastest_approach": fastest}
+        """Per joint and contact, (nj, width): see `columns.statistics_of`."""
+        return statistics_of(self.contacts)

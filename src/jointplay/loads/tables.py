@@ -109,31 +109,10 @@ def tabulate(
     reference = Reference(
         columns, nodes, follows, motion, ideal, efforts, nodes_ahead(ahead), progress
     )
-    frictions = [
-        friction_row(
-            mechanism.coordinate(name),
-            losses.coulomb,
-            losses.excess,
-            losses.stribeck_speed,
-            losses.viscous,
-        )
-        for name, losses in friction.items()
-        if losses.coulomb or losses.excess or losses.viscous
-    ]
-    gears = [
-        gear_row(
-            mechanism.motor(name),
-            mechanism.coordinate(name),
-            gear.play / 2.0,
-            gear.stiffness,
-            gear.damping,
-        )
-        for name, gear in mechanism.gears.items()
-    ]
     tables = Tables(
         stacked(rows, layout.DRIVE_ROW),
-        stacked(frictions, layout.FRICTION_ROW),
-        stacked(gears, layout.GEAR_ROW),
+        _friction_rows(mechanism, friction),
+        _gear_rows(mechanism),
         reference.table,
         REFERENCE_NODE_S,
         nodes,
@@ -151,3 +130,34 @@ def _effort(
     """Effort of a drive that also turns its rotor and overcomes its joint's friction."""
     effort: np.ndarray = ideal + rotor * acceleration + losses.torque(velocity)
     return effort
+
+
+def _friction_rows(mechanism: Mechanism, friction: Mapping[str, JointFriction]) -> np.ndarray:
+    """Records of the joints that have friction."""
+    rows = [
+        friction_row(
+            mechanism.coordinate(name),
+            losses.coulomb,
+            losses.excess,
+            losses.stribeck_speed,
+            losses.viscous,
+        )
+        for name, losses in friction.items()
+        if losses.coulomb or losses.excess or losses.viscous
+    ]
+    return stacked(rows, layout.FRICTION_ROW)
+
+
+def _gear_rows(mechanism: Mechanism) -> np.ndarray:
+    """Records of the gears."""
+    rows = [
+        gear_row(
+            mechanism.motor(name),
+            mechanism.coordinate(name),
+            gear.play / 2.0,
+            gear.stiffness,
+            gear.damping,
+        )
+        for name, gear in mechanism.gears.items()
+    ]
+    return stacked(rows, layout.GEAR_ROW)

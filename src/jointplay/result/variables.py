@@ -79,7 +79,7 @@ def unit_of(mechanism: Mechanism, coordinate: str) -> str:
     joint, _, part = coordinate.partition(".")
     if part in VIRTUAL_LINK:
         return "m" if part in AXES else "rad"
-    return "m" if mechanism.description.joints[joint].kind == "prismatic" else "rad"
+    return "m" if mechanism.description.joints[joint].slides else "rad"
 
 
 def stretches_of(phases: Sequence[Phase], first: int, n: int) -> list[tuple[int, int, Phase]]:

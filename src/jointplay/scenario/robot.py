@@ -189,7 +189,7 @@ def _of_any_kind(
             continue
         name = setting.key[1]
         known, own = description.joints.get(name), given["joints"][name]
-        slides = known is not None and known.kind == "prismatic"
+        slides = known is not None and known.slides
         if own.get("kind", "prismatic" if slides else "revolute") in ("prismatic", "spherical"):
             continue
         for key, other in (("radial", "journal_radius"), ("axial", "journal_length")):

@@ -6,174 +6,32 @@ import math
 import sys
 import time
 import warnings
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import AbstractContextManager, ExitStack
-from dataclasses import replace
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pinocchio as pin
 from tqdm import tqdm
 
 from jointplay import kernel
 from jointplay.errors import JointplayError, require_positive
 from jointplay.host import stopping
 from jointplay.kernel import Status
-from jointplay.kernel.integrators import Integrator, integrator
-from jointplay.kernel.workspace import Workspace
-from jointplay.loads.drive import assign
-from jointplay.loads.tables import table_nodes, tabulate
-from jointplay.mechanism.massless import require_inertia
 from jointplay.result.audit import Judgement
 from jointplay.result.histories import histories
 from jointplay.result.variables import Phase
-from jointplay.simulation import checkpoint, ending, initial, limits, step_check
-from jointplay.simulation import loads as acting
-from jointplay.simulation.assemble import check_step, contact_site
-from jointplay.simulation.events import Events
-from jointplay.simulation.loop import LOOP_CORRECTION, Loop
+from jointplay.simulation import checkpoint, ending, initial, step_check
 from jointplay.simulation.moment import Moment, moment_of
-from jointplay.simulation.multi_rate import LONGEST_MACRO_STEP_S, Adaptive, MultiRate
-from jointplay.simulation.on_disk import OnDisk
+from jointplay.simulation.prepare import CHUNK, Prepared
 from jointplay.simulation.progress import Bar
-from jointplay.simulation.single_rate import SingleRate
-from jointplay.simulation.standing import StandingLoads
-from jointplay.simulation.watch import Watch
 
 if TYPE_CHECKING:
     from jointplay.result.result import Result
-    from jointplay.simulation.simulation import Simulation
-
-_CHUNK = 2000
-"""Steps between two looks at the clock and the keyboard, at most."""
 
 
-class Run:
+class Run(Prepared):
     """A simulation made ready to step: its workspace, and the initial state in it."""
-
-    def __init__(
-        self, simulation: Simulation, progress: bool = False, records: Path | None = None
-    ) -> None:
-        """Check the numbers, place the journals, tabulate the drives; see `Simulation.prepare`."""
-        self.simulation = simulation
-        self.label = ""  # what the progress bar calls the run
-        self.mechanism = mechanism = simulation.mechanism
-        limits.check_names(mechanism)
-        self.method: Integrator = integrator(simulation.integrator)
-        step, duration, self.steps = limits.numbers(simulation, self.method)
-        acting.check(simulation.loads)
-        drives = assign(mechanism, simulation.motion, simulation.drive)
-        every = simulation.record_every
-        if records is None:
-            nodes = table_nodes(simulation.motion, drives, duration)
-            limits.check_memory(mechanism, duration, self.steps, every, nodes)
-        self.friction = limits.friction(simulation)
-        followed = [name for name, drive in drives.items() if drive.follows]
-        bounds = limits.bounds(simulation, followed)
-        start = initial.place(simulation, mechanism, followed)
-        require_inertia(mechanism, start.q)
-        if simulation.seed is not None and not simulation.stands:
-            start.perturb(simulation.seed, at_rest=False)
-        macro = simulation.macro_step or LONGEST_MACRO_STEP_S
-        tables, armature, self._reference = tabulate(
-            mechanism,
-            simulation.motion,
-            drives,
-            duration,
-            self.friction,
-            start.q,
-            progress,
-            bounds,
-            ahead=2.0 * (_CHUNK * step + macro),
-        )
-        start.move()
-        # The run's own, for payloads and prescribed motion change its inertias.
-        self.model = mechanism.model.copy()
-        for at, value in armature.items():
-            self.model.armature[at] = value
-        self.data = self.model.createData()
-        sites = [acting.load_site(load, mechanism, bounds) for load in simulation.loads.values()]
-        self.workspace = w = Workspace(
-            self.data,
-            self.model.nv,
-            [contact_site(mechanism, name, start.q) for name in mechanism.clearance],
-            tables,
-            step,
-            every,
-            self.steps // every + 2 if records is None else 1,
-            own_acceleration=not self.method.single_rate,
-            loads=sites,
-        )
-        self.on_disk: OnDisk | None = None
-        """Where records go that memory has no room for."""
-        if records is not None:
-            most = _CHUNK + math.ceil(macro / step) + 2
-            self.on_disk = OnDisk(records, w, self.steps // every + 2, most)
-        self._watch = Watch(simulation.loads, sites, mechanism, self.model, w, step)
-        w.q[:], w.v[:] = start.q, start.v
-        self._events = Events(
-            mechanism, self.model, simulation.payloads, step, simulation.record_every
-        )
-        check_step(mechanism, pin.computeTotalMass(self.model), step, start.q)
-        acting.check_step(simulation.loads, mechanism, step, start.q)
-        self.rest: initial.Rest | None = None
-        """Where the search for the place of rest ended; None if journals start centred."""
-        if simulation.stands and (mechanism.clearance or mechanism.gears):
-            self._events.happen(w)  # what is picked at 0 weighs from the first
-            bodies = self.phases[-1].model
-            pushing = StandingLoads(simulation.loads, mechanism, sites)
-            self.rest = initial.rest(simulation, start, bodies, w, drives, self.friction, pushing)
-            self._stand(start)
-        self.judged_from = simulation.judged_from
-        """When figures begin to be judged [s]."""
-        self._unjudged: dict[str, np.ndarray] | None = None
-        self._begun = False
-        self._elapsed = 0.0
-        self._since: float | None = None
-        self._origin: tuple[np.ndarray, np.ndarray] | None = None
-        self.guards: list[Callable[[], AbstractContextManager[object]]] = []
-        """Contexts in which the time loop runs, such as one that takes signals."""
-        self.between: list[Callable[[], bool]] = []
-        """Called between stretches; the run stops, to be continued or not, if one says True."""
-        self._loop = self._make_loop(mechanism.constraints(w.q, LOOP_CORRECTION / step))
-
-    def _stand(self, start: initial.Start) -> None:
-        """Let the journals begin where they rest, if they do."""
-        rest, simulation = self.rest, self.simulation
-        assert rest is not None
-        if not rest.solved:
-            if simulation.start == "rest":
-                what = (
-                    f"after {rest.trials} trials {rest.residual:.3g} N of {rest.load:.3g} N are "
-                    "not balanced"
-                    if rest.inside
-                    else "a journal would break out of its bearing"
-                )
-                raise JointplayError(
-                    f"no place of rest was found: {what}; start 'centred', or give a state in "
-                    "which the drives hold the machine"
-                )
-            # As the result says: to run it again is to run it like this.
-            self.simulation = replace(simulation, start="centred")
-            if simulation.seed is not None:
-                start.perturb(simulation.seed, at_rest=False)
-        else:
-            self.simulation = replace(simulation, start="rest")
-            start.q = rest.q
-            if simulation.seed is not None:
-                start.perturb(simulation.seed, at_rest=True)
-        start.move()
-        self.workspace.q[:], self.workspace.v[:] = start.q, start.v
-
-    def _make_loop(self, constraints: list[pin.RigidConstraintModel]) -> Loop:
-        simulation = self.simulation
-        parts = (self.model, self.data, self.workspace, self.method, constraints)
-        if self.method.single_rate:
-            return SingleRate(*parts)
-        if simulation.tolerance is None:
-            return MultiRate(*parts, macro_step=simulation.macro_step)
-        return Adaptive(*parts, macro_step=simulation.macro_step, tolerance=simulation.tolerance)
 
     @property
     def phases(self) -> list[Phase]:
@@ -302,7 +160,7 @@ class Run:
         """What the run took so far, in all processes together [s]."""
         return self._elapsed if self._since is None else time.perf_counter() - self._since
 
-    def stretches(self, pause: int = _CHUNK) -> Iterator[float]:
+    def stretches(self, pause: int = CHUNK) -> Iterator[float]:
         """Step to the end, or to a failure, and give the time after every stretch [s].
 
         Args:
@@ -403,7 +261,7 @@ class Run:
         self._unjudged = memory["unjudged"]
         self._watch.recall(memory["watch"])
 
-    def stretch(self, most: int = _CHUNK, pause: int | None = None) -> bool:
+    def stretch(self, most: int = CHUNK, pause: int | None = None) -> bool:
         """Do some steps, then what is due; returns whether all is well.
 
         Args:
@@ -417,7 +275,7 @@ class Run:
         if self.on_disk is not None:
             self.on_disk.before_stretch()
         steps = min(most, self.steps - w.steps)
-        soon = w.steps + _CHUNK
+        soon = w.steps + CHUNK
         pause = soon if pause is None else min(pause, soon)
         due = self._events.next_step
         if due is not None:
