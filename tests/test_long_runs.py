@@ -17,6 +17,7 @@ from jointplay.kernel import Status
 from jointplay.loads import ComputedTorque, reference
 from jointplay.result import auditor
 from jointplay.simulation import on_disk, spool
+from jointplay.simulation.unfinished import beside
 from jointplay.study import scara
 
 JOINTPLAY = str(Path(sys.executable).parent / "jointplay")
@@ -93,7 +94,7 @@ def test_a_run_is_continued_bit_for_bit_wherever_it_was_stopped(small_portions, 
     one = simulation(duration=0.06, judge_from=0.02, seed=1)
     whole = one.run_to(tmp_path / "whole.nc")
     path = tmp_path / "parts.nc"
-    records, kept = on_disk.beside(path)
+    records, kept = beside(path)
     run = one.prepare(records=records)
     for stop in (0.013, 0.041):
         stepped(run, stop).checkpoint(kept)
@@ -106,7 +107,7 @@ def test_a_run_is_continued_bit_for_bit_wherever_it_was_stopped(small_portions, 
 
 def test_records_that_are_missing_are_said(small_portions, tmp_path):
     one = simulation(duration=0.06)
-    records, kept = on_disk.beside(tmp_path / "r.nc")
+    records, kept = beside(tmp_path / "r.nc")
     stepped(one.prepare(records=records), 0.03).checkpoint(kept)
     os.truncate(records, 1000)
     with pytest.raises(jp.JointplayError, match="lacks records of the run: it holds 1000 bytes"):
@@ -114,7 +115,7 @@ def test_records_that_are_missing_are_said(small_portions, tmp_path):
 
 
 def test_a_checkpoint_of_another_run_is_refused_with_the_difference(tmp_path):
-    kept = on_disk.beside(tmp_path / "r.nc")[1]
+    kept = beside(tmp_path / "r.nc")[1]
     stepped(simulation(duration=0.02).prepare(), 0.01).checkpoint(kept)
     with pytest.raises(jp.JointplayError, match=r"of another run: duration is 0.03, and was 0.02"):
         simulation(duration=0.03).run_to(tmp_path / "r.nc", resume=True)
@@ -267,7 +268,7 @@ def test_resume_goes_on_after_a_kill_and_leaves_what_is_done(tmp_path):
     (done,) = out.iterdir()
     before = done.stat().st_mtime_ns
     (other,) = set(names(tmp_path / "whole")) - {done.name}
-    records, kept = on_disk.beside(out / other)
+    records, kept = beside(out / other)
     stepped(scenario.prepare(second, records=records), 0.05).checkpoint(kept)
     _, err, status = ended(start("run", path, *chosen, "--out", out, "--resume"))
     assert status == 0, err

@@ -62,14 +62,18 @@ def add(commands: Any) -> None:
     parser.set_defaults(handler=run)
 
 
+def _is_sweep(path: Path) -> bool:
+    """Whether a path is a sweep's store."""
+    return (path / "zarr.json").is_file()
+
+
 def run(options: argparse.Namespace) -> int:
     """Read the results, write the report, say where."""
     from jointplay.errors import JointplayError
     from jointplay.host.files import check_new
-    from jointplay.report.sweep import is_sweep
 
     paths = [Path(name) for name in options.results]
-    if any(is_sweep(path) for path in paths):
+    if any(_is_sweep(path) for path in paths):
         return _sweep(paths, options)
     home = paths[0] if paths[0].is_dir() else paths[0].parent
     for path in paths:  # before anything is loaded that takes time

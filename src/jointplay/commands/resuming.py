@@ -8,16 +8,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from jointplay.errors import JointplayError
+from jointplay.simulation.unfinished import beside
 
 if TYPE_CHECKING:
     from jointplay.simulation.simulation import Run
-
-
-def beside(path: Path) -> tuple[Path, Path]:
-    """Where a run that is not finished keeps its records and its checkpoint."""
-    from jointplay.simulation import on_disk  # takes long to import
-
-    return on_disk.beside(path)
 
 
 def records(path: Path, certified: bool) -> Path | None:

@@ -39,11 +39,6 @@ Drawn = tuple[str, Figure]
 """Title and figure."""
 
 
-def is_sweep(path: Path) -> bool:
-    """Whether a path is a sweep's store."""
-    return (path / "zarr.json").is_file()
-
-
 def write(
     store: str | Path,
     path: str | Path,

@@ -188,6 +188,8 @@ class Histories:
         """Variables that count over the whole run, by name; their azimuths are in them."""
         if not any(joint.wears for joint in self._mechanism.clearance.values()):
             return {}
+        import xarray as xr  # takes long to import
+
         azimuths = 2.0 * np.pi * np.arange(AZIMUTHS) / AZIMUTHS
         text = "around the bore, from the bearing's x axis"
         about = ("azimuth", azimuths, {"units": "rad", "long_name": text})

@@ -21,6 +21,7 @@ from jointplay.result.result import Result
 from jointplay.simulation import checkpoint
 from jointplay.simulation.progress import Writing
 from jointplay.simulation.spool import Spool
+from jointplay.simulation.unfinished import beside
 
 if TYPE_CHECKING:
     from jointplay.simulation.run import Run
@@ -100,11 +101,6 @@ def checkpoints(run: Run, path: Path) -> Callable[[], bool]:
         return False
 
     return look
-
-
-def beside(path: Path) -> tuple[Path, Path]:
-    """Where the records and the checkpoint of the run are whose result goes to `path`."""
-    return path.with_suffix(".records"), path.with_suffix(".checkpoint")
 
 
 def run_to(simulation: Simulation, path: Path, progress: bool, resume: bool) -> Result:
