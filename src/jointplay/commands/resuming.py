@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from jointplay.errors import JointplayError
+from jointplay.host.files import refuse_present
 from jointplay.simulation.unfinished import beside
 
 if TYPE_CHECKING:
@@ -32,6 +33,24 @@ def refuse_interrupted(out: Path, files: Mapping[str, str]) -> None:
                 f"{str(out)!r} holds an interrupted run ({kept.name}); --resume goes on with it, "
                 "or name another folder"
             )
+
+
+def refuse(out: Path, files: Mapping[str, str], drawn: Iterable[str] = ()) -> None:
+    """Refuse a folder that holds results of a run, or an interrupted one of it.
+
+    Args:
+        out: the folder.
+        files: names of the results by case.
+        drawn: names of the figures.
+
+    Raises:
+        JointplayError: there is one; of an interrupted run it says how to go on.
+    """
+    try:
+        refuse_present(out, [*files.values(), *drawn])
+    except JointplayError:
+        refuse_interrupted(out, files)
+        raise
 
 
 def finished(out: Path, files: Mapping[str, str], given: Mapping[str, Any]) -> list[str]:

@@ -116,13 +116,14 @@ def explain(parser: argparse.ArgumentParser) -> None:
 
 def execute(options: argparse.Namespace) -> int:
     """Make the scenario that the options describe, and run it."""
-    from jointplay.commands import run_scenario
-    from jointplay.host.files import refuse_present
+    from pathlib import Path
+
+    from jointplay.commands import resuming, run_scenario
     from jointplay.scenario.robot import LABEL, is_robot
 
     target = options.urdf or options.target
-    if target is None or options.urdf or is_robot(target):
-        refuse_present(options.out, [f"{LABEL}.nc"])
+    if not options.resume and (target is None or options.urdf or is_robot(target)):
+        resuming.refuse(Path(options.out), {LABEL: f"{LABEL}.nc"})
     return run_scenario.run(scenario_of(options), options)
 
 

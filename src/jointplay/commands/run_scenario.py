@@ -42,7 +42,7 @@ _LOOK_S = 0.2
 def run(scenario: Scenario, options: argparse.Namespace) -> int:
     """Run the cases, draw the figures, say how each ended and what came out."""
     from jointplay.commands import resuming
-    from jointplay.host.files import claim, refuse_present
+    from jointplay.host.files import claim
 
     cases = _chosen(scenario, options.case)
     jobs = _jobs(options.jobs, len(cases))
@@ -50,11 +50,7 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
     figures = scenario.figures and not options.no_figures
     drawn = _figures(scenario, cases) if figures else []
     if not options.resume:
-        try:
-            refuse_present(options.out, [*files.values(), *drawn])
-        except JointplayError:
-            resuming.refuse_interrupted(Path(options.out), files)
-            raise
+        resuming.refuse(Path(options.out), files, drawn)
     from jointplay import plots  # what comes now takes long to import
     from jointplay.analysis.certification import further_runs
     from jointplay.kernel import Status
