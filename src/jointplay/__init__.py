@@ -62,6 +62,7 @@ _HOMES = {
     "Loop": "mechanism.loop",
     "LuGre": "contact",
     "Material": "joints",
+    "Measurement": "analysis.identify",
     "Mechanism": "mechanism",
     "Mode": "geometry",
     "Motion": "motion",
@@ -86,9 +87,11 @@ _HOMES = {
     "allocate": "analysis.allocate",
     "budget": "analysis.budget",
     "cartesian_motion": "motion.cartesian",
+    "identify": "analysis.identify",
     "material": "joints.materials",
     "oil": "joints.materials",
     "open_sweep": "sweeps",
+    "plan_measurement": "analysis.identify",
     "robot_scenario": "scenario.robot",
     "reduce_joint": "analysis.reduce",
     "shipped": "mechanism.urdf",
@@ -104,6 +107,9 @@ if TYPE_CHECKING:
     from jointplay import loads as loads
     from jointplay.analysis.allocate import allocate as allocate
     from jointplay.analysis.budget import budget as budget
+    from jointplay.analysis.identify import Measurement as Measurement
+    from jointplay.analysis.identify import identify as identify
+    from jointplay.analysis.identify import plan_measurement as plan_measurement
     from jointplay.analysis.reduce import reduce_joint as reduce_joint
     from jointplay.analysis.wear import wear_life as wear_life
     from jointplay.analysis.wear import worn_depth as worn_depth

@@ -1,0 +1,405 @@
+"""Clearances and friction from measurements: what was found, how well, and what cannot be told."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from jointplay.analysis.identify import planning
+from jointplay.analysis.identify.fit import (
+    BLIND,
+    FAINT,
+    REFERENCES,
+    Fit,
+    Problem,
+    offsets,
+    solve,
+)
+from jointplay.analysis.identify.ideal import tool_positions
+from jointplay.analysis.identify.model import StaticModel
+from jointplay.analysis.identify.parameters import (
+    Parameter,
+    clearances,
+    unknowns,
+    with_clearance,
+)
+from jointplay.analysis.identify.reading import Key, Measurement
+from jointplay.analysis.identify.visits import Observed, Visits, positions, visits
+from jointplay.analysis.poses import moving
+from jointplay.errors import JointplayError, MissingName
+from jointplay.loads.drive import JointFriction
+from jointplay.mechanism.mechanism import Mechanism
+from jointplay.motion.reference import Motion
+from jointplay.simulation.simulation import Simulation
+
+TOLD = planning.TOLD
+_REPEATS = 3
+"""Repeated visits, less their means, from which on their scatter counts."""
+
+
+@dataclass(frozen=True)
+class Identification:
+    """What a measurement says of p unknowns; SI units."""
+
+    unknowns: tuple[Parameter, ...]
+    value: np.ndarray
+    """Shape (p,)."""
+    half_width: np.ndarray
+    """Of the 95 % intervals; infinite where nothing is told, shape (p,)."""
+    reasons: tuple[str, ...]
+    """Why an unknown cannot be told, empty where it can."""
+    advice: tuple[str, ...]
+    """Which measurement would tell it, empty where none is needed or known."""
+    mechanism: Mechanism
+    """With what was found; unknowns that cannot be told as in the scenario."""
+    visits: Visits
+    observed: Observed
+    error: np.ndarray
+    """Standard errors of the means that counted, nan where none did, (n, keys) [SI]."""
+    predicted: np.ndarray
+    """By the static model with what was found, offsets included, shape (n, keys) [SI]."""
+    misfit: float
+    """RMS of what the model leaves, in standard errors."""
+    reference: str
+    notes: tuple[str, ...]
+
+    @property
+    def told(self) -> np.ndarray:
+        """Which unknowns can be told, shape (p,)."""
+        return np.array([not reason for reason in self.reasons])
+
+    def __getitem__(self, label: str) -> tuple[float, float]:
+        """Value and half width by label, such as ``"elbow radial clearance"``."""
+        for i, one in enumerate(self.unknowns):
+            if one.label == label:
+                return float(self.value[i]), float(self.half_width[i])
+        raise MissingName("unknown", label, [one.label for one in self.unknowns])
+
+    def interval(self, i: int) -> tuple[float, float]:
+        """95 % interval of the i-th unknown within what can be."""
+        value, half = self.value[i], self.half_width[i]
+        return max(value - half, 0.0), min(value + half, self.unknowns[i].most)
+
+    def __str__(self) -> str:
+        """The table, and why what cannot be told cannot."""
+        lines = [f"{'unknown':<34} {'scenario':>12} {'found':>12}  95 % interval"]
+        for i, one in enumerate(self.unknowns):
+            if not one.sought:
+                continue
+            head = f"{one.label:<34} {one.shown(one.nominal):>12}"
+            if self.reasons[i]:
+                lines.append(f"{head} {'-':>12}  this measurement cannot tell")
+            else:
+                low, high = self.interval(i)
+                interval = f"{one.shown(low)} to {one.shown(high)}"
+                lines.append(f"{head} {one.shown(self.value[i]):>12}  {interval}")
+        for i, one in enumerate(self.unknowns):
+            if one.sought and self.reasons[i]:
+                lines.append(f"{one.label}: {self.reasons[i]}")
+                if self.advice[i]:
+                    lines.append(f"  {self.advice[i]}")
+        used = np.isfinite(self.error)
+        lines.append(
+            f"statistical, static model; {int(used.any(axis=1).sum())} visits "
+            f"({int((self.visits.stopped & used.any(axis=1)).sum())} stops) of "
+            f"{len(np.unique(self.visits.cell[used.any(axis=1)]))} places, {int(used.sum())} means; "
+            f"left over: {self.misfit:.2g} standard errors (RMS; 1 is what noise explains)"
+        )
+        return "\n".join([*self.notes, *lines])
+
+    def csv(self) -> str:
+        """A row for each unknown [SI]."""
+        out = io.StringIO()
+        writer = csv.writer(out, lineterminator="\n")
+        writer.writerow(["joint", "unknown", "unit", "scenario", "found", "low", "high", "why_not"])
+        for i, one in enumerate(self.unknowns):
+            if one.sought:
+                low, high = self.interval(i)
+                numbers = [one.nominal, *(("", "", "") if self.reasons[i] else ())]
+                if not self.reasons[i]:
+                    numbers += [f"{x:.9g}" for x in (self.value[i], low, high)]
+                writer.writerow([one.joint, one.name, one.unit, *numbers, self.reasons[i]])
+        return out.getvalue()
+
+
+def identify(
+    machine: Simulation | Mechanism,
+    measured: Measurement | str | Path,
+    *,
+    motion: Motion | None = None,
+    reference: str = "place",
+    noise: Mapping[str, float] | None = None,
+    joint_friction: Mapping[str, JointFriction] | None = None,
+    also: Sequence[str] = (),
+    known: Sequence[str] = (),
+) -> Identification:
+    """Clearances, friction and play of gears from measured signals.
+
+    Means over stops and slow stretches are compared with the static model, never single records.
+
+    Args:
+        machine: the scenario's simulation or the mechanism, with the play that is expected.
+        measured: signals, or the file that has them.
+        motion: reference, if the machine has none of its own; for joints without encoder.
+        reference: what is known of the tool's ideal place, one of `fit.REFERENCES`: ``place``
+            (nothing, but the same at each visit), ``frame`` (all but where the tracker's frame
+            lies), ``ideal`` (all: the geometry is calibrated).
+        noise: standard deviation of a record by kind of signal [SI]; else from the records.
+        joint_friction: of joints besides their bearings'; None takes the simulation's or URDF's.
+        also: ``compliance``: of the gears' teeth, too.
+        known: labels or names of unknowns that are taken from the scenario.
+
+    Raises:
+        JointplayError: bad data (see `Measurement`); loops; nothing has play; a motion that never
+            reverses; fewer means than unknowns.
+    """
+    mechanism = machine.mechanism if isinstance(machine, Simulation) else machine
+    friction = planning.urdf_friction(mechanism)
+    if isinstance(machine, Simulation):
+        motion = motion or machine.motion
+        if machine.payloads:
+            raise JointplayError(
+                "payloads that are picked up are not known to identify; put them into the URDF"
+            )
+        friction |= dict(machine.joint_friction or {})
+    friction |= dict(joint_friction or {})
+    if reference not in REFERENCES:
+        raise MissingName("reference", reference, REFERENCES)
+    if mechanism.loops:
+        raise JointplayError(
+            f"loop {next(iter(mechanism.loops))!r}: identify is for robots without closed loops"
+        )
+    measured = _read(measured, mechanism, noise)
+    made, seen = visits(mechanism, measured, motion)
+    if not seen.keys:
+        raise JointplayError(
+            f"{measured.source} has nothing that play would show in: tool x (y, z), JOINT link of a "
+            "gear with play, or JOINT torque is needed beside the motors' encoders"
+        )
+    torqued = [name for kind, name in seen.keys if kind == "torque"]
+    stops = bool(made.stopped.any()) and any(kind == "tool" for kind, _ in seen.keys)
+    sought = unknowns(mechanism, friction, torqued, stops, also, known)
+    model = StaticModel(mechanism, made, seen.keys, friction, sought)
+    usable = np.isfinite(seen.mean) & model.certain[:, None]
+    _check(measured, made, seen.keys, usable, reference)
+    error = np.where(usable, _errors(made, seen, usable), np.nan)
+    problem = _problem(mechanism, model, made, seen, error, reference)
+    start = np.array([one.nominal or 0.5 * one.scale for one in sought])
+    found = solve(problem, start)
+    if found.freedom < 1:
+        raise JointplayError(
+            f"{measured.source}: {len(problem.seen)} means at {len(made)} visits are too few for "
+            f"{len(sought)} unknowns and {problem.offsets} offsets; visit places more often, from "
+            "both sides"
+        )
+    reasons = tuple(_reason(i, found, sought, made, model) for i in range(len(sought)))
+    advice = _advice(mechanism, friction, sought, found, problem, seen, reasons)
+    predicted = model.predict(found.theta) + _offsets(problem, found.theta, error)
+    _, _, unseen = positions(mechanism, measured, motion)
+    return Identification(
+        sought,
+        found.theta,
+        found.half_width,
+        reasons,
+        advice,
+        apply(mechanism, sought, found.theta, reasons),
+        made,
+        seen,
+        error,
+        predicted,
+        found.misfit,
+        reference,
+        _notes(unseen, made),
+    )
+
+
+def _read(
+    measured: Measurement | str | Path, mechanism: Mechanism, noise: Mapping[str, float] | None
+) -> Measurement:
+    if not isinstance(measured, Measurement):
+        entries = mechanism.description.joints
+        slides = {name: entries[name].kind == "prismatic" for name in moving(mechanism)}
+        return Measurement.from_csv(measured, slides, noise)
+    return replace(measured, noise={**measured.noise, **(noise or {})})
+
+
+def _check(
+    measured: Measurement,
+    made: Visits,
+    keys: Sequence[Key],
+    usable: np.ndarray,
+    reference: str,
+) -> None:
+    """Raise if no place is visited in two ways."""
+    at = usable.any(axis=1)
+    if not at.any():
+        raise JointplayError(
+            f"{measured.source}: no visit counts: each gear must cross its play before, by a "
+            "reversal or a push"
+        )
+    if reference != "place":
+        return
+    ways = np.column_stack([made.cell, made.direction, np.round(made.force, 3)])[at]
+    places = np.unique(ways, axis=0)[:, 0]
+    if len(np.unique(places)) == len(places) and not {k for k, _ in keys} & {"torque"}:
+        raise JointplayError(
+            f"{measured.source}: the motion never reverses: no place is visited from two sides or "
+            "under two forces, so that no play shows; measure the way back, too (if the robot's "
+            "geometry is calibrated, say so with the reference 'ideal')"
+        )
+
+
+def _errors(made: Visits, seen: Observed, usable: np.ndarray) -> np.ndarray:
+    """Standard errors of the means: the records' scatter, or that of repeated visits if larger."""
+    labels = np.column_stack([made.cell, made.direction, made.stopped, np.round(made.force, 1)])
+    _, group = np.unique(labels, axis=0, return_inverse=True)
+    group = np.asarray(group).ravel()
+    found = seen.error.copy()
+    for column in range(found.shape[1]):
+        total, freedom = 0.0, 0
+        for number in np.unique(group):
+            mine = (group == number) & usable[:, column]
+            if mine.sum() > 1:
+                values = seen.mean[mine, column]
+                total += float(((values - values.mean()) ** 2).sum())
+                freedom += int(mine.sum()) - 1
+        if freedom >= _REPEATS:
+            found[:, column] = np.maximum(found[:, column], np.sqrt(total / freedom))
+    smallest = np.array([1e-12 + 1e-9 * np.nanmax(np.abs(row), initial=0.0) for row in seen.mean.T])
+    return np.maximum(found, smallest)
+
+
+def _problem(
+    mechanism: Mechanism,
+    model: StaticModel,
+    made: Visits,
+    seen: Observed,
+    error: np.ndarray,
+    reference: str,
+) -> Problem:
+    use = np.isfinite(error).ravel()
+    tool = tool_positions(mechanism, made.joints, made.position)
+    free = offsets(seen.keys, made.cell, tool, reference)
+    number = made.cell[:, None] * len(seen.keys) + np.arange(len(seen.keys))
+    return Problem(
+        model.unknowns,
+        lambda theta: model.predict(theta).ravel()[use],
+        seen.mean.ravel()[use],
+        error.ravel()[use],
+        free.reshape(-1, free.shape[2])[use],
+        number.ravel()[use],
+    )
+
+
+def _offsets(problem: Problem, theta: np.ndarray, error: np.ndarray) -> np.ndarray:
+    """What the offsets are that nobody knew, shape (n, keys); zero where nothing counted."""
+    left = (problem.seen - problem.predict(theta)) / problem.error
+    fitted = np.linalg.lstsq(problem.free / problem.error[:, None], left, rcond=1e-9)[0]
+    found = np.zeros(error.size)
+    found[np.isfinite(error).ravel()] = problem.free @ fitted
+    return found.reshape(error.shape)
+
+
+def _reason(
+    i: int, found: Fit, sought: Sequence[Parameter], made: Visits, model: StaticModel
+) -> str:
+    """Why an unknown cannot be told; empty if it can."""
+    one = sought[i]
+    half = found.half_width[i]
+    if half <= TOLD * max(found.theta[i], one.scale):
+        return ""
+    if found.felt[i] < FAINT:
+        return _unfelt(one, made, model)
+    partners = [sought[k].label for k in found.partners(i)]
+    if found.blind[i, i] > BLIND and partners:
+        return f"it acts only together with {', '.join(partners)}"
+    return (
+        f"its 95 % interval would be +- {one.shown(half)}, more than half of it"
+        if np.isfinite(half)
+        else "next to nothing of it shows above the noise"
+    )
+
+
+def _unfelt(one: Parameter, made: Visits, model: StaticModel) -> str:
+    """Why nothing moves with an unknown."""
+    if one.joint in made.joints and one.name in ("friction", "gear_play", "dry_friction"):
+        ways = set(made.direction[:, made.joints.index(one.joint)].tolist()) - {0}
+        if len(ways) < 2:
+            return "nothing shows: the joint never reverses"
+        if one.name == "gear_play":
+            return "nothing shows: the load keeps the gear's teeth on one side"
+    move = model.lever(one.joint)
+    if move is not None and not np.abs(move).max() > 0.0:
+        return "nothing shows: the joint does not move the tool"
+    return "nothing shows: its load pushes the journal the same way at every visit of a place"
+
+
+def _advice(
+    mechanism: Mechanism,
+    friction: Mapping[str, JointFriction],
+    sought: tuple[Parameter, ...],
+    found: Fit,
+    problem: Problem,
+    seen: Observed,
+    reasons: Sequence[str],
+) -> tuple[str, ...]:
+    """Which further experiment or signal would tell what cannot be told."""
+    if not any(reason and one.sought for reason, one in zip(reasons, sought, strict=True)):
+        return ("",) * len(sought)
+    effect = problem.sensitivity(found.theta)
+    before = effect.T @ effect / max(found.misfit, 1.0) ** 2
+    noise = dict(planning.NOISE)
+    for (kind, _), spread in zip(seen.keys, seen.noise, strict=True):
+        noise[kind] = max(spread, 1e-9)
+    offers = planning.offers(mechanism, friction, sought, seen.keys, noise, found.theta)
+    lines = []
+    for i, (one, reason) in enumerate(zip(sought, reasons, strict=True)):
+        best, words = np.inf, ""
+        for gain, text in offers if reason and one.sought else ():
+            half = planning.half_widths(sought, before + gain)[i]
+            if half < 0.8 * best:  # the simpler comes first
+                best, words = half, text
+        limit = TOLD * max(found.theta[i], one.scale)
+        if best <= limit:
+            lines.append(f"would tell, to +- {one.shown(best)}: {words}")
+        elif words and best < 0.5 * found.half_width[i] and best < 4.0 * limit:
+            times = int(np.ceil((best / limit) ** 2))
+            lines.append(f"would tell if done about {times} times: {words}")
+        else:
+            lines.append("")
+    return tuple(lines)
+
+
+def apply(
+    mechanism: Mechanism,
+    sought: Sequence[Parameter],
+    theta: np.ndarray,
+    reasons: Sequence[str],
+) -> Mechanism:
+    """The mechanism with those values that are told."""
+    joints, gears = dict(mechanism.clearance), dict(mechanism.gears)
+    for one, value, reason in zip(sought, theta, reasons, strict=True):
+        if reason or not one.joint:
+            continue
+        if one.name == "gear_play":
+            gears[one.joint] = replace(gears[one.joint], play=float(value))
+        elif one.name == "gear_compliance":
+            gears[one.joint] = replace(gears[one.joint], stiffness=1.0 / max(float(value), 1e-12))
+        elif one.name == "friction" or one.name in clearances(joints[one.joint]):
+            joints[one.joint] = with_clearance(joints[one.joint], {one.name: float(value)})
+    return mechanism._with(joints, gears)
+
+
+def _notes(unseen: Sequence[str], made: Visits) -> tuple[str, ...]:
+    lines = []
+    if unseen:
+        lines.append(
+            f"note: no encoder of {', '.join(unseen)}: taken where the reference says (or at rest); "
+            "what the drives lag counts as play"
+        )
+    return tuple(lines)
