@@ -57,8 +57,8 @@ def add(commands: Any) -> None:
         "--also",
         action="append",
         default=[],
-        metavar="WORD",
-        help="compliance: identify that of the gears' teeth, too",
+        choices=("compliance", "friction"),
+        help="identify the compliance of the gears' teeth, or the dry friction behind them, too",
     )
     group.add_argument(
         "--verify", action="store_true", help="run the scenario with what was found, and compare"

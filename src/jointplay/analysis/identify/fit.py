@@ -1,8 +1,9 @@
-"""Weighted least squares with what nobody knows taken out, and what the data can tell of each unknown.
+"""Weighted least squares with what nobody knows taken out, and what the data can tell.
 
 What nobody knows are offsets: where the tracker's frame lies, by how much the robot's geometry is
-off at a place, the zero of an encoder. They enter linearly and are projected out. What is left of the
-unknowns' effect is the sensitivity J, and F = J^T J the Fisher information (standard errors one).
+off at a place, the zero of an encoder. They enter linearly and are projected out. What is left of
+the unknowns' effect is the sensitivity J, and F = J^T J the Fisher information (standard errors
+one).
 """
 
 from __future__ import annotations

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from jointplay.analysis.identify import planning
+from jointplay.analysis.identify.bounces import Restitution, restitutions
 from jointplay.analysis.identify.fit import (
     BLIND,
     FAINT,
@@ -67,6 +68,8 @@ class Identification:
     """RMS of what the model leaves, in standard errors."""
     reference: str
     notes: tuple[str, ...]
+    restitutions: tuple[Restitution, ...] = ()
+    """Of the joints' impacts, where there is an accelerometer."""
 
     @property
     def told(self) -> np.ndarray:
@@ -98,16 +101,20 @@ class Identification:
                 low, high = self.interval(i)
                 interval = f"{one.shown(low)} to {one.shown(high)}"
                 lines.append(f"{head} {one.shown(self.value[i]):>12}  {interval}")
+        lines += [str(one) for one in self.restitutions]
+        if not self.unknowns:
+            return "\n".join([*self.notes, *lines])
         for i, one in enumerate(self.unknowns):
             if one.sought and self.reasons[i]:
                 lines.append(f"{one.label}: {self.reasons[i]}")
                 if self.advice[i]:
                     lines.append(f"  {self.advice[i]}")
         used = np.isfinite(self.error)
+        at = used.any(axis=1)
         lines.append(
-            f"statistical, static model; {int(used.any(axis=1).sum())} visits "
-            f"({int((self.visits.stopped & used.any(axis=1)).sum())} stops) of "
-            f"{len(np.unique(self.visits.cell[used.any(axis=1)]))} places, {int(used.sum())} means; "
+            f"statistical, static model; {int(at.sum())} visits "
+            f"({int((self.visits.stopped & at).sum())} stops) of "
+            f"{len(np.unique(self.visits.cell[at]))} places, {int(used.sum())} means; "
             f"left over: {self.misfit:.2g} standard errors (RMS; 1 is what noise explains)"
         )
         return "\n".join([*self.notes, *lines])
@@ -124,6 +131,10 @@ class Identification:
                 if not self.reasons[i]:
                     numbers += [f"{x:.9g}" for x in (self.value[i], low, high)]
                 writer.writerow([one.joint, one.name, one.unit, *numbers, self.reasons[i]])
+        for other in self.restitutions:
+            ends = [other.value, other.value - other.half_width, other.value + other.half_width]
+            numbers = ["", "", ""] if other.reason else [f"{x:.9g}" for x in ends]
+            writer.writerow([other.joint, "restitution", "", "", *numbers, other.reason])
         return out.getvalue()
 
 
@@ -151,7 +162,7 @@ def identify(
             lies), ``ideal`` (all: the geometry is calibrated).
         noise: standard deviation of a record by kind of signal [SI]; else from the records.
         joint_friction: of joints besides their bearings'; None takes the simulation's or URDF's.
-        also: ``compliance``: of the gears' teeth, too.
+        also: of `parameters.ALSO`: ``compliance`` of the gears' teeth, ``friction`` behind them.
         known: labels or names of unknowns that are taken from the scenario.
 
     Raises:
@@ -175,11 +186,14 @@ def identify(
             f"loop {next(iter(mechanism.loops))!r}: identify is for robots without closed loops"
         )
     measured = _read(measured, mechanism, noise)
+    bounced = restitutions(mechanism, measured)
     made, seen = visits(mechanism, measured, motion)
+    if not seen.keys and bounced:
+        return _bounces_only(mechanism, made, seen, reference, bounced)
     if not seen.keys:
         raise JointplayError(
-            f"{measured.source} has nothing that play would show in: tool x (y, z), JOINT link of a "
-            "gear with play, or JOINT torque is needed beside the motors' encoders"
+            f"{measured.source} has nothing that play would show in: tool x (y, z), JOINT link of "
+            "a gear with play, or JOINT torque is needed beside the motors' encoders"
         )
     torqued = [name for kind, name in seen.keys if kind == "torque"]
     stops = bool(made.stopped.any()) and any(kind == "tool" for kind, _ in seen.keys)
@@ -200,7 +214,7 @@ def identify(
     reasons = tuple(_reason(i, found, sought, made, model) for i in range(len(sought)))
     advice = _advice(mechanism, friction, sought, found, problem, seen, reasons)
     predicted = model.predict(found.theta) + _offsets(problem, found.theta, error)
-    _, _, unseen = positions(mechanism, measured, motion)
+    *_, unseen = positions(mechanism, measured, motion)
     return Identification(
         sought,
         found.theta,
@@ -214,8 +228,25 @@ def identify(
         predicted,
         found.misfit,
         reference,
-        _notes(unseen, made),
+        _notes(unseen),
+        bounced,
     )
+
+
+def _bounces_only(
+    mechanism: Mechanism,
+    made: Visits,
+    seen: Observed,
+    reference: str,
+    bounced: tuple[Restitution, ...],
+) -> Identification:
+    """What an accelerometer alone says."""
+    none = np.zeros((len(made), 0))
+    nothing = np.zeros(0)
+    return Identification(
+        (), nothing, nothing, (), (), mechanism, made, seen, none, none, np.nan, reference, (),
+        bounced,
+    )  # fmt: skip
 
 
 def _read(
@@ -395,11 +426,11 @@ def apply(
     return mechanism._with(joints, gears)
 
 
-def _notes(unseen: Sequence[str], made: Visits) -> tuple[str, ...]:
+def _notes(unseen: Sequence[str]) -> tuple[str, ...]:
     lines = []
     if unseen:
         lines.append(
-            f"note: no encoder of {', '.join(unseen)}: taken where the reference says (or at rest); "
-            "what the drives lag counts as play"
+            f"note: no encoder of {', '.join(unseen)}: taken where the reference says (or at rest)"
+            "; what the drives lag counts as play"
         )
     return tuple(lines)

@@ -6,7 +6,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from jointplay.errors import JointplayError
+from jointplay.errors import JointplayError, MissingName
 from jointplay.joints import Clearance
 from jointplay.joints.play import JournalPlay
 from jointplay.loads.drive import JointFriction
@@ -14,6 +14,8 @@ from jointplay.mechanism.mechanism import Mechanism
 
 SCALES = {"m": (1e6, "um"), "rad": (1e3, "mrad"), "N*m": (1.0, "N m"), "N": (1.0, "N")}
 """Factor and unit in which values are printed."""
+ALSO = ("compliance", "friction")
+"""What of gears is identified only if asked for."""
 _LEAST = 1e-9
 """Clearances below it are none [m]."""
 _FRICTION = 0.1
@@ -111,7 +113,7 @@ def unknowns(
         friction: of the joints besides their bearings'.
         torques: joints whose torque is measured: their friction is sought.
         stops: whether there are stops, at which an unknown part of the friction stays.
-        also: ``compliance``: of the gears' teeth, too.
+        also: of `ALSO`: the compliance of the gears' teeth, dry friction behind all gears.
         known: labels or names of unknowns that are taken from the scenario.
 
     Raises:
@@ -139,7 +141,8 @@ def unknowns(
             found.append(
                 Parameter(joint, "gear_compliance", "rad/(N*m)", value, value, 1e3 * value)
             )
-    for joint in torques:
+    behind = mechanism.gears if "friction" in also else ()
+    for joint in dict.fromkeys([*torques, *behind]):
         value = friction[joint].coulomb if joint in friction else 0.0
         slides = mechanism.description.joints[joint].kind == "prismatic"
         unit = "N" if slides else "N*m"
@@ -155,8 +158,8 @@ def unknowns(
 
 def _check(also: Collection[str], known: Collection[str], found: Collection[Parameter]) -> None:
     for word in also:
-        if word != "compliance":
-            raise JointplayError(f"what can be identified besides is: compliance; got {word!r}")
+        if word not in ALSO:
+            raise MissingName("unknown to identify besides", word, ALSO)
     names = {one.label for one in found} | {one.name for one in found}
     for word in known:
         if word not in names:

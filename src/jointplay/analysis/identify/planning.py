@@ -1,8 +1,8 @@
 """Which poses and motions would tell most: the Fisher information of what could be measured.
 
-An experiment is a pose that is passed slowly in both directions, or at which the machine stands and
-the tool is pushed one way and the other. Each adds its information; the offset of its place, which
-nobody knows, is taken out first. Experiments are chosen one after the other, each time the one after
+An experiment is a pose that is passed slowly in both directions, or at which the machine stands
+and the tool is pushed one way and the other. Each adds its information; the offset of its place,
+which nobody knows, is taken out first. Experiments are chosen one after the other, each time the one after
 which the unknowns are told best: the largest fall of the sum of their logarithmic variances.
 """
 
@@ -94,8 +94,8 @@ class Plan:
             for kind in dict.fromkeys(kind for kind, _ in self.signals)
         )
         lines.append(
-            f"statistical, from the static model at the nominal values; noise of a record: {noise}; "
-            f"{RECORDS} records a visit, passing at {SPEED:g} rad/s"
+            f"statistical, from the static model at the nominal values; noise of a record: {noise}"
+            f"; {RECORDS} records a visit, passing at {SPEED:g} rad/s"
         )
         return "\n".join(lines)
 

@@ -145,8 +145,9 @@ class Measurement:
             result: the run.
             rate: records a second [Hz].
             noise: standard deviation by kind of signal [SI]; none where not given.
-            kinds: signals that are measured, of ``tool``, ``motor``, ``link``, ``torque``, and
-                ``force``: the wrenches that act on the tool frame.
+            kinds: signals that are measured, of ``tool``, ``motor``, ``link``, ``torque``,
+                ``acceleration`` (of the tool, means over the interval between records) and
+                ``force`` (the wrenches that act on the tool frame).
             seed: of the noise.
             delay: what of the run's start is left out [s].
 
@@ -158,6 +159,13 @@ class Measurement:
         time = np.arange(result.time[0] + delay, result.time[-1] + 0.5 / rate, 1.0 / rate)
         time = time[time <= result.time[-1]]
         seen = _seen(result, kinds)
+        if "acceleration" in kinds:
+            speed = result["tool_velocity"].values
+            for i, axis in enumerate(AXES):
+                ends = np.interp([time - 0.5 / rate, time + 0.5 / rate], result.time, speed[:, i])
+                seen["acceleration", axis] = np.interp(
+                    result.time, time, (ends[1] - ends[0]) * rate
+                )
         spread = dict(noise or {})
         found = {
             key: np.interp(time, result.time, values)
@@ -188,6 +196,8 @@ def _seen(result: Result, kinds: Sequence[str]) -> dict[Key, np.ndarray]:
             for i, axis in enumerate(AXES):
                 found[kind, axis] = result["tool_position"].values[:, i]
             continue
+        if kind == "acceleration":
+            continue  # a mean between records, which only these know
         if kind == "force":
             given = _wrenches(result)
             found |= {(kind, axis): given[:, i] for i, axis in enumerate(AXES)}

@@ -1,4 +1,4 @@
-"""Whether the full model moves as was measured, with what was identified: means over the same visits."""
+"""Whether the full model moves as was measured, with what was identified: means over visits."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ from jointplay.mechanism.mechanism import Mechanism
 from jointplay.motion.reference import Motion
 from jointplay.result.result import AXES
 
-CELLS = 12
+CELLS = 20
 """Cells over a joint's range, in which what moves one way is taken together."""
 STOP_S = 0.25
 """Shortest stop that is looked at [s]."""
@@ -102,8 +102,12 @@ class Observed:
 
 def positions(
     mechanism: Mechanism, measured: Measurement, motion: Motion | None
-) -> tuple[tuple[str, ...], np.ndarray, list[str]]:
-    """Joints, their positions (n, j) from encoders or the reference, and those without encoder.
+) -> tuple[tuple[str, ...], np.ndarray, np.ndarray, list[str]]:
+    """Where the joints are: from encoders, or the reference.
+
+    Returns:
+        The joints' names; positions (n, j); motion that counts, more than an encoder's noise, (j,)
+        [rad or m]; joints without encoder.
 
     Raises:
         JointplayError: a joint that moves in the reference, but the measurement is longer than it;
@@ -114,17 +118,21 @@ def positions(
     found = np.tile([still[name] for name in names], (len(measured.time), 1))
     reference = None if motion is None else motion(measured.time)[0]
     unseen = []
+    limits = np.full(len(names), _SMALLEST)
     for column, name in enumerate(names):
         for kind in ("motor", "link"):
             counts = kind == "motor" or name not in mechanism.gears
             if counts and (kind, name) in measured.signals:
-                found[:, column] = _filled(measured.signals[kind, name], measured.time, name)
+                records = measured.signals[kind, name]
+                found[:, column] = _filled(records, measured.time, name)
+                spread = max(_THRESHOLD * scatter(records), 2.0 * resolution(records))
+                limits[column] = max(spread, _SMALLEST)
                 break
         else:
             unseen.append(name)
             if motion is not None and reference is not None and name in motion.joints:
                 found[:, column] = reference[:, motion.joints.index(name)]
-    return names, found, unseen
+    return names, found, limits, unseen
 
 
 def _filled(values: np.ndarray, time: np.ndarray, name: str) -> np.ndarray:
@@ -185,18 +193,12 @@ def visits(
     Raises:
         JointplayError: see `positions`; nothing that stands or moves slowly enough.
     """
-    names, q, _ = positions(mechanism, measured, motion)
+    names, q, limit, _ = positions(mechanism, measured, motion)
     time = measured.time
     ranges = np.ptp(q, axis=0)
-    limits = []
     ways = np.zeros(q.shape, int)
-    for column in range(len(names)):
-        values = q[:, column]
-        limit = max(_THRESHOLD * scatter(values), 2.0 * resolution(values), _SMALLEST)
-        limits.append(limit)
-        if ranges[column] > 2.0 * limit:
-            ways[:, column] = turns(values, limit)
-    limit = np.array(limits)
+    for column in np.flatnonzero(ranges > 2.0 * limit):
+        ways[:, column] = turns(q[:, column], limit[column])
     stands = _standing(time, q, limit)
     size = np.where(ranges > 4.0 * limit, ranges / CELLS, np.inf)
     force = np.column_stack(
