@@ -1,4 +1,4 @@
-"""Does identification find what is there, with the intervals that it states, and say when it cannot?
+"""Does identification find what is there, with the intervals stated, and say when it cannot?
 
 Random machines are run by the full dynamic model (contacts, friction, drives), and instruments with
 noise look at them; `jointplay.identify` knows neither the values (the scenario's are off by up to a
@@ -13,7 +13,7 @@ import multiprocessing
 import tempfile
 import warnings
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -32,9 +32,9 @@ JOINT = """
   <joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>
     <origin xyz="{at} 0 0"/><axis xyz="{axis}"/>
     <limit lower="-3" upper="3" effort="1e4" velocity="9"/></joint>"""
-SPEED = 0.25
+SPEED = 0.4
 """At which joints pass [rad/s]."""
-PUSH_S = 0.7
+PUSH_S = 0.8
 """For which a push holds [s]."""
 KINDS = ("lying", "standing", "two", "geared")
 
@@ -92,28 +92,40 @@ def guess(random: np.random.Generator, joint: jp.ClearanceJoint) -> jp.Clearance
 def course(
     random: np.random.Generator, joints: list[str], mass: float
 ) -> tuple[jp.Motion, jp.loads.WrenchOverTime]:
-    """Passing there and back twice, then pushes along all axes at three poses."""
+    """There and back twice; once under a push and once under its opposite; pushes at two poses."""
     ends = random.uniform(0.3, 0.6, len(joints))
     centre = random.uniform(-0.3, 0.3, len(joints))
-    corner = centre + ends
     leg = 2.0 * float(ends.max()) / SPEED
-    times, places = [0.0, 0.3], [centre - ends, centre - ends]
-    for way in (1.0, -1.0, 1.0, -1.0):
-        times += [times[-1] + leg, times[-1] + leg + 0.1]
-        places += [centre + way * ends] * 2
-    push_times, pushes = [0.0], [np.zeros(3)]
     strength = random.uniform(1.5, 2.5) * 9.81 * mass
-    for part in (-0.5, 0.1, 0.6):
-        place = centre + part * (corner - centre)
-        times += [times[-1] + 1.0, 0.0]
+    times, places = [0.0, 0.3], [centre - ends, centre - ends]
+    push_times, pushes = [0.0], [np.zeros(3)]
+
+    def push(begin: float, end: float, force: np.ndarray) -> None:
+        push_times.extend([begin, begin + 0.1, end - 0.1, end])
+        pushes.extend([np.zeros(3), force, force, np.zeros(3)])
+
+    def pass_by() -> None:
+        for way in (1.0, -1.0):
+            times.extend([times[-1] + leg, times[-1] + leg + 0.1])
+            places.extend([centre + way * ends] * 2)
+
+    pass_by()
+    pass_by()
+    axis = np.eye(3)[random.integers(3)]
+    for side in (1.0, -1.0):
+        times[-1] += 0.6
+        begin = times[-1] - 0.5
+        pass_by()
+        push(begin, times[-1], side * strength * axis)
+    for part in (-0.4, 0.5):
+        place = centre + part * ends
+        begin = times[-1] + 1.7
+        times += [times[-1] + 1.0, begin]
         places += [place, place]
-        begin = times[-2] + 0.7
         for axis in np.eye(3):
             for side in (1.0, -1.0):
-                push = side * strength * axis
-                push_times += [begin, begin + 0.1, begin + PUSH_S, begin + PUSH_S + 0.1]
-                pushes += [np.zeros(3), push, push, np.zeros(3)]
-                begin += PUSH_S + 0.3
+                push(begin, begin + PUSH_S, side * strength * axis)
+                begin += PUSH_S + 0.2
         times[-1] = begin
     motion = jp.Motion(joints, times, places)
     rows = tuple(tuple(float(x) for x in row) for row in pushes)
@@ -133,8 +145,30 @@ def off(random: np.random.Generator, measured: Measurement) -> Measurement:
     return Measurement(measured.time, signals, source="the simulated measurement")
 
 
-def case(seed: int) -> dict:
-    """One machine: truth, what was found, and whether the intervals hold."""
+@dataclass(frozen=True)
+class Machine:
+    """A machine with its truth, and what somebody believes of it before the measurement."""
+
+    seed: int
+    kind: str
+    true: dict[str, jp.ClearanceJoint]
+    gears: dict[str, jp.Gear]
+    simulation: jp.Simulation
+    believed: jp.Simulation
+    noise: dict[str, float]
+    kinds: tuple[str, ...]
+
+    def look(self) -> Measurement:
+        """Run it, and let the instruments look."""
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", RuntimeWarning)
+            result = self.simulation.run()
+        seen = Measurement.from_result(result, noise=self.noise, kinds=self.kinds, seed=self.seed)
+        return off(np.random.default_rng(self.seed), seen)
+
+
+def machine(seed: int) -> Machine:
+    """One of the machines."""
     random = np.random.default_rng(seed)
     kind = KINDS[seed % len(KINDS)]
     with tempfile.TemporaryDirectory() as folder:
@@ -146,29 +180,33 @@ def case(seed: int) -> dict:
             play = random.uniform(0.3e-3, 3e-3)
             gears = {"j0": jp.Gear(play, rotor_inertia=0.3, stiffness=2e4, damping=20.0)}
         guessed = {n: replace(g, play=g.play * random.uniform(0.4, 2.5)) for n, g in gears.items()}
-        mechanism = jp.Mechanism(path, true, gears=gears, tool="tool")
-        mass = 4.0 * len(joints)
-        motion, wrench = course(random, joints, mass)
-        drive = jp.ComputedTorque(encoder="motor")
-        friction = {name: jp.JointFriction(coulomb=0.5) for name in gears}
+        motion, wrench = course(random, joints, 4.0 * len(joints))
         simulation = jp.Simulation(
-            mechanism,
+            jp.Mechanism(path, true, gears=gears, tool="tool"),
             motion,
-            drive,
+            jp.ComputedTorque(encoder="motor"),
             loads={"push": wrench},
             record_every=500,
-            joint_friction=friction,
+            joint_friction={name: jp.JointFriction(coulomb=0.5) for name in gears},
             limits="ignore",
         )
-        with warnings.catch_warnings():
-            warnings.simplefilter("error", RuntimeWarning)
-            result = simulation.run()
-        noise = {"tool": 10 ** random.uniform(-6.0, -4.6), "motor": 1e-5, "link": 1e-5}
-        kinds = ["tool", "motor", "force", *(["link"] if gears and random.random() < 0.5 else [])]
-        seen = Measurement.from_result(result, noise=noise, kinds=kinds, seed=seed)
-        seen = off(random, seen)
         expected = jp.Mechanism(path, believed, gears=guessed, tool="tool")
-        found = identify(replace(simulation, mechanism=expected), seen)
+    noise = {"tool": 10 ** random.uniform(-6.0, -4.6), "motor": 1e-5, "link": 1e-5}
+    link = ("link",) if gears and random.random() < 0.5 else ()
+    kinds = ("tool", "motor", "force", *link)
+    theirs = replace(simulation, mechanism=expected)
+    return Machine(seed, kind, true, gears, simulation, theirs, noise, kinds)
+
+
+def case(seed: int) -> list[dict]:
+    """What is found of one machine."""
+    one = machine(seed)
+    return compare(one, identify(one.believed, one.look()))
+
+
+def compare(made: Machine, found: Identification) -> list[dict]:
+    """A row for each unknown: truth, what was found, and whether the interval holds it."""
+    true, gears = made.true, made.gears
     rows = []
     for i, one in enumerate(found.unknowns):
         if not one.sought:
@@ -181,8 +219,8 @@ def case(seed: int) -> dict:
         }[one.name](one.joint)
         rows.append(
             {
-                "case": seed,
-                "kind": kind,
+                "case": made.seed,
+                "kind": made.kind,
                 "unknown": one.label,
                 "name": one.name,
                 "truth": truth,
@@ -191,12 +229,12 @@ def case(seed: int) -> dict:
                 "half_width": found.half_width[i],
                 "told": found.told[i],
                 "covered": abs(found.value[i] - truth) <= found.half_width[i],
-                "noise_m": noise["tool"],
+                "noise_m": made.noise["tool"],
                 "misfit": found.misfit,
                 "why_not": found.reasons[i],
             }
         )
-    return {"rows": rows}
+    return rows
 
 
 def main() -> None:
@@ -212,7 +250,7 @@ def main() -> None:
     else:
         with ProcessPoolExecutor(args.jobs, multiprocessing.get_context("spawn")) as pool:
             found = list(tqdm(pool.map(case, numbers), total=len(numbers), unit="machine"))
-    rows = [row for one in found for row in one["rows"]]
+    rows = [row for one in found for row in one]
     names = list(dict.fromkeys(row["name"] for row in rows))
     table = []
     for name in [*names, "all"]:

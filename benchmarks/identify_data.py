@@ -4,11 +4,12 @@
     git clone https://github.com/ARTS-Laboratory/Dataset-Friction-Damper-with-Backlash damper
     python benchmarks/identify_data.py servos damper
 
-writes benchmarks/validation/data/backlash_*.csv with their source and licence on top. Servos: telemetry
-of a stand in which elastic bands pull the lever of a standing servo one way and the other (B. Kotov,
-Robonine; logs under CC BY 4.0, as the repository's paper says). Damper: a banded rotary friction device
-in a testing machine, sinusoidal displacement (D. Coble, P. Huggins, L. Cao, J. Ricles, A. Downey,
-ARTS-Lab; CC BY-SA 4.0, and so are the extracts). Git directories without work tree will do.
+writes benchmarks/validation/data/backlash_*.csv with their source and licence on top. Servos:
+telemetry of a stand in which elastic bands pull the lever of a standing servo one way and the other
+(B. Kotov, Robonine; logs under CC BY 4.0, as the table of files in the repository's paper says).
+Damper: a banded rotary friction device in a testing machine, sinusoidal displacement (D. Coble,
+P. Huggins, L. Cao, J. Ricles, A. Downey, ARTS-Lab; CC BY-SA 4.0, and so are the extracts). Git
+directories without work tree will do.
 """
 
 from __future__ import annotations
@@ -65,12 +66,14 @@ def servo(repository: Path, name: str) -> None:
     rows = list(csv.DictReader(io.StringIO(shown(repository, path))))
     lines = [
         f"# Feetech {kind} in a stand that pulls its lever (0.1 m) both ways; encoder 4096 counts.",
-        f"# From {path} of github.com/roboninecom/Measuring-Backlash-in-Popular-UART-Servos,",
-        f"# commit {commit(repository)}; B. Kotov, Robonine; CC BY 4.0. Changed: counts to rad about",
-        "# 2047; force: 0.15 kgf (their calibration) by the way of the puller that stretches.",
+        f"# From {path} of",
+        "# github.com/roboninecom/Measuring-Backlash-in-Popular-UART-Servos,",
+        f"# commit {commit(repository)}; B. Kotov, Robonine; CC BY 4.0. Changed: counts to",
+        "# rad about 2047; force: 0.15 kgf (their calibration) by the way of the puller that",
+        "# stretches; the servo's own drives, and rest before the first pull after them, left out.",
         "time [s],servo motor [rad],servo link [rad],force y [N]",
     ]
-    start = None
+    start, pulled = None, False
     for row in rows:
         needed = [row[f"{what} ({tested})"] for what in ("target pos", "pos")]
         pulls = [row[f"pos ({number})"] for number, _ in (plus, minus)]
@@ -78,12 +81,15 @@ def servo(repository: Path, name: str) -> None:
             continue
         at = datetime.fromisoformat(row["timestamp"].replace("Z", "+00:00")).timestamp()
         start = at if start is None else start
-        command, place = ((float(text) - HOME) * COUNT_RAD for text in needed)
         force = 0.0
         for sign, text, (_, relaxed) in zip((1, -1), pulls, (plus, minus), strict=True):
             part = abs(float(text) - relaxed) / 400.0
-            force += sign * BAND_N * (part if part > 0.02 else 0.0)
-        lines.append(f"{at - start:.3f},{command:.6f},{place:.6f},{force:.4f}")
+            force += sign * BAND_N * (part if part > 0.05 else 0.0)
+        # Between its drives home and the first pull nobody knows where in its play the servo is.
+        pulled = float(needed[0]) == HOME and (pulled or force != 0.0)
+        if pulled:
+            command, place = ((float(text) - HOME) * COUNT_RAD for text in needed)
+            lines.append(f"{at - start:.3f},{command:.6f},{place:.6f},{force:.4f}")
     (DATA / target).write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
@@ -92,13 +98,13 @@ def damper(repository: Path, tension: str) -> None:
     path = f"data/dataset-1/characterization datasets/0.5Hz{tension}lbtension.json"
     table = np.array(json.loads(shown(repository, path))["data"])[::EVERY]
     lines = [
-        f"# Banded rotary friction device, band tension {tension} lb, displaced 0.5 times a second.",
+        f"# Banded rotary friction device, band tension {tension} lb, displaced at 0.5 Hz.",
         f"# From {path}",
-        "# of github.com/ARTS-Laboratory/Dataset-Friction-Damper-with-Backlash, commit "
-        f"{commit(repository)};",
-        "# D. Coble, P. Huggins, L. Cao, J. Ricles, A. Downey (2022), ARTS-Lab; CC BY-SA 4.0, and so",
-        f"# is this extract. Changed: every {EVERY}th record; inch and kip to SI; as an angle and a",
-        "# torque at a radius of 1 m.",
+        "# of github.com/ARTS-Laboratory/Dataset-Friction-Damper-with-Backlash,",
+        f"# commit {commit(repository)};",
+        "# D. Coble, P. Huggins, L. Cao, J. Ricles, A. Downey (2022), ARTS-Lab; CC BY-SA 4.0, and",
+        f"# so is this extract. Changed: every {EVERY}th record; inch and kip to SI; as an angle and",
+        "# a torque at a radius of 1 m.",
         "time [s],drum motor [rad],drum torque [N*m]",
     ]
     lines += [f"{t:.4f},{INCH * x:.7f},{KIP * force:.1f}" for t, x, force in table[:, :3]]

@@ -1,9 +1,9 @@
 """Restitution from an accelerometer: a bouncing journal's flights grow shorter by it.
 
-Under a constant load the flight after an impact that leaves with the speed v lasts 2 v / a, and the
-next begins with e v: the intervals between impacts are a geometric series with the ratio e, whatever
-mass and load are. A. D. Bernstein, American Journal of Physics 45 (1977) 41-44, for balls. Only
-intervals count, so the sensor need not be calibrated. Sequences in which intervals do not fall
+Under a constant load the flight after an impact that leaves with the speed v lasts 2 v / a, and
+the next begins with e v: the intervals between impacts are a geometric series with the ratio e,
+whatever mass and load are. A. D. Bernstein, American Journal of Physics 45 (1977) 41-44, for balls.
+Only intervals count, so the sensor need not be calibrated. Sequences in which intervals do not fall
 steadily (rims that strike in turn) are left out.
 """
 

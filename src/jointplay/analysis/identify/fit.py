@@ -23,6 +23,8 @@ from jointplay.result.result import AXES
 REFERENCES = ("place", "frame", "ideal")
 """What is known of the tool's ideal place: nothing but that it is the same at each visit of a
 place; all but where the tracker's frame lies; all."""
+DEGREE = 3
+"""Of the polynomial of each joint's position by which the geometry's error changes at a place."""
 CONFIDENCE = 0.95
 _STEP = 1e-3
 """Step of differences, relative to an unknown's scale."""
@@ -30,18 +32,34 @@ _RANK = 1e-9
 """Part of the largest singular value that is none."""
 SHARE = 0.1
 """Part of a direction that cannot be told from which on an unknown is named with it."""
+MODEL, MODEL_ELSE = {"friction": 0.05}, 0.02
+"""Part of a value by which the static model itself is off, see benchmarks/identify.py."""
+_LOOKS, _NEAR, _FAR = 2, 0.02, 0.5
+"""How often effects are sought over the width of the intervals; least and largest step by scale."""
+_LEAST_FREEDOM = 8
+"""Freedom that few groups are granted: with less, intervals say nothing."""
 BLIND = 1e-4
 """Square of the part of an unknown that may lie in what cannot be told."""
 FAINT = 1e-3
 """Effect of a whole scale below which nothing is told, in standard errors."""
 
 
-def offsets(keys: Sequence[Key], cell: np.ndarray, tool: np.ndarray, reference: str) -> np.ndarray:
+def offsets(
+    keys: Sequence[Key],
+    cell: np.ndarray,
+    position: np.ndarray,
+    tool: np.ndarray,
+    reference: str,
+) -> np.ndarray:
     """How offsets that nobody knows move the signals, shape (n, keys, offsets).
+
+    Visits of a place are not quite at one: beside an offset for each, the geometry's error is a
+    polynomial of the joints' positions.
 
     Args:
         keys: the signals.
         cell: number of each visit's place, shape (n,).
+        position: of the joints, shape (n, j) [rad or m].
         tool: of the ideal mechanism, shape (n, 3) [m].
         reference: one of `REFERENCES`.
 
@@ -62,6 +80,8 @@ def offsets(keys: Sequence[Key], cell: np.ndarray, tool: np.ndarray, reference: 
         for axis in axes:
             for number in np.unique(cell):
                 column(("tool", axis), (cell == number).astype(float))
+            for values in _within(cell, position):
+                column(("tool", axis), values)
     elif reference == "frame" and axes:
         for axis in axes:
             column(("tool", axis), np.ones(n))
@@ -78,6 +98,21 @@ def offsets(keys: Sequence[Key], cell: np.ndarray, tool: np.ndarray, reference: 
     return np.stack(columns, axis=2) if columns else np.zeros((n, len(keys), 0))
 
 
+def _within(cell: np.ndarray, position: np.ndarray) -> list[np.ndarray]:
+    """Powers of the joints' positions as far as they differ between visits of a place."""
+    found = []
+    for values in position.T:
+        span = np.ptp(values)
+        if span > 0.0:
+            even = (values - values.mean()) / span
+            for power in range(1, DEGREE + 1):
+                moved = even**power
+                for number in np.unique(cell):
+                    moved[cell == number] -= moved[cell == number].mean()
+                found.append(moved)
+    return found
+
+
 @dataclass(frozen=True)
 class Problem:
     """What least squares solve: m numbers with their errors and offsets."""
@@ -91,13 +126,17 @@ class Problem:
     """Standard errors, shape (m,)."""
     free: np.ndarray
     """Offsets' effect, shape (m, offsets)."""
-    group: np.ndarray
-    """Numbers that may be wrong together (a place and a signal) have the same number, (m,)."""
+    groups: tuple[np.ndarray, ...]
+    """Numbers that may be wrong together, of a place or of a load, have the same number, (m,)."""
 
     @property
     def scale(self) -> np.ndarray:
         """Sizes that matter, shape (p,)."""
         return np.array([one.scale for one in self.unknowns])
+
+    def rest(self, theta: np.ndarray) -> np.ndarray:
+        """What the model and the offsets leave, shape (m,) [SI]."""
+        return self.residual(theta) * self.error
 
     def whiten(self, values: np.ndarray) -> np.ndarray:
         """Values (m,) or (m, k) by their errors, offsets taken out."""
@@ -131,6 +170,27 @@ class Problem:
                 ends.append((moved[i], self.predict(moved)))
             (high, above), (low, below) = ends
             columns.append((above - below) * one.scale / (high - low))
+        return self.whiten(np.stack(columns, axis=1))
+
+    def weaker(self, theta: np.ndarray, steps: np.ndarray) -> np.ndarray:
+        """The same by steps (p,) to either side, of which the one with less effect counts.
+
+        Where a journal just reaches a wall, more clearance changes nothing and less of it much: an
+        interval by the steep side would be far too narrow on the flat one.
+        """
+        here, columns = self.predict(theta), []
+        for i, one in enumerate(self.unknowns):
+            sides = []
+            for moved_to in (theta[i] + steps[i], theta[i] - steps[i]):
+                value = min(max(moved_to, 0.0), one.most)
+                if abs(value - theta[i]) < 0.2 * steps[i]:
+                    continue  # a limit
+                moved = theta.copy()
+                moved[i] = value
+                sides.append((self.predict(moved) - here) * one.scale / (value - theta[i]))
+            if not sides:
+                sides = [np.zeros(len(here))]
+            columns.append(min(sides, key=lambda side: float(np.linalg.norm(side / self.error))))
         return self.whiten(np.stack(columns, axis=1))
 
 
@@ -177,7 +237,15 @@ def solve(problem: Problem, start: np.ndarray) -> Fit:
 
 def describe(problem: Problem, theta: np.ndarray) -> Fit:
     """Intervals about a solution (p,)."""
-    effect = problem.sensitivity(theta)
+    found = _intervals(problem, theta, problem.sensitivity(theta))
+    for _ in range(_LOOKS):
+        wide = np.where(np.isfinite(found.half_width), found.half_width, np.inf)
+        steps = np.clip(wide, _NEAR * problem.scale, _FAR * np.maximum(problem.scale, theta))
+        found = _intervals(problem, theta, problem.weaker(theta, steps))
+    return found
+
+
+def _intervals(problem: Problem, theta: np.ndarray, effect: np.ndarray) -> Fit:
     left = problem.residual(theta)
     covariance, blind, rank = information(effect)
     felt = np.linalg.norm(effect, axis=0)
@@ -187,18 +255,19 @@ def describe(problem: Problem, theta: np.ndarray) -> Fit:
         return Fit(theta, infinite, freedom, np.nan, blind, felt)
     misfit = float(np.sqrt(left @ left / freedom))
     spread = covariance * max(misfit, 1.0) ** 2
-    # What is wrong at one place is wrong in all its numbers: the larger of both estimates counts.
-    groups = np.unique(problem.group)
-    scores = np.stack([left[problem.group == g] @ effect[problem.group == g] for g in groups])
-    if len(groups) > rank:
-        factor = len(groups) / (len(groups) - rank)
-        robust = factor * covariance @ (scores.T @ scores) @ covariance
-        variance = np.maximum(np.diag(spread), np.diag(robust))
-        freedom_t = min(freedom, len(groups) - rank)
-    else:
-        variance, freedom_t = np.diag(spread), freedom
-    quantile = float(student.ppf(0.5 + CONFIDENCE / 2.0, freedom_t))
-    half = quantile * np.sqrt(variance) * problem.scale
+    variance, least = np.diag(spread), freedom
+    for group in problem.groups:
+        # What is wrong at one place, or under one load, is wrong in all its numbers.
+        numbers = np.unique(group)
+        if len(numbers) > rank:
+            scores = np.stack([left[group == g] @ effect[group == g] for g in numbers])
+            factor = len(numbers) / (len(numbers) - rank)
+            robust = factor * covariance @ (scores.T @ scores) @ covariance
+            variance = np.maximum(variance, np.diag(robust))
+            least = min(least, max(len(numbers) - rank, _LEAST_FREEDOM))
+    quantile = float(student.ppf(0.5 + CONFIDENCE / 2.0, least))
+    own = np.array([MODEL.get(one.name, MODEL_ELSE) for one in problem.unknowns]) * theta
+    half = np.hypot(quantile * np.sqrt(variance) * problem.scale, own)
     half[np.diag(blind) > BLIND] = np.inf
     return Fit(theta, half, freedom, misfit, blind, felt)
 

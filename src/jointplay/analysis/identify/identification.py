@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from scipy.stats import qmc
 
 from jointplay.analysis.identify import planning
 from jointplay.analysis.identify.bounces import Restitution, restitutions
@@ -25,7 +26,6 @@ from jointplay.analysis.identify.ideal import tool_positions
 from jointplay.analysis.identify.model import StaticModel
 from jointplay.analysis.identify.parameters import (
     Parameter,
-    clearances,
     unknowns,
     with_clearance,
 )
@@ -39,8 +39,10 @@ from jointplay.motion.reference import Motion
 from jointplay.simulation.simulation import Simulation
 
 TOLD = planning.TOLD
-_REPEATS = 3
-"""Repeated visits, less their means, from which on their scatter counts."""
+_TRIED, _KEPT, _RANGE = 40, 2, 3.0
+"""Starts that are looked at, that are followed, and how far they lie from the scenario's values."""
+_ROUNDS = 3
+"""In which errors are made as large as what is left demands."""
 
 
 @dataclass(frozen=True)
@@ -64,6 +66,8 @@ class Identification:
     """Standard errors of the means that counted, nan where none did, (n, keys) [SI]."""
     predicted: np.ndarray
     """By the static model with what was found, offsets included, shape (n, keys) [SI]."""
+    loose: np.ndarray
+    """What friction may hold anywhere at stops, see `StaticModel.loose`."""
     misfit: float
     """RMS of what the model leaves, in standard errors."""
     reference: str
@@ -201,10 +205,13 @@ def identify(
     model = StaticModel(mechanism, made, seen.keys, friction, sought)
     usable = np.isfinite(seen.mean) & model.certain[:, None]
     _check(measured, made, seen.keys, usable, reference)
-    error = np.where(usable, _errors(made, seen, usable), np.nan)
+    error = np.where(usable, _errors(seen), np.nan)
     problem = _problem(mechanism, model, made, seen, error, reference)
     start = np.array([one.nominal or 0.5 * one.scale for one in sought])
-    found = solve(problem, start)
+    names = [kind for kind, _ in seen.keys]
+    numbers = np.broadcast_to([names.index(kind) for kind in names], error.shape)
+    problem, found = _solve(problem, start, numbers[np.isfinite(error)])
+    error[np.isfinite(error)] = problem.error
     if found.freedom < 1:
         raise JointplayError(
             f"{measured.source}: {len(problem.seen)} means at {len(made)} visits are too few for "
@@ -226,6 +233,7 @@ def identify(
         seen,
         error,
         predicted,
+        model.loose(),
         found.misfit,
         reference,
         _notes(unseen),
@@ -244,7 +252,8 @@ def _bounces_only(
     none = np.zeros((len(made), 0))
     nothing = np.zeros(0)
     return Identification(
-        (), nothing, nothing, (), (), mechanism, made, seen, none, none, np.nan, reference, (),
+        (), nothing, nothing, (), (), mechanism, made, seen, none, none, none[..., None],
+        np.nan, reference, (),
         bounced,
     )  # fmt: skip
 
@@ -285,24 +294,53 @@ def _check(
         )
 
 
-def _errors(made: Visits, seen: Observed, usable: np.ndarray) -> np.ndarray:
-    """Standard errors of the means: the records' scatter, or that of repeated visits if larger."""
-    labels = np.column_stack([made.cell, made.direction, made.stopped, np.round(made.force, 1)])
-    _, group = np.unique(labels, axis=0, return_inverse=True)
-    group = np.asarray(group).ravel()
-    found = seen.error.copy()
-    for column in range(found.shape[1]):
-        total, freedom = 0.0, 0
-        for number in np.unique(group):
-            mine = (group == number) & usable[:, column]
-            if mine.sum() > 1:
-                values = seen.mean[mine, column]
-                total += float(((values - values.mean()) ** 2).sum())
-                freedom += int(mine.sum()) - 1
-        if freedom >= _REPEATS:
-            found[:, column] = np.maximum(found[:, column], np.sqrt(total / freedom))
+def _errors(seen: Observed) -> np.ndarray:
+    """Standard errors of the means by the records' scatter; none is zero."""
     smallest = np.array([1e-12 + 1e-9 * np.nanmax(np.abs(row), initial=0.0) for row in seen.mean.T])
-    return np.maximum(found, smallest)
+    return np.maximum(seen.error, smallest)
+
+
+def _solve(problem: Problem, start: np.ndarray, kinds: np.ndarray) -> tuple[Problem, Fit]:
+    """Least squares with errors as large as what is left demands, by kind of signal.
+
+    Means scatter by more than their records do: journals do not come to rest at quite the same
+    place, and the model is not exact. That is added to the errors.
+    """
+    tried = [solve(problem, one) for one in _starts(problem, start)]
+    found = min(tried, key=lambda fit: float(np.square(problem.residual(fit.theta)).sum()))
+    own = problem.error
+    for _ in range(_ROUNDS):
+        left = problem.rest(found.theta)
+        share = max(found.freedom, 1) / len(own)
+        more = np.zeros(len(own))
+        for kind in np.unique(kinds):
+            mine = kinds == kind
+            more[mine] = _excess(left[mine], own[mine], share * mine.sum())
+        problem = replace(problem, error=np.hypot(own, more))
+        found = solve(problem, found.theta)
+    return problem, found
+
+
+def _starts(problem: Problem, start: np.ndarray) -> list[np.ndarray]:
+    """The given start, and the best of many about it: play that meets walls has several minima."""
+    spread = qmc.LatinHypercube(len(start), rng=0).random(_TRIED)
+    options = start * _RANGE ** (2.0 * spread - 1.0)
+    most = np.array([one.most for one in problem.unknowns])
+    options = np.minimum(options, most)
+    costs = [float(np.square(problem.residual(one)).sum()) for one in options]
+    return [start, *options[np.argsort(costs)[:_KEPT]]]
+
+
+def _excess(left: np.ndarray, error: np.ndarray, freedom: float) -> float:
+    """Standard deviation that, added to errors, explains what is left."""
+    low, high = 0.0, float(np.sqrt(np.square(left).sum() / max(freedom, 1e-9)))
+    if np.square(left / error).sum() <= freedom:
+        return 0.0
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        above = np.square(left / np.hypot(error, middle)).sum() > freedom
+        low, high = (middle, high) if above else (low, middle)
+    return high
 
 
 def _problem(
@@ -315,15 +353,21 @@ def _problem(
 ) -> Problem:
     use = np.isfinite(error).ravel()
     tool = tool_positions(mechanism, made.joints, made.position)
-    free = offsets(seen.keys, made.cell, tool, reference)
-    number = made.cell[:, None] * len(seen.keys) + np.arange(len(seen.keys))
+    free = offsets(seen.keys, made.cell, made.position, tool, reference)
+    free = np.concatenate([free, model.loose()], axis=2)
+    every = np.arange(len(seen.keys))
+    number = made.cell[:, None] * len(seen.keys) + every
+    strength = max(float(np.abs(made.force).max()), 1e-12)
+    loads = np.column_stack([made.direction, made.stopped, np.round(2.0 * made.force / strength)])
+    _, load = np.unique(loads, axis=0, return_inverse=True)
+    states = np.ravel(load)[:, None] * len(seen.keys) + every
     return Problem(
         model.unknowns,
         lambda theta: model.predict(theta).ravel()[use],
         seen.mean.ravel()[use],
         error.ravel()[use],
-        free.reshape(-1, free.shape[2])[use],
-        number.ravel()[use],
+        free.reshape(use.size, free.shape[2])[use],
+        (number.ravel()[use], states.ravel()[use]),
     )
 
 
@@ -421,7 +465,7 @@ def apply(
             gears[one.joint] = replace(gears[one.joint], play=float(value))
         elif one.name == "gear_compliance":
             gears[one.joint] = replace(gears[one.joint], stiffness=1.0 / max(float(value), 1e-12))
-        elif one.name == "friction" or one.name in clearances(joints[one.joint]):
+        elif one.name != "dry_friction":
             joints[one.joint] = with_clearance(joints[one.joint], {one.name: float(value)})
     return mechanism._with(joints, gears)
 

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import pinocchio as pin
@@ -35,6 +36,12 @@ from jointplay.mechanism.mechanism import Mechanism
 from jointplay.result.result import AXES
 
 _LATERAL = [0, 1, 3, 4]
+_REMEMBERED = 100
+"""Displacements of bearings that are kept: differences move one joint at a time."""
+_FAINT_LOAD = 0.05
+"""Part of the rims' forces below which a load along the axis moves nothing in time."""
+_STIFFEST = 1e-12
+"""Smallest compliance [rad/(N m)]."""
 _UNSURE = 3.0
 """Plays by which a gear must have been crossed before its side is certain."""
 
@@ -50,12 +57,14 @@ class _Bearing:
     """(n, 6)."""
     push: np.ndarray
     """Force of a rim, mean of both, (n,) [N]."""
-    depth: np.ndarray
-    """By which a rim's contact gives way (n,) [m]."""
+    rim: np.ndarray
+    """Force of a radial contact (n,) [N]."""
     slides: np.ndarray
     """Part of the full friction by sliding speed, signed, moving visits only (n,)."""
     kept: np.ndarray
     """Sense of rotation before the stop, stopped visits only (n,)."""
+    slips: bool
+    """Whether the journal can move along its axis, to end walls."""
 
     def point(self, values: Mapping[str, float], held: float) -> np.ndarray:
         """Displacement of the journal at each visit, (n, 6) [m, rad]."""
@@ -65,7 +74,8 @@ class _Bearing:
         play = joint.play(second_order=False)
         point = play.support(self.load).point
         if isinstance(play, JournalPlay | BallPlay):
-            point[:, _LATERAL] *= (1.0 + self.depth / joint.radial_room)[:, None]
+            depth = _depths(joint, self.rim)
+            point[:, _LATERAL] *= (1.0 + depth / joint.radial_room)[:, None]
         friction = values.get("friction")
         if friction is None:
             friction = friction_of(self.joint) or 0.0
@@ -117,6 +127,7 @@ class StaticModel:
         """Find levers and loads at each visit, once for all."""
         self.mechanism, self.visits, self.keys = mechanism, visits, keys
         self.unknowns, self._friction = unknowns, friction
+        self._points: dict[tuple[object, ...], np.ndarray] = {}
         q = configurations(mechanism, visits.joints, visits.position)
         parts = {part.name: part for part in sources(mechanism, q, second_order=False)}
         names = [*mechanism.clearance, *mechanism.gears]
@@ -134,8 +145,11 @@ class StaticModel:
             if name not in pushed:
                 pushed[name] = _lever_about(mechanism, q, name)
         self._pushed = pushed
-        most = np.array([_UNSURE * one.scale for one in unknowns])
-        self.certain = self._sides(np.minimum(most, [one.most for one in unknowns]))
+        self.certain = self._sides(
+            np.array(
+                [(_UNSURE if one.name == "gear_play" else 1.0) * one.nominal for one in unknowns]
+            )
+        )
 
     def predict(self, theta: np.ndarray) -> np.ndarray:
         """Means of the signals at all visits, shape (n, keys) [m, rad, N m]."""
@@ -143,7 +157,12 @@ class StaticModel:
         found = np.zeros((len(self.visits), len(self.keys)))
         tool = np.zeros((len(self.visits), 3))
         for name, bearing in self._bearings.items():
-            point = bearing.point(values.get(name, {}), held)
+            key = (name, held, *values.get(name, {}).items())
+            if key not in self._points:
+                if len(self._points) > _REMEMBERED:
+                    self._points.clear()
+                self._points[key] = bearing.point(values.get(name, {}), held)
+            point = self._points[key]
             tool += np.einsum("nij,nj->ni", bearing.move[:, :3], point)
         twists, torques = {}, {}
         for name, move in self._gears.items():
@@ -159,6 +178,29 @@ class StaticModel:
             else:
                 found[:, column] = self._torque(name, values)
         return found
+
+    def loose(self) -> np.ndarray:
+        """How the tool moves with what friction may hold anywhere, shape (n, keys, columns).
+
+        A journal that does not turn stays along its axis where friction holds it, and one that
+        turns creeps along it as fast as the load along the axis is large beside those across: the
+        place along each axis with end walls is a column at each stop, unless the load along the
+        axis exceeds all others, and at each other visit, if it is less than `_FAINT_LOAD` of them.
+        """
+        columns = []
+        for bearing in self._bearings.values():
+            if not bearing.slips:
+                continue
+            enough = np.where(self.visits.stopped, 1.0, _FAINT_LOAD) * 2.0 * bearing.push
+            for i in np.flatnonzero(np.abs(bearing.load[:, 2]) <= enough):
+                made = np.zeros((len(self.visits), len(self.keys)))
+                for k, (kind, axis) in enumerate(self.keys):
+                    if kind == "tool":
+                        made[i, k] = bearing.move[i, AXES.index(axis), 2]
+                columns.append(made)
+        if not columns:
+            return np.zeros((len(self.visits), len(self.keys), 0))
+        return np.stack(columns, axis=2)
 
     def lever(self, name: str) -> np.ndarray | None:
         """How the play of a joint moves the tool, (n, 6, 6); None if it has none."""
@@ -206,7 +248,7 @@ class StaticModel:
         visits, gear = self.visits, self.mechanism.gears[name]
         mine = values.get(name, {})
         half = 0.5 * mine.get("gear_play", gear.play)
-        give = mine.get("gear_compliance", 1.0 / gear.stiffness)
+        give = max(mine.get("gear_compliance", 1.0 / gear.stiffness), _STIFFEST)
         dry = self._dry(name, values)[visits.path_near]
         near = visits.path_near
         external = np.einsum("mk,mk->m", self._pushed[name][near], visits.path_force)
@@ -303,7 +345,25 @@ def _bearing(
     way = visits.direction[:, visits.joints.index(name)] if name in visits.joints else 0 * push
     slides = np.where(visits.stopped, 0.0, _sliding_part(joint, speed) * np.sign(speed))
     kept = np.where(visits.stopped, way, 0.0)
-    return _Bearing(joint, move, load, push, _depths(joint, whole), slides, kept)
+    walls = isinstance(joint, ClearanceJoint) and joint.walls
+    if walls and not joint.lock_tilt:  # type: ignore[attr-defined]
+        part = _against(load, push, joint.lj)  # type: ignore[attr-defined]
+        slides, kept = slides * part, kept * part
+    return _Bearing(joint, move, load, push, whole, slides, kept, walls)
+
+
+def _against(load: np.ndarray, push: np.ndarray, length: float) -> np.ndarray:
+    """Part of the rims' turn that friction on an end wall leaves, (n,).
+
+    A leaning journal touches the wall opposite to where that end's rim touches the bore, so that
+    the wall's friction pushes the rim back: by |F_z| / push of the angle of friction, and the mean
+    of both rims by half of that. Where no moment leans the journal, nothing is known of it.
+    """
+    bend = np.linalg.norm(load[:, 3:5], axis=1) / length
+    whole = bend + np.linalg.norm(load[:, :2], axis=1) / 2.0
+    lean = np.divide(bend, whole, out=np.zeros_like(bend), where=whole > 0.0)
+    wall = np.divide(np.abs(load[:, 2]), push, out=np.zeros_like(push), where=push > 0.0)
+    return np.asarray(np.clip(1.0 - 0.5 * lean * wall, 0.0, 1.0))
 
 
 def _sliding_part(joint: Clearance, speed: np.ndarray) -> np.ndarray:
@@ -319,7 +379,13 @@ def _sliding_part(joint: Clearance, speed: np.ndarray) -> np.ndarray:
 
 def _depths(joint: Clearance, force: np.ndarray) -> np.ndarray:
     """How far a radial contact gives way to forces [N], shape (n,) [m]."""
+    return np.asarray(np.interp(force, *_springs(joint)))
+
+
+@lru_cache(maxsize=256)
+def _springs(joint: Clearance) -> tuple[np.ndarray, np.ndarray]:
+    """Forces [N] and depths [m] of a radial contact."""
     parameters = joint.normal.parameters(joint.contact_properties(0))
-    depths = np.geomspace(1e-12, joint.depth_limit, 2000)
+    depths = np.geomspace(1e-10, joint.depth_limit, 600)
     forces = np.gradient(elastic_energy(joint.normal, parameters, depths), depths)
-    return np.asarray(np.interp(force, np.maximum.accumulate(forces), depths))
+    return np.maximum.accumulate(forces), depths

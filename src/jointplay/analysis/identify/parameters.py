@@ -16,6 +16,8 @@ SCALES = {"m": (1e6, "um"), "rad": (1e3, "mrad"), "N*m": (1.0, "N m"), "N": (1.0
 """Factor and unit in which values are printed."""
 ALSO = ("compliance", "friction")
 """What of gears is identified only if asked for."""
+_LARGEST = 1e-3
+"""Clearance beyond which no bearing is one, unless the scenario says otherwise [m]."""
 _LEAST = 1e-9
 """Clearances below it are none [m]."""
 _FRICTION = 0.1
@@ -128,7 +130,8 @@ def unknowns(
     rubs = False
     for joint, bearing in mechanism.clearance.items():
         for name, value in clearances(bearing).items():
-            found.append(Parameter(joint, name, "m", value, value, 10e-3))
+            most = max(_LARGEST, 10.0 * value)
+            found.append(Parameter(joint, name, "m", value, value, most))
         coefficient = friction_of(bearing)
         if coefficient is not None:
             rubs = True

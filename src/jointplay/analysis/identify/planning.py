@@ -1,9 +1,10 @@
 """Which poses and motions would tell most: the Fisher information of what could be measured.
 
-An experiment is a pose that is passed slowly in both directions, or at which the machine stands
-and the tool is pushed one way and the other. Each adds its information; the offset of its place,
-which nobody knows, is taken out first. Experiments are chosen one after the other, each time the one after
-which the unknowns are told best: the largest fall of the sum of their logarithmic variances.
+An experiment is a pose that is passed slowly in both directions, with or without a push on the
+tool, or at which the machine stands and the tool is pushed one way and the other. Each adds its
+information; the offset of its place, which nobody knows, is taken out first. Experiments are chosen
+one after the other, each time the one after which the unknowns are told best: the largest fall of
+the sum of their logarithmic variances.
 """
 
 from __future__ import annotations
@@ -40,6 +41,8 @@ POSES = 48
 """Among which a plan chooses."""
 OFFERED = 16
 """Poses among which one is sought that tells what a measurement could not."""
+_OVERCOMES, _STRONGEST_N = 2.0, 100.0
+"""Weights of the machine with which it is offered to push besides, and the most [N]."""
 _APPROACH = 0.05
 """Way before a pose that is passed [rad or m]."""
 _PRIOR = 1e-4
@@ -53,7 +56,9 @@ class Experiment:
     positions: tuple[float, ...]
     """Of the moving joints [rad or m]."""
     force: tuple[float, float, float] | None
-    """With which the tool is pushed, this and the other way [N]; None: passed both ways."""
+    """With which the tool is pushed, this and the other way [N]; None: not at all."""
+    passes: bool
+    """Passed both ways (with each force, if any), or stood at."""
 
     def words(self, joints: Sequence[str]) -> str:
         """One line."""
@@ -62,6 +67,9 @@ class Experiment:
             return f"pass slowly both ways: {pose}"
         size = float(np.linalg.norm(self.force))
         axis = AXES[int(np.argmax(np.abs(self.force)))]
+        if self.passes:
+            words = f"with {size:g} N on the tool along +{axis}, then with -{axis}"
+            return f"pass slowly both ways {words}: {pose}"
         return f"push the tool {size:g} N along +{axis}, then -{axis}, at {pose}"
 
 
@@ -195,10 +203,10 @@ def experiments(places: np.ndarray, push: float) -> list[Experiment]:
     found = []
     for row in places:
         at = tuple(float(x) for x in row)
-        found.append(Experiment(at, None))
+        found.append(Experiment(at, None, passes=True))
         for axis in np.eye(3) if push else ():
-            x, y, z = push * axis
-            found.append(Experiment(at, (float(x), float(y), float(z))))
+            x, y, z = (float(part) for part in push * axis)
+            found += [Experiment(at, (x, y, z), passes=passes) for passes in (False, True)]
     return found
 
 
@@ -229,13 +237,15 @@ def informations(
         np.zeros(n * c),
         np.tile(error, n),
         np.zeros((n * c, 0)),
-        np.zeros(n * c),
+        (),
     )
     effect = problem.sensitivity(at).reshape(n, c, len(sought))
+    loose = model.loose()
     found = []
     for number in range(len(options)):
         mine = made.cell == number
-        free = offsets(keys, made.cell[mine], tool[mine], "place")
+        free = offsets(keys, made.cell[mine], made.position[mine], tool[mine], "place")
+        free = np.concatenate([free, loose[mine]], axis=2)
         use = (measured & model.certain[:, None])[mine].ravel()
         rows = effect[mine].reshape(-1, len(sought))[use]
         basis, sizes, _ = np.linalg.svd(free.reshape(-1, free.shape[2])[use], full_matrices=False)
@@ -266,8 +276,12 @@ def offers(
     names = tuple(moving(mechanism))
     poses = over_workspace(mechanism, OFFERED)
     places = poses[:, [mechanism.coordinate(name) for name in names]]
+    weight = sum(body.mass for body in mechanism.model.inertias) * np.linalg.norm(mechanism.gravity)
+    strong = float(f"{min(_OVERCOMES * weight, _STRONGEST_N):.1g}")
     options = experiments(places, PUSH_N)
-    options.sort(key=lambda one: one.force is not None)
+    if strong > PUSH_N:
+        options += [one for one in experiments(places, strong) if one.force is not None]
+    options.sort(key=lambda one: (one.force is not None, one.passes))
     sets = [(keys, "")]
     more = [key for key in all_keys(mechanism, ["tool"]) if key not in keys]
     if more:
@@ -285,28 +299,29 @@ def offers(
 
 
 def _visits(names: tuple[str, ...], options: Sequence[Experiment]) -> Visits:
-    """Each experiment's two visits: passed this way and the other, or pushed so."""
+    """Each experiment's visits: passed this way and the other, under each push."""
     j = len(names)
     position, speed, direction, stopped, force, cell = [], [], [], [], [], []
     path, owner, pushes = [], [], []
     for number, one in enumerate(options):
         at = np.array(one.positions)
-        for side in (1.0, -1.0):
-            visit = len(position)
-            push = np.zeros(3) if one.force is None else side * np.array(one.force)
-            position.append(at)
-            speed.append(np.full(j, side * SPEED if one.force is None else 0.0))
-            direction.append(np.full(j, side if one.force is None else 1.0))
-            stopped.append(one.force is not None)
-            force.append(push)
-            cell.append(number)
-            away = _APPROACH * (side if one.force is None else 1.0)
-            steps = [at + 10.0 * away, at - 10.0 * away, at - away, at]
-            if one.force is not None and side < 0.0:
-                steps = [at]  # it stands there already
-            path += steps
-            owner += [-1] * (len(steps) - 1) + [visit]
-            pushes += [np.zeros(3)] * (len(steps) - 1) + [push]
+        given = np.zeros(3) if one.force is None else np.array(one.force)
+        for push in (given, -given)[: 1 if one.force is None else 2]:
+            for side in (1.0, -1.0) if one.passes else (1.0,):
+                visit = len(position)
+                position.append(at)
+                speed.append(np.full(j, side * SPEED if one.passes else 0.0))
+                direction.append(np.full(j, side))
+                stopped.append(not one.passes)
+                force.append(push)
+                cell.append(number)
+                away = _APPROACH * side
+                steps = [at + 10.0 * away, at - 10.0 * away, at - away, at]
+                if not one.passes and cell[:-1][-1:] == [number]:
+                    steps = [at]  # it stands there already
+                path += steps
+                owner += [-1] * (len(steps) - 1) + [visit]
+                pushes += [push] * len(steps)
     owners = np.array(owner)
     # Loads on the way are those of the visit that it leads to.
     near = np.array([owners[i:][owners[i:] >= 0][0] for i in range(len(owners))])

@@ -159,18 +159,13 @@ class Measurement:
         time = np.arange(result.time[0] + delay, result.time[-1] + 0.5 / rate, 1.0 / rate)
         time = time[time <= result.time[-1]]
         seen = _seen(result, kinds)
-        if "acceleration" in kinds:
-            speed = result["tool_velocity"].values
-            for i, axis in enumerate(AXES):
-                ends = np.interp([time - 0.5 / rate, time + 0.5 / rate], result.time, speed[:, i])
-                seen["acceleration", axis] = np.interp(
-                    result.time, time, (ends[1] - ends[0]) * rate
-                )
         spread = dict(noise or {})
+        clean = {key: np.interp(time, result.time, values) for key, values in seen.items()}
+        if "acceleration" in kinds:
+            clean |= _accelerations(result, time, 1.0 / rate)
         found = {
-            key: np.interp(time, result.time, values)
-            + spread.get(key[0], 0.0) * random.standard_normal(len(time))
-            for key, values in seen.items()
+            key: values + spread.get(key[0], 0.0) * random.standard_normal(len(time))
+            for key, values in clean.items()
         }
         return cls(time, found, {}, "the simulated measurement")
 
@@ -197,7 +192,7 @@ def _seen(result: Result, kinds: Sequence[str]) -> dict[Key, np.ndarray]:
                 found[kind, axis] = result["tool_position"].values[:, i]
             continue
         if kind == "acceleration":
-            continue  # a mean between records, which only these know
+            continue  # a mean between records
         if kind == "force":
             given = _wrenches(result)
             found |= {(kind, axis): given[:, i] for i, axis in enumerate(AXES)}
@@ -207,6 +202,18 @@ def _seen(result: Result, kinds: Sequence[str]) -> dict[Key, np.ndarray]:
         for name in joints:
             at = mechanism.coordinate(name) if kind == "link" else mechanism.motor(name)
             found[kind, name] = result["drive" if kind == "torque" else "q"].values[:, at]
+    return found
+
+
+def _accelerations(result: Result, time: np.ndarray, interval: float) -> dict[Key, np.ndarray]:
+    """Of the tool, means over intervals about the times [m/s^2]."""
+    speed = result["tool_velocity"].values
+    found: dict[Key, np.ndarray] = {}
+    for i, axis in enumerate(AXES):
+        before, after = (
+            np.interp(time + side * interval / 2.0, result.time, speed[:, i]) for side in (-1, 1)
+        )
+        found["acceleration", axis] = (after - before) / interval
     return found
 
 

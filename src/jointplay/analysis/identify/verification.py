@@ -63,10 +63,12 @@ def verify(simulation: Simulation, found: Identification, progress: bool = False
         raise JointplayError(f"the run with what was identified failed: {result.message}")
     means = _means(result, found)
     tool = tool_positions(found.mechanism, found.visits.joints, found.visits.position)
-    free = offsets(found.observed.keys, found.visits.cell, tool, found.reference)
+    made = found.visits
+    free = offsets(found.observed.keys, made.cell, made.position, tool, found.reference)
+    free = np.concatenate([free, found.loose], axis=2)
     use = np.isfinite(found.error) & np.isfinite(means)
     weights = np.where(use, 1.0 / found.error, 0.0).ravel()
-    design = free.reshape(-1, free.shape[2]) * weights[:, None]
+    design = free.reshape(use.size, free.shape[2]) * weights[:, None]
     basis, sizes, _ = np.linalg.svd(design, full_matrices=False)
     basis = basis[:, sizes > 1e-9 * sizes.max(initial=1e-300)]
 

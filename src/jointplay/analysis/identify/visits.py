@@ -22,11 +22,15 @@ from jointplay.result.result import AXES
 
 CELLS = 20
 """Cells over a joint's range, in which what moves one way is taken together."""
-STOP_S = 0.25
+_TRAVEL = 0.3
+"""Part of a cell that a joint must move in a visit."""
+_STOP_CELL = 0.2
+"""Part of a cell within which stops are at the same place."""
+STOP_S = 0.15
 """Shortest stop that is looked at [s]."""
 SETTLING = 0.4
 """Part of a stop that is left out at its beginning, while the machine calms down."""
-FEWEST = 4
+FEWEST = 3
 """Records that a visit must have."""
 MOST_PATH = 4000
 """Points to which the motors' paths are thinned."""
@@ -244,7 +248,10 @@ def _pieces(
             long = time[last - 1] - time[first]
             if long < STOP_S:
                 continue
-            first = int(np.searchsorted(time, time[first] + SETTLING * long))
+            calm = int(np.searchsorted(time, time[first] + SETTLING * long))
+            first = max(first, min(calm, last - FEWEST))
+        elif not (np.ptp(q[first:last], axis=0) > _TRAVEL * size).any():
+            continue  # a drive that gives way to a push: the journals hardly turn
         if last - first >= FEWEST:
             found.append(slice(int(first), int(last)))
     return found
@@ -286,7 +293,7 @@ def _visits(
         np.array([ways[p.stop - 1] for p in pieces]),
         np.array([stands[p.start] for p in pieces]),
         np.array([force[p].mean(axis=0) for p in pieces]),
-        places(middles, size),
+        places(middles, stands[[p.start for p in pieces]], size),
         q[keep],
         owner[keep],
         near,
@@ -310,18 +317,22 @@ def _rates(
     return fitted[1], fitted[2]
 
 
-def places(middles: np.ndarray, size: np.ndarray) -> np.ndarray:
-    """Number of the place of each visit: those within half a cell of its first visitor; (n,)."""
+def places(middles: np.ndarray, stopped: np.ndarray, size: np.ndarray) -> np.ndarray:
+    """Number of the place of each visit: those within half a cell of its first visitor; (n,).
+
+    Stops have places of their own, and a smaller reach.
+    """
     found = np.zeros(len(middles), int)
-    firsts: list[np.ndarray] = []
+    firsts: list[tuple[bool, np.ndarray]] = []
     for i, row in enumerate(middles):
-        for number, first in enumerate(firsts):
-            if (np.abs(row - first) <= 0.5 * size).all():
+        reach = (_STOP_CELL if stopped[i] else 0.5) * size
+        for number, (stood, first) in enumerate(firsts):
+            if stood == stopped[i] and (np.abs(row - first) <= reach).all():
                 found[i] = number
                 break
         else:
             found[i] = len(firsts)
-            firsts.append(row)
+            firsts.append((bool(stopped[i]), row))
     return found
 
 
