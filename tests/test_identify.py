@@ -116,12 +116,12 @@ def test_clearance_and_friction_are_recovered_from_passing_and_pushing(arm):
 def test_intervals_cover_the_truth_as_often_as_they_say(arm):
     mechanism = Mechanism(arm, {"j": planar(5e-5, 0.1)})
     covered = []
-    for seed in range(40):
+    for seed in range(20):
         found = identify(mechanism, seen(seed=seed, noise=2e-5))
         for label, wanted in (("j radial clearance", CLEARANCE), ("j friction", FRICTION)):
             value, half = found[label]
             covered.append(abs(value - wanted) <= half)
-    assert np.mean(covered) >= 0.88  # 80 of 95 %: fewer happen once in 200 times
+    assert np.mean(covered) >= 0.85  # 34 of 40 at 95 %: fewer happen once in 70 times
 
 
 def test_passing_alone_tells_the_product_and_says_so(arm):

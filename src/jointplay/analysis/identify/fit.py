@@ -218,7 +218,7 @@ class Fit:
         return others if row[i] > BLIND else []
 
 
-def solve(problem: Problem, start: np.ndarray) -> Fit:
+def solve(problem: Problem, start: np.ndarray, most_steps: int) -> Fit:
     """Least squares from a start (p,), 0 and each unknown's most being the limits."""
     scale = problem.scale
     most = np.array([one.most for one in problem.unknowns])
@@ -229,7 +229,7 @@ def solve(problem: Problem, start: np.ndarray) -> Fit:
         lambda x: problem.sensitivity(x * scale),
         bounds=(0.0, most / scale),
         x_scale=1.0,
-        max_nfev=60,
+        max_nfev=most_steps,
     )
     theta = found.x * scale
     return describe(problem, theta)

@@ -38,10 +38,17 @@ from jointplay.mechanism.mechanism import Mechanism
 from jointplay.motion.reference import Motion
 from jointplay.simulation.simulation import Simulation
 
-TOLD = planning.TOLD
-_TRIED, _KEPT, _RANGE = 40, 2, 3.0
-"""Starts that are looked at, that are followed, and how far they lie from the scenario's values."""
-_ROUNDS = 3
+_TRIED, _RANGE = 40, 3.0
+"""Starts that are looked at, and how far they lie from the scenario's values."""
+_FIRST, _LATER = 20, 12
+"""Most steps of least squares from each start, and with other errors."""
+_AS_GOOD = 1.1
+"""Cost of another minimum, relative to the best, up to which it is as good an explanation."""
+_ROUGH = 0.005
+"""Part of what play does to a signal by which the static model may be off at a visit."""
+_OTHER_WALL = 4.0
+"""Factor of axial clearances that are tried besides the best."""
+_ROUNDS = 2
 """In which errors are made as large as what is left demands."""
 
 
@@ -306,29 +313,78 @@ def _solve(problem: Problem, start: np.ndarray, kinds: np.ndarray) -> tuple[Prob
     Means scatter by more than their records do: journals do not come to rest at quite the same
     place, and the model is not exact. That is added to the errors.
     """
-    tried = [solve(problem, one) for one in _starts(problem, start)]
-    found = min(tried, key=lambda fit: float(np.square(problem.residual(fit.theta)).sum()))
+    tried = [solve(problem, one, _FIRST) for one in _starts(problem, start)]
+    found = min(tried, key=lambda fit: cost(problem, fit.theta))
     own = problem.error
     for _ in range(_ROUNDS):
         left = problem.rest(found.theta)
+        rough = _ROUGH * np.abs(problem.predict(found.theta))
         share = max(found.freedom, 1) / len(own)
         more = np.zeros(len(own))
         for kind in np.unique(kinds):
             mine = kinds == kind
-            more[mine] = _excess(left[mine], own[mine], share * mine.sum())
-        problem = replace(problem, error=np.hypot(own, more))
-        found = solve(problem, found.theta)
-    return problem, found
+            more[mine] = _excess(left[mine], np.hypot(own, rough)[mine], share * mine.sum())
+        problem = replace(problem, error=np.sqrt(own**2 + more**2 + rough**2))
+        found = solve(problem, found.theta, _LATER)
+    others = [fit.theta for fit in tried if _far(problem, fit.theta, found)]
+    others = [solve(problem, theta, _LATER).theta for theta in others]
+    others += _with_other_walls(problem, found.theta)
+    limit = _AS_GOOD * cost(problem, found.theta)
+    away = [np.abs(theta - found.theta) for theta in others if cost(problem, theta) <= limit]
+    wide = np.max([found.half_width, *away], axis=0)
+    return problem, replace(found, half_width=wide)
+
+
+def _with_other_walls(problem: Problem, theta: np.ndarray) -> list[np.ndarray]:
+    """The best with each axial clearance much larger or smaller than found.
+
+    At the edge at which an end wall begins to limit the lean the model is steep on one side, and an
+    interval by slopes would not see how little is lost far away on the other.
+    """
+    found = []
+    for i, one in enumerate(problem.unknowns):
+        if one.name != "axial_clearance":
+            continue
+        for factor in (_OTHER_WALL, 1.0 / _OTHER_WALL):
+            value = min(max(theta[i], 0.1 * one.scale) * factor, one.most)
+            kept = np.arange(len(theta)) != i
+
+            def whole(x: np.ndarray, i: int = i, value: float = value) -> np.ndarray:
+                return np.insert(x, i, value)
+
+            part = replace(
+                problem,
+                unknowns=tuple(other for k, other in enumerate(problem.unknowns) if kept[k]),
+                predict=lambda x, whole=whole: problem.predict(whole(x)),
+            )
+            if kept.any():
+                found.append(whole(solve(part, theta[kept], _LATER).theta))
+    return found
+
+
+def cost(problem: Problem, theta: np.ndarray) -> float:
+    """Sum of the squares that are left, in standard errors."""
+    return float(np.square(problem.residual(theta)).sum())
+
+
+def _far(problem: Problem, theta: np.ndarray, found: Fit) -> bool:
+    """Whether another minimum is none that the intervals hold."""
+    return bool((np.abs(theta - found.theta) > np.minimum(found.half_width, problem.scale)).any())
 
 
 def _starts(problem: Problem, start: np.ndarray) -> list[np.ndarray]:
-    """The given start, and the best of many about it: play that meets walls has several minima."""
+    """Where to begin: play that may or may not meet its walls has several minima.
+
+    The given start, it with end walls near and far, and the best of many about it.
+    """
+    walls = np.array([one.name == "axial_clearance" for one in problem.unknowns])
+    found = [start]
+    if walls.any():
+        found += [np.where(walls, factor * start, start) for factor in (1.0 / _RANGE, _RANGE)]
     spread = qmc.LatinHypercube(len(start), rng=0).random(_TRIED)
     options = start * _RANGE ** (2.0 * spread - 1.0)
-    most = np.array([one.most for one in problem.unknowns])
-    options = np.minimum(options, most)
-    costs = [float(np.square(problem.residual(one)).sum()) for one in options]
-    return [start, *options[np.argsort(costs)[:_KEPT]]]
+    options = np.minimum(options, [one.most for one in problem.unknowns])
+    return [*found, min(options, key=lambda theta: cost(problem, theta))]
 
 
 def _excess(left: np.ndarray, error: np.ndarray, freedom: float) -> float:
@@ -386,7 +442,7 @@ def _reason(
     """Why an unknown cannot be told; empty if it can."""
     one = sought[i]
     half = found.half_width[i]
-    if half <= TOLD * max(found.theta[i], one.scale):
+    if half <= planning.enough(one, found.theta[i]):
         return ""
     if found.felt[i] < FAINT:
         return _unfelt(one, made, model)
@@ -439,7 +495,7 @@ def _advice(
             half = planning.half_widths(sought, before + gain)[i]
             if half < 0.8 * best:  # the simpler comes first
                 best, words = half, text
-        limit = TOLD * max(found.theta[i], one.scale)
+        limit = planning.enough(one, found.theta[i])
         if best <= limit:
             lines.append(f"would tell, to +- {one.shown(best)}: {words}")
         elif words and best < 0.5 * found.half_width[i] and best < 4.0 * limit:

@@ -35,8 +35,9 @@ SPEED = 0.2
 """At which poses are passed [rad/s or m/s]."""
 PUSH_N = 20.0
 """With which the tool is pushed [N]."""
-TOLD = 0.5
-"""An unknown is told if half of its interval is less than this part of it, or of its scale."""
+TOLD, SMALL = 0.5, 0.25
+"""An unknown is told if half of its interval is less than this part of it; what is less than
+`SMALL` of its scale counts as this much."""
 POSES = 48
 """Among which a plan chooses."""
 OFFERED = 16
@@ -163,6 +164,11 @@ def plan_measurement(
     chosen, widths = _greedy(sought, gains, count)
     others = _partners(sought, gains[chosen].sum(axis=0))
     return Plan(names, sought, tuple(options[i] for i in chosen), widths, others, keys, spread)
+
+
+def enough(one: Parameter, value: float) -> float:
+    """Half width of an interval with which an unknown is told [SI]."""
+    return TOLD * max(value, SMALL * one.scale)
 
 
 def urdf_friction(mechanism: Mechanism) -> dict[str, JointFriction]:
