@@ -4,6 +4,7 @@ import csv
 import io
 import math
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -131,7 +132,8 @@ def test_passing_alone_tells_the_product_and_says_so(arm):
     text = str(found)
     assert "this measurement cannot tell" in text
     assert "j radial clearance: it acts only together with j friction" in text
-    assert "would tell" in text and "push the tool" in text
+    assert "would tell" in text
+    assert "N on the tool" in text or "push the tool" in text
     known = identify(mechanism, seen(stops=False), known=["friction"])
     value, half = known["j radial clearance"]
     assert abs(value - CLEARANCE) < 2.0 * half < 0.3 * CLEARANCE
@@ -174,7 +176,8 @@ def test_a_joint_that_does_not_move_the_tool_cannot_be_told(urdf):
     mechanism = Mechanism(path, {"j": planar(), "k": planar()}, tool="tool")
     found = identify(mechanism, seen())
     told = dict(zip((one.label for one in found.unknowns), found.told, strict=True))
-    assert told["j radial clearance"] and not told["k radial clearance"]
+    assert told["j radial clearance"]
+    assert not told["k radial clearance"]
     assert "k radial clearance: nothing shows: the joint does not move the tool" in str(found)
     assert found.mechanism.clearance["k"] == planar()
 
@@ -351,13 +354,11 @@ def test_turning_points_are_found_through_noise(corners, noise, seed):
     ends = [0.0]
     for value in corners:
         ends.append(ends[-1] + (0.2 + abs(value)) * (-1.0 if len(ends) % 2 else 1.0))
-    legs = [np.linspace(a, b, 200, endpoint=False) for a, b in zip(ends, ends[1:], strict=False)]
+    legs = [np.linspace(a, b, 200, endpoint=False) for a, b in pairwise(ends)]
     clean = np.concatenate(legs)
     random = np.random.default_rng(seed)
     way = turns(clean + noise * random.uniform(-1.0, 1.0, len(clean)), 4.0 * noise)
-    wanted = np.concatenate(
-        [np.full(200, np.sign(b - a)) for a, b in zip(ends, ends[1:], strict=False)]
-    )
+    wanted = np.concatenate([np.full(200, np.sign(b - a)) for a, b in pairwise(ends)])
     middle = (np.arange(len(clean)) % 200 > 20) & (np.arange(len(clean)) % 200 < 180)
     assert (way[middle] == wanted[middle]).all()
 
@@ -410,14 +411,15 @@ def test_a_plan_refuses_what_cannot_be(arm, geared):
 
 
 def test_the_command_identifies_draws_and_writes(arm, tmp_path, capsys):
-    data = written(tmp_path, seen().csv())
+    data = written(tmp_path, seen(rate=40.0).csv())
     order = [
         "identify", str(arm), str(data), "--joint", "j=0.1 mm", "--tool", "tool",
         "--noise", "tool=5 um", "--out", str(tmp_path / "out"),
     ]  # fmt: skip
     assert main(order) == 0
     said = capsys.readouterr().out
-    assert "j radial clearance" in said and "95 % interval" in said
+    assert "j radial clearance" in said
+    assert "95 % interval" in said
     table = list(csv.DictReader(io.StringIO((tmp_path / "out/identified.csv").read_text())))
     assert table[0]["unknown"] == "radial_clearance"
     assert (tmp_path / "out/identified.png").stat().st_size > 5000
@@ -435,4 +437,5 @@ def test_the_command_plans_and_refuses_in_one_line(arm, tmp_path, capsys):
     ):
         assert main(order) == 2
         said = capsys.readouterr().err
-        assert words in said and said.count("\n") == 1
+        assert words in said
+        assert said.count("\n") == 1

@@ -34,6 +34,9 @@ SHARE = 0.1
 """Part of a direction that cannot be told from which on an unknown is named with it."""
 MODEL, MODEL_ELSE = {"friction": 0.05}, 0.02
 """Part of a value by which the static model itself is off, see benchmarks/identify.py."""
+SAFETY = 1.5
+"""By which intervals are wider than the statistics say, for errors of the model that all means
+share; set by the first ten machines of benchmarks/identify.py."""
 _LOOKS, _NEAR, _FAR = 2, 0.02, 0.5
 """How often effects are sought over the width of the intervals; least and largest step by scale."""
 _LEAST_FREEDOM = 8
@@ -158,6 +161,16 @@ class Problem:
         """What the model leaves, in standard errors, shape (m,)."""
         return self.whiten(self.predict(theta) - self.seen)
 
+    def slopes(self, theta: np.ndarray) -> np.ndarray:
+        """`sensitivity` by differences to one side, at half the cost, for the search."""
+        here, columns = self.predict(theta), []
+        for i, one in enumerate(self.unknowns):
+            step = _STEP * one.scale
+            moved = theta.copy()
+            moved[i] = theta[i] + (step if theta[i] + step <= one.most else -step)
+            columns.append((self.predict(moved) - here) * one.scale / (moved[i] - theta[i]))
+        return self.whiten(np.stack(columns, axis=1))
+
     def sensitivity(self, theta: np.ndarray) -> np.ndarray:
         """Effect of each unknown by its scale, in standard errors, shape (m, p)."""
         columns = []
@@ -226,7 +239,7 @@ def solve(problem: Problem, start: np.ndarray, most_steps: int) -> Fit:
     found = least_squares(
         lambda x: problem.residual(x * scale),
         begin / scale,
-        lambda x: problem.sensitivity(x * scale),
+        lambda x: problem.slopes(x * scale),
         bounds=(0.0, most / scale),
         x_scale=1.0,
         max_nfev=most_steps,
@@ -267,7 +280,7 @@ def _intervals(problem: Problem, theta: np.ndarray, effect: np.ndarray) -> Fit:
             least = min(least, max(len(numbers) - rank, _LEAST_FREEDOM))
     quantile = float(student.ppf(0.5 + CONFIDENCE / 2.0, least))
     own = np.array([MODEL.get(one.name, MODEL_ELSE) for one in problem.unknowns]) * theta
-    half = np.hypot(quantile * np.sqrt(variance) * problem.scale, own)
+    half = SAFETY * np.hypot(quantile * np.sqrt(variance) * problem.scale, own)
     half[np.diag(blind) > BLIND] = np.inf
     return Fit(theta, half, freedom, misfit, blind, felt)
 

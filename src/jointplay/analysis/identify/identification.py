@@ -9,18 +9,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from scipy.stats import qmc
 
 from jointplay.analysis.identify import planning
 from jointplay.analysis.identify.bounces import Restitution, restitutions
 from jointplay.analysis.identify.fit import (
-    BLIND,
-    FAINT,
     REFERENCES,
     Fit,
     Problem,
     offsets,
-    solve,
 )
 from jointplay.analysis.identify.ideal import tool_positions
 from jointplay.analysis.identify.model import StaticModel
@@ -30,6 +26,8 @@ from jointplay.analysis.identify.parameters import (
     with_clearance,
 )
 from jointplay.analysis.identify.reading import Key, Measurement
+from jointplay.analysis.identify.search import search
+from jointplay.analysis.identify.verdicts import advice, reason
 from jointplay.analysis.identify.visits import Observed, Visits, positions, visits
 from jointplay.analysis.poses import moving
 from jointplay.errors import JointplayError, MissingName
@@ -37,19 +35,6 @@ from jointplay.loads.drive import JointFriction
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.motion.reference import Motion
 from jointplay.simulation.simulation import Simulation
-
-_TRIED, _RANGE = 40, 3.0
-"""Starts that are looked at, and how far they lie from the scenario's values."""
-_FIRST, _LATER = 20, 12
-"""Most steps of least squares from each start, and with other errors."""
-_AS_GOOD = 1.1
-"""Cost of another minimum, relative to the best, up to which it is as good an explanation."""
-_ROUGH = 0.005
-"""Part of what play does to a signal by which the static model may be off at a visit."""
-_OTHER_WALL = 4.0
-"""Factor of axial clearances that are tried besides the best."""
-_ROUNDS = 2
-"""In which errors are made as large as what is left demands."""
 
 
 @dataclass(frozen=True)
@@ -180,16 +165,7 @@ def identify(
         JointplayError: bad data (see `Measurement`); loops; nothing has play; a motion that never
             reverses; fewer means than unknowns.
     """
-    mechanism = machine.mechanism if isinstance(machine, Simulation) else machine
-    friction = planning.urdf_friction(mechanism)
-    if isinstance(machine, Simulation):
-        motion = motion or machine.motion
-        if machine.payloads:
-            raise JointplayError(
-                "payloads that are picked up are not known to identify; put them into the URDF"
-            )
-        friction |= dict(machine.joint_friction or {})
-    friction |= dict(joint_friction or {})
+    mechanism, motion, friction = _inputs(machine, motion, joint_friction)
     if reference not in REFERENCES:
         raise MissingName("reference", reference, REFERENCES)
     if mechanism.loops:
@@ -214,19 +190,9 @@ def identify(
     _check(measured, made, seen.keys, usable, reference)
     error = np.where(usable, _errors(seen), np.nan)
     problem = _problem(mechanism, model, made, seen, error, reference)
-    start = np.array([one.nominal or 0.5 * one.scale for one in sought])
-    names = [kind for kind, _ in seen.keys]
-    numbers = np.broadcast_to([names.index(kind) for kind in names], error.shape)
-    problem, found = _solve(problem, start, numbers[np.isfinite(error)])
-    error[np.isfinite(error)] = problem.error
-    if found.freedom < 1:
-        raise JointplayError(
-            f"{measured.source}: {len(problem.seen)} means at {len(made)} visits are too few for "
-            f"{len(sought)} unknowns and {problem.offsets} offsets; visit places more often, from "
-            "both sides"
-        )
-    reasons = tuple(_reason(i, found, sought, made, model) for i in range(len(sought)))
-    advice = _advice(mechanism, friction, sought, found, problem, seen, reasons)
+    problem, found = _fitted(problem, seen, error, measured.source)
+    reasons = tuple(reason(i, found, sought, made, model) for i in range(len(sought)))
+    words = advice(mechanism, friction, sought, found, problem, seen, reasons)
     predicted = model.predict(found.theta) + _offsets(problem, found.theta, error)
     *_, unseen = positions(mechanism, measured, motion)
     return Identification(
@@ -234,7 +200,7 @@ def identify(
         found.theta,
         found.half_width,
         reasons,
-        advice,
+        words,
         apply(mechanism, sought, found.theta, reasons),
         made,
         seen,
@@ -246,6 +212,42 @@ def identify(
         _notes(unseen),
         bounced,
     )
+
+
+def _inputs(
+    machine: Simulation | Mechanism,
+    motion: Motion | None,
+    joint_friction: Mapping[str, JointFriction] | None,
+) -> tuple[Mechanism, Motion | None, dict[str, JointFriction]]:
+    """Mechanism, reference, and friction of the joints besides their bearings'."""
+    mechanism = machine.mechanism if isinstance(machine, Simulation) else machine
+    friction = planning.urdf_friction(mechanism)
+    if isinstance(machine, Simulation):
+        motion = motion or machine.motion
+        if machine.payloads:
+            raise JointplayError(
+                "payloads that are picked up are not known to identify; put them into the URDF"
+            )
+        friction |= dict(machine.joint_friction or {})
+    return mechanism, motion, friction | dict(joint_friction or {})
+
+
+def _fitted(
+    problem: Problem, seen: Observed, error: np.ndarray, source: str
+) -> tuple[Problem, Fit]:
+    """The search from the scenario's values; writes the errors that it ends with into `error`."""
+    start = np.array([one.nominal or 0.5 * one.scale for one in problem.unknowns])
+    names = [kind for kind, _ in seen.keys]
+    numbers = np.broadcast_to([names.index(kind) for kind in names], error.shape)
+    problem, found = search(problem, start, numbers[np.isfinite(error)])
+    error[np.isfinite(error)] = problem.error
+    if found.freedom < 1:
+        raise JointplayError(
+            f"{source}: {len(problem.seen)} means at {len(error)} visits are too few for "
+            f"{len(start)} unknowns and {problem.offsets} offsets; visit places more often, from "
+            "both sides"
+        )
+    return problem, found
 
 
 def _bounces_only(
@@ -307,98 +309,6 @@ def _errors(seen: Observed) -> np.ndarray:
     return np.maximum(seen.error, smallest)
 
 
-def _solve(problem: Problem, start: np.ndarray, kinds: np.ndarray) -> tuple[Problem, Fit]:
-    """Least squares with errors as large as what is left demands, by kind of signal.
-
-    Means scatter by more than their records do: journals do not come to rest at quite the same
-    place, and the model is not exact. That is added to the errors.
-    """
-    tried = [solve(problem, one, _FIRST) for one in _starts(problem, start)]
-    found = min(tried, key=lambda fit: cost(problem, fit.theta))
-    own = problem.error
-    for _ in range(_ROUNDS):
-        left = problem.rest(found.theta)
-        rough = _ROUGH * np.abs(problem.predict(found.theta))
-        share = max(found.freedom, 1) / len(own)
-        more = np.zeros(len(own))
-        for kind in np.unique(kinds):
-            mine = kinds == kind
-            more[mine] = _excess(left[mine], np.hypot(own, rough)[mine], share * mine.sum())
-        problem = replace(problem, error=np.sqrt(own**2 + more**2 + rough**2))
-        found = solve(problem, found.theta, _LATER)
-    others = [fit.theta for fit in tried if _far(problem, fit.theta, found)]
-    others = [solve(problem, theta, _LATER).theta for theta in others]
-    others += _with_other_walls(problem, found.theta)
-    limit = _AS_GOOD * cost(problem, found.theta)
-    away = [np.abs(theta - found.theta) for theta in others if cost(problem, theta) <= limit]
-    wide = np.max([found.half_width, *away], axis=0)
-    return problem, replace(found, half_width=wide)
-
-
-def _with_other_walls(problem: Problem, theta: np.ndarray) -> list[np.ndarray]:
-    """The best with each axial clearance much larger or smaller than found.
-
-    At the edge at which an end wall begins to limit the lean the model is steep on one side, and an
-    interval by slopes would not see how little is lost far away on the other.
-    """
-    found = []
-    for i, one in enumerate(problem.unknowns):
-        if one.name != "axial_clearance":
-            continue
-        for factor in (_OTHER_WALL, 1.0 / _OTHER_WALL):
-            value = min(max(theta[i], 0.1 * one.scale) * factor, one.most)
-            kept = np.arange(len(theta)) != i
-
-            def whole(x: np.ndarray, i: int = i, value: float = value) -> np.ndarray:
-                return np.insert(x, i, value)
-
-            part = replace(
-                problem,
-                unknowns=tuple(other for k, other in enumerate(problem.unknowns) if kept[k]),
-                predict=lambda x, whole=whole: problem.predict(whole(x)),
-            )
-            if kept.any():
-                found.append(whole(solve(part, theta[kept], _LATER).theta))
-    return found
-
-
-def cost(problem: Problem, theta: np.ndarray) -> float:
-    """Sum of the squares that are left, in standard errors."""
-    return float(np.square(problem.residual(theta)).sum())
-
-
-def _far(problem: Problem, theta: np.ndarray, found: Fit) -> bool:
-    """Whether another minimum is none that the intervals hold."""
-    return bool((np.abs(theta - found.theta) > np.minimum(found.half_width, problem.scale)).any())
-
-
-def _starts(problem: Problem, start: np.ndarray) -> list[np.ndarray]:
-    """Where to begin: play that may or may not meet its walls has several minima.
-
-    The given start, it with end walls near and far, and the best of many about it.
-    """
-    walls = np.array([one.name == "axial_clearance" for one in problem.unknowns])
-    found = [start]
-    if walls.any():
-        found += [np.where(walls, factor * start, start) for factor in (1.0 / _RANGE, _RANGE)]
-    spread = qmc.LatinHypercube(len(start), rng=0).random(_TRIED)
-    options = start * _RANGE ** (2.0 * spread - 1.0)
-    options = np.minimum(options, [one.most for one in problem.unknowns])
-    return [*found, min(options, key=lambda theta: cost(problem, theta))]
-
-
-def _excess(left: np.ndarray, error: np.ndarray, freedom: float) -> float:
-    """Standard deviation that, added to errors, explains what is left."""
-    low, high = 0.0, float(np.sqrt(np.square(left).sum() / max(freedom, 1e-9)))
-    if np.square(left / error).sum() <= freedom:
-        return 0.0
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        above = np.square(left / np.hypot(error, middle)).sum() > freedom
-        low, high = (middle, high) if above else (low, middle)
-    return high
-
-
 def _problem(
     mechanism: Mechanism,
     model: StaticModel,
@@ -436,76 +346,6 @@ def _offsets(problem: Problem, theta: np.ndarray, error: np.ndarray) -> np.ndarr
     return found.reshape(error.shape)
 
 
-def _reason(
-    i: int, found: Fit, sought: Sequence[Parameter], made: Visits, model: StaticModel
-) -> str:
-    """Why an unknown cannot be told; empty if it can."""
-    one = sought[i]
-    half = found.half_width[i]
-    if half <= planning.enough(one, found.theta[i]):
-        return ""
-    if found.felt[i] < FAINT:
-        return _unfelt(one, made, model)
-    partners = [sought[k].label for k in found.partners(i)]
-    if found.blind[i, i] > BLIND and partners:
-        return f"it acts only together with {', '.join(partners)}"
-    return (
-        f"its 95 % interval would be +- {one.shown(half)}, more than half of it"
-        if np.isfinite(half)
-        else "next to nothing of it shows above the noise"
-    )
-
-
-def _unfelt(one: Parameter, made: Visits, model: StaticModel) -> str:
-    """Why nothing moves with an unknown."""
-    if one.joint in made.joints and one.name in ("friction", "gear_play", "dry_friction"):
-        ways = set(made.direction[:, made.joints.index(one.joint)].tolist()) - {0}
-        if len(ways) < 2:
-            return "nothing shows: the joint never reverses"
-        if one.name == "gear_play":
-            return "nothing shows: the load keeps the gear's teeth on one side"
-    move = model.lever(one.joint)
-    if move is not None and not np.abs(move).max() > 0.0:
-        return "nothing shows: the joint does not move the tool"
-    return "nothing shows: its load pushes the journal the same way at every visit of a place"
-
-
-def _advice(
-    mechanism: Mechanism,
-    friction: Mapping[str, JointFriction],
-    sought: tuple[Parameter, ...],
-    found: Fit,
-    problem: Problem,
-    seen: Observed,
-    reasons: Sequence[str],
-) -> tuple[str, ...]:
-    """Which further experiment or signal would tell what cannot be told."""
-    if not any(reason and one.sought for reason, one in zip(reasons, sought, strict=True)):
-        return ("",) * len(sought)
-    effect = problem.sensitivity(found.theta)
-    before = effect.T @ effect / max(found.misfit, 1.0) ** 2
-    noise = dict(planning.NOISE)
-    for (kind, _), spread in zip(seen.keys, seen.noise, strict=True):
-        noise[kind] = max(spread, 1e-9)
-    offers = planning.offers(mechanism, friction, sought, seen.keys, noise, found.theta)
-    lines = []
-    for i, (one, reason) in enumerate(zip(sought, reasons, strict=True)):
-        best, words = np.inf, ""
-        for gain, text in offers if reason and one.sought else ():
-            half = planning.half_widths(sought, before + gain)[i]
-            if half < 0.8 * best:  # the simpler comes first
-                best, words = half, text
-        limit = planning.enough(one, found.theta[i])
-        if best <= limit:
-            lines.append(f"would tell, to +- {one.shown(best)}: {words}")
-        elif words and best < 0.5 * found.half_width[i] and best < 4.0 * limit:
-            times = int(np.ceil((best / limit) ** 2))
-            lines.append(f"would tell if done about {times} times: {words}")
-        else:
-            lines.append("")
-    return tuple(lines)
-
-
 def apply(
     mechanism: Mechanism,
     sought: Sequence[Parameter],
@@ -514,8 +354,8 @@ def apply(
 ) -> Mechanism:
     """The mechanism with those values that are told."""
     joints, gears = dict(mechanism.clearance), dict(mechanism.gears)
-    for one, value, reason in zip(sought, theta, reasons, strict=True):
-        if reason or not one.joint:
+    for one, value, why_not in zip(sought, theta, reasons, strict=True):
+        if why_not or not one.joint:
             continue
         if one.name == "gear_play":
             gears[one.joint] = replace(gears[one.joint], play=float(value))

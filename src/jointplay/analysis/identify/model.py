@@ -38,7 +38,7 @@ from jointplay.result.result import AXES
 _LATERAL = [0, 1, 3, 4]
 _REMEMBERED = 100
 """Displacements of bearings that are kept: differences move one joint at a time."""
-_FAINT_LOAD = 0.01
+_FAINT_LOAD = 0.02
 """Part of the rims' forces below which a load along the axis moves nothing in time."""
 _STIFFEST = 1e-12
 """Smallest compliance [rad/(N m)]."""

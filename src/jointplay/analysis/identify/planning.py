@@ -233,8 +233,8 @@ def informations(
     n, c = len(made), len(keys)
     error = np.array([noise[kind] / np.sqrt(RECORDS) for kind, _ in keys])
     measured = np.ones((n, c), bool)
-    torques = [i for i, (kind, _) in enumerate(keys) if kind == "torque"]
-    measured[np.ix_(made.stopped, torques)] = False  # the drive may hold any part of friction
+    torques = np.array([kind == "torque" for kind, _ in keys])
+    measured[made.stopped[:, None] & torques] = False  # the drive may hold any part of friction
     at = np.array([one.nominal for one in sought]) if theta is None else theta
     at = np.maximum(at, 0.05 * np.array([one.scale for one in sought]))
     problem = Problem(
@@ -307,7 +307,8 @@ def offers(
 def _visits(names: tuple[str, ...], options: Sequence[Experiment]) -> Visits:
     """Each experiment's visits: passed this way and the other, under each push."""
     j = len(names)
-    position, speed, direction, stopped, force, cell = [], [], [], [], [], []
+    position: list[np.ndarray] = []
+    speed, direction, stopped, force, cell = [], [], [], [], []
     path, owner, pushes = [], [], []
     for number, one in enumerate(options):
         at = np.array(one.positions)
