@@ -103,8 +103,8 @@ def damper(repository: Path, tension: str) -> None:
         "# of github.com/ARTS-Laboratory/Dataset-Friction-Damper-with-Backlash,",
         f"# commit {commit(repository)};",
         "# D. Coble, P. Huggins, L. Cao, J. Ricles, A. Downey (2022), ARTS-Lab; CC BY-SA 4.0, and",
-        f"# so is this extract. Changed: every {EVERY}th record; inch and kip to SI; as an angle and",
-        "# a torque at a radius of 1 m.",
+        f"# so is this extract. Changed: every {EVERY}th record; inch and kip to SI; as an angle",
+        "# and a torque at a radius of 1 m.",
         "time [s],drum motor [rad],drum torque [N*m]",
     ]
     lines += [f"{t:.4f},{INCH * x:.7f},{KIP * force:.1f}" for t, x, force in table[:, :3]]
