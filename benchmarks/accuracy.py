@@ -44,10 +44,10 @@ ROCKER = 0.12
 INTERVAL = {SCARA: 1e-4, CRANK: 1e-5, BAR: 1e-4, UR5: 1e-4}
 """Interval of records [s]."""
 FRICTION = {
-    "Ambrosio": jp.Ambrosio,
-    "Coulomb": jp.Coulomb,
-    "Brown-McPhee": jp.BrownMcPhee,
-    "LuGre": jp.LuGre,
+    "Ambrosio": jp.contact.Ambrosio,
+    "Coulomb": jp.contact.Coulomb,
+    "Brown-McPhee": jp.contact.BrownMcPhee,
+    "LuGre": jp.contact.LuGre,
 }
 UR5_BEARING = {"bearing_radius": 30e-3, "bearing_length": 60e-3}
 UR5_WAYPOINTS = (
@@ -124,13 +124,13 @@ class Case:
             simulation = scenario.simulation(f"{1e3 * self.clearance:g} mm")
         elif self.mechanism == UR5:
             play = {"radial_clearance": self.clearance, "axial_clearance": self.clearance}
-            elbow = jp.ClearanceJoint(**play, **UR5_BEARING)
+            elbow = jp.RevoluteClearance(**play, **UR5_BEARING)
             arm = jp.Mechanism(robot_urdf("ur5"), {"elbow_joint": elbow}, tool="tool0")
             way = jp.Motion(list(arm.joints), [0.0, 1.0, 2.0], UR5_WAYPOINTS)
             simulation = jp.Simulation(arm, way)
         else:
             play = {"radial_clearance": self.clearance, "axial_clearance": self.clearance}
-            bearing = jp.ClearanceJoint(**play, friction=FRICTION[self.friction]())
+            bearing = jp.RevoluteClearance(**play, friction=FRICTION[self.friction]())
             gravity = (0.0, 0.0, -9.81 if self.loaded else 0.0)
             arm = jp.Mechanism(jp.shipped("scara.urdf"), {JOINT: bearing}, gravity=gravity)
             simulation = jp.Simulation(arm, motion())

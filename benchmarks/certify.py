@@ -21,7 +21,7 @@ from tqdm import tqdm
 
 import jointplay as jp
 from jointplay import analysis
-from jointplay.analysis.certify import certify, figures
+from jointplay.analysis.certification import certify, figures
 
 SEED = 2024
 SCARA, KNOWN, CRANK = 23, 1, 6
@@ -59,7 +59,7 @@ class Configuration:
         }
         law = LAWS[self.law](self.friction)
         if self.robot == "scara":
-            bearing = jp.ClearanceJoint(
+            bearing = jp.RevoluteClearance(
                 radial_clearance=self.clearance, axial_clearance=self.clearance, friction=law
             )
             gravity = (0.0, 0.0, -9.81 if self.loaded else 0.0)
@@ -80,12 +80,12 @@ class Configuration:
 
 
 LAWS = {
-    "ambrosio": lambda mu: jp.Ambrosio(mu),
-    "coulomb": lambda mu: jp.Coulomb(mu),
-    "bengisu-akay": lambda mu: jp.BengisuAkay(1.3 * mu, mu),
-    "brown-mcphee": lambda mu: jp.BrownMcPhee(1.3 * mu, mu),
-    "lugre": lambda mu: jp.LuGre(mu, 1.3 * mu),
-    "threlfall": lambda mu: jp.Threlfall(mu),
+    "ambrosio": lambda mu: jp.contact.Ambrosio(mu),
+    "coulomb": lambda mu: jp.contact.Coulomb(mu),
+    "bengisu-akay": lambda mu: jp.contact.BengisuAkay(1.3 * mu, mu),
+    "brown-mcphee": lambda mu: jp.contact.BrownMcPhee(1.3 * mu, mu),
+    "lugre": lambda mu: jp.contact.LuGre(mu, 1.3 * mu),
+    "threlfall": lambda mu: jp.contact.Threlfall(mu),
 }
 
 

@@ -61,12 +61,12 @@ class Case:
             jp.Mechanism(jp.shipped("scara.urdf"), bearing, gravity=gravity), motion(), **options
         )
 
-    def bearing(self) -> jp.ClearanceJoint:
-        return jp.ClearanceJoint(
+    def bearing(self) -> jp.RevoluteClearance:
+        return jp.RevoluteClearance(
             radial_clearance=self.radial,
             axial_clearance=self.axial,
             restitution=self.restitution,
-            friction=jp.Ambrosio(self.friction),
+            friction=jp.contact.Ambrosio(self.friction),
         )
 
 

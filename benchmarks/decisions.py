@@ -21,10 +21,10 @@ from pathlib import Path
 import numpy as np
 
 import jointplay as jp
-from jointplay.analysis.budget import budget
 from jointplay.analysis.poses import along_motion, over_workspace
 from jointplay.analysis.reduce import reduce_joint
 from jointplay.analysis.reduced_mjcf import follow, to_mjcf
+from jointplay.analysis.static_budget import budget
 from jointplay.analysis.verify import dynamic_error
 from jointplay.mechanism.robots import robot_urdf
 
@@ -51,7 +51,7 @@ HEAD = (
 
 
 def robot() -> jp.Mechanism:
-    bearing = jp.ClearanceJoint(
+    bearing = jp.RevoluteClearance(
         bearing_radius=20e-3, radial_clearance=CLEARANCE_M, axial_clearance=CLEARANCE_M
     )
     return jp.Mechanism(robot_urdf("ur5"), dict.fromkeys(PLAYS, bearing), tool="tool0")
@@ -85,7 +85,7 @@ def one(number: int) -> dict[str, float]:
 def budget_time() -> float:
     """CPU seconds of a 7-joint arm's budget along a motion, start of Python not counted."""
     names = [f"panda_joint{i}" for i in range(1, 8)]
-    bearing = jp.ClearanceJoint(radial_clearance=CLEARANCE_M, axial_clearance=CLEARANCE_M)
+    bearing = jp.RevoluteClearance(radial_clearance=CLEARANCE_M, axial_clearance=CLEARANCE_M)
     mechanism = jp.Mechanism(
         robot_urdf("panda"), dict.fromkeys(names, bearing), tool="panda_hand_tcp"
     )
@@ -132,7 +132,7 @@ def reductions() -> list[str]:
     rows = []
     pose = {"shoulder_lift_joint": -1.0, "elbow_joint": 1.0}
     for joint in ("shoulder_pan_joint", "elbow_joint"):
-        bearing = jp.ClearanceJoint(radial_clearance=5e-5, axial_clearance=5e-5)
+        bearing = jp.RevoluteClearance(radial_clearance=5e-5, axial_clearance=5e-5)
         mechanism = jp.Mechanism(
             robot_urdf("ur5"),
             {joint: bearing},

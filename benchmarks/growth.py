@@ -31,7 +31,7 @@ def arm(joints, loose, folder):
     path = f"{folder}/arm.urdf"
     with open(path, "w", encoding="utf-8") as file:
         file.write(f'<robot name="arm"><link name="base"/>{"".join(parts)}</robot>')
-    clearance = {f"j{i}": jp.ClearanceJoint(**PLAY) for i in range(joints - loose, joints)}
+    clearance = {f"j{i}": jp.RevoluteClearance(**PLAY) for i in range(joints - loose, joints)}
     robot = jp.Mechanism(path, clearance, gravity=(0, 0, 0))
     speeds = {name: 0.5 / joints for name in robot.joints}
     return jp.Simulation(robot, drive={}, start_speed=speeds, duration=0.2, record_every=100)

@@ -30,7 +30,7 @@ def simulations(records):
         "SCARA, B": scara("joint_b"),
         "SCARA, A and B": scara("joint_a", "joint_b"),
         "slider-crank, ideal": slider_crank(None),
-        "slider-crank, planar": slider_crank(jp.ClearanceJoint.planar(radial_clearance=0.5e-3)),
+        "slider-crank, planar": slider_crank(jp.RevoluteClearance.planar(radial_clearance=0.5e-3)),
     }
     found = {
         name: jp.Simulation(mechanism, motion, **{"start": "centred"} | more, **options)

@@ -55,7 +55,7 @@ MACRO = 10
 DURATION = {FREE: 0.02, IMPACT: 0.002, LASTING: 0.004}
 """Until when the order is measured [s]."""
 ROOMY = {
-    JOINT: jp.ClearanceJoint(
+    JOINT: jp.RevoluteClearance(
         radial_clearance=2e-3, axial_clearance=2e-3, stiffness=1e3, bearing_length=60e-3
     )
 }

@@ -56,14 +56,14 @@ def bearings():
                 dataclasses.replace(paper, normal=law(**needed.get(name, {}))),
                 limit,
             )
-    own = jp.CustomNormalForce(own_force, paper.normal.parameters(paper.radial_contact))
+    own = jp.contact.CustomNormalForce(own_force, paper.normal.parameters(paper.radial_contact))
     made["own normal force"] = dataclasses.replace(paper, normal=own), EXPLICIT
     for name, law in FRICTION_LAWS.items():
         if name != paper.friction.name:
             made[f"{name} friction"] = dataclasses.replace(paper, friction=law()), EXPLICIT
     for name, law in FILM_LAWS.items():
         made[f"{name} film"] = dataclasses.replace(paper, lubricant=law(VISCOSITY)), EXPLICIT
-    own = jp.CustomFriction(own_friction, paper.friction.parameters())
+    own = jp.contact.CustomFriction(own_friction, paper.friction.parameters())
     made["own friction"] = dataclasses.replace(paper, friction=own), EXPLICIT
     return made
 

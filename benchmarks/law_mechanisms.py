@@ -27,18 +27,18 @@ BINS = 400
 STEEL = replace(jp.Material(), density=jp.material("carbon-steel").density)
 """The paper's, with the density that it leaves out: the laws can then judge the approach speeds."""
 
-SCARA_JOINT = jp.ClearanceJoint(
+SCARA_JOINT = jp.RevoluteClearance(
     radial_clearance=0.2e-3,
     axial_clearance=0.2e-3,
     bearing_material=STEEL,
     journal_material=STEEL,
 )
-CRANK_JOINT = jp.ClearanceJoint.planar(
+CRANK_JOINT = jp.RevoluteClearance.planar(
     radial_clearance=0.5e-3,
     bearing_length=20e-3,
     bearing_material=STEEL,
     journal_material=STEEL,
-    friction=jp.Ambrosio(mu_d=0.01, v0=1e-3, v1=1e-2),
+    friction=jp.contact.Ambrosio(mu_d=0.01, v0=1e-3, v1=1e-2),
 )
 """Those of scara.toml's 0.2 mm and of slider_crank.toml's 0.5 mm."""
 
@@ -149,7 +149,7 @@ class Trial:
         robot, reference, _ = slider_crank(bearing)
         # The slider's start is left open: it gives way to a displaced journal. From zero it finds
         # the outer dead centre, where crank and rod are stretched.
-        return robot, reference, {"drive": {"crank_pin": jp.Prescribed()}}
+        return robot, reference, {"drive": {"crank_pin": jp.loads.Prescribed()}}
 
 
 def _scale(name):

@@ -84,12 +84,12 @@ class Impact(NamedTuple):
 
 def impact(law, restitution, speed):
     """Let a free body of `MASS` fly at the bore once."""
-    bearing = jp.ClearanceJoint.planar(
+    bearing = jp.RevoluteClearance.planar(
         radial_clearance=RADIAL,
         bearing_length=LENGTH,
         restitution=restitution,
         normal=law,
-        friction=jp.Ambrosio(0.0),
+        friction=jp.contact.Ambrosio(0.0),
     )
     contact = bearing.radial_contact
     whole = impact_duration(law, law.parameters(contact), MASS, speed)
@@ -100,7 +100,7 @@ def impact(law, restitution, speed):
     )
     run = jp.Simulation(
         jp.Mechanism(path, {"pin": bearing}, gravity=(0, 0, 0)),
-        drive=jp.Free(),
+        drive=jp.loads.Free(),
         joint_friction={},
         step=step,
         duration=13 * whole,  # a plastic impact takes long to come out
@@ -134,7 +134,7 @@ def sliding(law, cycles=1.5):
             name="press", kind="prismatic", parent="carriage", child="block", axis="1 0 0"
         ),
     )
-    guide = jp.PrismaticJoint(
+    guide = jp.PrismaticClearance(
         clearance=1e-5, planar=True, lock_tilt=True, restitution=0.5, friction=law
     )
     mechanism = jp.Mechanism(
@@ -147,7 +147,7 @@ def sliding(law, cycles=1.5):
     result = jp.simulate(
         mechanism,
         motion,
-        drive={"along": jp.Prescribed()},
+        drive={"along": jp.loads.Prescribed()},
         start="centred",
         joint_friction={},
         step=1e-5,

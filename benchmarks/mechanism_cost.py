@@ -8,7 +8,8 @@ the kernel, and what the last joint with clearance added to it, relative to the 
 the first.
 
 The SCARA has clearance of 0.2 mm in B, or in A and B; an arm of five links in none to four of its
-joints; the slider-crank, cut at its piston pin, 0.5 mm at 5000 rpm.
+joints; the slider-crank, cut at its piston pin, 0.5 mm at 5000 rpm, at 10 µs as the others and at
+the step of its own scenario.
 """
 
 import sys
@@ -24,12 +25,15 @@ from tqdm import tqdm
 
 import jointplay as jp
 
+SHIPPED_STEP = 1e-6
+"""Step of the slider-crank's own scenario [s]: at 10 µs its impacts last few steps."""
+
 SPEED = 5000 * 2 * np.pi / 60
 PLAY = {"radial_clearance": 0.2e-3, "axial_clearance": 0.2e-3}
 
 
 def scara(*joints):
-    clearance = {joint: jp.ClearanceJoint(**PLAY) for joint in joints}
+    clearance = {joint: jp.RevoluteClearance(**PLAY) for joint in joints}
     robot = jp.Mechanism(jp.shipped("scara.urdf"), clearance, gravity=(0, 0, 0), tool="suction_cup")
     return robot, jp.Motion.from_csv(jp.shipped("scara_motion.csv")), {}
 
@@ -49,14 +53,14 @@ def arm(worn, folder):
     ]
     path = Path(folder) / "arm.urdf"
     path.write_text(f'<robot name="arm"><link name="base"/>{"".join(parts)}</robot>')
-    clearance = {f"j{i}": jp.ClearanceJoint(**PLAY) for i in range(1, worn + 1)}
+    clearance = {f"j{i}": jp.RevoluteClearance(**PLAY) for i in range(1, worn + 1)}
     robot = jp.Mechanism(path, clearance, gravity=(0, 0, 0))
     still, swung = np.zeros(JOINTS), np.full(JOINTS, 0.3)
     motion = jp.Motion(robot.joints, [0, 0.5, 1.0], [still, swung, still])
     return robot, motion, {}
 
 
-def slider_crank(joint):
+def slider_crank(joint, step=1e-5):
     mechanism = jp.Mechanism(
         jp.shipped("slider_crank.urdf"),
         {"piston_pin": joint} if joint else {},
@@ -69,8 +73,9 @@ def slider_crank(joint):
         mechanism,
         motion,
         {
-            "drive": {"crank_pin": jp.Prescribed()},
+            "drive": {"crank_pin": jp.loads.Prescribed()},
             "state": {"guide": 0.17},
+            "step": step,
             "start": "centred",
         },
     )
@@ -78,16 +83,18 @@ def slider_crank(joint):
 
 def mechanisms(folder):
     """Every mechanism by name."""
-    planar = jp.ClearanceJoint.planar(radial_clearance=0.5e-3)
-    spatial = jp.ClearanceJoint(radial_clearance=0.5e-3, axial_clearance=0.5e-3)
+    planar = jp.RevoluteClearance.planar(radial_clearance=0.5e-3)
+    spatial = jp.RevoluteClearance(radial_clearance=0.5e-3, axial_clearance=0.5e-3)
     return {
         "SCARA, ideal": scara(),
         "SCARA, B": scara("joint_b"),
         "SCARA, A and B": scara("joint_a", "joint_b"),
         **{f"arm, {worn} with clearance": arm(worn, folder) for worn in range(JOINTS)},
-        "slider-crank, ideal": slider_crank(None),
-        "slider-crank, planar": slider_crank(planar),
-        "slider-crank, 3D": slider_crank(spatial),
+        **{
+            f"slider-crank, {name}{text}": slider_crank(joint, step)
+            for step, text in ((1e-5, ""), (SHIPPED_STEP, ", 1 µs"))
+            for name, joint in (("ideal", None), ("planar", planar), ("3D", spatial))
+        },
     }
 
 
@@ -100,8 +107,10 @@ LIMIT_ADDED = 0.8
 """A further joint must cost less than this part of the kernel with the first."""
 
 
-def measure(setup, duration, samples, bar):
+def measure(setup, pieces, samples, bar):
     mechanism, motion, options = setup
+    step = options.get("step", 1e-5)
+    duration = pieces * CHUNK * step
     run = jp.Simulation(mechanism, motion, duration=duration, **options).prepare()
     none = pin.StdVec_Force()
     none.extend([pin.Force.Zero()] * run.model.njoints)
@@ -139,7 +148,7 @@ def main():
         setups = mechanisms(folder)
         with tqdm(total=len(setups) * pieces, unit="piece") as bar:
             for name, setup in setups.items():
-                measure(setup, pieces * CHUNK * 1e-5, found.setdefault(name, {}), bar)
+                measure(setup, pieces, found.setdefault(name, {}), bar)
     middle = {
         name: {part: 1e6 * float(np.median(values)) for part, values in parts.items()}
         for name, parts in found.items()

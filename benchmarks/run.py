@@ -20,7 +20,7 @@ import numpy as np
 import scale
 from common import Case
 
-from jointplay.analysis.certify import figures
+from jointplay.analysis.certification import figures
 
 BASELINE = Path(__file__).with_name("baseline.json")
 

@@ -36,7 +36,7 @@ def arm(name: str, *joints: str) -> jp.Simulation:
     start = np.array(POSES[name])
     end = start + TURN * np.array([joint in turning for joint in robot.joints])
     motion = jp.Motion(list(robot.joints), [0.0, LASTS], np.array([start, end]))
-    play = {joint: jp.ClearanceJoint(**BEARING) for joint in joints or turning}
+    play = {joint: jp.RevoluteClearance(**BEARING) for joint in joints or turning}
     return jp.Simulation(robot.with_clearance(play), motion, step=1e-5 if joints else 2e-6)
 
 

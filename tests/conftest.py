@@ -1,5 +1,6 @@
 """Small mechanisms with known answers."""
 
+import signal
 from pathlib import Path
 
 import numpy as np
@@ -7,16 +8,16 @@ import pytest
 from hypothesis import HealthCheck, Phase, settings
 from sweep_scenario import GRID, SCENARIO
 
-from jointplay import (
-    ClearanceJoint,
-    ComputedTorque,
-    JointplayError,
-    Mechanism,
-    Motion,
-    Simulation,
-)
+from jointplay import JointplayError, Mechanism, Motion, RevoluteClearance, Simulation
 from jointplay.kernel.integrators import DEFAULT
+from jointplay.loads import ComputedTorque
 from jointplay.simulation import Run
+
+# What runs in the background or under nohup ignores these, and so would all that tests start.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 # A simulation in each example: slow machines must not fail, and a failure must not be shrunk for
 # minutes.
@@ -95,7 +96,7 @@ def free_mass(urdf):
     ) -> Run:
         clearance = {"radial_clearance": 2e-4, "axial_clearance": 2e-4} | bearing
         path = urdf(body("arm", mass, com, inertia), joint("pin", "base", "arm"))
-        mechanism = Mechanism(path, {"pin": ClearanceJoint(**clearance)}, gravity=gravity)
+        mechanism = Mechanism(path, {"pin": RevoluteClearance(**clearance)}, gravity=gravity)
         simulation = Simulation(
             mechanism,
             still(mechanism, duration),

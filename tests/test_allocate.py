@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from conftest import body, joint
 
-from jointplay import ClearanceJoint, Gear, JointplayError, Mechanism, Motion
-from jointplay.analysis.allocate import allocate
-from jointplay.analysis.budget import budget
+from jointplay import Gear, JointplayError, Mechanism, Motion, RevoluteClearance
+from jointplay.analysis.allocation import allocate
+from jointplay.analysis.static_budget import budget
 from jointplay.analysis.verify import dynamic_error, fitting_step
 from jointplay.cli import main
 
@@ -27,7 +27,7 @@ def arm(urdf):
 
 
 def planar(play=1e-4):
-    return ClearanceJoint.planar(radial_clearance=play)
+    return RevoluteClearance.planar(radial_clearance=play)
 
 
 def robot(path, make=planar, **gears):
@@ -35,7 +35,7 @@ def robot(path, make=planar, **gears):
 
 
 def spatial():
-    return ClearanceJoint(radial_clearance=1e-4, axial_clearance=2e-4)
+    return RevoluteClearance(radial_clearance=1e-4, axial_clearance=2e-4)
 
 
 def test_joints_that_weigh_alike_get_the_same_clearance(arm):

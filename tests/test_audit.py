@@ -7,15 +7,33 @@ import pytest
 from conftest import body, joint, still
 
 import jointplay as jp
-from jointplay import Audit
+from jointplay.mechanism.impact import friction_step_limit
+from jointplay.result import Audit
+from jointplay.result import audit as audit_module
 
 MASS, SPEED = 2.0, 0.2
-GOOD = Audit(1e-4, 1.0, 5, 30, 0, 0.0, 2.0, 1e-6, 0.01, 1e-5, 2e-5)
+GOOD = Audit(
+    energy_residual=1e-4,
+    energy_exchanged=1.0,
+    impacts=5,
+    shortest_contact_steps=30,
+    under_resolved=0,
+    under_resolved_impulse=0.0,
+    normal_impulse=2.0,
+    largest_penetration=1e-6,
+    penetration_over_clearance=0.01,
+    step=1e-5,
+    friction_step_limit=2e-5,
+)
 
 
 def bouncing(free_mass, **options):
     """A frictionless elastic body flying to and fro between both end walls."""
-    elastic = {"normal": jp.Hertz(), "restitution": 1.0, "friction": jp.Ambrosio(0.0)}
+    elastic = {
+        "normal": jp.contact.Hertz(),
+        "restitution": 1.0,
+        "friction": jp.contact.Ambrosio(0.0),
+    }
     return free_mass(velocity=(0, 0, SPEED, 0, 0, 0), mass=MASS, **(elastic | options)).execute()
 
 
@@ -110,3 +128,95 @@ def test_under_resolved_contacts_are_counted_and_warned_of(free_mass):
     assert audit.under_resolved == audit.impacts > 0
     assert audit.shortest_contact_steps < 10
     assert any("fewer than 10 steps" in text for text in audit.warnings)
+
+
+@pytest.mark.parametrize(
+    ("below", "above"),
+    [
+        ({"energy_residual": 0.0099}, {"energy_residual": 0.0101}),
+        ({"energy_residual": 0.0198, "energy_exchanged": 2.0}, {"energy_residual": 0.0101}),
+        ({"under_resolved_impulse": 0.99e-3}, {"under_resolved_impulse": 1.01e-3}),
+        ({"penetration_over_clearance": 0.49}, {"penetration_over_clearance": 0.51}),
+        ({"friction_step_limit": 1e-5}, {"friction_step_limit": 0.99e-5}),
+        ({"unsolved": 10}, {"unsolved": 11}),
+        ({"unresolved": 0}, {"unresolved": 1}),
+        ({"friction_fed": 0.0099}, {"friction_fed": 0.0101}),
+        (
+            {"relative_step_error": 0.01, "step_error": 1.0},
+            {"relative_step_error": 0.0101, "step_error": 0.0},
+        ),
+        ({"tooth_steps": 10.0}, {"tooth_steps": 9.9}),
+        ({"loop_drift": 1e-6}, {"loop_drift": 1.01e-6}),
+    ],
+)
+def test_doubts_begin_where_the_limits_say(below, above):
+    assert Audit(**(GOOD.describe() | below)).warnings == []
+    assert len(Audit(**(GOOD.describe() | above)).warnings) == 1
+
+
+def test_relative_residual_is_that_of_the_energy_exchanged():
+    audit = Audit(**(GOOD.describe() | {"energy_residual": 0.5, "energy_exchanged": 4.0}))
+    assert audit.relative_energy_residual == 0.125
+
+
+def test_figures_that_are_not_given_are_none():
+    assert (GOOD.unsolved, GOOD.unresolved, GOOD.friction_fed, GOOD.loop_drift) == (0, 0, 0.0, 0.0)
+    assert GOOD.tooth_steps == math.inf
+    assert audit_module.Judgement().judged_from == 0.0
+
+
+@pytest.mark.parametrize(
+    ("change", "line"),
+    [
+        ({}, "journals start centred"),
+        (
+            {"start": "rest", "start_residual": 1e-8, "start_load": 72.41, "peak_force": 82.7},
+            "journals start at rest (unbalanced 1e-08 N of 72.4 N); largest joint force 82.7 N, "
+            "judged from the start",
+        ),
+        (
+            {"start_residual": 0.2, "start_load": 3.0},
+            "journals start centred, for no place of rest was found (unbalanced 0.2 N of 3 N)",
+        ),
+        (
+            {
+                "judged_from": 0.5,
+                "judged_impacts": 3,
+                "peak_force": 4.0,
+                "peak_force_before": 9.0,
+            },
+            "journals start centred; from 0.5 s on, 3 contacts began, largest joint force 4 N "
+            "(before: 9 N)",
+        ),
+    ],
+)
+def test_headline_says_how_the_run_began_and_what_is_judged(change, line):
+    audit = Audit(**(GOOD.describe() | change))
+    assert audit.headline == line
+    assert (line in str(audit)) == (audit.peak_force is not None)
+
+
+def test_figures_are_printed_with_their_units():
+    change = {"step_error": 2e-3, "relative_step_error": 0.005, "loop_drift": 5e-7}
+    assert str(Audit(**(GOOD.describe() | change))).splitlines() == [
+        "  energy residual: 0.0001 J, 0.01 % of 1 J exchanged",
+        "  contacts: 5, shortest 30 steps, 0 under 10 steps",
+        "  largest penetration: 1e-06 m, 1 % of the clearance",
+        "  error by the step: tool 0.002 m, 0.5 % of the motion",
+        "  drift of ideal loops: 5e-07 m",
+    ]
+
+
+def test_largest_force_of_any_contact_asks_for_the_smallest_explicit_step(free_mass):
+    """Friction's limit falls with the normal force: the peak counts, not a typical record."""
+    hard = bouncing(
+        free_mass,
+        duration=5e-3,
+        friction=jp.contact.Ambrosio(0.1),
+        integrator="semi-implicit-euler",
+        record_every=1,
+    )
+    peak = float(hard["normal_force_peak"].max())
+    mechanism = hard.simulation.mechanism
+    q = hard["q"].values[0]
+    assert hard.audit.friction_step_limit == friction_step_limit(mechanism, "pin", q, peak)

@@ -8,16 +8,16 @@ import pytest
 from conftest import body, joint
 
 from jointplay import (
-    ClearanceJoint,
     Gear,
     JointplayError,
     Mechanism,
     Motion,
-    PrismaticJoint,
+    PrismaticClearance,
+    RevoluteClearance,
     Scenario,
 )
 from jointplay.analysis import poses
-from jointplay.analysis.budget import budget
+from jointplay.analysis.static_budget import budget
 from jointplay.cli import main
 from jointplay.plots import budget as plots
 
@@ -52,11 +52,11 @@ def two(urdf):
 
 
 def bearing(play=1e-4, **changes):
-    return ClearanceJoint(**{"radial_clearance": play, "axial_clearance": play} | changes)
+    return RevoluteClearance(**{"radial_clearance": play, "axial_clearance": play} | changes)
 
 
 def test_a_planar_journal_displaces_the_tool_by_its_clearance(arm):
-    found = budget(Mechanism(arm, {"j": ClearanceJoint.planar(radial_clearance=1e-4)}), {})
+    found = budget(Mechanism(arm, {"j": RevoluteClearance.planar(radial_clearance=1e-4)}), {})
     assert found.worst[0] == pytest.approx(1e-4)
     assert found.axis_worst[0, 0] == pytest.approx([1e-4, 1e-4, 0, 0, 0, 0])
     assert found.worst_turn[0] == 0.0
@@ -158,7 +158,7 @@ def test_the_order_of_bearing_and_journal_does_not_matter(two):
 
 def test_a_slider_has_its_play_across(urdf):
     path = urdf(body("car"), joint("s", "base", "car", "prismatic", "1 0 0"), tip("car", "0 0 0"))
-    mechanism = Mechanism(path, {"s": PrismaticJoint(clearance=1e-4, lock_tilt=True)})
+    mechanism = Mechanism(path, {"s": PrismaticClearance(clearance=1e-4, lock_tilt=True)})
     found = budget(mechanism, {"s": 0.2})
     assert found.axis_worst[0, 0, :3] == pytest.approx([0.0, 1e-4, 1e-4], abs=1e-15)
 

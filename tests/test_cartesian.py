@@ -6,7 +6,7 @@ import pytest
 from conftest import body, joint
 
 import jointplay as jp
-from jointplay.joints import SphericalJoint
+from jointplay.joints import SphericalClearance
 from jointplay.mechanism.loop import Loop
 from jointplay.motion.cartesian import JUMP, SINGULAR_M, cartesian_motion
 
@@ -185,7 +185,7 @@ def test_ideal_robot_leads_its_tool_along_the_line(scara):
 
 def test_clearance_does_not_change_the_reference(scara):
     places, _ = poses(scara, SCARA_CONFIGURATIONS)
-    play = jp.ClearanceJoint(radial_clearance=2e-4, axial_clearance=2e-4)
+    play = jp.RevoluteClearance(radial_clearance=2e-4, axial_clearance=2e-4)
     worn = scara.with_clearance({"joint_b": play})
     one, two = (cartesian_motion(r, TIMES, places, start={"joint_b": 0.5}) for r in (scara, worn))
     assert one.joints == two.joints
@@ -314,7 +314,7 @@ def test_robots_that_cannot_be_led_are_refused(urdf):
     assert "without loops, this one has piston_pin" in message
     ball = joint("ball", "base", "arm", "floating")
     path = urdf(body("arm"), ball, body("end"), joint("hinge", "arm", "end"))
-    robot = jp.Mechanism(path, {"ball": SphericalJoint(radial_clearance=1e-4)})
+    robot = jp.Mechanism(path, {"ball": SphericalClearance(radial_clearance=1e-4)})
     assert "cannot lead the ball joint 'ball'" in refused(robot, [0, 1], [HERE, HERE])
     fixed = jp.Mechanism(urdf('<link name="rock"/>', joint("nail", "base", "rock", "fixed")))
     assert "has none" in refused(fixed, [0, 1], [HERE, HERE])

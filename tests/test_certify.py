@@ -10,7 +10,7 @@ import pytest
 
 import jointplay as jp
 from jointplay import analysis, cli, study
-from jointplay.analysis.certify import (
+from jointplay.analysis.certification import (
     ASIDE,
     FINER,
     FINEST,
@@ -21,7 +21,7 @@ from jointplay.analysis.certify import (
     numerical_error,
 )
 from jointplay.kernel import Status
-from jointplay.report import cases, content
+from jointplay.report import cases, judgement
 from jointplay.result.certificate import Certificate, CertifiedFigure, plus_minus
 from jointplay.scenario.keep import add_certificate
 from jointplay.study import scara
@@ -32,8 +32,8 @@ JAMMED_TRUTH_N = 677.1
 
 def jammed(**options) -> jp.Simulation:
     """Jams before 1.5 s, which today's explicit step gets wrong by a factor of two."""
-    bearing = jp.ClearanceJoint(
-        radial_clearance=0.3e-3, axial_clearance=0.3e-3, friction=jp.Ambrosio(0.15)
+    bearing = jp.RevoluteClearance(
+        radial_clearance=0.3e-3, axial_clearance=0.3e-3, friction=jp.contact.Ambrosio(0.15)
     )
     robot = jp.Mechanism(jp.shipped("scara.urdf"), {"joint_b": bearing}, gravity=(0, 0, 0))
     motion = jp.Motion.from_csv(jp.shipped("scara_motion.csv"))
@@ -247,7 +247,7 @@ def stopped_while_certifying(monkeypatch):
     def told(*_, **__):
         signal.raise_signal(signal.SIGINT)
 
-    monkeypatch.setattr("jointplay.analysis.certify.certify", told)
+    monkeypatch.setattr("jointplay.analysis.certification.certify", told)
 
 
 def plain(path):
@@ -285,7 +285,7 @@ def test_no_run_that_was_interrupted_is_certified(short, tmp_path, monkeypatch):
     result = jp.Result(short.dataset.copy())
     result.status = Status.INTERRUPTED
     monkeypatch.setattr(
-        "jointplay.analysis.certify.certify", lambda *_, **__: pytest.fail("certified")
+        "jointplay.analysis.certification.certify", lambda *_, **__: pytest.fail("certified")
     )
     add_certificate(result, tmp_path / "r.nc", short.simulation)
     assert not (tmp_path / "r.nc").exists()
@@ -314,7 +314,7 @@ def test_the_report_shows_what_certificates_say_as_text(short):
     found = short.certificate
     shown.certificate = replace(found, note="<script>", runs=("<b>finer",))
     (case,) = cases.build({"one": shown}, 0, print)
-    page = content.certificates([case])
+    page = judgement.certificates([case])
     assert "&lt;script&gt;" in page
     assert "<b>" not in page
     assert str(found["peak joint force"]) in page

@@ -96,7 +96,7 @@ def test_errors_have_their_place(data, where, message):
 
 def test_outer_layers_prepend_their_place():
     with pytest.raises(JointplayError) as caught, within("joints", "joint_b"):
-        jp.ClearanceJoint(radial_clearance=-1.0, axial_clearance=1e-4)
+        jp.RevoluteClearance(radial_clearance=-1.0, axial_clearance=1e-4)
     assert caught.value.where == ("joints", "joint_b", "radial_clearance")
 
 
@@ -122,13 +122,13 @@ def test_later_versions_may_add_keys_where_a_class_says_so():
 VALUES = [
     (
         Clearance,
-        jp.ClearanceJoint.planar(radial_clearance=1e-4, bearing_material=jp.material("bronze")),
+        jp.RevoluteClearance.planar(radial_clearance=1e-4, bearing_material=jp.material("bronze")),
     ),
-    (Clearance, jp.PrismaticJoint(clearance=1e-4, friction=jp.LuGre(0.08))),
-    (Clearance, jp.SphericalJoint(radial_clearance=1e-4, ideal=True)),
-    (Drive, jp.ComputedTorque(40.0, encoder="motor")),
-    (Drive, jp.Prescribed()),
-    (JointFriction, jp.JointFriction(1.0, 0.1, static=2.0)),
+    (Clearance, jp.PrismaticClearance(clearance=1e-4, friction=jp.contact.LuGre(0.08))),
+    (Clearance, jp.SphericalClearance(radial_clearance=1e-4, ideal=True)),
+    (Drive, jp.loads.ComputedTorque(40.0, encoder="motor")),
+    (Drive, jp.loads.Prescribed()),
+    (JointFriction, jp.loads.JointFriction(1.0, 0.1, static=2.0)),
     (Gear, jp.Gear(1e-3, 1e-4, 1e4)),
     (Loop, jp.Loop("rod", "slider", (0.12, 0.0, 0.0))),
     (Payload, jp.Payload("tool", 0.5, 0.1, 0.2, (0.0, 0.0, -0.01))),
@@ -152,7 +152,7 @@ def test_values_are_equal_when_equal_and_shown_as_one_writes_them(kind, value):
 
 def test_mechanisms_are_equal_when_they_are_built_alike():
     def robot(radial=2e-4):
-        joint = jp.ClearanceJoint(radial_clearance=radial, axial_clearance=1e-4)
+        joint = jp.RevoluteClearance(radial_clearance=radial, axial_clearance=1e-4)
         return jp.Mechanism(jp.shipped("scara.urdf"), {"joint_b": joint}, gravity=(0, 0, 0))
 
     assert robot() == robot()
@@ -179,20 +179,20 @@ OLD_JOINT = """{"kind": "revolute",
 
 
 def test_what_version_0_1_wrote_is_read():
-    assert codec.read(Clearance, json.loads(OLD_JOINT)) == jp.ClearanceJoint(
+    assert codec.read(Clearance, json.loads(OLD_JOINT)) == jp.RevoluteClearance(
         radial_clearance=2e-4,
         axial_clearance=2e-4,
-        normal=jp.HuntCrossley(1.2, 1.5, 0.9),
-        friction=jp.GonthierFriction(),
-        lubricant=jp.ShortBearing(0.05, cavitation="sommerfeld"),
+        normal=jp.contact.HuntCrossley(1.2, 1.5, 0.9),
+        friction=jp.contact.GonthierFriction(),
+        lubricant=jp.contact.ShortBearing(0.05, cavitation="sommerfeld"),
         wear_rate=1e-14,
     )
 
 
 def test_a_users_law_of_version_0_1_has_no_text():
     old = {"law": "custom", "function": f"{__name__}:push", "parameters": [1e8]}
-    jp.CustomNormalForce(push, (1e8,))  # known here from now on
-    assert codec.read(NormalForceLaw, old) == jp.CustomNormalForce(push, (1e8,))
+    jp.contact.CustomNormalForce(push, (1e8,))  # known here from now on
+    assert codec.read(NormalForceLaw, old) == jp.contact.CustomNormalForce(push, (1e8,))
 
 
 def push(delta, ddelta, ddelta0, p):
@@ -200,7 +200,7 @@ def push(delta, ddelta, ddelta0, p):
 
 
 def test_a_users_law_that_reads_otherwise_now_is_said_to(recwarn):
-    described = jp.CustomNormalForce(push, (1e8,)).describe()
+    described = jp.contact.CustomNormalForce(push, (1e8,)).describe()
     codec.read(NormalForceLaw, described)
     assert not recwarn
     with pytest.warns(RuntimeWarning, match="reads otherwise here than in the result"):

@@ -35,18 +35,20 @@ def test_each_law_is_its_formula():
     k, a = STEEL.stiffness, 0.75 * (1 - 0.8**2)
     state = (DELTA, DDELTA, DDELTA0)
     hertz = k * DELTA**1.5
-    assert value(jp.Hertz(), *state) == pytest.approx(hertz)
-    assert value(jp.LinearSpring(3e8), *state) == pytest.approx(3e8 * DELTA)
-    assert value(jp.KelvinVoigt(50.0, 3e8), *state) == pytest.approx(3e8 * DELTA - 50 * 0.03)
+    assert value(jp.contact.Hertz(), *state) == pytest.approx(hertz)
+    assert value(jp.contact.LinearSpring(3e8), *state) == pytest.approx(3e8 * DELTA)
+    assert value(jp.contact.KelvinVoigt(50.0, 3e8), *state) == pytest.approx(
+        3e8 * DELTA - 50 * 0.03
+    )
     equation_19 = hertz * (1 + a * DDELTA / DDELTA0)
-    assert value(jp.LankaraniNikravesh(), *state) == pytest.approx(equation_19)
-    assert value(jp.HuntCrossley(), *state) == pytest.approx(equation_19)
+    assert value(jp.contact.LankaraniNikravesh(), *state) == pytest.approx(equation_19)
+    assert value(jp.contact.HuntCrossley(), *state) == pytest.approx(equation_19)
 
 
 def test_hunt_crossley_keeps_equation_14_at_the_reference_depth():
     # At 10 um and |ddelta| = ddelta0 the damping part is 3/4 (1 - c_e^2) of the elastic one.
     for n, p, q in ((1.5, 1.5, 1.0), (2.0, 1.0, 1.0), (1.5, 0.5, 2.0)):
-        law = jp.HuntCrossley(n, p, q)
+        law = jp.contact.HuntCrossley(n, p, q)
         elastic = value(law, 1e-5, 0.0, 0.2)
         assert elastic == pytest.approx(STEEL.stiffness * 1e-5**1.5)
         damping = value(law, 1e-5, 0.2, 0.2) - elastic
@@ -55,21 +57,21 @@ def test_hunt_crossley_keeps_equation_14_at_the_reference_depth():
 
 
 def test_derived_linear_stiffness_stores_hertz_energy_at_ten_microns():
-    linear, hertz = jp.LinearSpring(), jp.Hertz()
+    linear, hertz = jp.contact.LinearSpring(), jp.contact.Hertz()
     stored = [elastic_energy(law, law.parameters(STEEL), 1e-5) for law in (linear, hertz)]
     assert stored[0] == pytest.approx(stored[1], rel=1e-4)
 
 
 @pytest.mark.parametrize("depth", [1e-7, 1e-5])
 def test_stored_energy_is_the_integral_of_the_elastic_force(depth):
-    law = jp.Hertz()
+    law = jp.contact.Hertz()
     exact = 0.4 * STEEL.stiffness * depth**2.5
     assert elastic_energy(law, law.parameters(STEEL), depth) == pytest.approx(exact, rel=1e-5)
     assert elastic_energy(law, law.parameters(STEEL), -depth) == 0.0
 
 
 def test_friction_has_the_branches_of_equation_21():
-    law = jp.Ambrosio(0.1, 1e-4, 1e-3)
+    law = jp.contact.Ambrosio(0.1, 1e-4, 1e-3)
     assert value(law, 0.5e-4) == 0.0
     assert value(law, 5.5e-4) == pytest.approx(0.05)
     assert value(law, 2e-3) == 0.1  # the paper prints 1 here
@@ -79,12 +81,12 @@ def test_friction_has_the_branches_of_equation_21():
 @pytest.mark.parametrize(
     "make",
     [
-        lambda: jp.Ambrosio(-0.1),
-        lambda: jp.Ambrosio(0.1, 1e-3, 1e-3),
-        lambda: jp.KelvinVoigt(-1.0),
-        lambda: jp.LinearSpring(0.0),
-        lambda: jp.HuntCrossley(n=0.5),
-        lambda: jp.HuntCrossley(q=float("nan")),
+        lambda: jp.contact.Ambrosio(-0.1),
+        lambda: jp.contact.Ambrosio(0.1, 1e-3, 1e-3),
+        lambda: jp.contact.KelvinVoigt(-1.0),
+        lambda: jp.contact.LinearSpring(0.0),
+        lambda: jp.contact.HuntCrossley(n=0.5),
+        lambda: jp.contact.HuntCrossley(q=float("nan")),
     ],
 )
 def test_impossible_parameters_are_refused(make):
@@ -102,7 +104,7 @@ def test_normal_laws_describe_themselves(name):
 
 
 def test_friction_laws_describe_themselves():
-    made = jp.Ambrosio(0.2, 2e-4, 3e-3)
+    made = jp.contact.Ambrosio(0.2, 2e-4, 3e-3)
     assert friction_law(made.describe()).parameters() == made.parameters()
     for law in FRICTION_LAWS.values():
         assert friction_law(law().describe()).parameters() == law().parameters()
@@ -123,7 +125,7 @@ def impact(free_mass, law, restitution=0.8, **options):
     run = free_mass(
         normal=law,
         restitution=restitution,
-        friction=jp.Ambrosio(0.0),
+        friction=jp.contact.Ambrosio(0.0),
         offset=(0, 0, 1.99e-4, 0, 0, 0),
         velocity=(0, 0, SPEED, 0, 0, 0),
         mass=MASS,
@@ -138,11 +140,11 @@ def impact(free_mass, law, restitution=0.8, **options):
 
 
 def k_axial():
-    return jp.ClearanceJoint(radial_clearance=2e-4, axial_clearance=2e-4).hertz_stiffness
+    return jp.RevoluteClearance(radial_clearance=2e-4, axial_clearance=2e-4).hertz_stiffness
 
 
 def test_hertz_impact_has_the_known_depth_and_duration(free_mass):
-    rebound, duration, depth = impact(free_mass, jp.Hertz())
+    rebound, duration, depth = impact(free_mass, jp.contact.Hertz())
     exact = (5 * MASS * SPEED**2 / (4 * k_axial())) ** 0.4
     assert depth == pytest.approx(exact, rel=2e-3)
     assert duration == pytest.approx(2.9432 * exact / SPEED, rel=0.01)
@@ -151,7 +153,7 @@ def test_hertz_impact_has_the_known_depth_and_duration(free_mass):
 
 def test_linear_spring_impact_lasts_half_a_period(free_mass):
     k = 4e8
-    rebound, duration, depth = impact(free_mass, jp.LinearSpring(k))
+    rebound, duration, depth = impact(free_mass, jp.contact.LinearSpring(k))
     assert duration == pytest.approx(math.pi * math.sqrt(MASS / k), rel=0.01)
     assert depth == pytest.approx(SPEED * math.sqrt(MASS / k), rel=2e-3)
     assert rebound == pytest.approx(1.0, abs=2e-3)
@@ -165,12 +167,12 @@ def lankarani_nikravesh_restitution(c, factor=0.75):
 
 @pytest.mark.parametrize("c", [0.95, 0.9, 0.7, 0.4])
 def test_lankarani_nikravesh_restitution_is_the_closed_form(free_mass, c):
-    rebound, _, _ = impact(free_mass, jp.LankaraniNikravesh(), restitution=c)
+    rebound, _, _ = impact(free_mass, jp.contact.LankaraniNikravesh(), restitution=c)
     assert rebound == pytest.approx(lankarani_nikravesh_restitution(c), abs=3e-3)
 
 
 def test_a_wrong_damping_factor_fails_the_restitution_check(free_mass):
-    rebound, _, _ = impact(free_mass, jp.LankaraniNikravesh(), restitution=0.7)
+    rebound, _, _ = impact(free_mass, jp.contact.LankaraniNikravesh(), restitution=0.7)
     assert abs(rebound - lankarani_nikravesh_restitution(0.7, factor=1.5)) > 0.05
 
 
@@ -185,14 +187,16 @@ def test_kelvin_voigt_restitution_without_adhesion(free_mass):
 
     apart.terminal, apart.direction = True, -1
     exact = solve_ivp(pushing, (0, 1e-2), (1e-12, SPEED), rtol=1e-9, atol=1e-13, events=apart)
-    rebound, _, _ = impact(free_mass, jp.KelvinVoigt(b, k))
+    rebound, _, _ = impact(free_mass, jp.contact.KelvinVoigt(b, k))
     assert rebound == pytest.approx(-exact.y[1, -1] / SPEED, abs=3e-3)
 
 
-@pytest.mark.parametrize("law", [jp.LankaraniNikravesh(), jp.Hertz(), jp.LinearSpring(4e8)])
+@pytest.mark.parametrize(
+    "law", [jp.contact.LankaraniNikravesh(), jp.contact.Hertz(), jp.contact.LinearSpring(4e8)]
+)
 def test_expected_impact_duration_is_close(free_mass, law):
     _, duration, _ = impact(free_mass, law)
-    joint = jp.ClearanceJoint(radial_clearance=2e-4, axial_clearance=2e-4, restitution=0.8)
+    joint = jp.RevoluteClearance(radial_clearance=2e-4, axial_clearance=2e-4, restitution=0.8)
     expected = impact_duration(law, law.parameters(joint.axial_contact), MASS, SPEED)
     assert duration == pytest.approx(expected, rel=0.1)
 
@@ -209,11 +213,14 @@ def test_a_contact_never_pulls_and_friction_never_drives(tmp_path_factory, veloc
     path.write_text(
         f'<robot name="r"><link name="base"/>{body("arm")}{joint("pin", "base", "arm")}</robot>'
     )
-    bearing = jp.ClearanceJoint(
-        radial_clearance=2e-4, axial_clearance=2e-4, normal=jp.KelvinVoigt(2e3), restitution=0.3
+    bearing = jp.RevoluteClearance(
+        radial_clearance=2e-4,
+        axial_clearance=2e-4,
+        normal=jp.contact.KelvinVoigt(2e3),
+        restitution=0.3,
     )
     robot = jp.Mechanism(path, {"pin": bearing}, gravity=(0, 0, 0))
-    drive = jp.ComputedTorque(bandwidth=1.0)
+    drive = jp.loads.ComputedTorque(bandwidth=1.0)
     run = release(jp.Simulation(robot, still(robot, 0.01), drive=drive, step=2e-6).prepare())
     run.workspace.v[:] = velocity
     result = run.execute()
@@ -230,9 +237,9 @@ def test_a_slow_onset_does_not_blow_the_damping_up(free_mass):
     # A journal that lies on the wall from rest and is then loaded: |ddelta|/ddelta0 stays <= 1,
     # so eq. 19's bracket stays within 1 -+ 3/4 (1 - c_e^2).
     run = free_mass(
-        normal=jp.LankaraniNikravesh(),
+        normal=jp.contact.LankaraniNikravesh(),
         restitution=0.5,
-        friction=jp.Ambrosio(0.0),
+        friction=jp.contact.Ambrosio(0.0),
         offset=(0, 0, 2e-4 - 1e-12, 0, 0, 0),
         velocity=(0, 0, 1e-9, 0, 0, 0),
         gravity=(0, 0, 500.0),
@@ -271,27 +278,27 @@ def uncompilable(delta, ddelta, ddelta0, p):
 
 
 def test_a_users_law_equals_the_built_in_one_bit_for_bit(free_mass):
-    own = jp.CustomNormalForce(my_hertz, (k_axial(),))
-    assert impact(free_mass, own) == impact(free_mass, jp.Hertz())
+    own = jp.contact.CustomNormalForce(my_hertz, (k_axial(),))
+    assert impact(free_mass, own) == impact(free_mass, jp.contact.Hertz())
 
 
 def test_a_users_law_survives_its_description():
-    law = jp.CustomNormalForce(my_hertz, (5.0,))
+    law = jp.contact.CustomNormalForce(my_hertz, (5.0,))
     assert law.describe()["function"].endswith(":my_hertz")
     assert normal_law(law.describe()).parameters(STEEL) == (5.0,)
-    friction = jp.CustomFriction(my_friction, (0.3,))
+    friction = jp.contact.CustomFriction(my_friction, (0.3,))
     assert friction_law(friction.describe()).parameters() == (0.3,)
 
 
 def test_wrong_laws_are_refused_with_the_right_signature():
     with pytest.raises(JointplayError, match=r"must take \(delta, ddelta, ddelta0, p\)"):
-        jp.CustomNormalForce(my_friction)
+        jp.contact.CustomNormalForce(my_friction)
     with pytest.raises(JointplayError, match=r"must take \(speed, p\)"):
-        jp.CustomFriction(my_hertz)
+        jp.contact.CustomFriction(my_hertz)
     with pytest.raises(JointplayError, match="at most 8"):
-        jp.CustomNormalForce(my_hertz, (1.0,) * 9)
+        jp.contact.CustomNormalForce(my_hertz, (1.0,) * 9)
     with pytest.raises(JointplayError, match="non-finite"):
-        jp.CustomNormalForce(my_hertz, (math.inf,))
+        jp.contact.CustomNormalForce(my_hertz, (math.inf,))
     nowhere = {"law": "custom", "function": "nowhere:law", "parameters": []}
     with pytest.raises(JointplayError, match="trust its module: --trust nowhere"):
         normal_law(nowhere)
@@ -301,7 +308,7 @@ def test_wrong_laws_are_refused_with_the_right_signature():
 
 def test_a_law_that_does_not_compile_is_named(free_mass):
     with pytest.raises(JointplayError, match="'uncompilable' does not compile"):
-        free_mass(normal=jp.CustomNormalForce(uncompilable))
+        free_mass(normal=jp.contact.CustomNormalForce(uncompilable))
 
 
 def nowhere_finite(delta, ddelta, ddelta0, p):
@@ -310,7 +317,7 @@ def nowhere_finite(delta, ddelta, ddelta0, p):
 
 def test_a_law_that_is_never_finite_is_refused_before_the_run(free_mass):
     with pytest.raises(JointplayError, match="'nowhere_finite' returns a non-finite force"):
-        free_mass(normal=jp.CustomNormalForce(nowhere_finite, (1.0,)))
+        free_mass(normal=jp.contact.CustomNormalForce(nowhere_finite, (1.0,)))
 
 
 def divides(delta, ddelta, ddelta0, p):
@@ -319,7 +326,7 @@ def divides(delta, ddelta, ddelta0, p):
 
 def test_division_by_zero_is_a_non_finite_force(free_mass):
     with pytest.raises(JointplayError, match="'divides' returns a non-finite force"):
-        free_mass(normal=jp.CustomNormalForce(divides, (1.0,)))
+        free_mass(normal=jp.contact.CustomNormalForce(divides, (1.0,)))
 
 
 def driving(speed, p):
@@ -328,7 +335,7 @@ def driving(speed, p):
 
 def test_friction_that_drives_stops_the_run(free_mass):
     run = free_mass(
-        friction=jp.CustomFriction(driving, (0.1,)),
+        friction=jp.contact.CustomFriction(driving, (0.1,)),
         offset=(0, 0, 1.99e-4, 0, 0, 0),
         velocity=(0.1, 0, SPEED, 0, 0, 0),
     )
@@ -339,12 +346,12 @@ def test_friction_that_drives_stops_the_run(free_mass):
 def test_a_compiled_function_is_taken_as_the_function_it_was_made_from():
     import numba
 
-    assert jp.CustomNormalForce(numba.njit(my_hertz)).function is my_hertz
+    assert jp.contact.CustomNormalForce(numba.njit(my_hertz)).function is my_hertz
 
 
 def test_a_non_finite_force_stops_the_run_and_keeps_its_records(free_mass):
     run = free_mass(
-        normal=jp.CustomNormalForce(broken, (1.0,)),
+        normal=jp.contact.CustomNormalForce(broken, (1.0,)),
         offset=(0, 0, 1.99e-4, 0, 0, 0),
         velocity=(0, 0, SPEED, 0, 0, 0),
     )

@@ -108,7 +108,7 @@ def test_rod_falls_freely_along_its_axis_and_so_does_the_ideal_one(floating):
 def test_rod_lies_on_both_edges_and_rubs_as_coulomb_says(floating):
     """Across gravity it rests; pushed along its axis it stops after v^2 / (2 mu g)."""
     mu, speed = 0.1, 0.2
-    clearance = CylindricalClearance(radial_clearance=PLAY, friction=jp.Coulomb(mu))
+    clearance = CylindricalClearance(radial_clearance=PLAY, friction=jp.contact.Coulomb(mu))
     robot = floating(clearance, (-9.81, 0, 0), "0 0 0")
     result = jp.simulate(robot, duration=0.3, state={"pin.z": (0.0, speed)}, **FREE)
     z = result["q"].values[:, robot.coordinates.index("pin.z")]
@@ -160,7 +160,7 @@ def test_loop_closed_by_a_rod_leaves_it_to_slide(urdf):
     robot = jp.Mechanism(path, {"guide": ROD}, loops={"guide": loop}, gravity=(0, 0, 0))
     assert misfit(robot, np.zeros(3))["guide"].shape == (4,)
     motion = jp.Motion(["turn"], [0, 0.05], [[0.3], [0.8]], "constant-speed")
-    result = jp.simulate(robot, motion, drive={"turn": jp.Prescribed()})
+    result = jp.simulate(robot, motion, drive={"turn": jp.loads.Prescribed()})
     slid = []
     for q in result["q"].values[[0, -1]]:
         pin.forwardKinematics(robot.model, robot.data, q)

@@ -81,7 +81,7 @@ def earlier(tmp_path_factory):
     motion = jp.Motion.from_csv(jp.shipped("scara_motion.csv"))
     for name, clearance in (("ideal", None), ("case1_0.2mm", 2e-4), ("case2_0.5mm", 5e-4)):
         joint = (
-            jp.ClearanceJoint(radial_clearance=clearance, axial_clearance=clearance)
+            jp.RevoluteClearance(radial_clearance=clearance, axial_clearance=clearance)
             if clearance
             else None
         )

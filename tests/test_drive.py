@@ -6,16 +6,8 @@ import numpy as np
 import pytest
 from conftest import body, joint, release, still
 
-from jointplay import (
-    ClearanceJoint,
-    ComputedTorque,
-    JointFriction,
-    JointplayError,
-    Mechanism,
-    Motion,
-    Simulation,
-    simulate,
-)
+from jointplay import JointplayError, Mechanism, Motion, RevoluteClearance, Simulation, simulate
+from jointplay.loads import ComputedTorque, JointFriction
 from jointplay.study import scara
 
 FLAT = {"gravity": (0.0, 0.0, 0.0)}
@@ -79,7 +71,7 @@ def test_friction_of_the_joints_is_fed_forward(urdf):
 
 
 def test_drive_of_a_worn_joint_acts_on_its_yaw_alone(urdf):
-    worn = {"b": ClearanceJoint(radial_clearance=2e-4, axial_clearance=2e-4)}
+    worn = {"b": RevoluteClearance(radial_clearance=2e-4, axial_clearance=2e-4)}
     mechanism = two_links(urdf, clearance=worn, **FLAT)
     motion = Motion(["b", "a"], [0.0, 0.1], [[0.0, 0.0], [0.2, -0.1]])  # any order of joints
     drive = simulate(mechanism, motion, duration=0.02)["drive"]

@@ -4,17 +4,10 @@ import numpy as np
 import pytest
 from conftest import body, joint
 
-from jointplay import (
-    ClearanceJoint,
-    ComputedTorque,
-    Gear,
-    JointplayError,
-    Mechanism,
-    Motion,
-    Simulation,
-)
+from jointplay import Gear, JointplayError, Mechanism, Motion, RevoluteClearance, Simulation
 from jointplay.analysis.dynamic_budget import dynamic_budget, sensitivity
 from jointplay.cli import main
+from jointplay.loads import ComputedTorque
 
 
 @pytest.fixture
@@ -31,7 +24,7 @@ def arm(urdf):
 
 
 def simulation(arm, plays, **options):
-    joints = {n: ClearanceJoint.planar(radial_clearance=c) for n, c in plays.items()}
+    joints = {n: RevoluteClearance.planar(radial_clearance=c) for n, c in plays.items()}
     motion = Motion(["a", "b"], [0.0, 0.3], [[0.0, 0.0], [0.02, 0.02]])
     gears = options.pop("gears", {})
     return Simulation(Mechanism(arm, joints, gears=gears, tool="tool"), motion, **options)

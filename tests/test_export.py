@@ -6,15 +6,15 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from jointplay import ClearanceJoint, JointplayError, Mechanism, shipped
+from jointplay import JointplayError, Mechanism, RevoluteClearance, shipped
 from jointplay.cli import main
-from jointplay.joints import PrismaticJoint, SphericalJoint
+from jointplay.joints import PrismaticClearance, SphericalClearance
 from jointplay.mechanism import robots
 from jointplay.mechanism.export import LIMIT_FACTOR, MASS_FRACTION, to_urdf
 from jointplay.mechanism.gear import Gear
 from jointplay.mechanism.loop import Loop
 
-BEARING = ClearanceJoint(radial_clearance=1e-4, axial_clearance=3e-4)
+BEARING = RevoluteClearance(radial_clearance=1e-4, axial_clearance=3e-4)
 ARM = """<?xml version="1.0" encoding="utf-8"?>
 <!-- an arm - mit Umlaut: ä -->
 <robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro">
@@ -127,9 +127,9 @@ def compare(mechanism, model, rng):
         {"shoulder": BEARING},
         {"elbow": BEARING},
         {"shoulder": BEARING, "elbow": BEARING},
-        {"shoulder": ClearanceJoint.planar(radial_clearance=1e-4)},
-        {"stroke": PrismaticJoint(clearance=1e-4)},
-        {"stroke": PrismaticJoint(clearance=1e-4, planar=True), "elbow": BEARING},
+        {"shoulder": RevoluteClearance.planar(radial_clearance=1e-4)},
+        {"stroke": PrismaticClearance(clearance=1e-4)},
+        {"stroke": PrismaticClearance(clearance=1e-4, planar=True), "elbow": BEARING},
     ],
 )
 def test_kinematics_and_inertia_are_the_mechanisms(arm, tmp_path, clearance):
@@ -141,7 +141,7 @@ def test_kinematics_and_inertia_are_the_mechanisms(arm, tmp_path, clearance):
 def test_a_ball_in_a_socket(arm, tmp_path):
     text = ARM.replace('type="continuous"', 'type="floating"').replace('<axis xyz="0 0 -1"/>', "")
     arm.write_text(text, encoding="utf-8")
-    mechanism = Mechanism(arm, {"elbow": SphericalJoint(radial_clearance=1e-4)})
+    mechanism = Mechanism(arm, {"elbow": SphericalClearance(radial_clearance=1e-4)})
     _, model = exported(mechanism, tmp_path)
     compare(mechanism, model, np.random.default_rng(2))
 
@@ -203,7 +203,7 @@ def test_limits_are_about_twice_the_clearance(arm):
 
 
 def test_locked_freedoms_are_left_out(arm):
-    planar = ClearanceJoint.planar(radial_clearance=1e-4)
+    planar = RevoluteClearance.planar(radial_clearance=1e-4)
     text = to_urdf(Mechanism(arm, {"shoulder": planar}))
     root = ElementTree.fromstring(text.encode())
     names = [joint.get("name") for joint in root.findall("joint")]

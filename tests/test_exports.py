@@ -15,7 +15,7 @@ from conftest import body, joint
 
 import jointplay as jp
 from jointplay import JointplayError, Motion, Result, cli, exports
-from jointplay.joints import SphericalJoint
+from jointplay.joints import SphericalClearance
 from jointplay.study import scara
 
 
@@ -70,8 +70,8 @@ def test_the_table_has_a_row_for_each_record_and_a_column_for_each_number(result
 def test_contacts_that_a_joint_does_not_have_give_no_column():
     made = scara(2e-4)
     joints = {
-        "joint_a": jp.ClearanceJoint.planar(radial_clearance=2e-4),
-        "joint_b": jp.ClearanceJoint(radial_clearance=2e-4, axial_clearance=2e-4),
+        "joint_a": jp.RevoluteClearance.planar(radial_clearance=2e-4),
+        "joint_b": jp.RevoluteClearance(radial_clearance=2e-4, axial_clearance=2e-4),
     }
     mechanism = made.mechanism.with_clearance(joints)
     table = jp.simulate(mechanism, made.motion, duration=2e-3).to_dataframe()
@@ -142,15 +142,15 @@ def test_sliders_give_their_way_and_balls_and_motors_nothing(urdf):
     mechanism = jp.Mechanism(
         path,
         {
-            "slide": jp.PrismaticJoint(clearance=2e-4, clearance_y=2e-4),
-            "ball": SphericalJoint(radial_clearance=2e-4),
+            "slide": jp.PrismaticClearance(clearance=2e-4, clearance_y=2e-4),
+            "ball": SphericalClearance(radial_clearance=2e-4),
         },
         gears={"turn": jp.Gear(play=1e-3, rotor_inertia=0.2, stiffness=1e4)},
         gravity=(0, 0, 0),
     )
     from jointplay.exports.trajectory import joint_trajectory
 
-    found = jp.simulate(mechanism, drive=jp.Free(), duration=1e-3, start={"slide": 0.05})
+    found = jp.simulate(mechanism, drive=jp.loads.Free(), duration=1e-3, start={"slide": 0.05})
     trajectory = joint_trajectory(found)
     assert trajectory.joints == ("turn", "slide")
     assert trajectory.position[0].tolist() == [0.0, 0.05]

@@ -180,17 +180,17 @@ REQUIRED = {"kelvin-voigt": {"damping": 100.0}, "anagnostopoulos": {"mass": 1.0}
 def test_what_every_law_and_joint_describes_is_taken_on_load():
     sizes = {"radial_clearance": 1e-4, "axial_clearance": 1e-4}
     joints = [
-        jp.ClearanceJoint(normal=law(**REQUIRED.get(name, {})), **sizes)
+        jp.RevoluteClearance(normal=law(**REQUIRED.get(name, {})), **sizes)
         for name, law in NORMAL_LAWS.items()
     ]
-    joints += [jp.ClearanceJoint(friction=law(), **sizes) for law in FRICTION_LAWS.values()]
-    joints += [jp.ClearanceJoint(lubricant=law(0.1), **sizes) for law in FILM_LAWS.values()]
+    joints += [jp.RevoluteClearance(friction=law(), **sizes) for law in FRICTION_LAWS.values()]
+    joints += [jp.RevoluteClearance(lubricant=law(0.1), **sizes) for law in FILM_LAWS.values()]
     joints += [
-        jp.ClearanceJoint(worn=[1e-6] * 16, wear_rate=1e-14, lock_tilt=True, **sizes),
-        jp.ClearanceJoint.planar(radial_clearance=1e-4),
-        jp.SphericalJoint(radial_clearance=1e-4),
-        jp.PrismaticJoint(clearance=1e-4, length=0.05, width=0.02, height=0.02),
-        jp.ClearanceJoint(
+        jp.RevoluteClearance(worn=[1e-6] * 16, wear_rate=1e-14, lock_tilt=True, **sizes),
+        jp.RevoluteClearance.planar(radial_clearance=1e-4),
+        jp.SphericalClearance(radial_clearance=1e-4),
+        jp.PrismaticClearance(clearance=1e-4, length=0.05, width=0.02, height=0.02),
+        jp.RevoluteClearance(
             normal=KelvinVoigt(10.0), journal_material=jp.Material(name="steel"), **sizes
         ),
     ]

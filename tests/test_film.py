@@ -150,10 +150,10 @@ def test_laws_are_described_and_built_again():
         (lambda: CustomFilm(_bend, (1.0,) * 5), "at most"),
         (lambda: film_law({"law": "grease"}), "pinkus-sternlicht"),
         (
-            lambda: jp.ClearanceJoint.planar(radial_clearance=1e-6, lubricant=ShortBearing(0.1)),
+            lambda: jp.RevoluteClearance.planar(radial_clearance=1e-6, lubricant=ShortBearing(0.1)),
             "least film thickness",
         ),
-        (lambda: jp.ClearanceJoint.planar(radial_clearance=1e-4, lubricant=0.1), "FilmLaw"),
+        (lambda: jp.RevoluteClearance.planar(radial_clearance=1e-4, lubricant=0.1), "FilmLaw"),
     ],
 )
 def test_wrong_values_are_named(make, text):

@@ -21,16 +21,16 @@ WORN = 2e-5 * (1.0 + np.cos(AZIMUTHS - 0.7) + 0.3 * np.sin(2 * AZIMUTHS))
 ENDS = [WORN, 1.5 * np.roll(WORN, 5)]
 
 KINDS = {
-    "cylinder": jp.ClearanceJoint(**PLAY),
-    "sleeve": jp.ClearanceJoint(radial_clearance=2e-4, open_ends=True, journal_length=30e-3),
-    "aligned": jp.ClearanceJoint(**PLAY, lock_tilt=True),
-    "planar": jp.ClearanceJoint.planar(radial_clearance=2e-4),
-    "worn": jp.ClearanceJoint(**PLAY, worn=[list(row) for row in ENDS]),
-    "worn aligned": jp.ClearanceJoint(**PLAY, lock_tilt=True, worn=list(WORN)),
-    "ball": jp.SphericalJoint(radial_clearance=2e-4),
-    "slider": jp.PrismaticJoint(clearance=2e-4, clearance_y=3e-4),
-    "planar slider": jp.PrismaticJoint(clearance=2e-4, planar=True),
-    "straight slider": jp.PrismaticJoint(clearance=2e-4, clearance_y=3e-4, lock_tilt=True),
+    "cylinder": jp.RevoluteClearance(**PLAY),
+    "sleeve": jp.RevoluteClearance(radial_clearance=2e-4, open_ends=True, journal_length=30e-3),
+    "aligned": jp.RevoluteClearance(**PLAY, lock_tilt=True),
+    "planar": jp.RevoluteClearance.planar(radial_clearance=2e-4),
+    "worn": jp.RevoluteClearance(**PLAY, worn=[list(row) for row in ENDS]),
+    "worn aligned": jp.RevoluteClearance(**PLAY, lock_tilt=True, worn=list(WORN)),
+    "ball": jp.SphericalClearance(radial_clearance=2e-4),
+    "slider": jp.PrismaticClearance(clearance=2e-4, clearance_y=3e-4),
+    "planar slider": jp.PrismaticClearance(clearance=2e-4, planar=True),
+    "straight slider": jp.PrismaticClearance(clearance=2e-4, clearance_y=3e-4, lock_tilt=True),
 }
 by_kind = pytest.mark.parametrize("kind", KINDS)
 ROUND = ["cylinder", "sleeve", "aligned", "planar", "ball"]
@@ -47,7 +47,7 @@ def posed(joint, values):
     centre = np.array([x, y, z]) * [part in free for part in "xyz"]
     if "pitch" not in free:
         roll = pitch = 0.0
-    if isinstance(joint, jp.PrismaticJoint):
+    if isinstance(joint, jp.PrismaticClearance):
         yaw = 0.0 if "yaw" not in free else 0.005 * yaw
         roll = roll if "roll" in free else 0.0
     return centre, Rotation.from_euler("ZYX", [yaw, pitch, roll]).as_matrix()
@@ -67,9 +67,9 @@ def evaluate(joint, centre, rotation):
 
 def reach(joint):
     """Farthest point of the journal from its centre [m]."""
-    if isinstance(joint, jp.PrismaticJoint):
+    if isinstance(joint, jp.PrismaticClearance):
         return 0.5 * math.hypot(joint.length, joint.width, joint.height)
-    if isinstance(joint, jp.SphericalJoint):
+    if isinstance(joint, jp.SphericalClearance):
         return joint.rj
     return math.hypot(joint.rj, 0.5 * joint.lj)
 
@@ -132,8 +132,8 @@ def mirrored(kind, axis):
     # Azimuth a goes to pi - a across x, to -a across y.
     order = (12 - np.arange(24)) % 24 if axis == 0 else -np.arange(24) % 24
     if kind == "worn":
-        return jp.ClearanceJoint(**PLAY, worn=[list(row[order]) for row in ENDS])
-    return jp.ClearanceJoint(**PLAY, lock_tilt=True, worn=list(WORN[order]))
+        return jp.RevoluteClearance(**PLAY, worn=[list(row[order]) for row in ENDS])
+    return jp.RevoluteClearance(**PLAY, lock_tilt=True, worn=list(WORN[order]))
 
 
 @by_kind
@@ -227,7 +227,7 @@ def test_worn_gap_is_the_least_over_all_directions(wave, pose):
     azimuths = 2 * np.pi * np.arange(24) / 24
     orders = [f(k * azimuths) for k in (1, 2, 3) for f in (np.cos, np.sin)]
     depths = list(1e-4 + np.array(wave) @ orders)
-    joint = jp.ClearanceJoint(**PLAY, worn=depths)
+    joint = jp.RevoluteClearance(**PLAY, worn=depths)
     centre, rotation = posed(joint, pose)
     found = evaluate(joint, centre, rotation)[0]
     n = len(depths)

@@ -14,7 +14,7 @@ from jointplay.mechanism.impact import (
     impact_duration,
 )
 
-PLAY = jp.ClearanceJoint(radial_clearance=2e-4, axial_clearance=2e-4)
+PLAY = jp.RevoluteClearance(radial_clearance=2e-4, axial_clearance=2e-4)
 K = PLAY.hertz_stiffness
 MASS, INERTIA = 2.0, 1e-4  # a turning mass so light that rims give way
 
@@ -23,13 +23,17 @@ MASS, INERTIA = 2.0, 1e-4  # a turning mass so light that rims give way
 @pytest.mark.parametrize("mass", [0.1, 50.0])
 def test_depth_and_duration_are_the_closed_forms(mass, speed):
     hertz = (5.0 * mass * speed**2 / (4.0 * K)) ** 0.4
-    assert impact_depth(jp.Hertz(), (K,), mass, speed) == pytest.approx(hertz, rel=1e-5)
+    assert impact_depth(jp.contact.Hertz(), (K,), mass, speed) == pytest.approx(hertz, rel=1e-5)
     exact = 2.9432 * hertz / speed
-    assert impact_duration(jp.Hertz(), (K,), mass, speed) == pytest.approx(exact, rel=0.025)
+    assert impact_duration(jp.contact.Hertz(), (K,), mass, speed) == pytest.approx(exact, rel=0.025)
     spring = math.sqrt(mass / 1e8)
-    assert impact_depth(jp.LinearSpring(), (1e8,), mass, speed) == pytest.approx(speed * spring)
+    assert impact_depth(jp.contact.LinearSpring(), (1e8,), mass, speed) == pytest.approx(
+        speed * spring
+    )
     exact = math.pi * spring
-    assert impact_duration(jp.LinearSpring(), (1e8,), mass, speed) == pytest.approx(exact, rel=0.05)
+    assert impact_duration(jp.contact.LinearSpring(), (1e8,), mass, speed) == pytest.approx(
+        exact, rel=0.05
+    )
 
 
 def no_force(delta, ddelta, ddelta0, p):
@@ -37,7 +41,9 @@ def no_force(delta, ddelta, ddelta0, p):
 
 
 def test_law_that_stores_nothing_stops_nothing():
-    assert impact_depth(jp.CustomNormalForce(no_force, (1.0,)), (1.0,), 1.0, 0.1) == math.inf
+    assert (
+        impact_depth(jp.contact.CustomNormalForce(no_force, (1.0,)), (1.0,), 1.0, 0.1) == math.inf
+    )
 
 
 def point_mobility(com, point, normal, mass=MASS, inertia=INERTIA):
@@ -49,7 +55,7 @@ def point_mobility(com, point, normal, mass=MASS, inertia=INERTIA):
 @pytest.mark.parametrize("yaw", [0.0, 0.7, -2.0])
 @pytest.mark.parametrize("long", [40e-3, 12e-3])
 def test_effective_mass_is_the_least_over_the_rims(urdf, com, yaw, long):
-    bearing = jp.ClearanceJoint(radial_clearance=2e-4, axial_clearance=2e-4, bearing_length=long)
+    bearing = jp.RevoluteClearance(radial_clearance=2e-4, axial_clearance=2e-4, bearing_length=long)
     path = urdf(body("arm", MASS, "{} {} {}".format(*com), INERTIA), joint("pin", "base", "arm"))
     robot = jp.Mechanism(path, {"pin": bearing})
     phi = np.linspace(0.0, 2.0 * np.pi, 3601)
@@ -83,9 +89,9 @@ def test_blow_on_the_rim_meets_the_effective_mass(free_mass, azimuth):
     """A tilted body flies at the wall: one rim point, off the centre of mass by R_j."""
     tilt, speed = 4e-3, 0.05
     run = free_mass(
-        normal=jp.Hertz(),
+        normal=jp.contact.Hertz(),
         restitution=1.0,
-        friction=jp.Ambrosio(0.0),
+        friction=jp.contact.Ambrosio(0.0),
         inertia=INERTIA,
         mass=MASS,
         offset=(0, 0, 1.55e-4, 0, tilt * math.cos(azimuth), tilt * math.sin(azimuth)),
@@ -97,16 +103,16 @@ def test_blow_on_the_rim_meets_the_effective_mass(free_mass, azimuth):
     assert result.audit.impacts == 1
     lever = PLAY.rj * math.cos(tilt) - 0.5 * PLAY.lj * math.sin(tilt)
     mass = 1.0 / (1.0 / MASS + lever**2 / INERTIA)
-    depth = impact_depth(jp.Hertz(), (K,), mass, speed)
+    depth = impact_depth(jp.contact.Hertz(), (K,), mass, speed)
     assert result.audit.largest_penetration == pytest.approx(depth, rel=5e-3)
-    assert abs(impact_depth(jp.Hertz(), (K,), MASS, speed) / depth - 1.0) > 0.2
+    assert abs(impact_depth(jp.contact.Hertz(), (K,), MASS, speed) / depth - 1.0) > 0.2
 
 
 def test_shortest_contact_is_that_of_the_stiffer_direction(urdf):
     path = urdf(body("arm", MASS), joint("pin", "base", "arm"))
     found = []
     for stiffness in ({}, {"axial_stiffness": 100.0 * K}, {"stiffness": 100.0 * K}):
-        bearing = jp.ClearanceJoint(radial_clearance=2e-4, axial_clearance=2e-4, **stiffness)
+        bearing = jp.RevoluteClearance(radial_clearance=2e-4, axial_clearance=2e-4, **stiffness)
         robot = jp.Mechanism(path, {"pin": bearing})
         found.append(contact_duration(robot, "pin", robot.configuration({})))
     ratio = 100.0**-0.4

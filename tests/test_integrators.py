@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 import jointplay as jp
 from jointplay.kernel.integrators import INTEGRATORS, integrator
 
-ELASTIC = {"normal": jp.Hertz(), "restitution": 1.0, "friction": jp.Ambrosio(0.0)}
+ELASTIC = {"normal": jp.contact.Hertz(), "restitution": 1.0, "friction": jp.contact.Ambrosio(0.0)}
 METHODS = pytest.mark.parametrize("method", INTEGRATORS.values(), ids=INTEGRATORS.keys())
 
 

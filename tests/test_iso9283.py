@@ -8,7 +8,7 @@ from conftest import body, joint
 from hypothesis import given
 from hypothesis import strategies as st
 
-from jointplay import ClearanceJoint, JointplayError, Mechanism, Motion, Simulation
+from jointplay import JointplayError, Mechanism, Motion, RevoluteClearance, Simulation
 from jointplay.analysis import traces as traces_module
 from jointplay.analysis.iso9283 import figures, iso9283
 from jointplay.analysis.scatter import accuracy, estimate, largest, repeatability
@@ -169,7 +169,7 @@ PLAY = 1e-4
 
 
 def pendulum(arm, clearance=True, **options):
-    play = {"a": ClearanceJoint.planar(radial_clearance=PLAY)} if clearance else {}
+    play = {"a": RevoluteClearance.planar(radial_clearance=PLAY)} if clearance else {}
     motion = Motion(["a"], [0.0, 0.15, 0.3], [[0.0], [0.1], [0.1]])
     return Simulation(Mechanism(arm, play, tool="tool"), motion, **({"record_every": 50} | options))
 

@@ -4,27 +4,28 @@ import math
 
 import pytest
 
-from jointplay import ClearanceJoint, Hertz, JointplayError, Material
+from jointplay import JointplayError, Material, RevoluteClearance
+from jointplay.contact import Hertz
 
 
 def test_clearances_give_the_journal():
-    joint = ClearanceJoint(radial_clearance=0.2e-3, axial_clearance=0.5e-3)
+    joint = RevoluteClearance(radial_clearance=0.2e-3, axial_clearance=0.5e-3)
     assert joint.rj == pytest.approx(9.8e-3)
     assert joint.lj == pytest.approx(39e-3)
 
 
 def test_journal_gives_the_clearances():
-    joint = ClearanceJoint(journal_radius=9.8e-3, journal_length=39e-3)
+    joint = RevoluteClearance(journal_radius=9.8e-3, journal_length=39e-3)
     assert joint.cr == pytest.approx(0.2e-3)
     assert joint.ca == pytest.approx(0.5e-3)
 
 
 def test_both_may_be_given_if_they_agree():
-    ClearanceJoint(radial_clearance=2e-4, journal_radius=9.8e-3, axial_clearance=2e-4)
+    RevoluteClearance(radial_clearance=2e-4, journal_radius=9.8e-3, axial_clearance=2e-4)
 
 
 def test_stiffness_follows_equations_11_to_13():
-    joint = ClearanceJoint(radial_clearance=0.2e-3, axial_clearance=0.2e-3)
+    joint = RevoluteClearance(radial_clearance=0.2e-3, axial_clearance=0.2e-3)
     sigma = (1 - 0.3**2) / (math.pi * 207e9)
     radius = 10e-3 * 9.8e-3 / 0.2e-3
     by_hand = 4 / (3 * math.pi * 2 * sigma) * math.sqrt(radius)
@@ -34,7 +35,7 @@ def test_stiffness_follows_equations_11_to_13():
 
 
 def test_materials_are_in_series():
-    soft = ClearanceJoint(
+    soft = RevoluteClearance(
         radial_clearance=2e-4, axial_clearance=2e-4, journal_material=Material(3e9, 0.4)
     )
     sigma = (1 - 0.3**2) / (math.pi * 207e9) + (1 - 0.4**2) / (math.pi * 3e9)
@@ -43,7 +44,7 @@ def test_materials_are_in_series():
 
 
 def test_given_stiffnesses_win():
-    joint = ClearanceJoint(
+    joint = RevoluteClearance(
         radial_clearance=2e-4, axial_clearance=2e-4, stiffness=1e10, axial_stiffness=2e10
     )
     assert joint.radial_contact.stiffness == 1e10
@@ -76,7 +77,7 @@ BAD = [
 @pytest.mark.parametrize(("change", "named"), BAD)
 def test_impossible_joints_are_refused_by_value(change, named):
     with pytest.raises(JointplayError) as caught:
-        ClearanceJoint(**(GOOD | change))
+        RevoluteClearance(**(GOOD | change))
     assert named in str(caught.value)
     assert "\n" not in str(caught.value)
 
@@ -88,13 +89,13 @@ def test_impossible_materials_are_refused(fields):
 
 
 def test_description_round_trip_is_exact():
-    joint = ClearanceJoint(
+    joint = RevoluteClearance(
         radial_clearance=0.3e-3,
         journal_length=39.1e-3,
         restitution=0.7,
         normal=Hertz(),
         journal_material=Material(110e9, 0.34),
     )
-    again = ClearanceJoint.from_description(joint.describe())
+    again = RevoluteClearance.from_description(joint.describe())
     assert again.describe() == joint.describe()
     assert again.hertz_stiffness == joint.hertz_stiffness

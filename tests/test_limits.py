@@ -65,10 +65,10 @@ def test_a_name_given_twice_is_refused(urdf):
 
 def test_a_link_may_have_the_name_of_a_joint(urdf):
     path = urdf(body("pin"), joint("pin", "base", "pin"))
-    play = jp.ClearanceJoint(radial_clearance=1e-4, axial_clearance=1e-4)
+    play = jp.RevoluteClearance(radial_clearance=1e-4, axial_clearance=1e-4)
     for joints in ({}, {"pin": play}):
         robot = jp.Mechanism(path, joints)
-        result = jp.simulate(robot, duration=1e-3, drive=jp.Free(), joint_friction={})
+        result = jp.simulate(robot, duration=1e-3, drive=jp.loads.Free(), joint_friction={})
         assert len(result.time) > 1
 
 
@@ -186,7 +186,7 @@ def test_a_run_too_large_for_the_memory_says_how_it_would_fit(monkeypatch):
 
 def test_drives_of_no_machine_are_refused():
     with pytest.raises(JointplayError, match="bandwidth must be at most"):
-        jp.ComputedTorque(bandwidth=1e300)
+        jp.loads.ComputedTorque(bandwidth=1e300)
 
 
 def test_the_study_does_not_grow_without_end(tmp_path):
@@ -362,9 +362,9 @@ def test_a_package_that_cannot_be_written_to_runs_with_a_hint(monkeypatch):
 def test_a_thousand_seconds_are_tabulated_no_further_than_the_motion_goes():
     long = dataclasses.replace(scara(2e-4), duration=1000.0, record_every=10**6)
     assert len(long.prepare().workspace.reference) == 30_002
-    free = dataclasses.replace(long, motion=None, drive=jp.Torque((0.0, 0.5), (1.0, 2.0)))
+    free = dataclasses.replace(long, motion=None, drive=jp.loads.Torque((0.0, 0.5), (1.0, 2.0)))
     assert len(free.prepare().workspace.reference) == 5_002
-    loose = dataclasses.replace(long, motion=None, drive=jp.Free())
+    loose = dataclasses.replace(long, motion=None, drive=jp.loads.Free())
     assert len(loose.prepare().workspace.reference) == 2
 
 
@@ -373,7 +373,7 @@ def test_after_the_end_of_its_motion_a_prescribed_joint_stands_still(urdf):
         urdf(body("arm", com="0.1 0 0"), joint("pin", "base", "arm", axis="0 1 0"))
     )
     motion = jp.Motion(["pin"], [0.0, 0.10005], [[0.0], [1.0]])
-    result = jp.simulate(robot, motion, drive=jp.Prescribed(), duration=0.3)
+    result = jp.simulate(robot, motion, drive=jp.loads.Prescribed(), duration=0.3)
     after = result.time > 0.1003
     assert np.abs(result["q"].values[after, 0] - 1.0).max() < 1e-8
     weight = 2.0 * 9.81 * 0.1 * np.cos(1.0)
@@ -382,7 +382,7 @@ def test_after_the_end_of_its_motion_a_prescribed_joint_stands_still(urdf):
 
 def test_after_its_last_point_a_torque_stays(urdf):
     robot = jp.Mechanism(urdf(body("arm"), joint("pin", "base", "arm")), gravity=(0, 0, 0))
-    torque = jp.Torque((0.0, 0.05), (0.0, 1.0))
+    torque = jp.loads.Torque((0.0, 0.05), (0.0, 1.0))
     result = jp.simulate(robot, drive={"pin": torque}, duration=0.2)
     assert np.abs(result["drive"].values[result.time > 0.05, 0] - 1.0).max() < 1e-12
 

@@ -13,15 +13,15 @@ PLAY = 1e-4
 
 def rubbing(urdf, *, gravity=9.81, target_joint=True, wear_rate=1e-13, second=False, **options):
     """A heavy body whose journal turns in a bore, the tool on its axis."""
-    play = {"pin": jp.ClearanceJoint.planar(radial_clearance=PLAY, wear_rate=wear_rate)}
+    play = {"pin": jp.RevoluteClearance.planar(radial_clearance=PLAY, wear_rate=wear_rate)}
     parts = [body("arm"), joint("pin", "base", "arm")]
     if second:
         parts += [body("end", mass=1.0), joint("tip", "arm", "end")]
-        play["tip"] = jp.ClearanceJoint.planar(radial_clearance=PLAY)
+        play["tip"] = jp.RevoluteClearance.planar(radial_clearance=PLAY)
     robot = jp.Mechanism(urdf(*parts), play, gravity=(0, -gravity, 0))
     motion = jp.Motion(["pin"], [0, 0.05], [[0], [1.5]], "constant-speed")
     return jp.Simulation(
-        robot, motion, **({"drive": jp.ComputedTorque(300.0), "joint_friction": {}} | options)
+        robot, motion, **({"drive": jp.loads.ComputedTorque(300.0), "joint_friction": {}} | options)
     )
 
 

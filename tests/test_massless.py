@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from conftest import body, joint
 
-from jointplay import ClearanceJoint, JointplayError, Mechanism, PrismaticJoint, shipped
+from jointplay import JointplayError, Mechanism, PrismaticClearance, RevoluteClearance, shipped
 from jointplay.mechanism.massless import require_inertia, undetermined
 
 PLAY = {"radial_clearance": 1e-4, "axial_clearance": 1e-4}
@@ -23,7 +23,7 @@ def bare(*names):
 def chain(urdf, play, *massless):
     links = [body(name) for name in "abcd" if name not in massless]
     path = urdf(*links, *bare(*massless), *CHAIN)
-    return Mechanism(path, {name: ClearanceJoint(**PLAY) for name in play})
+    return Mechanism(path, {name: RevoluteClearance(**PLAY) for name in play})
 
 
 @pytest.mark.parametrize(
@@ -60,12 +60,12 @@ def test_a_link_without_mass_that_carries_one_with_mass_is_no_fault(urdf, play, 
 
 def test_light_links_are_links(urdf):
     path = urdf(body("a"), body("b", mass=1e-6, inertia=1e-10), *CHAIN[:2])
-    mechanism = Mechanism(path, {"j2": ClearanceJoint(**PLAY)})
+    mechanism = Mechanism(path, {"j2": RevoluteClearance(**PLAY)})
     require_inertia(mechanism, np.zeros(mechanism.model.nq))
 
 
 def test_the_scaras_quill_is_what_its_stroke_cannot_do_with_play():
-    mechanism = Mechanism(shipped("scara.urdf"), {"stroke": PrismaticJoint(clearance=1e-4)})
+    mechanism = Mechanism(shipped("scara.urdf"), {"stroke": PrismaticClearance(clearance=1e-4)})
     with pytest.raises(JointplayError, match=r"link 'quill' .*'stroke' has clearance"):
         require_inertia(mechanism, np.zeros(mechanism.model.nq))
 

@@ -31,8 +31,10 @@ def test_every_material_is_possible_and_has_a_source(name):
     assert found.density is None or 900 < found.density < 1e4
     assert found.yield_strength is None or 1e-3 < found.yield_strength / found.young < 0.05
     assert source(name)
-    joint = jp.ClearanceJoint(radial_clearance=2e-4, axial_clearance=2e-4, journal_material=found)
-    assert jp.ClearanceJoint.from_description(joint.describe()).describe() == joint.describe()
+    joint = jp.RevoluteClearance(
+        radial_clearance=2e-4, axial_clearance=2e-4, journal_material=found
+    )
+    assert jp.RevoluteClearance.from_description(joint.describe()).describe() == joint.describe()
 
 
 def test_the_paper_steel_is_the_default():

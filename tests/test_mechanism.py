@@ -5,12 +5,12 @@ import pinocchio as pin
 import pytest
 from conftest import body, joint
 
-from jointplay import ClearanceJoint, JointplayError, Mechanism, shipped
+from jointplay import JointplayError, Mechanism, RevoluteClearance, shipped
 from jointplay.geometry import gaps, journal_axis
 from jointplay.kernel import Command, Status
 from jointplay.study import scara
 
-PLAY = ClearanceJoint(radial_clearance=2e-4, axial_clearance=2e-4)
+PLAY = RevoluteClearance(radial_clearance=2e-4, axial_clearance=2e-4)
 AXES = ["1 0 0", "0 1 0", "0 0 1", "0 0 -1", "0.6 0 0.8", "-0.48 0.64 0.6"]
 
 

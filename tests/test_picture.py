@@ -25,7 +25,7 @@ def texts(figure):
 
 
 def test_scara_with_its_colours_and_its_play():
-    robot = jp.Mechanism(jp.shipped("scara.urdf"), {"joint_b": jp.ClearanceJoint(**PLAY)})
+    robot = jp.Mechanism(jp.shipped("scara.urdf"), {"joint_b": jp.RevoluteClearance(**PLAY)})
     figure = picture(robot, title="arm")
     assert any("joint_b" in text and "0.1 mm and 0.2 mm" in text for text in texts(figure))
     assert figure.axes[0].get_title() == "arm"
@@ -50,7 +50,9 @@ def test_every_bearing_has_its_ring_at_its_place(urdf):
     path = urdf(
         body("a"), body("b"), joint("one", "base", "a"), joint("two", "a", "b", at="0.4 0 0.1")
     )
-    robot = jp.Mechanism(path, {"one": jp.ClearanceJoint(**PLAY), "two": jp.ClearanceJoint(**PLAY)})
+    robot = jp.Mechanism(
+        path, {"one": jp.RevoluteClearance(**PLAY), "two": jp.RevoluteClearance(**PLAY)}
+    )
     figure = picture(robot)
     rings = [np.mean(line.get_data_3d(), axis=1) for line in figure.axes[0].lines if
              len(line.get_data_3d()[0]) > 10]  # fmt: skip

@@ -163,9 +163,9 @@ def test_wrong_input_is_named(arguments, text, cases, tmp_path):
 def test_missing_meshes_are_stood_in_for(urdf):
     mesh = '<visual><geometry><mesh filename="package://gone/arm.stl"/></geometry></visual>'
     link = body("a").replace("</link>", f"{mesh}</link>")
-    bearing = jp.ClearanceJoint(radial_clearance=1e-4, axial_clearance=1e-4)
+    bearing = jp.RevoluteClearance(radial_clearance=1e-4, axial_clearance=1e-4)
     robot = jp.Mechanism(urdf(link, joint("one", "base", "a")), {"one": bearing})
-    result = jp.simulate(robot, duration=0.02, drive=jp.Free(), joint_friction={})
+    result = jp.simulate(robot, duration=0.02, drive=jp.loads.Free(), joint_friction={})
     _, scene = playback.page({"a": result})
     assert any("arm.stl" in note for note in scene.notes)
 
@@ -310,11 +310,11 @@ def test_balls_and_sliders_have_close_ups(browser, urdf, tmp_path):
         joint("two", "a", "b", "floating", at="0.2 0 0"),
     )  # fmt: skip
     joints = {
-        "one": jp.PrismaticJoint(clearance=1e-4),
-        "two": jp.SphericalJoint(radial_clearance=1e-4),
+        "one": jp.PrismaticClearance(clearance=1e-4),
+        "two": jp.SphericalClearance(radial_clearance=1e-4),
     }
     robot = jp.Mechanism(path, joints, gravity=(0, -9.81, 0))
-    result = jp.simulate(robot, duration=0.05, drive=jp.Free(), joint_friction={}, step=5e-6)
+    result = jp.simulate(robot, duration=0.05, drive=jp.loads.Free(), joint_friction={}, step=5e-6)
     tab = open_page(browser, playback.save_html({"a": result}, tmp_path / "a.html").as_uri())
     shots = []
     for name in joints:

@@ -8,7 +8,7 @@ import pinocchio as pin
 import pytest
 from conftest import body, joint
 
-from jointplay import ClearanceJoint, Gear, JointplayError, Mechanism
+from jointplay import Gear, JointplayError, Mechanism, RevoluteClearance
 from jointplay.analysis.reduce import reduce_joint
 from jointplay.analysis.reduced_files import to_json, to_sdf, to_urdf, to_yaml
 from jointplay.analysis.reduced_mjcf import follow, to_mjcf
@@ -34,7 +34,7 @@ def path(tmp_path_factory):
 
 
 def bearing(**changes):
-    return ClearanceJoint(**{"radial_clearance": 1e-4, "axial_clearance": 1e-4} | changes)
+    return RevoluteClearance(**{"radial_clearance": 1e-4, "axial_clearance": 1e-4} | changes)
 
 
 @pytest.fixture(scope="module")

@@ -46,13 +46,13 @@ def test_impact_has_the_restitution_of_its_law(urdf):
     """Separation over approach speed; the body's acceleration takes a few per cent of it."""
     from conftest import body, joint
 
-    bearing = jp.ClearanceJoint.planar(
-        radial_clearance=2e-4, restitution=0.8, friction=jp.Ambrosio(0.0)
+    bearing = jp.RevoluteClearance.planar(
+        radial_clearance=2e-4, restitution=0.8, friction=jp.contact.Ambrosio(0.0)
     )
     robot = jp.Mechanism(
         urdf(body("arm"), joint("pin", "base", "arm")), {"pin": bearing}, gravity=(-1e3, 0, 0)
     )
-    free = {"drive": jp.Free(), "joint_friction": {}, "start": "centred"}
+    free = {"drive": jp.loads.Free(), "joint_friction": {}, "start": "centred"}
     result = jp.simulate(robot, duration=2e-3, step=1e-6, **free)
     (place,) = [p for p in (largest_impacts(result, 1))]
     again = replay(result, [window(*place, result.audit.step)])

@@ -76,14 +76,14 @@ def test_balls_oil_and_wear_without_a_motion(urdf, tmp_path):
         joint("two", "a", "b", "floating", at="0.2 0 0"),
     )  # fmt: skip
     joints = {
-        "one": jp.ClearanceJoint(
+        "one": jp.RevoluteClearance(
             radial_clearance=1e-4, axial_clearance=1e-4, bearing_length=8e-3,
-            lubricant=jp.ShortBearing(0.1), wear_rate=1e-14,
+            lubricant=jp.contact.ShortBearing(0.1), wear_rate=1e-14,
         ),
-        "two": jp.SphericalJoint(radial_clearance=1e-4),
+        "two": jp.SphericalClearance(radial_clearance=1e-4),
     }  # fmt: skip
     robot = jp.Mechanism(path, joints, gravity=(0, -9.81, 0))
-    result = jp.simulate(robot, duration=0.05, drive=jp.Free(), joint_friction={}, step=5e-6)
+    result = jp.simulate(robot, duration=0.05, drive=jp.loads.Free(), joint_friction={}, step=5e-6)
     report.write({"ball": result}, tmp_path / "a.html", impacts=1)
     text = (tmp_path / "a.html").read_text(encoding="utf-8")
     assert "Reynolds" in text

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from conftest import body, joint
 
-from jointplay import ClearanceJoint, JointplayError, Mechanism, Motion, simulate
+from jointplay import JointplayError, Mechanism, Motion, RevoluteClearance, simulate
 from jointplay.cli import main
 from jointplay.errors import MissingName
 from jointplay.mechanism import robots
@@ -63,7 +63,7 @@ def with_play(name, joint, **fields):
         "axial_clearance": 5e-5,
     }
     found = robots.survey(name)
-    clearance = {joint: ClearanceJoint(**bearing | fields)}
+    clearance = {joint: RevoluteClearance(**bearing | fields)}
     return Mechanism(found.path, clearance, allow_unphysical=found.unphysical)
 
 

@@ -18,7 +18,7 @@ def arm(urdf):
         body("one", com="0.1 0 0"), joint("a", "base", "one", axis="0 1 0"),
         body("two", com="0.1 0 0"), joint("b", "one", "two", axis="0 1 0", at="0.2 0 0"),
     )  # fmt: skip
-    bearing = jp.ClearanceJoint(radial_clearance=1e-4, axial_clearance=1e-4)
+    bearing = jp.RevoluteClearance(radial_clearance=1e-4, axial_clearance=1e-4)
     return jp.Mechanism(path, {"a": bearing})
 
 
@@ -86,7 +86,9 @@ def test_wrong_names_in_a_moment_are_told_with_choices(arm):
 def test_any_coordinate_can_be_given_a_state(arm):
     state = {"a.x": (2e-5, 0.01), "a.z": -1e-5, "a.pitch": (1e-3, None), "b": (0.4, None)}
     still_b = dataclasses.replace(
-        moving(arm), motion=jp.Motion(["a"], [0, 0.02], [[0], [0]]), drive={"a": jp.Prescribed()}
+        moving(arm),
+        motion=jp.Motion(["a"], [0, 0.02], [[0], [0]]),
+        drive={"a": jp.loads.Prescribed()},
     )
     run = dataclasses.replace(still_b, state=state).prepare()
     pairs = zip(run.workspace.q, run.workspace.v, strict=True)
@@ -124,8 +126,8 @@ def test_older_ways_to_give_a_state_still_work(arm):
 @pytest.mark.parametrize("options", [*METHODS, {"seed": 4}])
 def test_a_checkpoint_is_continued_bit_for_bit(arm, tmp_path, options):
     payload = jp.Payload("two", 0.5, pick=2e-3, release=6e-3)
-    bearing = jp.ClearanceJoint(
-        radial_clearance=1e-4, axial_clearance=1e-4, friction=jp.LuGre(), wear_rate=1e-13
+    bearing = jp.RevoluteClearance(
+        radial_clearance=1e-4, axial_clearance=1e-4, friction=jp.contact.LuGre(), wear_rate=1e-13
     )
     mechanism = arm.with_clearance({"a": bearing})
     simulation = moving(mechanism, 8e-3, payloads=[payload], judge_from=3e-3, **options)
@@ -191,10 +193,10 @@ def test_guards_surround_the_time_loop(arm):
 
 def turning(urdf, **options):
     path = urdf(body("disc", com="0.02 0 0"), joint("pin", "base", "disc"))
-    bearing = jp.ClearanceJoint.planar(radial_clearance=1e-4)
+    bearing = jp.RevoluteClearance.planar(radial_clearance=1e-4)
     robot = jp.Mechanism(path, {"pin": bearing}, gravity=(0.0, -9.81, 0.0))
     motion = jp.Motion(["pin"], [0.0, 0.1], [[0.0], [60.0 * 0.1]], "constant-speed")
-    return jp.Simulation(robot, motion, drive=jp.Prescribed(), **options)
+    return jp.Simulation(robot, motion, drive=jp.loads.Prescribed(), **options)
 
 
 def test_turns_settle_when_the_joint_has_turned_so_often(urdf):

@@ -67,7 +67,7 @@ def refusal(text, path="here/arm.toml"):
 def test_a_scenario_is_what_python_would_build():
     scenario = load(ARM)
     assert scenario.cases == ("arm",)
-    bearing = jp.ClearanceJoint(radial_clearance=0.2e-3, axial_clearance=0.1e-3)
+    bearing = jp.RevoluteClearance(radial_clearance=0.2e-3, axial_clearance=0.1e-3)
     robot = jp.Mechanism(
         jp.shipped("scara.urdf"), {"joint_b": bearing}, gravity=(0, 0, 0), tool="suction_cup"
     )
@@ -84,12 +84,12 @@ def test_the_papers_study_is_its_shipped_scenario(clearance, condition):
         "as printed": ("scara_as_printed.urdf", ("arm1",)),
     }
     urdf, unphysical = variants[condition.variant]
-    joint = clearance and jp.ClearanceJoint(
+    joint = clearance and jp.RevoluteClearance(
         radial_clearance=clearance,
         axial_clearance=clearance,
         restitution=0.9,
-        normal=jp.LankaraniNikravesh(),
-        friction=jp.Ambrosio(mu_d=0.1),
+        normal=jp.contact.LankaraniNikravesh(),
+        friction=jp.contact.Ambrosio(mu_d=0.1),
     )
     robot = jp.Mechanism(
         jp.shipped(urdf),
@@ -195,11 +195,11 @@ record_every = 4
     gear = mechanism.gears["joint_c"]
     assert gear.play == pytest.approx(math.radians(0.1))
     assert gear.rotor_inertia == pytest.approx(2e-4)
-    assert simulation.drive["joint_c"] == jp.Prescribed()
-    expected = jp.ComputedTorque(40 * math.pi, encoder="motor")
+    assert simulation.drive["joint_c"] == jp.loads.Prescribed()
+    expected = jp.loads.ComputedTorque(40 * math.pi, encoder="motor")
     assert simulation.drive["joint_a"].bandwidth == pytest.approx(expected.bandwidth)
     assert simulation.drive["joint_a"].encoder == "motor"
-    assert simulation.joint_friction["stroke"] == jp.JointFriction(2.0, stribeck_speed=1e-3)
+    assert simulation.joint_friction["stroke"] == jp.loads.JointFriction(2.0, stribeck_speed=1e-3)
     (payload,) = simulation.payloads
     assert payload == jp.Payload("suction_cup", 0.5, 0.4, None, (0.0, 0.0, -0.01))
     assert (simulation.integrator, simulation.step, simulation.seed) == ("rk4", 5e-6, 7)
@@ -245,7 +245,7 @@ def test_lubricated_joints():
     made = load(changed("[motion]", oil + "[motion]")).prepare().mechanism.clearance["joint_b"]
     text = changed("[motion]", oil + "[motion]").replace("short-bearing", "custom-film")
     assert "function is missing" in refusal(text)
-    assert made.lubricant.describe() == jp.ShortBearing(0.05, transition=2e-6).describe()
+    assert made.lubricant.describe() == jp.contact.ShortBearing(0.05, transition=2e-6).describe()
 
 
 def test_torque_and_free_need_no_motion(tmp_path):

@@ -45,13 +45,13 @@ def hostile_result(urdf, contacts=True):
     text = "".join(elements)
     for name, evil in names.items():
         text = text.replace(f'"{name}"', f'"{escape(evil, QUOTE)}"')
-    bearing = jp.ClearanceJoint(
+    bearing = jp.RevoluteClearance(
         radial_clearance=1e-4,
         axial_clearance=1e-4,
         bearing_material=jp.Material(name=EVIL),
     )
     robot = jp.Mechanism(urdf(text), {names["pin"]: bearing})
-    result = jp.simulate(robot, duration=0.02, drive=jp.Free(), joint_friction={})
+    result = jp.simulate(robot, duration=0.02, drive=jp.loads.Free(), joint_friction={})
     dataset = result.dataset
     if contacts:
         old = [str(name) for name in dataset["contact"].values]
@@ -159,8 +159,8 @@ def lawful(tmp_path):
         "import jointplay as jp, strange_laws, pathlib\n"
         "from jointplay.study import scara\n"
         "made = scara(2e-4)\n"
-        "joint = jp.ClearanceJoint(radial_clearance=2e-4, axial_clearance=2e-4,\n"
-        "    normal=jp.CustomNormalForce(strange_laws.push, (1e8,)))\n"
+        "joint = jp.RevoluteClearance(radial_clearance=2e-4, axial_clearance=2e-4,\n"
+        "    normal=jp.contact.CustomNormalForce(strange_laws.push, (1e8,)))\n"
         "robot = made.mechanism.with_clearance({'joint_b': joint})\n"
         "jp.simulate(robot, made.motion, duration=1e-3).save('r.nc')\n"
         "pathlib.Path('ran').unlink()\n"
@@ -205,8 +205,8 @@ def push(delta, ddelta, ddelta0, stiffness):
     return stiffness * delta
 
 made = scara(2e-4)
-joint = jp.ClearanceJoint(radial_clearance=2e-4, axial_clearance=2e-4,
-    normal=jp.CustomNormalForce(push, {"stiffness": 1e8}))
+joint = jp.RevoluteClearance(radial_clearance=2e-4, axial_clearance=2e-4,
+    normal=jp.contact.CustomNormalForce(push, {"stiffness": 1e8}))
 robot = made.mechanism.with_clearance({"joint_b": joint})
 result = jp.simulate(robot, made.motion, duration=1e-3)
 result.save("r.nc")

@@ -7,9 +7,11 @@ import pinocchio as pin
 import pytest
 
 import jointplay as jp
-from jointplay import ComputedTorque, JointplayError, Motion
+from jointplay import JointplayError, Motion
+from jointplay.fields import fields_of
 from jointplay.kernel import Status
 from jointplay.kernel.integrators import INTEGRATORS
+from jointplay.loads import ComputedTorque
 from jointplay.study import Condition, scara
 
 LOADED = Condition("loaded", "consistent")
@@ -110,7 +112,10 @@ def test_same_seed_same_run_other_seed_other_run():
         ({"record_every": 0}, "got 0"),
         ({"record_every": 2.5}, "got 2.5"),
         ({"integrator": "euler"}, "semi-implicit-euler, rk4"),
-        ({"joint_friction": {"elbow": jp.JointFriction()}}, "joint_a, joint_b, stroke, joint_c"),
+        (
+            {"joint_friction": {"elbow": jp.loads.JointFriction()}},
+            "joint_a, joint_b, stroke, joint_c",
+        ),
         ({"motion": Motion(["joint_a"], [0, 1], [[0], [1]])}, "lacks joint_b, stroke, joint_c"),
     ],
 )
@@ -185,3 +190,9 @@ def test_journal_of_a_loop_is_displaced_at_a_dead_centre_too():
         offsets.append(mechanism.journal_pose("piston_pin").translation[:2])
     assert (np.abs(offsets) <= 0.5 * clearance + 1e-9).all()
     assert np.ptp(offsets, axis=0).min() > 0.1 * clearance
+
+
+def test_files_know_every_input_of_a_simulation():
+    assert set(fields_of(jp.Simulation)) == {
+        field.name for field in dataclasses.fields(jp.Simulation)
+    }

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from jointplay import ClearanceJoint, JointplayError, PrismaticJoint, SphericalJoint
+from jointplay import JointplayError, PrismaticClearance, RevoluteClearance, SphericalClearance
 from jointplay.analysis.statics import BlockPlay, JournalPlay, TurnPlay, play
 from jointplay.geometry import gaps, touch
 
@@ -15,7 +15,7 @@ NUMBERS = st.floats(-1.0, 1.0)
 
 def bearing(**changes):
     fields = {"radial_clearance": 1e-4, "axial_clearance": 1e-4} | changes
-    return ClearanceJoint(**fields)
+    return RevoluteClearance(**fields)
 
 
 def loads(seed, count=40):
@@ -129,8 +129,11 @@ def test_play_is_symmetric_and_grows_with_the_clearance(seed, factor):
     pushes = loads(seed)
     joints = [
         (bearing(), bearing(radial_clearance=1e-4 * factor, axial_clearance=1e-4 * factor)),
-        (SphericalJoint(radial_clearance=1e-4), SphericalJoint(radial_clearance=1e-4 * factor)),
-        (PrismaticJoint(clearance=1e-4), PrismaticJoint(clearance=1e-4 * factor)),
+        (
+            SphericalClearance(radial_clearance=1e-4),
+            SphericalClearance(radial_clearance=1e-4 * factor),
+        ),
+        (PrismaticClearance(clearance=1e-4), PrismaticClearance(clearance=1e-4 * factor)),
     ]
     for small, large in joints:
         value = play(small).support(pushes).value
@@ -141,7 +144,7 @@ def test_play_is_symmetric_and_grows_with_the_clearance(seed, factor):
 @given(seed=st.integers(0, 2**31))
 def test_support_functions_are_convex(seed):
     one, other = loads(seed), loads(seed + 1)
-    for joint in (bearing(), bearing(axial_clearance=1e-5), PrismaticJoint(clearance=1e-4)):
+    for joint in (bearing(), bearing(axial_clearance=1e-5), PrismaticClearance(clearance=1e-4)):
         h = play(joint).support
         assert np.all(
             h(one + other).value <= (h(one).value + h(other).value) * (1.0 + 1e-9) + 1e-18
@@ -158,7 +161,7 @@ def test_without_axial_load_a_journal_has_the_closed_form_of_two_rims():
 
 
 def test_a_planar_journal_is_a_disc():
-    one = play(ClearanceJoint.planar(radial_clearance=2e-4))
+    one = play(RevoluteClearance.planar(radial_clearance=2e-4))
     value, point = one.support(np.array([[3.0, 4.0, 7.0, 1.0, 1.0, 1.0]]))
     assert value == pytest.approx(5.0 * 2e-4)
     assert point[0] == pytest.approx([1.2e-4, 1.6e-4, 0, 0, 0, 0])
@@ -175,7 +178,7 @@ def test_an_open_bearing_bears_no_load_along_its_axis():
 def test_no_pose_of_a_slider_without_penetration_is_beyond_its_support_function(seed, x, y):
     import pinocchio as pin
 
-    joint = PrismaticJoint(clearance=x, clearance_y=y)
+    joint = PrismaticClearance(clearance=x, clearance_y=y)
     random = np.random.default_rng(seed)
     pushes = loads(seed) * [1, 1, 0, 1, 1, 1]
     bound = play(joint).support(pushes).value

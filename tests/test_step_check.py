@@ -20,7 +20,7 @@ DAMPED = jp.Gear(play=2e-3, rotor_inertia=0.5, stiffness=2e5, damping=500.0)
 
 
 G = 9.81
-PIN = jp.ClearanceJoint(radial_clearance=1e-4, axial_clearance=1e-4)
+PIN = jp.RevoluteClearance(radial_clearance=1e-4, axial_clearance=1e-4)
 
 
 def geared(gear, step, integrator):
@@ -176,7 +176,7 @@ def test_teeth_of_a_rotor_as_heavy_as_its_joint_meet_for_pi_root_half(urdf):
 def test_steps_too_large_for_teeth_are_refused_and_few_are_warned_of(urdf):
     gear = jp.Gear(1e-3, 1e-2, 1e4)
     robot = two_bodies(urdf, gear, {"pin": PIN})
-    options = {"duration": 0.02, "drive": {"wrist": jp.Torque((0.0,), (5.0,))}}
+    options = {"duration": 0.02, "drive": {"wrist": jp.loads.Torque((0.0,), (5.0,))}}
     lasts = tooth_duration(robot, "wrist", np.zeros(robot.model.nq))
     with pytest.raises(jp.JointplayError, match="too large for the stiffness of the gear at 'wris"):
         jp.simulate(two_bodies(urdf, gear), step=lasts / 3.9, **options)

@@ -8,7 +8,7 @@ import pytest
 from conftest import joint
 
 import jointplay as jp
-from jointplay.joints import PrismaticJoint, SphericalJoint
+from jointplay.joints import PrismaticClearance, SphericalClearance
 from jointplay.kernel import Status
 from jointplay.mechanism.loop import PROXIMAL, Loop, misfit
 from jointplay.mechanism.tree import Motion, Tree
@@ -41,7 +41,7 @@ def branched(urdf):
     )
 
     def make(**clearance):
-        joints = {"j4": SphericalJoint(ideal=True, **BALL)} | clearance
+        joints = {"j4": SphericalClearance(ideal=True, **BALL)} | clearance
         gears = {"j3": jp.Gear(play=1e-3, rotor_inertia=0.2, stiffness=1e4)}
         return jp.Mechanism(path, joints, gears=gears, gravity=(1.0, 2.0, -9.81))
 
@@ -50,17 +50,17 @@ def branched(urdf):
 
 CLEARANCE = {
     "ideal": {},
-    "revolute": {"j1": jp.ClearanceJoint(**PLAY)},
-    "revolute, tilt locked": {"j1": jp.ClearanceJoint(lock_tilt=True, **PLAY)},
-    "planar, exchanged": {"j3": jp.ClearanceJoint.planar(radial_clearance=2e-4, exchanged=True)},
-    "reversed axis": {"j5": jp.ClearanceJoint(**PLAY)},
-    "slider": {"j2": PrismaticJoint(**SLIDER)},
-    "slider, exchanged": {"j2": PrismaticJoint(exchanged=True, **SLIDER)},
-    "ball": {"j4": SphericalJoint(**BALL)},
+    "revolute": {"j1": jp.RevoluteClearance(**PLAY)},
+    "revolute, tilt locked": {"j1": jp.RevoluteClearance(lock_tilt=True, **PLAY)},
+    "planar, exchanged": {"j3": jp.RevoluteClearance.planar(radial_clearance=2e-4, exchanged=True)},
+    "reversed axis": {"j5": jp.RevoluteClearance(**PLAY)},
+    "slider": {"j2": PrismaticClearance(**SLIDER)},
+    "slider, exchanged": {"j2": PrismaticClearance(exchanged=True, **SLIDER)},
+    "ball": {"j4": SphericalClearance(**BALL)},
     "several": {
-        "j0": jp.ClearanceJoint(exchanged=True, **PLAY),
-        "j2": PrismaticJoint(**SLIDER),
-        "j4": SphericalJoint(exchanged=True, **BALL),
+        "j0": jp.RevoluteClearance(exchanged=True, **PLAY),
+        "j2": PrismaticClearance(**SLIDER),
+        "j4": SphericalClearance(exchanged=True, **BALL),
     },
 }
 clearances = pytest.mark.parametrize("clearance", CLEARANCE.values(), ids=CLEARANCE.keys())
@@ -172,9 +172,9 @@ def test_forces_in_spatial_loops_are_those_of_pinocchio(branched, kind):
         f"c{k}": Loop(a, b, bearing_xyz=points[a], journal_xyz=points[b], journal_rpy=(k, 1, 0))
         for k, (a, b) in enumerate(ends[: 1 if kind == "revolute" else 2])
     }
-    joints = {"j4": SphericalJoint(ideal=True, **BALL)}
+    joints = {"j4": SphericalClearance(ideal=True, **BALL)}
     if kind != "revolute":
-        joints |= {name: SphericalJoint(ideal=True, **BALL) for name in loops}
+        joints |= {name: SphericalClearance(ideal=True, **BALL) for name in loops}
     closed = jp.Mechanism(mechanism.description.path, joints, loops=loops)
     q, v, effort = states(closed, 2)
     held = closed.constraints(q[0], 0.0)
@@ -198,7 +198,7 @@ def shipped_case(name, case):
 
 
 def scara(worn, **options):
-    clearance = {name: jp.ClearanceJoint(**PLAY) for name in worn}
+    clearance = {name: jp.RevoluteClearance(**PLAY) for name in worn}
     robot = jp.Mechanism(jp.shipped("scara.urdf"), clearance, tool="suction_cup")
     return jp.Simulation(robot, jp.Motion.from_csv(jp.shipped("scara_motion.csv")), **options)
 

@@ -32,7 +32,7 @@ def robot(urdf):
     )
 
 
-@pytest.mark.parametrize("play", [{}, {"j1": jp.ClearanceJoint.planar(radial_clearance=2e-4)}])
+@pytest.mark.parametrize("play", [{}, {"j1": jp.RevoluteClearance.planar(radial_clearance=2e-4)}])
 def test_shapes_stand_where_pinocchio_puts_those_of_the_urdf(robot, play):
     mechanism = jp.Mechanism(robot, play)
     source = pin.buildModelFromUrdf(str(robot))

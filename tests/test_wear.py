@@ -109,12 +109,12 @@ def test_normal_of_a_worn_bore_is_the_gradient_of_its_gap(at, tilt, towards, pla
 
 def rubbing(urdf, spin, *, wear_rate=1e-13, gravity=9.81, duration=0.2, mass=2.0, **fields):
     """A heavy body whose journal turns in one place of its bore, driven steadily."""
-    play = {"radial_clearance": 1e-4, "friction": jp.Ambrosio(0.05)} | fields
-    bearing = jp.ClearanceJoint.planar(**play, wear_rate=wear_rate)
+    play = {"radial_clearance": 1e-4, "friction": jp.contact.Ambrosio(0.05)} | fields
+    bearing = jp.RevoluteClearance.planar(**play, wear_rate=wear_rate)
     path = urdf(body("arm", mass), joint("pin", "base", "arm"))
     robot = jp.Mechanism(path, {"pin": bearing}, gravity=(0, -gravity, 0))
     motion = jp.Motion(["pin"], [0, duration], [[0], [duration * spin]], "constant-speed")
-    return jp.Simulation(robot, motion, drive=jp.ComputedTorque(300.0), joint_friction={})
+    return jp.Simulation(robot, motion, drive=jp.loads.ComputedTorque(300.0), joint_friction={})
 
 
 def settled(simulation):
@@ -144,18 +144,18 @@ def test_worn_volume_is_archards_by_hand(urdf):
 
 def test_worn_bore_is_what_the_next_run_meets(urdf):
     profile = groove(3e-5, -np.pi / 2, 1.0)
-    deep = rubbing(urdf, 0.0, worn=profile, friction=jp.Ambrosio(0.0), duration=0.5)
+    deep = rubbing(urdf, 0.0, worn=profile, friction=jp.contact.Ambrosio(0.0), duration=0.5)
     sunk = deep.run()["journal_centre"].values[-1, 0, 1]
-    plain = rubbing(urdf, 0.0, friction=jp.Ambrosio(0.0), duration=0.5)
+    plain = rubbing(urdf, 0.0, friction=jp.contact.Ambrosio(0.0), duration=0.5)
     level = plain.run()["journal_centre"].values[-1, 0, 1]
     assert level - sunk == pytest.approx(profile.max(), rel=0.05)
 
 
 def test_energy_balances_in_a_worn_bore(urdf):
     profile = groove(2e-5, 0.7, 1.0) + groove(1e-5, 3.0, 0.8)
-    bearing = jp.ClearanceJoint(
-        radial_clearance=1e-4, axial_clearance=1e-4, restitution=1.0, normal=jp.Hertz(),
-        friction=jp.Ambrosio(0.0), worn=profile,
+    bearing = jp.RevoluteClearance(
+        radial_clearance=1e-4, axial_clearance=1e-4, restitution=1.0, normal=jp.contact.Hertz(),
+        friction=jp.contact.Ambrosio(0.0), worn=profile,
     )  # fmt: skip
     path = urdf(body("arm", com="0.03 0.02 0.01"), joint("pin", "base", "arm"))
     robot = jp.Mechanism(path, {"pin": bearing}, gravity=(0, 0, 0))
@@ -230,13 +230,13 @@ def test_wear_survives_a_result_file(urdf, tmp_path):
         ({"worn": [[1e-5] * 20] * 3}, "shape"),
         ({"worn": "deep"}, "numbers"),
         ({"worn": [5e-3] * 20}, "tenth"),
-        ({"worn": [1e-5] * 20, "lubricant": jp.ShortBearing(0.1)}, "round bores"),
+        ({"worn": [1e-5] * 20, "lubricant": jp.contact.ShortBearing(0.1)}, "round bores"),
         ({"wear_rate": 0.0}, "wear rate"),
     ],
 )
 def test_wrong_values_are_named(fields, text):
     with pytest.raises(jp.JointplayError, match=text):
-        jp.ClearanceJoint.planar(radial_clearance=1e-4, **fields)
+        jp.RevoluteClearance.planar(radial_clearance=1e-4, **fields)
 
 
 def test_wrong_questions_are_answered(urdf):

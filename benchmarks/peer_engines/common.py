@@ -205,11 +205,11 @@ def slider_crank(
         "restitution": 0.9,
         "bearing_radius": 0.01,
         "bearing_length": 0.02,
-        "friction": jp.Coulomb(mu, ramp),
+        "friction": jp.contact.Coulomb(mu, ramp),
     } | joint
     mechanism = jp.Mechanism(
         jp.shipped("slider_crank.urdf"),
-        {"piston_pin": jp.ClearanceJoint.planar(**fields)},
+        {"piston_pin": jp.RevoluteClearance.planar(**fields)},
         loops=old.loops,
         gravity=(0.0, 0.0, 0.0),
     )
@@ -222,8 +222,8 @@ def scara(clearance: float = 0.2e-3, **options: object) -> Problem:
         "0.2 mm", {"integration": {"start": "centred"}}
     )
     joint = dataclasses.replace(
-        jp.ClearanceJoint(radial_clearance=clearance, axial_clearance=clearance),
-        friction=jp.Ambrosio(0.1),
+        jp.RevoluteClearance(radial_clearance=clearance, axial_clearance=clearance),
+        friction=jp.contact.Ambrosio(0.1),
     )
     mechanism = jp.Mechanism(jp.shipped("scara.urdf"), {"joint_b": joint}, gravity=(0, 0, 0))
     return problem(dataclasses.replace(shipped, mechanism=mechanism, **options))

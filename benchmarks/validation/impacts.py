@@ -15,7 +15,7 @@ MASS, INERTIA = 2.0, 1e-2
 
 
 def disc(
-    bearing: jp.ClearanceJoint,
+    bearing: jp.RevoluteClearance,
     gravity: tuple[float, float, float] = (0, 0, 0),
     mass: float = MASS,
     moment: float = INERTIA,
@@ -46,9 +46,9 @@ def bouncing(quick: bool = False, wrong: bool = False) -> Outcome:
     flights = 2 if quick else 5
     rows, errors = [["c_e", "flight", "duration [ms]", "theory [ms]"]], []
     for c_e in (0.8,) if quick else (0.9, 0.7, 0.5):
-        bearing = jp.ClearanceJoint.planar(
+        bearing = jp.RevoluteClearance.planar(
             bearing_radius=0.05, radial_clearance=fall, stiffness=1e13, restitution=c_e,
-            normal=jp.ZhangSharf(), friction=jp.Coulomb(0.0, 1e-3),
+            normal=jp.contact.ZhangSharf(), friction=jp.contact.Coulomb(0.0, 1e-3),
         )  # fmt: skip
         arrives = math.sqrt(2 * g * fall)
         last = arrives / g * (1 + 2 * sum(c_e**n for n in range(1, flights + 1))) + 2e-3
@@ -88,9 +88,9 @@ def spinning_impact(quick: bool = False, wrong: bool = False) -> Outcome:
     rows = [["mu", "sideways speed [mm/s]", "theory", "lost spin [rad/s]", "theory"]]
     errors = []
     for mu in (0.1,) if quick else (0.05, 0.1, 0.2):
-        bearing = jp.ClearanceJoint.planar(
+        bearing = jp.RevoluteClearance.planar(
             bearing_radius=0.05, radial_clearance=fall, stiffness=1e13, restitution=e,
-            normal=jp.ZhangSharf(), friction=jp.Coulomb(mu, 1e-3),
+            normal=jp.contact.ZhangSharf(), friction=jp.contact.Coulomb(mu, 1e-3),
         )  # fmt: skip
         result = jp.simulate(
             disc(bearing, (g, 0, 0)), duration=speed / g + 1e-3, step=4e-7, integrator="rk4",

@@ -145,7 +145,7 @@ def _by_hand(clearance: float, duration: float, step: float) -> np.ndarray:
 # The mechanism, as the package runs it
 
 
-def _prepare(turns: float, bearing: jp.ClearanceJoint | None, **options) -> jp.simulation.Run:
+def _prepare(turns: float, bearing: jp.RevoluteClearance | None, **options) -> jp.simulation.Run:
     """From the outer dead centre, rod and crank stretched, journal centred."""
     robot = jp.Mechanism(
         jp.shipped("slider_crank.urdf"),
@@ -158,16 +158,17 @@ def _prepare(turns: float, bearing: jp.ClearanceJoint | None, **options) -> jp.s
         ["crank_pin"], [0, turns * TURN], [[0], [turns * 2 * np.pi]], "constant-speed"
     )
     return jp.Simulation(
-        robot, motion, drive={"crank_pin": jp.Prescribed()}, joint_friction={},
+        robot, motion, drive={"crank_pin": jp.loads.Prescribed()}, joint_friction={},
         state={"guide": CRANK + ROD}, start="centred", **options,
     ).prepare()  # fmt: skip
 
 
-def _bearing(clearance: float, **changes) -> jp.ClearanceJoint:
-    return jp.ClearanceJoint.planar(
+def _bearing(clearance: float, **changes) -> jp.RevoluteClearance:
+    return jp.RevoluteClearance.planar(
         radial_clearance=clearance, bearing_radius=BORE,
         **{
-            "bearing_length": 20e-3, "restitution": RESTITUTION, "friction": jp.Ambrosio(*FRICTION)
+            "bearing_length": 20e-3, "restitution": RESTITUTION,
+            "friction": jp.contact.Ambrosio(*FRICTION),
         } | changes,
     )  # fmt: skip
 
@@ -247,9 +248,16 @@ def _turning(
 
     The slider is moved by `nudge` [m] more when the transient is over.
     """
-    oil = {"lubricant": jp.ShortBearing(viscosity), "bearing_length": 10e-3} if viscosity else {}
+    oil = (
+        {"lubricant": jp.contact.ShortBearing(viscosity), "bearing_length": 10e-3}
+        if viscosity
+        else {}
+    )
     bearing = _bearing(
-        clearance, friction=jp.Ambrosio(friction, *FRICTION[1:]), restitution=restitution, **oil
+        clearance,
+        friction=jp.contact.Ambrosio(friction, *FRICTION[1:]),
+        restitution=restitution,
+        **oil,
     )
     run = _prepare(turns + transient, bearing, step=STEP, record_every=round(RECORD / STEP))
     shift = 0.5 * clearance * np.random.default_rng(seed).uniform(-1, 1, 2)
@@ -873,9 +881,10 @@ def guided(
     factor = brentq(
         lambda a: a * (1 + IMPACT) - math.log((1 + a) / (1 - a * IMPACT)), 0.5, 0.999 / IMPACT
     )
-    guide = jp.PrismaticJoint(
+    guide = jp.PrismaticClearance(
         length=0.1, width=0.05, height=0.05, clearance=clearance, planar=True,
-        stiffness=stiffness, normal=jp.Flores(), friction=jp.Coulomb(GUIDE_FRICTION, 0.5),
+        stiffness=stiffness, normal=jp.contact.Flores(),
+        friction=jp.contact.Coulomb(GUIDE_FRICTION, 0.5),
         restitution=1.6 / (1.6 + factor),
     )  # fmt: skip
     quarter = math.pi / 2  # z of the guide along x of the world, x of the guide along y

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import jointplay as jp
 
-FREE = {"drive": jp.Free(), "joint_friction": {}, "start": "centred"}
+FREE = {"drive": jp.loads.Free(), "joint_friction": {}, "start": "centred"}
 
 _folder = tempfile.TemporaryDirectory(prefix="jointplay-validation-")
 

@@ -286,9 +286,9 @@ IMPACTS = ((2.0, 1e10, 0.1), (0.2, 1e10, 0.5), (2.0, 1e11, 1.0), (50.0, 1e9, 0.2
 
 def bounce(mass, stiffness, speed, step, method, phase, c_e) -> float:
     """Restitution of a free body that strikes its bore; `phase` places the touch in a step."""
-    bearing = jp.ClearanceJoint.planar(
+    bearing = jp.RevoluteClearance.planar(
         radial_clearance=1e-2, bearing_radius=50e-3, stiffness=stiffness, restitution=c_e,
-        friction=jp.Ambrosio(0.0),
+        friction=jp.contact.Ambrosio(0.0),
     )  # fmt: skip
     path = urdf(body("arm", mass, inertia=10.0), joint("pin", "base", "arm"))
     robot = jp.Mechanism(path, {"pin": bearing}, gravity=(0, 0, 0))
@@ -366,13 +366,13 @@ def step_check(quick: bool = False, wrong: bool = False) -> Outcome:
     rows = [["law", "stiffness", "largest step accepted [us]", "formula [us]", "relative error"]]
     errors = []
     for law, stiffness in [
-        *((jp.Hertz(), k) for k in (1e8, 1e10, 1e12)),
-        *((jp.LinearSpring(k), k) for k in (1e6, 1e8)),
+        *((jp.contact.Hertz(), k) for k in (1e8, 1e10, 1e12)),
+        *((jp.contact.LinearSpring(k), k) for k in (1e6, 1e8)),
     ]:
         hertz = law.name == "hertz"
         spring = math.pi * math.sqrt(mass / stiffness)
         theory = (impact_time(mass, stiffness, 0.1) if hertz else spring) / 4.0
-        bearing = jp.ClearanceJoint.planar(
+        bearing = jp.RevoluteClearance.planar(
             radial_clearance=1e-3, normal=law, stiffness=stiffness if hertz else 1e10
         )
         robot = jp.Mechanism(path, {"pin": bearing})

@@ -14,13 +14,13 @@ from validation.impacts import disc
 
 VISCOSITY, RADIUS, LENGTH, CLEARANCE = 0.02, 50e-3, 25e-3, 100e-6
 """Oil [Pa s], bearing [m]."""
-TURNING = {"joint_friction": {}, "drive": {"turn": jp.Prescribed()}, "start": "centred"}
+TURNING = {"joint_friction": {}, "drive": {"turn": jp.loads.Prescribed()}, "start": "centred"}
 
 
-def _oiled(cavitation: str) -> jp.ClearanceJoint:
-    return jp.ClearanceJoint.planar(
+def _oiled(cavitation: str) -> jp.RevoluteClearance:
+    return jp.RevoluteClearance.planar(
         bearing_radius=RADIUS + CLEARANCE, bearing_length=LENGTH, radial_clearance=CLEARANCE,
-        lubricant=jp.ShortBearing(VISCOSITY, cavitation=cavitation),
+        lubricant=jp.contact.ShortBearing(VISCOSITY, cavitation=cavitation),
     )  # fmt: skip
 
 
@@ -96,7 +96,8 @@ def oil_whirl(quick: bool = False, wrong: bool = False) -> Outcome:
             disc(_oiled("sommerfeld"), mass=mass), _spin(speed, lasts), step=5e-6,
             integrator="rk4", record_every=10, joint_friction={},
             drive={
-                "turn": jp.Prescribed(), "x": jp.Torque([0, kick, 1.1 * kick], [0.05, 0.05, 0.0])
+                "turn": jp.loads.Prescribed(),
+                "x": jp.loads.Torque([0, kick, 1.1 * kick], [0.05, 0.05, 0.0]),
             },
         )  # fmt: skip
         z = result["journal_centre"].values[:, 0, :2] @ [1, 1j]
@@ -122,15 +123,15 @@ def oil_whirl(quick: bool = False, wrong: bool = False) -> Outcome:
 )
 def archard(quick: bool = False, wrong: bool = False) -> Outcome:
     rate, weight, g, speed, lasts = 1e-13, 500.0, 9.81, 100.0, 0.1 if quick else 0.3
-    bearing = jp.ClearanceJoint.planar(
+    bearing = jp.RevoluteClearance.planar(
         bearing_radius=20e-3, bearing_length=20e-3, radial_clearance=1e-3, restitution=0.2,
-        wear_rate=rate, friction=jp.Coulomb(0.0, 1e-3), stiffness=1e10,
+        wear_rate=rate, friction=jp.contact.Coulomb(0.0, 1e-3), stiffness=1e10,
     )  # fmt: skip
     robot = disc(bearing, (0, -g, 0), weight / g)
     result = jp.simulate(
         robot, _spin(speed, lasts), step=2e-6, integrator="rk4", record_every=50, **TURNING
     )
-    depth = jp.worn_depth(result, "pin")[0]
+    depth = jp.analysis.worn_depth(result, "pin")[0]
     volume = float(depth.sum() * bearing.ri * 2 * math.pi / len(depth) * bearing.lj)
     # Pressed down by its weight in the mean, also while it bounces: the impulse is weight x time,
     # but for the momentum that is left.

@@ -36,7 +36,7 @@ def _recurdyn() -> tuple[dict[str, np.ndarray], float]:
     return columns, numbers["mesh_gap"]
 
 
-def _swing(bearing: jp.ClearanceJoint | None, inertia: float = 1.0, **options) -> jp.Result:
+def _swing(bearing: jp.RevoluteClearance | None, inertia: float = 1.0, **options) -> jp.Result:
     """Journal and arm, one body, dropped level; `inertia` scales the journal's."""
     mass = JOURNAL + ARM
     centre = ARM / mass * np.array(ARM_AT)
@@ -55,11 +55,11 @@ def _swing(bearing: jp.ClearanceJoint | None, inertia: float = 1.0, **options) -
     return jp.simulate(robot, integrator="rk4", **FREE, **options)
 
 
-def _bearing(stiffness: float, clearance: float = CLEARANCE) -> jp.ClearanceJoint:
+def _bearing(stiffness: float, clearance: float = CLEARANCE) -> jp.RevoluteClearance:
     """Without friction and, as theirs is all but, without loss."""
-    return jp.ClearanceJoint.planar(
+    return jp.RevoluteClearance.planar(
         bearing_radius=BORE, bearing_length=LENGTH, radial_clearance=clearance,
-        stiffness=stiffness, normal=jp.Hertz(), friction=jp.Coulomb(0.0, 1e-3),
+        stiffness=stiffness, normal=jp.contact.Hertz(), friction=jp.contact.Coulomb(0.0, 1e-3),
     )  # fmt: skip
 
 
@@ -357,7 +357,7 @@ def second_opinions(quick: bool = False, wrong: bool = False) -> Outcome:
         expected, why = DYS_EXPLAINED.get(name, (1.0, ""))
         errors.append(float(np.abs(ratios / expected - 1).max()))
         rows.append([f"`{name}`, factor", f"{ratios.mean():.6g}", why])
-    joint = jp.ClearanceJoint.planar(
+    joint = jp.RevoluteClearance.planar(
         bearing_radius=10e-3, bearing_length=1.0, radial_clearance=2e-4,
         bearing_material=jp.Material(207e9, 0.3), journal_material=jp.Material(207e9, 0.3),
     )  # fmt: skip
@@ -390,12 +390,12 @@ def second_opinions(quick: bool = False, wrong: bool = False) -> Outcome:
     slow, fast = 1e-3, 1e-2  # DyS: its v0 and v1
     speeds = np.array([0.5e-3, 4e-3, 2e-2])
     ramp = np.clip((speeds - slow) / (fast - slow), 0.0, 1.0)
-    ours = np.array([jp.Ambrosio.function(v, *jp.Ambrosio(0.3, slow, fast).parameters())
-                     for v in speeds])  # fmt: skip
+    law = jp.contact.Ambrosio(0.3, slow, fast)
+    ours = np.array([law.function(v, *law.parameters()) for v in speeds])
     errors.append(float(np.abs(ours - 0.3 * ramp).max()))
     grip = 0.3 * np.where(speeds <= fast, 1 - np.exp(-3 * speeds / fast), 0.95)
-    ours = np.array([jp.Threlfall.function(v, *jp.Threlfall(0.3, fast).parameters())
-                     for v in speeds])  # fmt: skip
+    law = jp.contact.Threlfall(0.3, fast)
+    ours = np.array([law.function(v, *law.parameters()) for v in speeds])
     # Above its v0 DyS takes 0.95, which is 1 - e^-3 in two digits.
     errors.append(float(np.abs((ours - grip)[speeds <= fast]).max()))
     rows.append(["`ambrosio`, `threlfall`, coefficients: largest difference",
@@ -416,7 +416,7 @@ def _first_impacts(theirs: str, quick: bool, **joint: object) -> tuple[float, li
     mechanism = jp.Mechanism(
         jp.shipped("slider_crank.urdf"),
         {
-            "piston_pin": jp.ClearanceJoint.planar(
+            "piston_pin": jp.RevoluteClearance.planar(
                 radial_clearance=clearance, bearing_radius=0.01, bearing_length=0.02, **joint
             )
         },
@@ -455,7 +455,7 @@ def _first_impacts(theirs: str, quick: bool, **joint: object) -> tuple[float, li
 )
 def exudyn_impacts(quick: bool = False, wrong: bool = False) -> Outcome:
     error, rows = _first_impacts(
-        "exudyn", quick, restitution=0.99 if wrong else 1.0, friction=jp.Coulomb(0.0, 0.01)
+        "exudyn", quick, restitution=0.99 if wrong else 1.0, friction=jp.contact.Coulomb(0.0, 0.01)
     )
     return Outcome(error, 1e-5, rows)
 
@@ -470,7 +470,7 @@ def exudyn_impacts(quick: bool = False, wrong: bool = False) -> Outcome:
     wrong="friction 0.02",
 )
 def mujoco_impacts(quick: bool = False, wrong: bool = False) -> Outcome:
-    friction = jp.Coulomb(0.02 if wrong else 0.01, 0.01)
+    friction = jp.contact.Coulomb(0.02 if wrong else 0.01, 0.01)
     error, rows = _first_impacts("mujoco", quick, restitution=0.9, friction=friction)
     return Outcome(error, 1e-4, rows)
 
@@ -501,9 +501,9 @@ def experiment_findings(quick: bool = False, wrong: bool = False) -> Outcome:
             robot = jp.Mechanism(
                 jp.shipped("slider_crank.urdf"),
                 {
-                    "piston_pin": jp.ClearanceJoint.planar(
+                    "piston_pin": jp.RevoluteClearance.planar(
                         radial_clearance=clearance, bearing_radius=0.01, bearing_length=0.02,
-                        restitution=0.9, friction=jp.Coulomb(0.01, 0.01),
+                        restitution=0.9, friction=jp.contact.Coulomb(0.01, 0.01),
                     )
                 },
                 loops={"piston_pin": jp.Loop("rod", "slider", bearing_xyz=(ROD, 0, 0))},
@@ -511,7 +511,7 @@ def experiment_findings(quick: bool = False, wrong: bool = False) -> Outcome:
             )  # fmt: skip
             motion = jp.Motion(["crank_pin"], [0, lasts], [[0], [speed * lasts]], "constant-speed")
             result = jp.simulate(
-                robot, motion, drive={"crank_pin": jp.Prescribed()}, joint_friction={},
+                robot, motion, drive={"crank_pin": jp.loads.Prescribed()}, joint_friction={},
                 state={"guide": CRANK + ROD}, start="centred", step=2e-6, integrator="rk4",
                 record_every=2,
             )  # fmt: skip

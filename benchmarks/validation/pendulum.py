@@ -34,9 +34,9 @@ class Pendulum:
     bore: float = 10e-3
 
     def mechanism(self) -> jp.Mechanism:
-        bearing = jp.ClearanceJoint.planar(
+        bearing = jp.RevoluteClearance.planar(
             radial_clearance=self.play, bearing_radius=self.bore, stiffness=self.stiffness,
-            restitution=self.restitution, friction=jp.Ambrosio(self.mu, self.v0, self.v1),
+            restitution=self.restitution, friction=jp.contact.Ambrosio(self.mu, self.v0, self.v1),
         )  # fmt: skip
         path = urdf(body("arm", MASS, f"{ARM} 0 0", INERTIA), joint("pin", "base", "arm"))
         return jp.Mechanism(path, {"pin": bearing}, gravity=(self.gravity, 0, 0))

@@ -34,9 +34,9 @@ SOUND_TIME = 2.9432751
 )
 def hertz_impact(quick: bool = False, wrong: bool = False) -> Outcome:
     mass, stiffness = 2.0, 1e10
-    bearing = jp.ClearanceJoint.planar(
-        radial_clearance=2e-4, stiffness=stiffness, normal=jp.Hertz(), restitution=1.0,
-        friction=jp.Ambrosio(0.0),
+    bearing = jp.RevoluteClearance.planar(
+        radial_clearance=2e-4, stiffness=stiffness, normal=jp.contact.Hertz(), restitution=1.0,
+        friction=jp.contact.Ambrosio(0.0),
     )  # fmt: skip
     robot = jp.Mechanism(
         urdf(body("arm", mass), joint("pin", "base", "arm")), {"pin": bearing}, gravity=(0, 0, 0)
@@ -122,9 +122,9 @@ def restitution_in_theory(law: str, c_e: float, wrong: bool) -> float:
 
 def rebound(law: jp.contact.NormalForceLaw, c_e: float, speed: float, steps: int) -> float:
     """Rebound over approach speed of a free journal that hits its bore."""
-    bearing = jp.ClearanceJoint.planar(
+    bearing = jp.RevoluteClearance.planar(
         radial_clearance=1e-3, stiffness=1e10, normal=law, restitution=c_e,
-        friction=jp.Ambrosio(0.0),
+        friction=jp.contact.Ambrosio(0.0),
     )  # fmt: skip
     robot = jp.Mechanism(
         urdf(body("arm", IMPACT_MASS), joint("pin", "base", "arm")),
@@ -206,11 +206,11 @@ def rolling(quick: bool = False, wrong: bool = False) -> Outcome:
     rows = [["amplitude [rad]", "friction", "period [ms]", "theory [ms]", "relative error"]]
     errors = []
     figure, axes = new_figure(1, 1, 6.0, 3.2)
-    rough = jp.LuGre(mu_d=0.8, mu_s=0.8, sigma0=1e6, sigma1=100.0)
+    rough = jp.contact.LuGre(mu_d=0.8, mu_s=0.8, sigma0=1e6, sigma1=100.0)
     cases = [(0.5, rough)] if quick else [(a, rough) for a in (0.1, 0.5, 1.0)]
-    cases += [(0.5, jp.Ambrosio(0.0))]
+    cases += [(0.5, jp.contact.Ambrosio(0.0))]
     for colour, (amplitude, friction) in zip(COLOURS, cases, strict=False):
-        bearing = jp.ClearanceJoint.planar(
+        bearing = jp.RevoluteClearance.planar(
             bearing_radius=outer, journal_radius=inner, friction=friction, restitution=0.5
         )
         inertia = 0.5 * mass * inner**2
@@ -258,15 +258,15 @@ def rolling(quick: bool = False, wrong: bool = False) -> Outcome:
 )
 def incline(quick: bool = False, wrong: bool = False) -> Outcome:
     mu, mass, v0, v1 = 0.3, 2.0, 1e-4, 1e-3
-    lugre = jp.LuGre(mu_d=mu, mu_s=mu, sigma0=1e5, sigma1=100.0)
-    ramp = jp.Ambrosio(mu, v0, v1)
+    lugre = jp.contact.LuGre(mu_d=mu, mu_s=mu, sigma0=1e5, sigma1=100.0)
+    ramp = jp.contact.Ambrosio(mu, v0, v1)
     degrees = (12.0, 25.0) if quick else (5.0, 10.0, 14.0, 16.0, 17.5, 20.0, 25.0, 35.0, 45.0)
     rows = [["alpha [deg]", "friction", "what", "found", "theory"]]
     errors, plotted = [], {"LuGre": [], "eq. 21": []}
     rubs = mu * (1.02 if wrong else 1.0)
     for degree, (word, friction) in product(degrees, (("LuGre", lugre), ("eq. 21", ramp))):
         alpha = math.radians(degree)
-        bearing = jp.PrismaticJoint(
+        bearing = jp.PrismaticClearance(
             clearance=1e-4, friction=friction, restitution=0.5, stiffness=1e10
         )
         # z of the guide points downhill and x into the ground.
@@ -358,13 +358,13 @@ def stick_slip(quick: bool = False, wrong: bool = False) -> Outcome:
     for speed in speeds:
         duration = 1.6 if quick else 0.05 / speed + 1.0
         path = urdf(body("block", mass), joint("guide", "base", "block", "prismatic"))
-        play = jp.PrismaticJoint(
-            clearance=1e-4, planar=True, lock_tilt=True, friction=jp.LuGre(**STICKY)
+        play = jp.PrismaticClearance(
+            clearance=1e-4, planar=True, lock_tilt=True, friction=jp.contact.LuGre(**STICKY)
         )
         robot = jp.Mechanism(path, {"guide": play}, gravity=(-GRAVITY, 0, 0))
         ramp = jp.Motion(["guide"], [0, 1], [[0], [speed]], "constant-speed")
         result = jp.simulate(
-            robot, ramp, drive=jp.ComputedTorque(rate, 0.0), duration=duration, step=2e-5,
+            robot, ramp, drive=jp.loads.ComputedTorque(rate, 0.0), duration=duration, step=2e-5,
             record_every=20,
         )  # fmt: skip
         found = result["drive"].sel(coordinate="guide.z").values
@@ -408,7 +408,9 @@ def stick_slip(quick: bool = False, wrong: bool = False) -> Outcome:
 def top(quick: bool = False, wrong: bool = False) -> Outcome:
     mass, arm, across, along, theta = 1.0, 0.05, 8e-4, 5e-4, 0.4
     play = 2e-4
-    bearing = jp.SphericalJoint(radial_clearance=play, friction=jp.Ambrosio(0.0), restitution=0.5)
+    bearing = jp.SphericalClearance(
+        radial_clearance=play, friction=jp.contact.Ambrosio(0.0), restitution=0.5
+    )
     ball = joint("ball", "base", "top", "floating")
     path = urdf(body("top", mass, f"0 0 {arm}", (across, across, along)), ball)
     robot = jp.Mechanism(path, {"ball": bearing}, gravity=(0, 0, -GRAVITY))
@@ -505,7 +507,7 @@ def wedge_statics(bearing, mass, overhang, lever=1.0):
 )
 def wedge(quick: bool = False, wrong: bool = False) -> Outcome:
     mass = 4.0
-    bearing = jp.ClearanceJoint(**WEDGE, restitution=0.2, friction=jp.Ambrosio(0.0))
+    bearing = jp.RevoluteClearance(**WEDGE, restitution=0.2, friction=jp.contact.Ambrosio(0.0))
     rows = [
         ["overhang [mm]", "rim A [N]", "rim B [N]", "theory", "wall [N]", "weight", "tilt [mrad]",
          "theory"]
@@ -564,14 +566,14 @@ def self_locking(quick: bool = False, wrong: bool = False) -> Outcome:
     errors = []
     figure, axes = new_figure(1, 1, 6.0, 3.2)
     for colour, mu in zip(COLOURS, frictions, strict=False):
-        friction = jp.LuGre(mu_d=mu, mu_s=mu, sigma0=1e5, sigma1=300.0)
-        guide = jp.PrismaticJoint(
+        friction = jp.contact.LuGre(mu_d=mu, mu_s=mu, sigma0=1e5, sigma1=300.0)
+        guide = jp.PrismaticClearance(
             clearance=1e-4, friction=friction, restitution=0.3, planar=True, stiffness=1e10
         )
         tilt = 2.0 * guide.clearance / guide.length
         lever = guide.length * math.cos(tilt) - guide.width * math.sin(tilt)
         theory = lever / (mu if wrong else 2.0 * mu)
-        support = jp.Torque((0.0, 0.02, 0.12), (mass * GRAVITY, mass * GRAVITY, 0.0))
+        support = jp.loads.Torque((0.0, 0.02, 0.12), (mass * GRAVITY, mass * GRAVITY, 0.0))
 
         def fall(x, guide=guide, tilt=tilt, lever=lever, support=support):
             """How far it has slid at the end [m]."""
@@ -677,8 +679,8 @@ def clearance_limit(quick: bool = False, wrong: bool = False) -> Outcome:
     rows = [["C_r [mm]", "period [s]", "off the ideal", "theory", "relative error"]]
     shifts, errors = [], []
     for play in plays:
-        bearing = jp.ClearanceJoint.planar(
-            radial_clearance=play, friction=jp.Ambrosio(0.0), restitution=0.9
+        bearing = jp.RevoluteClearance.planar(
+            radial_clearance=play, friction=jp.contact.Ambrosio(0.0), restitution=0.9
         )
         path = urdf(
             body("arm", mass, f"{length} 0 0", inertia),

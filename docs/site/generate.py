@@ -132,15 +132,18 @@ def law_tables():
 
 def api():
     homes = {}
-    for name in jointplay.__all__:
-        thing = getattr(jointplay, name)
+    offered = [getattr(jointplay, name) for name in jointplay.__all__]
+    for package in filter(inspect.ismodule, offered):
+        offered += [getattr(package, name) for name in package.__all__]
+    for thing in offered:
         module = getattr(thing, "__module__", "")
-        if module.startswith("jointplay") and (inspect.isclass(thing) or callable(thing)):
+        if module.startswith("jointplay") and (inspect.isclass(thing) or inspect.isfunction(thing)):
             homes.setdefault(module.split(".")[1], set()).add(f"{module}.{thing.__name__}")
     lines = [
         "# Python",
         "",
-        "What `import jointplay as jp` offers, by what it is about. Units are SI.",
+        "What `import jointplay as jp` offers, with `jp.loads`, `jp.contact` and `jp.analysis`, by "
+        "what it is about. Units are SI.",
         "",
     ]
     for group, names in sorted(homes.items()):

@@ -2,12 +2,14 @@
 
     import jointplay as jp
 
-    bearing = jp.ClearanceJoint(radial_clearance=0.2e-3, axial_clearance=0.2e-3)
+    bearing = jp.RevoluteClearance(radial_clearance=0.2e-3, axial_clearance=0.2e-3)
     robot = jp.Mechanism(jp.shipped("scara.urdf"), {"joint_b": bearing}, gravity=(0, 0, 0))
     motion = jp.Motion.from_csv(jp.shipped("scara_motion.csv"))
     result = jp.simulate(robot, motion)
 
-Modules are loaded when a name is first used, so that `import jointplay` costs nothing.
+Here are the nouns of a simulation and what makes them. What acts is in `jp.loads`, laws of contact,
+friction and films are in `jp.contact`, what results and mechanisms tell in `jp.analysis`. Modules
+are loaded when a name is first used, so that `import jointplay` costs nothing.
 """
 
 from __future__ import annotations
@@ -15,68 +17,24 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from jointplay.moved import install as _install
+from jointplay import moved as _moved
 
-_install()
+_moved.install()
 
 _HOMES = {
-    "Ambrosio": "contact",
-    "Anagnostopoulos": "contact",
-    "Audit": "result.audit",
-    "BengisuAkay": "contact",
-    "BrownMcPhee": "contact",
-    "CarvalhoMartins": "contact",
-    "Certificate": "result.certificate",
-    "ClearanceJoint": "joints",
     "CylindricalClearance": "joints",
-    "ComputedTorque": "loads.drive",
-    "Coulomb": "contact",
-    "CustomBristle": "contact",
-    "CustomFilm": "contact",
-    "CustomFriction": "contact",
-    "CustomNormalForce": "contact",
-    "Dahl": "contact",
-    "DubowskyFreudenstein": "contact",
-    "Esdu78035": "contact",
-    "Flores": "contact",
-    "Form": "geometry",
-    "Free": "loads.drive",
     "Gear": "mechanism.gear",
-    "GharibHurmuzlu": "contact",
-    "Goldsmith": "contact",
-    "Gonthier": "contact",
-    "GonthierFriction": "contact",
-    "HerbertMcWhannell": "contact",
-    "Hertz": "contact",
-    "HuGuo": "contact",
-    "HuntCrossley": "contact",
-    "HuntCrossley1975": "contact",
-    "Johnson": "contact",
-    "JointFriction": "loads.drive",
     "JointplayError": "errors",
-    "KelvinVoigt": "contact",
-    "LankaraniNikravesh": "contact",
-    "LeeWang": "contact",
-    "LinearSpring": "contact",
-    "Liu": "contact",
     "Loop": "mechanism.loop",
-    "LuGre": "contact",
     "Material": "joints",
     "Measurement": "analysis.identify",
     "Mechanism": "mechanism",
-    "Mode": "geometry",
     "Motion": "motion",
     "Payload": "mechanism.payload",
-    "Pereira": "contact",
-    "PinkusSternlicht": "contact",
-    "Prescribed": "loads.drive",
     "PrismaticClearance": "joints",
-    "PrismaticJoint": "joints",
-    "Radzimovsky": "contact",
     "Result": "result",
     "RevoluteClearance": "joints",
     "Scenario": "scenario",
-    "ShortBearing": "contact",
     "Simulation": "simulation",
     "SphericalClearance": "joints",
     "SphericalJoint": "joints",
@@ -88,22 +46,25 @@ _HOMES = {
     "budget": "analysis.budget",
     "cartesian_motion": "motion.cartesian",
     "identify": "analysis.identify",
+    "Status": "kernel",
     "material": "joints.materials",
     "oil": "joints.materials",
     "open_sweep": "sweeps",
     "plan_measurement": "analysis.identify",
     "robot_scenario": "scenario.robot",
-    "reduce_joint": "analysis.reduce",
     "shipped": "mechanism.urdf",
     "simulate": "simulation",
     "sweep": "sweeps",
-    "wear_life": "analysis.wear",
-    "worn_depth": "analysis.wear",
 }
 
-__all__ = sorted(_HOMES)
+_SHOWN = ("analysis", "contact", "loads")
+_PACKAGES = (*_SHOWN, "geometry", "joints", "mechanism", "motion", "result", "scenario")
+
+__all__ = sorted([*_HOMES, *_SHOWN])
 
 if TYPE_CHECKING:
+    from jointplay import analysis as analysis
+    from jointplay import contact as contact
     from jointplay import loads as loads
     from jointplay.analysis.allocate import allocate as allocate
     from jointplay.analysis.budget import budget as budget
@@ -151,33 +112,21 @@ if TYPE_CHECKING:
     from jointplay.contact import ZhangSharf as ZhangSharf
     from jointplay.contact import ZhiyingQishao as ZhiyingQishao
     from jointplay.errors import JointplayError as JointplayError
-    from jointplay.geometry import Form as Form
-    from jointplay.geometry import Mode as Mode
-    from jointplay.joints import ClearanceJoint as ClearanceJoint
     from jointplay.joints import CylindricalClearance as CylindricalClearance
     from jointplay.joints import Material as Material
     from jointplay.joints import PrismaticClearance as PrismaticClearance
-    from jointplay.joints import PrismaticJoint as PrismaticJoint
     from jointplay.joints import RevoluteClearance as RevoluteClearance
     from jointplay.joints import SphericalClearance as SphericalClearance
-    from jointplay.joints import SphericalJoint as SphericalJoint
     from jointplay.joints.materials import material as material
     from jointplay.joints.materials import oil as oil
-    from jointplay.loads.drive import ComputedTorque as ComputedTorque
-    from jointplay.loads.drive import Free as Free
-    from jointplay.loads.drive import JointFriction as JointFriction
-    from jointplay.loads.drive import Prescribed as Prescribed
-    from jointplay.loads.drive import Torque as Torque
+    from jointplay.kernel import Status as Status
     from jointplay.mechanism import Mechanism as Mechanism
     from jointplay.mechanism.gear import Gear as Gear
     from jointplay.mechanism.loop import Loop as Loop
     from jointplay.mechanism.payload import Payload as Payload
     from jointplay.mechanism.urdf import shipped as shipped
     from jointplay.motion import Motion as Motion
-    from jointplay.motion.cartesian import cartesian_motion as cartesian_motion
     from jointplay.result import Result as Result
-    from jointplay.result.audit import Audit as Audit
-    from jointplay.result.certificate import Certificate as Certificate
     from jointplay.scenario import Scenario as Scenario
     from jointplay.scenario.robot import robot_scenario as robot_scenario
     from jointplay.simulation import Simulation as Simulation
@@ -187,8 +136,14 @@ if TYPE_CHECKING:
 
 
 def __getattr__(name: str) -> Any:
-    if name == "loads":  # springs, wrenches and the like have their names there
-        return importlib.import_module("jointplay.loads")
+    if name in _PACKAGES:
+        return importlib.import_module(f"jointplay.{name}")
+    if name == "__version__":
+        from importlib.metadata import version  # takes longer than all the rest of this
+
+        return version("jointplay")
+    if name in _moved.NAMES:
+        return _moved.found("jointplay", name)
     if name not in _HOMES:
         raise AttributeError(f"module 'jointplay' has no attribute {name!r}")
     value = getattr(importlib.import_module(f"jointplay.{_HOMES[name]}"), name)
@@ -197,4 +152,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted(set(globals()) | set(_HOMES))
+    return [*__all__, *(name for name in globals() if name.startswith("__"))]

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
+import math
 import types
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -283,6 +284,8 @@ def _table(
 
 def _field(field: Field, data: Any) -> Any:
     """Value of a field: one of its words, or what its type takes."""
+    if not field.finite and isinstance(data, float) and not math.isfinite(data):
+        return data
     if field.choices is None or data is None:
         return check(field.hint, data, field.units)
     noun, words = field.choices

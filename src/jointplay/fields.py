@@ -23,6 +23,7 @@ from jointplay.errors import Where, require_finite, require_non_negative, requir
 
 UNITS = "units"
 CHOICES = "choices"
+FINITE = "finite"
 _RANGE = "range"
 _WORDS = "words"
 
@@ -38,6 +39,7 @@ def quantity(
     above: float | None = None,
     least: float | None = None,
     words: str = "",
+    finite: bool = True,
 ) -> Any:
     """Field of a dataclass that holds a number, or several, in an SI unit.
 
@@ -49,12 +51,13 @@ def quantity(
         above: 0.0 if the number must be positive, as `check_fields` demands.
         least: 0.0 if it must not be negative.
         words: what errors call it; the field's name, if not given.
+        finite: without, files may have infinity or no number (NaN) here.
     """
     if above not in (None, 0.0) or least not in (None, 0.0):
         raise ValueError("a range begins at zero, or the class checks it itself")
     check = require_positive if above == 0.0 else require_non_negative
     check = require_finite if above is None and least is None else check
-    metadata = {UNITS: units, _RANGE: check, _WORDS: words}
+    metadata = {UNITS: units, _RANGE: check, _WORDS: words, FINITE: finite}
     metadata |= {} if choices is None else {CHOICES: choices}
     if default_factory is not dataclasses.MISSING:
         return dataclasses.field(default_factory=default_factory, metadata=metadata)
@@ -111,6 +114,8 @@ class Field:
     required: bool
     choices: tuple[str, Collection[str] | Mapping[str, Any]] | None = None
     """What its words are called, and these; a mapping has the values they stand for."""
+    finite: bool = True
+    """Whether its number must be finite."""
 
 
 @cache
@@ -132,7 +137,8 @@ def fields_of(kind: type) -> dict[str, Field]:
         missing = dataclasses.MISSING
         required = one.default is missing and one.default_factory is missing
         choices = one.metadata.get(CHOICES)
-        fields[one.name] = Field(one.name, hint, units or ("",), required, choices)
+        finite = one.metadata.get(FINITE, True)
+        fields[one.name] = Field(one.name, hint, units or ("",), required, choices, finite)
     return fields
 
 

@@ -1,4 +1,4 @@
-"""Modules under the names that they had before version 0.2: they still import, with a notice."""
+"""Modules and names of `jointplay` as they were before version 0.2: still found, with a notice."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import sys
 import warnings
 from collections.abc import Sequence
 from types import ModuleType
+from typing import Any
 
 _FOLDERS = {
     "host": "files numba_cache stopping streams workers",
@@ -20,7 +21,7 @@ _FOLDERS = {
     "result": "audit histories netcdf stored",
     "scenario": "keep",
     "simulation": "limits loop",
-    "analysis": "certify claims replay wear",
+    "analysis": "claims replay wear",
     "playback": "policy",
     "contact.normal": (
         "anagnostopoulos carvalho_martins dubowsky_freudenstein esdu_78035 flores gharib_hurmuzlu "
@@ -39,10 +40,49 @@ MOVED = {
     for folder, names in _FOLDERS.items()
     for name in names.split()
 } | {
+    "jointplay.certify": "jointplay.analysis.certification",
     "jointplay.loops": "jointplay.mechanism.loop",
     "jointplay.scenario.units": "jointplay.units",
 }
 """Full name of a module before, and now."""
+
+_PACKAGES = {
+    "analysis": "allocate budget reduce_joint wear_life worn_depth",
+    "contact": (
+        "Ambrosio Anagnostopoulos BengisuAkay BrownMcPhee CarvalhoMartins Coulomb CustomBristle "
+        "CustomFilm CustomFriction CustomNormalForce Dahl DubowskyFreudenstein Esdu78035 Flores "
+        "GharibHurmuzlu Goldsmith Gonthier GonthierFriction HerbertMcWhannell Hertz HuGuo "
+        "HuntCrossley HuntCrossley1975 Johnson KelvinVoigt LankaraniNikravesh LeeWang LinearSpring "
+        "Liu LuGre Pereira PinkusSternlicht Radzimovsky ShortBearing Threlfall ZhangSharf "
+        "ZhiyingQishao"
+    ),
+    "geometry": "Form Mode",
+    "loads": "ComputedTorque Free JointFriction Prescribed Torque",
+    "motion": "cartesian_motion",
+    "result": "Audit Certificate",
+}
+
+KINDS = {
+    "ClearanceJoint": "RevoluteClearance",
+    "PrismaticJoint": "PrismaticClearance",
+    "SphericalJoint": "SphericalClearance",
+}
+"""Kinds of joint as they were called, and are."""
+
+NAMES = {
+    name: f"jointplay.{package}.{name}"
+    for package, names in _PACKAGES.items()
+    for name in names.split()
+} | {old: f"jointplay.{new}" for old, new in KINDS.items()}
+"""Name that `jointplay` itself had before, and where it is now."""
+
+
+def found(module: str, name: str) -> Any:
+    """What `module` once called `name`, one of `NAMES`, with a notice to the caller's caller."""
+    new = NAMES[name]
+    warnings.warn(f"{module}.{name} is {new} now", DeprecationWarning, stacklevel=3)
+    home, _, own = new.rpartition(".")
+    return getattr(importlib.import_module(home), own)
 
 
 class _Moved(importlib.abc.MetaPathFinder, importlib.abc.Loader):

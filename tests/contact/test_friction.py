@@ -38,19 +38,19 @@ def test_no_force_at_rest_and_dynamic_friction_when_fast(law):
 
 
 def test_coulomb_is_a_ramp_and_a_plateau():
-    law = jp.Coulomb(0.2, 1e-3)
+    law = jp.contact.Coulomb(0.2, 1e-3)
     assert mu(law, 0.25e-3) == pytest.approx(0.05)
     assert mu(law, 1e-3) == mu(law, 7.0) == 0.2
 
 
 def test_threlfall_is_its_formula():
-    law = jp.Threlfall(0.2, 2e-3)
+    law = jp.contact.Threlfall(0.2, 2e-3)
     assert mu(law, 1e-3) == pytest.approx(0.2 * (1 - math.exp(-1.5)))
     assert mu(law, 2e-3) == mu(law, 1.0) == pytest.approx(0.2 * 0.950213, rel=1e-5)
 
 
 def test_bengisu_akay_peaks_at_static_friction_and_falls_at_its_rate():
-    law = jp.BengisuAkay(0.3, 0.1, 2e-3, 50.0)
+    law = jp.contact.BengisuAkay(0.3, 0.1, 2e-3, 50.0)
     assert mu(law, 1e-3) == pytest.approx(-0.3 / 2e-3**2 * (1e-3 - 2e-3) ** 2 + 0.3)
     assert mu(law, 2e-3) == pytest.approx(0.3)
     assert mu(law, 22e-3) == pytest.approx(0.1 + 0.2 * math.exp(-1.0))
@@ -59,7 +59,7 @@ def test_bengisu_akay_peaks_at_static_friction_and_falls_at_its_rate():
 
 
 def test_brown_mcphee_is_its_formula_and_peaks_near_the_transition_speed():
-    law = jp.BrownMcPhee(0.3, 0.1, 2e-3)
+    law = jp.contact.BrownMcPhee(0.3, 0.1, 2e-3)
     for x in (0.3, 1.0, 2.5):
         printed = 0.1 * math.tanh(4 * x) + 0.2 * x / (0.25 * x**2 + 0.75) ** 2
         assert mu(law, 2e-3 * x) == pytest.approx(printed)
@@ -71,13 +71,13 @@ def test_brown_mcphee_is_its_formula_and_peaks_near_the_transition_speed():
 @pytest.mark.parametrize(
     ("make", "named"),
     [
-        (lambda: jp.Coulomb(-0.1), "-0.1"),
-        (lambda: jp.Coulomb(0.1, 0.0), "v_t"),
-        (lambda: jp.Threlfall(0.1, -1.0), "v_r"),
-        (lambda: jp.BengisuAkay(mu_s=0.05, mu_d=0.1), "mu_s must be at least mu_d = 0.1"),
-        (lambda: jp.BengisuAkay(xi=0.0), "xi"),
-        (lambda: jp.BrownMcPhee(mu_s=math.nan), "mu_s"),
-        (lambda: jp.BrownMcPhee(v_t=math.inf), "v_t"),
+        (lambda: jp.contact.Coulomb(-0.1), "-0.1"),
+        (lambda: jp.contact.Coulomb(0.1, 0.0), "v_t"),
+        (lambda: jp.contact.Threlfall(0.1, -1.0), "v_r"),
+        (lambda: jp.contact.BengisuAkay(mu_s=0.05, mu_d=0.1), "mu_s must be at least mu_d = 0.1"),
+        (lambda: jp.contact.BengisuAkay(xi=0.0), "xi"),
+        (lambda: jp.contact.BrownMcPhee(mu_s=math.nan), "mu_s"),
+        (lambda: jp.contact.BrownMcPhee(v_t=math.inf), "v_t"),
     ],
 )
 def test_impossible_friction_is_refused(make, named):
@@ -92,20 +92,20 @@ def bristle(law, speed, normal=3.0, dwell=0.0):
 @pytest.mark.parametrize("speed", [1e-4, 3e-3, 0.2])
 def test_steadily_sliding_bristles_rub_as_their_laws_say(speed):
     """A v = r z: the force is k A v/r + c v, and no more than the cap."""
-    lugre = jp.LuGre(0.1, 0.15, 1e-2, 1e5, 10.0, 0.5)
+    lugre = jp.contact.LuGre(0.1, 0.15, 1e-2, 1e5, 10.0, 0.5)
     stribeck = 0.1 + 0.05 * math.exp(-((speed / 1e-2) ** 2))
-    for law, expected in ((jp.Dahl(0.2, 3e4), 0.2), (lugre, stribeck + 0.5 * speed)):
+    for law, expected in ((jp.contact.Dahl(0.2, 3e4), 0.2), (lugre, stribeck + 0.5 * speed)):
         bend, rate, stiff, _, viscous, cap, *dwell = bristle(law, speed)
         assert dwell == [0.0, 0.0]  # no memory of the time at rest
         assert (stiff * bend * speed / rate + viscous * speed) / 3.0 == pytest.approx(expected)
         assert cap == math.inf
     assert bristle(lugre, speed)[3] == pytest.approx(10.0 * 3.0)
-    assert bristle(jp.Dahl(), speed)[3] == 0.0
+    assert bristle(jp.contact.Dahl(), speed)[3] == 0.0
 
 
 @pytest.mark.parametrize("speed", [0.0, 1e-4, 3e-3])
 def test_gonthiers_bristles_stick_and_slide_in_parts(speed):
-    law = jp.GonthierFriction(0.1, 0.15, 1e-3, 1e5, 10.0, 0.5, 0.1)
+    law = jp.contact.GonthierFriction(0.1, 0.15, 1e-3, 1e5, 10.0, 0.5, 0.1)
     stick = math.exp(-((speed / 1e-3) ** 2))
     slide = (1 - stick) * 1e5 / 10.0
     bend, rate, stiff, damp, viscous, cap, target, pace = bristle(law, speed, dwell=0.4)

@@ -14,7 +14,7 @@ from jointplay.contact.normal.line_contact import LARGEST_S, LineContactLaw
 from jointplay.contact.normal.pereira import CHANGE_M, exponent
 
 IMPLICIT = [law() for law in NORMAL_LAWS.values() if issubclass(law, LineContactLaw)]
-CYLINDRICAL = [*IMPLICIT, jp.Pereira(), jp.Liu()]
+CYLINDRICAL = [*IMPLICIT, jp.contact.Pereira(), jp.contact.Liu()]
 by_name = pytest.mark.parametrize("law", CYLINDRICAL, ids=lambda law: law.name)
 implicit = pytest.mark.parametrize("law", IMPLICIT, ids=lambda law: law.name)
 
@@ -120,7 +120,7 @@ def test_damping_is_that_of_lankarani_and_nikravesh(law):
 @by_name
 def test_a_contact_that_is_no_line_is_hertz(law):
     wall = contact(c_e=0.8)._replace(contact_length=0.0)
-    hertz, damped = jp.Hertz(), jp.LankaraniNikravesh()
+    hertz, damped = jp.contact.Hertz(), jp.contact.LankaraniNikravesh()
     for state in ((1e-6, 0.0, 0.1), (2e-5, 0.05, 0.1), (2e-5, -0.1, 0.1)):
         given = law.function(*state, *law.parameters(wall))
         assert given == pytest.approx(damped.function(*state, *damped.parameters(wall)), rel=1e-14)
@@ -129,7 +129,7 @@ def test_a_contact_that_is_no_line_is_hertz(law):
 
 def test_a_joint_gives_its_dimensions_to_the_law():
     soft = jp.Material(3e9, 0.4)
-    joint = jp.ClearanceJoint(
+    joint = jp.RevoluteClearance(
         radial_clearance=2e-4, axial_clearance=2e-4, journal_material=soft, axial_stiffness=5e9
     )
     radial, axial = joint.radial_contact, joint.axial_contact
@@ -164,20 +164,20 @@ def test_laws_agree_in_size_at_the_standard_joint():
             "liu": 0.39,
         },
     }.items():
-        johnson = rest(jp.Johnson(), depth)
+        johnson = rest(jp.contact.Johnson(), depth)
         for name, ratio in ratios.items():
             law = NORMAL_LAWS[name]()
             force = rest(law, depth, hertz if name == "hertz" else STANDARD)
             assert force / johnson == pytest.approx(ratio, abs=0.01), (name, depth)
-    assert 0.3 < rest(jp.Goldsmith(), 1e-5) / rest(jp.Johnson(), 1e-5) < 0.35
+    assert 0.3 < rest(jp.contact.Goldsmith(), 1e-5) / rest(jp.contact.Johnson(), 1e-5) < 0.35
 
 
 @pytest.mark.parametrize("cr", [0.05e-3, 0.1e-3, 0.2e-3, 0.5e-3, 1e-3, 5e-3])
 def test_pereira_is_a_fit_to_johnson(cr):
     properties = contact(cr=cr)
     for depth in np.geomspace(0.01 * cr, 0.1 * cr, 5):
-        ratio = rest(jp.Pereira(), float(depth), properties) / rest(
-            jp.Johnson(), float(depth), properties
+        ratio = rest(jp.contact.Pereira(), float(depth), properties) / rest(
+            jp.contact.Johnson(), float(depth), properties
         )
         assert 0.75 < ratio < 1.25, (cr, depth)
 
@@ -188,7 +188,7 @@ def test_pereira_is_the_printed_formula(gap, y):
     for depth in (1e-3, 2e-2):
         line = 15.0 * STANDARD.modulus * 1e-6
         force = (0.965 * gap + 0.0965) * line / gap * depth ** (y * gap**-0.005)
-        found = rest(jp.Pereira(), 1e-3 * depth, contact(cr=1e-3 * gap))
+        found = rest(jp.contact.Pereira(), 1e-3 * depth, contact(cr=1e-3 * gap))
         assert found == pytest.approx(force, rel=1e-9)
 
 
@@ -200,7 +200,7 @@ def test_pereira_exponent_changes_its_branch_without_a_jump():
 @pytest.mark.parametrize("cr", [4e-6, 11e-3])
 def test_pereira_refuses_clearances_that_it_was_not_fitted_for(cr):
     with pytest.raises(JointplayError, match=f"'pereira' is fitted .* got {cr:g} m"):
-        jp.Pereira().parameters(contact(ri=50e-3, cr=cr))
+        jp.contact.Pereira().parameters(contact(ri=50e-3, cr=cr))
 
 
 @settings(max_examples=60)
@@ -211,16 +211,18 @@ def test_liu_is_the_printed_formula(joint, share):
     e_star = joint["young"] / (2 * (1 - joint["poisson"] ** 2))
     force = math.pi / 2 * joint["length"] * e_star * depth
     force *= math.sqrt(depth / (2 * (joint["cr"] + depth)))
-    assert rest(jp.Liu(), depth, properties) == pytest.approx(force, rel=1e-9)
+    assert rest(jp.contact.Liu(), depth, properties) == pytest.approx(force, rel=1e-9)
 
 
 def test_liu_stiffens_like_hertz_and_ends_as_a_spring():
-    law, cr = jp.Liu(), STANDARD.clearance
+    law, cr = jp.contact.Liu(), STANDARD.clearance
     assert rest(law, 2e-4 * cr) / rest(law, 1e-4 * cr) == pytest.approx(2**1.5, rel=1e-3)
     assert rest(law, 2e4 * cr) / rest(law, 1e4 * cr) == pytest.approx(2.0, rel=1e-3)
 
 
-@pytest.mark.parametrize("law", [jp.DubowskyFreudenstein(), jp.Goldsmith()], ids=lambda x: x.name)
+@pytest.mark.parametrize(
+    "law", [jp.contact.DubowskyFreudenstein(), jp.contact.Goldsmith()], ids=lambda x: x.name
+)
 def test_sigma_has_its_pi_as_plane_elasticity_has(law):
     """The depth grows by f/(pi E*) for each factor e by which K grows: by the logarithm alone."""
     f = 1e5

@@ -66,8 +66,8 @@ def test_laws_pickle_and_describe_themselves(build, name):
 
 
 def test_a_word_alone_is_a_law_with_its_defaults():
-    assert isinstance(normal_law("flores"), jp.Flores)
-    assert isinstance(friction_law("brown-mcphee"), jp.BrownMcPhee)
+    assert isinstance(normal_law("flores"), jp.contact.Flores)
+    assert isinstance(friction_law("brown-mcphee"), jp.contact.BrownMcPhee)
 
 
 def test_fields_reach_the_law():
@@ -130,9 +130,9 @@ def _in_a_worker(laws):
 
 def test_a_users_law_works_in_a_worker_process():
     laws = (
-        jp.CustomNormalForce(own_force, (3.0,)),
-        jp.CustomFriction(own_friction, (0.2,)),
-        jp.CustomBristle(own_bristles, (5.0,)),
+        jp.contact.CustomNormalForce(own_force, (3.0,)),
+        jp.contact.CustomFriction(own_friction, (0.2,)),
+        jp.contact.CustomBristle(own_bristles, (5.0,)),
     )
     with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
         assert pool.submit(_in_a_worker, laws).result(60) == (6.0, (0.2,), (5.0,))
@@ -143,10 +143,10 @@ def test_a_law_that_no_worker_would_find_says_so():
         return delta
 
     for law in (
-        jp.CustomNormalForce(nested),
-        jp.CustomNormalForce(lambda delta, ddelta, ddelta0, p: delta),
-        jp.CustomFriction(lambda speed, p: speed),
-        jp.CustomBristle(lambda speed, normal, dwell, p, out: None),
+        jp.contact.CustomNormalForce(nested),
+        jp.contact.CustomNormalForce(lambda delta, ddelta, ddelta0, p: delta),
+        jp.contact.CustomFriction(lambda speed, p: speed),
+        jp.contact.CustomBristle(lambda speed, normal, dwell, p, out: None),
     ):
         with pytest.raises(JointplayError, match="cannot be sent to another process: define it"):
             pickle.dumps(law)
@@ -157,17 +157,17 @@ def test_a_compiled_users_law_travels_under_its_name(monkeypatch):
 
     compiled = numba.njit(own_friction)
     monkeypatch.setattr(f"{__name__}.own_friction", compiled)
-    again = pickle.loads(pickle.dumps(jp.CustomFriction(compiled, (0.2,))))
+    again = pickle.loads(pickle.dumps(jp.contact.CustomFriction(compiled, (0.2,))))
     assert again.function is compiled.py_func
 
 
 def test_anagnostopoulos_asks_for_the_mass_it_cannot_do_without():
     for mass in (None, 0.0, math.nan):
         with pytest.raises(JointplayError, match="mass"):
-            jp.Anagnostopoulos(mass)
+            jp.contact.Anagnostopoulos(mass)
     k, m = 4e8, 2.0
     zeta = -math.log(0.8) / math.sqrt(math.pi**2 + math.log(0.8) ** 2)
-    found = jp.Anagnostopoulos(m, k).parameters(STEEL)
+    found = jp.contact.Anagnostopoulos(m, k).parameters(STEEL)
     assert found == pytest.approx((k, 2 * zeta * math.sqrt(k * m)))
 
 
@@ -176,8 +176,8 @@ def test_without_loss_all_laws_are_springs(name):
     """c_e = 1: the way back is the way in, and of a Hertzian law it is Hertz's."""
     if name == "gharib-hurmuzlu":  # for soft impacts: it has a loss at c_e = 1 as well
         return
-    law = made(name) if name != "kelvin-voigt" else jp.KelvinVoigt(0.0)
-    joint = jp.ClearanceJoint(radial_clearance=2e-4, axial_clearance=2e-4, restitution=1.0)
+    law = made(name) if name != "kelvin-voigt" else jp.contact.KelvinVoigt(0.0)
+    joint = jp.RevoluteClearance(radial_clearance=2e-4, axial_clearance=2e-4, restitution=1.0)
     for contact in (joint.radial_contact, joint.axial_contact):
         p = law.parameters(contact)
         for depth in (1e-9, 1e-6, 3e-5):
@@ -185,14 +185,14 @@ def test_without_loss_all_laws_are_springs(name):
             assert law.function(depth, 0.1, 0.1, *p) == still
             assert law.function(depth, -0.05, 0.1, *p) == still
     if name not in ("linear-spring", "kelvin-voigt", "anagnostopoulos"):
-        hertz = jp.Hertz().function(3e-5, 0.0, 0.1, joint.hertz_stiffness)
+        hertz = jp.contact.Hertz().function(3e-5, 0.0, 0.1, joint.hertz_stiffness)
         assert still == pytest.approx(hertz, rel=1e-12)
 
 
 @pytest.mark.parametrize("name", NORMAL_LAWS)
 def test_forces_begin_at_zero_but_for_the_linear_dashpots(name):
     law = made(name)
-    joint = jp.ClearanceJoint(radial_clearance=2e-4, axial_clearance=2e-4, restitution=0.7)
+    joint = jp.RevoluteClearance(radial_clearance=2e-4, axial_clearance=2e-4, restitution=0.7)
     for contact in (joint.radial_contact, joint.axial_contact):
         p = law.parameters(contact)
         first, deep = (law.function(depth, 0.1, 0.1, *p) for depth in (1e-12, 1e-5))
@@ -206,6 +206,6 @@ def test_forces_begin_at_zero_but_for_the_linear_dashpots(name):
 def test_energy_stored_does_not_depend_on_the_approach(name):
     law = made(name)
     p = law.parameters(
-        jp.ClearanceJoint(radial_clearance=2e-4, axial_clearance=2e-4).radial_contact
+        jp.RevoluteClearance(radial_clearance=2e-4, axial_clearance=2e-4).radial_contact
     )
     assert law.function(1e-5, 0.0, 1e-3, *p) == law.function(1e-5, 0.0, 3.0, *p) > 0.0

@@ -55,7 +55,7 @@ def test_factors_are_the_printed_ones(name, c):
 def test_restitution_rises_with_the_nominal_one_and_ends_at_one(law):
     delivered = [law().effective_restitution(float(c)) for c in GRID]
     assert (np.diff(delivered) > 0.0).all()
-    if law is jp.GharibHurmuzlu:  # a law for soft impacts, and for no other
+    if law is jp.contact.GharibHurmuzlu:  # a law for soft impacts, and for no other
         return
     assert delivered[-1] == 1.0
     assert law.factor(1.0) == 0.0
@@ -101,11 +101,11 @@ def test_slope_at_the_elastic_end():
 
 
 def test_general_hunt_crossley_knows_its_restitution_only_where_there_is_one():
-    assert jp.HuntCrossley().effective_restitution(0.5) == pytest.approx(
-        jp.LankaraniNikravesh().effective_restitution(0.5)
+    assert jp.contact.HuntCrossley().effective_restitution(0.5) == pytest.approx(
+        jp.contact.LankaraniNikravesh().effective_restitution(0.5)
     )
-    assert jp.HuntCrossley(2.0, 1.0).effective_restitution(0.5) is None
-    assert jp.KelvinVoigt(1.0).effective_restitution(0.5) is None
+    assert jp.contact.HuntCrossley(2.0, 1.0).effective_restitution(0.5) is None
+    assert jp.contact.KelvinVoigt(1.0).effective_restitution(0.5) is None
 
 
 def test_hu_guo_is_the_balance_of_energies_along_hertz_speeds():
@@ -114,18 +114,20 @@ def test_hu_guo_is_the_balance_of_energies_along_hertz_speeds():
     taken = np.trapezoid(x**1.5 * np.sqrt(1.0 - x**2.5), x) / (2 / 5)  # over a U, one way
     assert taken == pytest.approx(2 / 3, rel=1e-6)
     for c in (0.2, 0.5, 0.9):
-        a = jp.HuGuo.factor(c)
+        a = jp.contact.HuGuo.factor(c)
         assert (1 - a * c * taken) / (1 + a * taken) == pytest.approx(c**2, rel=1e-5)
         half = a / 2
         assert (1 - half * c * taken) / (1 + half * taken) > 1.1 * c**2
 
 
 def test_carvalho_martins_meets_gonthier_where_exudyn_changes_over():
-    assert jp.CarvalhoMartins.factor(1 / 3) == pytest.approx(jp.Gonthier.factor(1 / 3), rel=1e-12)
+    assert jp.contact.CarvalhoMartins.factor(1 / 3) == pytest.approx(
+        jp.contact.Gonthier.factor(1 / 3), rel=1e-12
+    )
 
 
 def test_gharib_hurmuzlu_is_the_soft_limit_of_the_exact_factor():
-    law = jp.GharibHurmuzlu()
+    law = jp.contact.GharibHurmuzlu()
     for c in (1e-3, 1e-2, 0.1):
         assert law.factor(c) == pytest.approx(exact_factor(c), rel=0.02)
     inside = [float(c) for c in GRID if c <= 0.33]
@@ -139,8 +141,8 @@ def test_exact_factor_next_to_one_is_its_first_order():
 
 
 def test_anagnostopoulos_is_a_spring_and_a_dashpot():
-    law = jp.Anagnostopoulos(2.0, 1e8)
-    p = law.parameters(jp.ClearanceJoint.planar(radial_clearance=1e-4).contact_properties(0))
+    law = jp.contact.Anagnostopoulos(2.0, 1e8)
+    p = law.parameters(jp.RevoluteClearance.planar(radial_clearance=1e-4).contact_properties(0))
     assert law.function(1e-5, 0.2, 1.0, *p) == pytest.approx(p[0] * 1e-5 + p[1] * 0.2, rel=1e-12)
     assert p[0] == 1e8
 
@@ -151,10 +153,10 @@ def test_a_dashpot_that_never_pulls_gives_back_less_than_asked():
         zeta = -math.log(c) / math.hypot(math.pi, math.log(c))
         phi = math.acos(zeta)
         expected = math.exp(-2 * phi / math.tan(phi))
-        assert jp.Anagnostopoulos(2.0).effective_restitution(c) == pytest.approx(expected)
+        assert jp.contact.Anagnostopoulos(2.0).effective_restitution(c) == pytest.approx(expected)
 
 
 def test_linear_spring_stores_hertz_energy_at_ten_micrometres():
-    contact = jp.ClearanceJoint.planar(radial_clearance=1e-4).contact_properties(0)
-    k, *_ = jp.LinearSpring().parameters(contact)
+    contact = jp.RevoluteClearance.planar(radial_clearance=1e-4).contact_properties(0)
+    k, *_ = jp.contact.LinearSpring().parameters(contact)
     assert k * 1e-5**2 / 2 == pytest.approx(0.4 * contact.stiffness * 1e-5**2.5, rel=1e-12)

@@ -15,7 +15,7 @@ GENTLE = {"max_depth": 5e-6, "max_speed": 1e-3}
 
 def joint(c_e=0.9, **material):
     steel = jp.Material(**({"density": 7800.0} | material))
-    return jp.ClearanceJoint(
+    return jp.RevoluteClearance(
         **PLAY, restitution=c_e, bearing_material=steel, journal_material=steel
     )
 
@@ -24,32 +24,35 @@ def joint(c_e=0.9, **material):
 def test_a_gentle_run_is_not_warned_of_and_a_silent_joint_not_checked(name):
     needed = {"kelvin-voigt": (1.0,), "anagnostopoulos": (2.0,)}
     if name == "gharib-hurmuzlu":  # for soft impacts only: it warns of c_e = 0.95, and should
-        assert "delivers" in jp.GharibHurmuzlu().warnings(joint(0.95).radial_contact, **GENTLE)[0]
+        assert (
+            "delivers"
+            in jp.contact.GharibHurmuzlu().warnings(joint(0.95).radial_contact, **GENTLE)[0]
+        )
         return
     law = NORMAL_LAWS[name](*needed.get(name, ()))
     for contact in (joint(0.95).radial_contact, joint(0.95).axial_contact):
         assert law.warnings(contact, **GENTLE) == []
         assert law.warnings(contact, max_depth=0.0, max_speed=0.0) == []
-    unknown = jp.ClearanceJoint(**PLAY, restitution=0.95).radial_contact  # no density, no yield
+    unknown = jp.RevoluteClearance(**PLAY, restitution=0.95).radial_contact  # no density, no yield
     assert law.warnings(unknown, max_depth=5e-6, max_speed=10.0) == []
 
 
 def test_restitution_that_is_not_delivered():
-    law = jp.LankaraniNikravesh()
+    law = jp.contact.LankaraniNikravesh()
     assert law.warnings(joint(0.8).radial_contact, **GENTLE) == []
     (line,) = law.warnings(joint(0.5).radial_contact, **GENTLE)
     assert "delivers a restitution of 0.725 where 0.5 is asked for" in line
-    assert jp.ZhangSharf().warnings(joint(0.5).radial_contact, **GENTLE) == []
-    assert jp.Hertz().warnings(joint(0.5).radial_contact, **GENTLE) == []
-    (line,) = jp.Anagnostopoulos(2.0).warnings(joint(0.3).radial_contact, **GENTLE)
+    assert jp.contact.ZhangSharf().warnings(joint(0.5).radial_contact, **GENTLE) == []
+    assert jp.contact.Hertz().warnings(joint(0.5).radial_contact, **GENTLE) == []
+    (line,) = jp.contact.Anagnostopoulos(2.0).warnings(joint(0.3).radial_contact, **GENTLE)
     assert "delivers" in line
 
 
 def test_speed_of_waves():
     limit = 1e-5 * math.sqrt(207e9 / 7800.0)  # 0.05 m/s for steel
     contact = joint().radial_contact
-    assert jp.Hertz().warnings(contact, max_depth=1e-6, max_speed=0.99 * limit) == []
-    (line,) = jp.Hertz().warnings(contact, max_depth=1e-6, max_speed=1.01 * limit)
+    assert jp.contact.Hertz().warnings(contact, max_depth=1e-6, max_speed=0.99 * limit) == []
+    (line,) = jp.contact.Hertz().warnings(contact, max_depth=1e-6, max_speed=1.01 * limit)
     assert "quasi-static" in line
     assert "0.0515 m/s" in line
 
@@ -58,16 +61,16 @@ def test_the_faster_waves_of_both_bodies_count():
     """As Lankarani and Nikravesh (1990) have it; and nothing counts if one is not known."""
     hard, soft = jp.material("steel"), jp.material("pom")
     for pair in ((hard, soft), (soft, hard)):
-        both = jp.ClearanceJoint(**PLAY, bearing_material=pair[0], journal_material=pair[1])
+        both = jp.RevoluteClearance(**PLAY, bearing_material=pair[0], journal_material=pair[1])
         assert both.radial_contact.wave_speed == hard.wave_speed > 3 * soft.wave_speed
-    unknown = jp.ClearanceJoint(**PLAY, bearing_material=hard)
+    unknown = jp.RevoluteClearance(**PLAY, bearing_material=hard)
     assert unknown.radial_contact.wave_speed == math.inf
 
 
 def test_contact_grown_out_of_its_theory():
     contact = joint().radial_contact
     edge = (0.3 * contact.journal_radius) ** 2 / contact.radius
-    for law, at in ((jp.Hertz(), contact), (jp.Johnson(), joint().axial_contact)):
+    for law, at in ((jp.contact.Hertz(), contact), (jp.contact.Johnson(), joint().axial_contact)):
         assert law.warnings(at, max_depth=0.99 * edge, max_speed=0.0) == []
         (line,) = law.warnings(at, max_depth=1.01 * edge, max_speed=0.0)
         assert "assumes a small contact" in line
@@ -75,7 +78,7 @@ def test_contact_grown_out_of_its_theory():
 
 def test_line_contact_warns_where_its_formula_ends():
     contact = joint().radial_contact
-    for law, limit in ((jp.Johnson(), 0.3983), (jp.Radzimovsky(), 0.5245)):
+    for law, limit in ((jp.contact.Johnson(), 0.3983), (jp.contact.Radzimovsky(), 0.5245)):
         depth = limit * contact.clearance
         below, above = (
             law.warnings(contact, max_depth=factor * depth, max_speed=0.0)
@@ -90,8 +93,8 @@ def test_yield_of_points_and_lines():
     contact = joint(yield_strength=400e6).radial_contact
     point = contact.radius * (1.60 * 400e6 * math.pi / (2 * contact.modulus)) ** 2
     force = math.pi * contact.radius * (1.79 * 400e6) ** 2 / contact.modulus
-    line = jp.Johnson().depth(force * contact.contact_length, contact)
-    for law, depth in ((jp.Hertz(), point), (jp.Johnson(), line)):
+    line = jp.contact.Johnson().depth(force * contact.contact_length, contact)
+    for law, depth in ((jp.contact.Hertz(), point), (jp.contact.Johnson(), line)):
         below, above = (
             law.warnings(contact, max_depth=factor * depth, max_speed=0.0)
             for factor in (0.999, 1.001)
@@ -114,10 +117,10 @@ def test_warnings_are_single_lines_that_begin_with_the_law(name):
 
 
 def test_contacts_of_other_joints_have_their_radius():
-    ball = jp.SphericalJoint(radial_clearance=2e-4)
+    ball = jp.SphericalClearance(radial_clearance=2e-4)
     socket = ball.contact_properties(0)
     assert socket.radius == pytest.approx(ball.bearing_radius * ball.rj / ball.cr)
-    slider = jp.PrismaticJoint(clearance=1e-4, corner_radius=2e-3)
+    slider = jp.PrismaticClearance(clearance=1e-4, corner_radius=2e-3)
     corner = slider.contact_properties(0)
     assert corner.radius == corner.journal_radius == 2e-3
     for contact in (socket, corner):
@@ -129,18 +132,20 @@ def test_contacts_of_other_joints_have_their_radius():
 
 def test_a_parallel_journal_touches_with_its_whole_length():
     tilting, planar = (
-        jp.ClearanceJoint(radial_clearance=2e-4, axial_clearance=2e-4),
-        jp.ClearanceJoint.planar(radial_clearance=2e-4, journal_length=39.6e-3),
+        jp.RevoluteClearance(radial_clearance=2e-4, axial_clearance=2e-4),
+        jp.RevoluteClearance.planar(radial_clearance=2e-4, journal_length=39.6e-3),
     )
     assert tilting.contact_properties(0).contact_length == tilting.lj / 2
     assert planar.contact_properties(0).contact_length == planar.lj
 
 
-@pytest.mark.parametrize("law", [jp.Johnson(), jp.Pereira()], ids=lambda law: law.name)
+@pytest.mark.parametrize(
+    "law", [jp.contact.Johnson(), jp.contact.Pereira()], ids=lambda law: law.name
+)
 def test_joints_without_a_bore_refuse_laws_of_cylinders(law):
     for make in (
-        lambda: jp.SphericalJoint(radial_clearance=2e-4, normal=law),
-        lambda: jp.PrismaticJoint(clearance=1e-4, normal=law),
+        lambda: jp.SphericalClearance(radial_clearance=2e-4, normal=law),
+        lambda: jp.PrismaticClearance(clearance=1e-4, normal=law),
     ):
         with pytest.raises(JointplayError, match=f"'{law.name}' is for a cylinder in a bore"):
             make()
@@ -213,7 +218,7 @@ def own_force(delta, ddelta, ddelta0, p):
 
 
 def test_of_a_users_law_nobody_else_knows_the_range(free_mass):
-    own = jp.CustomNormalForce(own_force, (4e8,))
+    own = jp.contact.CustomNormalForce(own_force, (4e8,))
     audit = hit(free_mass, normal=own, **steel(density=7800.0, yield_strength=1e6)).audit
     assert audit.impacts == 1
     assert audit.law_warnings == ()

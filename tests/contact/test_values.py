@@ -39,7 +39,7 @@ EVERY = [
 every = pytest.mark.parametrize(
     ("build", "name"), EVERY, ids=lambda part: part if isinstance(part, str) else part.__name__
 )
-JOINT = jp.ClearanceJoint(radial_clearance=2e-4, axial_clearance=2e-4)
+JOINT = jp.RevoluteClearance(radial_clearance=2e-4, axial_clearance=2e-4)
 FILM = FilmProperties(2e-4, 10e-3, 20e-3, 2)
 
 
@@ -53,7 +53,7 @@ def test_equal_laws_are_equal_hash_alike_and_are_shown_as_one_writes_them(build,
     assert law == made(name, build)
     assert hash(law) == hash(made(name, build))
     assert eval(repr(law), vars(jp) | {type(law).__name__: type(law)}) == law
-    assert law != jp.Hertz() or name == "hertz"
+    assert law != jp.contact.Hertz() or name == "hertz"
 
 
 @every
@@ -80,15 +80,15 @@ def test_a_law_gives_its_function_as_many_numbers_as_that_names(build, name):
 
 
 def test_a_changed_law_is_another_law():
-    law = jp.Ambrosio(0.3)
-    assert replace(law, mu_d=0.2) == jp.Ambrosio(0.2) != law
-    assert jp.KelvinVoigt(30) == jp.KelvinVoigt(30.0)
-    assert repr(jp.KelvinVoigt(30)) == "KelvinVoigt(damping=30.0, stiffness=None)"
+    law = jp.contact.Ambrosio(0.3)
+    assert replace(law, mu_d=0.2) == jp.contact.Ambrosio(0.2) != law
+    assert jp.contact.KelvinVoigt(30) == jp.contact.KelvinVoigt(30.0)
+    assert repr(jp.contact.KelvinVoigt(30)) == "KelvinVoigt(damping=30.0, stiffness=None)"
 
 
 def test_a_wrong_number_says_at_which_field():
     with pytest.raises(JointplayError) as caught:
-        jp.Coulomb(v_t=-1.0)
+        jp.contact.Coulomb(v_t=-1.0)
     assert caught.value.where == ("v_t",)
     assert pickle.loads(pickle.dumps(caught.value)).where == ("v_t",)
 
@@ -128,8 +128,8 @@ def compiled(law, *state, parameters, answers=0):
 
 
 def test_parameters_by_name_are_those_by_number_bit_for_bit():
-    first = jp.CustomNormalForce(named, {"alpha": 0.3, "stiffness": 1e11})
-    second = jp.CustomNormalForce(listed, (1e11, 0.3))
+    first = jp.contact.CustomNormalForce(named, {"alpha": 0.3, "stiffness": 1e11})
+    second = jp.contact.CustomNormalForce(listed, (1e11, 0.3))
     assert first.values == second.values
     for state in ((1e-5, 0.02, 0.1), (3e-6, -0.1, 0.4)):
         forces = {compiled(law, *state, parameters=law.values) for law in (first, second)}
@@ -137,22 +137,22 @@ def test_parameters_by_name_are_those_by_number_bit_for_bit():
 
 
 def test_friction_bristles_and_films_name_their_parameters_too():
-    assert compiled(jp.CustomFriction(rubbing, {"mu": 0.2}), 1.0, parameters=(0.2,)) == 0.2
-    law = jp.CustomBristle(brushing, {"mu": 0.1, "sigma": 1e5})
+    assert compiled(jp.contact.CustomFriction(rubbing, {"mu": 0.2}), 1.0, parameters=(0.2,)) == 0.2
+    law = jp.contact.CustomBristle(brushing, {"mu": 0.1, "sigma": 1e5})
     numbers = compiled(law, 0.5, 3.0, 0.0, parameters=law.parameters(), answers=8)
     assert numbers == list(brushing(0.5, 3.0, 0.0, 1e5, 0.1))
-    film = jp.CustomFilm(oil, {"share": 7.0}, viscosity=0.1)
+    film = jp.contact.CustomFilm(oil, {"share": 7.0}, viscosity=0.1)
     numbers = compiled(film, 0.1, 2.0, 0.0, 0.0, parameters=film.parameters(FILM), answers=4)
     assert numbers == pytest.approx([-0.1 * 20e-3 * 2.0, 0.0, 0.0, 7.0])
 
 
 def test_users_laws_are_values():
-    law = jp.CustomNormalForce(named, (1e11, 0.3))
-    assert law == jp.CustomNormalForce(named, {"stiffness": 1e11, "alpha": 0.3})
+    law = jp.contact.CustomNormalForce(named, (1e11, 0.3))
+    assert law == jp.contact.CustomNormalForce(named, {"stiffness": 1e11, "alpha": 0.3})
     assert eval(repr(law), {**vars(jp), "named": named}) == law
-    assert law != jp.CustomNormalForce(named, (1e11, 0.2))
-    film = jp.CustomFilm(oil, (1.0,), viscosity=0.1)
-    assert eval(repr(film), {**vars(jp), "oil": oil, "CustomFilm": jp.CustomFilm}) == film
+    assert law != jp.contact.CustomNormalForce(named, (1e11, 0.2))
+    film = jp.contact.CustomFilm(oil, (1.0,), viscosity=0.1)
+    assert eval(repr(film), {**vars(jp), "oil": oil, "CustomFilm": jp.contact.CustomFilm}) == film
     with pytest.raises(FrozenInstanceError):
         law.values = ()
 
@@ -169,7 +169,7 @@ def test_users_laws_are_values():
 )
 def test_parameters_that_do_not_fit_are_named(function, parameters, message):
     with pytest.raises(JointplayError, match=message):
-        jp.CustomNormalForce(function, parameters)
+        jp.contact.CustomNormalForce(function, parameters)
 
 
 def test_an_elastic_force_that_depends_on_the_approach_is_refused_at_once():
@@ -177,4 +177,4 @@ def test_an_elastic_force_that_depends_on_the_approach_is_refused_at_once():
         return stiffness * delta * (1.0 + ddelta0)
 
     with pytest.raises(JointplayError, match=r"'remembers'.*must not depend on ddelta0"):
-        jp.CustomNormalForce(remembers, (1e8,))
+        jp.contact.CustomNormalForce(remembers, (1e8,))

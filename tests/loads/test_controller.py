@@ -11,7 +11,7 @@ import jointplay as jp
 from jointplay.kernel.integrators import INTEGRATORS
 from jointplay.loads import Controller
 
-QUIET = {"joint_friction": {}, "drive": jp.Free()}
+QUIET = {"joint_friction": {}, "drive": jp.loads.Free()}
 INERTIA, KP, KD = 0.02, 8.0, 0.2
 
 

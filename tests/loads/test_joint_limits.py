@@ -59,7 +59,7 @@ def test_efforts_can_be_cut_to_their_limits(urdf, integrator):
 
 def test_controllers_are_cut_too(urdf):
     loads = {"c": Controller(("a",), push, (3.0,))}
-    options = {"drive": jp.Free(), "duration": 0.02, "loads": loads}
+    options = {"drive": jp.loads.Free(), "duration": 0.02, "loads": loads}
     free = jp.simulate(rotor(urdf), **options)
     cut = jp.simulate(rotor(urdf), limits="cut", **options)
     assert float(free["v"][-1, 0]) == pytest.approx(3.0)
@@ -70,7 +70,7 @@ def test_controllers_are_cut_too(urdf):
 
 def test_a_position_that_the_run_reaches_is_reported(urdf):
     result = jp.simulate(
-        rotor(urdf), drive=jp.Free(), duration=0.5, start={"a": 0.0}, start_speed={"a": 3.0}
+        rotor(urdf), drive=jp.loads.Free(), duration=0.5, start={"a": 0.0}, start_speed={"a": 3.0}
     )
     (text,) = result.audit.limit_warnings
     assert "joint 'a' was at 1.5 rad at t = 0.5 s, beyond its limits -1 to 1 rad" in text

@@ -8,7 +8,7 @@ import jointplay as jp
 from jointplay.kernel.integrators import INTEGRATORS
 from jointplay.loads import Stop, TorsionSpring
 
-QUIET = {"joint_friction": {}, "drive": jp.Free()}
+QUIET = {"joint_friction": {}, "drive": jp.loads.Free()}
 
 
 def rotor(urdf, inertia=0.02, kind="revolute"):
@@ -92,7 +92,7 @@ def test_without_limits_a_stop_must_say_where(urdf):
 def test_a_spring_acts_at_a_joint_with_clearance(urdf):
     """The yaw of its virtual link swings like the ideal joint's coordinate."""
     path = urdf(body("disc", 1.0, "0 0 0", 0.02), joint("a", "base", "disc"))
-    play = jp.ClearanceJoint(radial_clearance=1e-4, axial_clearance=1e-4)
+    play = jp.RevoluteClearance(radial_clearance=1e-4, axial_clearance=1e-4)
     robot = jp.Mechanism(path, {"a": play}, gravity=(0.0, 0.0, 0.0))
     loads = {"s": TorsionSpring("a", 8.0)}
     result = jp.simulate(robot, duration=0.2, start={"a": 0.3}, loads=loads, **QUIET)

@@ -9,7 +9,7 @@ import jointplay as jp
 from jointplay.kernel.integrators import INTEGRATORS
 from jointplay.loads import LoadedFriction, Wrench
 
-QUIET = {"joint_friction": {}, "drive": jp.Free()}
+QUIET = {"joint_friction": {}, "drive": jp.loads.Free()}
 
 
 @pytest.mark.parametrize("integrator", INTEGRATORS)

@@ -9,7 +9,7 @@ import jointplay as jp
 from jointplay.loads import Controller, LoadedFriction, Spring, Stop, TorsionSpring, Wrench
 
 QUIET = {"joint_friction": {}}
-FREE = {**QUIET, "drive": jp.Free()}
+FREE = {**QUIET, "drive": jp.loads.Free()}
 
 
 def arm(urdf, clearance=None):
@@ -46,7 +46,7 @@ def every_load():
 )
 @pytest.mark.parametrize("play", [False, True])
 def test_energy_is_kept_with_all_loads_at_once(urdf, options, play):
-    clearance = {"b": jp.ClearanceJoint(radial_clearance=1e-4, axial_clearance=1e-4)}
+    clearance = {"b": jp.RevoluteClearance(radial_clearance=1e-4, axial_clearance=1e-4)}
     robot = arm(urdf, clearance if play else None)
     options = options | {"duration": 0.2, "start": {"a": 0.2}, **FREE}
     result = jp.simulate(robot, loads=every_load(), **options)
@@ -84,7 +84,7 @@ def test_prescribed_motion_takes_the_torque_that_loads_ask_for(urdf, integrator)
     motion = jp.Motion(["a"], [0.0, 0.2], [[0.0], [0.8]])
     loads = {"k": TorsionSpring("a", 5.0, 0.1), "m": Wrench("disc", moment=(0, 0, 0.7))}
     result = jp.simulate(
-        robot, motion, drive=jp.Prescribed(), loads=loads, integrator=integrator, **QUIET
+        robot, motion, drive=jp.loads.Prescribed(), loads=loads, integrator=integrator, **QUIET
     )
     q, v, a = motion(result.time)
     assert np.abs(result["q"].values - q).max() < 1e-9

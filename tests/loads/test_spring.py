@@ -10,7 +10,7 @@ import jointplay as jp
 from jointplay.kernel.integrators import INTEGRATORS
 from jointplay.loads import CurveSpring, Spring
 
-QUIET = {"joint_friction": {}, "drive": jp.Free()}
+QUIET = {"joint_friction": {}, "drive": jp.loads.Free()}
 
 
 def slider(urdf, mass=2.0, axis="1 0 0"):

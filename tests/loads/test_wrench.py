@@ -8,7 +8,7 @@ import jointplay as jp
 from jointplay.kernel.integrators import INTEGRATORS
 from jointplay.loads import Wrench, WrenchFunction, WrenchOverTime
 
-QUIET = {"joint_friction": {}, "drive": jp.Free()}
+QUIET = {"joint_friction": {}, "drive": jp.loads.Free()}
 
 
 def slider(urdf, mass=2.0):

@@ -19,10 +19,10 @@ WEIGHT = MASS * 9.81
 def pulled(urdf, friction, speed, bandwidth, duration, *, damping=0.0, **options):
     """Run the block pulled at `speed` [m/s] by a spring of stiffness bandwidth^2 m."""
     path = urdf(body("block", MASS), joint("guide", "base", "block", "prismatic"))
-    play = jp.PrismaticJoint(clearance=1e-4, planar=True, lock_tilt=True, friction=friction)
+    play = jp.PrismaticClearance(clearance=1e-4, planar=True, lock_tilt=True, friction=friction)
     robot = jp.Mechanism(path, {"guide": play}, gravity=(-9.81, 0, 0))
     motion = jp.Motion(["guide"], [0, 1], [[0], [speed]], "constant-speed")
-    drive = jp.ComputedTorque(bandwidth, damping)
+    drive = jp.loads.ComputedTorque(bandwidth, damping)
     return jp.simulate(robot, motion, drive=drive, duration=duration, **options)
 
 
@@ -85,10 +85,10 @@ def test_steady_sliding_rubs_with_the_dynamic_coefficient(urdf, law, mu):
 def test_a_block_that_sticks_bends_the_bristles_by_force_over_stiffness(urdf, law):
     """Pulled by less than friction can hold, it moves by F / (sigma0 F_n) and comes back."""
     path = urdf(body("block", MASS), joint("guide", "base", "block", "prismatic"))
-    play = jp.PrismaticJoint(clearance=1e-4, planar=True, lock_tilt=True, friction=law)
+    play = jp.PrismaticClearance(clearance=1e-4, planar=True, lock_tilt=True, friction=law)
     robot = jp.Mechanism(path, {"guide": play}, gravity=(-9.81, 0, 0))
     pull = 0.3 * law.mu_d * WEIGHT
-    torque = jp.Torque((0.0, 0.1, 0.3, 0.6, 0.8), (0.0, 0.0, pull, pull, 0.0))
+    torque = jp.loads.Torque((0.0, 0.1, 0.3, 0.6, 0.8), (0.0, 0.0, pull, pull, 0.0))
     result = jp.simulate(robot, drive={"guide": torque}, duration=1.1, record_every=100)
     z = result["q"].sel(coordinate="guide.z").values
     held = np.interp([0.55, 1.05], result.time, z - z[0])

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 import jointplay as jp
 from jointplay.kernel import Command, Status
 
-PLAY = jp.ClearanceJoint(radial_clearance=2e-4, axial_clearance=2e-4)
+PLAY = jp.RevoluteClearance(radial_clearance=2e-4, axial_clearance=2e-4)
 SLIDERS = (
     '<link name="a"/><link name="b"/>',
     body("one", 3.0, "0.02 0 0.1"),
@@ -29,7 +29,7 @@ def flying(path, worn, velocity, *, journals=1.0, **options):
     robot = jp.Mechanism(path, dict.fromkeys(worn, PLAY), gravity=(0, 0, 0))
     options = {"duration": 0.02, "step": 4e-6, "integrator": "rk4"} | options
     motion = still(robot, options["duration"])
-    drive = jp.ComputedTorque(bandwidth=1.0)
+    drive = jp.loads.ComputedTorque(bandwidth=1.0)
     run = release(jp.Simulation(robot, motion, drive, **options).prepare())
     run.workspace.v[: len(velocity)] = velocity
     random = np.random.default_rng(0)

@@ -106,7 +106,7 @@ def test_reactions_of_prescribed_joints_are_those_of_the_motion(urdf):
 
 
 def test_prescribed_joint_beside_a_worn_one_is_exact_and_balances_the_energy(urdf):
-    worn = jp.ClearanceJoint(radial_clearance=2e-4, axial_clearance=2e-4)
+    worn = jp.RevoluteClearance(radial_clearance=2e-4, axial_clearance=2e-4)
     robot = arm(urdf, {"b": worn})
     drives = {"a": Prescribed(), "b": ComputedTorque()}
     result = jp.simulate(robot, MOVE, drive=drives, step=5e-6, **QUIET)
@@ -123,7 +123,7 @@ def test_prescribed_joint_beside_a_worn_one_is_exact_and_balances_the_energy(urd
 
 @pytest.mark.parametrize("yaw", ["worn", "ideal"])
 def test_prescribed_crank_at_constant_speed_never_lags(urdf, yaw):
-    worn = jp.ClearanceJoint(radial_clearance=2e-4, axial_clearance=2e-4)
+    worn = jp.RevoluteClearance(radial_clearance=2e-4, axial_clearance=2e-4)
     robot = rotor(urdf, clearance={"a": worn} if yaw == "worn" else None)
     motion = jp.Motion(["a"], [0, 1], [[0], [300.0]], "constant-speed")
     result = jp.simulate(robot, motion, drive=Prescribed(), duration=0.05)

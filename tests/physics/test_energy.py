@@ -7,7 +7,7 @@ from conftest import body, joint, release, still
 import jointplay as jp
 from jointplay.kernel.integrators import INTEGRATORS
 
-ELASTIC = {"normal": jp.Hertz(), "restitution": 1.0, "friction": jp.Ambrosio(0.0)}
+ELASTIC = {"normal": jp.contact.Hertz(), "restitution": 1.0, "friction": jp.contact.Ambrosio(0.0)}
 TUMBLING = {
     "offset": (2e-5, 1e-5, 3e-5, 0.0, 1e-3, 2e-3),
     "velocity": (0.2, 0.13, -0.1, 0.0, 3.0, -2.0),
@@ -67,7 +67,7 @@ def test_what_an_impact_loses_is_what_damping_takes(free_mass, restitution):
         offset=(0, 0, 1.99e-4, 0, 0, 0),
         velocity=(0, 0, 0.2, 0, 0, 0),
         restitution=restitution,
-        friction=jp.Ambrosio(0.0),
+        friction=jp.contact.Ambrosio(0.0),
         integrator="rk4",
     ).execute()
     kinetic = result["kinetic_energy"].values
@@ -87,13 +87,13 @@ def test_sliding_face_is_slowed_by_mu_times_its_weight(free_mass, direction, mu)
     """x = v t - mu g t^2/2. The centre of mass lies in the face, so nothing tips."""
     weight, speed, duration = 2.0 * 9.81, 0.1, 0.02
     sizes = {"radial_clearance": SEAT, "axial_clearance": 2e-4}
-    bearing = jp.ClearanceJoint(**sizes)
+    bearing = jp.RevoluteClearance(**sizes)
     sunk = (weight / bearing.hertz_stiffness) ** (2.0 / 3.0)
     way = np.array([np.cos(direction), np.sin(direction)])
     result = free_mass(
         **sizes,
-        normal=jp.Hertz(),
-        friction=jp.Ambrosio(mu),
+        normal=jp.contact.Hertz(),
+        friction=jp.contact.Ambrosio(mu),
         com=f"0 0 {-bearing.lj / 2}",
         gravity=(0, 0, -9.81),
         offset=(0, 0, -bearing.ca - sunk, 0, 0, 0),
@@ -117,12 +117,12 @@ def test_ramp_of_friction_brakes_without_stopping(free_mass):
     """Between v0 and v1 friction is a damper; below v0 there is none, and the body creeps on."""
     v0, v1, mu, weight = 1e-3, 1e-1, 0.2, 2.0 * 9.81
     sizes = {"radial_clearance": SEAT, "axial_clearance": 2e-4}
-    bearing = jp.ClearanceJoint(**sizes)
+    bearing = jp.RevoluteClearance(**sizes)
     sunk = (weight / bearing.hertz_stiffness) ** (2.0 / 3.0)
     result = free_mass(
         **sizes,
-        normal=jp.Hertz(),
-        friction=jp.Ambrosio(mu, v0, v1),
+        normal=jp.contact.Hertz(),
+        friction=jp.contact.Ambrosio(mu, v0, v1),
         com=f"0 0 {-bearing.lj / 2}",
         gravity=(0, 0, -9.81),
         offset=(0, 0, -bearing.ca - sunk, 0, 0, 0),
@@ -143,10 +143,10 @@ def test_drives_joint_friction_and_gravity_balance_in_a_moving_robot(urdf):
         joint("a", "base", "one", axis="0 1 0"),
         joint("b", "one", "two", axis="0 1 0", at="0.3 0 0"),
     )
-    worn = jp.ClearanceJoint(radial_clearance=2e-4, axial_clearance=2e-4)
+    worn = jp.RevoluteClearance(radial_clearance=2e-4, axial_clearance=2e-4)
     robot = jp.Mechanism(path, {"b": worn})
     motion = jp.Motion(["a", "b"], [0.0, 0.15, 0.3], [[0.0, 0.0], [0.4, -0.5], [0.0, 0.0]])
-    losses = {"a": jp.JointFriction(1.0, 0.5)}
+    losses = {"a": jp.loads.JointFriction(1.0, 0.5)}
     result = jp.simulate(robot, motion, joint_friction=losses)
     last = {name: float(result[name][-1]) for name in result.dataset.data_vars if
             result[name].dims == ("time",)}  # fmt: skip
@@ -174,7 +174,7 @@ def test_energy_residual_of_smooth_motion_falls_at_the_integrators_order(urdf, m
     )
     mechanism = jp.Mechanism(path)
     motion = still(mechanism, 0.32)
-    drive = jp.ComputedTorque(bandwidth=1.0)
+    drive = jp.loads.ComputedTorque(bandwidth=1.0)
     steps = np.array([2e-3, 1e-3, 5e-4])
     found = []
     for step in steps:

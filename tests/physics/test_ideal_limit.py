@@ -21,8 +21,8 @@ def arm(urdf, clearance=None, axis="0 0 1", gravity=(0, 0, 0)):
     )
     worn = {}
     if clearance:
-        worn["b"] = jp.ClearanceJoint(
-            radial_clearance=clearance, axial_clearance=clearance, friction=jp.Ambrosio(0.0)
+        worn["b"] = jp.RevoluteClearance(
+            radial_clearance=clearance, axial_clearance=clearance, friction=jp.contact.Ambrosio(0.0)
         )
     return jp.Mechanism(path, worn, gravity=gravity)
 
@@ -45,7 +45,7 @@ def test_tool_error_is_proportional_to_the_clearance(urdf, gravity):
 def test_reactions_of_the_ideal_robot_are_newtons(urdf):
     """Force at each joint = mass beyond it times (acceleration of its centre - gravity)."""
     robot = arm(urdf, axis="0 0.6 0.8", gravity=(1.0, 2.0, -9.81))
-    losses = {"a": jp.JointFriction(3.0, 1.0), "b": jp.JointFriction(1.0, 0.5)}
+    losses = {"a": jp.loads.JointFriction(3.0, 1.0), "b": jp.loads.JointFriction(1.0, 0.5)}
     result = jp.simulate(robot, MOTION, joint_friction=losses, integrator="rk4", record_every=1)
     centres = []
     for q in result["q"].values:

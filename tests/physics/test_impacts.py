@@ -15,7 +15,7 @@ from jointplay.kernel import Status
 from jointplay.mechanism.impact import impact_depth
 
 FAMILY = [law() for law in NORMAL_LAWS.values() if issubclass(law, HysteresisLaw)]
-CYLINDRICAL = [law for law in FAMILY if isinstance(law, (LineContactLaw, jp.Pereira))]
+CYLINDRICAL = [law for law in FAMILY if isinstance(law, (LineContactLaw, jp.contact.Pereira))]
 hysteresis = pytest.mark.parametrize("law", FAMILY, ids=lambda law: law.name)
 cylindrical = pytest.mark.parametrize("law", CYLINDRICAL, ids=lambda law: law.name)
 MASS = 2.0
@@ -23,7 +23,7 @@ SLIPPERY = {name: {"mu_s": 0.3} for name in ("bengisu-akay", "brown-mcphee", "lu
 
 
 def joint(c_e):
-    return jp.ClearanceJoint(radial_clearance=2e-4, axial_clearance=2e-4, restitution=c_e)
+    return jp.RevoluteClearance(radial_clearance=2e-4, axial_clearance=2e-4, restitution=c_e)
 
 
 def closed_form(a):
@@ -100,14 +100,14 @@ def test_nothing_is_lost_without_damping(law):
 
 @pytest.mark.parametrize("speed", [0.01, 0.3])
 def test_zhang_and_sharf_deliver_what_is_asked_for(speed):
-    law = jp.ZhangSharf()
+    law = jp.contact.ZhangSharf()
     for c_e in (0.15, 0.45, 0.8):
         rebound, *_ = impact(law, law.parameters(joint(c_e).radial_contact), speed)
         assert rebound == pytest.approx(c_e, abs=1e-6)
 
 
 def test_a_wrong_factor_fails_the_check():
-    law = jp.Flores()
+    law = jp.contact.Flores()
     k, a = law.parameters(joint(0.5).radial_contact)
     rebound, *_ = impact(law, (k, 1.1 * a), 0.1)
     assert abs(rebound - closed_form(a)) > 0.01
@@ -122,7 +122,7 @@ def test_softer_material_takes_more(law):
 
 @pytest.mark.parametrize("c_e", [0.2, 0.5, 0.9])
 def test_anagnostopoulos_with_and_without_the_pull_of_its_dashpot(c_e):
-    law = jp.Anagnostopoulos(MASS)
+    law = jp.contact.Anagnostopoulos(MASS)
     p = law.parameters(joint(c_e).radial_contact)
     pulled, _, _, least = impact(law, p, 0.1)
     assert pulled == pytest.approx(c_e, abs=1e-6)  # the formula's own claim
@@ -142,7 +142,7 @@ def fly(free_mass, law, axis, c_e, speed=0.2):
     run = free_mass(
         normal=law,
         restitution=c_e,
-        friction=jp.Ambrosio(0.0),
+        friction=jp.contact.Ambrosio(0.0),
         offset=offset,
         velocity=velocity,
         mass=MASS,
@@ -171,12 +171,12 @@ def test_the_time_loop_delivers_the_closed_form(free_mass, law, c_e, speed):
 @pytest.mark.parametrize(
     "law",
     [
-        jp.Hertz(),
-        jp.LinearSpring(),
-        jp.KelvinVoigt(2e3),
-        jp.Anagnostopoulos(MASS),
-        jp.HuntCrossley(1.5, 1.2, 1.0),
-        jp.HuntCrossley(1.2, 1.5, 2.0),
+        jp.contact.Hertz(),
+        jp.contact.LinearSpring(),
+        jp.contact.KelvinVoigt(2e3),
+        jp.contact.Anagnostopoulos(MASS),
+        jp.contact.HuntCrossley(1.5, 1.2, 1.0),
+        jp.contact.HuntCrossley(1.2, 1.5, 2.0),
     ],
     ids=lambda law: law.name,
 )
@@ -214,7 +214,7 @@ def test_the_end_wall_is_hertz_for_a_line_law(free_mass, law):
 
 
 def test_anagnostopoulos_in_the_time_loop(free_mass):
-    law = jp.Anagnostopoulos(MASS)
+    law = jp.contact.Anagnostopoulos(MASS)
     rebound, *_ = fly(free_mass, law, 2, 0.3)
     assert rebound == pytest.approx(law.effective_restitution(0.3), abs=4e-3)
 
@@ -226,7 +226,7 @@ def test_a_sliding_body_is_slowed_by_its_friction_law(free_mass, name):
     g, start, duration = 20.0, 3e-3, 1.5e-3
     depth = (MASS * g / joint(1.0).hertz_stiffness) ** (2 / 3)
     run = free_mass(
-        normal=jp.Hertz(),
+        normal=jp.contact.Hertz(),
         friction=law,
         inertia=1e4,
         mass=MASS,
@@ -258,7 +258,7 @@ def test_friction_takes_and_never_gives(free_mass, name):
     run = free_mass(
         friction=FRICTION_LAWS[name](mu_d=0.2, **SLIPPERY.get(name, {})),
         restitution=0.6,
-        normal=jp.Flores(),
+        normal=jp.contact.Flores(),
         velocity=(0.1, -0.05, 0.2, 20.0, 1.5, -1.0),
         duration=1e-2,
         step=2e-6,

@@ -11,31 +11,31 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 import jointplay as jp
-from jointplay.joints import CylindricalClearance, PrismaticJoint, SphericalJoint
+from jointplay.joints import CylindricalClearance, PrismaticClearance, SphericalClearance
 from jointplay.kernel import Status
 from jointplay.mechanism.loop import Loop
 
 PLAY = 2e-4
 FREE = {"drive": {}, "joint_friction": {}}
-ELASTIC = {"normal": jp.Hertz(), "restitution": 1.0, "friction": jp.Ambrosio(0.0)}
-ROUGH = {"normal": jp.Hertz(), "friction": jp.Ambrosio(0.2)}
+ELASTIC = {"normal": jp.contact.Hertz(), "restitution": 1.0, "friction": jp.contact.Ambrosio(0.0)}
+ROUGH = {"normal": jp.contact.Hertz(), "friction": jp.contact.Ambrosio(0.2)}
 LOCAL = ("x", "y", "z", "yaw", "pitch", "roll")
 
 
 def revolute(**fields):
-    return jp.ClearanceJoint(**({"radial_clearance": PLAY, "axial_clearance": PLAY} | fields))
+    return jp.RevoluteClearance(**({"radial_clearance": PLAY, "axial_clearance": PLAY} | fields))
 
 
 def planar(**fields):
-    return jp.ClearanceJoint.planar(**({"radial_clearance": PLAY} | fields))
+    return jp.RevoluteClearance.planar(**({"radial_clearance": PLAY} | fields))
 
 
 def ball(**fields):
-    return SphericalJoint(**({"radial_clearance": PLAY} | fields))
+    return SphericalClearance(**({"radial_clearance": PLAY} | fields))
 
 
 def slider(**fields):
-    return PrismaticJoint(**({"clearance": PLAY, "clearance_y": 1.5 * PLAY} | fields))
+    return PrismaticClearance(**({"clearance": PLAY, "clearance_y": 1.5 * PLAY} | fields))
 
 
 def rod(**fields):
@@ -116,9 +116,9 @@ def test_elastic_contact_of_every_kind_keeps_the_energy(thrown, make):
 
 
 @kinds
-@pytest.mark.parametrize("normal", [jp.Hertz(), jp.LankaraniNikravesh()])
+@pytest.mark.parametrize("normal", [jp.contact.Hertz(), jp.contact.LankaraniNikravesh()])
 def test_friction_of_every_kind_only_takes(thrown, make, normal):
-    clearance = make(normal=normal, friction=jp.Ambrosio(0.2), restitution=0.7)
+    clearance = make(normal=normal, friction=jp.contact.Ambrosio(0.2), restitution=0.7)
     result = thrown(clearance, RATES).execute()
     taken = result["friction_dissipation"].values
     assert np.diff(taken).min() >= 0.0
@@ -300,7 +300,7 @@ def twice(tmp_path_factory):
     turned = {"at": "0.2 0.1 0", "rpy": "0 0 0"}
     pairs = {}
     for name, method in product(("full", "open ends", "ball", "slider", "rod"), SCHEMES):
-        clearance = KINDS[name](friction=jp.Ambrosio(0.15))
+        clearance = KINDS[name](friction=jp.contact.Ambrosio(0.15))
         one = body("one", 3.0, "0.1 0.03 0") + joint("hinge", "base", "one", axis="0 0.6 0.8")
         two = body("two", 2.0, "0.1 0.05 -0.1")
         link = joint("pin", "one", "two", TYPES[clearance.kind], **turned)
@@ -374,7 +374,7 @@ def exchanges(tmp_path_factory):
     for name, method in product(("full", "ball", "slider"), SCHEMES):
         runs = []
         for exchanged in (False, True):
-            clearance = KINDS[name](friction=jp.Ambrosio(0.15), exchanged=exchanged)
+            clearance = KINDS[name](friction=jp.contact.Ambrosio(0.15), exchanged=exchanged)
             path = folder / "robot.urdf"
             link = joint("pin", "base", "two", TYPES[clearance.kind])
             text = body("two", 2.0, "0.1 0.05 -0.1") + link

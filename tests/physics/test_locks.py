@@ -11,7 +11,7 @@ from jointplay.mechanism.lock import SHARE
 from jointplay.mechanism.loop import Loop, misfit
 
 LENGTH, REACH = 0.1, 0.3
-SLIDER = jp.PrismaticJoint(clearance=2e-4, clearance_y=3e-4, lock_tilt=True)
+SLIDER = jp.PrismaticClearance(clearance=2e-4, clearance_y=3e-4, lock_tilt=True)
 START = {"crank": 0.5}
 CRANK = (
     body("crank", 1.0, "0 0 0.05", 1e-3),
@@ -98,9 +98,9 @@ PUSHED = {"along_x": 0.06, "along_y": -0.1, "along_z": 0.04}
     [
         (SLIDER, "xyz", ()),
         (replace(SLIDER, exchanged=True), "xyz", ()),
-        (jp.ClearanceJoint(**REVOLUTE, lock_tilt=True), "xyz", ("0 0 1",)),
-        (jp.ClearanceJoint(**REVOLUTE, lock_tilt=True, exchanged=True), "xyz", ("0 0 1",)),
-        (jp.ClearanceJoint.planar(radial_clearance=2e-4), "xy", ("0 0 1",)),
+        (jp.RevoluteClearance(**REVOLUTE, lock_tilt=True), "xyz", ("0 0 1",)),
+        (jp.RevoluteClearance(**REVOLUTE, lock_tilt=True, exchanged=True), "xyz", ("0 0 1",)),
+        (jp.RevoluteClearance.planar(radial_clearance=2e-4), "xy", ("0 0 1",)),
     ],
 )
 def test_locked_joints_of_an_arm_are_as_if_they_were_not_there(clearance, slides, turns, urdf):
@@ -119,7 +119,7 @@ def test_locked_joints_of_an_arm_are_as_if_they_were_not_there(clearance, slides
 
 def test_momentum_and_energy_survive_a_frictionless_lock_in_flight(urdf):
     """No contact, no gravity: what flies with a lock keeps its momentum along all three axes."""
-    wide = jp.PrismaticJoint(clearance=5e-3, lock_tilt=True)
+    wide = jp.PrismaticClearance(clearance=5e-3, lock_tilt=True)
     mechanism = gantry(urdf, ALL, wide, gravity=(0, 0, 0))
     result = jp.simulate(mechanism, duration=0.02, integrator="rk4", start_speed=PUSHED, **FREE)
     speed = result["tool_velocity"].values
@@ -142,7 +142,7 @@ def test_a_journal_on_the_ground_carries_the_carriage(urdf):
     results = [jp.simulate(gantry(urdf, ALL, SLIDER, loop), **options) for loop in (None, swapped)]
     assert results[0].audit.impacts == results[1].audit.impacts > 0
     assert apart(*results) < 1e-9
-    axial = jp.ClearanceJoint(**REVOLUTE, lock_axial=True)
+    axial = jp.RevoluteClearance(**REVOLUTE, lock_axial=True)
     with pytest.raises(jp.JointplayError, match="exchange bearing_link and journal_link"):
         gantry(urdf, ALL, axial, swapped)
 
@@ -160,7 +160,7 @@ def test_a_block_that_starts_askew_is_put_straight(urdf):
 
 def test_what_a_mechanism_holds_itself_needs_no_lock(urdf):
     assert gantry(urdf, (), SLIDER).locks == {}
-    planar = jp.ClearanceJoint.planar(radial_clearance=1e-4)
+    planar = jp.RevoluteClearance.planar(radial_clearance=1e-4)
     crank = jp.Mechanism(
         jp.shipped("slider_crank.urdf"),
         {"pin": planar},

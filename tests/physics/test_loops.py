@@ -6,7 +6,7 @@ import pytest
 from conftest import body, joint
 
 import jointplay as jp
-from jointplay.joints import SphericalJoint
+from jointplay.joints import SphericalClearance
 from jointplay.kernel.integrators import INTEGRATORS
 from jointplay.loads.drive import ComputedTorque, Prescribed
 from jointplay.mechanism.loop import Loop, assemble, follow, misfit
@@ -189,7 +189,9 @@ def test_small_clearance_is_the_ideal_slider_crank():
     w, plays = 300 * RPM, np.array([4e-4, 1e-4, 2.5e-5])
     errors = []
     for play in plays:
-        joint = jp.ClearanceJoint.planar(radial_clearance=play, friction=jp.Ambrosio(0.0))
+        joint = jp.RevoluteClearance.planar(
+            radial_clearance=play, friction=jp.contact.Ambrosio(0.0)
+        )
         result = turning(slider_crank(joint), w, 0.2, integrator="semi-implicit-euler")
         exact = analytic(w * result.time, w)
         place = result["tool_position"].values[:, 0] - exact["x"]
@@ -388,7 +390,7 @@ def test_computed_torque_leads_a_four_bar(urdf, drive):
 
 def test_worn_four_bar_follows_within_its_clearance(urdf):
     play = 2e-4
-    worn = four_bar(urdf, jp.ClearanceJoint.planar(radial_clearance=play))
+    worn = four_bar(urdf, jp.RevoluteClearance.planar(radial_clearance=play))
     motion = jp.Motion(["a"], [0, 0.3], [[0.3], [2.3]])
     start = {"d": four_bar_angles(0.3)[1]}
     result = jp.simulate(worn, motion, drive={"a": Prescribed()}, start=start)
@@ -416,8 +418,8 @@ def rssr(urdf, ideal=True):
         joint("d", "base", "rocker", axis="1 0 0", at=" ".join(map(str, BASE))),
     )
     joints = {
-        "ball": SphericalJoint(radial_clearance=1e-4, ideal=True),
-        "tip": SphericalJoint(radial_clearance=1e-4, ideal=ideal),
+        "ball": SphericalClearance(radial_clearance=1e-4, ideal=True),
+        "tip": SphericalClearance(radial_clearance=1e-4, ideal=ideal),
     }
     loop = Loop("rod", "rocker", bearing_xyz=(RSSR_ROD, 0, 0), journal_xyz=(0, 0, RSSR_ROCKER))
     return jp.Mechanism(path, joints, loops={"tip": loop}, gravity=FLAT)

@@ -19,8 +19,8 @@ STEP = 1e-5
 
 def scara(clearance, **options):
     """The shipped SCARA, its weight balanced, with clearance in joint B."""
-    friction = options.pop("friction", jp.Ambrosio(0.1))
-    bearing = jp.ClearanceJoint(
+    friction = options.pop("friction", jp.contact.Ambrosio(0.1))
+    bearing = jp.RevoluteClearance(
         radial_clearance=clearance, axial_clearance=clearance, friction=friction
     )
     robot = jp.Mechanism(jp.shipped("scara.urdf"), {"joint_b": bearing}, gravity=(0, 0, 0))
@@ -78,7 +78,7 @@ def test_explicit_euler_is_ten_times_further_off(start_up):
 )
 def test_peak_joint_force_at_the_default_step_is_the_converged_one(clearance, mu, peak):
     """First 1.5 s of the shipped motion; the converged force is rk4's at 1 us."""
-    result = scara(clearance, friction=jp.Ambrosio(mu), duration=1.5)
+    result = scara(clearance, friction=jp.contact.Ambrosio(mu), duration=1.5)
     force = np.linalg.norm(result["joint_force_peak"].values[:, 0], axis=1).max()
     assert force == pytest.approx(peak, rel=0.02)
 
@@ -87,7 +87,7 @@ def test_loop_cut_at_its_worn_joint_strikes_as_hard_as_by_rk4():
     """Slider-crank at 5000 rpm: first impact; the pose follows the predicted path."""
     found = []
     for integrator in ("rk4", "multi-rate"):
-        worn = jp.ClearanceJoint.planar(radial_clearance=0.5e-3)
+        worn = jp.RevoluteClearance.planar(radial_clearance=0.5e-3)
         result = turning(
             slider_crank(worn), 5000 * RPM, 1e-3, integrator=integrator, step=1e-6, record_every=1
         )
@@ -162,8 +162,9 @@ def led(urdf):
 
     def run(step, **options):
         result = jp.simulate(
-            robot, SWING, drive=jp.ComputedTorque(bandwidth=60.0, damping_ratio=0.4), step=step,
-            record_every=round(1.6e-4 / step), joint_friction={"a": jp.JointFriction(0.0, 0.5)},
+            robot, SWING, drive=jp.loads.ComputedTorque(bandwidth=60.0, damping_ratio=0.4),
+            step=step, record_every=round(1.6e-4 / step),
+            joint_friction={"a": jp.loads.JointFriction(0.0, 0.5)},
             **options,
         )  # fmt: skip
         return np.concatenate([result["q"].values, 1e-2 * result["v"].values], axis=1)
@@ -239,7 +240,12 @@ class Bearing:
         return total, len(touching)
 
 
-FRICTIONS = [jp.Ambrosio(0.3, 0.0, 1e-3), jp.Ambrosio(0.2), Coulomb(0.2), BrownMcPhee()]
+FRICTIONS = [
+    jp.contact.Ambrosio(0.3, 0.0, 1e-3),
+    jp.contact.Ambrosio(0.2),
+    Coulomb(0.2),
+    BrownMcPhee(),
+]
 POSES = {
     "one rim": [1.5e-4, 1.4e-4, 0.0, 0.3, 1e-3, 0.0],
     "both rims": [0.3e-4, 0.0, 0.0, 0.3, 2.5e-2, 1e-3],

@@ -10,12 +10,12 @@ import jointplay as jp
 from jointplay.contact import CustomFilm, PinkusSternlicht, ShortBearing
 
 C, RADIUS, LENGTH = 1e-4, 10e-3, 8e-3
-FREE = {"drive": jp.Free(), "joint_friction": {}, "start": "centred"}
+FREE = {"drive": jp.loads.Free(), "joint_friction": {}, "start": "centred"}
 
 
 def robot(urdf, lubricant, *, planar=True, mass=2.0, gravity=(-9.81, 0, 0), **fields):
     """One body that hangs in one bearing fixed to the ground."""
-    make = jp.ClearanceJoint.planar if planar else jp.ClearanceJoint
+    make = jp.RevoluteClearance.planar if planar else jp.RevoluteClearance
     fields = {"radial_clearance": C, "bearing_radius": RADIUS, "bearing_length": LENGTH} | fields
     path = urdf(body("arm", mass), joint("pin", "base", "arm"))
     return jp.Mechanism(path, {"pin": make(**fields, lubricant=lubricant)}, gravity=gravity)
@@ -96,8 +96,8 @@ def test_loaded_journal_finds_its_place_in_the_oil(urdf, film, solution):
     spin, weight = 200.0, 2.0 * 9.81
     motion = jp.Motion(["pin"], [0, 0.1], [[0], [0.1 * spin]], "constant-speed")
     result = jp.simulate(
-        robot(urdf, film), motion, duration=1.0, drive=jp.ComputedTorque(300.0), joint_friction={},
-        start="centred", limits="ignore",
+        robot(urdf, film), motion, duration=1.0, drive=jp.loads.ComputedTorque(300.0),
+        joint_friction={}, start="centred", limits="ignore",
     )  # fmt: skip
     x, y = result["journal_centre"].values[-1, 0, :2]
     e, attitude = solution(spin, weight, film.viscosity)
@@ -183,7 +183,7 @@ def test_oil_keeps_the_assembly_robot_off_its_bore():
     """The paper's robot at 10 us: its rims strike the bore, but not through thick oil."""
     peaks = []
     for lubricant in (None, ShortBearing(0.5)):
-        play = jp.ClearanceJoint(
+        play = jp.RevoluteClearance(
             radial_clearance=0.2e-3, axial_clearance=0.2e-3, bearing_length=10e-3,
             lubricant=lubricant,
         )  # fmt: skip

@@ -8,7 +8,7 @@ import pytest
 from conftest import body, joint, still
 
 import jointplay as jp
-from jointplay.joints import PrismaticJoint, SphericalJoint
+from jointplay.joints import PrismaticClearance, SphericalClearance
 from jointplay.scenario import Scenario
 
 PIN = {"radial_clearance": 1e-4, "axial_clearance": 1e-4}
@@ -25,7 +25,7 @@ def standing(mechanism, duration=0.01, **options):
 
 
 def test_depth_of_a_planar_journal_is_that_of_hertz_under_its_weight(urdf):
-    bearing = jp.ClearanceJoint.planar(radial_clearance=1e-4)
+    bearing = jp.RevoluteClearance.planar(radial_clearance=1e-4)
     run = standing(pendulum(urdf, bearing)).prepare()
     depth = (WEIGHT / bearing.hertz_stiffness) ** (2 / 3)
     assert run.rest.solved
@@ -35,19 +35,20 @@ def test_depth_of_a_planar_journal_is_that_of_hertz_under_its_weight(urdf):
 
 PROFILE = 2e-5 * (1.0 + np.cos(2 * np.pi * np.arange(36) / 36 - 4.0))
 KINDS = {
-    "revolute": (jp.ClearanceJoint(**PIN), "revolute", (0.0, -9.81, 0.0)),
-    "revolute, upright": (jp.ClearanceJoint(**PIN), "revolute", (0.0, 0.0, -9.81)),
-    "worn": (jp.ClearanceJoint(worn=PROFILE, **PIN), "revolute", (0.0, -9.81, 0.0)),
-    "exchanged": (jp.ClearanceJoint(exchanged=True, **PIN), "revolute", (0.0, -9.81, 0.0)),
+    "revolute": (jp.RevoluteClearance(**PIN), "revolute", (0.0, -9.81, 0.0)),
+    "revolute, upright": (jp.RevoluteClearance(**PIN), "revolute", (0.0, 0.0, -9.81)),
+    "worn": (jp.RevoluteClearance(worn=PROFILE, **PIN), "revolute", (0.0, -9.81, 0.0)),
+    "exchanged": (jp.RevoluteClearance(exchanged=True, **PIN), "revolute", (0.0, -9.81, 0.0)),
     "open": (
-        jp.ClearanceJoint(open_ends=True, radial_clearance=1e-4), "revolute", (0.0, -9.81, 0.0)
+        jp.RevoluteClearance(open_ends=True, radial_clearance=1e-4), "revolute", (0.0, -9.81, 0.0)
     ),
-    "planar": (jp.ClearanceJoint.planar(radial_clearance=1e-4), "revolute", (0.0, -9.81, 0.0)),
+    "planar": (jp.RevoluteClearance.planar(radial_clearance=1e-4), "revolute", (0.0, -9.81, 0.0)),
     "ball": (
-        SphericalJoint(bearing_radius=10e-3, radial_clearance=1e-4), "floating", (1.0, -9.0, -3.0)
+        SphericalClearance(bearing_radius=10e-3, radial_clearance=1e-4),
+        "floating", (1.0, -9.0, -3.0),
     ),
     "slider": (
-        PrismaticJoint(length=40e-3, width=20e-3, height=20e-3, clearance=1e-4),
+        PrismaticClearance(length=40e-3, width=20e-3, height=20e-3, clearance=1e-4),
         "prismatic", (0.0, -9.81, 0.0),
     ),
 }  # fmt: skip
@@ -71,7 +72,7 @@ def test_a_machine_at_rest_stays_there(urdf, kind):
 
 
 def test_from_the_centre_it_falls_as_ever(urdf):
-    robot = pendulum(urdf, jp.ClearanceJoint(**PIN))
+    robot = pendulum(urdf, jp.RevoluteClearance(**PIN))
     fallen, rested = (standing(robot, start=s).run().audit for s in ("centred", "rest"))
     assert fallen.peak_force > 10.0 * rested.peak_force
     assert rested.peak_force == pytest.approx(WEIGHT, rel=1e-3)
@@ -84,7 +85,7 @@ def test_joints_in_series_all_rest(urdf):
         body("two", com="0.1 0.02 0"), joint("b", "one", "two", axis="0 0 1", at="0.4 0 0"),
         body("three", com="0.1 0 0.01"), joint("c", "two", "three", axis="1 0 0", at="0.2 0 0"),
     )  # fmt: skip
-    robot = jp.Mechanism(path, {name: jp.ClearanceJoint(**PIN) for name in "abc"})
+    robot = jp.Mechanism(path, {name: jp.RevoluteClearance(**PIN) for name in "abc"})
     result = standing(robot).run()
     force = np.linalg.norm(result["joint_force"].values, axis=2)
     assert force[0] == pytest.approx(WEIGHT * np.array([3.0, 2.0, 1.0]), rel=1e-3)
@@ -94,10 +95,10 @@ def test_joints_in_series_all_rest(urdf):
 def test_a_moving_start_bears_the_centrifugal_force_from_the_first(urdf):
     speed, arm = 30.0, 0.1
     robot = pendulum(
-        urdf, jp.ClearanceJoint.planar(radial_clearance=1e-4), (0.0, 0.0, 0.0), com=f"{arm} 0 0"
+        urdf, jp.RevoluteClearance.planar(radial_clearance=1e-4), (0.0, 0.0, 0.0), com=f"{arm} 0 0"
     )
     motion = jp.Motion(["pin"], [0.0, 0.02], [[0.0], [speed * 0.02]], "constant-speed")
-    simulation = jp.Simulation(robot, motion, drive=jp.Prescribed(), step=2e-6)
+    simulation = jp.Simulation(robot, motion, drive=jp.loads.Prescribed(), step=2e-6)
     run = simulation.prepare()
     assert run.rest.load == pytest.approx(2.0 * speed**2 * arm, rel=1e-3)
     force = np.linalg.norm(run.execute()["joint_force"].values[:, 0], axis=1)
@@ -133,7 +134,7 @@ def test_teeth_bear_what_hangs_on_them(urdf, encoder):
     gear = jp.Gear(play=1e-2, stiffness=500.0, damping=0.1, rotor_inertia=1e-3)
     path = urdf(body("arm", 2.0, "0.1 0 0"), joint("pin", "base", "arm"))
     robot = jp.Mechanism(path, gears={"pin": gear}, gravity=(0.0, -9.81, 0.0))
-    drive = jp.ComputedTorque(encoder=encoder)
+    drive = jp.loads.ComputedTorque(encoder=encoder)
     run = jp.Simulation(robot, still(robot, 0.01), drive=drive, start="rest").prepare()
     motor, link = (run.workspace.q[robot.coordinates.index(n)] for n in ("pin.motor", "pin"))
     assert motor - link == pytest.approx(5e-3 + WEIGHT * 0.1 / 500.0, rel=1e-2)
@@ -142,20 +143,20 @@ def test_teeth_bear_what_hangs_on_them(urdf, encoder):
 
 
 def test_payload_in_hand_at_the_start_weighs(urdf):
-    robot = pendulum(urdf, jp.ClearanceJoint.planar(radial_clearance=1e-4), tool="arm")
+    robot = pendulum(urdf, jp.RevoluteClearance.planar(radial_clearance=1e-4), tool="arm")
     run = standing(robot, payloads=[jp.Payload("arm", 1.0)]).prepare()
     assert run.rest.load == pytest.approx(3.0 * 9.81, rel=1e-9)
 
 
 def test_without_load_journals_start_centred(urdf):
-    robot = pendulum(urdf, jp.ClearanceJoint(**PIN), (0.0, 0.0, 0.0))
+    robot = pendulum(urdf, jp.RevoluteClearance(**PIN), (0.0, 0.0, 0.0))
     result = standing(robot).run()
     assert result.audit.start == "centred"
     assert not result["journal_centre"].values.any()
 
 
 def test_perturbed_journals_start_between_rest_and_a_random_place(urdf):
-    robot = pendulum(urdf, jp.ClearanceJoint(**PIN))
+    robot = pendulum(urdf, jp.RevoluteClearance(**PIN))
     places = [standing(robot, seed=seed).prepare().workspace.q[:3].copy() for seed in (1, 2, 2)]
     assert (places[1] == places[2]).all()
     assert not np.allclose(places[0], places[1], atol=1e-6)
@@ -165,7 +166,7 @@ def test_perturbed_journals_start_between_rest_and_a_random_place(urdf):
 
 
 def test_what_no_joint_can_bear_is_said(urdf):
-    soft = jp.ClearanceJoint.planar(radial_clearance=1e-4, normal=jp.LinearSpring(1e-3))
+    soft = jp.RevoluteClearance.planar(radial_clearance=1e-4, normal=jp.contact.LinearSpring(1e-3))
     robot = pendulum(urdf, soft)
     with pytest.raises(jp.JointplayError, match="no place of rest was found"):
         standing(robot, start="rest").prepare()
@@ -175,7 +176,7 @@ def test_what_no_joint_can_bear_is_said(urdf):
 
 
 def test_descriptions_of_version_0_1_began_centred(urdf):
-    robot = pendulum(urdf, jp.ClearanceJoint(**PIN))
+    robot = pendulum(urdf, jp.RevoluteClearance(**PIN))
     old = standing(robot).describe()
     for key in ("state", "settle", "judge_from"):
         del old[key]
@@ -186,7 +187,7 @@ def test_descriptions_of_version_0_1_began_centred(urdf):
 
 
 def test_a_result_runs_again_as_it_ran(urdf):
-    robot = pendulum(urdf, jp.ClearanceJoint(**PIN))
+    robot = pendulum(urdf, jp.RevoluteClearance(**PIN))
     result = standing(robot, seed=3).run()
     assert result.simulation.start == "rest"
     assert (result.simulation.run()["q"].values == result["q"].values).all()

@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from jointplay import Form
+from jointplay.geometry import Form
 from jointplay.kernel import Status
 from jointplay.study import CONDITIONS, Condition, scara
 

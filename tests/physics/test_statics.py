@@ -5,7 +5,7 @@ import pytest
 from scipy.optimize import brentq
 
 import jointplay as jp
-from jointplay import Form
+from jointplay.geometry import Form
 
 MASS, OVERHANG = 4.0, 0.25
 WEIGHT = MASS * 9.81
@@ -24,13 +24,13 @@ def settled(result):
 
 def wedged(free_mass, mu, **options):
     """An arm that overhangs its vertical bearing, let go close to where it comes to rest."""
-    joint = jp.ClearanceJoint(**CLEAR)
+    joint = jp.RevoluteClearance(**CLEAR)
     tilt = 0.01
     return free_mass(
         com=f"{OVERHANG} 0 0",
         gravity=(0, 0, -9.81),
         offset=(0, 0, -joint.ca + joint.rj * tilt + 2e-5, 0, tilt, 0),
-        friction=jp.Ambrosio(mu),
+        friction=jp.contact.Ambrosio(mu),
         duration=0.2,
         **(SETTLING | options),
     ).execute()
@@ -97,7 +97,7 @@ def test_chattering_wedge_is_reported(free_mass):
 @pytest.mark.parametrize("down", [1.0, -1.0])
 def test_standing_body_sinks_in_by_its_weight(free_mass, down):
     """Face on end wall, A or B: one force, the weight; depth (W/k)^(2/3); a surface contact."""
-    joint = jp.ClearanceJoint(**CLEAR, axial_stiffness=1e9)
+    joint = jp.RevoluteClearance(**CLEAR, axial_stiffness=1e9)
     result = free_mass(
         axial_stiffness=1e9,
         gravity=(0, 0, 9.81 * down),
@@ -119,13 +119,13 @@ def test_standing_body_sinks_in_by_its_weight(free_mass, down):
 @pytest.mark.parametrize("azimuth", [0.0, 2.0])
 def test_lying_shaft_shares_its_weight_by_the_law_of_the_lever(free_mass, shift, azimuth):
     """Gravity across the bore, the weight `shift` L_j from the middle: forces W (1/2 +- shift)."""
-    joint = jp.ClearanceJoint(**CLEAR)
+    joint = jp.RevoluteClearance(**CLEAR)
     way = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
     result = free_mass(
         com=f"0 0 {shift * joint.lj}",
         gravity=tuple(9.81 * way),
         offset=(*(joint.cr * way), 0, 0, 0),
-        friction=jp.Ambrosio(0.0),
+        friction=jp.contact.Ambrosio(0.0),
         duration=0.1,
         step=1e-5,
         **SETTLING,
@@ -140,13 +140,13 @@ def test_lying_shaft_shares_its_weight_by_the_law_of_the_lever(free_mass, shift,
 
 def test_overhung_shaft_bears_on_opposite_sides(free_mass):
     """Weight 0.8 L_j from the middle: the far end is pressed up with 0.3 W, the near one 1.3 W."""
-    joint = jp.ClearanceJoint(**CLEAR)
+    joint = jp.RevoluteClearance(**CLEAR)
     tilt = 2.0 * joint.cr / joint.lj
     result = free_mass(
         com=f"0 0 {0.8 * joint.lj}",
         gravity=(9.81, 0, 0),
         offset=(0, 0, 0, 0, tilt, 0),
-        friction=jp.Ambrosio(0.0),
+        friction=jp.contact.Ambrosio(0.0),
         duration=0.2,
         step=1e-5,
         **SETTLING,

@@ -6,7 +6,7 @@ from conftest import body, joint
 
 import jointplay as jp
 
-PLAY = jp.ClearanceJoint(radial_clearance=2e-4, axial_clearance=2e-4)
+PLAY = jp.RevoluteClearance(radial_clearance=2e-4, axial_clearance=2e-4)
 START = np.array([5e-5, -8e-5, 3e-5, 0.0, 2e-3, -3e-3])
 SWING = np.array([0.5, -0.8])
 

@@ -1,5 +1,7 @@
 """What results say: accuracy, contacts, spectra, numerical error, wear."""
 
+from typing import TYPE_CHECKING
+
 from jointplay.analysis.contact_statistics import Contacts, contacts, shares
 from jointplay.analysis.spectra import spectrum
 from jointplay.analysis.tool_error import (
@@ -11,7 +13,7 @@ from jointplay.analysis.tool_error import (
     error_at,
     stops,
 )
-from jointplay.analysis.twin import (
+from jointplay.analysis.twins import (
     clearance_inputs,
     clearance_outline,
     has_play,
@@ -22,6 +24,28 @@ from jointplay.analysis.twin import (
     task,
     twin,
 )
+from jointplay.host.late import offering
+
+if TYPE_CHECKING:
+    from jointplay.analysis.allocation import allocate as allocate
+    from jointplay.analysis.certification import certify as certify
+    from jointplay.analysis.reduce import reduce_joint as reduce_joint
+    from jointplay.analysis.static_budget import budget as budget
+    from jointplay.analysis.wear import wear_life as wear_life
+    from jointplay.analysis.wear import worn_depth as worn_depth
+
+# They are loaded when first used: few programs need them.
+__getattr__ = offering(
+    __name__,
+    {
+        "allocate": "allocation",
+        "budget": "static_budget",
+        "certify": "certification",
+        "reduce_joint": "reduce",
+        "wear_life": "wear",
+        "worn_depth": "wear",
+    },
+)
 
 __all__ = [
     "COMPONENTS",
@@ -29,6 +53,9 @@ __all__ = [
     "Contacts",
     "Stop",
     "accuracy",
+    "allocate",
+    "budget",
+    "certify",
     "clearance_inputs",
     "clearance_outline",
     "contacts",
@@ -39,9 +66,12 @@ __all__ = [
     "inputs",
     "is_twin",
     "places",
+    "reduce_joint",
     "shares",
     "spectrum",
     "stops",
     "task",
     "twin",
+    "wear_life",
+    "worn_depth",
 ]

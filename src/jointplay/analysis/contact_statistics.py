@@ -13,7 +13,7 @@ from jointplay.result.result import Result
 
 if TYPE_CHECKING:
     pass
-from jointplay.analysis.twin import places
+from jointplay.analysis.twins import places
 
 
 @dataclass(frozen=True)

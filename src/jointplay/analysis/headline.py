@@ -6,7 +6,7 @@ import numpy as np
 
 from jointplay.analysis.contact_statistics import contacts
 from jointplay.analysis.tool_error import accuracy, deviation, error_at, stops
-from jointplay.analysis.twin import has_play, twin
+from jointplay.analysis.twins import has_play, twin
 from jointplay.errors import JointplayError
 from jointplay.result.result import Result
 
@@ -22,7 +22,7 @@ def reference(result: Result, progress: bool = False) -> Result | None:
     if not has_play(result) or len(result.time) < 2:
         return None
     try:
-        return twin(result, progress)
+        return twin(result, progress, reactions=False)
     except JointplayError:
         return None
 

@@ -11,17 +11,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy import optimize
 from tqdm import tqdm
 
-from jointplay.analysis.budget import budget
 from jointplay.analysis.poses import along_motion
-from jointplay.analysis.wear import all_wearing, depth_of, first_profile, with_worn
+from jointplay.analysis.static_budget import budget
+from jointplay.analysis.wear import all_wearing, depth_of, first_profile, perturbed_runs, with_worn
 from jointplay.errors import JointplayError, require_positive
-from jointplay.kernel import Status
 from jointplay.simulation.simulation import Simulation
 
 Worn = Mapping[str, np.ndarray]
@@ -239,13 +238,7 @@ def _rates(
     own = with_worn(simulation, dict(worn))
     wearing = all_wearing(own)
     found = []
-    for run in range(runs):
-        seed = simulation.seed if runs == 1 else (simulation.seed or 0) + run + 1
-        result = replace(own, seed=seed).run()
-        if result.status == Status.INTERRUPTED:
-            raise KeyboardInterrupt
-        if result.status != Status.COMPLETED:
-            raise JointplayError(f"a run with worn bores failed: {result.message}")
+    for result in perturbed_runs(own, runs):
         depths = {
             name: depth_of(one, result, name) / cycles_per_run for name, one in wearing.items()
         }

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -26,8 +26,9 @@ from jointplay.analysis.levers import sources
 from jointplay.analysis.poses import moving
 from jointplay.analysis.statics import play
 from jointplay.analysis.verify import fitting_step
+from jointplay.codec import plain
 from jointplay.errors import JointplayError, MissingName, require_positive
-from jointplay.joints import Clearance, ClearanceJoint
+from jointplay.joints import Clearance, RevoluteClearance
 from jointplay.kernel import Status
 from jointplay.loads.drive import JointFriction, Prescribed
 from jointplay.mechanism.impact import elastic_energy
@@ -97,10 +98,7 @@ class Reduction:
 
     def describe(self) -> dict[str, Any]:
         """All numbers as plain data."""
-        found = {key: value for key, value in asdict(self).items() if key != "history"}
-        found["load"], found["pose"] = list(self.load), dict(self.pose)
-        found["friction_range"] = list(self.friction_range)
-        return found
+        return {name: plain(value) for name, value in vars(self).items() if name != "history"}
 
     def __str__(self) -> str:
         """The table."""
@@ -152,7 +150,7 @@ def reduce_joint(
     if joint not in names:
         raise MissingName("joint with play", joint, names)
     clearance = mechanism.clearance.get(joint)
-    if clearance is not None and not isinstance(clearance, ClearanceJoint):
+    if clearance is not None and not isinstance(clearance, RevoluteClearance):
         raise JointplayError(
             f"joint {joint!r} is {clearance.kind}; only revolute joints are reduced to hinges"
         )
@@ -244,7 +242,7 @@ def _fit_friction(
 ) -> tuple[float, float, float, tuple[float, float]]:
     """Dry and viscous friction of the bearing, RMS difference, and 5 % to 95 % quantiles."""
     clearance = mechanism.clearance.get(joint)
-    if not isinstance(clearance, ClearanceJoint):
+    if not isinstance(clearance, RevoluteClearance):
         return 0.0, 0.0, 0.0, (0.0, 0.0)
     force = np.nan_to_num(result["friction_force"].sel(joint=joint).values)
     speed = np.abs(result["v"].values[:, mechanism.coordinate(joint)])
@@ -323,7 +321,7 @@ def _across(
 ) -> dict[str, Any]:
     """Play across the axis: from the bearing's geometry, and stiffness at its resting load."""
     none = dict.fromkeys(("tilt", "tilt_stiffness", "lateral", "axial", "contact_stiffness"), 0.0)
-    if not isinstance(clearance, ClearanceJoint):
+    if not isinstance(clearance, RevoluteClearance):
         return none | {"load": (0.0,) * 6}
     (part, *_) = sources(mechanism, pose)
     load = part.load[0]
@@ -344,7 +342,7 @@ def _across(
     }
 
 
-def _chord(clearance: ClearanceJoint, force: float) -> float:
+def _chord(clearance: RevoluteClearance, force: float) -> float:
     """Force over penetration of a radial contact that carries `force` [N/m]."""
     law = clearance.normal
     parameters = law.parameters(clearance.contact_properties(0))

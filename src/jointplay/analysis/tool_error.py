@@ -15,7 +15,7 @@ import xarray as xr
 from scipy.interpolate import CubicHermiteSpline, CubicSpline
 from scipy.spatial.transform import Rotation, RotationSpline
 
-from jointplay.analysis.twin import has_play, is_twin
+from jointplay.analysis.twins import has_play, is_twin
 from jointplay.errors import JointplayError, MissingName
 from jointplay.motion.reference import Motion
 from jointplay.result.result import AXES, Result

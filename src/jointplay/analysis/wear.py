@@ -17,6 +17,7 @@ to date; the outcome is an estimate.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -26,7 +27,7 @@ from tqdm import tqdm
 
 from jointplay.errors import JointplayError, MissingName, require_positive
 from jointplay.host import files
-from jointplay.joints import ClearanceJoint
+from jointplay.joints import RevoluteClearance
 from jointplay.kernel import AZIMUTHS, Status
 
 if TYPE_CHECKING:
@@ -47,17 +48,17 @@ def worn_depth(result: Result, joint: str) -> np.ndarray:
     return depth_of(_wearing(result.simulation, joint), result, joint)
 
 
-def _wearing(simulation: Simulation, joint: str) -> ClearanceJoint:
+def _wearing(simulation: Simulation, joint: str) -> RevoluteClearance:
     clearance = simulation.mechanism.clearance
     wearing = [name for name, one in clearance.items() if one.wears]
     if joint not in wearing:
         raise MissingName("joint with a wear rate", joint, wearing)
     found = clearance[joint]
-    assert isinstance(found, ClearanceJoint)
+    assert isinstance(found, RevoluteClearance)
     return found
 
 
-def depth_of(clearance: ClearanceJoint, result: Result, joint: str) -> np.ndarray:
+def depth_of(clearance: RevoluteClearance, result: Result, joint: str) -> np.ndarray:
     """See `worn_depth`; of a joint that is known to wear."""
     names = list(clearance.contacts[: len(clearance.worn_widths)])
     if "sliding_work" not in result.dataset or not set(names) <= set(result["contact"].values):
@@ -190,13 +191,13 @@ def wear_life(
     return WearLife(joint, np.array(cycles), np.array(profiles), np.array(scatter), growth, reached)
 
 
-def all_wearing(simulation: Simulation) -> dict[str, ClearanceJoint]:
+def all_wearing(simulation: Simulation) -> dict[str, RevoluteClearance]:
     """The joints that have a wear rate, by name."""
     clearance = simulation.mechanism.clearance
     return {name: _wearing(simulation, name) for name, one in clearance.items() if one.wears}
 
 
-def first_profile(clearance: ClearanceJoint) -> np.ndarray:
+def first_profile(clearance: RevoluteClearance) -> np.ndarray:
     """Profile that a joint begins with, at `AZIMUTHS` azimuths, shape (ends, AZIMUTHS) [m]."""
     ends = len(clearance.worn_widths)
     if clearance.worn is None:
@@ -214,19 +215,30 @@ def with_worn(simulation: Simulation, worn: dict[str, np.ndarray]) -> Simulation
     return replace(simulation, mechanism=simulation.mechanism.with_clearance(joints))
 
 
-def _block(
-    simulation: Simulation, joint: str, runs: int, bar: tqdm
-) -> tuple[dict[str, np.ndarray], float]:
-    """Mean wear of the runs of one block by joint [m], and its relative standard error."""
-    found: list[dict[str, np.ndarray]] = []
-    wearing = all_wearing(simulation)
+def perturbed_runs(simulation: Simulation, runs: int) -> Iterator[Result]:
+    """Runs of a simulation with worn bores, with seeds of their own if there are several.
+
+    Raises:
+        JointplayError: one fails.
+        KeyboardInterrupt: one is interrupted.
+    """
     for run in range(runs):
         seed = simulation.seed if runs == 1 else (simulation.seed or 0) + run + 1
         result = replace(simulation, seed=seed).run()
         if result.status == Status.INTERRUPTED:
             raise KeyboardInterrupt
         if result.status != Status.COMPLETED:
-            raise JointplayError(f"a run with the worn bore failed: {result.message}")
+            raise JointplayError(f"a run with worn bores failed: {result.message}")
+        yield result
+
+
+def _block(
+    simulation: Simulation, joint: str, runs: int, bar: tqdm
+) -> tuple[dict[str, np.ndarray], float]:
+    """Mean wear of the runs of one block by joint [m], and its relative standard error."""
+    found: list[dict[str, np.ndarray]] = []
+    wearing = all_wearing(simulation)
+    for result in perturbed_runs(simulation, runs):
         found.append({name: depth_of(one, result, name) for name, one in wearing.items()})
         bar.update()
     mean = {name: np.mean([one[name] for one in found], axis=0) for name in wearing}

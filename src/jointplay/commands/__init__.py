@@ -45,3 +45,29 @@ def add_trust(parser: Any) -> None:
         help="import laws from this module, should the file name any (repeatable; by default a "
         "result imports none, a scenario those beside it)",
     )
+
+
+def add_quiet(parser: Any) -> None:
+    """Add the option of commands that show a bar."""
+    parser.add_argument("--quiet", action="store_true", help="show no progress")
+
+
+def add_case(parser: Any) -> None:
+    """Add the option of commands that take one case of a scenario."""
+    parser.add_argument("--case", help="case of the scenario; may be left out if there is one")
+
+
+def add_jobs(parser: Any) -> None:
+    """Add the option of commands that work on several cores."""
+    parser.add_argument("--jobs", type=int, metavar="N", help="processes (default: one per core)")
+
+
+def add_unphysical(parser: Any) -> None:
+    """Add the option of commands that read a URDF."""
+    parser.add_argument(
+        "--allow-unphysical",
+        action="append",
+        default=[],
+        metavar="LINK",
+        help="accept this link's inertia although no rigid body has it (repeatable)",
+    )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
+from jointplay.commands import add_quiet
 from jointplay.commands.playing import add_poses, add_robot, quantity, task
 from jointplay.errors import JointplayError
 
@@ -51,13 +52,13 @@ def add(commands: Any) -> None:
         help="simulate the motion with these clearances, so many perturbed runs (3)",
     )
     parser.add_argument("--out", metavar="DIR", help="folder for allocation.csv and the figure")
-    parser.add_argument("--quiet", action="store_true", help="show no progress")
+    add_quiet(parser)
     parser.set_defaults(handler=run)
 
 
 def run(options: argparse.Namespace) -> int:
     """Allocate, verify, print."""
-    from jointplay.analysis import allocate as module
+    from jointplay.analysis import allocation as module
     from jointplay.host import files
 
     if options.clearance is None and not str(options.robot).endswith(".toml"):

@@ -30,7 +30,7 @@ def add(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Reckon, print, draw."""
-    from jointplay.analysis.budget import budget
+    from jointplay.analysis.static_budget import budget
     from jointplay.host import files
 
     work = task(options)

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from jointplay.commands import add_trust
+from jointplay.commands import add_case, add_jobs, add_quiet, add_trust
 from jointplay.errors import JointplayError
 
 if TYPE_CHECKING:
@@ -60,7 +60,7 @@ def add(commands: Any) -> None:
     )
     parser.add_argument("file", metavar="FILE", help="scenario (TOML)")
     parser.add_argument("kind", metavar="WHAT", choices=KINDS, help=", ".join(KINDS))
-    parser.add_argument("--case", help="case of the scenario; may be left out if there is one")
+    add_case(parser)
     parser.add_argument(
         "--vary", metavar="KEY=FROM:TO:COUNT", help="key of the scenario, its values, their unit"
     )
@@ -84,9 +84,9 @@ def add(commands: Any) -> None:
         "--set", action="append", default=[], metavar="KEY=VALUE", dest="changes",
         help="another value for a key of the scenario (repeatable)",
     )  # fmt: skip
-    parser.add_argument("--jobs", type=int, metavar="N", help="processes (default: one per core)")
+    add_jobs(parser)
     parser.add_argument("--out", required=True, metavar="DIR", help="folder for table and figure")
-    parser.add_argument("--quiet", action="store_true", help="no progress bar")
+    add_quiet(parser)
     add_trust(parser)
     parser.set_defaults(handler=run)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from jointplay.commands import add_trust
+from jointplay.commands import add_quiet, add_trust
 
 KINDS = ("csv", "parquet", "trajectory", "mcap", "rerun")
 """Kinds of file; `jointplay.exports.KINDS` says what they are."""
@@ -34,7 +34,7 @@ def add(commands: Any) -> None:
         metavar="N",
         help="only each N-th record and the last; peaks cover what lies between (default 1)",
     )
-    parser.add_argument("--quiet", action="store_true", help="no progress bar")
+    add_quiet(parser)
     add_trust(parser)
     parser.set_defaults(handler=run)
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from jointplay.commands import add_trust
 from jointplay.commands.playing import quantity
+from jointplay.commands.wear import add_cycles
 
 INTERRUPTED = 130
 
@@ -21,17 +21,9 @@ def add(commands: Any) -> None:
         "joint's wear it is. Joints need a wear_rate in the scenario. docs/decisions.md says what "
         "the numbers mean.",
     )
-    parser.add_argument("file", metavar="FILE", help="scenario (TOML); one run is one cycle")
+    add_cycles(parser, blocks=5, runs=2)
     parser.add_argument(
         "--target", required=True, metavar="LENGTH", help='tolerance of the tool, "0.1 mm" or [m]'
-    )
-    parser.add_argument("--case", help="case of the scenario; may be left out if there is one")
-    parser.add_argument("--blocks", type=int, default=5, metavar="N", help="default 5")
-    parser.add_argument(
-        "--runs", type=int, default=2, metavar="N", help="perturbed runs of each block (default 2)"
-    )
-    parser.add_argument(
-        "--cycles-per-run", type=float, default=1.0, metavar="N", help="cycles in one run"
     )
     parser.add_argument(
         "--wear-factor",
@@ -41,8 +33,6 @@ def add(commands: Any) -> None:
         help="factor within which wear rates are known, for the spread (default 3)",
     )
     parser.add_argument("--out", metavar="DIR", help="folder for maintenance.csv and the figure")
-    parser.add_argument("--quiet", action="store_true", help="show no progress")
-    add_trust(parser)
     parser.set_defaults(handler=run)
 
 

@@ -6,7 +6,7 @@ import argparse
 import sys
 from typing import Any
 
-from jointplay.commands import add_trust
+from jointplay.commands import add_quiet, add_trust
 
 
 def add(commands: Any) -> None:
@@ -40,7 +40,7 @@ def add(commands: Any) -> None:
     parser.add_argument("--host", default="127.0.0.1", help="(default 127.0.0.1: no other machine)")
     parser.add_argument("--port", type=int, default=7000, metavar="N", help="(default 7000)")
     parser.add_argument("--no-browser", action="store_true", help="only serve")
-    parser.add_argument("--quiet", action="store_true", help="show no progress")
+    add_quiet(parser)
     add_trust(parser)
     parser.set_defaults(handler=run)
 

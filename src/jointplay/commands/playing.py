@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from jointplay.commands import add_case, add_unphysical
 from jointplay.errors import JointplayError
 
 if TYPE_CHECKING:
@@ -43,7 +44,7 @@ def add_robot(parser: Any) -> None:
         metavar="ROBOT",
         help="URDF, name of a robot of example-robot-data (jointplay robots), or scenario (.toml)",
     )
-    parser.add_argument("--case", help="case of the scenario; may be left out if there is one")
+    add_case(parser)
     group = parser.add_argument_group("play")
     group.add_argument(
         "--clearance", metavar="LENGTH", help='radial clearance, "0.1 mm" or [m]; of all --joint'
@@ -67,13 +68,7 @@ def add_robot(parser: Any) -> None:
     )
     group = parser.add_argument_group("robot")
     group.add_argument("--tool", metavar="FRAME", help="frame whose error counts")
-    group.add_argument(
-        "--allow-unphysical",
-        action="append",
-        default=[],
-        metavar="LINK",
-        help="accept this link's inertia although no rigid body has it (repeatable)",
-    )
+    add_unphysical(group)
 
 
 def add_poses(parser: Any) -> None:

@@ -6,6 +6,7 @@ import argparse
 from dataclasses import replace
 from typing import Any
 
+from jointplay.commands import add_quiet
 from jointplay.commands.playing import add_robot, quantity, task
 from jointplay.errors import JointplayError
 
@@ -53,7 +54,7 @@ def add(commands: Any) -> None:
     )
     group.add_argument("--check", action="store_true", help="run the MJCF in MuJoCo and compare")
     group.add_argument("--out", metavar="DIR", required=True, help="folder for the files")
-    group.add_argument("--quiet", action="store_true", help="show no progress")
+    add_quiet(group)
     parser.set_defaults(handler=run, motion=None, workspace=None)
 
 

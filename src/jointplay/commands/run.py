@@ -6,7 +6,7 @@ import argparse
 import sys
 from typing import TYPE_CHECKING, Any
 
-from jointplay.commands import add_trust, flags
+from jointplay.commands import add_jobs, add_quiet, add_trust, add_unphysical, flags
 from jointplay.errors import JointplayError
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ def add(commands: Any) -> None:
         "takes some ten times as long",
     )
     group.add_argument("--no-figures", action="store_true", help="write no figures")
-    group.add_argument("--quiet", action="store_true", help="show no progress")
+    add_quiet(group)
     run.set_defaults(handler=execute)
 
 
@@ -64,19 +64,13 @@ def add_inputs(run: Any) -> dict[str, Any]:
         metavar="NAME",
         help="run only this case (repeatable)",
     )
-    group.add_argument("--jobs", type=int, metavar="N", help="processes (default: one per core)")
+    add_jobs(group)
     add_trust(group)
     groups: dict[str, Any] = {"robot": run.add_argument_group("robot")}
     group = groups["robot"]
     group.add_argument("--urdf", metavar="ROBOT", help="the same as ROBOT")
     group.add_argument("--ideal", action="store_true", help="no clearance anywhere")
-    group.add_argument(
-        "--allow-unphysical",
-        action="append",
-        default=[],
-        metavar="LINK",
-        help="accept this link's inertia although no rigid body has it (repeatable)",
-    )
+    add_unphysical(group)
     groups["clearance joint"] = run.add_argument_group("clearance joint")
     groups["clearance joint"].add_argument(
         "--joint",

@@ -42,7 +42,7 @@ _LOOK_S = 0.2
 def run(scenario: Scenario, options: argparse.Namespace) -> int:
     """Run the cases, draw the figures, say how each ended and what came out."""
     from jointplay import plots
-    from jointplay.analysis.certify import further_runs
+    from jointplay.analysis.certification import further_runs
     from jointplay.host.files import claim
     from jointplay.kernel import Status
     from jointplay.result.result import Result

@@ -6,6 +6,8 @@ import argparse
 import time
 from typing import Any
 
+from jointplay.commands import add_jobs, add_quiet
+
 
 def add(commands: Any) -> None:
     """Add the command's parser."""
@@ -29,10 +31,8 @@ def add(commands: Any) -> None:
         metavar="N",
         help="perturbed runs for each clearance and condition (default 8; 0: no claims)",
     )
-    scara.add_argument(
-        "--jobs", type=int, metavar="N", help="processes (default: one for each core)"
-    )
-    scara.add_argument("--quiet", action="store_true", help="show no progress")
+    add_jobs(scara)
+    add_quiet(scara)
     scara.set_defaults(handler=run)
 
 

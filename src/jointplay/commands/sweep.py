@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from jointplay.commands import add_trust
+from jointplay.commands import add_jobs, add_quiet, add_trust
 
 FAILED = 1
 
@@ -29,9 +29,7 @@ def add(commands: Any) -> None:
         action="store_true",
         help="go on with the store, with more samples, repeats, or values at the end of a list",
     )
-    parser.add_argument(
-        "--jobs", type=int, metavar="N", help="processes (default: one for each core)"
-    )
+    add_jobs(parser)
     parser.add_argument(
         "--scheduler",
         metavar="ADDRESS",
@@ -39,7 +37,7 @@ def add(commands: Any) -> None:
     )
     parser.add_argument("--yes", action="store_true", help="run it even if it is very large")
     parser.add_argument("--rows", type=int, default=20, metavar="N", help="of the table (20)")
-    parser.add_argument("--quiet", action="store_true", help="show no progress")
+    add_quiet(parser)
     add_trust(parser)
     parser.set_defaults(handler=run)
 

@@ -7,6 +7,7 @@ import re
 from pathlib import Path
 from typing import Any
 
+from jointplay.commands import add_unphysical
 from jointplay.host import files
 
 
@@ -42,20 +43,14 @@ def add(commands: Any) -> None:
         parser.add_argument(
             flag, type=float, metavar="X", default=default, help=f"{text} (default {default:g})"
         )
-    parser.add_argument(
-        "--allow-unphysical",
-        action="append",
-        default=[],
-        metavar="LINK",
-        help="accept this link's inertia although no rigid body has it (repeatable)",
-    )
+    add_unphysical(parser)
     parser.add_argument("--out", metavar="FILE", required=True, help="the URDF to write")
     parser.set_defaults(handler=run)
 
 
 def run(options: argparse.Namespace) -> int:
     """Write the URDF and say what is in it."""
-    from jointplay.joints import ClearanceJoint
+    from jointplay.joints import RevoluteClearance
     from jointplay.mechanism.export import to_urdf
     from jointplay.mechanism.mechanism import Mechanism
     from jointplay.mechanism.robots import resolve
@@ -66,7 +61,7 @@ def run(options: argparse.Namespace) -> int:
     except (OSError, ValueError) as error:
         raise files.cannot_write(out, error) from None
     files.check_new(out)
-    bearing = ClearanceJoint(
+    bearing = RevoluteClearance(
         bearing_radius=options.bearing_radius,
         bearing_length=options.bearing_length,
         radial_clearance=options.radial,

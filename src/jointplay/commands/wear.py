@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from jointplay.commands import add_trust
-from jointplay.errors import JointplayError
+from jointplay.commands import add_case, add_quiet, add_trust
+from jointplay.commands.playing import quantity
 
 INTERRUPTED = 130
 
@@ -20,34 +20,32 @@ def add(commands: Any) -> None:
         "depth: Archard's law, extrapolated over blocks of equal cycles between which the bore's "
         "shape is brought up to date. The joint needs a wear_rate in the scenario.",
     )
-    parser.add_argument("file", metavar="FILE", help="scenario (TOML); one run is one cycle")
+    add_cycles(parser, blocks=10, runs=1)
     parser.add_argument("--joint", required=True, help="the joint that is to wear")
     parser.add_argument(
         "--growth", required=True, metavar="LENGTH", help='growth of its clearance, "0.1 mm" or [m]'
     )
-    parser.add_argument("--case", help="case of the scenario; may be left out if there is one")
-    parser.add_argument("--blocks", type=int, default=10, metavar="N", help="default 10")
+    parser.add_argument("--out", metavar="CSV", help="write cycles and depths after each block")
+    parser.set_defaults(handler=run)
+
+
+def add_cycles(parser: Any, blocks: int, runs: int) -> None:
+    """Add what commands take that extrapolate wear over blocks of cycles of a scenario."""
+    parser.add_argument("file", metavar="FILE", help="scenario (TOML); one run is one cycle")
+    add_case(parser)
+    parser.add_argument("--blocks", type=int, default=blocks, metavar="N", help=f"default {blocks}")
     parser.add_argument(
         "--runs",
         type=int,
-        default=1,
+        default=runs,
         metavar="N",
-        help="runs of each block, perturbed at the start, whose mean is taken (default 1)",
+        help=f"runs of each block, perturbed at the start if there are several (default {runs})",
     )
     parser.add_argument(
         "--cycles-per-run", type=float, default=1.0, metavar="N", help="cycles in one run"
     )
-    parser.add_argument("--out", metavar="CSV", help="write cycles and depths after each block")
-    parser.add_argument("--quiet", action="store_true", help="no progress bar")
+    add_quiet(parser)
     add_trust(parser)
-    parser.set_defaults(handler=run)
-
-
-def _number(text: str) -> float | str:
-    try:
-        return float(text)
-    except ValueError:
-        return text
 
 
 def run(options: argparse.Namespace) -> int:
@@ -55,12 +53,8 @@ def run(options: argparse.Namespace) -> int:
     from jointplay.analysis.wear import wear_life
     from jointplay.host import files
     from jointplay.scenario import Scenario
-    from jointplay.units import convert
 
-    try:
-        growth = float(convert(_number(options.growth), "m"))
-    except ValueError as error:
-        raise JointplayError(f"--growth: {error}") from None
+    growth = quantity(options.growth, "m", "--growth")
     if options.out:
         files.check_new(options.out)
     life = wear_life(

@@ -3,7 +3,7 @@
     def force(delta, ddelta, ddelta0, stiffness, alpha):
         return stiffness * delta**1.5 * (1.0 + alpha * ddelta)
 
-    law = jp.CustomNormalForce(force, {"stiffness": 1e11, "alpha": 0.08})
+    law = jp.contact.CustomNormalForce(force, {"stiffness": 1e11, "alpha": 0.08})
 
 A function at module level of an importable file is named by results and scenarios as
 ``module:function``, and found again in other processes. One typed in a script or a notebook works

@@ -16,7 +16,7 @@ import numpy as np
 from tqdm import tqdm
 
 from jointplay import exports
-from jointplay.analysis.twin import inputs
+from jointplay.analysis.twins import inputs
 from jointplay.errors import JointplayError
 from jointplay.joints import VIRTUAL_LINK
 from jointplay.result.result import Result

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from jointplay import moved
 from jointplay.codec import Family, Preset, read, register
 from jointplay.joints.base import RELATIVE, VIRTUAL_LINK, Clearance, Material
 from jointplay.joints.cylindrical import CylindricalClearance
@@ -17,10 +18,6 @@ JOINT_KINDS: dict[str, type[Clearance]] = {
     for kind in (RevoluteClearance, SphericalClearance, PrismaticClearance, CylindricalClearance)
 }
 
-
-ClearanceJoint = RevoluteClearance
-SphericalJoint = SphericalClearance
-PrismaticJoint = PrismaticClearance
 
 UNNAMED_KIND: type[Clearance] = RevoluteClearance
 """What a joint is of which nothing is said."""
@@ -52,6 +49,12 @@ def joint_from_description(description: Mapping[str, Any]) -> Clearance:
     return joint
 
 
+def __getattr__(name: str) -> Any:
+    if name in moved.KINDS:
+        return moved.found("jointplay.joints", name)
+    raise AttributeError(f"module 'jointplay.joints' has no attribute {name!r}")
+
+
 __all__ = [
     "JOINT_KINDS",
     "JOINT_WORDS",
@@ -59,14 +62,11 @@ __all__ = [
     "UNNAMED_KIND",
     "VIRTUAL_LINK",
     "Clearance",
-    "ClearanceJoint",
     "CylindricalClearance",
     "Material",
     "PrismaticClearance",
-    "PrismaticJoint",
     "RevoluteClearance",
     "SphericalClearance",
-    "SphericalJoint",
     "joint_from_description",
     "replacing",
 ]

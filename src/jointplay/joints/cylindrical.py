@@ -8,21 +8,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import ClassVar, Self
 
 import numpy as np
-import pinocchio as pin
 
 from jointplay.contact import ContactProperties
 from jointplay.contact.compiled import compiled_touch
 from jointplay.errors import JointplayError
 from jointplay.fields import quantity
-from jointplay.joints.base import VIRTUAL_LINK, Outline
+from jointplay.joints.base import Outline
 from jointplay.joints.play import JournalPlay
-from jointplay.joints.round import RoundClearance
+from jointplay.joints.round import RoundClearance, radial_directions, upright
 
-_AZIMUTHS = 72
 _NEAR = 0.1
 """Tilt counts so little beside the offset that Newton's method finds the nearest point."""
 
@@ -139,24 +137,9 @@ class CylindricalClearance(RoundClearance):
 
     def contact_properties(self, contact: int) -> ContactProperties:
         """Those of a rim in a bore: each edge stands for half of the bushing's length."""
-        return self.contact(
-            self.hertz_stiffness,
-            bearing_radius=self.ri,
-            journal_radius=self.rj,
-            clearance=self.cr,
-            journal_length=self.bearing_length,
-            contact_length=self.bearing_length / 2,
+        return self.round_contact(
+            journal_length=self.bearing_length, contact_length=self.bearing_length / 2
         )
-
-    @property
-    def freedoms(self) -> tuple[str, ...]:
-        """All six."""
-        return VIRTUAL_LINK
-
-    @property
-    def drive_coordinate(self) -> str:
-        """Yaw."""
-        return "yaw"
 
     @property
     def room_to_start(self) -> dict[str, float]:
@@ -180,10 +163,6 @@ class CylindricalClearance(RoundClearance):
         """A disc at each end, of the axis; leaning leaves it less room, so no order widens it."""
         return JournalPlay(self.cr, 0.0, self.bearing_length, 0.0)
 
-    def scaled(self, factor: float) -> Self:
-        """See `Clearance.scaled`."""
-        return replace(self, radial_clearance=factor * self.cr, journal_radius=None)
-
     def arm(self, centre: np.ndarray) -> float:
         """From the rod's centre to the farther end of the bushing, at most [m]."""
         return super().arm(centre) + float(np.linalg.norm(centre))
@@ -193,13 +172,9 @@ class CylindricalClearance(RoundClearance):
         return bool(np.hypot(offset[0], offset[1]) + lean <= max(self.cr, least))
 
     def ideal_part(self, rotation: np.ndarray, centre: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The axis is turned back by the shortest way; along it, all stays."""
-        swing = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), rotation[:, 2])
-        return swing.toRotationMatrix().T @ rotation, np.array([0.0, 0.0, centre[2]])
+        """Upright; along the axis, all stays."""
+        return upright(rotation), np.array([0.0, 0.0, centre[2]])
 
     def directions(self) -> np.ndarray:
         """Radial at both ends of the bushing."""
-        phi = np.linspace(0.0, 2.0 * np.pi, _AZIMUTHS, endpoint=False)
-        c, s, zero = np.cos(phi), np.sin(phi), np.zeros(_AZIMUTHS)
-        heights = self.bearing_length / 2, -self.bearing_length / 2
-        return np.concatenate([np.column_stack([c, s, zero, -h * s, h * c, zero]) for h in heights])
+        return radial_directions((self.bearing_length / 2, -self.bearing_length / 2))

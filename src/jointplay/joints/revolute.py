@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Self
 
 import numpy as np
-import pinocchio as pin
 
 from jointplay.contact import ContactProperties, FilmLaw, FilmProperties
 from jointplay.errors import JointplayError, require_positive, within
@@ -16,11 +15,14 @@ from jointplay.fields import quantity
 from jointplay.geometry import EDGE_ROUNDING_M, Shape, worn_bore
 from jointplay.joints.base import VIRTUAL_LINK, Outline, complete
 from jointplay.joints.play import JournalPlay
-from jointplay.joints.round import RoundClearance
+from jointplay.joints.round import (
+    SAMPLES,
+    RoundClearance,
+    azimuths,
+    radial_directions,
+    upright,
+)
 from jointplay.units import readable
-
-SAMPLES = 72
-"""Azimuths at which contact directions are sampled."""
 
 LEAST_AZIMUTHS = 16
 """A worn profile must have at least this many azimuths."""
@@ -194,22 +196,12 @@ class RevoluteClearance(RoundClearance):
         A contact of one rim stands for half of the journal's length, one along it for the whole.
         """
         length = self.lj if self.lock_tilt else self.lj / 2
-        return self._contact(self.hertz_stiffness, length)
+        return self.round_contact(journal_length=self.lj, contact_length=length)
 
     @property
     def axial_contact(self) -> ContactProperties:
         """What the normal-force law needs to know of the axial contacts."""
-        return self._contact(self.axial_stiffness or self.hertz_stiffness, 0.0)
-
-    def _contact(self, stiffness: float, contact_length: float) -> ContactProperties:
-        return self.contact(
-            stiffness,
-            bearing_radius=self.ri,
-            journal_radius=self.rj,
-            clearance=self.cr,
-            journal_length=self.lj,
-            contact_length=contact_length,
-        )
+        return self.round_contact(self.axial_stiffness, journal_length=self.lj, contact_length=0.0)
 
     def contact_properties(self, contact: int) -> ContactProperties:
         """Those of the radial or of the axial contacts."""
@@ -262,11 +254,6 @@ class RevoluteClearance(RoundClearance):
         """All six but for those that are locked."""
         locked = ("z",) * self.lock_axial + ("pitch", "roll") * self.lock_tilt
         return tuple(name for name in VIRTUAL_LINK if name not in locked)
-
-    @property
-    def drive_coordinate(self) -> str:
-        """Yaw."""
-        return "yaw"
 
     @property
     def room_to_start(self) -> dict[str, float]:
@@ -326,19 +313,16 @@ class RevoluteClearance(RoundClearance):
         return bool(np.hypot(x, y) + lean <= across and z + lean <= along)
 
     def ideal_part(self, rotation: np.ndarray, centre: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The axis is turned back by the shortest way; along the axis, only what nothing limits."""
-        swing = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), rotation[:, 2])
-        slide = np.array([0.0, 0.0, 0.0 if self.walls else centre[2]])
-        return swing.toRotationMatrix().T @ rotation, slide
+        """Upright; along the axis, only what nothing limits."""
+        return upright(rotation), np.array([0.0, 0.0, 0.0 if self.walls else centre[2]])
 
     def directions(self) -> np.ndarray:
         """Radial at both ends (or in the middle, without tilt), axial at the rims."""
-        phi = np.linspace(0.0, 2.0 * np.pi, SAMPLES, endpoint=False)
-        c, s, zero, one = np.cos(phi), np.sin(phi), np.zeros(SAMPLES), np.ones(SAMPLES)
-        rows = []
-        for height in (0.0,) if self.lock_tilt else (self.lj / 2, -self.lj / 2):
-            rows.append(np.column_stack([c, s, zero, -height * s, height * c, zero]))
-        if self.walls:
-            arm = 0.0 if self.lock_tilt else self.rj
-            rows.append(np.column_stack([zero, zero, one, arm * s, -arm * c, zero]))
-        return np.concatenate(rows)
+        heights = (0.0,) if self.lock_tilt else (self.lj / 2, -self.lj / 2)
+        radial = radial_directions(heights)
+        if not self.walls:
+            return radial
+        c, s, zero = azimuths()
+        arm = 0.0 if self.lock_tilt else self.rj
+        axial = np.column_stack([zero, zero, np.ones(SAMPLES), arm * s, -arm * c, zero])
+        return np.concatenate([radial, axial])

@@ -2,10 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Self
 
+import numpy as np
+import pinocchio as pin
+
+from jointplay.contact import ContactProperties
 from jointplay.fields import quantity
-from jointplay.joints.base import Clearance, complete
+from jointplay.joints.base import VIRTUAL_LINK, Clearance, complete
+
+SAMPLES = 72
+"""Azimuths at which contact directions are sampled."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,6 +63,16 @@ class RoundClearance(Clearance):
         return self.radial_clearance
 
     @property
+    def freedoms(self) -> tuple[str, ...]:
+        """All six."""
+        return VIRTUAL_LINK
+
+    @property
+    def drive_coordinate(self) -> str:
+        """Yaw."""
+        return "yaw"
+
+    @property
     def radial_room(self) -> float:
         """C_r [m]."""
         return self.cr
@@ -74,3 +93,41 @@ class RoundClearance(Clearance):
         if self.stiffness is not None:
             return self.stiffness
         return self.hertz(self.ri * self.rj / self.cr)
+
+    def scaled(self, factor: float) -> Self:
+        """See `Clearance.scaled`."""
+        return replace(self, radial_clearance=factor * self.cr, journal_radius=None)
+
+    def round_contact(self, stiffness: float | None = None, **lengths: float) -> ContactProperties:
+        """Properties of a contact of the journal in its bearing.
+
+        Args:
+            stiffness: Hertz's [N/m^1.5]; None takes the joint's.
+            lengths: what `ContactProperties` has of lengths [m].
+        """
+        return self.contact(
+            stiffness or self.hertz_stiffness,
+            bearing_radius=self.ri,
+            journal_radius=self.rj,
+            clearance=self.cr,
+            **lengths,
+        )
+
+
+def azimuths() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Cosine, sine and zero at `SAMPLES` azimuths."""
+    phi = np.linspace(0.0, 2.0 * np.pi, SAMPLES, endpoint=False)
+    return np.cos(phi), np.sin(phi), np.zeros(SAMPLES)
+
+
+def radial_directions(heights: Sequence[float]) -> np.ndarray:
+    """Unit forces across the axis at these heights [m], and their moments, shape (n, 6)."""
+    c, s, zero = azimuths()
+    return np.concatenate([np.column_stack([c, s, zero, -h * s, h * c, zero]) for h in heights])
+
+
+def upright(rotation: np.ndarray) -> np.ndarray:
+    """The rotation (3, 3) with its axis turned back to z by the shortest way."""
+    swing = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), rotation[:, 2])
+    turned: np.ndarray = swing.toRotationMatrix().T @ rotation
+    return turned

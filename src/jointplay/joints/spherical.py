@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import ClassVar, Self
 
 import numpy as np
@@ -51,12 +51,7 @@ class SphericalClearance(RoundClearance):
 
     def contact_properties(self, contact: int) -> ContactProperties:
         """Those of the one contact."""
-        return self.contact(
-            self.hertz_stiffness,
-            bearing_radius=self.bearing_radius,
-            journal_radius=self.rj,
-            clearance=self.cr,
-        )
+        return self.round_contact()
 
     @property
     def shape(self) -> Shape:
@@ -79,16 +74,6 @@ class SphericalClearance(RoundClearance):
         return (self.cr,)
 
     @property
-    def freedoms(self) -> tuple[str, ...]:
-        """All six."""
-        return VIRTUAL_LINK
-
-    @property
-    def drive_coordinate(self) -> str:
-        """Yaw."""
-        return "yaw"
-
-    @property
     def room_to_start(self) -> dict[str, float]:
         """C / sqrt(3) each, so that every corner of the box is inside the socket."""
         return dict.fromkeys(VIRTUAL_LINK[:3], self.cr / np.sqrt(3.0))
@@ -106,10 +91,6 @@ class SphericalClearance(RoundClearance):
     def play(self, second_order: bool = True) -> BallPlay:
         """A ball, exact in every order."""
         return BallPlay(self.cr)
-
-    def scaled(self, factor: float) -> Self:
-        """See `Clearance.scaled`."""
-        return replace(self, radial_clearance=factor * self.cr, journal_radius=None)
 
     def fits(self, offset: np.ndarray, lean: float, least: float) -> bool:
         """Within a sphere, however it is turned."""

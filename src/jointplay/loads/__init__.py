@@ -8,6 +8,7 @@ from typing import Any
 from jointplay.codec import Family, read, register
 from jointplay.loads.base import WORLD, Load
 from jointplay.loads.controller import Controller
+from jointplay.loads.drive import ComputedTorque, Drive, Free, JointFriction, Prescribed, Torque
 from jointplay.loads.joint_spring import Stop, TorsionSpring
 from jointplay.loads.loaded_friction import LoadedFriction
 from jointplay.loads.spring import CurveSpring, Spring
@@ -47,12 +48,18 @@ def load_from_description(description: Mapping[str, Any]) -> Load:
 __all__ = [
     "LOADS",
     "WORLD",
+    "ComputedTorque",
     "Controller",
     "CurveSpring",
+    "Drive",
+    "Free",
+    "JointFriction",
     "Load",
     "LoadedFriction",
+    "Prescribed",
     "Spring",
     "Stop",
+    "Torque",
     "TorsionSpring",
     "Wrench",
     "WrenchFunction",

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from itertools import pairwise
 from typing import Any, ClassVar, NamedTuple
 
@@ -26,7 +26,8 @@ import pinocchio as pin
 from jointplay.codec import Described
 from jointplay.contact.compiled import compiled_function
 from jointplay.contact.trust import Absent
-from jointplay.errors import JointplayError, MissingName, Where, require_finite
+from jointplay.errors import JointplayError, MissingName, Where, require_finite, require_vector
+from jointplay.fields import quantity
 from jointplay.kernel.layout import NEVER
 from jointplay.kernel.load import LOAD_LAW
 from jointplay.mechanism.mechanism import Mechanism, frame_index
@@ -113,6 +114,21 @@ class Load(Described, ABC):
     def driven(self) -> tuple[str, ...]:
         """Joints whose actuator it is: torques that their limit of effort concerns."""
         return ()
+
+
+@dataclass(frozen=True)
+class OnFrame(Load):
+    """What loads have in common that act at a point of a link or frame."""
+
+    frame: str
+    """Link or frame that it acts on."""
+    _: KW_ONLY
+    at: Vector = quantity("m", default=(0.0, 0.0, 0.0))
+    """Point in the axes of `frame` at which it acts [m]."""
+
+    def __post_init__(self) -> None:
+        """Check the point."""
+        object.__setattr__(self, "at", require_vector("at", self.at, "m", ("at",)))
 
 
 def address(load: Load) -> int:

@@ -38,13 +38,18 @@ def _stopped(time: Any, x: Any, dx: Any, p: Any, out: Any) -> None:
         out[0] = min(p[0] * (p[3] - x[0]) - p[1] * dx[0], 0.0)
 
 
+@dataclass(frozen=True)
 class _AtJoint(Load):
     """What springs at a joint have in common."""
 
     stores: ClassVar[bool] = True
+
     joint: str
-    stiffness: float
-    damping: float
+    """Joint at which it acts."""
+    stiffness: float = quantity(*STIFFNESS)
+    """[N m/rad, or N/m for prismatic joints]."""
+    damping: float = quantity(*DAMPING, default=0.0)
+    """[N m s/rad or N s/m]."""
 
     def site(self, mechanism: Mechanism) -> Site:
         """The joint's coordinate: yaw, or z of a slider, if it has clearance."""
@@ -73,12 +78,6 @@ class TorsionSpring(_AtJoint):
 
     kind: ClassVar[str] = "torsion-spring"
 
-    joint: str
-    """Joint that it turns."""
-    stiffness: float = quantity(*STIFFNESS)
-    """[N m/rad, or N/m for prismatic joints]."""
-    damping: float = quantity(*DAMPING, default=0.0)
-    """[N m s/rad or N s/m]."""
     rest: float = quantity(*ANGLE, default=0.0)
     """Position at which it does not push [rad or m]."""
 
@@ -115,12 +114,6 @@ class Stop(_AtJoint):
 
     kind: ClassVar[str] = "stop"
 
-    joint: str
-    """Joint that it stops."""
-    stiffness: float = quantity(*STIFFNESS)
-    """[N m/rad, or N/m for prismatic joints]."""
-    damping: float = quantity(*DAMPING, default=0.0)
-    """[N m s/rad or N s/m]."""
     lower: float | None = quantity(*ANGLE, default=None)
     """Where the lower one begins; the URDF's limit if not given [rad or m]."""
     upper: float | None = quantity(*ANGLE, default=None)

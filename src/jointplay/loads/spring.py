@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from typing import Any, ClassVar
 
 import numpy as np
@@ -20,7 +20,7 @@ from jointplay.fields import quantity
 from jointplay.kernel.layout import ALWAYS, NEVER
 from jointplay.loads.base import (
     WORLD,
-    Load,
+    OnFrame,
     Series,
     Site,
     Vector,
@@ -67,19 +67,25 @@ def _curve(time: Any, x: Any, dx: Any, p: Any, out: Any) -> None:
             out[k] = -pull * x[k] / length
 
 
-class _Between(Load):
+@dataclass(frozen=True)
+class _Between(OnFrame):
     """What all springs between two points have in common."""
 
     stores: ClassVar[bool] = True
-    frame: str
-    other: str
-    at: Vector
-    other_at: Vector
-    damping: float
 
-    def _check(self) -> None:
-        for name in ("at", "other_at"):
-            object.__setattr__(self, name, require_vector(name, getattr(self, name), "m", (name,)))
+    _: KW_ONLY
+    other: str = WORLD
+    """Link or frame at its other end; ``world`` is the ground."""
+    other_at: Vector = quantity("m", default=(0.0, 0.0, 0.0))
+    """Point in the axes of `other` [m]."""
+    damping: float = quantity("N*s/m", default=0.0)
+    """[N s/m]."""
+
+    def __post_init__(self) -> None:
+        """Check points and damping."""
+        super().__post_init__()
+        other = require_vector("other_at", self.other_at, "m", ("other_at",))
+        object.__setattr__(self, "other_at", other)
         require_non_negative("spring damping", self.damping, "N s/m", ("damping",))
 
     def site(self, mechanism: Mechanism) -> Site:
@@ -114,24 +120,14 @@ class Spring(_Between):
 
     kind: ClassVar[str] = "spring"
 
-    frame: str
-    """Link or frame that it pulls on."""
     stiffness: float = quantity("N/m")
     """[N/m]."""
     free_length: float = quantity("m")
     """Length at which it does not pull [m]."""
-    other: str = WORLD
-    """The other one; ``world`` is the ground."""
-    at: Vector = quantity("m", default=(0.0, 0.0, 0.0))
-    """Point in the axes of `frame` [m]."""
-    other_at: Vector = quantity("m", default=(0.0, 0.0, 0.0))
-    """Point in the axes of `other` [m]."""
-    damping: float = quantity("N*s/m", default=0.0)
-    """[N s/m]."""
 
     def __post_init__(self) -> None:
         """Check the numbers."""
-        self._check()
+        super().__post_init__()
         require_positive("spring stiffness", self.stiffness, "N/m", ("stiffness",))
         require_non_negative("free length", self.free_length, "m", ("free_length",))
 
@@ -167,24 +163,14 @@ class CurveSpring(_Between):
 
     kind: ClassVar[str] = "curve-spring"
 
-    frame: str
-    """Link or frame that it pulls on."""
     lengths: tuple[float, ...] = quantity("m")
     """Increasing [m]."""
     forces: tuple[float, ...] = quantity("N")
     """Force at each length [N]."""
-    other: str = WORLD
-    """The other one; ``world`` is the ground."""
-    at: Vector = quantity("m", default=(0.0, 0.0, 0.0))
-    """Point in the axes of `frame` [m]."""
-    other_at: Vector = quantity("m", default=(0.0, 0.0, 0.0))
-    """Point in the axes of `other` [m]."""
-    damping: float = quantity("N*s/m", default=0.0)
-    """[N s/m]."""
 
     def __post_init__(self) -> None:
         """Check the points."""
-        self._check()
+        super().__post_init__()
         lengths = require_increasing("spring lengths", self.lengths, "m", ("lengths",))
         forces = tuple(
             require_finite("spring forces", one, "N", ("forces",)) for one in self.forces

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from typing import Any, ClassVar
 
 import numpy as np
@@ -12,7 +12,7 @@ from jointplay.errors import JointplayError, MissingName, require_vector
 from jointplay.fields import choice, quantity
 from jointplay.loads.base import (
     WORLD,
-    Load,
+    OnFrame,
     Series,
     Site,
     Vector,
@@ -57,11 +57,9 @@ def _given(time: Any, x: Any, dx: Any, p: Any, out: Any) -> None:
                 out[s + k] = x[3 + 3 * k] * a + x[4 + 3 * k] * b + x[5 + 3 * k] * c
 
 
-class _OnFrame(Load):
+@dataclass(frozen=True)
+class _Pushing(OnFrame):
     """What all wrenches have in common."""
-
-    frame: str
-    at: Vector
 
     def site(self, mechanism: Mechanism) -> Site:
         """The point of the frame, against the ground."""
@@ -75,13 +73,27 @@ class _OnFrame(Load):
         ]
 
 
-def _check_axes(axes: str) -> None:
-    if axes not in AXES:
-        raise MissingName("axes for a wrench", axes, AXES, where=("axes",))
+@dataclass(frozen=True)
+class _InAxes(_Pushing):
+    """A wrench given in the axes of the world or of its frame, by the law `_given`."""
+
+    _: KW_ONLY
+    axes: str = choice("axes for a wrench", AXES, default=AXES[0])
+    """Axes of force and moment: ``world``, or ``frame``: they turn with it."""
+
+    def __post_init__(self) -> None:
+        """Check point and axes."""
+        super().__post_init__()
+        if self.axes not in AXES:
+            raise MissingName("axes for a wrench", self.axes, AXES, where=("axes",))
+
+    def law(self) -> Callable[..., None]:
+        """Linear between the times of a table."""
+        return _given
 
 
 @dataclass(frozen=True)
-class Wrench(_OnFrame):
+class Wrench(_InAxes):
     """A constant force and moment on a frame.
 
     Raises:
@@ -90,35 +102,25 @@ class Wrench(_OnFrame):
 
     kind: ClassVar[str] = "wrench"
 
-    frame: str
-    """Link or frame that it acts on."""
     force: Vector = quantity("N", default=(0.0, 0.0, 0.0))
     """[N]."""
     moment: Vector = quantity("N*m", default=(0.0, 0.0, 0.0))
     """[N m]."""
-    at: Vector = quantity("m", default=(0.0, 0.0, 0.0))
-    """Point in the frame's axes at which the force acts [m]."""
-    axes: str = choice("axes for a wrench", AXES, default=AXES[0])
-    """Axes of force and moment: ``world``, or ``frame``: they turn with it."""
 
     def __post_init__(self) -> None:
         """Check the numbers."""
-        for name, unit in (("force", "N"), ("moment", "N m"), ("at", "m")):
+        super().__post_init__()
+        for name, unit in (("force", "N"), ("moment", "N m")):
             object.__setattr__(self, name, require_vector(name, getattr(self, name), unit, (name,)))
-        _check_axes(self.axes)
-
-    def law(self) -> Callable[..., None]:
-        """A table of one row."""
-        return _given
 
     def numbers(self, mechanism: Mechanism) -> np.ndarray:
-        """Numbers of `_given`."""
+        """Numbers of `_given`: a table of one row."""
         turns = self.axes == "frame"
         return np.array([1.0, turns, 0.0, *self.force, *self.moment], float)
 
 
 @dataclass(frozen=True)
-class WrenchOverTime(_OnFrame):
+class WrenchOverTime(_InAxes):
     """A force and moment on a frame given in time: linear between the times, constant outside.
 
     Raises:
@@ -128,25 +130,19 @@ class WrenchOverTime(_OnFrame):
 
     kind: ClassVar[str] = "wrench-over-time"
 
-    frame: str
-    """Link or frame that it acts on."""
     times: tuple[float, ...] = quantity("s")
     """Increasing [s]."""
     forces: tuple[Vector, ...] = quantity("N", default=())
     """Force at each time [N]; none if not given."""
     moments: tuple[Vector, ...] = quantity("N*m", default=())
     """Moment at each time [N m]; none if not given."""
-    at: Vector = quantity("m", default=(0.0, 0.0, 0.0))
-    """Point in the frame's axes at which the force acts [m]."""
-    axes: str = choice("axes for a wrench", AXES, default=AXES[0])
-    """Axes of force and moment: ``world``, or ``frame``: they turn with it."""
 
     def __post_init__(self) -> None:
         """Check the table."""
+        super().__post_init__()
         object.__setattr__(
             self, "times", require_increasing("wrench times", self.times, "s", ("times",))
         )
-        object.__setattr__(self, "at", require_vector("at", self.at, "m", ("at",)))
         for name, unit in (("forces", "N"), ("moments", "N m")):
             rows = tuple(require_vector(name, row, unit, (name,)) for row in getattr(self, name))
             if rows and len(rows) != len(self.times):
@@ -156,11 +152,6 @@ class WrenchOverTime(_OnFrame):
             object.__setattr__(self, name, rows)
         if not self.times or not (self.forces or self.moments):
             raise JointplayError("a wrench over time needs times, and forces or moments for each")
-        _check_axes(self.axes)
-
-    def law(self) -> Callable[..., None]:
-        """Linear between the times."""
-        return _given
 
     def numbers(self, mechanism: Mechanism) -> np.ndarray:
         """Numbers of `_given`."""
@@ -181,7 +172,7 @@ class WrittenWrench(WrittenFunction):
 
 
 @dataclass(frozen=True)
-class WrenchFunction(OfFunction, _OnFrame):
+class WrenchFunction(OfFunction, _Pushing):
     """A force and moment on a frame by a function of the user's own, compiled like a law.
 
     ``function(time, pose, twist, p, out)`` has the time [s]; the point's position [m] and the
@@ -198,19 +189,15 @@ class WrenchFunction(OfFunction, _OnFrame):
 
     kind: ClassVar[str] = "wrench-function"
 
-    frame: str
-    """Link or frame that it acts on."""
     function: Callable[..., Any]
     """At module level of an importable file (files then name it as ``module:function``)."""
     parameters: tuple[float, ...] = quantity("", default=())
     """Numbers that the function finds in p."""
-    at: Vector = quantity("m", default=(0.0, 0.0, 0.0))
-    """Point in the frame's axes at which the force acts [m]."""
 
     def __post_init__(self) -> None:
         """Check signature and numbers."""
+        super().__post_init__()
         self._keep(("time", "pose", "twist", "p", "out"))
-        object.__setattr__(self, "at", require_vector("at", self.at, "m", ("at",)))
 
     def law(self) -> Callable[..., None]:
         """The user's own."""

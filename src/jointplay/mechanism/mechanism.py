@@ -383,37 +383,37 @@ class Mechanism(Described, Shown):
                 held = [np.linalg.matrix_rank(jacobian[:n], tol=1e-9) for n in (3, 5)]
                 points += [_AXIS_ARM_M] if held[1] > held[0] else []
             for height in points:
-                up = pin.SE3(np.eye(3), np.array([0.0, 0.0, height]))
-                constraint = pin.RigidConstraintModel(
-                    pin.ContactType.CONTACT_3D,
-                    self.model,
-                    j,
-                    journal * up,
-                    i,
-                    bearing * up,
-                    pin.ReferenceFrame.LOCAL,
-                )
-                constraint.name = name
-                constraint.m_baumgarte_parameters.Kp = frequency**2
-                constraint.m_baumgarte_parameters.Kd = 2.0 * frequency
-                constraints.append(constraint)
+                point = np.array([0.0, 0.0, height])
+                constraints.append(self._pinned(name, (j, journal), (i, bearing), point, frequency))
         for name, ((i, carriage), (j, held)) in self.locks.items():
             for point in (np.zeros(3), *(_AXIS_ARM_M * np.eye(3)[:2])):  # three hold a frame
-                at = pin.SE3(np.eye(3), point)
-                constraint = pin.RigidConstraintModel(
-                    pin.ContactType.CONTACT_3D,
-                    self.model,
-                    j,
-                    held * at,
-                    i,
-                    carriage * at,
-                    pin.ReferenceFrame.LOCAL,
-                )
-                constraint.name = name
-                constraint.m_baumgarte_parameters.Kp = frequency**2
-                constraint.m_baumgarte_parameters.Kd = 2.0 * frequency
-                constraints.append(constraint)
+                constraints.append(self._pinned(name, (j, held), (i, carriage), point, frequency))
         return constraints
+
+    def _pinned(
+        self,
+        name: str,
+        first: tuple[int, pin.SE3],
+        second: tuple[int, pin.SE3],
+        point: np.ndarray,
+        frequency: float,
+    ) -> pin.RigidConstraintModel:
+        """Constraint that holds a point of two frames together; see `constraints`."""
+        at = pin.SE3(np.eye(3), point)
+        (i, one), (j, other) = first, second
+        constraint = pin.RigidConstraintModel(
+            pin.ContactType.CONTACT_3D,
+            self.model,
+            i,
+            one * at,
+            j,
+            other * at,
+            pin.ReferenceFrame.LOCAL,
+        )
+        constraint.name = name
+        constraint.m_baumgarte_parameters.Kp = frequency**2
+        constraint.m_baumgarte_parameters.Kd = 2.0 * frequency
+        return constraint
 
     def ideal(self) -> Mechanism:
         """The same mechanism without clearance and without play in its gears."""

@@ -16,6 +16,7 @@ import numpy as np
 import pinocchio as pin
 
 from jointplay.host.numba_cache import njit
+from jointplay.kernel.layout import internal
 from jointplay.mechanism.model import z_to
 
 Frame = tuple[int, pin.SE3]
@@ -195,10 +196,9 @@ _ACCURACY, _ITERATIONS = 1e-15, 10
 """Acceleration that is left, relative to what is to be held, and the most iterations."""
 
 _compiled = njit(cache=True, error_model="numpy")
-_internal = njit(cache=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True)
 
 
-@_internal
+@internal
 def _times(a, i, b, j, c, k):
     """Product of rotations c[k] = a[i] b[j], row by row."""
     for r in (0, 3, 6):
@@ -207,7 +207,7 @@ def _times(a, i, b, j, c, k):
             c[k, r + s] = x * b[j, s] + y * b[j, 3 + s] + z * b[j, 6 + s]
 
 
-@_internal
+@internal
 def _turned(a, i, x, y, z):
     """Vector a[i] (x, y, z) of a rotation a[i]."""
     return (
@@ -217,7 +217,7 @@ def _turned(a, i, x, y, z):
     )
 
 
-@_internal
+@internal
 def _turned_back(a, i, x, y, z):
     """Vector a[i]^T (x, y, z) of a rotation a[i]."""
     return (
@@ -227,12 +227,12 @@ def _turned_back(a, i, x, y, z):
     )
 
 
-@_internal
+@internal
 def _cross(ax, ay, az, bx, by, bz):
     return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
 
 
-@_internal
+@internal
 def _spin(inertias, b, x, y, z):
     """Inertia of body b about its mass's centre times (x, y, z), in its own axes."""
     xx, xy, yy = inertias[b, 4], inertias[b, 5], inertias[b, 6]
@@ -240,7 +240,7 @@ def _spin(inertias, b, x, y, z):
     return xx * x + xy * y + xz * z, xy * x + yy * y + yz * z, xz * x + yz * y + zz * z
 
 
-@_internal
+@internal
 def _place(bodies, q, v, i, turn, origin, omega, speed):
     """Orientation, origin, angular velocity and the origin's velocity of all bodies in state i."""
     parents, slides, turns, shifts = bodies[0], bodies[1], bodies[2], bodies[3]
@@ -272,7 +272,7 @@ def _place(bodies, q, v, i, turn, origin, omega, speed):
         omega[b, 0], omega[b, 1], omega[b, 2] = wx + rate * ax, wy + rate * ay, wz + rate * az
 
 
-@_internal
+@internal
 def _ground(count):
     """Room for the poses and velocities of bodies; the ground, and with it number 0, at rest."""
     turn = np.zeros((count, 9))
@@ -280,7 +280,7 @@ def _ground(count):
     return turn, np.zeros((count, 3)), np.zeros((count, 3)), np.zeros((count, 3))
 
 
-@_internal
+@internal
 def _orient(turn, b, orientation, i):
     """Write rotation turn[b] as the unit quaternion orientation[i], of the sign of the one before.
 
@@ -365,7 +365,7 @@ def _move(
                 )
 
 
-@_internal
+@internal
 def _accelerate(bodies, v, i, a, turn, origin, omega, alpha, grow):
     """Angular acceleration of all bodies and their origins' acceleration, with a = q''."""
     parents, slides = bodies[0], bodies[1]
@@ -395,7 +395,7 @@ def _accelerate(bodies, v, i, a, turn, origin, omega, alpha, grow):
         grow[b, 0], grow[b, 1], grow[b, 2] = grow[p, 0] + gx, grow[p, 1] + gy, grow[p, 2] + gz
 
 
-@_internal
+@internal
 def _lifted(ex, ey, ez, wx, wy, wz, x, y, z):
     """Acceleration of a point at (x, y, z) from an origin at rest: alpha x r + w x (w x r)."""
     tx, ty, tz = _cross(ex, ey, ez, x, y, z)
@@ -404,7 +404,7 @@ def _lifted(ex, ey, ez, wx, wy, wz, x, y, z):
     return tx + cx, ty + cy, tz + cz
 
 
-@_internal
+@internal
 def _pushed(bodies, b, turn, origin, omega, alpha, grow):
     """Force that moves body b against gravity, and its mass's centre from the body's origin."""
     inertias, gravity = bodies[4], bodies[5]
@@ -423,7 +423,7 @@ def _pushed(bodies, b, turn, origin, omega, alpha, grow):
     )
 
 
-@_internal
+@internal
 def _factor(matrix, size):
     """Replace the lower triangle of a symmetric matrix by L and D of L D L^T."""
     for r in range(size):
@@ -440,7 +440,7 @@ def _factor(matrix, size):
         matrix[r, r] = pivot
 
 
-@_internal
+@internal
 def _solve(matrix, size, x):
     """Solve L D L^T x = x in place, L and D by `_factor`."""
     for r in range(size):
@@ -453,7 +453,7 @@ def _solve(matrix, size, x):
             x[r] -= matrix[k, r] * x[k]
 
 
-@_internal
+@internal
 def _mass_matrix(bodies, turn, origin, arm, weight, first_moment, second, mass):
     """Lower triangle of the mass matrix, from what each body and those beyond it weigh.
 
@@ -509,7 +509,7 @@ def _mass_matrix(bodies, turn, origin, arm, weight, first_moment, second, mass):
                 second[p, k] += second[b, k]
 
 
-@_internal
+@internal
 def _effort(slides, turn, origin, b, px, py, pz, lx, ly, lz):
     """What a force and a moment about the world's origin do at the coordinate of body b."""
     ax, ay, az = turn[b, 2], turn[b, 5], turn[b, 8]
@@ -519,7 +519,7 @@ def _effort(slides, turn, origin, b, px, py, pz, lx, ly, lz):
     return ax * (lx - x) + ay * (ly - y) + az * (lz - z)
 
 
-@_internal
+@internal
 def _hold(bodies, carriers, turn, origin, omega, alpha, grow, at, rows, drift):
     """Motion of held points against each other: Jacobian, and acceleration at constant speeds.
 
@@ -551,7 +551,7 @@ def _hold(bodies, carriers, turn, origin, omega, alpha, grow, at, rows, drift):
             b = parents[b]
 
 
-@_internal
+@internal
 def _close(mass, rows, drift, solved, square, acceleration, push):
     """Forces `push` that hold all points, and the acceleration with them, which is changed.
 

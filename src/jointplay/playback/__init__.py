@@ -12,7 +12,7 @@ from typing import Any
 
 from jointplay.errors import JointplayError
 from jointplay.host.files import check_new
-from jointplay.playback.page import render, write
+from jointplay.playback.rendering import render, write
 from jointplay.playback.scene import BUDGET, Scene, build
 from jointplay.playback.server import HOST, PORT, Server, open_browser
 from jointplay.result.result import Result

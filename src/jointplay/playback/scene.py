@@ -21,7 +21,7 @@ import pinocchio as pin
 import umsgpack
 from pinocchio.visualize import MeshcatVisualizer
 
-from jointplay.analysis.twin import ideal_simulation, is_twin
+from jointplay.analysis.twins import ideal_simulation, is_twin
 from jointplay.errors import JointplayError, MissingName
 from jointplay.kernel import Status
 from jointplay.mechanism.mechanism import Mechanism

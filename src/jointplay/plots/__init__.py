@@ -13,4 +13,3 @@ from jointplay.plots.figures import save as save
 from jointplay.plots.figures import save_pdf as save_pdf
 from jointplay.plots.style import COLOURS as COLOURS
 from jointplay.plots.style import STYLES as STYLES
-from jointplay.plots.style import style as style

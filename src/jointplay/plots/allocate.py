@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from jointplay.analysis.allocate import Allocation
+from jointplay.analysis.allocation import Allocation
 from jointplay.plots.style import COLOURS, new_figure, style
 
 

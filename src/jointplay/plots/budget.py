@@ -10,8 +10,8 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize, to_hex
 from matplotlib.figure import Figure
 
-from jointplay.analysis.budget import Budget
 from jointplay.analysis.levers import GEAR
+from jointplay.analysis.static_budget import Budget
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.mechanism.picture import picture
 from jointplay.plots.style import COLOURS, new_figure, style

@@ -11,7 +11,7 @@ from jointplay.analysis.identify import Identification
 from jointplay.plots.style import COLOURS, new_figure, style
 
 _SCALES = {
-    "tool": (1e6, "tool, distance from the ideal [µm]"),
+    "tool": (1e6, "tool off ideal [µm]"),
     "link": (1e3, "link - motor [mrad]"),
 }
 

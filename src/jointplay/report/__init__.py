@@ -12,11 +12,20 @@ from jointplay.host.files import check_new
 from jointplay.host.files import write as write_file
 from jointplay.playback.policy import as_data, as_script, policy
 from jointplay.plots.figures import is_paper
+from jointplay.report import (
+    assumptions,
+    at_a_glance,
+    claims_table,
+    contacts,
+    inputs,
+    judgement,
+    naming,
+    tool,
+)
 from jointplay.report import cases as _cases
-from jointplay.report import content
 from jointplay.report.cases import Case, Say
 from jointplay.report.cases import load as load
-from jointplay.report.charts import Chart, charts
+from jointplay.report.charts import Chart, all_charts
 from jointplay.report.html import Html, joined, markup, paragraph, render
 from jointplay.report.series import MAX_RECORDS, Pack
 from jointplay.result.histories import versions
@@ -68,7 +77,7 @@ def write(
     targets = [path, path.with_suffix(".pdf")] if pdf else [path]
     for target in targets:
         check_new(target)
-    content.claim_rows(claims)
+    claims_table.claim_rows(claims)
     found = _cases.build(results, impacts, say)
     say("writing the page")
     source = page(found, title, claims)
@@ -81,7 +90,7 @@ def write(
         ideal = next((case.ideal for case in found if case.ideal is not None), None)
         if ideal is not None and all(ideal is not result for result in shown.values()):
             shown = {"ideal": ideal, **shown} if "ideal" not in shown else shown
-        contents.append(drawn(shown, content.settled(found)))
+        contents.append(drawn(shown, naming.settled(found)))
     for target, made in zip(targets, contents, strict=True):  # at the end: none without the other
         write_file(target, made)
     return targets
@@ -89,9 +98,9 @@ def write(
 
 def page(cases: Sequence[Case], title: str, claims: Path | None) -> str:
     """The page's source."""
-    start = content.settled(cases)
+    start = naming.settled(cases)
     pack = Pack()
-    drawn = charts(cases, pack, start)
+    drawn = all_charts(cases, pack, start)
     by_name = {chart["id"]: chart for chart in drawn}
 
     def chart(*names: str) -> Html:
@@ -109,26 +118,26 @@ def page(cases: Sequence[Case], title: str, claims: Path | None) -> str:
             f"{MAX_RECORDS // 2} intervals are shown."
         )
     sections = {
-        "At a glance": content.glance(cases, start),
-        "Parameters": content.parameters(cases),
-        "Assumptions": content.assumptions(cases, start),
-        "Audit": content.audits(cases) + content.certificates(cases),
+        "At a glance": at_a_glance.glance(cases, start),
+        "Parameters": inputs.parameters(cases),
+        "Assumptions": assumptions.assumed(cases, start),
+        "Audit": judgement.audits(cases) + judgement.certificates(cases),
         "Motion of the tool": paragraph(hint)
         + chart(
             *("tool_displacement", "tool_displacement_error"),
             *("tool_velocity", "tool_velocity_error", "tool_path"),
         ),
-        "Accuracy": content.accuracies(cases, start),
-        "Journal": chart("journal_orbit", "modes") + content.modes(cases, start),
+        "Accuracy": tool.accuracies(cases, start),
+        "Journal": chart("journal_orbit", "modes") + contacts.modes(cases, start),
         "Forces": chart("force_x", "force_y", "force_z"),
-        "Impacts": content.impacts(cases, start)
+        "Impacts": contacts.impacts(cases, start)
         + chart("impacts")
-        + content.singles(cases)
+        + contacts.singles(cases)
         + chart("contacts", "gaps"),
-        "Spectrum": chart("spectrum") + content.spectra(cases, start),
+        "Spectrum": chart("spectrum") + tool.spectra(cases, start),
     }
     if claims is not None or is_paper({case.label: case.result for case in cases}):
-        sections["Claims"] = content.claims(cases, claims)
+        sections["Claims"] = claims_table.claims(cases, claims)
     end = max(case.duration for case in cases)
     data = json.dumps(
         {"charts": drawn, "layout": pack.layout, "end": end}, separators=(",", ":"), allow_nan=False
@@ -144,7 +153,7 @@ def page(cases: Sequence[Case], title: str, claims: Path | None) -> str:
         policy=policy(own),
         title=title,
         look=as_script(look),
-        cases=joined((content.dark(case) for case in cases), " &ensp; "),
+        cases=joined((naming.dark(case) for case in cases), " &ensp; "),
         made=", ".join(f"{name} {version}" for name, version in versions().items()),
         sections=sections,
         block=pack.block(),

@@ -84,7 +84,7 @@ def _panel(label: str, traces: list[dict[str, Any]], **more: Any) -> Chart:
     return {"label": label, "traces": traces, **more}
 
 
-def charts(cases: Sequence[Case], pack: Pack, start: float) -> list[Chart]:
+def all_charts(cases: Sequence[Case], pack: Pack, start: float) -> list[Chart]:
     """All charts of a report; their series go into `pack`."""
     histories = [Histories(case, pack) for case in cases]
     paper = is_paper({case.label: case.result for case in cases})

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 
+from jointplay.codec import Described
 from jointplay.contact import ContactProperties
+from jointplay.fields import quantity
 from jointplay.kernel import WELL_RESOLVED_STEPS
 from jointplay.kernel.integrators import DEFAULT, integrator
 from jointplay.kernel.layout import FRICTION
@@ -56,13 +59,17 @@ class Judgement:
     """`Workspace.contact_statistics` when judging began; None: at the start, or it never did."""
 
 
-@dataclass(frozen=True)
-class Audit:
+_figure = partial(quantity, finite=False)
+"""A run that went wrong has figures that are no numbers."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Audit(Described):
     """Figures by which to judge a run."""
 
-    energy_residual: float
+    energy_residual: float = _figure("J")
     """Largest error of the energy balance [J]."""
-    energy_exchanged: float
+    energy_exchanged: float = _figure("J")
     """Total variation of the kinetic or potential energy or of any force's work, the largest [J].
 
     At least a millionth of the kinetic energy, for rounding is not worth a warning.
@@ -73,63 +80,58 @@ class Audit:
     """Steps of the shortest contact that ended; 0 if none did."""
     under_resolved: int
     """Contacts that lasted fewer than 10 steps."""
-    under_resolved_impulse: float
+    under_resolved_impulse: float = _figure("")
     """Their share of the normal impulse, 0 to 1."""
-    normal_impulse: float
+    normal_impulse: float = _figure("N*s")
     """Of all contacts together [N s]."""
-    largest_penetration: float
+    largest_penetration: float = _figure("m")
     """[m]."""
-    penetration_over_clearance: float
+    penetration_over_clearance: float = _figure("")
     """The same relative to the clearance of its direction."""
-    step: float
+    step: float = _figure("s")
     """The time step [s]."""
-    friction_step_limit: float
+    friction_step_limit: float = _figure("s")
     """Largest step that follows friction under the largest normal force [s]."""
     unsolved: int = 0
     """Steps whose velocity solve did not converge."""
     unresolved: int = 0
     """Macro steps in which the shortest micro steps did not reach the tolerance."""
-    friction_fed: float = 0.0
+    friction_fed: float = _figure("J", default=0.0)
     """Largest fall of the energy that friction has taken up: what bristles gave back [J]."""
-    step_error: float | None = None
+    step_error: float | None = _figure("m", default=None)
     """Largest error of the tool's position because of the step, estimated [m]; see `step_check`.
 
     None where that is not looked for, or was given up.
     """
-    relative_step_error: float | None = None
+    relative_step_error: float | None = _figure("", default=None)
     """The same of all coordinates but motors, weighted with masses, relative to their motion."""
-    tooth_steps: float = math.inf
+    tooth_steps: float = _figure("", default=math.inf)
     """Steps in an impact of gear teeth, of those that touched the fewest; inf without.
 
     Also where steps are chosen by a tolerance.
     """
-    loop_drift: float = 0.0
+    loop_drift: float = _figure("m", default=0.0)
     """Largest gap of a loop without clearance [m]."""
     start: str = "centred"
     """Where journals began: ``rest`` or ``centred``."""
-    start_residual: float | None = None
+    start_residual: float | None = _figure("N", default=None)
     """Largest force that the search for the place of rest left unbalanced [N]; None: no search."""
-    start_load: float | None = None
+    start_load: float | None = _figure("N", default=None)
     """Largest force of a joint there [N]."""
-    judged_from: float | None = None
+    judged_from: float | None = _figure("s", default=None)
     """When figures begin to be judged [s]; None in results of version 0.1."""
     judged_impacts: int | None = None
     """Contacts that began from then on."""
-    judged_impulse: float | None = None
+    judged_impulse: float | None = _figure("N*s", default=None)
     """Their normal impulse, with that of contacts that lasted [N s]."""
-    peak_force: float | None = None
+    peak_force: float | None = _figure("N", default=None)
     """Largest force of a joint from then on [N]; None without clearance."""
-    peak_force_before: float | None = None
+    peak_force_before: float | None = _figure("N", default=None)
     """Largest force of a joint before [N]; None if all is judged."""
     law_warnings: tuple[str, ...] = ()
     """In what normal-force and film laws were used beyond their range; see `out_of_range`."""
     limit_warnings: tuple[str, ...] = ()
     """In what the run went beyond the URDF's limits of joints; see `loads.limits`."""
-
-    def __post_init__(self) -> None:
-        """Take the warnings of a file, where a tuple is a list."""
-        for name in ("law_warnings", "limit_warnings"):
-            object.__setattr__(self, name, tuple(getattr(self, name)))
 
     @classmethod
     def of(
@@ -284,10 +286,6 @@ class Audit:
             f"{self.step_error:.2g} m, all coordinates by {100 * self.relative_step_error:.2g} % "
             "of how far they move: reduce the step"
         )
-
-    def describe(self) -> dict[str, Any]:
-        """Fields of the audit as plain data."""
-        return asdict(self)
 
     def __str__(self) -> str:
         """Figures, then warnings, one a line."""

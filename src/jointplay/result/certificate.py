@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, ClassVar, Self
 
-from jointplay.errors import MissingName
+from jointplay.codec import Described
+from jointplay.errors import MissingName, require_non_negative
+from jointplay.fields import quantity
 
 MARKED = 0.05
 """A figure whose relative error exceeds this is marked where it stands."""
@@ -27,15 +28,45 @@ COUNTS = ("impacts",)
 """Figures that are whole numbers, and so are their errors."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class WrittenFigure:
+    """A figure as files have it."""
+
+    name: str
+    value: float = quantity("", finite=False)
+    """In its own unit, as its error."""
+    error: float | None = quantity("")
+    """None if unknown."""
+    unit: str
+
+
 @dataclass(frozen=True)
-class CertifiedFigure:
+class CertifiedFigure(Described):
     """A figure of a run, and how far it may be from what the model says."""
+
+    written: ClassVar[type | None] = WrittenFigure
 
     name: str
     value: float
     error: float
     """Numerical error, as large as it is expected to be in 9 of 10 cases; inf if unknown."""
     unit: str
+
+    def describe(self) -> dict[str, Any]:
+        """All as plain data; an unknown error is None."""
+        return super().describe() | ({} if math.isfinite(self.error) else {"error": None})
+
+    @classmethod
+    def from_fields(cls, fields: dict[str, Any]) -> Self:
+        """Build the figure that `describe` described.
+
+        Raises:
+            JointplayError: a negative error.
+        """
+        error = fields["error"]
+        if error is not None:
+            error = require_non_negative("an error", error, "", ("error",))
+        return cls(**fields | {"error": math.inf if error is None else error})
 
     @property
     def relative(self) -> float:
@@ -77,7 +108,7 @@ def plus_minus(value: float, error: float) -> str:
 
 
 @dataclass(frozen=True)
-class Certificate:
+class Certificate(Described):
     """The figures of a run with their errors, and the runs from which these come."""
 
     figures: tuple[CertifiedFigure, ...]
@@ -102,23 +133,6 @@ class Certificate:
     def marked(self) -> list[CertifiedFigure]:
         """Figures whose error exceeds 5 %."""
         return [figure for figure in self.figures if figure.marked]
-
-    def describe(self) -> dict[str, Any]:
-        """All as plain data; `from_description` reads it back. An unknown error is None."""
-        found = asdict(self)
-        for figure in found["figures"]:
-            if not math.isfinite(figure["error"]):
-                figure["error"] = None
-        return found
-
-    @classmethod
-    def from_description(cls, description: Mapping[str, Any]) -> Certificate:
-        """Build the certificate that `describe` described."""
-        figures = tuple(
-            CertifiedFigure(**(one | ({"error": math.inf} if one["error"] is None else {})))
-            for one in description["figures"]
-        )
-        return cls(figures, tuple(description["runs"]), description["note"])
 
     @classmethod
     def from_json(cls, text: str) -> Certificate:

@@ -58,6 +58,7 @@ def histories(
     wall_time: float,
     judgement: Judgement | None = None,
     loads: Mapping[str, Load] | None = None,
+    reactions: bool = True,
 ) -> Result:
     """Make a `Result` of the records that a run left in its workspace.
 
@@ -71,6 +72,7 @@ def histories(
         wall_time: what it took [s].
         judgement: how the run began and from when on it is judged; None: centred, from the start.
         loads: by name, in the order of the run's.
+        reactions: whether the constraint forces of an ideal mechanism are found.
     """
     n = workspace.rows
     q, v = (np.ascontiguousarray(workspace.recorded(name)) for name in ("q", "v"))
@@ -95,7 +97,7 @@ def histories(
     if mechanism.clearance:
         contact, elastic = _contact(mechanism, workspace, body)
         variables |= contact
-    else:
+    elif reactions:
         variables["reaction_force"] = (
             ("time", "moving_joint", "axis"),
             _reactions(

@@ -51,7 +51,7 @@ class Result:
         """Wrap the dataset of a run."""
         self.dataset = dataset
         self.trust = tuple(trust)
-        self.audit = Audit(**json.loads(dataset.attrs["audit"]))
+        self.audit = Audit.from_description(json.loads(dataset.attrs["audit"]))
         self.status = Status[dataset.attrs["status"].upper()]
         self.message: str = dataset.attrs["message"]
 

@@ -7,12 +7,12 @@ readers need not doubt: they would stumble over it one by one, each in its own w
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
+from typing import Any, ClassVar
 
 import xarray as xr
-from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from jointplay import codec
 from jointplay.errors import JointplayError
@@ -25,6 +25,7 @@ from jointplay.mechanism.mechanism import Mechanism
 from jointplay.mechanism.payload import Payload
 from jointplay.motion.reference import Motion
 from jointplay.result.audit import Audit
+from jointplay.result.certificate import Certificate
 
 _AXES = ["x", "y", "z"]
 
@@ -91,25 +92,13 @@ class Inputs:
     """Versions that knew of none ignored them."""
 
 
-class _Figure(BaseModel):
-    model_config = ConfigDict(extra="forbid", strict=True)
-
-    name: str
-    value: float
-    error: Annotated[float, Field(ge=0.0, allow_inf_nan=False)] | None
-    unit: str
-
-
-class _Certificate(BaseModel):
-    model_config = ConfigDict(extra="forbid", strict=True)
-
-    figures: list[_Figure]
-    runs: list[str]
-    note: str
-
-
-_AUDIT = TypeAdapter(Audit)
-_CERTIFICATE = TypeAdapter(_Certificate)
+def given_state(inputs: Mapping[str, Any]) -> dict[str, list[float | None]]:
+    """Positions and speeds at the start, of a run's inputs; version 0.1 had them in two places."""
+    state: dict[str, list[float | None]] | None = inputs.get("state")
+    if state is not None:
+        return state
+    places, speeds = inputs.get("start") or {}, inputs.get("start_speed") or {}
+    return {name: [places.get(name), speeds.get(name)] for name in {**places, **speeds}}
 
 
 def check(dataset: xr.Dataset, path: Path) -> None:
@@ -128,8 +117,8 @@ def check(dataset: xr.Dataset, path: Path) -> None:
     if status.upper() not in Status.__members__:
         known = ", ".join(one.name.lower() for one in Status)
         raise _wrong(path, f"it has the status {_short(status)}; known are {known}")
-    audit = _validated(path, dataset, "audit", _AUDIT)
-    given = _inputs(path, dataset)
+    audit = _checked(path, dataset, "audit", Audit)
+    given = _checked(path, dataset, "simulation", Inputs)
     if audit["step"] != given["step"]:
         raise _wrong(
             path, f"its step is {given['step']!r} s in one place and {audit['step']!r} in another"
@@ -150,9 +139,7 @@ def check(dataset: xr.Dataset, path: Path) -> None:
 
 
 def _check_certificate(dataset: xr.Dataset, path: Path) -> None:
-    from jointplay.result.certificate import Certificate
-
-    given = _validated(path, dataset, "certificate", _CERTIFICATE)
+    given = _checked(path, dataset, "certificate", Certificate)
     try:
         for figure in Certificate.from_description(given).figures:
             str(figure)
@@ -169,31 +156,16 @@ def _json(path: Path, name: str, text: Any) -> Any:
         raise _wrong(path, f"its attribute {name!r} is no JSON: {error}") from None
 
 
-def _validated(path: Path, dataset: xr.Dataset, name: str, model: TypeAdapter[Any]) -> Any:
+def _checked(path: Path, dataset: xr.Dataset, name: str, kind: type) -> Any:
+    """An attribute as plain data, which describe a `kind`; nothing is made of them here."""
     given = _json(path, name, dataset.attrs[name])
     try:
-        model.validate_json(json.dumps(given), strict=True)
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        place = ".".join(str(part) for part in first["loc"])
-        raise _wrong(
-            path, f"{name}: {place}: {first['msg']}, got {_short(first['input'])}"
-        ) from None
-    except (RecursionError, OverflowError) as error:
-        raise _wrong(path, f"{name}: {error}") from None
-    return given
-
-
-def _inputs(path: Path, dataset: xr.Dataset) -> Any:
-    """Inputs of the run, each of its kind; nothing is made of them here."""
-    given = _json(path, "simulation", dataset.attrs["simulation"])
-    try:
-        codec.check(Inputs, given)
+        codec.check(kind, given)
     except JointplayError as error:
         place = "".join(f"{part}: " for part in (".".join(map(str, error.where)),) if part)
-        raise _wrong(path, f"simulation: {place}{error}") from None
+        raise _wrong(path, f"{name}: {place}{error}") from None
     except (RecursionError, OverflowError) as error:
-        raise _wrong(path, f"simulation: {error}") from None
+        raise _wrong(path, f"{name}: {error}") from None
     return given
 
 

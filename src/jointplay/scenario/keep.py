@@ -62,7 +62,7 @@ def add_certificate(
         JointplayError: the file cannot be written again; the message says where the result is.
         KeyboardInterrupt: told to stop; the result is there without certificate.
     """
-    from jointplay.analysis.certify import certify
+    from jointplay.analysis.certification import certify
     from jointplay.kernel import Status
 
     if result.status == Status.INTERRUPTED or stopping.told():

@@ -109,20 +109,18 @@ def check_step(mechanism: Mechanism, mass_of_all: float, step: float, q: np.ndar
                 f"{mass_of_all:.3g} kg in all: {_beside(mechanism, name)}; give the lighter one "
                 "more mass or inertia in the URDF"
             )
-        duration = contact_duration(mechanism, name, q)
-        if duration < MIN_CONTACT_STEPS * step:
-            raise JointplayError(
-                f"step {step:g} s is too large for the contact stiffness at {name!r}: an "
-                f"impact at {REFERENCE_SPEED:g} m/s lasts {duration:.2g} s, so take at most "
-                f"{duration / kernel.WELL_RESOLVED_STEPS:.2g} s",
-                where=("step",),
-            )
+        impact = f"the contact stiffness at {name!r}: an impact at {REFERENCE_SPEED:g} m/s"
+        _require_short(step, contact_duration(mechanism, name, q), impact)
     for name in mechanism.gears:
-        duration = tooth_duration(mechanism, name, q)
-        if duration < MIN_CONTACT_STEPS * step:
-            raise JointplayError(
-                f"step {step:g} s is too large for the stiffness of the gear at {name!r}: an "
-                f"impact of its teeth lasts {duration:.2g} s, so take at most "
-                f"{duration / kernel.WELL_RESOLVED_STEPS:.2g} s",
-                where=("step",),
-            )
+        impact = f"the stiffness of the gear at {name!r}: an impact of its teeth"
+        _require_short(step, tooth_duration(mechanism, name, q), impact)
+
+
+def _require_short(step: float, duration: float, impact: str) -> None:
+    """Refuse a step in which an impact passes unseen."""
+    if duration < MIN_CONTACT_STEPS * step:
+        raise JointplayError(
+            f"step {step:g} s is too large for {impact} lasts {duration:.2g} s, so take at most "
+            f"{duration / kernel.WELL_RESOLVED_STEPS:.2g} s",
+            where=("step",),
+        )

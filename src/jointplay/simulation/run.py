@@ -226,7 +226,9 @@ class Run:
         """Move every journal aside by `distance` along each axis [m], before the run begins."""
         initial.displace(self.mechanism, self.workspace.q, distance)
 
-    def execute(self, progress: bool = False, check_step: bool = True) -> Result:
+    def execute(
+        self, progress: bool = False, check_step: bool = True, reactions: bool = True
+    ) -> Result:
         """Simulate to the end, from the start or from where the run stands; once only.
 
         Args:
@@ -234,6 +236,7 @@ class Run:
             check_step: where nothing else judges the step, run again with another one: see
                 `step_check`. Takes about half of the run's time, in doubt two and a half times
                 the run's. Not for a run that was continued.
+            reactions: see `result`.
 
         Returns:
             The result. Interrupted by Ctrl-C, or stopped because the state ran away, it holds
@@ -248,7 +251,7 @@ class Run:
         message = self.message(status)
         if status not in (Status.COMPLETED, Status.INTERRUPTED):
             warnings.warn(message, RuntimeWarning, stacklevel=2)
-        result = self.result(status, message)
+        result = self.result(status, message, reactions)
         check_step = check_step and whole and step_check.wanted(self.simulation)
         if check_step and status == Status.COMPLETED:
             error = step_check.step_error(self, result, start, progress)
@@ -261,11 +264,15 @@ class Run:
         other.guards += self.guards
         return other
 
-    def result(self, status: Status | None = None, message: str | None = None) -> Result:
+    def result(
+        self, status: Status | None = None, message: str | None = None, reactions: bool = True
+    ) -> Result:
         """What was recorded so far, as a result.
 
         Args:
             status, message: how the run ended; if not given, as interrupted here.
+            reactions: whether a mechanism without clearance gets the forces in its joints; who
+                asks only where it goes can do without.
         """
         status = Status.INTERRUPTED if status is None else status
         return histories(
@@ -279,6 +286,7 @@ class Run:
             self._elapsed,
             self.judgement(),
             self.simulation.loads,
+            reactions,
         )
 
     def judgement(self) -> Judgement:

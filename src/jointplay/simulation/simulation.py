@@ -4,23 +4,25 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
+from jointplay.codec import Described, unknown_key
 from jointplay.errors import JointplayError, MissingName
 from jointplay.host.late import late
 from jointplay.kernel.integrators import DEFAULT
-from jointplay.loads import Load, load_from_description
-from jointplay.loads.drive import ComputedTorque, Drive, JointFriction, drive_from_description
+from jointplay.loads import Load
+from jointplay.loads.drive import ComputedTorque, Drive, JointFriction
 from jointplay.loads.limits import LIMITS
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.mechanism.payload import Payload
 from jointplay.motion.reference import Motion
 from jointplay.result.judging import STARTS
 from jointplay.result.result import Result
+from jointplay.result.stored import Inputs, given_state
 from jointplay.simulation import checkpoint, judging
 from jointplay.simulation.initial import PERTURBATION, pair
 from jointplay.simulation.moment import Moment
@@ -30,12 +32,14 @@ __all__ = ["PERTURBATION", "Run", "Simulation", "simulate"]
 
 
 @dataclass(frozen=True)
-class Simulation:
+class Simulation(Described):
     """Everything that defines a run. Equal simulations give bit-identical results on one machine.
 
     Raises:
         JointplayError: on anything that cannot be simulated; see `prepare`.
     """
+
+    written: ClassVar[type | None] = Inputs
 
     mechanism: Mechanism
     motion: Motion | None = None
@@ -128,61 +132,46 @@ class Simulation:
 
     def describe(self) -> dict[str, Any]:
         """All inputs as plain data; `from_description` reads it back."""
-        return {
-            "mechanism": self.mechanism.describe(),
-            "motion": None if self.motion is None else self.motion.describe(),
-            "drive": {name: drive.describe() for name, drive in self.drive.items()}
-            if isinstance(self.drive, Mapping)
-            else [self.drive.describe()],
-            "duration": self.duration,
-            "step": self.step,
-            "integrator": self.integrator,
-            "macro_step": self.macro_step,
-            "tolerance": self.tolerance,
-            "record_every": self.record_every,
-            "joint_friction": None
-            if self.joint_friction is None
-            else {name: asdict(value) for name, value in self.joint_friction.items()},
-            "seed": self.seed,
-            "payloads": [payload.describe() for payload in self.payloads],
-            "start": self.start,
-            "state": {name: list(pair(name, value)) for name, value in self.state.items()},
-            "settle": self.settle,
-            "judge_from": self.judge_from,
-            "loads": {name: load.describe() for name, load in self.loads.items()},
-            "limits": self.limits,
-        }
+        found = super().describe()
+        del found["start_speed"]
+        if isinstance(self.drive, Drive):
+            found["drive"] = [found["drive"]]
+        found["state"] = {name: list(pair(name, value)) for name, value in self.state.items()}
+        return found
 
     @classmethod
-    def from_description(cls, description: Mapping[str, Any]) -> Simulation:
+    def from_description(cls, description: Any) -> Self:
         """Build the simulation that `describe` described.
 
-        Descriptions of version 0.1, which say nothing of the start, began centred.
+        Raises:
+            JointplayError: an input that this version does not know or that is missing, or a value
+                that cannot be; `where` has its place.
         """
-        fields = dict(description)
-        if "state" not in fields:
-            places, speeds = fields.pop("start", {}), fields.pop("start_speed", {})
-            fields["state"] = {
-                name: (places.get(name), speeds.get(name)) for name in {**places, **speeds}
-            }
-            fields["start"] = "centred"
-        fields["mechanism"] = Mechanism.from_description(fields["mechanism"])
-        if fields["motion"] is not None:
-            fields["motion"] = Motion.from_description(fields["motion"])
-        drive = fields["drive"]
-        if isinstance(drive, Mapping):
-            fields["drive"] = {name: drive_from_description(one) for name, one in drive.items()}
-        else:
-            fields["drive"] = drive_from_description(drive[0])
-        fields["payloads"] = tuple(Payload.from_description(one) for one in fields["payloads"])
-        if fields["joint_friction"] is not None:
-            fields["joint_friction"] = {
-                name: JointFriction(**value) for name, value in fields["joint_friction"].items()
-            }
-        loads = fields.get("loads", {})
-        fields["loads"] = {name: load_from_description(one) for name, one in loads.items()}
-        fields.setdefault("limits", "ignore")  # of a version that knew of none
-        return cls(**fields)
+        known = [field.name for field in fields(cls)]
+        for name in description if isinstance(description, Mapping) else ():
+            if name not in known:
+                raise JointplayError(unknown_key(name, known), where=(name,))
+        return super().from_description(description)
+
+    @classmethod
+    def from_fields(cls, fields: dict[str, Any]) -> Self:
+        """Build the simulation from its inputs as files have them.
+
+        Version 0.1 said nothing of how journals start: they began centred. None of its keys for
+        limits: they were ignored.
+        """
+        given = {"limits": "ignore", **fields}
+        if "state" not in given:
+            given |= {"state": given_state(given), "start": "centred", "start_speed": {}}
+        given["state"] = {name: tuple(at) for name, at in given["state"].items()}
+        drive = given["drive"]
+        if isinstance(drive, list):
+            if len(drive) != 1:
+                raise JointplayError(
+                    f"one drive stands for all joints, got {len(drive)}", where=("drive",)
+                )
+            (given["drive"],) = drive
+        return cls(**given)
 
     def steps(self, every: float | None = None) -> Iterator[Moment]:
         """Run, and look at the state between macro steps.
@@ -235,7 +224,7 @@ class Simulation:
         """
         result = self.prepare(progress).execute(progress, check_step)
         if certify:
-            find_errors = late("analysis.certify:certify")
+            find_errors = late("analysis.certification:certify")
             try:
                 result.certificate = find_errors(result, simulation=self, progress=progress)
             except KeyboardInterrupt:
@@ -244,16 +233,59 @@ class Simulation:
         return result
 
 
+_FOLLOW = ComputedTorque()
+
+
 def simulate(
     mechanism: Mechanism,
     motion: Motion | None = None,
     *,
+    drive: Drive | Mapping[str, Drive] = _FOLLOW,
+    duration: float | None = None,
+    step: float = 1e-5,
+    integrator: str = DEFAULT,
+    macro_step: float | None = None,
+    tolerance: float | None = None,
+    record_every: int = 10,
+    joint_friction: Mapping[str, JointFriction] | None = None,
+    seed: int | None = None,
+    payloads: Sequence[Payload] = (),
+    start: str | Mapping[str, float] | None = None,
+    start_speed: Mapping[str, float] | None = None,
+    state: Mapping[str, float | tuple[float | None, float | None]] | None = None,
+    settle: float | str | None = None,
+    judge_from: float | None = None,
+    loads: Mapping[str, Load] | None = None,
+    limits: str = LIMITS[0],
     progress: bool = False,
     certify: bool = False,
-    **options: Any,
 ) -> Result:
-    """Simulate `mechanism` following `motion`; `options` are the fields of `Simulation`.
+    """Simulate `mechanism` following `motion`: `Simulation(...).run(...)` in one call.
 
-    See `Simulation.run` for `progress` and `certify`.
+    `progress` and `certify` are those of `Simulation.run`; all else are fields of `Simulation`,
+    which says what each means, its unit and its default.
+
+    Raises:
+        JointplayError: on anything that cannot be simulated.
     """
-    return Simulation(mechanism, motion, **options).run(progress, certify)
+    return Simulation(
+        mechanism,
+        motion,
+        drive=drive,
+        duration=duration,
+        step=step,
+        integrator=integrator,
+        macro_step=macro_step,
+        tolerance=tolerance,
+        record_every=record_every,
+        joint_friction=joint_friction,
+        seed=seed,
+        payloads=payloads,
+        start=start,
+        start_speed=start_speed or {},
+        state=state or {},
+        settle=settle,
+        judge_from=judge_from,
+        loads=loads or {},
+        limits=limits,
+    ).run(progress, certify)

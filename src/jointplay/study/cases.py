@@ -10,7 +10,7 @@ from typing import Any
 
 from tqdm import tqdm
 
-from jointplay.analysis.certify import figures
+from jointplay.analysis.certification import figures
 from jointplay.analysis.claims import Measures, measure
 from jointplay.errors import JointplayError
 from jointplay.host import stopping

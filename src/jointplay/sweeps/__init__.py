@@ -5,8 +5,9 @@ Modules are loaded when a name is first used: workers need neither the store nor
 
 from __future__ import annotations
 
-import importlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from jointplay.host.late import offering
 
 if TYPE_CHECKING:
     from jointplay.sweeps.opened import open_sweep as open_sweep
@@ -23,8 +24,6 @@ _HOMES = {
     "sweep": "run",
 }
 
+__all__ = sorted(_HOMES)
 
-def __getattr__(name: str) -> Any:
-    if name not in _HOMES:
-        raise AttributeError(f"module 'jointplay.sweeps' has no attribute {name!r}")
-    return getattr(importlib.import_module(f"jointplay.sweeps.{_HOMES[name]}"), name)
+__getattr__ = offering(__name__, _HOMES)

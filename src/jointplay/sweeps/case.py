@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from jointplay.analysis.twin import ideal_simulation, task
+from jointplay.analysis.twins import ideal_simulation, task
 from jointplay.errors import JointplayError
 from jointplay.kernel import Status
 from jointplay.motion.reference import Motion
@@ -196,7 +196,7 @@ class Bench:
         if result.status != Status.COMPLETED:
             raise JointplayError(result.message)
         if self._certified(changes):
-            from jointplay.analysis.certify import certify
+            from jointplay.analysis.certification import certify
 
             result.certificate = certify(result, simulation=simulation)
         ideal = self._ideal(result, simulation) if self.job.tool_error else None

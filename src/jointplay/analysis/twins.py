@@ -11,6 +11,7 @@ import numpy as np
 from jointplay.errors import MissingName
 from jointplay.joints import VIRTUAL_LINK
 from jointplay.result.result import Result
+from jointplay.result.stored import given_state
 
 if TYPE_CHECKING:
     from jointplay.simulation.simulation import Simulation
@@ -83,13 +84,9 @@ def task(result: Result) -> dict[str, Any]:
 
 
 def _state(given: dict[str, Any]) -> dict[str, list[float | None]]:
-    """What is given of the state at the start, but for journals; version 0.1 had it in two."""
-    state = given.get("state")
-    if state is None:
-        places, speeds = given.get("start") or {}, given.get("start_speed") or {}
-        state = {name: [places.get(name), speeds.get(name)] for name in {**places, **speeds}}
+    """What is given of the state at the start, but for journals."""
     own = tuple(f".{part}" for part in VIRTUAL_LINK)
-    return {name: value for name, value in state.items() if not name.endswith(own)}
+    return {name: at for name, at in given_state(given).items() if not name.endswith(own)}
 
 
 def has_play(result: Result) -> bool:
@@ -102,10 +99,15 @@ def is_twin(result: Result, ideal: Result) -> bool:
     return not has_play(ideal) and task(result) == task(ideal)
 
 
-def twin(result: Result, progress: bool = False) -> Result:
+def twin(result: Result, progress: bool = False, reactions: bool = True) -> Result:
     """The ideal mechanism doing the same work for the same time, simulated now.
 
     Where it has closed loops, by rk4, with which they drift least.
+
+    Args:
+        result: of the run with play.
+        progress: show a bar on standard error.
+        reactions: whether the forces in its joints are found, too.
 
     Raises:
         JointplayError: the result's simulation cannot be built again, or its ideal mechanism
@@ -113,7 +115,8 @@ def twin(result: Result, progress: bool = False) -> Result:
     """
     simulation = ideal_simulation(result)
     # By rk4, a step that resolves impacts is far smaller than motion without them asks for.
-    return simulation.run(progress, check_step=not simulation.mechanism.loops)
+    check_step = not simulation.mechanism.loops
+    return simulation.prepare(progress).execute(progress, check_step, reactions)
 
 
 def ideal_simulation(result: Result) -> Simulation:

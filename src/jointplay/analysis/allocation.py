@@ -20,8 +20,8 @@ import numpy as np
 from scipy.optimize import linprog, minimize, nnls
 from scipy.stats import binom
 
-from jointplay.analysis.budget import budget, half_sphere
 from jointplay.analysis.levers import Part, sources
+from jointplay.analysis.static_budget import budget, half_sphere
 from jointplay.errors import JointplayError, MissingName, require_positive
 from jointplay.mechanism.mechanism import Mechanism
 

@@ -1,0 +1,118 @@
+"""The runs' judgement of themselves, and their numerical errors."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from jointplay.report.cases import Case
+from jointplay.report.html import Cell, Html, bullets, joined, markup, paragraph, table
+from jointplay.report.naming import dark
+from jointplay.result.certificate import CertifiedFigure
+
+
+def audits(cases: Sequence[Case]) -> Html:
+    """The runs' judgement of themselves."""
+    head = [
+        "case",
+        "message",
+        "energy residual [J]",
+        "exchanged [J]",
+        "residual [%]",
+        "contacts begun",
+        "shortest [steps]",
+        "under 10 steps",
+        "normal impulse [N s]",
+        "largest penetration [µm]",
+        "of the clearance [%]",
+        "step [µs]",
+        "friction needs [µs]",
+        "error by the step [µm]",
+        "drift of ideal loops [µm]",
+        "computed in [s]",
+    ]
+    rows: list[list[Cell]] = []
+    for case in cases:
+        audit = case.result.audit
+        contact: list[Cell] = [None] * 8
+        if case.joints:
+            limit = audit.friction_step_limit
+            contact = [
+                audit.impacts,
+                audit.shortest_contact_steps or None,
+                audit.under_resolved,
+                audit.normal_impulse,
+                1e6 * audit.largest_penetration,
+                100.0 * audit.penetration_over_clearance,
+                1e6 * audit.step,
+                1e6 * limit if math.isfinite(limit) else None,
+            ]
+        wall = case.result.dataset.attrs.get("wall_time_s")
+        rows.append(
+            [
+                dark(case),
+                case.result.message,
+                audit.energy_residual,
+                audit.energy_exchanged,
+                100.0 * audit.relative_energy_residual,
+                *contact,
+                None if audit.step_error is None else 1e6 * audit.step_error,
+                1e6 * audit.loop_drift if "loop_drift" in case.result.dataset else None,
+                None if wall is None else float(wall),
+            ]
+        )
+    warnings = [
+        markup('{} <strong class="warn">Warning:</strong> {}.', dark(case), warning)
+        for case in cases
+        for warning in case.result.audit.warnings
+    ]
+    return joined(
+        [
+            table(head, rows, left=2),
+            bullets(warnings) or paragraph("No run has anything to warn of."),
+        ]
+    )
+
+
+def certificates(cases: Sequence[Case]) -> Html:
+    """Headline figures with their numerical errors; nothing if no run was certified."""
+    known = [(case, case.result.certificate) for case in cases]
+    given = [(case, found) for case, found in known if found is not None]
+    if not given:
+        return Html("")
+    names = dict.fromkeys(figure.name for _, found in given for figure in found.headline)
+    rows: list[list[Cell]] = []
+    for name in names:
+        row: list[Cell] = [name]
+        for _, found in given:
+            figure = next((one for one in found.figures if one.name == name), None)
+            row.append(None if figure is None else _certified(figure))
+        rows.append(row)
+    head: list[Cell] = ["figure", *(dark(case) for case, _ in given)]
+    points: list[str] = [
+        markup("{} of the claims' measures above 5 %: {}.", dark(case), ", ".join(others))
+        for case, found in given
+        if (others := [one.name for one in found.marked if one not in found.headline])
+    ]
+    points += [markup("{} {}.", dark(case), found.note) for case, found in given if found.note]
+    points += [
+        markup("{} further runs: {}.", dark(case), "; ".join(found.runs))
+        for case, found in given
+        if found.runs
+    ]
+    return joined(
+        [
+            Html("<h3>Numerical errors</h3>"),
+            paragraph(
+                "Figures of the runs and how far they may be from what the model says, found by "
+                "running again more finely; those with errors above 5 % are marked."
+            ),
+            table(head, rows, left=1, name="certificates"),
+            bullets(points),
+        ]
+    )
+
+
+def _certified(figure: CertifiedFigure) -> Cell:
+    shown = str(figure)
+    return markup('<strong class="warn">{} (!)</strong>', shown) if figure.marked else shown

@@ -1,0 +1,219 @@
+"""The audit's figures from records written by hand: two joints of two contacts, three records."""
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from jointplay.kernel.layout import FRICTION, POWERS
+from jointplay.result import audit as audit_module
+from jointplay.result.audit import Audit, Judgement
+
+TIME = np.array([0.0, 0.1, 0.2])
+Q = np.array([[0.3, 0.0, 0.1], [0.2, 0.5, 0.9], [0.1, 0.6, 0.0]])
+"""Coordinates: one of the arm's, a motor's, and that of the link behind its gear."""
+NORMAL_PEAKS = np.array([[1.0, 2.0, 3.0, 4.0], [5.0, 90.0, 30.0, 8.0], [9.0, 10.0, 11.0, 12.0]])
+FORCE_PEAKS = np.array(
+    [[3.0, 4.0, 0.0, 0.0, 0.0, 1.0], [0.0, 0.0, 2.0, 6.0, 8.0, 0.0], [0.0, 7.0, 0.0, 1.0, 0.0, 0.0]]
+)
+"""Sizes 5, 1; 2, 10; 7, 1 [N]."""
+STATISTICS = {
+    "onsets": np.array([[2, 1], [4, 0]]),
+    "shortest_steps": np.array([[np.inf, 12.0], [7.0, np.inf]]),
+    "under_resolved": np.array([[0, 1], [2, 0]]),
+    "impulse": np.array([[1.0, 3.0], [4.0, 0.0]]),
+    "under_resolved_impulse": np.array([[0.0, 0.5], [1.5, 0.0]]),
+    "smallest_gap": np.array([[-2e-6, 1e-6], [-1e-6, -3e-6]]),
+    "fastest_approach": np.array([[0.1, 0.4], [0.2, 0.3]]),
+}
+
+
+class Law:
+    """Tells what it is asked."""
+
+    def warnings(self, contact, *, max_depth, max_speed):
+        return [f"{contact} {max_depth:g} m {max_speed:g} m/s"]
+
+
+class Film:
+    contacts = 1
+
+    def warnings(self, film, *, thinnest):
+        return [f"thinnest {thinnest:g} m"]
+
+
+def bearing(*rooms, film=None, kinds=("rim", "rim")):
+    return SimpleNamespace(
+        contacts=("A", "B"),
+        rooms=rooms,
+        normal=Law(),
+        film=film,
+        contact_properties=lambda k: kinds[k],
+    )
+
+
+@pytest.fixture
+def mechanism():
+    return SimpleNamespace(
+        clearance={"b": bearing(1e-4, 2e-4), "c": bearing(1e-5, 1e-6)},
+        gears={"g": SimpleNamespace(play=0.7)},
+        motor=lambda name: 1,
+        coordinate=lambda name: 2,
+    )
+
+
+@pytest.fixture
+def workspace():
+    records = {
+        "q": Q,
+        "time": TIME[:, None],
+        "normal_peak": NORMAL_PEAKS,
+        "force_peak": FORCE_PEAKS,
+    }
+    return SimpleNamespace(
+        rows=3,
+        contacts=np.zeros((2, 2)),
+        unresolved=4,
+        run={"unsolved": [6]},
+        recorded=records.__getitem__,
+        contact_statistics=lambda: STATISTICS,
+    )
+
+
+@pytest.fixture
+def audited(mechanism, workspace, monkeypatch):
+    """Audit the records; limit of friction is 1e-3 s N over the force, teeth take as many us as the
+    first coordinate has milliradians."""
+    asked = []
+
+    def limit(mechanism, name, q, force):
+        asked.append((name, *q, force))
+        return 1e-3 / force
+
+    monkeypatch.setattr(audit_module, "friction_step_limit", limit)
+    monkeypatch.setattr(audit_module, "tooth_duration", lambda mechanism, name, q: 1e-3 * q[0])
+
+    def make(
+        *, integrator="semi-implicit-euler", tolerance=None, judgement=None, kinetic=None, work=None
+    ):
+        simulation = {"integrator": integrator, "step": 2e-5, "tolerance": tolerance}
+        kinetic = np.array([0.0, 2.0, 1.0]) if kinetic is None else kinetic
+        potential = np.array([1.0, 0.5, 0.5])
+        work = np.zeros((3, len(POWERS))) if work is None else work
+        residual, drift = np.array([0.01, -0.04, 0.02]), np.array([1e-7, 3e-7, 0.0])
+        energies = (kinetic, potential)
+        of = mechanism, simulation, workspace, energies, work, residual, drift, judgement
+        return Audit.of(*of, ("limit",)), asked
+
+    return make
+
+
+def test_sums_and_extremes_are_over_all_contacts_of_all_joints(audited):
+    audit, _ = audited()
+    assert (audit.impacts, audit.shortest_contact_steps, audit.under_resolved) == (7, 7, 3)
+    assert audit.normal_impulse == 8.0
+    assert audit.under_resolved_impulse == 2.0 / 8.0
+    assert audit.largest_penetration == 3e-6
+    assert audit.penetration_over_clearance == pytest.approx(3.0)
+    assert audit.energy_residual == 0.04
+    assert audit.loop_drift == 3e-7
+    assert (audit.unsolved, audit.unresolved, audit.step) == (6, 4, 2e-5)
+    assert audit.limit_warnings == ("limit",)
+
+
+def test_energy_exchanged_is_the_largest_variation(audited):
+    assert audited()[0].energy_exchanged == 3.0  # kinetic: up by 2, down by 1
+    work = np.zeros((3, len(POWERS)))
+    work[:, FRICTION] = [0.0, 4.0, 3.5]
+    audit, _ = audited(work=work)
+    assert audit.energy_exchanged == 4.5
+    assert audit.friction_fed == 0.5
+    # Steady motion: rounding is measured against a millionth of its energy.
+    assert audited(kinetic=np.full(3, 7e6))[0].energy_exchanged == pytest.approx(7.0)
+
+
+def test_friction_is_asked_at_the_start_for_each_joints_largest_force(audited):
+    audit, asked = audited()
+    assert asked == [("b", *Q[0], 90.0), ("c", *Q[0], 30.0)]
+    assert audit.friction_step_limit == 1e-3 / 90.0
+    asked.clear()
+    assert audited(integrator="multi-rate")[0].friction_step_limit == math.inf
+    assert not asked
+
+
+def test_run_without_records_has_no_limit_of_friction_nor_teeth(audited, workspace, monkeypatch):
+    monkeypatch.setattr(workspace, "rows", 0)
+    nothing = {
+        "q": Q[:0],
+        "time": TIME[:0, None],
+        "normal_peak": NORMAL_PEAKS[:0],
+        "force_peak": FORCE_PEAKS[:0],
+    }
+    monkeypatch.setattr(workspace, "recorded", nothing.__getitem__)
+    audit, asked = audited()
+    assert not asked
+    assert audit.friction_step_limit == audit.tooth_steps == math.inf
+    assert audit.peak_force == 0.0
+
+
+def test_teeth_that_touch_are_resolved_by_the_first_records_duration(audited, mechanism):
+    assert audited()[0].tooth_steps == pytest.approx(3e-4 / 2e-5)  # 0.6 rad apart, play 0.7
+    assert audited(tolerance=1e-6)[0].tooth_steps == math.inf
+    mechanism.gears["g"].play = 1.2
+    assert audited()[0].tooth_steps == math.inf  # just not through the play
+    mechanism.gears["g"].play = 1.1
+    assert audited()[0].tooth_steps < math.inf
+
+
+def test_all_is_judged_unless_told_otherwise(audited):
+    audit, _ = audited()
+    assert (audit.judged_from, audit.judged_impacts, audit.judged_impulse) == (0.0, 7, 8.0)
+    assert (audit.peak_force, audit.peak_force_before) == (10.0, None)
+
+
+def test_what_came_before_is_told_apart(audited):
+    before = {"onsets": np.array([[1, 1], [2, 0]]), "impulse": np.array([[0.5, 0.5], [1.0, 0.0]])}
+    found, _ = audited(judgement=Judgement("rest", 0.2, 1e-9, 5.0, before))
+    assert (found.judged_impacts, found.judged_impulse) == (3, 6.0)
+    assert (found.peak_force, found.peak_force_before) == (7.0, 10.0)
+    assert (found.start, found.start_residual, found.start_load) == ("rest", 1e-9, 5.0)
+    found, _ = audited(judgement=Judgement(judged_from=0.1))
+    assert (found.peak_force, found.peak_force_before) == (10.0, 5.0)
+
+
+def test_small_forces_are_no_less_than_they_are(audited, workspace, monkeypatch):
+    small = {"force_peak": 0.01 * FORCE_PEAKS, "normal_peak": 0.01 * NORMAL_PEAKS}
+    records = {"q": Q, "time": TIME[:, None], **small}
+    monkeypatch.setattr(workspace, "recorded", records.__getitem__)
+    found, asked = audited(judgement=Judgement(judged_from=0.2))
+    assert (found.peak_force, found.peak_force_before) == pytest.approx((0.07, 0.1))
+    assert [force for *_, force in asked] == pytest.approx([0.9, 0.3])
+
+
+def test_laws_are_asked_at_the_deepest_and_fastest_of_contacts_alike(mechanism):
+    said = audit_module.out_of_range(mechanism, STATISTICS)
+    # The second contact of c never began; of two contacts alike one line.
+    assert said == ("joint 'b': rim 2e-06 m 0.4 m/s", "joint 'c': rim 1e-06 m 0.2 m/s")
+    mechanism.clearance["b"].contact_properties = lambda k: ("rim", "end")[k]
+    mechanism.clearance["b"].film = Film(), Film()
+    assert audit_module.out_of_range(mechanism, STATISTICS)[:3] == (
+        "joint 'b': rim 2e-06 m 0.1 m/s",
+        "joint 'b': end 0 m 0.4 m/s",
+        "joint 'b': thinnest -2e-06 m",
+    )
+    Film.contacts = 2
+    assert "thinnest -2e-06" in audit_module.out_of_range(mechanism, STATISTICS)[2]
+    Film.contacts = 1
+
+
+def test_residual_is_printed_in_per_cent(audited):
+    change = {"energy_residual": 0.038, "energy_exchanged": 4.0}
+    found = Audit(**(audited()[0].describe() | change))
+    assert "0.038 J, 0.95 % of 4 J exchanged" in str(found)
+
+
+def test_error_by_the_step_needs_both_figures(audited):
+    told = audited()[0].describe()
+    for one in ({"step_error": 1e-3}, {"relative_step_error": 1e-3}):
+        assert "error by the step" not in str(Audit(**(told | one)))
