@@ -64,19 +64,19 @@ def robot(random: np.random.Generator, kind: str, folder: Path) -> tuple[Path, l
     return path, [f"j{i}" for i in range(len(axes))]
 
 
-def bearing(random: np.random.Generator) -> jp.ClearanceJoint:
+def bearing(random: np.random.Generator) -> jp.RevoluteClearance:
     radial = random.uniform(2e-5, 1.5e-4)
-    return jp.ClearanceJoint(
+    return jp.RevoluteClearance(
         bearing_radius=random.uniform(8e-3, 20e-3),
         bearing_length=random.uniform(30e-3, 60e-3),
         radial_clearance=radial,
         axial_clearance=radial * random.uniform(0.7, 2.0),
-        friction=jp.Ambrosio(random.uniform(0.05, 0.25)),
+        friction=jp.contact.Ambrosio(random.uniform(0.05, 0.25)),
         restitution=random.uniform(0.3, 0.8),
     )
 
 
-def guess(random: np.random.Generator, joint: jp.ClearanceJoint) -> jp.ClearanceJoint:
+def guess(random: np.random.Generator, joint: jp.RevoluteClearance) -> jp.RevoluteClearance:
     """What somebody expects before the measurement."""
     off = random.uniform(0.4, 2.5, 3)
     return replace(
@@ -85,7 +85,7 @@ def guess(random: np.random.Generator, joint: jp.ClearanceJoint) -> jp.Clearance
         journal_radius=None,
         axial_clearance=joint.ca * off[1],
         journal_length=None,
-        friction=jp.Ambrosio(joint.friction.mu_d * off[2]),
+        friction=jp.contact.Ambrosio(joint.friction.mu_d * off[2]),
     )
 
 
@@ -151,7 +151,7 @@ class Machine:
 
     seed: int
     kind: str
-    true: dict[str, jp.ClearanceJoint]
+    true: dict[str, jp.RevoluteClearance]
     gears: dict[str, jp.Gear]
     simulation: jp.Simulation
     believed: jp.Simulation
@@ -184,10 +184,10 @@ def machine(seed: int) -> Machine:
         simulation = jp.Simulation(
             jp.Mechanism(path, true, gears=gears, tool="tool"),
             motion,
-            jp.ComputedTorque(encoder="motor"),
+            jp.loads.ComputedTorque(encoder="motor"),
             loads={"push": wrench},
             record_every=500,
-            joint_friction={name: jp.JointFriction(coulomb=0.5) for name in gears},
+            joint_friction={name: jp.loads.JointFriction(coulomb=0.5) for name in gears},
             limits="ignore",
         )
         expected = jp.Mechanism(path, believed, gears=guessed, tool="tool")
@@ -330,7 +330,7 @@ def damper(path: Path, tension: int) -> Identification:
     gear = jp.Gear(play=2e-3, rotor_inertia=1e-3, stiffness=2e6)
     machine = jp.Mechanism(path, gears={"drum": gear}, tool="tip")
     data = DATA / f"backlash_damper_{tension}lb.csv"
-    friction = {"drum": jp.JointFriction(4e3)}
+    friction = {"drum": jp.loads.JointFriction(4e3)}
     return identify(machine, data, also=["compliance"], joint_friction=friction)
 
 

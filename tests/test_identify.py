@@ -13,23 +13,22 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from jointplay import (
-    Ambrosio,
-    ClearanceJoint,
     Gear,
-    JointFriction,
     JointplayError,
     Mechanism,
     Motion,
+    RevoluteClearance,
     Simulation,
     identify,
     loads,
-    plan_measurement,
 )
-from jointplay.analysis.identify import Measurement
+from jointplay.analysis.identify import Measurement, plan_measurement
 from jointplay.analysis.identify.fit import information
 from jointplay.analysis.identify.verification import verify
 from jointplay.analysis.identify.visits import resolution, scatter, turns
 from jointplay.cli import main
+from jointplay.contact import Ambrosio
+from jointplay.loads import JointFriction
 
 CLEARANCE, FRICTION, REACH, MASS = 1e-4, 0.2, 0.5, 3.0
 PUSH = 2.0 * MASS * 9.81
@@ -56,7 +55,7 @@ def arm(urdf):
 
 def planar(play=CLEARANCE, friction=FRICTION):
     """A journal that does not lean; its friction is full at once, its contact stiff."""
-    return ClearanceJoint.planar(
+    return RevoluteClearance.planar(
         radial_clearance=play,
         friction=Ambrosio(friction, v0=0.0, v1=1e-9),
         stiffness=1e15,
@@ -250,7 +249,7 @@ def test_gravity_that_keeps_the_teeth_on_one_side_hides_the_play(urdf):
 
 
 def test_a_simulated_machine_is_identified_from_what_instruments_see(arm):
-    bearing = ClearanceJoint(
+    bearing = RevoluteClearance(
         radial_clearance=8e-5, axial_clearance=8e-5, lock_axial=True, restitution=0.5
     )
     there = [0.0, 0.3, 2.3, 2.6, 4.6, 7.0]

@@ -37,20 +37,11 @@ _HOMES = {
     "Scenario": "scenario",
     "Simulation": "simulation",
     "SphericalClearance": "joints",
-    "SphericalJoint": "joints",
-    "Threlfall": "contact",
-    "Torque": "loads.drive",
-    "ZhangSharf": "contact",
-    "ZhiyingQishao": "contact",
-    "allocate": "analysis.allocate",
-    "budget": "analysis.budget",
-    "cartesian_motion": "motion.cartesian",
-    "identify": "analysis.identify",
     "Status": "kernel",
+    "identify": "analysis.identify",
     "material": "joints.materials",
     "oil": "joints.materials",
     "open_sweep": "sweeps",
-    "plan_measurement": "analysis.identify",
     "robot_scenario": "scenario.robot",
     "shipped": "mechanism.urdf",
     "simulate": "simulation",
@@ -66,51 +57,8 @@ if TYPE_CHECKING:
     from jointplay import analysis as analysis
     from jointplay import contact as contact
     from jointplay import loads as loads
-    from jointplay.analysis.allocate import allocate as allocate
-    from jointplay.analysis.budget import budget as budget
     from jointplay.analysis.identify import Measurement as Measurement
     from jointplay.analysis.identify import identify as identify
-    from jointplay.analysis.identify import plan_measurement as plan_measurement
-    from jointplay.analysis.reduce import reduce_joint as reduce_joint
-    from jointplay.analysis.wear import wear_life as wear_life
-    from jointplay.analysis.wear import worn_depth as worn_depth
-    from jointplay.contact import Ambrosio as Ambrosio
-    from jointplay.contact import Anagnostopoulos as Anagnostopoulos
-    from jointplay.contact import BengisuAkay as BengisuAkay
-    from jointplay.contact import BrownMcPhee as BrownMcPhee
-    from jointplay.contact import CarvalhoMartins as CarvalhoMartins
-    from jointplay.contact import Coulomb as Coulomb
-    from jointplay.contact import CustomBristle as CustomBristle
-    from jointplay.contact import CustomFilm as CustomFilm
-    from jointplay.contact import CustomFriction as CustomFriction
-    from jointplay.contact import CustomNormalForce as CustomNormalForce
-    from jointplay.contact import Dahl as Dahl
-    from jointplay.contact import DubowskyFreudenstein as DubowskyFreudenstein
-    from jointplay.contact import Esdu78035 as Esdu78035
-    from jointplay.contact import Flores as Flores
-    from jointplay.contact import GharibHurmuzlu as GharibHurmuzlu
-    from jointplay.contact import Goldsmith as Goldsmith
-    from jointplay.contact import Gonthier as Gonthier
-    from jointplay.contact import GonthierFriction as GonthierFriction
-    from jointplay.contact import HerbertMcWhannell as HerbertMcWhannell
-    from jointplay.contact import Hertz as Hertz
-    from jointplay.contact import HuGuo as HuGuo
-    from jointplay.contact import HuntCrossley as HuntCrossley
-    from jointplay.contact import HuntCrossley1975 as HuntCrossley1975
-    from jointplay.contact import Johnson as Johnson
-    from jointplay.contact import KelvinVoigt as KelvinVoigt
-    from jointplay.contact import LankaraniNikravesh as LankaraniNikravesh
-    from jointplay.contact import LeeWang as LeeWang
-    from jointplay.contact import LinearSpring as LinearSpring
-    from jointplay.contact import Liu as Liu
-    from jointplay.contact import LuGre as LuGre
-    from jointplay.contact import Pereira as Pereira
-    from jointplay.contact import PinkusSternlicht as PinkusSternlicht
-    from jointplay.contact import Radzimovsky as Radzimovsky
-    from jointplay.contact import ShortBearing as ShortBearing
-    from jointplay.contact import Threlfall as Threlfall
-    from jointplay.contact import ZhangSharf as ZhangSharf
-    from jointplay.contact import ZhiyingQishao as ZhiyingQishao
     from jointplay.errors import JointplayError as JointplayError
     from jointplay.joints import CylindricalClearance as CylindricalClearance
     from jointplay.joints import Material as Material

@@ -29,6 +29,7 @@ from jointplay.host.late import offering
 if TYPE_CHECKING:
     from jointplay.analysis.allocation import allocate as allocate
     from jointplay.analysis.certification import certify as certify
+    from jointplay.analysis.identify import plan_measurement as plan_measurement
     from jointplay.analysis.reduce import reduce_joint as reduce_joint
     from jointplay.analysis.static_budget import budget as budget
     from jointplay.analysis.wear import wear_life as wear_life
@@ -41,6 +42,7 @@ __getattr__ = offering(
         "allocate": "allocation",
         "budget": "static_budget",
         "certify": "certification",
+        "plan_measurement": "identify",
         "reduce_joint": "reduce",
         "wear_life": "wear",
         "worn_depth": "wear",
@@ -66,6 +68,7 @@ __all__ = [
     "inputs",
     "is_twin",
     "places",
+    "plan_measurement",
     "reduce_joint",
     "shares",
     "spectrum",

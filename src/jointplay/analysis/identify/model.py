@@ -28,7 +28,7 @@ from jointplay.analysis.identify.parameters import (
 from jointplay.analysis.identify.reading import Key
 from jointplay.analysis.identify.visits import Visits
 from jointplay.analysis.levers import GEAR, place, sources
-from jointplay.joints import Clearance, ClearanceJoint
+from jointplay.joints import Clearance, RevoluteClearance
 from jointplay.joints.play import BallPlay, JournalPlay
 from jointplay.loads.drive import JointFriction
 from jointplay.mechanism.impact import elastic_energy
@@ -85,7 +85,7 @@ class _Bearing:
     def torque(self, friction: float | None) -> np.ndarray:
         """Of the rims' friction about the axis, its size while sliding, (n,) [N m]."""
         coefficient = friction_of(self.joint) or 0.0 if friction is None else friction
-        radius = self.joint.rj if isinstance(self.joint, ClearanceJoint) else 0.0
+        radius = self.joint.rj if isinstance(self.joint, RevoluteClearance) else 0.0
         return np.asarray(2.0 * self.push * radius * coefficient / np.hypot(1.0, coefficient))
 
 
@@ -334,18 +334,18 @@ def _lever_about(mechanism: Mechanism, q: np.ndarray, name: str) -> np.ndarray:
 def _bearing(
     name: str, joint: Clearance, move: np.ndarray, load: np.ndarray, visits: Visits
 ) -> _Bearing:
-    if isinstance(joint, ClearanceJoint) and not joint.lock_tilt:
+    if isinstance(joint, RevoluteClearance) and not joint.lock_tilt:
         bend = np.column_stack([load[:, 4], -load[:, 3]]) / joint.lj
         rims = [np.linalg.norm(load[:, :2] / 2.0 + side * bend, axis=1) for side in (1.0, -1.0)]
         push = np.mean(rims, axis=0)
     else:
         push = np.linalg.norm(load[:, :2], axis=1) / 2.0
-    whole = push if isinstance(joint, ClearanceJoint) and not joint.lock_tilt else 2.0 * push
+    whole = push if isinstance(joint, RevoluteClearance) and not joint.lock_tilt else 2.0 * push
     speed = visits.speed[:, visits.joints.index(name)] if name in visits.joints else 0.0 * push
     way = visits.direction[:, visits.joints.index(name)] if name in visits.joints else 0 * push
     slides = np.where(visits.stopped, 0.0, _sliding_part(joint, speed) * np.sign(speed))
     kept = np.where(visits.stopped, way, 0.0)
-    walls = isinstance(joint, ClearanceJoint) and joint.walls
+    walls = isinstance(joint, RevoluteClearance) and joint.walls
     if walls and not joint.lock_tilt:  # type: ignore[attr-defined]
         part = _against(load, push, joint.lj)  # type: ignore[attr-defined]
         slides, kept = slides * part, kept * part
@@ -370,7 +370,7 @@ def _sliding_part(joint: Clearance, speed: np.ndarray) -> np.ndarray:
     """Part of the full friction that the law has at these joint speeds [rad/s], (n,)."""
     law = joint.friction
     full = getattr(law, "mu_d", 0.0)
-    if not full or law.bristles or not isinstance(joint, ClearanceJoint):
+    if not full or law.bristles or not isinstance(joint, RevoluteClearance):
         return np.ones(len(speed))
     function, numbers = type(law).function, law.parameters()
     found = [function(float(v), *numbers) / full for v in np.abs(speed) * joint.rj]
