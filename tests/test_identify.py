@@ -252,12 +252,12 @@ def test_a_simulated_machine_is_identified_from_what_instruments_see(arm):
     bearing = RevoluteClearance(
         radial_clearance=8e-5, axial_clearance=8e-5, lock_axial=True, restitution=0.5
     )
-    there = [0.0, 0.3, 2.3, 2.6, 4.6, 7.0]
-    motion = Motion(["j"], there, [[-0.4], [-0.4], [0.4], [0.4], [-0.4], [-0.4]])
+    there = [0.0, 0.1, 1.3, 1.4, 2.6, 2.9, 4.1, 4.2, 5.4]
+    low, high = [-0.3], [0.3]
+    motion = Motion(["j"], there, [low, low, high, high, low, low, high, high, low])
     up = loads.WrenchOverTime(
-        frame="tool", times=(5.2, 5.3, 6.0, 6.1), forces=((0, 0, 0), (0, 0, 60.0), (0, 0, 60.0),
-        (0, 0, 0)),
-    )  # fmt: skip
+        frame="tool", times=(2.6, 2.7), forces=((0.0, 0.0, 0.0), (0.0, 0.0, 60.0))
+    )
     simulation = Simulation(
         Mechanism(arm, {"j": bearing}), motion, loads={"push": up}, record_every=100
     )
