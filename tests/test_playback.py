@@ -6,10 +6,12 @@ import sys
 import threading
 import time
 import urllib.request
+import zlib
 from io import BytesIO
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from conftest import body, joint
 from hypothesis import given
@@ -17,8 +19,19 @@ from hypothesis import strategies as st
 
 import jointplay as jp
 from jointplay import playback
+from jointplay.mechanism.meshes import surface
+from jointplay.mechanism.robots import robot_urdf
+from jointplay.playback.closeup import quaternions
 from jointplay.playback.server import Server
-from jointplay.playback.tracks import Packer, impacts, keep, strongest, unpack
+from jointplay.playback.tracks import (
+    Packer,
+    impacts,
+    keep,
+    peaks,
+    strongest,
+    unpack,
+    unpack_mesh,
+)
 from jointplay.study import scara
 
 COMMAND = Path(sys.executable).parent / "jointplay"
@@ -53,6 +66,38 @@ def test_impacts_are_the_peaks_that_stand_out():
     assert not len(impacts(np.zeros(10)).records)
 
 
+@given(st.lists(st.integers(0, 9), min_size=3, max_size=60))
+def test_peaks_are_those_that_scipy_finds(values):
+    from scipy.signal import find_peaks
+
+    curve = np.array([0, *values, 0], float)
+    at, prominence = peaks(curve)
+    theirs, more = find_peaks(curve, prominence=0.0)
+    assert at.tolist() == theirs.tolist()
+    assert prominence.tolist() == more["prominences"].tolist()
+
+
+@given(st.integers(0, 99))
+def test_quaternions_are_pinocchios(seed):
+    turns = [pin.Quaternion(pin.SE3.Random().rotation) for _ in range(5)]
+    half = pin.Quaternion(np.array([0.6, 0.0, 0.8, 0.0]))  # half a turn: w = 0
+    turns = [*turns, half, pin.Quaternion(1.0, 0.0, 0.0, 0.0)]
+    found = quaternions(np.array([turn.toRotationMatrix() for turn in turns]))
+    for ours, theirs in zip(found, turns, strict=True):
+        assert abs(ours @ theirs.coeffs()) == pytest.approx(1.0, abs=1e-12)
+
+
+@given(st.integers(1, 60), st.integers(0, 9))
+def test_packed_triangles_come_back(m, seed):
+    random = np.random.default_rng(seed)
+    part = surface(random.normal(size=(20, 3)), random.integers(0, 20, (m, 3)))
+    packer = Packer()
+    packer.raw(b"before")
+    entry = packer.mesh(part.triangles)
+    again = unpack_mesh(zlib.decompress(packer.deflated()), entry)
+    assert (again == part.triangles).all()
+
+
 @given(st.integers(0, 5), st.integers(20, 400), st.integers(500, 3000))
 def test_decimation_keeps_impacts_and_the_budget(number, budget, n):
     moments = np.arange(n) * 1e-4
@@ -75,8 +120,6 @@ def test_packed_numbers_come_back(rows, quantum, seed):
     packer = Packer()
     packer.raw(b"before")
     entry = packer.table(values, quantum)
-    import zlib
-
     again = unpack(zlib.decompress(packer.deflated()), entry)
     assert np.abs(again - values).max() <= 0.51 * entry["quantum"]
 
@@ -158,6 +201,18 @@ def test_wrong_input_is_named(arguments, text, cases, tmp_path):
     assert done.returncode == 2
     assert text in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1
+
+
+def test_a_mesh_is_packed_once_however_often_it_is_shown():
+    robot = jp.Mechanism(robot_urdf("panda"), tool="panda_hand")
+    motion = jp.Motion(robot.joints, [0.0, 0.02], np.zeros((2, len(robot.joints))))
+    result = jp.simulate(robot, motion, limits="ignore")
+    one = playback.page({"a": result})[1]
+    four = playback.page({name: result for name in "abcd"})[1]
+    assert len(four.contents["surfaces"]) == len(one.contents["surfaces"]) > 30
+    assert len(four.contents["cases"]) == 4
+    assert len(four.block) < 1.2 * len(one.block)
+    assert len(four.block) < 1.5e6
 
 
 def test_missing_meshes_are_stood_in_for(urdf):

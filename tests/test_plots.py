@@ -1,5 +1,7 @@
 """Figures by what they drew."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from matplotlib.colors import to_hex
@@ -126,3 +128,38 @@ def test_an_ideal_run_has_no_orbit_to_plot(cases):
     assert "orbit" not in cases["ideal"].plot.available
     with pytest.raises(ValueError, match="clearance"):
         cases["ideal"].plot.orbit()
+
+
+@pytest.mark.parametrize("number", [2, 5, 6])
+def test_legends_are_read_in_the_order_of_the_cases(number):
+    from jointplay.plots.figures import _legend
+    from jointplay.plots.style import new_figure
+
+    figure = new_figure(8.0, 4.0)
+    axes = figure.subplots()
+    names = [f"case {i}" for i in range(number)]
+    for name in names:
+        axes.plot([0, 1], [0, 1], label=name)
+    _legend(figure, axes)
+    figure.canvas.draw()
+    places = []
+    for text in figure.legends[0].get_texts():
+        box = text.get_window_extent()
+        places.append((-round(box.y0), box.x0, text.get_text()))
+    assert [name for *_, name in sorted(places)] == names
+
+
+def test_ticks_of_orbits_do_not_overlap_however_small(cases):
+    from jointplay.plots.figures import journal_orbit
+
+    six = {f"{i}": cases["0.2 mm"] for i in range(6)}
+    figure = journal_orbit(six)
+    figure.canvas.draw()
+    for panel in figure.axes:
+        boxes = [
+            label.get_window_extent()
+            for label in panel.get_xticklabels()
+            if label.get_visible() and label.get_text()
+        ]
+        inside = sorted((box.x0, box.x1) for box in boxes)
+        assert all(right <= left for (_, right), (left, _) in pairwise(inside))

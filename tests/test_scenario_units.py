@@ -85,3 +85,16 @@ def test_either_of_two_units_is_remembered():
 )
 def test_values_are_shown_with_handy_prefixes(value, unit, text):
     assert readable(value, unit) == text
+
+
+def test_usual_units_are_what_pint_says():
+    """Those that need no pint give bit for bit what it gives."""
+    from jointplay import units
+
+    for text, (goal, factor) in units._COMMON.items():
+        unit = units._unit(text)
+        assert units._fits(unit, goal), text
+        assert unit.factor / units._unit(goal).factor == pytest.approx(factor, rel=1e-15), text
+        for number in ("0.2", "1.7e3", "30"):
+            exact = units._exact(number, unit.factor / units._unit(goal).factor)
+            assert float(units.convert(f"{number} {text}", goal)) == exact, text

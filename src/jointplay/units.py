@@ -37,6 +37,21 @@ WORDS = {
 }
 """Units of the package by their text: what they measure, and an example for messages."""
 
+_DEGREE = 0.017453292519943295
+_COMMON = {
+    "m": ("m", 1.0), "mm": ("m", 1e-3), "cm": ("m", 1e-2), "um": ("m", 1e-6), "µm": ("m", 1e-6),
+    "rad": ("rad", 1.0), "mrad": ("rad", 1e-3), "deg": ("rad", _DEGREE),
+    "s": ("s", 1.0), "ms": ("s", 1e-3), "us": ("s", 1e-6), "µs": ("s", 1e-6),
+    "kg": ("kg", 1.0), "g": ("kg", 1e-3), "m/s": ("m/s", 1.0), "mm/s": ("m/s", 1e-3),
+    "rad/s": ("rad/s", 1.0), "m/s^2": ("m/s^2", 1.0), "N": ("N", 1.0), "kN": ("N", 1e3),
+    "N*m": ("N*m", 1.0), "Pa": ("Pa", 1.0), "MPa": ("Pa", 1e6), "GPa": ("Pa", 1e9),
+    "kg/m^3": ("kg/m^3", 1.0), "kg*m^2": ("kg*m^2", 1.0), "N/m": ("N/m", 1.0),
+    "N*m/rad": ("N*m/rad", 1.0), "N*s/m": ("N*s/m", 1.0), "N*m*s/rad": ("N*m*s/rad", 1.0),
+    "Pa*s": ("Pa*s", 1.0),
+}  # fmt: skip
+"""Usual units: in which one of `WORDS`, and how many of it. Pint, which knows all, takes long to
+import; a test holds these against it."""
+
 _LARGEST = 10**300
 """Whole numbers beyond it are none that a float can hold."""
 
@@ -95,6 +110,9 @@ def convert(value: Any, *units: str) -> Measured:
     if found is None:
         raise ValueError(f"{shown(value)} is {_no(units)}; expected {expected(*units)}")
     number, text = found.groups()
+    usual, factor = _COMMON.get(text, ("", 1.0))
+    if usual in units and usual:
+        return _measured(value, number, factor, usual, units)
     try:
         if len(text) > _LONGEST_UNIT or _NO_UNIT.search(text):
             raise ValueError(text)
@@ -105,12 +123,18 @@ def convert(value: Any, *units: str) -> Measured:
         ) from None
     for goal in units:
         if _fits(unit, goal) and not (goal and not text):
-            measured = _exact(number, unit.factor / _unit(goal).factor)
-            if not math.isfinite(measured):
-                raise ValueError(f"{shown(value)} is not finite; expected {expected(*units)}")
-            return Measured(measured, goal, value)
+            return _measured(value, number, unit.factor / _unit(goal).factor, goal, units)
     missing = " without a unit" if not text else ""
     raise ValueError(f"{shown(value)}{missing} is {_no(units)}; expected {expected(*units)}")
+
+
+def _measured(
+    value: str, number: str, factor: float, goal: str, units: tuple[str, ...]
+) -> Measured:
+    measured = _exact(number, factor)
+    if not math.isfinite(measured):
+        raise ValueError(f"{shown(value)} is not finite; expected {expected(*units)}")
+    return Measured(measured, goal, value)
 
 
 def shown(value: Any) -> str:

@@ -66,8 +66,14 @@ def add_unphysical(parser: Any) -> None:
     """Add the option of commands that read a URDF."""
     parser.add_argument(
         "--allow-unphysical",
-        action="append",
+        action="extend",
+        type=listed,
         default=[],
-        metavar="LINK",
-        help="accept this link's inertia although no rigid body has it (repeatable)",
+        metavar="LINK,...",
+        help="accept these links' inertia although no rigid body has it (repeatable)",
     )
+
+
+def listed(text: str) -> list[str]:
+    """Names of an option that takes several, joined by commas."""
+    return [name.strip() for name in text.split(",") if name.strip()]

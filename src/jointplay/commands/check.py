@@ -43,26 +43,31 @@ def add(commands: Any) -> None:
 def run(options: argparse.Namespace) -> int:
     """Check, print, draw."""
     from jointplay.scenario import Scenario
-    from jointplay.scenario.summary import summary
 
     scenario = Scenario.load(options.file, options.trust)
+    place = None if options.no_picture else _place(options, scenario)
+    from jointplay.scenario.summary import summary  # what comes now takes long to import
+
     runs = {case: scenario.prepare(case) for case in scenario.cases}
     print(summary(scenario, runs))
     if scenario.sweep:
         from jointplay.sweeps import plan_of
 
         print(f"sweep: {plan_of(scenario).words}")
-    if not options.no_picture:
+    if place is not None:
         first = next(iter(runs.values()))
         shown = next((run for run in runs.values() if run.mechanism.clearance), first)
-        print(_draw(options, scenario, shown.mechanism, shown.workspace.q))
+        print(_draw(*place, scenario.title, shown.mechanism, shown.workspace.q))
     return 0
 
 
-def _draw(options: argparse.Namespace, scenario: Scenario, mechanism: Mechanism, q: Any) -> str:
-    """Draw the mechanism; says where."""
-    from jointplay.mechanism.picture import picture
-    from jointplay.scenario.build import SHIPPED
+def _place(options: argparse.Namespace, scenario: Scenario) -> tuple[Path, bool]:
+    """Where to draw, and whether a picture there is replaced.
+
+    Raises:
+        JointplayError: another file is there.
+    """
+    from jointplay.scenario.sources import SHIPPED
 
     beside = scenario.path.with_suffix(".png")
     if options.file.startswith(SHIPPED):  # not into the package
@@ -76,7 +81,14 @@ def _draw(options: argparse.Namespace, scenario: Scenario, mechanism: Mechanism,
             raise JointplayError(
                 f"{str(path)!r} exists; name another picture (--picture PNG, or --no-picture)"
             )
-    figure = picture(mechanism, q, title=scenario.title)
+    return path, replaced
+
+
+def _draw(path: Path, replaced: bool, title: str, mechanism: Mechanism, q: Any) -> str:
+    """Draw the mechanism; says where."""
+    from jointplay.mechanism.picture import picture
+
+    figure = picture(mechanism, q, title=title)
     drawn = io.BytesIO()
     figure.savefig(drawn, format="png", metadata={"Software": MARK})
     try:

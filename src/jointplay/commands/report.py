@@ -60,18 +60,27 @@ def add(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Read the results, write the report, say where."""
-    from jointplay import report
+    from jointplay.errors import JointplayError
+    from jointplay.host.files import check_new
 
     paths = [Path(name) for name in options.results]
-    results = report.load(paths, options.label, options.trust)
     home = paths[0] if paths[0].is_dir() else paths[0].parent
+    for path in paths:  # before anything is loaded that takes time
+        if not path.exists():
+            raise JointplayError(f"no result file {str(path)!r}")
+    out = Path(options.out) if options.out else home / "report.html"
+    for target in [out] if options.no_pdf else [out, out.with_suffix(".pdf")]:
+        check_new(target)
+    from jointplay import report
+
+    results = report.load(paths, options.label, options.trust)
     claims = Path(options.claims) if options.claims else None
     if claims is None:
         beside = [path / "claims.csv" for path in paths if path.is_dir()]
         claims = next((path for path in beside if path.is_file()), None)
     written = report.write(
         results,
-        Path(options.out) if options.out else home / "report.html",
+        out,
         title=options.title or f"jointplay: {', '.join(results)}",
         claims=claims,
         impacts=report.IMPACTS if options.impacts is None else options.impacts,

@@ -72,8 +72,7 @@ def _detail(found: Survey) -> str:
         )
     lines += [_wrapped(f"! {remark}") for remark in remarks]
     if found.unphysical:
-        allowed = " ".join(f"--allow-unphysical {link}" for link in found.unphysical)
-        lines.append(f"    options: {allowed}")
+        lines.append(f"    option: --allow-unphysical {','.join(found.unphysical)}")
     return "\n".join(lines)
 
 

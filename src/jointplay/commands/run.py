@@ -11,6 +11,7 @@ from jointplay.errors import JointplayError
 
 if TYPE_CHECKING:
     from jointplay.scenario import Scenario
+    from jointplay.scenario.settings import Setting
 
 
 def add(commands: Any) -> None:
@@ -76,9 +77,9 @@ def add_inputs(run: Any) -> dict[str, Any]:
         "--joint",
         action="append",
         default=[],
-        metavar="NAME",
-        help="joint that has clearance, and that the options of this and the next group are for "
-        "(repeatable)",
+        metavar="NAME[=LENGTH]",
+        help="joint that has clearance, its own or that of --clearance, and that the options of "
+        "this and the next group are for (repeatable)",
     )
     for flag in flags.FLAGS:
         if flag.group not in groups:
@@ -111,7 +112,12 @@ def explain(parser: argparse.ArgumentParser) -> None:
 def execute(options: argparse.Namespace) -> int:
     """Make the scenario that the options describe, and run it."""
     from jointplay.commands import run_scenario
+    from jointplay.host.files import refuse_present
+    from jointplay.scenario.robot import LABEL, is_robot
 
+    target = options.urdf or options.target
+    if target is None or options.urdf or is_robot(target):
+        refuse_present(options.out, [f"{LABEL}.nc"])
     return run_scenario.run(scenario_of(options), options)
 
 
@@ -122,7 +128,7 @@ def scenario_of(options: argparse.Namespace) -> Scenario:
         JointplayError: options that do not go together, or what they name is not there.
     """
     from jointplay.scenario import Scenario
-    from jointplay.scenario.robot import is_robot, robot_scenario
+    from jointplay.scenario.robot import is_robot
     from jointplay.scenario.settings import parse
 
     if options.target is not None and options.urdf is not None:
@@ -130,15 +136,11 @@ def scenario_of(options: argparse.Namespace) -> Scenario:
     given = [parse(text) for text in options.set]
     target = options.urdf or options.target
     if target is None or options.urdf or is_robot(target):
-        joints = options.joint or ([] if target is not None or options.ideal else ["joint_b"])
-        for name in ("case", "jobs", "trust"):
-            if getattr(options, name):
-                raise JointplayError(f"--{name} needs a scenario: jointplay run FILE --{name} ...")
-        settings = [*flags.settings(options, joints), *given]
-        scenario, told = robot_scenario(target, joints, settings, options.ideal)
+        scenario, told = _of_robot(options, target, given)
         if told:
             print(told, file=sys.stderr)
     else:
+        _require_known(target)
         joints = options.joint or _joints(options.target, options.trust)
         settings = [*flags.settings(options, joints), *given]
         scenario = Scenario.load(options.target, options.trust, settings)
@@ -147,6 +149,71 @@ def scenario_of(options: argparse.Namespace) -> Scenario:
                 "--ideal is for a robot; of a scenario's joint say --set joints.NAME.ideal=true"
             )
     return scenario
+
+
+def _of_robot(
+    options: argparse.Namespace, target: str | None, given: list[Setting]
+) -> tuple[Scenario, str]:
+    """The scenario of a bare robot, and what the user must be told of it."""
+    from jointplay.scenario.robot import robot_scenario, step_for
+    from jointplay.scenario.settings import Setting
+
+    joints, own = _with_lengths(options.joint)
+    joints = joints or ([] if target is not None or options.ideal else ["joint_b"])
+    for name in ("case", "jobs", "trust"):
+        if getattr(options, name):
+            raise JointplayError(f"--{name} needs a scenario: jointplay run FILE --{name} ...")
+    settings = [*flags.settings(options, joints), *own, *given]
+    scenario, told = robot_scenario(target, joints, settings, options.ideal)
+    integration = scenario.data(scenario.cases[0]).get("integration", {})
+    found = None if target is None or "step" in integration else step_for(scenario)
+    if found is None:
+        return scenario, told
+    step, reason = found
+    settings.append(Setting(("integration", "step"), step, "step chosen"))
+    scenario, told = robot_scenario(target, joints, settings, options.ideal)
+    return scenario, f"{told}\nstep: {step:g} s (chosen: {reason}; --step takes another)"
+
+
+def _with_lengths(entries: list[str]) -> tuple[list[str], list[Setting]]:
+    """Names of joints, and the clearance of those that are given as NAME=LENGTH."""
+    from jointplay.scenario.settings import Setting
+
+    names, found = [], []
+    for entry in entries:
+        name, equals, length = entry.partition("=")
+        names.append(name)
+        if equals:
+            key = ("joints", name, "clearance")
+            found.append(Setting(key, flags.number(length), f"--joint {entry}"))
+    return names, found
+
+
+def _require_known(target: str) -> None:
+    """Refuse what is neither a scenario file nor looks like one: perhaps a robot's name gone wrong.
+
+    Raises:
+        JointplayError: with the robots whose names resemble it.
+    """
+    import difflib
+    from pathlib import Path
+
+    from jointplay.host.files import is_file
+    from jointplay.mechanism.robots import names
+
+    if is_file(Path(target)) or Path(target).suffix or "/" in target or ":" in target:
+        return
+    try:
+        known = names()
+    except JointplayError as error:
+        raise JointplayError(f"no file {target!r}, and {error}") from None
+    near = [name for name in known if target.lower() in name] or difflib.get_close_matches(
+        target.lower().replace("-", "_"), known
+    )
+    similar = f"; did you mean {', '.join(near)}?" if near else ""
+    raise JointplayError(
+        f"{target!r} is no file and no robot{similar} (jointplay robots lists all)"
+    )
 
 
 def _joints(path: str, trust: list[str]) -> list[str]:

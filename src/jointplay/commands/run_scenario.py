@@ -41,14 +41,19 @@ _LOOK_S = 0.2
 
 def run(scenario: Scenario, options: argparse.Namespace) -> int:
     """Run the cases, draw the figures, say how each ended and what came out."""
-    from jointplay import plots
-    from jointplay.analysis.certification import further_runs
-    from jointplay.host.files import claim
-    from jointplay.kernel import Status
-    from jointplay.result.result import Result
+    from jointplay.host.files import claim, refuse_present
 
     cases = _chosen(scenario, options.case)
     jobs = _jobs(options.jobs, len(cases))
+    files = dict(zip(cases, file_names(cases), strict=True))
+    figures = scenario.figures and not options.no_figures
+    names = [*files.values(), *(_figures(scenario, cases) if figures else ())]
+    refuse_present(options.out, names)
+    from jointplay import plots  # what comes now takes long to import
+    from jointplay.analysis.certification import further_runs
+    from jointplay.kernel import Status
+    from jointplay.result.result import Result
+
     certified = {
         case for case in cases if options.certify or scenario.model(case).integration.certify
     }
@@ -59,12 +64,6 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
         total += runs * run.steps * run.simulation.step
     for line in scenario.notes:
         print(line, file=sys.stderr)
-    files = dict(zip(cases, file_names(cases), strict=True))
-    names = list(files.values())
-    figures = scenario.figures and not options.no_figures
-    if figures:
-        paper = all(plots.is_paper_robot(scenario.model(case).robot.urdf) for case in cases)
-        names += plots.file_names(paper)
     out = claim(options.out, names)
     if jobs == 1:
         interrupted = _one_by_one(scenario, files, certified, out, not options.quiet)
@@ -87,6 +86,13 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
         print(f"interrupted{note}", file=sys.stderr)
         return INTERRUPTED
     return 0 if all(r.status == Status.COMPLETED for r in results.values()) else STOPPED
+
+
+def _figures(scenario: Scenario, cases: Sequence[str]) -> list[str]:
+    """Names of the files of figures."""
+    from jointplay.plots.names import file_names, is_paper_robot
+
+    return file_names(all(is_paper_robot(scenario.model(case).robot.urdf) for case in cases))
 
 
 def _came_out(result: Result, results: Mapping[str, Result], progress: bool) -> list[str]:

@@ -2,7 +2,8 @@
 
 The time loop gives every law the same arguments: its state, and a pointer to the numbers of this
 contact. A law that names its parameters gets them from there by a wrapper made here, into which it
-is inlined: it costs what one costs that reads ``p[0]``, ``p[1]`` itself.
+is inlined: it costs what one costs that reads ``p[0]``, ``p[1]`` itself. `calls` has the calls by
+address; numba is imported with the first law that is compiled.
 """
 
 from __future__ import annotations
@@ -13,14 +14,8 @@ from collections.abc import Callable
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
-import numba
-from llvmlite import ir
-from numba import types
-from numba.extending import intrinsic
-
 from jointplay.contact.trust import Absent
 from jointplay.errors import JointplayError
-from jointplay.geometry.own import ANSWER
 
 if TYPE_CHECKING:
     from jointplay.contact.law import Law
@@ -30,9 +25,6 @@ MAX_PARAMETERS = 8
 
 ARRAY = "p"
 """Argument that takes all parameters at once, as an array."""
-
-_NUMBERS = types.CPointer(types.float64)
-_DOUBLE = ir.DoubleType()
 
 
 def parameter_names(function: Callable[..., Any], state: tuple[str, ...]) -> tuple[str, ...] | None:
@@ -103,10 +95,13 @@ def compiled_law(law: Law) -> Any:
 
 @cache
 def _compiled(function: Callable[..., Any], state: tuple[str, ...], answers: int) -> Any:
+    from numba import types
+
+    array = types.CPointer(types.float64)
     numbers = (types.float64,) * len(state)
-    signature = types.float64(*numbers, _NUMBERS)
+    signature = types.float64(*numbers, array)
     if answers:
-        signature = types.void(*numbers, _NUMBERS, _NUMBERS)
+        signature = types.void(*numbers, array, array)
     return compiled_function(_packed(function, state, answers), signature)
 
 
@@ -121,7 +116,12 @@ def compiled_touch(function: Callable[..., Any]) -> int:
     Raises:
         JointplayError: numba cannot compile it; the message carries numba's reason.
     """
-    signature = types.void(types.int64, _NUMBERS, _NUMBERS, _NUMBERS)
+    from numba import types
+
+    from jointplay.geometry.own import ANSWER
+
+    array = types.CPointer(types.float64)
+    signature = types.void(types.int64, array, array, array)
     return int(compiled_function(_packed(function, ("k", "pose"), ANSWER), signature).address)
 
 
@@ -132,6 +132,8 @@ def compiled_function(function: Callable[..., Any], signature: Any) -> Any:
     Raises:
         JointplayError: numba cannot compile it; the message carries numba's reason.
     """
+    import numba
+
     try:
         try:
             return numba.cfunc(signature, cache=True, error_model="numpy")(function)
@@ -150,6 +152,8 @@ def _packed(function: Callable[..., Any], state: tuple[str, ...], answers: int) 
     The wrapper claims the law's own place in its file, so that numba keeps what it compiles beside
     that file and compiles again when the file has changed.
     """
+    import numba
+
     names = parameter_names(function, state)
     if names is None:
         return function
@@ -170,70 +174,3 @@ def _packed(function: Callable[..., Any], state: tuple[str, ...], answers: int) 
     line = function.__code__.co_firstlineno
     packed.__code__ = packed.__code__.replace(co_firstlineno=line)
     return packed
-
-
-@intrinsic
-def pointer(typingctx: Any, at: Any) -> Any:
-    """Reinterpret an integer address as a pointer to doubles (compiled code only)."""
-
-    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        return builder.inttoptr(args[0], ir.PointerType(_DOUBLE))
-
-    return _NUMBERS(types.int64), codegen
-
-
-@intrinsic
-def call_normal(typingctx: Any, at: Any, delta: Any, ddelta: Any, ddelta0: Any, p: Any) -> Any:
-    """Call the normal-force law at address `at` (compiled code only)."""
-
-    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        kind = ir.FunctionType(_DOUBLE, [_DOUBLE, _DOUBLE, _DOUBLE, ir.PointerType(_DOUBLE)])
-        function = builder.inttoptr(args[0], kind.as_pointer())
-        return builder.call(function, args[1:])
-
-    arguments = (types.int64, types.float64, types.float64, types.float64, _NUMBERS)
-    return types.float64(*arguments), codegen
-
-
-@intrinsic
-def call_friction(typingctx: Any, at: Any, speed: Any, p: Any) -> Any:
-    """Call the friction law at address `at` (compiled code only)."""
-
-    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        kind = ir.FunctionType(_DOUBLE, [_DOUBLE, ir.PointerType(_DOUBLE)])
-        function = builder.inttoptr(args[0], kind.as_pointer())
-        return builder.call(function, args[1:])
-
-    return types.float64(types.int64, types.float64, _NUMBERS), codegen
-
-
-@intrinsic
-def call_bristle(
-    typingctx: Any, at: Any, speed: Any, normal: Any, dwell: Any, p: Any, out: Any
-) -> Any:
-    """Call the friction law with bristles at address `at` (compiled code only)."""
-
-    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        array = ir.PointerType(_DOUBLE)
-        kind = ir.FunctionType(ir.VoidType(), [_DOUBLE, _DOUBLE, _DOUBLE, array, array])
-        builder.call(builder.inttoptr(args[0], kind.as_pointer()), args[1:])
-        return context.get_dummy_value()
-
-    arguments = (types.int64, *(types.float64,) * 3, _NUMBERS, _NUMBERS)
-    return types.none(*arguments), codegen
-
-
-@intrinsic
-def call_film(
-    typingctx: Any, at: Any, eccentricity: Any, rate: Any, whirl: Any, spin: Any, p: Any, out: Any
-) -> Any:
-    """Call the film law at address `at` (compiled code only)."""
-
-    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        array = ir.PointerType(_DOUBLE)
-        kind = ir.FunctionType(ir.VoidType(), [_DOUBLE] * 4 + [array] * 2)
-        builder.call(builder.inttoptr(args[0], kind.as_pointer()), args[1:])
-        return context.get_dummy_value()
-
-    arguments = (types.int64, *(types.float64,) * 4, _NUMBERS, _NUMBERS)
-    return types.none(*arguments), codegen

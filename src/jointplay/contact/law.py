@@ -32,14 +32,9 @@ from jointplay.codec import Described
 from jointplay.contact.compiled import (
     MAX_PARAMETERS,
     address,
-    call_bristle,
-    call_film,
-    call_friction,
-    call_normal,
     check_parameters,
     compiled_law,
     parameter_names,
-    pointer,
 )
 from jointplay.errors import JointplayError
 from jointplay.fields import check_fields
@@ -226,12 +221,7 @@ __all__ = [
     "Law",
     "NormalForceLaw",
     "address",
-    "call_bristle",
-    "call_film",
-    "call_friction",
-    "call_normal",
     "check_parameters",
     "compiled_law",
-    "pointer",
     "require_static",
 ]

@@ -13,30 +13,42 @@ everywhere in the package (`Shape` has the other shapes):
 A gap is positive in free flight and negative in penetration. Each gap's gradient is the contact
 normal, and its rate is the normal velocity of the contact point, so contact forces do exactly the
 work that the change of the gap implies.
+
+Compiled functions (`kernels`) are imported with the first of them that is used.
 """
 
-from pathlib import Path
+from typing import TYPE_CHECKING
 
-from jointplay.geometry.bore import worn_bore, worn_gap
-from jointplay.geometry.cylinder import (
-    axial_gap,
-    deepest_rim_direction,
-    gaps,
-    radial_gap,
-    touch_cylinder,
-)
-from jointplay.geometry.forms import (
+from jointplay.geometry.shapes import (
     CONTACT_TOLERANCE_M,
+    CONTACTS,
+    EDGE_ROUNDING_M,
     Form,
     Mode,
-    classify_form,
-    classify_many,
-    classify_mode,
-    journal_axis,
+    Shape,
 )
-from jointplay.geometry.shapes import CONTACTS, EDGE_ROUNDING_M, Shape
-from jointplay.geometry.touching import touch
-from jointplay.host.numba_cache import stamp
+from jointplay.host.late import offering
+
+if TYPE_CHECKING:
+    from jointplay.geometry.kernels import axial_gap as axial_gap
+    from jointplay.geometry.kernels import classify_form as classify_form
+    from jointplay.geometry.kernels import classify_many as classify_many
+    from jointplay.geometry.kernels import classify_mode as classify_mode
+    from jointplay.geometry.kernels import deepest_rim_direction as deepest_rim_direction
+    from jointplay.geometry.kernels import gaps as gaps
+    from jointplay.geometry.kernels import journal_axis as journal_axis
+    from jointplay.geometry.kernels import radial_gap as radial_gap
+    from jointplay.geometry.kernels import touch as touch
+    from jointplay.geometry.kernels import touch_cylinder as touch_cylinder
+    from jointplay.geometry.kernels import worn_bore as worn_bore
+    from jointplay.geometry.kernels import worn_gap as worn_gap
+
+_COMPILED = (
+    *("axial_gap", "classify_form", "classify_many", "classify_mode", "deepest_rim_direction"),
+    *("gaps", "journal_axis", "radial_gap", "touch", "touch_cylinder", "worn_bore", "worn_gap"),
+)
+
+__getattr__ = offering(__name__, dict.fromkeys(_COMPILED, "kernels"))
 
 __all__ = [
     "CONTACTS",
@@ -58,11 +70,3 @@ __all__ = [
     "worn_bore",
     "worn_gap",
 ]
-
-# They call each other across files, so their compiled code is valid for all of them only.
-_SOURCES = sorted(Path(__file__).parent.glob("*.py"))
-for _compiled in (
-    *(axial_gap, radial_gap, deepest_rim_direction, touch_cylinder, gaps, worn_gap, touch),
-    *(classify_form, classify_mode, classify_many),
-):
-    stamp(_compiled, _SOURCES)

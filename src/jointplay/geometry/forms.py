@@ -3,47 +3,16 @@
 from __future__ import annotations
 
 import math
-from enum import IntEnum
 
 import numpy as np
 
-from jointplay.geometry.shapes import _CYLINDER, _WORN
+from jointplay.geometry.shapes import (
+    _CYLINDER,
+    _WORN,
+    CONTACT_TOLERANCE_M,
+)
 from jointplay.geometry.touching import touch
 from jointplay.host.numba_cache import njit
-
-CONTACT_TOLERANCE_M = 1e-7
-"""A gap within this of zero counts as continuous contact: the paper's integration tolerance."""
-
-
-class Mode(IntEnum):
-    """Mode of the joint (Table 1)."""
-
-    FREE_FLIGHT = 0
-    CONTINUOUS_CONTACT = 1
-    PSEUDO_PENETRATION = 2
-
-
-class Form(IntEnum):
-    """Contact form (Figure 2 a-l); NONE is free flight."""
-
-    NONE = 0
-    RADIAL_BOTH_ENDS_OPPOSITE = 1
-    RADIAL_AXIAL_SAME_END = 2
-    RADIAL_AXIAL_OTHER_END = 3
-    AXIAL_BOTH_ENDS = 4
-    ONE_RADIAL = 5
-    ONE_AXIAL = 6
-    TWO_RADIAL_ONE_AXIAL = 7
-    ONE_RADIAL_TWO_AXIAL = 8
-    FOUR_POINTS = 9
-    SURFACE = 10
-    LINE = 11
-    SURFACE_AND_LINE = 12
-
-    @property
-    def letter(self) -> str:
-        """Letter of the form in Figure 2 of the paper, '-' for none."""
-        return "-abcdefghijkl"[self.value]
 
 
 @njit(cache=True, error_model="numpy")

@@ -1,4 +1,4 @@
-"""Shapes of journals in their bearings, and the order of their contacts."""
+"""Words of geometry: shapes of journals in their bearings, their contacts, modes and forms."""
 
 from __future__ import annotations
 
@@ -8,6 +8,9 @@ CONTACTS = ("radial_A", "radial_B", "axial_A", "axial_B")
 
 EDGE_ROUNDING_M = 1e-7
 """Height over which a flat end face passes to edge contact; see `axial_gap`."""
+
+CONTACT_TOLERANCE_M = 1e-7
+"""A gap within this of zero counts as continuous contact: the paper's integration tolerance."""
 
 
 class Shape(IntEnum):
@@ -40,3 +43,34 @@ LAST_SHAPE = int(max(Shape))
 
 _WORN_NODE = 4
 """Numbers of `worn_bore` for each azimuth."""
+
+
+class Mode(IntEnum):
+    """Mode of the joint (Table 1)."""
+
+    FREE_FLIGHT = 0
+    CONTINUOUS_CONTACT = 1
+    PSEUDO_PENETRATION = 2
+
+
+class Form(IntEnum):
+    """Contact form (Figure 2 a-l); NONE is free flight."""
+
+    NONE = 0
+    RADIAL_BOTH_ENDS_OPPOSITE = 1
+    RADIAL_AXIAL_SAME_END = 2
+    RADIAL_AXIAL_OTHER_END = 3
+    AXIAL_BOTH_ENDS = 4
+    ONE_RADIAL = 5
+    ONE_AXIAL = 6
+    TWO_RADIAL_ONE_AXIAL = 7
+    ONE_RADIAL_TWO_AXIAL = 8
+    FOUR_POINTS = 9
+    SURFACE = 10
+    LINE = 11
+    SURFACE_AND_LINE = 12
+
+    @property
+    def letter(self) -> str:
+        """Letter of the form in Figure 2 of the paper, '-' for none."""
+        return "-abcdefghijkl"[self.value]

@@ -7,6 +7,7 @@ conveniences name their home instead of importing it.
 from __future__ import annotations
 
 import importlib
+import sys
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -20,6 +21,9 @@ def late(address: str) -> Any:
 def offering(package: str, homes: Mapping[str, str]) -> Callable[[str], Any]:
     """A package's `__getattr__` for names whose modules are loaded when they are first used.
 
+    To check a scenario file needs words of many packages, but no compiler and no Pinocchio. No name
+    may be that of a module of the package.
+
     Args:
         package: its full name.
         homes: module below it in which each name is.
@@ -28,6 +32,8 @@ def offering(package: str, homes: Mapping[str, str]) -> Callable[[str], Any]:
     def __getattr__(name: str) -> Any:
         if name not in homes:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
-        return getattr(importlib.import_module(f"{package}.{homes[name]}"), name)
+        value = getattr(importlib.import_module(f"{package}.{homes[name]}"), name)
+        setattr(sys.modules[package], name, value)
+        return value
 
     return __getattr__

@@ -9,7 +9,6 @@ from dataclasses import dataclass, field
 from typing import ClassVar, Literal, Self
 
 import numpy as np
-import pinocchio as pin
 
 from jointplay.codec import Described
 from jointplay.contact import (
@@ -289,7 +288,11 @@ class Clearance(Described, ABC):
         offset = centre[[row for row in cls.held() if row < 3]]
         if not cls.holds_axis():
             return offset, np.zeros(0)
-        return offset, rotation[:2, 2] if "yaw" in cls.ideal_freedoms else pin.log3(rotation)
+        if "yaw" in cls.ideal_freedoms:
+            return offset, rotation[:2, 2]
+        import pinocchio as pin
+
+        return offset, pin.log3(rotation)
 
     @property
     def film(self) -> tuple[FilmLaw, FilmProperties] | None:

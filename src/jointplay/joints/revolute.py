@@ -12,7 +12,7 @@ import numpy as np
 from jointplay.contact import ContactProperties, FilmLaw, FilmProperties
 from jointplay.errors import JointplayError, require_positive, within
 from jointplay.fields import quantity
-from jointplay.geometry import EDGE_ROUNDING_M, Shape, worn_bore
+from jointplay.geometry import EDGE_ROUNDING_M, Shape
 from jointplay.joints.base import VIRTUAL_LINK, Outline, complete
 from jointplay.joints.play import JournalPlay
 from jointplay.joints.round import (
@@ -235,7 +235,7 @@ class RevoluteClearance(RoundClearance):
     @property
     def dimensions(self) -> tuple[float, ...]:
         """R_i, R_j and the half lengths [m]; then the worn profile, if any."""
-        profile = () if self.worn is None else tuple(map(worn_bore, np.array(self.worn)))
+        profile = () if self.worn is None else tuple(map(_profile, np.array(self.worn)))
         return self.ri, self.rj, self.li / 2, self.lj / 2, *(x for row in profile for x in row)
 
     @property
@@ -326,3 +326,10 @@ class RevoluteClearance(RoundClearance):
         arm = 0.0 if self.lock_tilt else self.rj
         axial = np.column_stack([zero, zero, np.ones(SAMPLES), arm * s, -arm * c, zero])
         return np.concatenate([radial, axial])
+
+
+def _profile(depths: np.ndarray) -> tuple[float, ...]:
+    """Numbers of one end of a worn bore; numba comes with the first that is worn."""
+    from jointplay.geometry import worn_bore
+
+    return worn_bore(depths)

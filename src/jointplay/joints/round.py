@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
-import pinocchio as pin
 
 from jointplay.contact import ContactProperties
 from jointplay.fields import quantity
@@ -128,6 +127,8 @@ def radial_directions(heights: Sequence[float]) -> np.ndarray:
 
 def upright(rotation: np.ndarray) -> np.ndarray:
     """The rotation (3, 3) with its axis turned back to z by the shortest way."""
+    import pinocchio as pin  # not needed to check a scenario
+
     swing = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), rotation[:, 2])
     turned: np.ndarray = swing.toRotationMatrix().T @ rotation
     return turned

@@ -9,16 +9,13 @@ from __future__ import annotations
 
 import math
 
-from jointplay.contact.compiled import call_bristle, call_friction, call_normal, pointer
+from jointplay.contact.calls import call_bristle, call_friction, call_normal, pointer
 from jointplay.geometry import Shape, touch_cylinder
 from jointplay.geometry import touch as touch_shape
 from jointplay.kernel.layout import (
-    AZIMUTHS,
     FRICTION,
     MIN_APPROACH_SPEED,
     NORMAL,
-    WELL_RESOLVED_STEPS,
-    Status,
     address_of,
     contacts,
     fail,
@@ -26,6 +23,7 @@ from jointplay.kernel.layout import (
     matrix,
 )
 from jointplay.kernel.vectors import add, along, cross, dot, length, put, scale, vector
+from jointplay.kernel.words import AZIMUTHS, WELL_RESOLVED_STEPS, Status
 
 _CYLINDER = int(Shape.CYLINDER)
 _BROKE_OUT, _FILM_BROKE = int(Status.BROKE_OUT), int(Status.FILM_BROKE)

@@ -8,7 +8,6 @@ from jointplay.kernel.layout import (
     DRIVE,
     GEAR,
     JOINT_FRICTION,
-    JOINT_FRICTION_SPEED,
     drives,
     floats,
     frictions,
@@ -17,6 +16,7 @@ from jointplay.kernel.layout import (
     matrix,
     wholes,
 )
+from jointplay.kernel.words import JOINT_FRICTION_SPEED
 
 
 @internal

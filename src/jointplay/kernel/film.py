@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 
-from jointplay.contact.compiled import call_film
-from jointplay.kernel.layout import FILM, Status, address_of, fail, internal
+from jointplay.contact.calls import call_film
+from jointplay.kernel.layout import FILM, address_of, fail, internal
 from jointplay.kernel.vectors import add, along, cross, scale, vector
+from jointplay.kernel.words import Status
 
 _BAD_FORCE = int(Status.BAD_FORCE)
 _DIFFERENCE = 1e-4

@@ -7,7 +7,6 @@ record, `RUN`, which holds numbers, and addresses of the arrays and of the other
 
 from __future__ import annotations
 
-from enum import IntEnum
 from typing import Any
 
 import numba
@@ -16,42 +15,16 @@ from llvmlite import ir
 from numba import carray, from_dtype, njit, types
 from numba.extending import intrinsic
 
-from jointplay.contact.compiled import MAX_PARAMETERS, pointer
+from jointplay.contact.calls import pointer
+from jointplay.contact.compiled import MAX_PARAMETERS
 from jointplay.contact.law import BRISTLE_NUMBERS, FILM_NUMBERS
 from jointplay.kernel.parts import PartCompiler
-
-
-class Status(IntEnum):
-    """Why the time loop stopped."""
-
-    COMPLETED = 0
-    INTERRUPTED = 1
-    RUN_AWAY = 2
-    BROKE_OUT = 3
-    BAD_FORCE = 4
-    FILM_BROKE = 5
-    BAD_LOAD = 6
-
-
-POWERS = (
-    "drive",
-    "normal_dissipation",
-    "friction_dissipation",
-    "joint_friction",
-    "gear_dissipation",
-    "film_dissipation",
+from jointplay.kernel.words import (
+    POWERS,
 )
+
 DRIVE, NORMAL, FRICTION, JOINT_FRICTION, GEAR, FILM = range(len(POWERS))
 """Places of the powers in `RUN`'s arrays."""
-
-AZIMUTHS = 72
-"""Places around the bore at which sliding work is counted, the first on the bearing's x axis."""
-
-JOINT_FRICTION_SPEED = 1e-3
-"""Speed over which dry joint friction turns its sign [rad/s or m/s]."""
-
-WELL_RESOLVED_STEPS = 10
-"""A contact of fewer steps than this is not resolved."""
 
 MIN_APPROACH_SPEED = 1e-9
 """Keeps ddelta/ddelta0 defined for a contact that begins at rest [m/s]."""
@@ -358,9 +331,6 @@ LOAD = _record(
     gathered=_FLOAT,  # of Runge-Kutta
 )
 """One load whose law is called by address; see `load`."""
-
-NEVER, ALWAYS, IF_PRESSED = range(3)
-"""When a load depends on velocity; IF_PRESSED: where its answer at rest is not zero."""
 
 _CONTACT_SIZE = CONTACT.itemsize
 

@@ -24,19 +24,10 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
-from jointplay.contact.compiled import pointer
+from jointplay.contact.calls import pointer
 from jointplay.kernel.frames import pose_of_frames, twist_by
-from jointplay.kernel.layout import (
-    ALWAYS,
-    IF_PRESSED,
-    Status,
-    fail,
-    floats,
-    internal,
-    loads,
-    matrix,
-    wholes,
-)
+from jointplay.kernel.layout import fail, floats, internal, loads, matrix, wholes
+from jointplay.kernel.words import ALWAYS, IF_PRESSED, Status
 
 _BAD_LOAD = int(Status.BAD_LOAD)
 

@@ -28,7 +28,6 @@ from jointplay.kernel.layout import (
     DRIVE,
     POWERS,
     SPEED_LIMIT,
-    Status,
     contacts,
     drives,
     fail,
@@ -48,6 +47,7 @@ from jointplay.kernel.solve import (
     find_touching,
     solve,
 )
+from jointplay.kernel.words import Status
 
 _NP = len(POWERS)
 _RUN_AWAY = int(Status.RUN_AWAY)

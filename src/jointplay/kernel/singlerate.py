@@ -21,17 +21,10 @@ from jointplay.kernel.drive import (
 )
 from jointplay.kernel.film import carry, lose_to_film, remember_film
 from jointplay.kernel.frames import pose_of_frames, pose_of_virtual_link, push, twist
-from jointplay.kernel.layout import (
-    POWERS,
-    SPEED_LIMIT,
-    Status,
-    fail,
-    floats,
-    internal,
-    joints,
-)
+from jointplay.kernel.layout import POWERS, SPEED_LIMIT, fail, floats, internal, joints
 from jointplay.kernel.load import gather_works, load_now
 from jointplay.kernel.record import due, record, settle
+from jointplay.kernel.words import Status
 
 _NP = len(POWERS)
 _RUN_AWAY = int(Status.RUN_AWAY)

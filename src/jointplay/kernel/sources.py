@@ -13,13 +13,14 @@ from typing import Any
 from jointplay.host import numba_cache
 
 _PACKAGE = Path(__file__).parent
-_PLAIN = ("integrators.py", "workspace.py")
+_PLAIN = ("__init__.py", "integrators.py", "workspace.py")
 """Modules of the package without compiled code."""
 
 SOURCES = (
     *sorted(path for path in _PACKAGE.glob("*.py") if path.name not in _PLAIN),
     _PACKAGE.parent / "host" / "numba_cache.py",
     *sorted((_PACKAGE.parent / "geometry").glob("*.py")),
+    _PACKAGE.parent / "contact" / "calls.py",
     _PACKAGE.parent / "contact" / "compiled.py",
     _PACKAGE.parent / "contact" / "law.py",
 )

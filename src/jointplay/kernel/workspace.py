@@ -11,6 +11,7 @@ import pinocchio as pin
 from jointplay.errors import JointplayError
 from jointplay.kernel import Command, Status, enter, layout
 from jointplay.kernel.path import MIDDLE, MIDDLE_SPEED, ROWS
+from jointplay.kernel.words import AZIMUTHS, NEVER, POWERS
 
 Carriers = tuple[tuple[int, pin.SE3], tuple[int, pin.SE3]]
 """Two Pinocchio joints, and the placement of a frame in each."""
@@ -95,8 +96,8 @@ class LoadSite:
     """Of the law; what is written into it later, the law sees."""
     stores: bool = False
     """Whether its answer at rest is the slope of an energy."""
-    implicit: int = layout.NEVER
-    """When the rest of it depends on velocity: `layout.NEVER`, `ALWAYS` or `IF_PRESSED`."""
+    implicit: int = NEVER
+    """When the rest of it depends on velocity: `words.NEVER`, `ALWAYS` or `IF_PRESSED`."""
     seen: tuple[int, ...] = ()
     """Coordinates that the law sees."""
     pushed: tuple[int, ...] = ()
@@ -181,7 +182,7 @@ class Workspace:
             self._room(name, nv, nv)
         self._changing.append(self._room("inverse", nv, nv))
         self._room("trial", 7, nv)
-        self._room("scratch", 4 * nv + len(layout.POWERS))
+        self._room("scratch", 4 * nv + len(POWERS))
         path = self._room("path", ROWS, nv)
         self.middle = (path[MIDDLE], path[MIDDLE_SPEED])
         for name in ("touched", "place"):
@@ -258,7 +259,7 @@ class Workspace:
         parameters = self.contacts["parameters"][j]
         for row, values in zip(parameters, site.parameters, strict=False):
             row[: len(values)] = values
-        self.sliding_work.append(np.zeros((site.wearing, layout.AZIMUTHS)))
+        self.sliding_work.append(np.zeros((site.wearing, AZIMUTHS)))
         if site.first is None:
             assert site.carriers is not None
             assert site.signs is not None
@@ -514,7 +515,7 @@ def _layout(
         "q": nv,
         "v": nv,
         "drive": nv,
-        "work": len(layout.POWERS),
+        "work": len(POWERS),
         "force": 3 * nj,
         "force_peak": 3 * nj,
         "film_force": 3 * nj,

@@ -18,24 +18,26 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import KW_ONLY, dataclass
 from itertools import pairwise
-from typing import Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
-import pinocchio as pin
 
 from jointplay.codec import Described
 from jointplay.contact.compiled import compiled_function
 from jointplay.contact.trust import Absent
 from jointplay.errors import JointplayError, MissingName, Where, require_finite, require_vector
 from jointplay.fields import quantity
-from jointplay.kernel.layout import NEVER
-from jointplay.kernel.load import LOAD_LAW
-from jointplay.mechanism.mechanism import Mechanism, frame_index
+from jointplay.kernel.words import NEVER
+
+if TYPE_CHECKING:
+    import pinocchio as pin
+
+    from jointplay.mechanism.mechanism import Mechanism
 
 WORLD = "world"
 """Name of the frame that does not move."""
 
-Frame = tuple[int, pin.SE3]
+Frame = tuple[int, "pin.SE3"]
 """A Pinocchio joint, and a frame's placement in it."""
 
 Vector = tuple[float, float, float]
@@ -93,7 +95,7 @@ class Load(Described, ABC):
         """Numbers p of the law."""
 
     def implicit(self) -> int:
-        """When its answer depends on velocity: `layout.NEVER`, `ALWAYS` or `IF_PRESSED`.
+        """When its answer depends on velocity: `words.NEVER`, `ALWAYS` or `IF_PRESSED`.
 
         Of loads whose answer at rest is the slope of an energy; others are extrapolated.
         """
@@ -149,6 +151,8 @@ def compiled_law(load: Load) -> Any:
     law = load.law()
     if isinstance(law, Absent):
         raise JointplayError(law.reason)
+    from jointplay.kernel.load import LOAD_LAW
+
     return compiled_function(law, LOAD_LAW)
 
 
@@ -158,6 +162,10 @@ def frame(mechanism: Mechanism, name: str, at: Vector = (0.0, 0.0, 0.0)) -> Fram
     Raises:
         MissingName: no such frame.
     """
+    import pinocchio as pin
+
+    from jointplay.mechanism.mechanism import frame_index
+
     model = mechanism.model
     place = pin.SE3(np.eye(3), np.array(at))
     if model.existFrame(name):

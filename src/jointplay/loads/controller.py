@@ -6,7 +6,7 @@ import inspect
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -15,7 +15,9 @@ from jointplay.errors import JointplayError, MissingName, require_positive
 from jointplay.fields import choice, quantity
 from jointplay.loads.base import Series, Site
 from jointplay.loads.function import OfFunction, WrittenFunction
-from jointplay.mechanism.mechanism import Mechanism
+
+if TYPE_CHECKING:
+    from jointplay.mechanism.mechanism import Mechanism
 
 ENCODERS = ("link", "motor", "both")
 

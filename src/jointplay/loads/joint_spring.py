@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -15,9 +15,11 @@ from jointplay.errors import (
     require_positive,
 )
 from jointplay.fields import quantity
-from jointplay.kernel.layout import ALWAYS, IF_PRESSED, NEVER
+from jointplay.kernel.words import ALWAYS, IF_PRESSED, NEVER
 from jointplay.loads.base import Load, Series, Site, joint_site
-from jointplay.mechanism.mechanism import Mechanism
+
+if TYPE_CHECKING:
+    from jointplay.mechanism.mechanism import Mechanism
 
 STIFFNESS = ("N*m/rad", "N/m")
 DAMPING = ("N*m*s/rad", "N*s/m")

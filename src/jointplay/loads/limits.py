@@ -7,13 +7,16 @@ joint, time and value, those of the reference before the run and those of the ru
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from jointplay.errors import JointplayError, MissingName
-from jointplay.mechanism.mechanism import Mechanism
-from jointplay.mechanism.urdf import JointEntry
-from jointplay.motion.reference import Motion
+
+if TYPE_CHECKING:
+    from jointplay.mechanism.mechanism import Mechanism
+    from jointplay.mechanism.urdf import JointEntry
+    from jointplay.motion.reference import Motion
 
 LIMITS = ("report", "cut", "ignore")
 """What becomes of them: ``cut`` also cuts efforts to them, ``ignore`` checks nothing."""

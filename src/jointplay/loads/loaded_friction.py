@@ -5,15 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from jointplay.errors import JointplayError
 from jointplay.fields import check_fields, quantity
-from jointplay.kernel.layout import ALWAYS
+from jointplay.kernel.words import ALWAYS
 from jointplay.loads.base import Load, Series, Site, joint_site
-from jointplay.mechanism.mechanism import Mechanism
+
+if TYPE_CHECKING:
+    from jointplay.mechanism.mechanism import Mechanism
 
 TIME, LEVEL, RATE = range(3)
 """Places of `_rubbed`'s numbers."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import KW_ONLY, dataclass
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from jointplay.errors import (
     require_vector,
 )
 from jointplay.fields import quantity
-from jointplay.kernel.layout import ALWAYS, NEVER
+from jointplay.kernel.words import ALWAYS, NEVER
 from jointplay.loads.base import (
     WORLD,
     OnFrame,
@@ -28,7 +28,9 @@ from jointplay.loads.base import (
     frame,
     require_increasing,
 )
-from jointplay.mechanism.mechanism import Mechanism
+
+if TYPE_CHECKING:
+    from jointplay.mechanism.mechanism import Mechanism
 
 _POINT_M = 1e-12
 """Length at which a spring has no direction."""

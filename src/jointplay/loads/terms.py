@@ -1,6 +1,6 @@
 """Terms of the energy balance: what loads do to it, in the words of results, charts and audit.
 
-One entry for each power that the kernels count (`kernel.layout.POWERS`). Results, the audit, the
+One entry for each power that the kernels count (`kernel.words.POWERS`). Results, the audit, the
 certificate and the energy chart go through this list; a power without an entry is refused here.
 """
 

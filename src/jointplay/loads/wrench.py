@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import KW_ONLY, dataclass
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -21,7 +21,9 @@ from jointplay.loads.base import (
     require_increasing,
 )
 from jointplay.loads.function import OfFunction, WrittenFunction
-from jointplay.mechanism.mechanism import Mechanism
+
+if TYPE_CHECKING:
+    from jointplay.mechanism.mechanism import Mechanism
 
 AXES = ("world", "frame")
 """Axes in which a wrench is given."""

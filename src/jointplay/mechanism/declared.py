@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 _PICTURES = ("visual", "collision")
 _READ = ("link", "joint")
 """Elements of a robot that are read."""
+_SEEN = ("link", "joint", "material")
+"""Elements of a robot that its pictures need."""
 
 
 class Limits(NamedTuple):
@@ -87,6 +89,24 @@ class Declared:
             return yourdfpy.URDF.load(text, build_scene_graph=False, load_meshes=False).robot
         except (ValueError, TypeError, KeyError, AttributeError) as error:
             raise JointplayError(f"yourdfpy cannot read the URDF: {error}") from None
+
+    @cached_property
+    def pictured(self) -> yourdfpy.urdf.Robot:
+        """yourdfpy's reading of the links with their visuals, meshes unread.
+
+        Raises:
+            JointplayError: yourdfpy cannot read it.
+        """
+        import yourdfpy
+
+        root = ElementTree.fromstring(self._text)
+        seen = ElementTree.Element("robot", {"name": root.get("name", "robot")})
+        seen.extend(element for element in root if element.tag in _SEEN)
+        text = io.BytesIO(ElementTree.tostring(seen))
+        try:
+            return yourdfpy.URDF.load(text, build_scene_graph=False, load_meshes=False).robot
+        except (ValueError, TypeError, KeyError, AttributeError, IndexError) as error:
+            raise JointplayError(f"yourdfpy cannot read the URDF's visuals: {error}") from None
 
     @cached_property
     def _joints(self) -> dict[str, Any]:

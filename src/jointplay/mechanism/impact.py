@@ -9,13 +9,8 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from jointplay.contact.compiled import (
-    MAX_PARAMETERS,
-    address,
-    call_normal,
-    compiled_law,
-    pointer,
-)
+from jointplay.contact.calls import call_normal, pointer
+from jointplay.contact.compiled import MAX_PARAMETERS, address, compiled_law
 from jointplay.contact.friction.bristle import BristleLaw
 from jointplay.contact.law import FrictionLaw, NormalForceLaw
 from jointplay.errors import JointplayError

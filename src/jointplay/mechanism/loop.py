@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
-from scipy.optimize import least_squares
 
 from jointplay.codec import Described
 from jointplay.errors import JointplayError, require_vector
@@ -225,6 +224,8 @@ def _closed(
         if mixed:
             parts |= {name: _IDEAL_WEIGHT * parts[name] for name in strict}
         return np.concatenate(list(parts.values()))
+
+    from scipy.optimize import least_squares  # takes long to import
 
     found = least_squares(error, q[free], xtol=1e-15, ftol=1e-15, gtol=1e-15, x_scale="jac")
     moved[free] = found.x

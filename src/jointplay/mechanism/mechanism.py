@@ -23,13 +23,11 @@ from jointplay.fields import quantity
 from jointplay.joints import RELATIVE, UNNAMED_KIND, VIRTUAL_LINK, Clearance
 from jointplay.mechanism import urdf
 from jointplay.mechanism.gear import Gear
+from jointplay.mechanism.gravity import STANDARD_GRAVITY
 from jointplay.mechanism.lock import Lock
 from jointplay.mechanism.loop import Loop, refuse_name
 from jointplay.mechanism.model import build, parse
 from jointplay.mechanism.shown import Shown
-
-STANDARD_GRAVITY = (0.0, 0.0, -9.81)
-"""Gravity in world axes [m/s^2]."""
 
 _AXIS_ARM_M = 0.05
 """Distance of the two points that hold the axis of an ideal revolute joint in a loop."""

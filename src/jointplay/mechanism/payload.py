@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pinocchio as pin
 
 from jointplay.codec import Described
 from jointplay.errors import JointplayError, require_vector
 from jointplay.fields import check_fields, quantity
+
+if TYPE_CHECKING:
+    import pinocchio as pin
 
 Vector = tuple[float, float, float]
 
@@ -60,6 +63,8 @@ class Payload(Described):
     @property
     def body(self) -> pin.Inertia:
         """Inertia in the frame that holds it."""
+        import pinocchio as pin
+
         return pin.Inertia(self.mass, np.array(self.centre), np.diag(self.inertia))
 
 
@@ -80,6 +85,8 @@ def velocity_after_pick(
     Returns:
         v of M_after v = M_before v_before + forbidden^T impulse, shape (nv,).
     """
+    import pinocchio as pin
+
     nv, rows = before.nv, len(forbidden)
     masses = []
     for model in (before, after):

@@ -17,13 +17,13 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from jointplay.errors import JointplayError
 from jointplay.mechanism.loop import assemble
 from jointplay.mechanism.mechanism import Mechanism
-from jointplay.mechanism.visuals import visuals
+from jointplay.mechanism.seen import Look, look
 from jointplay.units import readable
 
 _LIGHT = np.array([0.35, -0.6, 0.72])
 """Towards the light, in world axes."""
-_TONES = ("#c9d3df", "#a9b8c9")
-"""Of bodies without colour, by turns, so that one can be told from the next."""
+_OTHERS = "#c9d3df"
+"""Of bodies of which a colouring says nothing."""
 _PLAY, _LOOP, _TOOL = "#d1352b", "#1f6fb4", "#222222"
 _RING = 0.06
 """Radius of the marks, relative to the mechanism's size."""
@@ -31,6 +31,8 @@ _PIECE = 0.03
 """Longest side of a triangle, relative to the mechanism's size."""
 _FINE = 2000
 """A body of this many triangles needs no cutting."""
+_FINEST = 1.0 / 300.0
+"""Smallest detail that is drawn, relative to the mechanism's size: some two pixels."""
 _FLAT = 0.4
 """Height relative to the largest extent below which a mechanism is flat."""
 
@@ -75,34 +77,25 @@ def picture(
             f"q must have the shape ({mechanism.model.nq},): {', '.join(mechanism.coordinates)}; "
             f"got {q.shape}"
         )
-    found = visuals(mechanism, folders)
+    found = look(mechanism, folders)
     pin.framesForwardKinematics(mechanism.model, mechanism.data, q)
-    corners, paints = [], []
-    order = list(dict.fromkeys(found.links))
-    for thing, link in zip(found.geometry.geometryObjects, found.links, strict=True):
-        place = mechanism.data.oMi[thing.parentJoint] * thing.placement
-        local = triangles_of(thing)
-        corners.append(local @ place.rotation.T + place.translation)
-        plain = _TONES[order.index(link) % len(_TONES)]
-        colour = thing.meshColor[:3] if thing.overrideMaterial else _rgb(plain)
-        if colours is not None:
-            carrier = mechanism.model.names[thing.parentJoint].split(".")[0]
-            colour = _rgb(colours.get(carrier, _TONES[0]))
-        paints.append(np.tile(colour, (len(local), 1)))
-    points = np.concatenate(corners).reshape(-1, 3)
+    bodies, paints = _placed(mechanism, found, colours)
+    points = np.concatenate(bodies).reshape(-1, 3)
     low, high = points.min(axis=0), points.max(axis=0)
     size = float(np.linalg.norm(high - low))
     if view is None:
         flat = high[2] - low[2] < _FLAT * float((high - low).max())
         view = (-70.0, 55.0) if flat else (-60.0, 24.0)
     # Matplotlib sorts whole triangles by depth, which needs them small.
-    pieces = [_cut(body, _PIECE * size) for body in corners]
-    triangles = np.concatenate(pieces)
-    paints = [np.tile(c[0], (len(piece), 1)) for c, piece in zip(paints, pieces, strict=True)]
+    pieces, sides = zip(
+        *(_coarse(_cut(body, _PIECE * size), _FINEST * size) for body in bodies), strict=True
+    )
+    triangles, normals = np.concatenate(pieces), np.concatenate(sides)
+    tones = [np.tile(tone, (len(piece), 1)) for tone, piece in zip(paints, pieces, strict=True)]
 
     figure = Figure(figsize=(8.0, 5.5), layout="constrained")
     axes: Any = figure.add_subplot(projection="3d", proj_type="ortho", computed_zorder=False)
-    axes.add_collection3d(_shaded(triangles, np.concatenate(paints)))
+    axes.add_collection3d(_shaded(triangles, normals, np.concatenate(tones)))
     for name, place, colour, text in _marks(mechanism):
         text = f"{name}\n{text}" if labels is None else labels.get(name, name)
         _mark(axes, place, _RING * size, colour, text)
@@ -116,6 +109,39 @@ def picture(
         more = f" and {len(found.missing) - 3} more" if len(found.missing) > 3 else ""
         figure.text(0.01, 0.01, f"not found, simple shapes instead: {names}{more}", fontsize=8)
     return figure
+
+
+def _placed(
+    mechanism: Mechanism, found: Look, colours: Mapping[str, str] | None
+) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    """Triangles of every part where it stands (n, 3, 3) [m], and its colour."""
+    model, bodies, paints = mechanism.model, [], []
+    for shape in found.shapes:
+        frame = model.getFrameId(shape.link, pin.FrameType.BODY)
+        place = mechanism.data.oMf[frame].homogeneous @ shape.placement
+        carrier = model.names[model.frames[frame].parentJoint].split(".")[0]
+        for part, colour in zip(shape.parts, shape.colours, strict=True):
+            bodies.append(part.corners() @ place[:3, :3].T + place[:3, 3])
+            own = None if colours is None else _rgb(colours.get(carrier, _OTHERS))
+            paints.append(np.array(colour[:3]) if own is None else own)
+    return bodies, paints
+
+
+def _coarse(triangles: np.ndarray, grid: float) -> tuple[np.ndarray, np.ndarray]:
+    """The same surface without what is smaller than `grid`, which is not seen but takes long.
+
+    Returns:
+        Triangles (n, 3, 3) [m], and the normal of each as it was before (n, 3).
+    """
+    normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+    whole = np.round(triangles / grid)
+    apart = (whole != np.roll(whole, 1, axis=1)).any(axis=2).all(axis=1)
+    if len(triangles) < _FINE or not apart.any():
+        return triangles, normals
+    corners = np.ascontiguousarray(whole[apart]).view([("x", "f8"), ("y", "f8"), ("z", "f8")])
+    _, first = np.unique(np.sort(corners[..., 0], axis=1), axis=0, return_index=True)
+    return grid * whole[apart][first], normals[apart][first]
 
 
 def triangles_of(thing: pin.GeometryObject) -> np.ndarray:
@@ -151,12 +177,10 @@ def _rgb(colour: str) -> np.ndarray:
     return np.array([int(colour[i : i + 2], 16) / 255.0 for i in (1, 3, 5)])
 
 
-def _shaded(triangles: np.ndarray, colours: np.ndarray) -> Poly3DCollection:
-    normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+def _shaded(triangles: np.ndarray, normals: np.ndarray, colours: np.ndarray) -> Poly3DCollection:
     light = _LIGHT / np.linalg.norm(_LIGHT)
     # Either side may be the outer one: not all mesh files wind their triangles alike.
-    shade = 0.5 + 0.5 * np.abs(normals @ light)
+    shade = 0.45 + 0.5 * np.abs(normals @ light)
     faces = np.clip(colours * shade[:, None], 0.0, 1.0)
     return Poly3DCollection(triangles, facecolors=faces, edgecolors=faces, linewidths=0.2, zorder=1)
 

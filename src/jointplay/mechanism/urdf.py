@@ -184,8 +184,8 @@ def _parsed(text: str, path: Path, allow_unphysical: tuple[str, ...]) -> Descrip
     faults = impossible_inertias(root)
     wrong = [name for name in faults if name not in allow_unphysical]
     if wrong:
-        flags = " ".join(f"--allow-unphysical {name}" for name in wrong)
-        rest = f" (impossible too: {', '.join(wrong[1:])}; all: {flags})" if wrong[1:] else ""
+        flag = f"--allow-unphysical {','.join(wrong)}"
+        rest = f" (impossible too: {', '.join(wrong[1:])}; all: {flag})" if wrong[1:] else ""
         raise JointplayError(faults[wrong[0]] + rest)
     joints = {}
     declared = Declared(text)

@@ -24,15 +24,13 @@ import pinocchio as pin
 from jointplay.errors import JointplayError
 from jointplay.host.files import is_folder
 from jointplay.mechanism.mechanism import Mechanism
+from jointplay.mechanism.meshes import FORMATS, Parts, parts_of
 from jointplay.mechanism.model import parse
-
-FORMATS = (".dae", ".obj", ".stl")
-"""Mesh files that meshcat reads."""
 
 _VIEW = (1.6, -1.6, 1.0)
 """Where the camera stands, from the robot's middle, relative to the robot's reach."""
 _GREY = np.array([0.62, 0.64, 0.67, 1.0])
-_THICKNESS = 0.035
+THICKNESS = 0.035
 """Radius of a stand-in, relative to the robot's reach."""
 
 
@@ -145,10 +143,12 @@ def visuals(mechanism: Mechanism, folders: Sequence[str | Path] = ()) -> Visuals
     missing, bare = _set_meshes(root, "visual", where, mechanism.description.stored)
     if root.find("link/visual") is None:
         bare = [link.get("name", "") for link in root.findall("link")]
-    places = _places(source)
-    reach = _reach(places)
+    places = places_of(source)
+    reach = reach_of(places)
     geometry, links = _carried(mechanism, source, root, pin.GeometryType.VISUAL)
-    for name, placement, body in _stand_ins(root, source, places, bare, _THICKNESS * reach):
+    text = mechanism.description.text
+    for name, placement, radius, length in capsules(text, places, bare, THICKNESS * reach):
+        body = coal.Capsule(radius, length) if length > 0.0 else coal.Sphere(radius)
         shape = pin.GeometryObject(
             f"{name}_stand_in_{len(links)}", 0, 0, pin.SE3.Identity(), body, "", np.ones(3)
         )
@@ -173,7 +173,7 @@ def collisions(mechanism: Mechanism, folders: Sequence[str | Path] = ()) -> Visu
     where = mesh_folders(mechanism, folders)
     missing, _ = _set_meshes(root, "collision", where, mechanism.description.stored)
     geometry, links = _carried(mechanism, source, root, pin.GeometryType.COLLISION)
-    return Visuals(geometry, links, _reach(_places(source)), missing)
+    return Visuals(geometry, links, reach_of(places_of(source)), missing)
 
 
 def visualizer(mechanism: Mechanism, folders: Sequence[str | Path], open_browser: bool) -> Any:
@@ -250,6 +250,8 @@ def _carried(
         original = pin.buildGeomFromUrdf(source, str(file), kind)
     geometry, links = pin.GeometryModel(), []
     for shape in original.geometryObjects:
+        if Path(shape.meshPath).is_file():
+            shape.geometry = _solid(parts_of(Path(shape.meshPath)), np.array(shape.meshScale))
         frame = source.frames[shape.parentFrame]
         _attach(
             geometry, mechanism.model, shape, frame.name, frame.placement.actInv(shape.placement)
@@ -259,12 +261,30 @@ def _carried(
 
 
 def _loads(file: Path) -> bool:
-    """Whether Pinocchio's library can read a mesh: one broken file must not stop the others."""
+    """Whether a mesh can be read: one broken file must not stop the others."""
     try:
-        coal.MeshLoader().load(str(file))
-    except Exception:  # whatever Assimp throws
+        parts_of(file)
+    except JointplayError:
         return False
     return True
+
+
+def _solid(parts: Parts, scale: np.ndarray) -> Any:
+    """All parts of a mesh as one body of coal's.
+
+    coal's own loader (3.0.3) has the triangles of a file's second part use the points of the first.
+    """
+    points = np.concatenate([part.points for part in parts]) * scale
+    before = np.cumsum([0, *(len(part.points) for part in parts[:-1])])
+    triangles = np.concatenate(
+        [part.triangles + first for part, first in zip(parts, before, strict=True)]
+    )
+    made = coal.BVHModelOBBRSS()
+    made.beginModel(len(triangles), len(points))
+    made.addVertices(points)
+    made.addTriangles(triangles)
+    made.endModel()
+    return made
 
 
 def _attach(
@@ -282,7 +302,7 @@ def _attach(
     geometry.addGeometryObject(shape)
 
 
-def _places(source: pin.Model) -> dict[str, pin.SE3]:
+def places_of(source: pin.Model) -> dict[str, pin.SE3]:
     """World placement of every link, all joints at zero."""
     data = source.createData()
     pin.framesForwardKinematics(source, data, pin.neutral(source))
@@ -293,21 +313,30 @@ def _places(source: pin.Model) -> dict[str, pin.SE3]:
     }
 
 
-def _reach(places: dict[str, pin.SE3]) -> float:
+def reach_of(places: dict[str, pin.SE3]) -> float:
+    """Size of a robot: the largest distance between two of its links' frames [m]."""
     points = np.array([place.translation for place in places.values()])
     spread = np.linalg.norm(points[:, None] - points[None], axis=2).max()
     return float(spread) if spread > 1e-6 else 0.3
 
 
-def _stand_ins(
-    root: ElementTree.Element,
-    source: pin.Model,
-    places: dict[str, pin.SE3],
-    links: Sequence[str],
-    radius: float,
-) -> list[tuple[str, pin.SE3, object]]:
-    """Capsules from each of `links` to the links that it carries, or to its centre of mass."""
-    found: list[tuple[str, pin.SE3, object]] = []
+def capsules(
+    text: str, places: dict[str, pin.SE3], links: Sequence[str], radius: float
+) -> list[tuple[str, pin.SE3, float, float]]:
+    """Capsules from each of `links` to the links that it carries, or to its centre of mass.
+
+    Args:
+        text: of the URDF.
+        places: of all links' frames, at zero.
+        links: that have a stand-in.
+        radius: of the capsules [m].
+
+    Returns:
+        For each: link, place of its middle there (z along it), radius and length [m]; of a ball at
+        the link's frame the length is 0.
+    """
+    root = ElementTree.fromstring(text)
+    found: list[tuple[str, pin.SE3, float, float]] = []
     inertials = {link.get("name"): link.find("inertial") for link in root.findall("link")}
     for name in links:
         place = places[name]
@@ -321,11 +350,11 @@ def _stand_ins(
             origin = inertial.find("origin")
             text = "0 0 0" if origin is None else origin.get("xyz", "0 0 0")
             ends.append(np.array([float(value) for value in text.split()]))
-        found.append((name, pin.SE3.Identity(), coal.Sphere(1.3 * radius)))
+        found.append((name, pin.SE3.Identity(), 1.3 * radius, 0.0))
         for end in ends:
             length = float(np.linalg.norm(end))
             if length > 1e-6:
                 turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), end / length)
                 middle = pin.SE3(turn.toRotationMatrix(), end / 2.0)
-                found.append((name, middle, coal.Capsule(radius, length)))
+                found.append((name, middle, radius, length))
     return found

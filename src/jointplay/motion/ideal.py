@@ -6,7 +6,6 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 import pinocchio as pin
-from scipy.interpolate import make_interp_spline
 from tqdm import tqdm
 
 from jointplay.errors import JointplayError
@@ -133,6 +132,8 @@ def _with_loops(
             guess[at] = positions[0]
             guess = assemble(ideal, guess, at)
         q[i], maps[i] = guess, driven_map(ideal, guess, at)
+    from scipy.interpolate import make_interp_spline
+
     curve = make_interp_spline(nodes, q, k=5)
     model, data = ideal.model, ideal.data
     states = (curve(nodes), curve(nodes, 1), curve(nodes, 2))
@@ -155,12 +156,13 @@ def driven_map(mechanism: Mechanism, q: np.ndarray, at: Sequence[int]) -> np.nda
     rest = np.setdiff1d(np.arange(mechanism.model.nv), at)
     block = rows[:, rest]
     values = np.linalg.svd(block, compute_uv=False)
-    if len(values) < len(rest) or values[-1] < 1e-8 * values[0]:
+    if len(rest) and (len(values) < len(rest) or values[-1] < 1e-8 * values[0]):
         raise JointplayError(
             "the driven joints do not determine the loops' other joints here (a singular "
             "configuration, or too few driven joints)"
         )
     found = np.zeros((mechanism.model.nv, len(at)))
     found[at, np.arange(len(at))] = 1.0
-    found[rest] = -np.linalg.lstsq(block, rows[:, at], rcond=None)[0]
+    if len(rest):  # none: a door on two hinges
+        found[rest] = -np.linalg.lstsq(block, rows[:, at], rcond=None)[0]
     return found

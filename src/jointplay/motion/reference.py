@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.interpolate import BPoly, PPoly, make_interp_spline
 
 from jointplay.codec import Described
 from jointplay.errors import JointplayError, MissingName
@@ -115,6 +114,8 @@ class Motion(Described):
 
     def _fit(self) -> Any:
         if self.interpolation == "rest-to-rest":
+            from scipy.interpolate import BPoly, PPoly  # takes long to import
+
             still = np.zeros_like(self.positions)
             nodes = np.stack([self.positions, still, still], axis=1)
             return PPoly.from_bernstein_basis(BPoly.from_derivatives(self.times, nodes))
@@ -125,7 +126,11 @@ class Motion(Described):
                     "constant-speed needs the same speed between all waypoints, got "
                     f"{speeds[:, np.ptp(speeds, axis=0).argmax()]} rad/s or m/s"
                 )
+            from scipy.interpolate import PPoly
+
             return PPoly(np.stack([speeds[:1], self.positions[:1]]), self.times[[0, -1]])
+        from scipy.interpolate import make_interp_spline
+
         still = np.zeros(len(self.joints))
         rest = [(1, still), (2, still)]
         return make_interp_spline(self.times, self.positions, k=5, bc_type=(rest, rest))

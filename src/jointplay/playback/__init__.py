@@ -8,14 +8,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from jointplay.errors import JointplayError
 from jointplay.host.files import check_new
-from jointplay.playback.rendering import render, write
-from jointplay.playback.scene import BUDGET, Scene, build
+from jointplay.host.late import offering
 from jointplay.playback.server import HOST, PORT, Server, open_browser
-from jointplay.result.result import Result
+
+if TYPE_CHECKING:
+    from jointplay.playback.rendering import write as write
+    from jointplay.playback.scene import Scene as Scene
+    from jointplay.playback.scene import build as build
+    from jointplay.result.result import Result
+
+__getattr__ = offering(__name__, {"write": "rendering", "Scene": "scene", "build": "scene"})
 
 MOST_BYTES = 15_000_000
 """Size that a page does not exceed, meshes permitting."""
@@ -39,6 +45,8 @@ def load(paths: Sequence[str | Path], trust: Collection[str] = ()) -> dict[str, 
         if len(set(labels)) == len(labels) or depth > max(len(f.parts) for f in files):
             break
         depth += 1
+    from jointplay.result.result import Result
+
     results = {}
     for label, path in zip(labels, paths, strict=True):
         results[label] = Result.load(path, trust)
@@ -60,6 +68,9 @@ def page(
     Raises:
         JointplayError: see `scene.build`.
     """
+    from jointplay.playback.rendering import render
+    from jointplay.playback.scene import BUDGET, build
+
     budget = options.pop("budget", BUDGET)
     title = title if title is not None else ", ".join(cases)
     while True:
@@ -82,6 +93,8 @@ def save_html(cases: Mapping[str, Result], path: str | Path, **options: Any) -> 
     Raises:
         JointplayError: the file exists or cannot be written; see also `scene.build`.
     """
+    from jointplay.playback.rendering import write
+
     path = Path(path)
     check_new(path)
     return write(page(cases, **options)[0], path)
@@ -140,4 +153,21 @@ def serve(
             say("")
 
 
-__all__ = ["MOST_BYTES", "Scene", "Server", "build", "load", "page", "play", "save_html"]
+def save_movie(cases: Mapping[str, Result], path: str | Path, **options: Any) -> Any:
+    """Write a picture (.png) or a film (.gif, .mp4, .webm) of `cases`; see `movie.save_movie`."""
+    from jointplay.playback import movie
+
+    return movie.save_movie(cases, path, **options)
+
+
+__all__ = [
+    "MOST_BYTES",
+    "Scene",
+    "Server",
+    "build",
+    "load",
+    "page",
+    "play",
+    "save_html",
+    "save_movie",
+]

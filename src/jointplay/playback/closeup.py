@@ -101,7 +101,7 @@ def close_up(
             last = np.maximum.accumulate(np.where(acts[:, k], np.arange(n), touches[0]))
             place[:, k], shift[:, k] = place[last, k], shift[last, k]
     now = np.searchsorted(needed, records)
-    turn = np.array([pin.Quaternion(matrix).coeffs() for matrix in ideal[now]])
+    turn = quaternions(ideal[now])
     continuous(turn)
     return CloseUp(
         turn,
@@ -159,3 +159,21 @@ def continuous(quaternions: np.ndarray) -> None:
     """Choose the signs of quaternions, shape (n, 4), so that neighbours are close."""
     flips = np.sum(quaternions[1:] * quaternions[:-1], axis=1) < 0.0
     quaternions[1:] *= np.where(np.cumsum(flips) % 2, -1.0, 1.0)[:, None]
+
+
+def quaternions(matrices: np.ndarray) -> np.ndarray:
+    """Quaternions (x, y, z, w) of rotation matrices (n, 3, 3), by the largest component: (n, 4)."""
+    m = matrices
+    diagonal = m[:, (0, 1, 2), (0, 1, 2)]
+    trace = diagonal.sum(axis=1)
+    # Four times the products of each component with all others, whichever is used to divide.
+    products = np.empty((len(m), 4, 4))
+    for i in range(3):
+        products[:, i, i] = 1.0 + 2.0 * diagonal[:, i] - trace
+        j, k = (i + 1) % 3, (i + 2) % 3
+        products[:, i, j] = products[:, j, i] = m[:, i, j] + m[:, j, i]
+        products[:, i, 3] = products[:, 3, i] = m[:, k, j] - m[:, j, k]
+    products[:, 3, 3] = 1.0 + trace
+    best = products[:, range(4), range(4)].argmax(axis=1)
+    found = products[np.arange(len(m)), best]
+    return np.asarray(found / np.linalg.norm(found, axis=1, keepdims=True))

@@ -1,12 +1,13 @@
 """Everything that is played: robots, their ideal twins, traces, forces, close-ups.
 
-A scene is made once, from results. What does not move is drawn with Pinocchio's MeshcatVisualizer
-into a recorder that stands in for meshcat's server; what moves becomes tracks. Both are packed into
-one block of bytes with a table of contents, which a page carries to the browser.
+A scene is made once, from results. What does not move are surfaces, each there once however many
+links, cases and twins show it; what moves becomes tracks. Both are packed into one block of bytes
+with a table of contents, which a page carries to the browser.
 """
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
 import warnings
@@ -15,20 +16,19 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-import meshcat
 import numpy as np
 import pinocchio as pin
-import umsgpack
-from pinocchio.visualize import MeshcatVisualizer
 
 from jointplay.analysis.twins import ideal_simulation, is_twin
 from jointplay.errors import JointplayError, MissingName
 from jointplay.kernel import Status
 from jointplay.mechanism.mechanism import Mechanism
-from jointplay.mechanism.visuals import Visuals, visuals
-from jointplay.playback.closeup import close_up, continuous
+from jointplay.mechanism.meshes import Colour, Part
+from jointplay.mechanism.seen import Look, look
+from jointplay.mechanism.tree import Motion, Tree
+from jointplay.playback.closeup import close_up, continuous, quaternions
 from jointplay.playback.tracks import Impacts, Packer, impacts, keep, strongest
-from jointplay.plots.figures import colours
+from jointplay.plots.palette import colours
 from jointplay.result.result import Result
 
 BUDGET = 60_000
@@ -41,17 +41,10 @@ MICRON, MICRORADIAN = 1e-6, 1e-6
 TWIN_RECORD_S = 1e-3
 """Time between two records of an ideal twin [s]."""
 
+SHARPNESS = 2**14
+"""Places of a surface's points along its largest extent."""
+
 Notes = list[str]
-
-
-class _Recorder:
-    """Stands in for the connection to meshcat's server: keeps what would be sent."""
-
-    def __init__(self) -> None:
-        self.commands: list[dict[str, Any]] = []
-
-    def send(self, command: Any) -> None:
-        self.commands.append(command.lower())
 
 
 @dataclass
@@ -60,7 +53,7 @@ class Scene:
 
     Attributes:
         contents: what there is and where in `block` it lies, as plain data.
-        block: tracks and meshcat's commands, compressed.
+        block: tracks and surfaces, compressed.
         notes: what the user should know: stand-ins for meshes, missing twins.
     """
 
@@ -105,27 +98,24 @@ def build(
         raise MissingName("joint with clearance", joint, names)
     taken = [_Case(label, result) for label, result in cases.items()]
     entries = []
-    drawn: dict[str, int] = {}
-    for index, (case, colour) in enumerate(zip(taken, colours(cases), strict=True)):
+    surfaces = _Surfaces(packer)
+    for case, colour in zip(taken, colours(cases), strict=True):
         entry = case.pack(packer, max(budget // len(taken), 4))
-        look = visuals(case.mechanism, meshes)
-        if look.missing:
+        seen = look(case.mechanism, meshes)
+        if seen.missing:
             notes.append(
-                f"{case.label}: {len(look.missing)} of its meshes not found "
-                f"({Path(look.missing[0]).name}, ...): simple shapes instead; "
+                f"{case.label}: {len(seen.missing)} of its meshes not found "
+                f"({Path(seen.missing[0]).name}, ...): simple shapes instead; "
                 "name their folder with --meshes"
             )
-        text = case.mechanism.description.text
-        objects, commands = _drawn(case.mechanism, look, f"case{index}")
-        entry |= {"objects": objects, "reach": look.reach, "drawn": drawn.setdefault(text, index)}
-        if entry["drawn"] == index:
-            entry["commands"] = [packer.raw(umsgpack.packb(command)) for command in commands]
+        entry |= {"objects": surfaces.objects(seen), "reach": seen.reach}
         entry["ghost"] = None
         if ghosts and (case.result.joints or case.mechanism.gears):
             entry["ghost"] = _ghost(case, taken, packer, notes, progress)
         entry["colour"] = colour
         entries.append(entry)
     contents = {
+        "surfaces": surfaces.entries,
         "cases": entries,
         "joints": names,
         "joint": joint or (names[0] if names else None),
@@ -133,6 +123,44 @@ def build(
         "notes": notes,
     }
     return Scene(contents, packer.deflated(), notes)
+
+
+class _Surfaces:
+    """Surfaces of all bodies, each packed once."""
+
+    def __init__(self, packer: Packer) -> None:
+        self._packer = packer
+        self._number: dict[bytes, int] = {}
+        self.entries: list[dict[str, Any]] = []
+
+    def objects(self, seen: Look) -> list[dict[str, Any]]:
+        """What stands where: link, surface by number, colour, constant matrix column by column."""
+        return [
+            {
+                "link": shape.link,
+                "surface": self._find(part),
+                "colour": _hexadecimal(colour),
+                "opacity": round(colour[3], 3),
+                "matrix": shape.placement.T.ravel().tolist(),
+            }
+            for shape in seen.shapes
+            for part, colour in zip(shape.parts, shape.colours, strict=True)
+        ]
+
+    def _find(self, part: Part) -> int:
+        key = hashlib.sha256(part.points.tobytes() + part.triangles.tobytes()).digest()
+        if key not in self._number:
+            self._number[key] = len(self.entries)
+            extent = float(np.ptp(part.points, axis=0).max())
+            points = self._packer.table(part.points, extent / SHARPNESS)
+            triangles = self._packer.mesh(part.triangles)
+            self.entries.append({"points": points, "triangles": triangles})
+        return self._number[key]
+
+
+def _hexadecimal(colour: Colour) -> int:
+    red, green, blue = (round(255 * min(max(value, 0.0), 1.0)) for value in colour[:3])
+    return red << 16 | green << 8 | blue
 
 
 class _Case:
@@ -261,14 +289,17 @@ def _typical(force: np.ndarray, hits: Impacts) -> float:
 
 def _poses(mechanism: Mechanism, q: np.ndarray, links: Sequence[str]) -> np.ndarray:
     """World poses of link frames, shape (n, links, 7): position [m] and quaternion (x, y, z, w)."""
-    model, data = mechanism.model, mechanism.data
-    frames = [model.getFrameId(link, pin.FrameType.BODY) for link in links]
+    model = mechanism.model
+    ground = (0, pin.SE3.Identity())
+    frames = [model.frames[model.getFrameId(link, pin.FrameType.BODY)] for link in links]
+    pairs = [(ground, (frame.parentJoint, frame.placement)) for frame in frames]
+    found = Motion.of(len(q), len(links))
+    states = np.ascontiguousarray(q), np.zeros((len(q), model.nv))
+    Tree(model).move(found, 0, len(q), *states, ground, pairs)
     poses = np.empty((len(q), len(links), 7))
-    for i, row in enumerate(q):
-        pin.framesForwardKinematics(model, data, row)
-        for k, frame in enumerate(frames):
-            poses[i, k] = pin.SE3ToXYZQUAT(data.oMf[frame])
-    for k in range(len(links)):
+    for k, places in enumerate(found.poses):
+        poses[:, k, :3] = places[:, :3]
+        poses[:, k, 3:] = quaternions(places[:, 3:].reshape(-1, 3, 3))
         continuous(poses[:, k, 3:])
     return poses
 
@@ -291,38 +322,6 @@ def _carrier(
         if frame.parentJoint == index:
             return number, frame.placement.actInv(placement)
     raise AssertionError(f"no link moves with joint {model.names[index]!r}")
-
-
-def _drawn(
-    mechanism: Mechanism, look: Visuals, name: str
-) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-    """Draw a robot with Pinocchio's visualizer.
-
-    Returns:
-        Its objects, each with its path in meshcat's tree, its link and its constant matrix in
-        there (column by column, mesh scale included), and meshcat's commands that create them.
-    """
-    recorder = _Recorder()
-    picture = MeshcatVisualizer(mechanism.model, None, look.geometry)
-    picture.initViewer(viewer=meshcat.Visualizer(window=recorder))
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # no collision shapes, textures
-        picture.loadViewerModel(name)
-        picture.display(pin.neutral(mechanism.model))
-    model, data = mechanism.model, picture.data
-    pin.updateFramePlacements(model, data)
-    placed = {c["path"]: c["matrix"] for c in recorder.commands if c["type"] == "set_transform"}
-    created = [c for c in recorder.commands if c["type"] == "set_object"]
-    paths = {c["path"] for c in created}
-    objects = []
-    for shape, link in zip(look.geometry.geometryObjects, look.links, strict=True):
-        path = f"/meshcat/{name}/visuals/{shape.name}"
-        if path in paths:
-            world = np.array(placed[path]).reshape(4, 4).T
-            frame = data.oMf[model.getFrameId(link, pin.FrameType.BODY)]
-            matrix = frame.inverse().homogeneous @ world
-            objects.append({"name": shape.name, "link": link, "matrix": matrix.T.ravel().tolist()})
-    return objects, created
 
 
 def _ghost(

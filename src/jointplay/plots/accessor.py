@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from jointplay import analysis
 from jointplay.errors import JointplayError, MissingName
@@ -33,6 +34,8 @@ CONTACT_COLOURS = (COLOURS[1], COLOURS[5], COLOURS[0], COLOURS[4], COLOURS[3], C
 _DASHES = ("-", "--", ":")
 """Tell contacts apart that share a colour: a slider has up to sixteen."""
 _MARKERS = "o^sDvP*"
+_TICKS = 5
+"""Intervals between the ticks of an orbit, at most."""
 
 
 class Plots:
@@ -209,6 +212,8 @@ class Plots:
             look: dict[str, Any] = {"color": COLOURS[1], "lw": 0.5} | line
             panel.plot(centre[:, 0], centre[:, 1], **look)
             panel.set_aspect("equal")
+            for axis in (panel.xaxis, panel.yaxis):  # small panels have room for few
+                axis.set_major_locator(MaxNLocator(_TICKS, symmetric=True))
             panel.set_xlabel("x in the bearing frame [mm]")
             panel.set_ylabel("y in the bearing frame [mm]")
         return _figure_of(panel)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -16,22 +16,14 @@ from jointplay import analysis
 from jointplay.errors import JointplayError
 from jointplay.host import files
 from jointplay.mechanism.mechanism import Mechanism
-from jointplay.plots.style import COLOURS, new_figure, style
+from jointplay.plots.names import PAPER, is_paper_robot
+from jointplay.plots.palette import Cases, colours, reference
+from jointplay.plots.style import new_figure, style
 from jointplay.result.result import AXES, Result
-
-PAPER_ROBOTS = ("scara.urdf", "scara_as_printed.urdf")
 
 _LEGEND_COLUMNS = 3
 _ORBITS = 3
 """Columns of a legend, and of orbits, at most."""
-
-Cases = Mapping[str, Result]
-"""Results by label, in drawing order; the first one without clearance is the reference."""
-
-
-def reference(cases: Cases) -> Result | None:
-    """The ideal mechanism among the cases, if there is one."""
-    return next((result for result in cases.values() if not analysis.has_play(result)), None)
 
 
 def joint_of(cases: Cases) -> str | None:
@@ -43,13 +35,6 @@ def coloured(cases: Cases) -> Iterator[tuple[str, Result, str]]:
     """Label, result and colour of each case."""
     for (label, result), colour in zip(cases.items(), colours(cases), strict=True):
         yield label, result, colour
-
-
-def colours(cases: Cases) -> list[str]:
-    """The colour of each case, wherever it is drawn: figures, report, player."""
-    # Without an ideal case the first colour stays free: red means ideal.
-    shift = 0 if reference(cases) is not None else 1
-    return [COLOURS[(index + shift) % len(COLOURS)] for index in range(len(cases))]
 
 
 def compared(cases: Cases) -> Iterator[tuple[str, Result, str, Result]]:
@@ -67,11 +52,6 @@ def is_paper(cases: Cases) -> bool:
     )
 
 
-def is_paper_robot(urdf: str) -> bool:
-    """Whether a URDF of this name is the paper's robot."""
-    return Path(urdf.rpartition(":")[2]).name in PAPER_ROBOTS
-
-
 def _figure(width: float, height: float, rows: int, columns: int, **options: Any) -> Any:
     figure = new_figure(width, height)
     return figure, figure.subplots(rows, columns, squeeze=False, **options)
@@ -79,8 +59,14 @@ def _figure(width: float, height: float, rows: int, columns: int, **options: Any
 
 def _legend(figure: Figure, axes: Any) -> None:
     handles, labels = axes.get_legend_handles_labels()
+    columns = min(len(labels), _LEGEND_COLUMNS)
+    # matplotlib fills columns; cases are read in rows.
+    order = [i for column in range(columns) for i in range(column, len(labels), columns)]
     figure.legend(
-        handles, labels, loc="outside upper center", ncols=min(len(labels), _LEGEND_COLUMNS)
+        [handles[i] for i in order],
+        [labels[i] for i in order],
+        loc="outside upper center",
+        ncols=columns,
     )
     for line in figure.legends[0].get_lines():
         line.set_linewidth(2.0)
@@ -240,7 +226,7 @@ def overview(cases: Cases) -> Figure:
             drawn = line[:, [AXES.index(axis) for axis in plane]].T
             plan.plot(*drawn, "-o", color="0.6", lw=3.0, ms=5.0, alpha=0.7)
     for _, result, colour in coloured(cases):
-        result.plot.path(plane, ax=plan, color=colour, lw=1.0)
+        result.plot.path(plane, ax=plan, color=colour, lw=1.0, label="_")
     plan.set_title(f"{plane} plane, with the tool's path", fontsize=9)
     for label, result, colour, ideal in reversed(pairs):
         result.plot.deviation("total", ideal, ax=error, color=colour, label=label)
@@ -252,8 +238,9 @@ def overview(cases: Cases) -> Figure:
         error.set_ylabel("tool error [mm]")
     error.set_xlabel("")
     force.set_ylabel("contact force [N]")
-    handles, labels = error.get_legend_handles_labels()
-    error.legend(handles[::-1], labels[::-1])  # drawn from the last case on, named from the first
+    for label, _, colour in shown:  # drawn from the last case on, named from the first
+        plan.plot([], [], color=colour, label=label)
+    _legend(figure, plan)
     label, result, colour = shown[-1]
     result.plot.orbit(ax=orbit, color=colour)
     orbit.set_title(f"journal centre in its bearing, {label}", fontsize=9)
@@ -277,15 +264,6 @@ FIGURES: dict[str, Callable[[Cases], Figure]] = {
     "overview": overview,
 }
 NEEDS_CLEARANCE = ("journal_orbit", "overview")
-
-PAPER = {name: f"fig{9 + k:02d}" for k, name in enumerate(FIGURES) if name != "overview"}
-"""Names of the paper's figures."""
-
-
-def file_names(paper: bool) -> list[str]:
-    """Names of all files that `save` may write, for the paper's robot or for another."""
-    names = [PAPER.get(name, name) if paper else name for name in FIGURES]
-    return [f"{name}.{kind}" for name in names for kind in ("png", "pdf")]
 
 
 def _drawn(cases: Cases) -> Iterator[tuple[str, Figure]]:

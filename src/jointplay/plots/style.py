@@ -11,16 +11,18 @@ import matplotlib as mpl
 from matplotlib.figure import Figure
 
 from jointplay.errors import MissingName
+from jointplay.plots.palette import AXIS_COLOURS, COLOURS, MODE_COLOURS
 
-COLOURS = ("#D55E00", "#0072B2", "#CC79A7", "#009E73", "#E69F00", "#56B4E9")
-"""For cases. The paper's red (ideal), blue (0.2 mm) and magenta (0.5 mm), and further ones, in the
-shades of Okabe and Ito's colour-blind safe palette (Color Universal Design, 2008)."""
-
-AXIS_COLOURS = {"x": COLOURS[1], "y": COLOURS[0], "z": COLOURS[3], "total": "black"}
-"""For components along axes."""
-
-MODE_COLOURS = ("#56B4E9", "#E69F00", "#D55E00")
-"""Free flight, continuous contact, pseudo-penetration."""
+__all__ = [
+    "AXIS_COLOURS",
+    "COLOURS",
+    "MODE_COLOURS",
+    "SIZES",
+    "STYLES",
+    "StyledFigure",
+    "new_figure",
+    "style",
+]
 
 _SCREEN = {
     "font.size": 9,

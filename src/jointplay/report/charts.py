@@ -11,7 +11,8 @@ from jointplay import analysis
 from jointplay.errors import JointplayError
 from jointplay.geometry import Mode
 from jointplay.plots.accessor import CONTACT_COLOURS, MODE_NAMES
-from jointplay.plots.figures import PAPER, force_joints, is_paper, plane_of
+from jointplay.plots.figures import force_joints, is_paper, plane_of
+from jointplay.plots.names import PAPER
 from jointplay.plots.style import MODE_COLOURS
 from jointplay.report.cases import Case
 from jointplay.report.series import EXACT, Pack, Thinning

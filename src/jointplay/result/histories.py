@@ -6,11 +6,10 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
-import xarray as xr
 
 from jointplay.geometry import Form, Mode, classify_many
 from jointplay.joints import VIRTUAL_LINK
@@ -27,6 +26,9 @@ from jointplay.mechanism.tree import Frame, Motion, Tree
 from jointplay.result.audit import Audit, Judgement
 from jointplay.result.loads import Acting, Pushes
 from jointplay.result.result import AXES, FORMAT, Result
+
+if TYPE_CHECKING:
+    pass
 
 QUATERNION = ("w", "x", "y", "z")
 """Components of orientations, in their order."""
@@ -172,6 +174,8 @@ def histories(
         judgement,
         _beyond_limits(mechanism, simulation, workspace, acting),
     )
+    import xarray as xr  # takes long to import
+
     dataset = xr.Dataset(
         {
             name: (dims, values, {"units": unit, "long_name": text})

@@ -14,10 +14,12 @@ import os
 import subprocess
 import sys
 from pathlib import Path
-
-import xarray as xr
+from typing import TYPE_CHECKING
 
 from jointplay.errors import JointplayError
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 SEAL = b"\njointplay sha256 "
 """What stands between a file's content and its checksum, which ends the file with a newline."""
@@ -69,6 +71,8 @@ def load(path: Path) -> xr.Dataset:
     else:
         _guarded(path, len(content))
     try:
+        import xarray as xr
+
         with xr.open_dataset(io.BytesIO(content), engine="h5netcdf") as dataset:
             _check_size(path, dataset)
             return dataset.load()

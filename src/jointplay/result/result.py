@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import xarray as xr
 
 from jointplay.contact.trust import showing, trusting
 from jointplay.errors import JointplayError
@@ -22,6 +21,7 @@ from jointplay.result.judging import after_start_up
 
 if TYPE_CHECKING:
     import pandas as pd
+    import xarray as xr
 
     from jointplay.plots import Plots
     from jointplay.result.certificate import Certificate

@@ -10,9 +10,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, ClassVar
-
-import xarray as xr
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from jointplay import codec
 from jointplay.errors import JointplayError
@@ -26,6 +24,9 @@ from jointplay.mechanism.payload import Payload
 from jointplay.motion.reference import Motion
 from jointplay.result.audit import Audit
 from jointplay.result.certificate import Certificate
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 _AXES = ["x", "y", "z"]
 

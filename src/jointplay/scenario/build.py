@@ -16,45 +16,20 @@ from jointplay.contact.trust import trusting
 from jointplay.errors import JointplayError, MissingName, require_positive, within
 from jointplay.fields import fields_of
 from jointplay.host.files import is_file
-from jointplay.joints import JOINT_WORDS, Clearance
+from jointplay.joints import JOINT_WORDS, VIRTUAL_LINK, Clearance
 from jointplay.loads import Load
 from jointplay.loads.drive import ComputedTorque, Drive, JointFriction, Torque
 from jointplay.mechanism.loop import Loop, refuse_name
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.mechanism.payload import Payload
-from jointplay.mechanism.robots import PREFIX, robot_urdf
-from jointplay.mechanism.urdf import read, shipped
+from jointplay.mechanism.urdf import read
 from jointplay.motion.cartesian import cartesian_motion
 from jointplay.motion.reference import INTERPOLATIONS, Motion
-from jointplay.result.result import AXES
 from jointplay.scenario.model import ANGLE, ANGULAR_SPEED, PATHS, Model
+from jointplay.scenario.sources import MOTION_SOURCES, locate
 from jointplay.scenario.unnamed import complete
 from jointplay.simulation.simulation import Simulation
 from jointplay.units import WORDS, Measured, expected, shown
-
-SHIPPED = "jointplay:"
-"""Prefixes of files that are no paths."""
-
-MOTION_SOURCES = {
-    "file": ("interpolation", "faster"),
-    "joints": ("times", "interpolation", "faster"),
-    "speeds": (),
-    "tool_position": ("times", "tool_rpy", "frame", "path", "faster"),
-}
-"""Keys of [motion] of which there is one, and those that go with it."""
-
-
-def locate(place: str, folder: Path) -> Path:
-    """Path of a file that a scenario in `folder` names.
-
-    Raises:
-        JointplayError: nothing of that name ships with the package, or with example-robot-data.
-    """
-    if place.startswith(SHIPPED):
-        return shipped(place.removeprefix(SHIPPED))
-    if place.startswith(PREFIX):
-        return robot_urdf(place.removeprefix(PREFIX))
-    return folder / place
 
 
 def build(model: Model, folder: Path) -> tuple[Simulation, list[str]]:
@@ -219,7 +194,7 @@ def _fit(
         kind = mechanism.description.joints[joint].kind
         unit = units[kind == "prismatic"]
     elif path[0] in ("start", "start_speed") and joint in mechanism.coordinates:
-        unit = units[joint.rpartition(".")[2] in AXES]
+        unit = units[joint.rpartition(".")[2] in VIRTUAL_LINK[:3]]
     else:
         raise MissingName("moving joint", joint, mechanism.joints, where=path)
     if isinstance(value, Measured) and value.unit not in ("", unit):

@@ -8,18 +8,20 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import fields
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from jointplay.codec import check, make, unknown_key
 from jointplay.contact.trust import trusting
 from jointplay.errors import JointplayError, MissingName
 from jointplay.fields import fields_of
-from jointplay.scenario.build import MOTION_SOURCES, SHIPPED, build, locate
 from jointplay.scenario.model import NOT_IN_A_CASE, Integration, Model, Output
 from jointplay.scenario.places import Key, dotted, line_of, lines
 from jointplay.scenario.settings import Setting, given_by, tree
-from jointplay.simulation.simulation import Run, Simulation
+from jointplay.scenario.sources import MOTION_SOURCES, SHIPPED, locate
 from jointplay.units import shown
+
+if TYPE_CHECKING:
+    from jointplay.simulation.simulation import Run, Simulation
 
 LONGEST = 5_000_000
 """Most characters of a scenario."""
@@ -150,6 +152,8 @@ class Scenario:
                 raise JointplayError(f"{self.path}: choose a case: {', '.join(self.cases)}")
             (case,) = self.cases
         model = self.model(case, changes)
+        from jointplay.scenario.build import build  # what it takes to simulate, not to check
+
         try:
             with trusting(self.trust):
                 simulation, notes = build(model, self.path.parent)

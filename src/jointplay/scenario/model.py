@@ -17,7 +17,7 @@ from jointplay.loads import Load
 from jointplay.loads.drive import Drive, JointFriction
 from jointplay.loads.limits import LIMITS
 from jointplay.mechanism.gear import Gear
-from jointplay.mechanism.mechanism import STANDARD_GRAVITY
+from jointplay.mechanism.gravity import STANDARD_GRAVITY
 from jointplay.mechanism.payload import Payload, Vector
 from jointplay.motion.reference import INTERPOLATIONS
 from jointplay.result.judging import STARTS

@@ -3,22 +3,24 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from jointplay.errors import JointplayError
+from jointplay.errors import JointplayError, MissingName
 from jointplay.host import files
-from jointplay.mechanism.mechanism import Mechanism
-from jointplay.mechanism.model import parse
 from jointplay.mechanism.robots import PREFIX, robot_urdf
 from jointplay.mechanism.tool import choose_tool
-from jointplay.mechanism.urdf import read
-from jointplay.scenario.build import SHIPPED, locate
+from jointplay.mechanism.urdf import Description, read
 from jointplay.scenario.load import Scenario
 from jointplay.scenario.settings import Setting, tree
+from jointplay.scenario.sources import SHIPPED, locate
+
+if TYPE_CHECKING:
+    from jointplay.mechanism.mechanism import Mechanism
 
 SCARA = f"{SHIPPED}scara.urdf"
 SCARA_JOINT = "joint_b"
@@ -57,6 +59,8 @@ PART = 0.25
 """Part of the way to its farther limit that it goes at most."""
 SWING_S = 1.0
 """Time that it takes to get there [s]."""
+MARGIN = 1.2
+"""Impacts elsewhere on the way may be as many times as short."""
 
 
 def _there(place: str) -> bool:
@@ -110,6 +114,17 @@ def robot_scenario(
             choices = ", ".join(description.revolute) or "none"
             raise JointplayError(f"--joint is missing; revolute joints of {path}: {choices}")
         joints = (SCARA_JOINT,)
+    for name in () if ideal else joints:
+        if name not in description.joints and name not in given.get("loops", {}):
+            wrong = MissingName("joint", name, [*description.joints, *given.get("loops", {})])
+            raise JointplayError(f"--joint {name}: {wrong}")
+    both = _of_any_kind(settings, description, given)
+    meant = {setting.key[1] for setting in both}
+    settings = both + [
+        setting
+        for setting in settings
+        if not (setting.key[2:] == ("clearance",) and setting.key[1] in meant)
+    ]
     told = []
     text: dict[str, Any] = {"robot": {"urdf": place if ":" in place else str(path.resolve())}}
     if not scara and "tool" not in given.get("robot", {}):
@@ -120,6 +135,8 @@ def robot_scenario(
         if scara:
             text["motion"] = {"file": SCARA_MOTION}
         else:
+            from jointplay.mechanism.mechanism import Mechanism
+
             text["motion"], words = _there_and_back(Mechanism(path, allow_unphysical=allowed))
             told.append(words)
     named = []
@@ -137,6 +154,51 @@ def robot_scenario(
     return Scenario(written, place, (), (*named, *settings), LABEL), "\n".join(told)
 
 
+def step_for(scenario: Scenario) -> tuple[float, str] | None:
+    """A step for a robot of which none is given, should the usual one be too long for its impacts.
+
+    Returns:
+        The step [s], 1, 2 or 5 times a power of ten, and the reason in words; None if the usual
+        one will do.
+    """
+    from jointplay.kernel import WELL_RESOLVED_STEPS
+    from jointplay.mechanism.impact import contact_duration
+    from jointplay.simulation.assemble import MIN_CONTACT_STEPS
+
+    simulation = scenario.simulation()
+    mechanism, motion = simulation.mechanism, simulation.motion
+    begin = {} if motion is None else dict(zip(motion.joints, motion.positions[0], strict=True))
+    q = mechanism.configuration(begin)
+    durations = {name: contact_duration(mechanism, name, q) for name in mechanism.clearance}
+    shortest = min(durations, key=durations.__getitem__, default=None)
+    if shortest is None or durations[shortest] >= MARGIN * MIN_CONTACT_STEPS * simulation.step:
+        return None
+    most = durations[shortest] / (MARGIN * WELL_RESOLVED_STEPS)
+    power = 10.0 ** math.floor(math.log10(most))
+    step = float(f"{max(one for one in (1, 2, 5) if one * power <= most) * power:.1e}")
+    return step, f"an impact in {shortest} lasts {durations[shortest]:.2g} s"
+
+
+def _of_any_kind(
+    settings: Sequence[Setting], description: Description, given: Mapping[str, Any]
+) -> list[Setting]:
+    """What a clearance of which no direction is said means for joints that turn: both."""
+    found = []
+    for setting in settings:
+        if setting.key[:1] != ("joints",) or setting.key[2:] != ("clearance",):
+            continue
+        name = setting.key[1]
+        known, own = description.joints.get(name), given["joints"][name]
+        slides = known is not None and known.kind == "prismatic"
+        if own.get("kind", "prismatic" if slides else "revolute") in ("prismatic", "spherical"):
+            continue
+        for key, other in (("radial", "journal_radius"), ("axial", "journal_length")):
+            if other not in own:
+                at = ("joints", name, f"{key}_clearance")
+                found.append(Setting(at, setting.value, setting.source))
+    return found
+
+
 def _prefixed(place: str) -> str:
     """A bare name of example-robot-data gets its prefix."""
     if ":" in place or _there(place) or "/" in place or place.endswith(".urdf"):
@@ -149,6 +211,8 @@ def _there_and_back(mechanism: Mechanism) -> tuple[dict[str, Any], str]:
 
     Joints that mimic others follow them.
     """
+    from jointplay.mechanism.model import parse
+
     model = parse(mechanism.description)
     ways = {}
     for name in mechanism.joints:

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from jointplay.contact.compiled import MAX_PARAMETERS, address, call_normal, pointer
+from jointplay.contact.calls import call_normal, pointer
+from jointplay.contact.compiled import MAX_PARAMETERS, address
 from jointplay.geometry import classify_many, touch
 from jointplay.host.numba_cache import njit
 from jointplay.joints import Clearance

@@ -22,11 +22,11 @@ from jointplay.kernel import Status
 from jointplay.kernel.integrators import DEFAULT, Integrator, integrator
 from jointplay.kernel.workspace import Workspace
 from jointplay.loads import limits as limits_of_joints
-from jointplay.loads.drive import JointFriction, assign, table_nodes, tabulate
+from jointplay.loads.drive import JointFriction, assign
+from jointplay.loads.tables import table_nodes, tabulate
 from jointplay.mechanism.massless import require_inertia
 from jointplay.result.audit import Judgement
 from jointplay.result.histories import Phase, histories
-from jointplay.result.result import Result
 from jointplay.simulation import checkpoint, ending, initial, limits, step_check
 from jointplay.simulation import loads as acting
 from jointplay.simulation.assemble import check_step, contact_site
@@ -38,6 +38,7 @@ from jointplay.simulation.standing import StandingLoads
 from jointplay.simulation.watch import Watch
 
 if TYPE_CHECKING:
+    from jointplay.result.result import Result
     from jointplay.simulation.simulation import Simulation
 
 _CHUNK = 2000

@@ -6,7 +6,7 @@ import warnings
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
-from typing import Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
@@ -21,12 +21,14 @@ from jointplay.mechanism.mechanism import Mechanism
 from jointplay.mechanism.payload import Payload
 from jointplay.motion.reference import Motion
 from jointplay.result.judging import STARTS
-from jointplay.result.result import Result
 from jointplay.result.stored import Inputs, given_state
 from jointplay.simulation import checkpoint, judging
 from jointplay.simulation.initial import PERTURBATION, pair
 from jointplay.simulation.moment import Moment
 from jointplay.simulation.run import Run
+
+if TYPE_CHECKING:
+    from jointplay.result.result import Result
 
 __all__ = ["PERTURBATION", "Run", "Simulation", "simulate"]
 

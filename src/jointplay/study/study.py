@@ -17,7 +17,7 @@ from jointplay.study.verdicts import write_claims
 
 def output_names() -> list[str]:
     """Every file that the study writes."""
-    from jointplay.plots import file_names
+    from jointplay.plots.names import file_names
 
     drawn = file_names(paper=True)
     return [*FILES.values(), *drawn, "errors.md", "ensemble.csv", "claims.csv", "claims.md"]

@@ -23,8 +23,8 @@ from jointplay.motion.reference import Motion
 from jointplay.result.histories import versions
 from jointplay.result.result import Result
 from jointplay.scenario import Scenario
-from jointplay.scenario.build import PREFIX, SHIPPED
 from jointplay.scenario.settings import Setting
+from jointplay.scenario.sources import PREFIX, SHIPPED
 from jointplay.simulation.simulation import Simulation
 from jointplay.sweeps.measures import COST, measure, own, rests_of
 from jointplay.sweeps.own_measures import measure_function

@@ -15,9 +15,9 @@ import numpy as np
 from jointplay.errors import JointplayError
 from jointplay.host.files import is_file
 from jointplay.scenario import Scenario
-from jointplay.scenario.build import locate
 from jointplay.scenario.load import merge
 from jointplay.scenario.places import Key, dotted
+from jointplay.scenario.sources import locate
 from jointplay.sweeps import sampling
 from jointplay.sweeps.axes import Axis
 from jointplay.sweeps.keys import put

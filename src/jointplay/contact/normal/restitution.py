@@ -10,8 +10,7 @@ I. Sharf, 2009)
 from __future__ import annotations
 
 import math
-
-from scipy.optimize import brentq
+from collections.abc import Callable
 
 _TINY = 1e-6
 """Below this the equation cancels, and its first-order solution is exact to its square."""
@@ -28,7 +27,7 @@ def effective_restitution(factor: float) -> float:
     high = 1.0 if factor < 1.0 else (1.0 - 1e-15) / factor
     if mismatch(high) <= 0.0:  # 1 - a e is smaller than numbers can tell
         return high
-    return float(brentq(mismatch, 0.0, high, xtol=1e-15))
+    return _root(mismatch, 0.0, high)
 
 
 def exact_factor(restitution: float) -> float:
@@ -43,4 +42,10 @@ def exact_factor(restitution: float) -> float:
     high = 1.0 - 1e-15
     if mismatch(high) <= 0.0:  # a soft impact ends with all but no force
         return inverse
-    return float(brentq(mismatch, 0.5 * (1.0 - restitution), high, xtol=1e-15)) * inverse
+    return _root(mismatch, 0.5 * (1.0 - restitution), high) * inverse
+
+
+def _root(function: Callable[[float], float], low: float, high: float) -> float:
+    from scipy.optimize import brentq
+
+    return float(brentq(function, low, high, xtol=1e-15))

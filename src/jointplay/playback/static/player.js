@@ -29,7 +29,8 @@ class Player {
         // Meshcat takes the window's height; its pane ends above the bar.
         const resize = viewer.set_3d_pane_size.bind(viewer), pane = $("meshcat-pane");
         viewer.set_3d_pane_size = () => resize(pane.clientWidth, pane.clientHeight);
-        this.cases = contents.cases.map((entry, i) => new Case(viewer, block, entry, i, contents.cases));
+        const surfaces = contents.surfaces.map(entry => surfaceOf(block, entry));
+        this.cases = contents.cases.map((entry, i) => new Case(viewer, block, entry, i, surfaces));
         this.start = Math.min(...contents.cases.map(c => c.start));
         this.end = Math.max(...contents.cases.map(c => c.end));
         this.t = this.start;
@@ -550,6 +551,25 @@ class Player {
         $("film").textContent = "stop the film";
         recorder.start();
         this.setPlaying(true);
+    }
+
+    // What is seen and no controls, for who takes frames from outside: movie.py.
+    bare(layout, joint) {
+        document.body.classList.add("bare");
+        this.sidebar = false;
+        if (joint) this.setJoint(joint);
+        if (layout && this.contents.joints.length) this.setLayout(layout);
+        this.fit();
+        this.cameraPreset("robot");
+    }
+
+    // The frame of time t: drawn when this returns. Forces are the largest of the last `span` seconds.
+    frame(t, span, caption) {
+        this.playing = span > 0;
+        this.show(t, Math.max(t - span, this.start));
+        $("moment").textContent = caption;
+        this.render();
+        this.playing = false;
     }
 
     // ---- controls ----------------------------------------------------------------------------

@@ -7,7 +7,44 @@ const MODES = [
 ];
 const GHOST = 0x00897b;
 const FRICTION = 0x2e7d32;
-const MOST_EDGES = 60000;  // triangles of a body whose outline is still drawn for its twin
+const MOST_EDGES = 2500;  // triangles of a surface whose outline is still drawn for its twin: finer ones would be all lines
+
+const CREASE = Math.cos(35 * Math.PI / 180);  // neighbours that turn further make an edge
+
+// A packed surface: smooth, but for its edges.
+function surfaceOf(block, entry) {
+    const points = unpack(block, entry.points).values, corners = unpackMesh(block, entry.triangles);
+    const faces = corners.length / 3, whole = new Float32Array(corners.length), unit = new Float32Array(corners.length);
+    const from = new THREE.Vector3(), a = new THREE.Vector3(), b = new THREE.Vector3();
+    const around = new Uint32Array(points.length / 3 + 1);
+    for (let f = 0; f < faces; f++) {
+        from.fromArray(points, 3 * corners[3 * f]);
+        a.fromArray(points, 3 * corners[3 * f + 1]).sub(from);
+        b.fromArray(points, 3 * corners[3 * f + 2]).sub(from);
+        a.cross(b).toArray(whole, 3 * f);
+        a.normalize().toArray(unit, 3 * f);
+        for (let c = 0; c < 3; c++) around[corners[3 * f + c] + 1]++;
+    }
+    for (let i = 1; i < around.length; i++) around[i] += around[i - 1];
+    const next = around.slice(), touching = new Uint32Array(corners.length);
+    for (let i = 0; i < corners.length; i++) touching[next[corners[i]]++] = Math.floor(i / 3);
+    const positions = new Float32Array(3 * corners.length), normals = new Float32Array(3 * corners.length);
+    for (let i = 0; i < corners.length; i++) {
+        const own = 3 * Math.floor(i / 3), at = corners[i];
+        let x = 0, y = 0, z = 0;
+        for (let k = around[at]; k < around[at + 1]; k++) {
+            const g = 3 * touching[k];
+            if (unit[own] * unit[g] + unit[own + 1] * unit[g + 1] + unit[own + 2] * unit[g + 2] < CREASE) continue;
+            x += whole[g]; y += whole[g + 1]; z += whole[g + 2];
+        }
+        a.set(x, y, z).normalize().toArray(normals, 3 * i);
+        for (let k = 0; k < 3; k++) positions[3 * i + k] = points[3 * at + k];
+    }
+    const geometry = new THREE.BufferGeometry();
+    geometry.setAttribute("position", new THREE.BufferAttribute(positions, 3));
+    geometry.setAttribute("normal", new THREE.BufferAttribute(normals, 3));
+    return geometry;
+}
 
 function nodeAt(viewer, path) {
     const node = viewer.scene_tree.find(path).object;
@@ -77,7 +114,7 @@ function ghostOf(object) {
 
 // One case: tracks, and the objects that they move.
 class Case {
-    constructor(viewer, block, entry, index, cases) {
+    constructor(viewer, block, entry, index, surfaces) {
         Object.assign(this, {viewer, entry, index, label: entry.label, visible: true});
         const table = item => unpack(block, item);
         this.time = unpack(block, entry.time, Float64Array).values;
@@ -90,34 +127,30 @@ class Case {
         this.group = nodeAt(viewer, ["meshcat", `case${index}`]);
         this.matrices = entry.links.map(() => new THREE.Matrix4());
         this.idealMatrices = entry.links.map(() => new THREE.Matrix4());
-        this.bodies = this.makeBodies(cases, block);
+        this.bodies = this.makeBodies(surfaces);
         this.traces = this.makeTraces();
         this.joints = entry.joints.map(joint => this.makeJoint(joint, table));
     }
 
-    // Bodies and their twins: [node, link, constant matrix, whether a twin].
-    makeBodies(cases, block) {
-        const {viewer, entry, index} = this;
-        const first = `case${entry.drawn}`, own = `case${index}`;
-        for (const item of entry.commands || []) {
-            viewer.handle_command_bytearray(block.subarray(item.at, item.at + item.bytes));
-        }
+    // Bodies and their twins: node, link, constant matrix, whether a twin.
+    makeBodies(surfaces) {
+        const {viewer, entry} = this, own = `case${this.index}`;
         const bodies = [];
-        for (const {name, link, matrix} of entry.objects) {
-            const path = ["meshcat", own, "visuals", name];
-            const source = viewer.scene_tree.find(["meshcat", first, "visuals", name, "<object>"]).object;
-            // A part with several materials comes with a list of its own from meshcat, which three.js
-            // does not draw.
-            if (Array.isArray(source.material)) source.material = source.material.map(m => [m].flat()[0]);
-            if (entry.drawn !== index) viewer.set_object(path, source.clone());
+        entry.objects.forEach(({link, surface, colour, opacity, matrix}, k) => {
+            const body = new THREE.Mesh(surfaces[surface], new THREE.MeshPhongMaterial({
+                color: colour, opacity, transparent: opacity < 1, side: THREE.DoubleSide, shininess: 20, specular: 0x222222,
+            }));
+            body.castShadow = body.receiveShadow = true;
+            const path = ["meshcat", own, "visuals", String(k)];
+            viewer.set_object(path, body);
             const at = entry.links.indexOf(link), fixed = new THREE.Matrix4().fromArray(matrix);
             bodies.push({node: nodeAt(viewer, path), at, fixed, twin: false});
             if (this.ideal) {
-                const twin = ["meshcat", own, "ghost", name];
-                viewer.set_object(twin, ghostOf(source));
+                const twin = ["meshcat", own, "ghost", String(k)];
+                viewer.set_object(twin, ghostOf(body));
                 bodies.push({node: nodeAt(viewer, twin), at, fixed, twin: true});
             }
-        }
+        });
         return bodies;
     }
 

@@ -27,6 +27,18 @@ function unpack(block, entry, type = Float32Array) {
     return {rows, columns, values};
 }
 
+// Numbers of points (three a triangle) that Packer.mesh in tracks.py packed.
+function unpackMesh(block, {at, numbers}) {
+    const planes = [0, 1, 2, 3].map(k => block.subarray(at + k * numbers, at + (k + 1) * numbers));
+    const found = new Uint32Array(numbers);
+    for (let i = 0, fresh = 0; i < numbers; i++) {
+        const behind = planes[0][i] + planes[1][i] * 2 ** 8 + planes[2][i] * 2 ** 16 + planes[3][i] * 2 ** 24;
+        found[i] = fresh - behind;
+        if (!behind) fresh++;
+    }
+    return found;
+}
+
 // First row whose time is not before t; the last one if there is none.
 function rowAt(time, t) {
     let low = 0, high = time.length - 1;

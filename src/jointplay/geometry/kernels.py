@@ -1,0 +1,42 @@
+"""The compiled functions of geometry, stamped: they call each other across files.
+
+So their compiled code is valid for all files of this package only.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from jointplay.geometry.bore import worn_bore, worn_gap
+from jointplay.geometry.cylinder import (
+    axial_gap,
+    deepest_rim_direction,
+    gaps,
+    radial_gap,
+    touch_cylinder,
+)
+from jointplay.geometry.forms import classify_form, classify_many, classify_mode, journal_axis
+from jointplay.geometry.touching import touch
+from jointplay.host.numba_cache import stamp
+
+__all__ = [
+    "axial_gap",
+    "classify_form",
+    "classify_many",
+    "classify_mode",
+    "deepest_rim_direction",
+    "gaps",
+    "journal_axis",
+    "radial_gap",
+    "touch",
+    "touch_cylinder",
+    "worn_bore",
+    "worn_gap",
+]
+
+_SOURCES = sorted(Path(__file__).parent.glob("*.py"))
+for _compiled in (
+    *(axial_gap, radial_gap, deepest_rim_direction, touch_cylinder, gaps, worn_gap, touch),
+    *(classify_form, classify_mode, classify_many),
+):
+    stamp(_compiled, _SOURCES)

@@ -1,0 +1,212 @@
+"""Surfaces of mesh files, each part with the colour that the file gives it; read once, then kept.
+
+trimesh reads them, all parts of a Collada file included. What was read lies in the user's cache by
+the content of the file, so that a mesh is read again only when it has changed: Collada takes a
+hundred times as long to read as numbers.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import os
+import re
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jointplay.errors import JointplayError
+from jointplay.host import files
+
+FORMATS = (".dae", ".obj", ".stl")
+"""Mesh files that are read."""
+
+_VERSION = b"jointplay surfaces 1"
+"""Part of the key under which a surface is kept: another reading has another key."""
+_MOST_KEPT = 1000
+"""Files in the cache; the oldest go first."""
+_WELD = 1e-6
+"""Points nearer than this are one, relative to the size of the part."""
+
+Colour = tuple[float, float, float, float]
+"""Red, green, blue and opacity, 0 to 1."""
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """A surface of one colour.
+
+    Points are in the order in which triangles use them first, none twice.
+    """
+
+    points: np.ndarray
+    """(n, 3) [m]."""
+    triangles: np.ndarray
+    """Numbers of their points (m, 3)."""
+    colour: Colour | None = None
+    """As the file has it; None where it says nothing."""
+
+    def corners(self) -> np.ndarray:
+        """Corners of each triangle (m, 3, 3) [m]."""
+        return self.points[self.triangles]
+
+
+Parts = tuple[Part, ...]
+
+
+def cache_folder() -> Path:
+    """Where surfaces are kept: ``JOINTPLAY_CACHE``, else the user's cache."""
+    own = os.environ.get("JOINTPLAY_CACHE")
+    if own:
+        return Path(own) / "meshes"
+    home = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    return Path(home) / "jointplay" / "meshes"
+
+
+def parts_of(path: Path) -> Parts:
+    """All surfaces of a mesh file.
+
+    Raises:
+        JointplayError: it is of another format, cannot be read, or has no triangle.
+    """
+    if path.suffix.lower() not in FORMATS:
+        raise JointplayError(
+            f"mesh {str(path)!r} is no {', '.join(FORMATS)} file: no other format is read"
+        )
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise JointplayError(f"cannot read {str(path)!r}: {error.strerror or error}") from None
+    return _parts(path, _key(path, data))
+
+
+def _key(path: Path, data: bytes) -> str:
+    """Hash of the file, and of the colours that a .obj takes from files beside it."""
+    digest = hashlib.sha256(_VERSION + path.suffix.lower().encode() + data)
+    if path.suffix.lower() == ".obj":
+        for name in re.findall(rb"(?m)^mtllib\s+(.+?)\s*$", data):
+            with suppress(OSError, ValueError):
+                digest.update((path.parent / os.fsdecode(name)).read_bytes())
+    return digest.hexdigest()
+
+
+@lru_cache(maxsize=256)
+def _parts(path: Path, key: str) -> Parts:
+    kept = cache_folder() / f"{key}.npz"
+    with suppress(Exception):  # a damaged file is no file, whatever numpy says of it
+        return _unpacked(kept)
+    found = _read(path)
+    with suppress(OSError, RuntimeError, JointplayError):  # no place to keep it
+        kept.parent.mkdir(parents=True, exist_ok=True)
+        _forget(kept.parent)
+        files.write(kept, _packed(found), overwrite=True)
+        files.written.remove(kept)  # nothing that the user asked for
+    return found
+
+
+def _forget(folder: Path) -> None:
+    """Delete the oldest files, should there be very many."""
+    found = list(folder.glob("*.npz"))
+    if len(found) >= _MOST_KEPT:
+        for file in sorted(found, key=lambda one: one.stat().st_mtime)[: _MOST_KEPT // 2]:
+            file.unlink(missing_ok=True)
+
+
+def _packed(parts: Parts) -> bytes:
+    arrays = {}
+    for number, part in enumerate(parts):
+        arrays[f"points{number}"] = part.points.astype(np.float32)
+        arrays[f"triangles{number}"] = part.triangles.astype(np.uint32)
+        arrays[f"colour{number}"] = np.array(part.colour or ())
+    file = io.BytesIO()
+    np.savez(file, **arrays)  # type: ignore[arg-type]
+    return file.getvalue()
+
+
+def _unpacked(path: Path) -> Parts:
+    with np.load(path, allow_pickle=False) as kept:
+        found = []
+        for number in range(len(kept.files) // 3):
+            colour = kept[f"colour{number}"]
+            points = kept[f"points{number}"].astype(float)
+            triangles = kept[f"triangles{number}"].astype(np.int64)
+            if triangles.max() >= len(points):
+                raise ValueError("damaged")
+            found.append(Part(points, triangles, tuple(colour) if len(colour) else None))
+    if not found:
+        raise ValueError("empty")
+    return tuple(found)
+
+
+def _read(path: Path) -> Parts:
+    import trimesh
+
+    try:
+        scene: Any = trimesh.load_scene(path)
+        bodies = scene.dump()
+        size = _metres(scene)
+    except Exception as error:  # trimesh and what it calls raise whatever they like
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise JointplayError(f"mesh {str(path)!r} cannot be read: {reason}") from None
+    found = []
+    for body in bodies:
+        triangles = np.asarray(getattr(body, "faces", ()))
+        if len(triangles):
+            part = surface(size * np.asarray(body.vertices), triangles, _colour(body))
+            found += [part] if len(part.triangles) else []
+    if not found:
+        raise JointplayError(f"mesh {str(path)!r} has no triangle")
+    return tuple(found)
+
+
+def _metres(scene: Any) -> float:
+    """Metres in a unit of the scene, which only Collada tells."""
+    words = next((body.metadata.get("units") for body in scene.geometry.values()), None) or "1"
+    try:
+        return float(str(words).split()[0])
+    except ValueError:  # "meters"
+        return 1.0
+
+
+def _colour(body: Any) -> Colour | None:
+    """Colour of a body of trimesh's; of a picture on it the mean."""
+    looks = body.visual
+    material = getattr(looks, "material", None)
+    picture = getattr(material, "image", None) or getattr(material, "baseColorTexture", None)
+    if picture is not None:
+        red, green, blue = np.asarray(picture.convert("RGB")).reshape(-1, 3).mean(axis=0) / 255.0
+        return float(red), float(green), float(blue), 1.0
+    if material is not None:
+        found = np.asarray(material.main_color, float) / 255.0
+    elif looks.defined:
+        found = np.asarray(looks.main_color, float) / 255.0
+    else:
+        return None
+    red, green, blue, opacity = (float(value) for value in found[:4])
+    return red, green, blue, opacity if opacity > 0.0 else 1.0
+
+
+def surface(points: np.ndarray, triangles: np.ndarray, colour: Colour | None = None) -> Part:
+    """A part of `points` (n, 3) [m] and `triangles` (m, 3): equal points joined, unused ones gone.
+
+    Triangles that joining makes lines are left out.
+    """
+    used = np.asarray(points, float)[np.asarray(triangles, np.int64).reshape(-1)]
+    if not len(used):
+        return Part(np.zeros((0, 3)), np.zeros((0, 3), np.int64), colour)
+    grid = _WELD * float(np.ptp(used, axis=0).max()) or 1.0
+    _, first, number = np.unique(
+        np.round(used / grid).astype(np.int64), axis=0, return_index=True, return_inverse=True
+    )
+    whole = number.reshape(-1, 3)
+    whole = whole[(whole != np.roll(whole, 1, axis=1)).all(axis=1)]
+    names, seen, order = np.unique(whole.reshape(-1), return_index=True, return_inverse=True)
+    rank = np.empty(len(names), np.int64)
+    rank[np.argsort(seen)] = np.arange(len(names))
+    ordered = np.empty((len(names), 3))
+    ordered[rank] = used[first[names]]
+    return Part(ordered, rank[order.reshape(-1)].reshape(-1, 3), colour)

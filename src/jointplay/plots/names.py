@@ -1,0 +1,27 @@
+"""What figures are called; nothing is drawn here, and nothing that draws is imported."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+PAPER_ROBOTS = ("scara.urdf", "scara_as_printed.urdf")
+
+NAMES = (
+    *("tool_displacement", "tool_velocity", "tool_path", "journal_orbit"),
+    *("force_x", "force_y", "force_z", "overview"),
+)
+"""Figures that compare cases, in order."""
+
+PAPER = {name: f"fig{9 + k:02d}" for k, name in enumerate(NAMES) if name != "overview"}
+"""Names of the paper's figures."""
+
+
+def is_paper_robot(urdf: str) -> bool:
+    """Whether a URDF of this name is the paper's robot."""
+    return Path(urdf.rpartition(":")[2]).name in PAPER_ROBOTS
+
+
+def file_names(paper: bool) -> list[str]:
+    """Names of all files that `figures.save` may write, for the paper's robot or for another."""
+    names = [PAPER.get(name, name) if paper else name for name in NAMES]
+    return [f"{name}.{kind}" for name in names for kind in ("png", "pdf")]

@@ -1,0 +1,105 @@
+"""Every mechanism of the gallery runs, has its picture, and its numbers are of the right size."""
+
+import csv
+import re
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import jointplay as jp
+from jointplay.kernel import Status
+
+ROOT = Path(__file__).parents[1]
+FOLDER = ROOT / "docs" / "gallery"
+PAGE = (FOLDER / "README.md").read_text(encoding="utf-8")
+SHIPPED = ("scara", "slider_crank", "four_bar")
+NAMES = [*SHIPPED, *sorted(path.stem for path in FOLDER.glob("*.toml"))]
+SHORT = 0.05
+"""Time that a test simulates [s]; the numbers of the page are of whole runs."""
+
+
+def scenario(name):
+    place = f"jointplay:{name}.toml" if name in SHIPPED else FOLDER / f"{name}.toml"
+    return jp.Scenario.load(place)
+
+
+def rows():
+    with (FOLDER / "numbers.csv").open(newline="", encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+def test_there_are_at_least_ten():
+    assert len(NAMES) >= 10
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_page_shows_it_with_picture_numbers_and_command(name):
+    from matplotlib.image import imread
+
+    assert f"({name}.png)" in PAGE
+    image = imread(FOLDER / f"{name}.png")
+    assert image[..., :3].std() > 0.02
+    assert (FOLDER / f"{name}.png").stat().st_size < 80_000
+    place = f"jointplay:{name}.toml" if name in SHIPPED else f"docs/gallery/{name}.toml"
+    assert f"jointplay run {place} --out " in PAGE
+    own = [row for row in rows() if row["mechanism"] == name]
+    assert own
+    for row in own:
+        assert row["case"] in scenario(name).cases
+        line = f"| {row['case']} | {row['tool_peak_mm']} / {row['tool_rms_mm']} | "
+        assert line in PAGE
+        assert abs(float(row["residual"])) < 0.05
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_case_runs(name):
+    given = scenario(name)
+    for case in given.cases:
+        result = given.simulation(case, {"integration": {"duration": SHORT}}).run(check_step=False)
+        assert result.status == Status.COMPLETED, (case, result.message)
+        assert np.isfinite(result.q).all()
+
+
+def test_the_gate_leans_by_as_much_as_its_hinges_let_it():
+    """Radial play C at two hinges 0.7 m apart: the corner, 1.2 m out, hangs 2 C 1.2/0.7 lower."""
+    given = scenario("gate")
+    run = given.prepare("0.3 mm")
+    upright = given.simulation("0.3 mm").mechanism.ideal()
+    heights = []
+    for mechanism, q in ((run.mechanism, run.workspace.q), (upright, None)):
+        from jointplay.mechanism.loop import assemble
+
+        q = assemble(mechanism, np.zeros(mechanism.model.nq), []) if q is None else q
+        import pinocchio as pin
+
+        pin.framesForwardKinematics(mechanism.model, mechanism.data, q)
+        heights.append(float(mechanism.data.oMf[mechanism.tool_frame].translation[2]))
+    sag = heights[1] - heights[0]
+    assert sag == pytest.approx(2 * 0.3e-3 * 1.2 / 0.7 + 0.5e-3, rel=0.15)  # and its axial play
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("name", [n for n in NAMES if n not in ("scara", "slider_crank")])
+def test_the_numbers_can_be_measured_again(name):
+    sys.path.insert(0, str(ROOT / "benchmarks"))
+    try:
+        import gallery
+    finally:
+        sys.path.remove(str(ROOT / "benchmarks"))
+    known = {row["case"]: row for row in rows() if row["mechanism"] == name}
+    for row in gallery.numbers(name):
+        for field, factor in (("tool_rms_mm", 1.3), ("force_peak_N", 3.0)):
+            if row[field] == "-":
+                continue
+            then, now = float(known[row["case"]][field]), float(row[field])
+            if np.isfinite(then):
+                assert then / factor <= now <= then * factor, (row, field)
+
+
+def test_commands_of_the_page_name_files_that_are_there():
+    found = re.findall(r"jointplay run (\S+) --out", PAGE)
+    assert len(found) == len(NAMES)
+    for place in found:
+        assert place.startswith("jointplay:") or (ROOT / place).is_file()

@@ -1,0 +1,144 @@
+"""Surfaces of meshes: whole, joined, coloured, read once."""
+
+import numpy as np
+import pytest
+import trimesh
+from conftest import body, joint
+from hypothesis import given
+from hypothesis import strategies as st
+
+import jointplay as jp
+from jointplay.mechanism import meshes
+from jointplay.mechanism.meshes import parts_of, surface
+from jointplay.mechanism.picture import triangles_of
+from jointplay.mechanism.robots import survey
+from jointplay.mechanism.seen import look
+from jointplay.mechanism.visuals import visuals
+
+
+@pytest.fixture(autouse=True)
+def own_cache(tmp_path, monkeypatch):
+    monkeypatch.setenv("JOINTPLAY_CACHE", str(tmp_path / "cache"))
+    meshes._parts.cache_clear()
+    yield
+    meshes._parts.cache_clear()
+
+
+def two_colours(path):
+    """A Collada file of two boxes, red and blue, the second 1 m along x."""
+    boxes = []
+    for at, colour in ((0.0, [1.0, 0.0, 0.0, 1.0]), (1.0, [0.0, 0.0, 1.0, 1.0])):
+        box = trimesh.creation.box((0.2, 0.2, 0.2))
+        box.apply_translation((at, 0.0, 0.0))
+        material = trimesh.visual.material.PBRMaterial(baseColorFactor=colour)
+        box.visual = trimesh.visual.TextureVisuals(material=material)
+        boxes.append(box)
+    path.write_bytes(trimesh.exchange.dae.export_collada(boxes))
+    return path
+
+
+@given(st.integers(1, 40), st.integers(0, 9))
+def test_surfaces_keep_their_triangles_and_name_points_in_order_of_use(m, seed):
+    random = np.random.default_rng(seed)
+    points = random.normal(size=(12, 3))
+    triangles = np.array([random.choice(12, 3, replace=False) for _ in range(m)])
+    part = surface(np.repeat(points, 2, axis=0), 2 * triangles + 1)  # every point twice
+    assert np.allclose(part.corners(), points[triangles], atol=1e-4)
+    used = part.triangles.reshape(-1)
+    fresh = np.maximum.accumulate(np.concatenate([[-1], used[:-1]])) + 1
+    assert (used <= fresh).all()
+    assert len(part.points) == len(np.unique(used)) == len(np.unique(triangles))
+
+
+def test_collada_has_all_its_parts_with_their_colours(tmp_path):
+    parts = parts_of(two_colours(tmp_path / "two.dae"))
+    assert len(parts) == 2
+    middles = sorted(float(part.points[:, 0].mean()) for part in parts)
+    assert middles == pytest.approx([0.0, 1.0], abs=1e-6)
+    assert {part.colour[:3] for part in parts} == {(1.0, 0.0, 0.0), (0.0, 0.0, 1.0)}
+
+
+def test_a_mesh_is_read_once_and_again_when_it_changes(tmp_path, monkeypatch):
+    path = tmp_path / "ball.stl"
+    trimesh.creation.uv_sphere(0.1).export(path)
+    read = []
+    original = meshes._read
+    monkeypatch.setattr(meshes, "_read", lambda path: read.append(path) or original(path))
+    first = parts_of(path)
+    meshes._parts.cache_clear()  # as in another process
+    again = parts_of(path)
+    assert len(read) == 1
+    assert np.allclose(first[0].corners(), again[0].corners(), atol=1e-6)
+    trimesh.creation.box((1, 1, 1)).export(path)
+    assert len(parts_of(path)[0].triangles) == 12
+    assert len(read) == 2
+
+
+def test_a_damaged_cache_is_no_cache(tmp_path):
+    path = tmp_path / "box.stl"
+    trimesh.creation.box((1, 1, 1)).export(path)
+    parts_of(path)
+    (kept,) = meshes.cache_folder().glob("*.npz")
+    kept.write_bytes(b"nothing")
+    meshes._parts.cache_clear()
+    assert len(parts_of(path)[0].triangles) == 12
+
+
+def test_without_a_place_for_the_cache_all_works(tmp_path, monkeypatch):
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv("JOINTPLAY_CACHE", str(tmp_path / "file"))
+    path = tmp_path / "box.stl"
+    trimesh.creation.box((1, 1, 1)).export(path)
+    assert len(parts_of(path)[0].triangles) == 12
+
+
+@pytest.mark.parametrize(("name", "content"), [("a.stl", b""), ("a.dae", b"<x/>"), ("a.ply", b"")])
+def test_what_is_no_mesh_is_refused_in_one_line(name, content, tmp_path):
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(jp.JointplayError, match=name) as error:
+        parts_of(tmp_path / name)
+    assert "\n" not in str(error.value)
+
+
+def boxes(points):
+    return np.array([points.min(axis=0), points.max(axis=0)])
+
+
+@pytest.mark.parametrize("name", ["ur5", "panda", "kinova", "talos_left_arm", "z1", "tiago"])
+def test_shapes_stand_where_pinocchio_sees_them(name):
+    """Units, axes and all parts of meshes: the room each link takes is the room that coal finds."""
+    mechanism = survey(name).mechanism
+    theirs = visuals(mechanism)
+    ours = look(mechanism)
+    assert ours.missing == theirs.missing
+    for link in dict.fromkeys(theirs.links):
+        places = []
+        for shape, its in zip(theirs.geometry.geometryObjects, theirs.links, strict=True):
+            if its == link:
+                frame = mechanism.model.frames[shape.parentFrame].placement
+                place = frame.actInv(shape.placement)
+                corners = triangles_of(shape).reshape(-1, 3)
+                places.append(corners @ place.rotation.T + place.translation)
+        own = [
+            part.points @ shape.placement[:3, :3].T + shape.placement[:3, 3]
+            for shape in ours.shapes
+            if shape.link == link
+            for part in shape.parts
+        ]
+        if not own:  # a ball without size
+            assert not len(np.concatenate(places)) or np.ptp(np.concatenate(places)) < 1e-9
+            continue
+        # A millimetre: round shapes have other facets here.
+        assert boxes(np.concatenate(own)) == pytest.approx(boxes(np.concatenate(places)), abs=2e-3)
+
+
+def test_colours_of_the_urdf_count_more_than_those_of_files(urdf, tmp_path):
+    two_colours(tmp_path / "two.dae")
+    mesh = '<visual><geometry><mesh filename="two.dae"/></geometry>{}</visual>'
+    green = '<material name="g"><color rgba="0 1 0 1"/></material>'
+    links = [body(n).replace("</link>", f"{mesh.format(c)}</link>") for n, c in
+             (("a", ""), ("b", green))]  # fmt: skip
+    path = urdf(*links, joint("one", "base", "a"), joint("two", "a", "b"))
+    seen = look(jp.Mechanism(path))
+    colours = {shape.link: {c[:3] for c in shape.colours} for shape in seen.shapes}
+    assert colours == {"a": {(1, 0, 0), (0, 0, 1)}, "b": {(0, 1, 0)}}

@@ -1,0 +1,119 @@
+"""What is refused is refused at once: nothing that takes long to import is imported for it.
+
+Which modules are loaded does not depend on the machine; how long that takes does.
+"""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+SLOW = (
+    *("numba", "llvmlite", "pinocchio", "coal", "scipy", "xarray", "pandas", "matplotlib"),
+    *("pint", "trimesh", "yourdfpy", "meshcat", "pydantic"),
+)
+"""Packages that take a tenth of a second and more."""
+
+PROGRAM = """
+import sys
+from jointplay.cli import main
+status = main(sys.argv[1:])
+print("SLOW", *[name for name in {slow!r} if name in sys.modules])
+sys.exit(status)
+"""
+
+SCENARIO = """
+[robot]
+urdf = "jointplay:scara.urdf"
+[joints.joint_b]
+radial_clearance = "0.2 mm"
+axial_clearance = "0.2 mm"
+{more}
+[motion]
+file = "jointplay:scara_motion.csv"
+"""
+
+
+def command(*arguments, folder):
+    """Run a command in a process of its own; returns status, what it said, slow modules."""
+    done = subprocess.run(
+        [sys.executable, "-c", PROGRAM.format(slow=SLOW), *map(str, arguments)],
+        cwd=folder, capture_output=True, text=True, timeout=900,
+    )  # fmt: skip
+    last = done.stdout.strip().splitlines()[-1]
+    assert last.startswith("SLOW"), done.stderr
+    return done.returncode, done.stderr, last.split()[1:]
+
+
+@pytest.fixture
+def folder(tmp_path):
+    (tmp_path / "good.toml").write_text(SCENARIO.format(more=""))
+    (tmp_path / "bad.toml").write_text(SCENARIO.format(more='radial_clearnce = "1 mm"'))
+    (tmp_path / "unit.toml").write_text(SCENARIO.format(more='bearing_radius = "10 s"'))
+    (tmp_path / "full").mkdir()
+    for name in ("result.nc", "good.nc"):
+        (tmp_path / "full" / name).write_bytes(b"something")
+    (tmp_path / "there.html").write_text("")
+    (tmp_path / "a.nc").write_bytes(b"")
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["run", "--out", "full"], "already holds results (result.nc)"),
+        (["run", "good.toml", "--out", "full"], "already holds results (good.nc)"),
+        (["run", "bad.toml", "--out", "new"], "radial_clearance"),
+        (["run", "no_such_robot", "--out", "new"], "no_such_robot"),
+        (["run", "good.toml", "--case", "other", "--out", "new"], "good"),
+        (["check", "bad.toml"], "radial_clearnce"),
+        (["check", "none.toml"], "none.toml"),
+        (["play", "none.nc"], "no result file"),
+        (["play", "a.nc", "--html", "there.html"], "exists"),
+        (["report", "none.nc"], "no result file"),
+        (["report", "a.nc", "-o", "there.html"], "exists"),
+    ],
+)
+def test_refusals_import_nothing_slow(arguments, words, folder):
+    status, said, slow = command(*arguments, folder=folder)
+    assert status == 2
+    assert words in said
+    assert len(said.strip().splitlines()) == 1
+    assert slow == []
+
+
+def test_a_wrong_unit_may_need_pint_only(folder):
+    status, said, slow = command("check", "unit.toml", folder=folder)
+    assert status == 2
+    assert '"10 s"' in said
+    assert set(slow) <= {"pint", "scipy"}  # which pint imports
+
+
+def test_an_occupied_folder_is_not_claimed_and_a_free_one_not_made(folder):
+    command("run", "bad.toml", "--out", "new", folder=folder)
+    assert not (folder / "new").exists()
+
+
+def test_names_of_figures_are_those_that_are_drawn():
+    from jointplay.plots.figures import FIGURES
+    from jointplay.plots.names import NAMES
+
+    assert tuple(FIGURES) == NAMES
+
+
+def test_lazy_packages_have_all_that_they_name():
+    import importlib
+
+    for package in ("analysis", "geometry", "kernel", "mechanism", "plots", "result", "simulation"):
+        module = importlib.import_module(f"jointplay.{package}")
+        source = Path(module.__file__).read_text()
+        names = {
+            line.split(" as ")[1].strip()
+            for line in source.splitlines()
+            if line.startswith("    from ") and " as " in line
+        }
+        assert names
+        assert all(hasattr(module, name) for name in names)
+        with pytest.raises(AttributeError, match="no attribute 'nothing'"):
+            module.nothing  # noqa: B018
