@@ -41,6 +41,7 @@ _HOMES = {
     "is_twin places task twin",
     "allocation": "allocate",
     "certification": "certify",
+    "identify": "plan_measurement",
     "reduce": "reduce_joint",
     "static_budget": "budget",
     "wear": "wear_life worn_depth",
