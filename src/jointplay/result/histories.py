@@ -192,6 +192,8 @@ class Histories:
         text = "around the bore, from the bearing's x axis"
         about = ("azimuth", azimuths, {"units": "rad", "long_name": text})
         text = "normal force times sliding distance over the whole run"
+        import xarray as xr  # takes long to import
+
         counted = xr.DataArray(
             sliding_work(self._mechanism, workspace),
             {"azimuth": about},
