@@ -36,7 +36,7 @@ from peer_engines.trace import Impact, Trace, impacts, offset
 
 from jointplay.contact.normal.restitution import effective_restitution
 from jointplay.errors import JointplayError
-from jointplay.loads.drive import REFERENCE_NODE_S
+from jointplay.loads.reference import REFERENCE_NODE_S
 from jointplay.result.histories import versions
 
 DOCS = Path(__file__).parents[1] / "docs"
