@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 
 from jointplay.geometry import touch_cylinder
-from jointplay.loads.drive import REFERENCE_NODE_S
+from jointplay.loads.reference import REFERENCE_NODE_S
 
 
 @njit(cache=True)

@@ -27,6 +27,7 @@ _HOMES = {
     "JointplayError": "errors",
     "Loop": "mechanism.loop",
     "Material": "joints",
+    "Measurement": "analysis.identify",
     "Mechanism": "mechanism",
     "Motion": "motion",
     "Payload": "mechanism.payload",
@@ -37,6 +38,7 @@ _HOMES = {
     "Simulation": "simulation",
     "SphericalClearance": "joints",
     "Status": "kernel",
+    "identify": "analysis.identify",
     "material": "joints.materials",
     "oil": "joints.materials",
     "open_sweep": "sweeps",
@@ -55,6 +57,8 @@ if TYPE_CHECKING:
     from jointplay import analysis as analysis
     from jointplay import contact as contact
     from jointplay import loads as loads
+    from jointplay.analysis.identify import Measurement as Measurement
+    from jointplay.analysis.identify import identify as identify
     from jointplay.errors import JointplayError as JointplayError
     from jointplay.joints import CylindricalClearance as CylindricalClearance
     from jointplay.joints import Material as Material

@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from jointplay.analysis.contact_statistics import Contacts as Contacts
     from jointplay.analysis.contact_statistics import contacts as contacts
     from jointplay.analysis.contact_statistics import shares as shares
+    from jointplay.analysis.identify import plan_measurement as plan_measurement
     from jointplay.analysis.reduce import reduce_joint as reduce_joint
     from jointplay.analysis.spectra import spectrum as spectrum
     from jointplay.analysis.static_budget import budget as budget
@@ -40,6 +41,7 @@ _HOMES = {
     "is_twin places task twin",
     "allocation": "allocate",
     "certification": "certify",
+    "identify": "plan_measurement",
     "reduce": "reduce_joint",
     "static_budget": "budget",
     "wear": "wear_life worn_depth",
@@ -68,6 +70,7 @@ __all__ = [
     "inputs",
     "is_twin",
     "places",
+    "plan_measurement",
     "reduce_joint",
     "shares",
     "spectrum",

@@ -107,7 +107,7 @@ def _lever(
     The play is the same both ways, so it does not matter which of the two bodies is the bearing.
     """
     model, data = mechanism.model, mechanism.data
-    index, axes = _place(mechanism, name)
+    index, axes = place(mechanism, name)
     moves = index in model.supports[model.frames[mechanism.tool_frame].parentJoint]
     turn, centre = axes.rotation, axes.translation
     move, load = np.zeros((6, 6)), np.zeros(6)
@@ -126,7 +126,7 @@ def _lever(
     return move, load
 
 
-def _place(mechanism: Mechanism, name: str) -> tuple[int, pin.SE3]:
+def place(mechanism: Mechanism, name: str) -> tuple[int, pin.SE3]:
     """The joint that carries the child's body, and the joint's axes in the world, z its axis."""
     data = mechanism.data
     if name in mechanism.clearance:

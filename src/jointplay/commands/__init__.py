@@ -26,6 +26,7 @@ MODULES = (
     "reduce",
     "iso9283",
     "maintenance",
+    "identify",
     "shares",
     "sweep",
     "plot_sweep",

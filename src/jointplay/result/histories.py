@@ -194,6 +194,7 @@ class Histories:
         text = "around the bore, from the bearing's x axis"
         about = ("azimuth", azimuths, {"units": "rad", "long_name": text})
         text = "normal force times sliding distance over the whole run"
+
         counted = xr.DataArray(
             sliding_work(self._mechanism, workspace),
             {"azimuth": about},

@@ -1,0 +1,338 @@
+"""Does identification find what is there, with the intervals stated, and say when it cannot?
+
+Random machines are run by the full dynamic model (contacts, friction, drives), and instruments with
+noise look at them; `jointplay.identify` knows neither the values (the scenario's are off by up to a
+factor of 2.5) nor where the robot's geometry is off. Counted: how often the 95 % intervals hold the
+truth, how wide they are, and whether hostile measurements are refused or called untold. Then
+measurements of real machines (benchmarks/validation/data, sources on top of each file).
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import tempfile
+import warnings
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from common import COLOURS, Benchmark, new_figure
+from tqdm import tqdm
+
+import jointplay as jp
+from jointplay.analysis.identify import Identification, Measurement
+from jointplay.analysis.identify.identification import identify
+
+DATA = Path(__file__).parent / "validation" / "data"
+LINK = """
+  <link name="{name}"><inertial><origin xyz="{com} 0 0"/><mass value="{mass}"/>
+    <inertia ixx="0.01" iyy="0.03" izz="0.03" ixy="0" ixz="0" iyz="0"/></inertial></link>"""
+JOINT = """
+  <joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>
+    <origin xyz="{at} 0 0"/><axis xyz="{axis}"/>
+    <limit lower="-3" upper="3" effort="1e4" velocity="9"/></joint>"""
+SPEED = 0.4
+"""At which joints pass [rad/s]."""
+PUSH_S = 0.8
+"""For which a push holds [s]."""
+KINDS = ("lying", "standing", "two", "geared")
+
+
+def robot(random: np.random.Generator, kind: str, folder: Path) -> tuple[Path, list[str]]:
+    """A URDF: one joint about y (lying), about z (standing, geared), or one of each (two)."""
+    axes = {"lying": ["0 1 0"], "two": ["0 0 1", "0 1 0"]}.get(kind, ["0 0 1"])
+    parts, parent = ['<link name="base"/>'], "base"
+    reach = 0.0
+    for i, axis in enumerate(axes):
+        name = f"arm{i}"
+        parts.append(
+            LINK.format(name=name, com=random.uniform(0.1, 0.3), mass=random.uniform(2, 6))
+        )
+        parts.append(
+            JOINT.format(
+                name=f"j{i}", kind="revolute", parent=parent, child=name, at=reach, axis=axis
+            )
+        )
+        parent, reach = name, random.uniform(0.2, 0.4)
+    parts.append('<link name="tool"/>')
+    parts.append(
+        JOINT.format(name="tip", kind="fixed", parent=parent, child="tool", at=reach, axis="0 0 1")
+    )
+    path = folder / "robot.urdf"
+    path.write_text(f'<robot name="r">{"".join(parts)}</robot>')
+    return path, [f"j{i}" for i in range(len(axes))]
+
+
+def bearing(random: np.random.Generator) -> jp.RevoluteClearance:
+    radial = random.uniform(2e-5, 1.5e-4)
+    return jp.RevoluteClearance(
+        bearing_radius=random.uniform(8e-3, 20e-3),
+        bearing_length=random.uniform(30e-3, 60e-3),
+        radial_clearance=radial,
+        axial_clearance=radial * random.uniform(0.7, 2.0),
+        friction=jp.contact.Ambrosio(random.uniform(0.05, 0.25)),
+        restitution=random.uniform(0.3, 0.8),
+    )
+
+
+def guess(random: np.random.Generator, joint: jp.RevoluteClearance) -> jp.RevoluteClearance:
+    """What somebody expects before the measurement."""
+    off = random.uniform(0.4, 2.5, 3)
+    return replace(
+        joint,
+        radial_clearance=joint.cr * off[0],
+        journal_radius=None,
+        axial_clearance=joint.ca * off[1],
+        journal_length=None,
+        friction=jp.contact.Ambrosio(joint.friction.mu_d * off[2]),
+    )
+
+
+def course(
+    random: np.random.Generator, joints: list[str], mass: float
+) -> tuple[jp.Motion, jp.loads.WrenchOverTime]:
+    """There and back twice; once under a push and once under its opposite; pushes at two poses."""
+    ends = random.uniform(0.3, 0.6, len(joints))
+    centre = random.uniform(-0.3, 0.3, len(joints))
+    leg = 2.0 * float(ends.max()) / SPEED
+    strength = random.uniform(1.5, 2.5) * 9.81 * mass
+    times, places = [0.0, 0.3], [centre - ends, centre - ends]
+    push_times, pushes = [0.0], [np.zeros(3)]
+
+    def push(begin: float, end: float, force: np.ndarray) -> None:
+        push_times.extend([begin, begin + 0.1, end - 0.1, end])
+        pushes.extend([np.zeros(3), force, force, np.zeros(3)])
+
+    def pass_by() -> None:
+        for way in (1.0, -1.0):
+            times.extend([times[-1] + leg, times[-1] + leg + 0.1])
+            places.extend([centre + way * ends] * 2)
+
+    pass_by()
+    pass_by()
+    axis = np.eye(3)[random.integers(3)]
+    for side in (1.0, -1.0):
+        times[-1] += 0.6
+        begin = times[-1] - 0.5
+        pass_by()
+        push(begin, times[-1], side * strength * axis)
+    for part in (-0.4, 0.5):
+        place = centre + part * ends
+        begin = times[-1] + 1.7
+        times += [times[-1] + 1.0, begin]
+        places += [place, place]
+        for axis in np.eye(3):
+            for side in (1.0, -1.0):
+                push(begin, begin + PUSH_S, side * strength * axis)
+                begin += PUSH_S + 0.2
+        times[-1] = begin
+    motion = jp.Motion(joints, times, places)
+    rows = tuple(tuple(float(x) for x in row) for row in pushes)
+    wrench = jp.loads.WrenchOverTime(frame="tool", times=tuple(push_times), forces=rows)
+    return motion, wrench
+
+
+def off(random: np.random.Generator, measured: Measurement) -> Measurement:
+    """Geometry that is wrong: a smooth distortion of the tool's place by up to a millimetre."""
+    signals = dict(measured.signals)
+    motors = [values for (kind, _), values in signals.items() if kind == "motor"]
+    for key in signals:
+        if key[0] == "tool":
+            for values in motors:
+                a, b = random.uniform(-1e-3, 1e-3, 2)
+                signals[key] = signals[key] + a * np.sin(values) + b * np.cos(values)
+    return Measurement(measured.time, signals, source="the simulated measurement")
+
+
+@dataclass(frozen=True)
+class Machine:
+    """A machine with its truth, and what somebody believes of it before the measurement."""
+
+    seed: int
+    kind: str
+    true: dict[str, jp.RevoluteClearance]
+    gears: dict[str, jp.Gear]
+    simulation: jp.Simulation
+    believed: jp.Simulation
+    noise: dict[str, float]
+    kinds: tuple[str, ...]
+
+    def look(self) -> Measurement:
+        """Run it, and let the instruments look."""
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", RuntimeWarning)
+            result = self.simulation.run()
+        seen = Measurement.from_result(result, noise=self.noise, kinds=self.kinds, seed=self.seed)
+        return off(np.random.default_rng(self.seed), seen)
+
+
+def machine(seed: int) -> Machine:
+    """One of the machines."""
+    random = np.random.default_rng(seed)
+    kind = KINDS[seed % len(KINDS)]
+    with tempfile.TemporaryDirectory() as folder:
+        path, joints = robot(random, kind, Path(folder))
+        true = {name: bearing(random) for name in joints}
+        believed = {name: guess(random, joint) for name, joint in true.items()}
+        gears = {}
+        if kind == "geared":
+            play = random.uniform(0.3e-3, 3e-3)
+            gears = {"j0": jp.Gear(play, rotor_inertia=0.3, stiffness=2e4, damping=20.0)}
+        guessed = {n: replace(g, play=g.play * random.uniform(0.4, 2.5)) for n, g in gears.items()}
+        motion, wrench = course(random, joints, 4.0 * len(joints))
+        simulation = jp.Simulation(
+            jp.Mechanism(path, true, gears=gears, tool="tool"),
+            motion,
+            jp.loads.ComputedTorque(encoder="motor"),
+            loads={"push": wrench},
+            record_every=500,
+            joint_friction={name: jp.loads.JointFriction(coulomb=0.5) for name in gears},
+            limits="ignore",
+        )
+        expected = jp.Mechanism(path, believed, gears=guessed, tool="tool")
+    noise = {"tool": 10 ** random.uniform(-6.0, -4.6), "motor": 1e-5, "link": 1e-5}
+    link = ("link",) if gears and random.random() < 0.5 else ()
+    kinds = ("tool", "motor", "force", *link)
+    theirs = replace(simulation, mechanism=expected)
+    return Machine(seed, kind, true, gears, simulation, theirs, noise, kinds)
+
+
+def case(seed: int) -> list[dict]:
+    """What is found of one machine."""
+    one = machine(seed)
+    return compare(one, identify(one.believed, one.look()))
+
+
+def compare(made: Machine, found: Identification) -> list[dict]:
+    """A row for each unknown: truth, what was found, and whether the interval holds it."""
+    true, gears = made.true, made.gears
+    rows = []
+    for i, one in enumerate(found.unknowns):
+        if not one.sought:
+            continue
+        truth = {
+            "radial_clearance": lambda n: true[n].cr,
+            "axial_clearance": lambda n: true[n].ca,
+            "friction": lambda n: true[n].friction.mu_d,
+            "gear_play": lambda n: gears[n].play,
+        }[one.name](one.joint)
+        rows.append(
+            {
+                "case": made.seed,
+                "kind": made.kind,
+                "unknown": one.label,
+                "name": one.name,
+                "truth": truth,
+                "expected": one.nominal,
+                "found": found.value[i],
+                "half_width": found.half_width[i],
+                "told": found.told[i],
+                "covered": abs(found.value[i] - truth) <= found.half_width[i],
+                "noise_m": made.noise["tool"],
+                "misfit": found.misfit,
+                "why_not": found.reasons[i],
+            }
+        )
+    return rows
+
+
+def main() -> None:
+    benchmark = Benchmark("identify", __doc__ or "", runs=0)
+    add = benchmark.parser.add_argument
+    add("--cases", type=int, default=40, metavar="N", help="machines (default: %(default)s)")
+    add("--first", type=int, default=0, metavar="N", help="number of the first one")
+    add("--jobs", type=int, default=1, metavar="N", help="processes")
+    args = benchmark.parse()
+    numbers = range(args.first, args.first + (4 if args.quick else args.cases))
+    if args.jobs == 1:
+        found = [case(number) for number in tqdm(numbers, unit="machine")]
+    else:
+        with ProcessPoolExecutor(args.jobs, multiprocessing.get_context("spawn")) as pool:
+            found = list(tqdm(pool.map(case, numbers), total=len(numbers), unit="machine"))
+    rows = [row for one in found for row in one]
+    names = list(dict.fromkeys(row["name"] for row in rows))
+    table = []
+    for name in [*names, "all"]:
+        mine = [row for row in rows if name in (row["name"], "all")]
+        told = [row for row in mine if row["told"]]
+        covered = sum(row["covered"] for row in told)
+        off_by = [abs(row["found"] - row["truth"]) / row["truth"] for row in told]
+        wide = [row["half_width"] / row["truth"] for row in told]
+        table.append(
+            [
+                name.replace("_", " "),
+                str(len(mine)),
+                str(len(told)),
+                f"{covered} ({100 * covered / max(len(told), 1):.0f} %)",
+                f"{100 * np.median(wide):.2g} %" if told else "-",
+                f"{100 * np.median(off_by):.2g} %" if told else "-",
+            ]
+        )
+    header = (
+        "unknown", "sought", "told", "truth within the 95 % interval", "half width (median)",
+        "off by (median)",
+    )  # fmt: skip
+    figure, axes = new_figure(1, len(names), 3.2 * len(names), 3.2)
+    for panel, name in zip(axes[0], names, strict=True):
+        told = [row for row in rows if row["name"] == name and row["told"]]
+        scale = {"friction": 1.0, "gear_play": 1e3}.get(name, 1e6)
+        unit = {"friction": "", "gear_play": " [mrad]"}.get(name, " [µm]")
+        for row in told:
+            colour = COLOURS[0] if row["covered"] else COLOURS[1]
+            panel.errorbar(
+                scale * row["truth"], scale * row["found"], scale * row["half_width"],
+                fmt="o", ms=3, lw=0.8, color=colour,
+            )  # fmt: skip
+        ends = [scale * row["truth"] for row in told] or [0.0, 1.0]
+        panel.plot([0.0, max(ends)], [0.0, max(ends)], color="0.5", lw=0.7)
+        panel.set_xlabel(f"true {name.replace('_', ' ')}{unit}")
+    axes[0][0].set_ylabel("identified, 95 % interval")
+    figure.supxlabel(
+        "full dynamic runs with noise; red: interval misses the truth; statistical", fontsize=6
+    )
+    benchmark.finish(header, table, rows, figure)
+    print()
+    real()
+
+
+SERVO = """<robot name="stand"><link name="base"/>
+  <link name="lever"><inertial><origin xyz="0.05 0 0"/><mass value="0.03"/>
+    <inertia ixx="1e-5" iyy="4e-5" izz="4e-5" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="servo" type="revolute"><parent link="base"/><child link="lever"/>
+    <axis xyz="0 0 1"/><limit lower="-3" upper="3" effort="3" velocity="5"/></joint>
+  <link name="tip"/><joint name="end" type="fixed"><parent link="lever"/><child link="tip"/>
+    <origin xyz="0.1 0 0"/></joint></robot>"""
+"""Lever of 0.1 m; its mass does not matter, for its axis is vertical."""
+
+
+def real() -> None:
+    """What measurements of real machines say."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "stand.urdf"
+        path.write_text(SERVO)
+        for name in ("sts3215", "sts3250"):
+            gear = jp.Gear(play=10e-3, rotor_inertia=1e-3, stiffness=20.0)
+            stand = jp.Mechanism(path, gears={"servo": gear}, tool="tip")
+            data = DATA / f"backlash_{name}.csv"
+            print(f"\n{name}: dry friction of the output shaft neglected")
+            print(identify(stand, data, also=["compliance"]))
+            print(f"\n{name}: dry friction of the output shaft sought")
+            print(identify(stand, data, also=["compliance", "friction"]))
+        path.write_text(SERVO.replace("servo", "drum"))
+        for tension in (20, 35, 80):
+            print(f"\ndamper, band tension {tension} lb (radius 1 m: rad are m, N m are N)")
+            print(damper(path, tension))
+
+
+def damper(path: Path, tension: int) -> Identification:
+    """Gap, compliance and friction of the band-brake damper from displacement and force."""
+    gear = jp.Gear(play=2e-3, rotor_inertia=1e-3, stiffness=2e6)
+    machine = jp.Mechanism(path, gears={"drum": gear}, tool="tip")
+    data = DATA / f"backlash_damper_{tension}lb.csv"
+    friction = {"drum": jp.loads.JointFriction(4e3)}
+    return identify(machine, data, also=["compliance"], joint_friction=friction)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,300 @@
+"""Weighted least squares with what nobody knows taken out, and what the data can tell.
+
+What nobody knows are offsets: where the tracker's frame lies, by how much the robot's geometry is
+off at a place, the zero of an encoder. They enter linearly and are projected out. What is left of
+the unknowns' effect is the sensitivity J, and F = J^T J the Fisher information (standard errors
+one).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import least_squares
+from scipy.stats import t as student
+
+from jointplay.analysis.identify.parameters import Parameter
+from jointplay.analysis.identify.reading import Key
+from jointplay.errors import MissingName
+from jointplay.result.result import AXES
+
+REFERENCES = ("place", "frame", "ideal")
+"""What is known of the tool's ideal place: nothing but that it is the same at each visit of a
+place; all but where the tracker's frame lies; all."""
+DEGREE = 3
+"""Of the polynomial of each joint's position by which the geometry's error changes at a place."""
+CONFIDENCE = 0.95
+_STEP = 1e-3
+"""Step of differences, relative to an unknown's scale."""
+_RANK = 1e-9
+"""Part of the largest singular value that is none."""
+SHARE = 0.1
+"""Part of a direction that cannot be told from which on an unknown is named with it."""
+MODEL, MODEL_ELSE = {"friction": 0.05}, 0.02
+"""Part of a value by which the static model itself is off, see benchmarks/identify.py."""
+SAFETY = 1.5
+"""By which intervals are wider than the statistics say, for errors of the model that all means
+share; set by the first ten machines of benchmarks/identify.py."""
+_LOOKS, _NEAR, _FAR = 2, 0.02, 0.5
+"""How often effects are sought over the width of the intervals; least and largest step by scale."""
+_LEAST_FREEDOM = 8
+"""Freedom that few groups are granted: with less, intervals say nothing."""
+BLIND = 1e-4
+"""Square of the part of an unknown that may lie in what cannot be told."""
+FAINT = 1e-3
+"""Effect of a whole scale below which nothing is told, in standard errors."""
+
+
+def offsets(
+    keys: Sequence[Key],
+    cell: np.ndarray,
+    position: np.ndarray,
+    tool: np.ndarray,
+    reference: str,
+) -> np.ndarray:
+    """How offsets that nobody knows move the signals, shape (n, keys, offsets).
+
+    Visits of a place are not quite at one: beside an offset for each, the geometry's error is a
+    polynomial of the joints' positions.
+
+    Args:
+        keys: the signals.
+        cell: number of each visit's place, shape (n,).
+        position: of the joints, shape (n, j) [rad or m].
+        tool: of the ideal mechanism, shape (n, 3) [m].
+        reference: one of `REFERENCES`.
+
+    Raises:
+        MissingName: no such reference.
+    """
+    if reference not in REFERENCES:
+        raise MissingName("reference", reference, REFERENCES)
+    n, columns = len(cell), []
+    axes = [axis for kind, axis in keys if kind == "tool"]
+
+    def column(key: Key, values: np.ndarray) -> None:
+        made = np.zeros((n, len(keys)))
+        made[:, list(keys).index(key)] = values
+        columns.append(made)
+
+    if reference == "place":
+        for axis in axes:
+            for number in np.unique(cell):
+                column(("tool", axis), (cell == number).astype(float))
+            for values in _within(cell, position):
+                column(("tool", axis), values)
+    elif reference == "frame" and axes:
+        for axis in axes:
+            column(("tool", axis), np.ones(n))
+        for about in range(3):
+            turn = np.cross(np.eye(3)[about], tool - tool.mean(axis=0))
+            made = np.zeros((n, len(keys)))
+            for k, (kind, axis) in enumerate(keys):
+                if kind == "tool":
+                    made[:, k] = turn[:, AXES.index(axis)]
+            columns.append(made)
+    for kind, name in keys:
+        if kind != "tool":
+            column((kind, name), np.ones(n))
+    return np.stack(columns, axis=2) if columns else np.zeros((n, len(keys), 0))
+
+
+def _within(cell: np.ndarray, position: np.ndarray) -> list[np.ndarray]:
+    """Powers of the joints' positions as far as they differ between visits of a place."""
+    found = []
+    for values in position.T:
+        span = np.ptp(values)
+        if span > 0.0:
+            even = (values - values.mean()) / span
+            for power in range(1, DEGREE + 1):
+                moved = even**power
+                for number in np.unique(cell):
+                    moved[cell == number] -= moved[cell == number].mean()
+                found.append(moved)
+    return found
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What least squares solve: m numbers with their errors and offsets."""
+
+    unknowns: tuple[Parameter, ...]
+    predict: Callable[[np.ndarray], np.ndarray]
+    """From the unknowns (p,) to the signals (m,)."""
+    seen: np.ndarray
+    """Shape (m,)."""
+    error: np.ndarray
+    """Standard errors, shape (m,)."""
+    free: np.ndarray
+    """Offsets' effect, shape (m, offsets)."""
+    groups: tuple[np.ndarray, ...]
+    """Numbers that may be wrong together, of a place or of a load, have the same number, (m,)."""
+
+    @property
+    def scale(self) -> np.ndarray:
+        """Sizes that matter, shape (p,)."""
+        return np.array([one.scale for one in self.unknowns])
+
+    def rest(self, theta: np.ndarray) -> np.ndarray:
+        """What the model and the offsets leave, shape (m,) [SI]."""
+        return self.residual(theta) * self.error
+
+    def whiten(self, values: np.ndarray) -> np.ndarray:
+        """Values (m,) or (m, k) by their errors, offsets taken out."""
+        if not hasattr(self, "_basis"):
+            left, sizes, _ = np.linalg.svd(self.free / self.error[:, None], full_matrices=False)
+            kept = sizes > _RANK * sizes.max(initial=1e-300)
+            object.__setattr__(self, "_basis", left[:, kept])
+        basis = vars(self)["_basis"]
+        scaled = values / (self.error if values.ndim == 1 else self.error[:, None])
+        return np.asarray(scaled - basis @ (basis.T @ scaled))
+
+    @property
+    def offsets(self) -> int:
+        """How many offsets are taken out."""
+        self.whiten(self.seen)
+        return int(vars(self)["_basis"].shape[1])
+
+    def residual(self, theta: np.ndarray) -> np.ndarray:
+        """What the model leaves, in standard errors, shape (m,)."""
+        return self.whiten(self.predict(theta) - self.seen)
+
+    def slopes(self, theta: np.ndarray) -> np.ndarray:
+        """`sensitivity` by differences to one side, at half the cost, for the search."""
+        here, columns = self.predict(theta), []
+        for i, one in enumerate(self.unknowns):
+            step = _STEP * one.scale
+            moved = theta.copy()
+            moved[i] = theta[i] + (step if theta[i] + step <= one.most else -step)
+            columns.append((self.predict(moved) - here) * one.scale / (moved[i] - theta[i]))
+        return self.whiten(np.stack(columns, axis=1))
+
+    def sensitivity(self, theta: np.ndarray) -> np.ndarray:
+        """Effect of each unknown by its scale, in standard errors, shape (m, p)."""
+        columns = []
+        for i, one in enumerate(self.unknowns):
+            step = _STEP * one.scale
+            ends = []
+            for side in (1.0, -1.0):
+                moved = theta.copy()
+                moved[i] = min(max(theta[i] + side * step, 0.0), one.most)
+                ends.append((moved[i], self.predict(moved)))
+            (high, above), (low, below) = ends
+            columns.append((above - below) * one.scale / (high - low))
+        return self.whiten(np.stack(columns, axis=1))
+
+    def weaker(self, theta: np.ndarray, steps: np.ndarray) -> np.ndarray:
+        """The same by steps (p,) to either side, of which the one with less effect counts.
+
+        Where a journal just reaches a wall, more clearance changes nothing and less of it much: an
+        interval by the steep side would be far too narrow on the flat one.
+        """
+        here, columns = self.predict(theta), []
+        for i, one in enumerate(self.unknowns):
+            sides = []
+            for moved_to in (theta[i] + steps[i], theta[i] - steps[i]):
+                value = min(max(moved_to, 0.0), one.most)
+                if abs(value - theta[i]) < 0.2 * steps[i]:
+                    continue  # a limit
+                moved = theta.copy()
+                moved[i] = value
+                sides.append((self.predict(moved) - here) * one.scale / (value - theta[i]))
+            if not sides:
+                sides = [np.zeros(len(here))]
+            columns.append(min(sides, key=lambda side: float(np.linalg.norm(side / self.error))))
+        return self.whiten(np.stack(columns, axis=1))
+
+
+@dataclass(frozen=True)
+class Fit:
+    """What least squares found of p unknowns."""
+
+    theta: np.ndarray
+    """Shape (p,)."""
+    half_width: np.ndarray
+    """Half of the 95 % confidence intervals; infinite where nothing is told, shape (p,)."""
+    freedom: int
+    """Numbers less unknowns and offsets."""
+    misfit: float
+    """RMS of what is left, in standard errors: one if the model and the errors are right."""
+    blind: np.ndarray
+    """Projector on what cannot be told of the unknowns by their scales, shape (p, p)."""
+    felt: np.ndarray
+    """Effect of each unknown by its scale on all signals, in standard errors, shape (p,)."""
+
+    def partners(self, i: int) -> list[int]:
+        """Unknowns that cannot be told apart from the i-th, the strongest first."""
+        row = np.abs(self.blind[i])
+        others = [int(k) for k in np.argsort(-row) if k != i and row[k] > SHARE * row[i]]
+        return others if row[i] > BLIND else []
+
+
+def solve(problem: Problem, start: np.ndarray, most_steps: int) -> Fit:
+    """Least squares from a start (p,), 0 and each unknown's most being the limits."""
+    scale = problem.scale
+    most = np.array([one.most for one in problem.unknowns])
+    begin = np.clip(start, 1e-3 * scale, most * (1.0 - 1e-6))
+    found = least_squares(
+        lambda x: problem.residual(x * scale),
+        begin / scale,
+        lambda x: problem.slopes(x * scale),
+        bounds=(0.0, most / scale),
+        x_scale=1.0,
+        max_nfev=most_steps,
+    )
+    theta = found.x * scale
+    return describe(problem, theta)
+
+
+def describe(problem: Problem, theta: np.ndarray) -> Fit:
+    """Intervals about a solution (p,)."""
+    found = _intervals(problem, theta, problem.sensitivity(theta))
+    for _ in range(_LOOKS):
+        wide = np.where(np.isfinite(found.half_width), found.half_width, np.inf)
+        steps = np.clip(wide, _NEAR * problem.scale, _FAR * np.maximum(problem.scale, theta))
+        found = _intervals(problem, theta, problem.weaker(theta, steps))
+    return found
+
+
+def _intervals(problem: Problem, theta: np.ndarray, effect: np.ndarray) -> Fit:
+    left = problem.residual(theta)
+    covariance, blind, rank = information(effect)
+    felt = np.linalg.norm(effect, axis=0)
+    freedom = len(problem.seen) - problem.offsets - rank
+    if freedom < 1:
+        infinite = np.full(len(theta), np.inf)
+        return Fit(theta, infinite, freedom, np.nan, blind, felt)
+    misfit = float(np.sqrt(left @ left / freedom))
+    spread = covariance * max(misfit, 1.0) ** 2
+    variance, least = np.diag(spread), freedom
+    for group in problem.groups:
+        # What is wrong at one place, or under one load, is wrong in all its numbers.
+        numbers = np.unique(group)
+        if len(numbers) > rank:
+            scores = np.stack([left[group == g] @ effect[group == g] for g in numbers])
+            factor = len(numbers) / (len(numbers) - rank)
+            robust = factor * covariance @ (scores.T @ scores) @ covariance
+            variance = np.maximum(variance, np.diag(robust))
+            least = min(least, max(len(numbers) - rank, _LEAST_FREEDOM))
+    quantile = float(student.ppf(0.5 + CONFIDENCE / 2.0, least))
+    own = np.array([MODEL.get(one.name, MODEL_ELSE) for one in problem.unknowns]) * theta
+    half = SAFETY * np.hypot(quantile * np.sqrt(variance) * problem.scale, own)
+    half[np.diag(blind) > BLIND] = np.inf
+    return Fit(theta, half, freedom, misfit, blind, felt)
+
+
+def information(effect: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:
+    """Covariance (p, p) of what is told, projector (p, p) on what is not, and the rank.
+
+    Args:
+        effect: of the unknowns by their scales, in standard errors, shape (m, p).
+    """
+    _, sizes, right = np.linalg.svd(effect, full_matrices=True)
+    every = np.zeros(effect.shape[1])
+    every[: len(sizes)] = sizes
+    # An effect of a whole scale that is a thousandth of the noise tells nothing either.
+    told = every > max(_RANK * every.max(initial=0.0), FAINT)
+    axes = right[told].T / every[told]
+    return axes @ axes.T, right[~told].T @ right[~told], int(told.sum())

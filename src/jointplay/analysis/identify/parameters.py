@@ -1,0 +1,171 @@
+"""What is sought: clearances, friction, the play of gears, each with its place in the mechanism."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+from jointplay.errors import JointplayError, MissingName
+from jointplay.joints import Clearance
+from jointplay.joints.play import JournalPlay
+from jointplay.loads.drive import JointFriction
+from jointplay.mechanism.mechanism import Mechanism
+
+SCALES = {"m": (1e6, "um"), "rad": (1e3, "mrad"), "N*m": (1.0, "N m"), "N": (1.0, "N")}
+"""Factor and unit in which values are printed."""
+ALSO = ("compliance", "friction")
+"""What of gears is identified only if asked for."""
+_LARGEST = 1e-3
+"""Clearance beyond which no bearing is one, unless the scenario says otherwise [m]."""
+_LEAST = 1e-9
+"""Clearances below it are none [m]."""
+_FRICTION = 0.1
+_TORQUE_N_M = 0.1
+"""Scale of a friction of which the scenario says nothing."""
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One unknown."""
+
+    joint: str
+    """Whose it is; empty for one of all joints."""
+    name: str
+    """``radial_clearance``, ``friction``, ``play`` and so on."""
+    unit: str
+    """SI; empty for a pure number."""
+    nominal: float
+    """Of the scenario."""
+    scale: float
+    """Size that matters; steps and thresholds are relative to it."""
+    most: float
+    """Largest value that can be."""
+    sought: bool = True
+    """Not if it is estimated only because it must be."""
+
+    @property
+    def label(self) -> str:
+        """As tables have it."""
+        words = self.name.replace("_", " ")
+        return f"{self.joint} {words}" if self.joint else words
+
+    def shown(self, value: float) -> str:
+        """A value in the unit of tables."""
+        factor, unit = SCALES.get(self.unit, (1.0, self.unit))
+        return f"{factor * value:.4g} {unit}".rstrip()
+
+
+def clearances(joint: Clearance) -> dict[str, float]:
+    """The clearances of a joint by the names of their fields [m]."""
+    found = {}
+    for name in ("radial_clearance", "clearance"):
+        if hasattr(joint, name):
+            found[name] = float(getattr(joint, name))
+    if getattr(joint, "walls", False):
+        found["axial_clearance"] = float(joint.axial_clearance)  # type: ignore[attr-defined]
+    if hasattr(joint, "clearance_y") and not getattr(joint, "planar", False):
+        found["clearance_y"] = float(joint.clearance_y)
+    return found
+
+
+def friction_of(joint: Clearance) -> float | None:
+    """Friction coefficient of a journal's law; None where it has none that could be told."""
+    value = getattr(joint.friction, "mu_d", None)
+    known = isinstance(joint.play(False), JournalPlay)
+    return None if value is None or not known else float(value)
+
+
+def with_clearance(joint: Clearance, values: Mapping[str, float]) -> Clearance:
+    """The joint with other clearances [m] or another ``friction``."""
+    changes: dict[str, Any] = {}
+    for name, value in values.items():
+        if name == "friction":
+            changes["friction"] = replace(joint.friction, **_sliding(joint.friction, value))
+            continue
+        changes[name] = max(value, _LEAST)
+        if name == "radial_clearance":
+            changes["journal_radius"] = None
+        if name == "axial_clearance":
+            changes["journal_length"] = None
+    return replace(joint, **changes)
+
+
+def _sliding(law: Any, value: float) -> dict[str, float]:
+    """Changes of a law to this coefficient; a static one keeps its ratio."""
+    changes = {"mu_d": value}
+    static = getattr(law, "mu_s", None)
+    if static is not None:
+        changes["mu_s"] = static * value / law.mu_d if law.mu_d > 0.0 else value
+    return changes
+
+
+def unknowns(
+    mechanism: Mechanism,
+    friction: Mapping[str, JointFriction],
+    torques: Collection[str],
+    stops: bool,
+    also: Collection[str] = (),
+    known: Collection[str] = (),
+) -> tuple[Parameter, ...]:
+    """All unknowns of a mechanism.
+
+    Args:
+        mechanism: its joints with clearance and gears with play.
+        friction: of the joints besides their bearings'.
+        torques: joints whose torque is measured: their friction is sought.
+        stops: whether there are stops, at which an unknown part of the friction stays.
+        also: of `ALSO`: the compliance of the gears' teeth, dry friction behind all gears.
+        known: labels or names of unknowns that are taken from the scenario.
+
+    Raises:
+        JointplayError: nothing is sought; a name in `also` or `known` that there is not.
+    """
+    if not mechanism.clearance and not mechanism.gears:
+        raise JointplayError(
+            "nothing has play: give joints with clearance, or gears with play; joints: "
+            + ", ".join(mechanism.joints)
+        )
+    found = []
+    rubs = False
+    for joint, bearing in mechanism.clearance.items():
+        for name, value in clearances(bearing).items():
+            most = max(_LARGEST, 10.0 * value)
+            found.append(Parameter(joint, name, "m", value, value, most))
+        coefficient = friction_of(bearing)
+        if coefficient is not None:
+            rubs = True
+            scale = coefficient or _FRICTION
+            found.append(Parameter(joint, "friction", "", coefficient, scale, 2.0))
+    for joint, gear in mechanism.gears.items():
+        found.append(Parameter(joint, "gear_play", "rad", gear.play, gear.play or 1e-3, 1.0))
+        if "compliance" in also:
+            value = 1.0 / gear.stiffness
+            found.append(
+                Parameter(joint, "gear_compliance", "rad/(N*m)", value, value, 1e3 * value)
+            )
+    behind = mechanism.gears if "friction" in also else ()
+    for joint in dict.fromkeys([*torques, *behind]):
+        value = friction[joint].coulomb if joint in friction else 0.0
+        slides = mechanism.description.joints[joint].kind == "prismatic"
+        unit = "N" if slides else "N*m"
+        found.append(Parameter(joint, "dry_friction", unit, value, value or _TORQUE_N_M, 1e6))
+    if stops and rubs:
+        found.append(Parameter("", "friction_kept_at_stops", "", 0.5, 0.5, 1.0, sought=False))
+    _check(also, known, found)
+    kept = tuple(one for one in found if not {one.label, one.name} & set(known))
+    if not any(one.sought for one in kept):
+        raise JointplayError("everything is said to be known: nothing is left to identify")
+    return kept
+
+
+def _check(also: Collection[str], known: Collection[str], found: Collection[Parameter]) -> None:
+    for word in also:
+        if word not in ALSO:
+            raise MissingName("unknown to identify besides", word, ALSO)
+    names = {one.label for one in found} | {one.name for one in found}
+    for word in known:
+        if word not in names:
+            raise JointplayError(
+                f"no unknown {word!r}; there are: {', '.join(one.label for one in found)}"
+            )

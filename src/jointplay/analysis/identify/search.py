@@ -1,0 +1,130 @@
+"""The search for the best values, and for others that are as good.
+
+Play that may or may not meet its walls has several minima, and edges: at the clearance at which
+an end wall begins to limit the lean, more of it changes nothing. So the search begins at several
+places, and what explains the means as well as the best widens the intervals.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+from scipy.stats import qmc
+
+from jointplay.analysis.identify.fit import Fit, Problem, solve
+
+_TRIED, _RANGE = 16, 3.0
+"""Starts that are looked at, and how far they lie from the scenario's values."""
+_FIRST, _LATER = 15, 8
+"""Most steps of least squares from each start, and with other errors."""
+_AS_GOOD = 1.1
+"""Cost of another minimum, relative to the best, up to which it is as good an explanation."""
+_ROUGH = 0.005
+"""Part of what play does to a signal by which the static model may be off at a visit."""
+_OTHER_WALL = 4.0
+"""Factor of axial clearances that are tried besides the best."""
+_ROUNDS = 2
+"""In which errors are made as large as what is left demands."""
+
+
+def search(problem: Problem, start: np.ndarray, kinds: np.ndarray) -> tuple[Problem, Fit]:
+    """Least squares with errors as large as what is left demands, by kind of signal.
+
+    Means scatter by more than their records do: journals do not come to rest at quite the same
+    place, and the model is not exact. That is added to the errors.
+    """
+    tried = [solve(problem, one, _FIRST) for one in _starts(problem, start)]
+    found = min(tried, key=lambda fit: cost(problem, fit.theta))
+    own = problem.error
+    for _ in range(_ROUNDS):
+        left = problem.rest(found.theta)
+        rough = _ROUGH * np.abs(problem.predict(found.theta))
+        share = max(found.freedom, 1) / len(own)
+        more = np.zeros(len(own))
+        for kind in np.unique(kinds):
+            mine = kinds == kind
+            more[mine] = _excess(left[mine], np.hypot(own, rough)[mine], share * mine.sum())
+        problem = replace(problem, error=np.sqrt(own**2 + more**2 + rough**2))
+        found = solve(problem, found.theta, _LATER)
+    others = [fit.theta for fit in tried if _far(problem, fit.theta, found)]
+    others = [solve(problem, theta, _LATER).theta for theta in others]
+    others += _with_other_walls(problem, found.theta)
+    limit = _AS_GOOD * cost(problem, found.theta)
+    away = [np.abs(theta - found.theta) for theta in others if cost(problem, theta) <= limit]
+    wide = np.max([found.half_width, *away], axis=0)
+    return problem, replace(found, half_width=wide)
+
+
+def _with_other_walls(problem: Problem, theta: np.ndarray) -> list[np.ndarray]:
+    """The best with each axial clearance much larger or smaller than found.
+
+    At the edge at which an end wall begins to limit the lean the model is steep on one side, and an
+    interval by slopes would not see how little is lost far away on the other.
+    """
+    found = []
+    for i, one in enumerate(problem.unknowns):
+        if one.name != "axial_clearance":
+            continue
+        for factor in (_OTHER_WALL, 1.0 / _OTHER_WALL):
+            value = min(max(theta[i], 0.1 * one.scale) * factor, one.most)
+            kept = np.arange(len(theta)) != i
+
+            whole = partial(_inserted, i, value)
+            part = replace(
+                problem,
+                unknowns=tuple(other for k, other in enumerate(problem.unknowns) if kept[k]),
+                predict=partial(_predicted, problem, whole),
+            )
+            if kept.any():
+                found.append(whole(solve(part, theta[kept], _LATER).theta))
+    return found
+
+
+def _inserted(i: int, value: float, x: np.ndarray) -> np.ndarray:
+    return np.insert(x, i, value)
+
+
+def _predicted(
+    problem: Problem, whole: Callable[[np.ndarray], np.ndarray], x: np.ndarray
+) -> np.ndarray:
+    return problem.predict(whole(x))
+
+
+def cost(problem: Problem, theta: np.ndarray) -> float:
+    """Sum of the squares that are left, in standard errors."""
+    return float(np.square(problem.residual(theta)).sum())
+
+
+def _far(problem: Problem, theta: np.ndarray, found: Fit) -> bool:
+    """Whether another minimum is none that the intervals hold."""
+    return bool((np.abs(theta - found.theta) > np.minimum(found.half_width, problem.scale)).any())
+
+
+def _starts(problem: Problem, start: np.ndarray) -> list[np.ndarray]:
+    """Where to begin: play that may or may not meet its walls has several minima.
+
+    The given start, it with end walls near and far, and the best of many about it.
+    """
+    walls = np.array([one.name == "axial_clearance" for one in problem.unknowns])
+    found = [start]
+    if walls.any():
+        found += [np.where(walls, factor * start, start) for factor in (1.0 / _RANGE, _RANGE)]
+    spread = qmc.LatinHypercube(len(start), rng=0).random(_TRIED)
+    options = start * _RANGE ** (2.0 * spread - 1.0)
+    options = np.minimum(options, [one.most for one in problem.unknowns])
+    return [*found, min(options, key=lambda theta: cost(problem, theta))]
+
+
+def _excess(left: np.ndarray, error: np.ndarray, freedom: float) -> float:
+    """Standard deviation that, added to errors, explains what is left."""
+    low, high = 0.0, float(np.sqrt(np.square(left).sum() / max(freedom, 1e-9)))
+    if np.square(left / error).sum() <= freedom:
+        return 0.0
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        above = np.square(left / np.hypot(error, middle)).sum() > freedom
+        low, high = (middle, high) if above else (low, middle)
+    return high

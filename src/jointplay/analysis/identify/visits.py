@@ -1,0 +1,376 @@
+"""From records to visits: short stretches in which the machine stood, or went one way slowly.
+
+A machine with play is compared with its model by the means over visits to the same place from
+different sides, under different loads; single records of an impact tell nothing. Directions are
+those between turning points; a place is a cell of the joint space.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.ndimage import maximum_filter1d, minimum_filter1d
+
+from jointplay.analysis.identify.reading import Key, Measurement
+from jointplay.analysis.poses import middle, moving
+from jointplay.errors import JointplayError
+from jointplay.mechanism.mechanism import Mechanism
+from jointplay.motion.reference import Motion
+from jointplay.result.result import AXES
+
+CELLS = 20
+"""Cells over a joint's range, in which what moves one way is taken together."""
+_TRAVEL = 0.3
+"""Part of a cell that a joint must move in a visit."""
+_STOP_CELL = 0.2
+"""Part of a cell within which stops are at the same place."""
+STOP_S = 0.15
+"""Shortest stop that is looked at [s]."""
+SETTLING = 0.4
+"""Part of a stop that is left out at its beginning, while the machine calms down."""
+FEWEST = 3
+"""Records that a visit must have."""
+MOST_PATH = 4000
+"""Points to which the motors' paths are thinned."""
+_THRESHOLD = 6.0
+"""Spreads of an encoder's records by which a position must go back to have turned."""
+_SMALLEST = 1e-6
+"""Motion that counts [rad or m]."""
+
+
+@dataclass(frozen=True)
+class Visits:
+    """n visits of a machine with j joints; SI units."""
+
+    joints: tuple[str, ...]
+    """Moving joints, in the order of the columns below."""
+    time: np.ndarray
+    """Their beginnings and ends, shape (n, 2) [s]."""
+    position: np.ndarray
+    """Of the joints, motors where geared, means, shape (n, j) [rad or m]."""
+    speed: np.ndarray
+    """Means, shape (n, j)."""
+    acceleration: np.ndarray
+    """Means, shape (n, j)."""
+    direction: np.ndarray
+    """-1 or 1: which way each joint moves or came from; 0 if it never moved, shape (n, j)."""
+    stopped: np.ndarray
+    """Whether the machine stood, shape (n,)."""
+    force: np.ndarray
+    """On the tool, world axes, shape (n, 3) [N]."""
+    cell: np.ndarray
+    """Number of the place, shape (n,)."""
+    path: np.ndarray
+    """Positions of the motors on the way through all visits, shape (m, j)."""
+    path_visit: np.ndarray
+    """Visit that a point of the path belongs to, -1 for none, shape (m,)."""
+    path_near: np.ndarray
+    """Visit whose loads hold at a point of the path, shape (m,)."""
+    path_force: np.ndarray
+    """On the tool along the path, world axes, shape (m, 3) [N]."""
+
+    def __len__(self) -> int:
+        """How many there are."""
+        return len(self.time)
+
+    def only(self, chosen: np.ndarray) -> Visits:
+        """Those that are chosen (a mask); the way is the same."""
+        number = np.cumsum(chosen) - 1
+        at = self.path_visit
+        belongs = np.where((at >= 0) & chosen[np.maximum(at, 0)], number[np.maximum(at, 0)], -1)
+        near = np.clip(number[self.path_near], 0, None)
+        parts = ("time", "position", "speed", "acceleration", "direction", "stopped", "force")
+        return replace(
+            self,
+            **{name: getattr(self, name)[chosen] for name in (*parts, "cell")},
+            path_visit=belongs,
+            path_near=near,
+        )
+
+
+@dataclass(frozen=True)
+class Observed:
+    """What was measured at visits: means and their standard errors, nan where nothing."""
+
+    keys: tuple[Key, ...]
+    mean: np.ndarray
+    """Tool: its distance from where the ideal mechanism would be; link: from its motor; torque:
+    as it is. Shape (n, keys) [m, rad, N m]."""
+    error: np.ndarray
+    """Standard errors of the means from the records' own scatter, shape (n, keys)."""
+    noise: tuple[float, ...]
+    """Spread of single records [SI]."""
+
+
+def positions(
+    mechanism: Mechanism, measured: Measurement, motion: Motion | None
+) -> tuple[tuple[str, ...], np.ndarray, np.ndarray, list[str]]:
+    """Where the joints are: from encoders, or the reference.
+
+    Returns:
+        The joints' names; positions (n, j); motion that counts, more than an encoder's noise, (j,)
+        [rad or m]; joints without encoder.
+
+    Raises:
+        JointplayError: a joint that moves in the reference, but the measurement is longer than it;
+            nothing says where a joint is.
+    """
+    names = tuple(moving(mechanism))
+    still = middle(mechanism)
+    found = np.tile([still[name] for name in names], (len(measured.time), 1))
+    reference = None if motion is None else motion(measured.time)[0]
+    unseen = []
+    limits = np.full(len(names), _SMALLEST)
+    for column, name in enumerate(names):
+        for kind in ("motor", "link"):
+            counts = kind == "motor" or name not in mechanism.gears
+            if counts and (kind, name) in measured.signals:
+                records = measured.signals[kind, name]
+                found[:, column] = _filled(records, measured.time, name)
+                spread = max(_THRESHOLD * scatter(records), 2.0 * resolution(records))
+                limits[column] = max(spread, _SMALLEST)
+                break
+        else:
+            unseen.append(name)
+            if motion is not None and reference is not None and name in motion.joints:
+                found[:, column] = reference[:, motion.joints.index(name)]
+    return names, found, limits, unseen
+
+
+def _filled(values: np.ndarray, time: np.ndarray, name: str) -> np.ndarray:
+    good = ~np.isnan(values)
+    if good.sum() < FEWEST:
+        raise JointplayError(f"the encoder of {name!r} has {good.sum()} records only")
+    return np.asarray(np.interp(time, time[good], values[good]))
+
+
+def scatter(values: np.ndarray) -> float:
+    """Spread of single records about a smooth course, of their second differences; robust."""
+    good = values[~np.isnan(values)]
+    if len(good) < FEWEST:
+        return 0.0
+    bends = np.diff(good, 2)
+    return float(np.median(np.abs(bends)) / 0.6745 / np.sqrt(6.0))
+
+
+def resolution(values: np.ndarray) -> float:
+    """Smallest step between records, if they take few values as an encoder's do; else 0."""
+    good = values[~np.isnan(values)]
+    steps = np.diff(np.unique(good))
+    if not len(steps) or len(steps) > 0.5 * len(good):
+        return 0.0
+    return float(steps.min())
+
+
+def turns(values: np.ndarray, threshold: float) -> np.ndarray:
+    """Which way a position goes at each record: -1 or 1, 0 before it has moved; (n,).
+
+    It has turned when it has come back by `threshold` from its farthest point; what has passed
+    since that point counts to the new direction.
+    """
+    way = np.zeros(len(values), int)
+    now, begin, far = 0, 0, 0
+    low = high = values[0]
+    for i, value in enumerate(values):
+        if now == 0:
+            low, high = min(low, value), max(high, value)
+            if high - low > threshold:
+                now = 1 if value >= high else -1
+                far = i
+            continue
+        if (value - values[far]) * now >= 0.0:
+            far = i
+        elif abs(value - values[far]) > threshold:
+            way[begin : far + 1] = now
+            begin, far, now = far + 1, i, -now
+    way[begin:] = now
+    return way
+
+
+def visits(
+    mechanism: Mechanism, measured: Measurement, motion: Motion | None
+) -> tuple[Visits, Observed]:
+    """Cut a measurement into visits, and take the means of its signals.
+
+    Raises:
+        JointplayError: see `positions`; nothing that stands or moves slowly enough.
+    """
+    names, q, limit, _ = positions(mechanism, measured, motion)
+    time = measured.time
+    ranges = np.ptp(q, axis=0)
+    ways = np.zeros(q.shape, int)
+    for column in np.flatnonzero(ranges > 2.0 * limit):
+        ways[:, column] = turns(q[:, column], limit[column])
+    stands = _standing(time, q, limit)
+    size = np.where(ranges > 4.0 * limit, ranges / CELLS, np.inf)
+    force = np.column_stack(
+        [np.nan_to_num(measured.signals.get(("force", a), np.zeros(len(time)))) for a in AXES]
+    )
+    pieces = _pieces(time, q, ways, stands, size, force)
+    if not pieces:
+        raise JointplayError(
+            f"{measured.source}: no stop of {STOP_S:g} s and no stretch in one direction with "
+            f"{FEWEST} records in a cell; measure slower, or with more records a second"
+        )
+    found = _visits(names, time, q, ways, stands, force, pieces, size)
+    return found, _observe(mechanism, measured, found, q, pieces)
+
+
+def _standing(time: np.ndarray, q: np.ndarray, limit: np.ndarray) -> np.ndarray:
+    """Where all joints stay within their limits for a while, the beginning left out; (n,)."""
+    width = max(int(np.ceil(STOP_S / np.median(np.diff(time)))), 2)
+    ranges = maximum_filter1d(q, width, axis=0) - minimum_filter1d(q, width, axis=0)
+    still = (ranges <= limit).all(axis=1)
+    return np.asarray(minimum_filter1d(maximum_filter1d(still, width), 1))
+
+
+def _pieces(
+    time: np.ndarray,
+    q: np.ndarray,
+    ways: np.ndarray,
+    stands: np.ndarray,
+    size: np.ndarray,
+    force: np.ndarray,
+) -> list[slice]:
+    """Stretches of records that belong together."""
+    with np.errstate(invalid="ignore"):
+        cells = np.floor((q - q.min(axis=0)) / size).astype(int)
+    cells[stands] = -1
+    strength = max(float(np.abs(force).max(initial=0.0)), 1e-12)
+    pushes = np.round(force / (0.25 * strength)).astype(int)
+    labels = np.column_stack([ways, stands[:, None], cells, pushes])
+    cuts = np.flatnonzero((np.diff(labels, axis=0) != 0).any(axis=1)) + 1
+    found = []
+    for first, last in zip([0, *cuts], [*cuts, len(time)], strict=True):
+        if stands[first]:
+            long = time[last - 1] - time[first]
+            if long < STOP_S:
+                continue
+            calm = int(np.searchsorted(time, time[first] + SETTLING * long))
+            first = max(first, min(calm, last - FEWEST))
+        elif not (np.ptp(q[first:last], axis=0) > _TRAVEL * size).any():
+            continue  # a drive that gives way to a push: the journals hardly turn
+        if last - first >= FEWEST:
+            found.append(slice(int(first), int(last)))
+    return found
+
+
+def _visits(
+    names: Sequence[str],
+    time: np.ndarray,
+    q: np.ndarray,
+    ways: np.ndarray,
+    stands: np.ndarray,
+    force: np.ndarray,
+    pieces: Sequence[slice],
+    size: np.ndarray,
+) -> Visits:
+    n, j = len(pieces), q.shape[1]
+    middles, speed, acceleration = np.zeros((n, j)), np.zeros((n, j)), np.zeros((n, j))
+    owner = np.full(len(time), -1)
+    for i, piece in enumerate(pieces):
+        owner[piece] = i
+        middles[i] = q[piece].mean(axis=0)
+        if not stands[piece.start]:
+            speed[i], acceleration[i] = _rates(time, q, piece, ways)
+    # The way between visits matters to hysteresis: thinned, but for the turning points.
+    keep = np.zeros(len(time), bool)
+    keep[:: max(len(time) // MOST_PATH, 1)] = True
+    turning = np.flatnonzero((np.diff(ways, axis=0) != 0).any(axis=1))
+    keep[turning] = keep[np.minimum(turning + 1, len(time) - 1)] = True
+    keep[[(p.start + p.stop) // 2 for p in pieces]] = True
+    at = np.array([0.5 * (time[p.start] + time[p.stop - 1]) for p in pieces])
+    near = np.abs(time[keep, None] - at[None, :]).argmin(axis=1) if n else np.zeros(0, int)
+    ends = np.array([(time[p.start], time[p.stop - 1]) for p in pieces])
+    return Visits(
+        tuple(names),
+        ends,
+        middles,
+        speed,
+        acceleration,
+        np.array([ways[p.stop - 1] for p in pieces]),
+        np.array([stands[p.start] for p in pieces]),
+        np.array([force[p].mean(axis=0) for p in pieces]),
+        places(middles, stands[[p.start for p in pieces]], size),
+        q[keep],
+        owner[keep],
+        near,
+        force[keep],
+    )
+
+
+def _rates(
+    time: np.ndarray, q: np.ndarray, piece: slice, ways: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Mean speed and acceleration: of a parabola through the piece and its neighbours."""
+    more = (piece.stop - piece.start) // 2
+    first, last = piece.start, piece.stop
+    while first > 0 and piece.start - first < more and (ways[first - 1] == ways[piece.start]).all():
+        first -= 1
+    while last < len(time) and last - piece.stop < more and (ways[last] == ways[piece.start]).all():
+        last += 1
+    t = time[first:last] - 0.5 * (time[piece.start] + time[piece.stop - 1])
+    shape = np.column_stack([np.ones(len(t)), t, 0.5 * t * t])
+    fitted = np.linalg.lstsq(shape, q[first:last], rcond=None)[0]
+    return fitted[1], fitted[2]
+
+
+def places(middles: np.ndarray, stopped: np.ndarray, size: np.ndarray) -> np.ndarray:
+    """Number of the place of each visit: those within half a cell of its first visitor; (n,).
+
+    Stops have places of their own, and a smaller reach.
+    """
+    found = np.zeros(len(middles), int)
+    firsts: list[tuple[bool, np.ndarray]] = []
+    for i, row in enumerate(middles):
+        reach = (_STOP_CELL if stopped[i] else 0.5) * size
+        for number, (stood, first) in enumerate(firsts):
+            if stood == stopped[i] and (np.abs(row - first) <= reach).all():
+                found[i] = number
+                break
+        else:
+            found[i] = len(firsts)
+            firsts.append((bool(stopped[i]), row))
+    return found
+
+
+def _observe(
+    mechanism: Mechanism,
+    measured: Measurement,
+    found: Visits,
+    q: np.ndarray,
+    pieces: Sequence[slice],
+) -> Observed:
+    """Means over the visits of what the model predicts."""
+    from jointplay.analysis.identify.ideal import tool_positions
+
+    keys = tuple(
+        key
+        for key in measured.signals
+        if key[0] in ("tool", "torque") or (key[0] == "link" and key[1] in mechanism.gears)
+    )
+    mean = np.full((len(pieces), len(keys)), np.nan)
+    error, noise = mean.copy(), []
+    places_ideal = (
+        tool_positions(mechanism, found.joints, q)
+        if any(kind == "tool" for kind, _ in keys)
+        else np.zeros((len(q), 3))
+    )
+    for column, (kind, name) in enumerate(keys):
+        values = measured.signals[kind, name].copy()
+        if kind == "tool":
+            values -= places_ideal[:, AXES.index(name)]
+        elif kind == "link":
+            values -= q[:, found.joints.index(name)]
+        one = measured.noise.get(kind) or scatter(values)
+        floor = resolution(measured.signals[kind, name]) / np.sqrt(12.0)
+        noise.append(max(one, floor))
+        for i, piece in enumerate(pieces):
+            seen = values[piece]
+            seen = seen[~np.isnan(seen)]
+            if len(seen) >= FEWEST and not (kind == "torque" and found.stopped[i]):
+                mean[i, column] = seen.mean()
+                error[i, column] = np.hypot(max(one, floor) / np.sqrt(len(seen)), floor)
+    return Observed(keys, mean, error, tuple(noise))

@@ -1,0 +1,440 @@
+"""Clearance, friction and play from measurements; what cannot be told; what to measure."""
+
+import csv
+import io
+import math
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from conftest import body, joint
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from jointplay import (
+    Gear,
+    JointplayError,
+    Mechanism,
+    Motion,
+    RevoluteClearance,
+    Simulation,
+    identify,
+    loads,
+)
+from jointplay.analysis.identify import Measurement, plan_measurement
+from jointplay.analysis.identify.fit import information
+from jointplay.analysis.identify.verification import verify
+from jointplay.analysis.identify.visits import resolution, scatter, turns
+from jointplay.cli import main
+from jointplay.contact import Ambrosio
+from jointplay.loads import JointFriction
+
+CLEARANCE, FRICTION, REACH, MASS = 1e-4, 0.2, 0.5, 3.0
+PUSH = 2.0 * MASS * 9.81
+NOISE = 5e-6
+
+
+def tip(parent, at=f"{REACH} 0 0"):
+    return (
+        '<link name="tool"/>'
+        f'<joint name="tip" type="fixed"><parent link="{parent}"/><child link="tool"/>'
+        f'<origin xyz="{at}"/></joint>'
+    )
+
+
+@pytest.fixture
+def arm(urdf):
+    """A joint about y, its weight at the tool."""
+    return urdf(
+        body("arm", mass=MASS, com=f"{REACH} 0 0"),
+        joint("j", "base", "arm", axis="0 1 0"),
+        tip("arm"),
+    )
+
+
+def planar(play=CLEARANCE, friction=FRICTION):
+    """A journal that does not lean; its friction is full at once, its contact stiff."""
+    return RevoluteClearance.planar(
+        radial_clearance=play,
+        friction=Ambrosio(friction, v0=0.0, v1=1e-9),
+        stiffness=1e15,
+    )
+
+
+def course(stops=True, speed=0.2, rate=100.0, end=0.4, turns_back=True):
+    """There and back; then the arm stands and is pushed up and down: time, angle, speed, force."""
+    duration = 2.0 * end / speed
+    t = np.arange(0.0, duration, 1.0 / rate)
+    legs = [-end + speed * t] + ([end - speed * t, -end + speed * t] if turns_back else [])
+    angle = np.concatenate(legs)
+    force = np.zeros(len(angle))
+    if stops:
+        hold = int(0.8 * rate)
+        for push in (0.0, PUSH, 0.0, PUSH):
+            angle = np.append(angle, np.full(hold, angle[-1]))
+            force = np.append(force, np.full(hold, push))
+    way = np.gradient(angle)
+    return np.arange(len(angle)) / rate, angle, np.sign(np.round(way, 9)), force
+
+
+def seen(clearance=CLEARANCE, friction=FRICTION, noise=NOISE, seed=0, **options):
+    """What a tracker sees of the arm about y: the journal lies opposite to its motion's drag.
+
+    Known: with the load F, the journal's place is F's direction turned by atan(mu) against its
+    rotation; about y, z turns to x.
+    """
+    time, angle, way, force = course(**options)
+    random = np.random.default_rng(seed)
+    side = np.sign(force - MASS * 9.81)
+    turn = -way * math.atan(friction)
+    x, z = clearance * side * np.sin(turn), clearance * side * np.cos(turn)
+    tool = {
+        ("tool", "x"): REACH * np.cos(angle) + x,
+        ("tool", "y"): np.zeros(len(time)),
+        ("tool", "z"): -REACH * np.sin(angle) + z,
+    }
+    bent = 2e-3 * np.sin(3.0 * angle)  # the robot's geometry is off, which nobody knows
+    signals = {key: v + bent + noise * random.standard_normal(len(v)) for key, v in tool.items()}
+    signals["motor", "j"] = angle
+    signals["force", "z"] = force
+    return Measurement(time, signals)
+
+
+def test_clearance_and_friction_are_recovered_from_passing_and_pushing(arm):
+    mechanism = Mechanism(arm, {"j": planar(5e-5, 0.1)})
+    found = identify(mechanism, seen())
+    for label, wanted in (("j radial clearance", CLEARANCE), ("j friction", FRICTION)):
+        value, half = found[label]
+        assert half < 0.2 * wanted
+        assert abs(value - wanted) < 2.0 * half
+    assert found.told[:2].all()
+    assert found.mechanism.clearance["j"].cr == pytest.approx(found["j radial clearance"][0])
+    assert found.misfit < 1.5
+
+
+def test_intervals_cover_the_truth_as_often_as_they_say(arm):
+    mechanism = Mechanism(arm, {"j": planar(5e-5, 0.1)})
+    covered = []
+    for seed in range(20):
+        found = identify(mechanism, seen(seed=seed, noise=2e-5))
+        for label, wanted in (("j radial clearance", CLEARANCE), ("j friction", FRICTION)):
+            value, half = found[label]
+            covered.append(abs(value - wanted) <= half)
+    assert np.mean(covered) >= 0.85  # 34 of 40 at 95 %: fewer happen once in 70 times
+
+
+def test_passing_alone_tells_the_product_and_says_so(arm):
+    mechanism = Mechanism(arm, {"j": planar()})
+    found = identify(mechanism, seen(stops=False))
+    assert not found.told.any()
+    text = str(found)
+    assert "this measurement cannot tell" in text
+    assert "j radial clearance: it acts only together with j friction" in text
+    assert "would tell" in text
+    assert "N on the tool" in text or "push the tool" in text
+    known = identify(mechanism, seen(stops=False), known=["friction"])
+    value, half = known["j radial clearance"]
+    assert abs(value - CLEARANCE) < 2.0 * half < 0.3 * CLEARANCE
+
+
+def test_a_calibrated_robot_needs_no_reversal(arm):
+    measured = seen(stops=False, turns_back=False, noise=1e-6)
+    flat = 2e-3 * np.sin(3.0 * measured.signals["motor", "j"])
+    signals = {
+        key: values - flat if key[0] == "tool" else values
+        for key, values in measured.signals.items()
+    }
+    mechanism = Mechanism(arm, {"j": planar(5e-5, 0.1)})
+    found = identify(mechanism, Measurement(measured.time, signals), reference="ideal")
+    assert found["j radial clearance"][0] == pytest.approx(CLEARANCE, rel=0.01)
+    assert found["j friction"][0] == pytest.approx(FRICTION, rel=0.05)
+
+
+def test_a_motion_that_never_reverses_is_refused(arm):
+    mechanism = Mechanism(arm, {"j": planar()})
+    with pytest.raises(JointplayError, match="never reverses"):
+        identify(mechanism, seen(stops=False, turns_back=False))
+
+
+def test_too_much_noise_cannot_tell(arm):
+    mechanism = Mechanism(arm, {"j": planar()})
+    found = identify(mechanism, seen(noise=5e-3))
+    assert not found.told[:2].any()
+    assert "95 % interval would be" in str(found) or "noise" in str(found)
+
+
+def test_a_joint_that_does_not_move_the_tool_cannot_be_told(urdf):
+    path = urdf(
+        body("arm", mass=MASS, com=f"{REACH} 0 0"),
+        joint("j", "base", "arm", axis="0 1 0"),
+        body("other"),
+        joint("k", "base", "other", axis="0 1 0", at="0 1 0"),
+        tip("arm"),
+    )
+    mechanism = Mechanism(path, {"j": planar(), "k": planar()}, tool="tool")
+    found = identify(mechanism, seen())
+    told = dict(zip((one.label for one in found.unknowns), found.told, strict=True))
+    assert told["j radial clearance"]
+    assert not told["k radial clearance"]
+    assert "k radial clearance: nothing shows: the joint does not move the tool" in str(found)
+    assert found.mechanism.clearance["k"] == planar()
+
+
+@pytest.fixture
+def geared(urdf):
+    """A joint about z whose gear has play; gravity turns nothing."""
+    path = urdf(body("arm", mass=2.0), joint("j", "base", "arm"), tip("arm"))
+    return Mechanism(path, gears={"j": Gear(play=1e-3, rotor_inertia=0.1, stiffness=1e3)})
+
+
+def lagging(play=2e-3, dry=0.5, stiffness=1e3, noise=2e-5, seed=0):
+    """Motor and link: the link trails by half the play and what the teeth give."""
+    time, angle, _, _ = course(stops=False)
+    random = np.random.default_rng(seed)
+    link, trail = np.zeros(len(angle)), play / 2.0 + dry / stiffness
+    link[0] = angle[0]
+    for i in range(1, len(angle)):
+        link[i] = min(max(link[i - 1], angle[i] - trail), angle[i] + trail)
+    torque = np.clip((np.abs(angle - link) - play / 2.0) * stiffness, 0.0, None)
+    torque *= np.sign(angle - link)
+    return Measurement(
+        time,
+        {
+            ("motor", "j"): angle,
+            ("link", "j"): link + noise * random.standard_normal(len(time)),
+            ("torque", "j"): torque + 0.3 + 0.02 * random.standard_normal(len(time)),
+        },
+    )
+
+
+def test_play_compliance_and_friction_of_a_gear_are_recovered(geared):
+    measured = lagging()
+    found = identify(geared, measured, known=[])
+    value, half = found["j gear play"]
+    assert abs(value - 2e-3) < 2.0 * half < 2e-4
+    value, half = found["j dry friction"]
+    assert abs(value - 0.5) < 2.0 * half < 0.1
+
+
+def test_the_motors_torque_alone_tells_play_and_friction(geared):
+    measured = lagging(play=20e-3, dry=2.0)
+    signals = {key: v for key, v in measured.signals.items() if key[0] != "link"}
+    found = identify(geared, Measurement(measured.time, signals))
+    value, half = found["j gear play"]
+    assert abs(value - 20e-3) < 2.0 * half < 4e-3
+    assert found["j dry friction"][0] == pytest.approx(2.0, rel=0.05)
+
+
+def test_play_and_compliance_are_not_told_apart_without_another_load(geared):
+    signals = {k: v for k, v in lagging().signals.items() if k[0] != "torque"}
+    measured = Measurement(lagging().time, signals)
+    friction = {"j": JointFriction(0.5)}
+    found = identify(geared, measured, also=["compliance"], joint_friction=friction)
+    assert not found.told.any()
+    assert "acts only together with j gear compliance" in str(found)
+    assert identify(geared, measured, joint_friction=friction).told.all()
+
+
+def test_gravity_that_keeps_the_teeth_on_one_side_hides_the_play(urdf):
+    path = urdf(
+        body("arm", mass=MASS, com=f"{REACH} 0 0"),
+        joint("j", "base", "arm", axis="0 1 0"),
+        tip("arm"),
+    )
+    gear = Gear(play=1e-3, rotor_inertia=0.1, stiffness=1e5)
+    mechanism = Mechanism(path, {"j": planar()}, gears={"j": gear})
+    found = identify(mechanism, seen(stops=False))
+    assert "j gear play: nothing shows: the load keeps the gear's teeth on one side" in str(found)
+
+
+def test_a_simulated_machine_is_identified_from_what_instruments_see(arm):
+    bearing = RevoluteClearance(
+        radial_clearance=8e-5, axial_clearance=8e-5, lock_axial=True, restitution=0.5
+    )
+    there = [0.0, 0.1, 1.3, 1.4, 2.6, 2.9, 4.1, 4.2, 5.4]
+    low, high = [-0.3], [0.3]
+    motion = Motion(["j"], there, [low, low, high, high, low, low, high, high, low])
+    up = loads.WrenchOverTime(
+        frame="tool", times=(2.6, 2.7), forces=((0.0, 0.0, 0.0), (0.0, 0.0, 60.0))
+    )
+    simulation = Simulation(
+        Mechanism(arm, {"j": bearing}), motion, loads={"push": up}, record_every=100
+    )
+    result = simulation.run()
+    kinds = ("tool", "motor", "force")
+    measured = Measurement.from_result(result, noise={"tool": 1e-5}, kinds=kinds, seed=1)
+    nominal = replace(bearing, radial_clearance=2e-4, journal_radius=None)
+    found = identify(replace(simulation, mechanism=Mechanism(arm, {"j": nominal})), measured)
+    value, half = found["j radial clearance"]
+    assert abs(value - 8e-5) < max(half, 0.03 * 8e-5)
+    assert half < 0.3 * 8e-5
+    checked = verify(replace(simulation, mechanism=found.mechanism), found)
+    assert checked.dynamic["tool"] < 0.3 * checked.measured["tool"]
+
+
+JOINTS = {"j": False}
+
+
+def written(tmp_path, text):
+    path = tmp_path / "data.csv"
+    path.write_text(text)
+    return path
+
+
+def rows(header, count=30):
+    width = header.count(",")
+    return header + "\n" + "\n".join(f"{i}" + f",{i}" * width for i in range(count)) + "\n"
+
+
+def test_units_of_columns_are_read_in_brackets_and_behind_underscores(tmp_path):
+    path = written(tmp_path, "# a note\n" + rows("time [ms],tool x [mm],j motor [deg],j_link_mrad"))
+    found = Measurement.from_csv(path, JOINTS)
+    assert found.time[1] == pytest.approx(1e-3)
+    assert found.signals["tool", "x"][1] == pytest.approx(1e-3)
+    assert found.signals["motor", "j"][1] == pytest.approx(math.pi / 180.0)
+    assert found.signals["link", "j"][1] == pytest.approx(1e-3)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (rows("tool x [mm],j motor [deg]"), "has no times"),
+        (rows("time [s],tool x"), "column 'tool x' has no unit"),
+        (rows("time [s],tool x [kg]"), "column 'tool x [kg]'"),
+        (rows("time [s],nose x [m]"), "is no signal; there are"),
+        (rows("time [s],k motor [rad]"), "is no signal; there are"),
+        (rows("time [s],tool x [m],tool_x_mm"), "is there twice"),
+        (rows("time [s]"), "times only"),
+        (rows("time [s],tool x [m]", 5), "5 records"),
+        ("time [s],tool x [m]\n" + "0,1\n" * 30, "times must increase"),
+        ("time [s],tool x [m]\n0,1\n1,soft\n", "line 3: 'tool x [m]' must be a number"),
+        ("time [s],tool x [m]\n0,1,2\n", "line 2: 2 cells expected, got 3"),
+        ("time [s],tool x [m]\n0,inf\n", "infinite"),
+        ("", "is empty"),
+    ],
+)
+def test_bad_data_are_refused_in_one_line(tmp_path, text, words):
+    with pytest.raises(JointplayError) as raised:
+        Measurement.from_csv(written(tmp_path, text), JOINTS)
+    assert words in str(raised.value)
+    assert "\n" not in str(raised.value)
+
+
+def test_a_measurement_survives_its_file(tmp_path):
+    measured = seen()
+    path = written(tmp_path, measured.csv())
+    back = Measurement.from_csv(path, JOINTS)
+    assert list(back.signals) == list(measured.signals)
+    for key, values in measured.signals.items():
+        assert back.signals[key] == pytest.approx(values, abs=1e-8)
+
+
+def test_what_shows_no_play_is_refused(arm):
+    measured = seen()
+    signals = {key: v for key, v in measured.signals.items() if key[0] == "motor"}
+    with pytest.raises(JointplayError, match="nothing that play would show in"):
+        identify(Mechanism(arm, {"j": planar()}), Measurement(measured.time, signals))
+    with pytest.raises(JointplayError, match="nothing has play"):
+        identify(Mechanism(arm), measured)
+    with pytest.raises(JointplayError, match="no reference"):
+        identify(Mechanism(arm, {"j": planar()}), measured, reference="there")
+    with pytest.raises(JointplayError, match="no unknown 'mass'"):
+        identify(Mechanism(arm, {"j": planar()}), measured, known=["mass"])
+
+
+@settings(max_examples=50)
+@given(
+    st.lists(st.floats(-1.0, 1.0), min_size=2, max_size=6),
+    st.floats(1e-6, 1e-3),
+    st.integers(0, 1000),
+)
+def test_turning_points_are_found_through_noise(corners, noise, seed):
+    ends = [0.0]
+    for value in corners:
+        ends.append(ends[-1] + (0.2 + abs(value)) * (-1.0 if len(ends) % 2 else 1.0))
+    legs = [np.linspace(a, b, 200, endpoint=False) for a, b in pairwise(ends)]
+    clean = np.concatenate(legs)
+    random = np.random.default_rng(seed)
+    way = turns(clean + noise * random.uniform(-1.0, 1.0, len(clean)), 4.0 * noise)
+    wanted = np.concatenate([np.full(200, np.sign(b - a)) for a, b in pairwise(ends)])
+    middle = (np.arange(len(clean)) % 200 > 20) & (np.arange(len(clean)) % 200 < 180)
+    assert (way[middle] == wanted[middle]).all()
+
+
+def test_the_scatter_of_records_is_that_of_their_noise():
+    random = np.random.default_rng(0)
+    t = np.linspace(0.0, 3.0, 2000)
+    assert scatter(np.sin(t) + 1e-3 * random.standard_normal(2000)) == pytest.approx(1e-3, rel=0.1)
+    assert resolution(np.round(np.sin(t), 2)) == pytest.approx(0.01)
+    assert resolution(np.sin(t)) == 0.0
+
+
+def test_information_tells_directions_from_what_is_dark():
+    effect = np.array([[1.0, 1.0, 0.0], [2.0, 2.0, 0.0], [0.0, 0.0, 3.0]])
+    covariance, blind, rank = information(effect)
+    assert rank == 2
+    assert covariance[2, 2] == pytest.approx(1.0 / 9.0)
+    assert blind[0, 0] == pytest.approx(0.5)
+    assert blind[2, 2] == pytest.approx(0.0)
+
+
+def test_a_plan_pushes_where_passing_tells_the_product_only(arm):
+    mechanism = Mechanism(arm, {"j": planar()})
+    passing = plan_measurement(mechanism, push=0.0, count=3)
+    assert "cannot tell: acts only together with j friction" in str(passing)
+    pushing = plan_measurement(mechanism, push=60.0, count=3)
+    assert "cannot tell" not in str(pushing)
+    assert any(one.force is not None for one in pushing.experiments)
+    assert (np.diff(pushing.half_width, axis=0) <= 1e-15).all()
+
+
+def test_what_a_plan_expects_is_what_identification_states(arm):
+    mechanism = Mechanism(arm, {"j": planar()})
+    measured = seen(noise=2e-5)
+    found = identify(mechanism, measured, noise={"tool": 2e-5})
+    expected = plan_measurement(mechanism, noise={"tool": 2e-5}, push=PUSH, count=12)
+    ratio = found["j radial clearance"][1] / expected.half_width[-1][0]
+    assert 0.05 < ratio < 20.0  # so many records, so many visits: the same order
+
+
+def test_a_plan_refuses_what_cannot_be(arm, geared):
+    mechanism = Mechanism(arm, {"j": planar()})
+    with pytest.raises(JointplayError, match="at least one experiment"):
+        plan_measurement(mechanism, count=0)
+    with pytest.raises(JointplayError, match="no signal 'smell'"):
+        plan_measurement(mechanism, signals=["smell"])
+    with pytest.raises(JointplayError, match="link encoders"):
+        plan_measurement(mechanism, signals=["link"])
+    assert "j gear play" in str(plan_measurement(geared, signals=["link"]))
+
+
+def test_the_command_identifies_draws_and_writes(arm, tmp_path, capsys):
+    data = written(tmp_path, seen(rate=40.0).csv())
+    order = [
+        "identify", str(arm), str(data), "--joint", "j=0.1 mm", "--tool", "tool",
+        "--noise", "tool=5 um", "--out", str(tmp_path / "out"),
+    ]  # fmt: skip
+    assert main(order) == 0
+    said = capsys.readouterr().out
+    assert "j radial clearance" in said
+    assert "95 % interval" in said
+    table = list(csv.DictReader(io.StringIO((tmp_path / "out/identified.csv").read_text())))
+    assert table[0]["unknown"] == "radial_clearance"
+    assert (tmp_path / "out/identified.png").stat().st_size > 5000
+
+
+def test_the_command_plans_and_refuses_in_one_line(arm, tmp_path, capsys):
+    play = ["--joint", "j=0.1 mm", "--tool", "tool"]
+    assert main(["identify", str(arm), "--plan", "--count", "2", *play]) == 0
+    assert "expected 95 % interval" in capsys.readouterr().out
+    for order, words in (
+        (["identify", str(arm), *play], "give a measurement"),
+        (["identify", str(arm), "x.csv", "--plan", *play], "not both"),
+        (["identify", str(arm), str(tmp_path / "none.csv"), *play], "cannot read the measurement"),
+        (["identify", str(arm), "--plan", "--noise", "tool", *play], "--noise must read"),
+    ):
+        assert main(order) == 2
+        said = capsys.readouterr().err
+        assert words in said
+        assert said.count("\n") == 1
