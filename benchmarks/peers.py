@@ -36,13 +36,8 @@ from peer_engines.trace import Impact, Trace, impacts, offset
 
 from jointplay.contact.normal.restitution import effective_restitution
 from jointplay.errors import JointplayError
-<<<<<<< HEAD
-from jointplay.loads.drive import REFERENCE_NODE_S
-from jointplay.result.provenance import versions
-=======
 from jointplay.loads.reference import REFERENCE_NODE_S
-from jointplay.result.histories import versions
->>>>>>> main
+from jointplay.result.provenance import versions
 
 DOCS = Path(__file__).parents[1] / "docs"
 ENGINES = ("mujoco", "exudyn", "siconos")
