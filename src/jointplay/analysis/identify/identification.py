@@ -272,7 +272,7 @@ def _read(
 ) -> Measurement:
     if not isinstance(measured, Measurement):
         entries = mechanism.description.joints
-        slides = {name: entries[name].kind == "prismatic" for name in moving(mechanism)}
+        slides = {name: entries[name].slides for name in moving(mechanism)}
         return Measurement.from_csv(measured, slides, noise)
     return replace(measured, noise={**measured.noise, **(noise or {})})
 

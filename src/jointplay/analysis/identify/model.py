@@ -28,7 +28,7 @@ from jointplay.analysis.identify.parameters import (
 from jointplay.analysis.identify.reading import Key
 from jointplay.analysis.identify.visits import Visits
 from jointplay.analysis.levers import GEAR, place, sources
-from jointplay.joints import Clearance, RevoluteClearance
+from jointplay.joints import Clearance
 from jointplay.joints.play import BallPlay, JournalPlay
 from jointplay.loads.drive import JointFriction
 from jointplay.mechanism.impact import elastic_energy
@@ -85,7 +85,8 @@ class _Bearing:
     def torque(self, friction: float | None) -> np.ndarray:
         """Of the rims' friction about the axis, its size while sliding, (n,) [N m]."""
         coefficient = friction_of(self.joint) or 0.0 if friction is None else friction
-        radius = self.joint.rj if isinstance(self.joint, RevoluteClearance) else 0.0
+        hinge = self.joint.hinge
+        radius = 0.0 if hinge is None else hinge.radius
         return np.asarray(2.0 * self.push * radius * coefficient / np.hypot(1.0, coefficient))
 
 
@@ -334,20 +335,22 @@ def _lever_about(mechanism: Mechanism, q: np.ndarray, name: str) -> np.ndarray:
 def _bearing(
     name: str, joint: Clearance, move: np.ndarray, load: np.ndarray, visits: Visits
 ) -> _Bearing:
-    if isinstance(joint, RevoluteClearance) and not joint.lock_tilt:
-        bend = np.column_stack([load[:, 4], -load[:, 3]]) / joint.lj
+    hinge = joint.hinge
+    leaning = hinge if hinge is not None and hinge.leans else None
+    if leaning is not None:
+        bend = np.column_stack([load[:, 4], -load[:, 3]]) / leaning.length
         rims = [np.linalg.norm(load[:, :2] / 2.0 + side * bend, axis=1) for side in (1.0, -1.0)]
         push = np.mean(rims, axis=0)
     else:
         push = np.linalg.norm(load[:, :2], axis=1) / 2.0
-    whole = push if isinstance(joint, RevoluteClearance) and not joint.lock_tilt else 2.0 * push
+    whole = 2.0 * push if leaning is None else push
     speed = visits.speed[:, visits.joints.index(name)] if name in visits.joints else 0.0 * push
     way = visits.direction[:, visits.joints.index(name)] if name in visits.joints else 0 * push
     slides = np.where(visits.stopped, 0.0, _sliding_part(joint, speed) * np.sign(speed))
     kept = np.where(visits.stopped, way, 0.0)
-    walls = isinstance(joint, RevoluteClearance) and joint.walls
-    if walls and not joint.lock_tilt:  # type: ignore[attr-defined]
-        part = _against(load, push, joint.lj)  # type: ignore[attr-defined]
+    walls = hinge is not None and hinge.axial > 0.0
+    if walls and leaning is not None:
+        part = _against(load, push, leaning.length)
         slides, kept = slides * part, kept * part
     return _Bearing(joint, move, load, push, whole, slides, kept, walls)
 
@@ -368,12 +371,12 @@ def _against(load: np.ndarray, push: np.ndarray, length: float) -> np.ndarray:
 
 def _sliding_part(joint: Clearance, speed: np.ndarray) -> np.ndarray:
     """Part of the full friction that the law has at these joint speeds [rad/s], (n,)."""
-    law = joint.friction
+    law, hinge = joint.friction, joint.hinge
     full = getattr(law, "mu_d", 0.0)
-    if not full or law.bristles or not isinstance(joint, RevoluteClearance):
+    if not full or law.bristles or hinge is None:
         return np.ones(len(speed))
     function, numbers = type(law).function, law.parameters()
-    found = [function(float(v), *numbers) / full for v in np.abs(speed) * joint.rj]
+    found = [function(float(v), *numbers) / full for v in np.abs(speed) * hinge.radius]
     return np.clip(found, 0.0, 1.0)
 
 

@@ -147,7 +147,7 @@ def unknowns(
     behind = mechanism.gears if "friction" in also else ()
     for joint in dict.fromkeys([*torques, *behind]):
         value = friction[joint].coulomb if joint in friction else 0.0
-        slides = mechanism.description.joints[joint].kind == "prismatic"
+        slides = mechanism.description.joints[joint].slides
         unit = "N" if slides else "N*m"
         found.append(Parameter(joint, "dry_friction", unit, value, value or _TORQUE_N_M, 1e6))
     if stops and rubs:
