@@ -14,11 +14,26 @@ from conftest import body, joint
 import jointplay as jp
 from jointplay import report
 from jointplay.codec import add
+from jointplay.contact.law import NormalForceLaw
+from jointplay.families import family_of
+from jointplay.joints import Clearance
 from jointplay.loads import Load
+from jointplay.loads.drive import Drive
 from jointplay.result import Result
 
 sys.path.append(str(Path(__file__).parent))
 PLAY = {"radial_clearance": 1e-4, "axial_clearance": 1e-4}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def forgotten():
+    """What is added here is not there for other tests in this process."""
+    families = [family_of(base) for base in (Load, Drive, Clearance, NormalForceLaw)]
+    before = [dict(family.members) for family in families]
+    yield
+    for family, members in zip(families, before, strict=True):
+        family.members.clear()
+        family.members.update(members)
 
 
 def addition(name):

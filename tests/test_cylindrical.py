@@ -75,6 +75,8 @@ def test_ends_are_mirror_images_of_each_other(pose):
     one = touched(0, centre, turn)
     other = touched(1, mirror @ centre, mirror @ turn @ mirror)
     assert other[0] == pytest.approx(one[0], abs=1e-15)
+    if one[0] > PLAY - 1e-12:
+        return  # a centred axis has no nearest point
     assert np.allclose(mirror @ other[1], one[1], atol=1e-12)
     assert np.allclose(mirror @ other[2], one[2], atol=1e-12)
 
