@@ -131,7 +131,7 @@ class Run(Prepared):
         """Step until the end, a failure, or Ctrl-C; returns why it stopped."""
         workspace = self.workspace
         if progress and not kernel.enter.signatures:
-            note = "loading compiled kernels (the first start ever compiles them, ~20 s)"
+            note = "loading compiled kernels (the first start ever compiles them, half a minute)"
             tqdm.write(note, file=sys.stderr)
         kernel.compiled()
         bar = Bar(self.steps * self.simulation.step, progress, self.label, workspace.time)
