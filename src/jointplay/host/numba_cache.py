@@ -24,8 +24,8 @@ from numba.core import caching
 __all__ = ["NO_PLACE", "ensure", "fingerprint", "njit", "stamp"]
 
 NO_PLACE = (
-    "compiled code cannot be kept, so every start compiles anew (half a minute): neither the package's "
-    "folder nor the user's cache can be written to; name a folder in NUMBA_CACHE_DIR"
+    "compiled code cannot be kept, so every start compiles anew (half a minute): neither the "
+    "package's folder nor the user's cache can be written to; name a folder in NUMBA_CACHE_DIR"
 )
 """What a user without a place for the cache is told."""
 
