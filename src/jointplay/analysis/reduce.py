@@ -48,6 +48,10 @@ _MOVING = 0.05
 _DAMPINGS = (0.0, 0.1, 0.2, 0.4, 0.7, 1.0, 1.5)
 """Of the gear's damping, tried; the written one acts within the play, too."""
 _STEP_S = 2e-5
+_LOOPED = (
+    "the mechanism has the loop {!r}: a hinge is fitted to what it alone carries, and a loop has "
+    "two ends; jointplay budget and allocate take loops"
+)
 
 
 @dataclass(frozen=True)
@@ -145,7 +149,7 @@ def reduce_joint(
         JointplayError: loops; a joint that slides or is a ball; a run that failed.
     """
     if mechanism.loops:
-        raise JointplayError("a joint in a closed loop cannot be reduced to a hinge by itself")
+        raise JointplayError(_LOOPED.format(next(iter(mechanism.loops))))
     names = dict.fromkeys([*mechanism.clearance, *mechanism.gears])
     if joint not in names:
         raise MissingName("joint with play", joint, names)

@@ -85,6 +85,7 @@ def run(options: argparse.Namespace) -> int:
         quantile=options.quantile,
         cost=options.cost,
         weights=weights,
+        driven=work.driven,
         **limits,
     )
     for note in work.notes:

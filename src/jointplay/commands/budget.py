@@ -38,7 +38,7 @@ def run(options: argparse.Namespace) -> int:
     names = ["budget.csv", "bars.png", "robot.png", "reach.png"]
     names += {"motion": ["course.png"], "workspace": ["map.png"]}.get(work.kind, [])
     out = files.claim(options.out, names) if options.out else None
-    errors = budget(work.mechanism, work.q, force=force)
+    errors = budget(work.mechanism, work.q, force=force, driven=work.driven)
     for note in work.notes:
         print(note)
     print(f"at: {work.poses}")
