@@ -191,7 +191,7 @@ class _Path:
     def _newton(
         self, y: list[np.ndarray], weight: float, some: np.ndarray
     ) -> tuple[list[np.ndarray], np.ndarray, np.ndarray]:
-        """Newton's steps of some problems, multipliers of ties (some, r), what is gained (some,)."""
+        """Newton's steps of some problems, multipliers of ties (some, r), gains (some,)."""
         slopes, solved = [], []
         ties = self._rows[0].shape[1]
         inner, outer = np.zeros((len(some), ties, ties)), np.zeros((len(some), ties))
