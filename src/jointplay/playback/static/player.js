@@ -383,12 +383,22 @@ class Player {
         this.t = t;
         for (const c of this.cases) c.update(Math.min(t, c.entry.end), Math.min(held, c.entry.end), this.view);
         for (const c of this.shownCloseups()) c.update(this.view);
+        this.showError();
         this.updateSeconds = (performance.now() - began) / 1000;
         this.showTime();
         this.dirty();
     }
 
     refresh() { this.show(this.t); }
+
+    // What the ellipsoids are, in numbers.
+    showError() {
+        const lines = this.cases.filter(c => c.error && c.visible).map(c =>
+            `${this.cases.length > 1 ? `${c.label}: ` : ""}worst case ${quantity(c.error.worst, "m")}, `
+            + `RMS ${quantity(c.error.rms, "m")}`);
+        const text = lines.length ? `${lines.join("; ")}; static, drawn \u00d7 ${this.view.deviation}` : "";
+        if ($("error-is").textContent !== text) $("error-is").textContent = text;
+    }
 
     // The bar takes the height it needs; the canvas ends above it.
     fit() {
@@ -641,6 +651,13 @@ class Player {
             for (const c of this.cases) {
                 if (c.ideal) this.viewer.scene_tree.find(["meshcat", `case${c.index}`, "ghost"]).object.visible = event.target.checked;
             }
+            this.dirty();
+        };
+        const withError = this.cases.filter(c => c.error);
+        $("error-row").hidden = $("error-is").hidden = !withError.length;
+        for (const element of document.querySelectorAll(".needs-error")) element.hidden = !withError.length;
+        $("error").onchange = event => {
+            for (const c of withError) this.viewer.scene_tree.find(["meshcat", `case${c.index}`, "error"]).object.visible = event.target.checked;
             this.dirty();
         };
         $("traces").onchange = event => {
