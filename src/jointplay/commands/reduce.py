@@ -129,6 +129,12 @@ def run(options: argparse.Namespace) -> int:
             f"{1e6 * model.angle_error:.4g}; {1e6 * seen.step_seconds:.3g} us a step of "
             f"{1e3 * seen.step:.3g} ms"
         )
+        if seen.lean_error is not None:
+            kept = "within" if seen.lean_error <= model.tilt_error else "beyond"
+            print(
+                f"MuJoCo: axis' lean off by up to {1e3 * seen.lean_error:.4g} mrad, {kept} the "
+                f"stated {1e3 * model.tilt_error:.4g}"
+            )
     print(f"written to {options.out}: {', '.join([*files_out, 'reversals.png'])}")
     return 0
 
