@@ -100,6 +100,27 @@ def test_the_leans_error_is_what_friction_and_contacts_do_to_it(plain):
     assert "lean" not in none.history
 
 
+def test_a_journal_that_no_load_leans_says_so(tmp_path, path, capsys):
+    # Its axis is level: the weight, a little aside, presses both rims down.
+    text = path.read_text().replace('xyz="0 0 1"', 'xyz="0 1 0"')
+    text = text.replace('xyz="0.3 0 0"', 'xyz="0.3 0.003 0"')
+    level = tmp_path / "level.urdf"
+    level.write_text(text)
+    order = [
+        "reduce",
+        str(level),
+        "--joint",
+        "j",
+        "--clearance",
+        "0.1 mm",
+        "--period",
+        "0.4",
+        "--tilt",
+    ]
+    assert main([*order, "--quiet", "--out", str(tmp_path / "out")]) == 0
+    assert "leave --tilt out" in capsys.readouterr().out
+
+
 def test_mujocos_axis_leans_as_the_full_model_within_the_stated_error(plain, geared):
     pytest.importorskip("mujoco")
     for mechanism, found in (plain, geared):

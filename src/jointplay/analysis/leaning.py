@@ -57,8 +57,8 @@ def leaning(mechanism: Mechanism, joint: str, q: np.ndarray) -> Leaning | None:
     for part in clearance.freedoms:
         if part not in clearance.ideal_freedoms:
             upright[:, mechanism.coordinates.index(f"{joint}.{part}")] = 0.0
-    part = next(one for one in sources(mechanism, upright) if one.name == joint)
-    moment = part.load[:, 3:5]
+    source = next(one for one in sources(mechanism, upright) if one.name == joint)
+    moment = source.load[:, 3:5]
     size = np.linalg.norm(moment, axis=1, keepdims=True)
     unit = np.divide(moment, size, out=np.zeros_like(moment), where=size > 0.0)
     _, tilt = play(clearance, second_order=False).reach

@@ -305,7 +305,7 @@ class _Link:
         start: tuple[float, float],
         seen: np.ndarray,
     ) -> tuple[float, np.ndarray]:
-        """Damping [N m s/rad] with which the link's angle comes closest to `seen`, and that angle."""
+        """Damping [N m s/rad] with which the link comes closest to `seen`, and its angle then."""
         tried = {}
         for part in _DAMPINGS:
             tried[part * gear.damping] = self.run(

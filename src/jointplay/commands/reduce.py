@@ -107,6 +107,12 @@ def run(options: argparse.Namespace) -> int:
         progress=not options.quiet,
     )
     print(model)
+    if options.tilt and model.tilt_error > model.tilt > 0.0:
+        print(
+            "note: the error of the lean exceeds its dead band: its load does not turn the journal "
+            "to the rim (a side force presses both rims to one side, or nothing does); leave "
+            "--tilt out"
+        )
     mjcf = reduced_mjcf.to_mjcf(mechanism, model, encoder=options.encoder, tilt=options.tilt)
     texts = {f"{stem}.xml": mjcf}
     if "sdf" in wanted:
