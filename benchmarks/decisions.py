@@ -73,7 +73,8 @@ def one(number: int) -> dict[str, float]:
         positions = motion(t)[0]
         q = np.array([mechanism.configuration(dict(zip(UR5, p, strict=True))) for p in positions])
         found = budget(mechanism, q)
-        seen = dynamic_error(mechanism, motion, runs=1)
+        simulation = jp.Simulation(mechanism, motion, limits="ignore")
+        seen = dynamic_error(mechanism, motion, simulation, runs=1)
         row[f"{name}_bound"] = float((found.worst + found.second_order).max())
         row[f"{name}_rest"] = float(found.rest_error.max())
         row[f"{name}_peak"] = float(seen.peak.max())
