@@ -325,7 +325,7 @@ def test_the_commands_take_a_scenario_with_a_loop(capsys):
     order = ["jointplay:slider_crank.toml", "--case", "0.2 mm"]
     assert main(["budget", *order]) == 0
     text = capsys.readouterr().out
-    assert "loops: crank_pin stands, rod_pin, guide follow" in text
+    assert "loops: driven crank_pin; following rod_pin, guide" in text
     row = next(line for line in text.splitlines() if line.startswith("all"))
     # The rod leans most where the crank is upright.
     most = 0.2 / math.cos(math.asin(CRANK / ROD))

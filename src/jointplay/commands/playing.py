@@ -120,8 +120,7 @@ def task(options: argparse.Namespace) -> Task:
     if mechanism.loops:
         near = {} if simulation is None else poses.start_of(simulation)
         driven = _driven(mechanism, motion, near)
-        follow = [name for name in poses.moving(mechanism) if name not in driven]
-        notes.append(f"loops: {', '.join(driven)} stands, {', '.join(follow)} follow")
+        notes.append(_loops(mechanism, driven))
     if options.workspace is not None:
         q = poses.over_workspace(mechanism, options.workspace, driven=driven, near=near)
         kind, words = "workspace", f"{len(q)} poses over the workspace"
@@ -143,6 +142,15 @@ def task(options: argparse.Namespace) -> Task:
         if options.pose is None:
             words += " (chosen: zero, or the middle of the limits; see --pose, --motion)"
     return Task(mechanism, q, words, kind, motion, simulation, driven, tuple(notes))
+
+
+def _loops(mechanism: Mechanism, driven: tuple[str, ...]) -> str:
+    """Which joints of the loops stand and which follow, a line."""
+    from jointplay.analysis import closing, poses
+
+    passive = closing.passive_coordinates(mechanism, driven)
+    follow = [name for name in poses.moving(mechanism) if mechanism.coordinate(name) in passive]
+    return f"loops: driven {', '.join(driven) or 'none'}; following {', '.join(follow) or 'none'}"
 
 
 def _driven(mechanism: Mechanism, motion: Motion | None, near: dict[str, float]) -> tuple[str, ...]:
