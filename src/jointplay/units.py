@@ -106,10 +106,10 @@ def convert(value: Any, *units: str) -> Measured:
         if (isinstance(value, int) and abs(value) > _LARGEST) or not math.isfinite(value):
             raise ValueError(f"{shown(value)} is not finite; expected {expected(*units)}")
         return Measured(float(value), "", str(value))
-    found = _QUANTITY.fullmatch(value) if isinstance(value, str) else None
-    if found is None:
+    match = _QUANTITY.fullmatch(value) if isinstance(value, str) else None
+    if match is None:
         raise ValueError(f"{shown(value)} is {_no(units)}; expected {expected(*units)}")
-    number, text = found.groups()
+    number, text = match.groups()
     usual, factor = _COMMON.get(text, ("", 1.0))
     if usual in units and usual:
         return _measured(value, number, factor, usual, units)

@@ -59,13 +59,13 @@ class ErrorModel:
     def _draw(self, parts: Sequence[Part], count: int = SAMPLES) -> np.ndarray:
         """States of each part under loads of random directions, (parts, n, count, 3) [m]."""
         random = np.random.default_rng(self.seed)
-        found = []
+        states = []
         for part in parts:
             d = random.normal(size=(1, count, 3))
             d /= np.linalg.norm(d, axis=2, keepdims=True)
             shape = (len(part.move), count, 3)
-            found.append(part.along(np.broadcast_to(d, shape))[1][..., :3])
-        return np.stack(found)
+            states.append(part.along(np.broadcast_to(d, shape))[1][..., :3])
+        return np.stack(states)
 
     def with_clearance(self, clearance: np.ndarray) -> Mechanism:
         """The mechanism with these clearances."""
@@ -156,19 +156,19 @@ class Problem:
             # The solver's tolerances are absolute: in parts of the room and of these clearances.
             alone = (room[:, None] / np.maximum(rows, 1e-12)).min(axis=0)
             unit = np.clip(alone, self.least, self.most)
-            found = linprog(
+            optimum = linprog(
                 -self.weight * unit / unit.max(),
                 A_ub=rows * unit / room[:, None],
                 b_ub=np.ones(len(rows)),
                 bounds=[(self.least / u, self.most / u) for u in unit],
                 method="highs",
             )
-            if not found.success:
-                raise JointplayError(f"no clearances keep the target: {found.message}")
-            return np.clip(found.x * unit, self.least, self.most)
+            if not optimum.success:
+                raise JointplayError(f"no clearances keep the target: {optimum.message}")
+            return np.clip(optimum.x * unit, self.least, self.most)
         # In logarithms of clearances the problem is convex too, and well scaled.
         cost = self.value(start)
-        found = minimize(
+        optimum = minimize(
             lambda y: self.value(np.exp(y)) / cost,
             np.log(start),
             jac=lambda y: self.slope(np.exp(y)) * np.exp(y) / cost,
@@ -181,7 +181,7 @@ class Problem:
             method="SLSQP",
             options={"maxiter": 500, "ftol": 1e-14},
         )
-        c = np.clip(np.exp(found.x), self.least, self.most)
+        c = np.clip(np.exp(optimum.x), self.least, self.most)
         over = float((rows @ c / room).max())
         return c if over <= 1.0 else self.shrunk(c, rows, room)
 

@@ -140,34 +140,34 @@ def allocate(
         )
     aim = target
     for _ in range(4 if quantile else 6):
-        found, rows, offsets = _solve(model, problem, aim)
-        true, spread = _true_error(model, found)
-        if _CLOSE * target <= true <= target or (found >= most * (1 - 1e-9)).all():
+        clearances, rows, offsets = _solve(model, problem, aim)
+        true, spread = _true_error(model, clearances)
+        if _CLOSE * target <= true <= target or (clearances >= most * (1 - 1e-9)).all():
             break
         aim *= 0.5 * (1.0 + _CLOSE) * target / true
-    slack = aim - rows @ found - offsets
+    slack = aim - rows @ clearances - offsets
     binding = np.flatnonzero(slack < 1e-3 * target)
-    price, multipliers = problem.duals(found, rows[binding])
+    price, multipliers = problem.duals(clearances, rows[binding])
     total = multipliers.sum()
     gain = multipliers @ rows[binding] / total if total > 0.0 else rows[np.argmin(slack)]
     bound = tuple(
         "least" if c <= least * (1 + 1e-6) else "most" if c >= most * (1 - 1e-6) else ""
-        for c in found
+        for c in clearances
     )
     return Allocation(
         target,
         quantile,
         cost,
         names,
-        found,
+        clearances,
         true,
         spread,
-        problem.value(found),
+        problem.value(clearances),
         gain,
         price * 1e-6,
         float(total) * 1e-6,
         bound,
-        model.with_clearance(found),
+        model.with_clearance(clearances),
     )
 
 

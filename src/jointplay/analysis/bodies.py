@@ -47,7 +47,7 @@ def bodies(mechanism: Mechanism) -> list[Body]:
     pin.computeJointJacobians(model, data, np.zeros(model.nq))
     names = [str(name) for name in model.names]
     low, high = joint_limits(mechanism, [n for n in names[1:] if n in mechanism.joints])
-    found = []
+    tree = []
     for index in range(1, model.njoints):
         joint, name = model.joints[index], names[index]
         if joint.nv != 1:
@@ -56,7 +56,7 @@ def bodies(mechanism: Mechanism) -> list[Body]:
         twist = column.reshape(6, model.nv)[:, joint.idx_v]
         slides = bool(np.linalg.norm(twist[3:]) < 0.5)
         entry = mechanism.description.joints[name]
-        found.append(
+        tree.append(
             Body(
                 name,
                 "" if model.parents[index] == 0 else names[model.parents[index]],
@@ -69,7 +69,7 @@ def bodies(mechanism: Mechanism) -> list[Body]:
                 entry.damping,
             )
         )
-    return found
+    return tree
 
 
 def tool_site(mechanism: Mechanism) -> tuple[str, np.ndarray]:

@@ -101,14 +101,14 @@ def certify(
     notes, ideals = [], {}
     for number, (name, finer) in enumerate(plans.items(), 1):
         label = f"certifying, {number} of {len(plans)} ({_words(finer)})"
-        found, message = _run(finer, name == ASIDE, label, progress, begin)
-        if found is None:
+        rerun, message = _run(finer, name == ASIDE, label, progress, begin)
+        if rerun is None:
             notes.append(f"with {_words(finer)}, {message}")
             continue
         key = OWN if name == OWN else FINER if name == ASIDE else name
         if key not in ideals:
-            ideals[key] = _ideal(found, progress, begin)
-        values[name] = figures(found, ideals[key])
+            ideals[key] = _ideal(rerun, progress, begin)
+        values[name] = figures(rerun, ideals[key])
     certified = []
     for name, (value, unit) in values[PLAIN].items():
         known = {run: of[name][0] for run, of in values.items() if name in of}
@@ -235,12 +235,12 @@ def _ideal(result: Result, progress: bool, begin: Begin) -> Result | None:
         begin(prepared)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)
-            found = prepared.execute(progress, check_step=False)
+            ideal = prepared.execute(progress, check_step=False)
     except JointplayError:
         return None
-    if found.status == Status.INTERRUPTED:
+    if ideal.status == Status.INTERRUPTED:
         raise KeyboardInterrupt
-    return found if found.status == Status.COMPLETED else None
+    return ideal if ideal.status == Status.COMPLETED else None
 
 
 def figures(result: Result, ideal: Result | None) -> dict[str, tuple[float, str]]:
@@ -253,7 +253,7 @@ def figures(result: Result, ideal: Result | None) -> dict[str, tuple[float, str]
     Returns:
         Value and unit by name.
     """
-    found: dict[str, tuple[float, str]] = {}
+    headlines: dict[str, tuple[float, str]] = {}
     judged = result.time >= result.judge_from
     if result.joints:
         forces = {"peak": result["joint_force_peak"], "RMS": result["joint_force"]}
@@ -267,21 +267,21 @@ def figures(result: Result, ideal: Result | None) -> dict[str, tuple[float, str]
             at = "" if len(names) == 1 else f", {name}"
             size = sizes[judged, k]
             value = size.max() if how == "peak" else np.sqrt(np.mean(size**2))
-            found[f"{how} joint force{at}"] = float(value), "N"
+            headlines[f"{how} joint force{at}"] = float(value), "N"
     if ideal is not None:
         error = analysis.accuracy(analysis.deviation(result, ideal), result.judge_from)
-        found["peak tool error"] = float(error.peak[3]), "m"
-        found["RMS tool error"] = float(error.rms[3]), "m"
+        headlines["peak tool error"] = float(error.peak[3]), "m"
+        headlines["RMS tool error"] = float(error.rms[3]), "m"
     if result.joints:
         begun = result.audit.judged_impacts
-        found["impacts"] = float(result.audit.impacts if begun is None else begun), ""
+        headlines["impacts"] = float(result.audit.impacts if begun is None else begun), ""
     losses = [result[name].values[judged] for name in LOSSES if name in result.dataset]
     lost = sum(float(values[-1] - values[0]) for values in losses)
     if "load_work" in result.dataset:
         work = result["load_work"].values[judged]
         lost += float(np.maximum(work[0] - work[-1], 0.0).sum())
-    found["dissipated energy"] = lost, "J"
+    headlines["dissipated energy"] = lost, "J"
     if ideal is not None and len(result.joints) == 1 and result.time[-1] > 2.0 * START_UP:
         measures = measure(result, ideal)
-        found |= {name: (float(measures[name]), CLAIM_UNITS[name]) for name in CLAIM_UNITS}
-    return found
+        headlines |= {name: (float(measures[name]), CLAIM_UNITS[name]) for name in CLAIM_UNITS}
+    return headlines

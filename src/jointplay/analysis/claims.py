@@ -139,8 +139,8 @@ def _greater(small: Ensemble, large: Ensemble, key: str, unit: str) -> tuple[str
 
 
 def _all(parts: Sequence[tuple[str, str]]) -> tuple[str, str]:
-    found = [verdict for verdict, _ in parts]
-    verdict = "no" if "no" in found else "undecided" if "undecided" in found else "yes"
+    verdicts = [verdict for verdict, _ in parts]
+    verdict = "no" if "no" in verdicts else "undecided" if "undecided" in verdicts else "yes"
     return verdict, "; ".join(text for _, text in parts)
 
 

@@ -50,7 +50,7 @@ def contacts(result: Result, start: float | None = None) -> list[Contacts]:
     start = result.judge_from if start is None else start
     later = np.diff(time, prepend=time[0])
     judged = time >= start
-    found = []
+    statistics = []
     for joint in result.joints:
         for contact in places(result, joint):
             at = {"joint": joint, "contact": contact}
@@ -62,7 +62,7 @@ def contacts(result: Result, start: float | None = None) -> list[Contacts]:
             top = [f + int(force[f : t + 1].argmax()) for f, t in zip(first, last, strict=True)]
             spacing = later[first]
             normal = result["normal_force"].sel(at).values[judged]
-            found.append(
+            statistics.append(
                 Contacts(
                     joint,
                     contact,
@@ -73,7 +73,7 @@ def contacts(result: Result, start: float | None = None) -> list[Contacts]:
                     float(np.mean(normal > 0.0)) if normal.size else 0.0,
                 )
             )
-    return found
+    return statistics
 
 
 def shares(

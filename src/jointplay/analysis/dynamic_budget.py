@@ -139,9 +139,9 @@ def dynamic_budget(
     first = 1 if base.seed is None else base.seed
     whole = [replace(base, seed=first + run) for run in range(runs)]
     single = [replace(_only(base, name), seed=first + run) for run in range(runs) for name in names]
-    found = traces([ideal_of(base), *whole, *single], jobs=jobs, keep=keep, progress=progress)
+    courses = traces([ideal_of(base), *whole, *single], jobs=jobs, keep=keep, progress=progress)
     since = whole[0].judged_from
-    errors = _errors(found[1:], found[0], since)
+    errors = _errors(courses[1:], courses[0], since)
     together = errors[:runs]
     alone = errors[runs:].reshape(runs, len(names), *errors.shape[1:])
     mean = (together**2).sum(axis=(1, 2))
@@ -286,11 +286,11 @@ def sensitivity(
         for (_, (low, high), change), x in zip(inputs, point, strict=True):
             one = change(one, low * (high / low) ** x if low > 0.0 else low + x * (high - low))
         work += [ideal_of(one), replace(one, seed=1 if base.seed is None else base.seed)]
-    found = traces(work, jobs=jobs, keep=keep, progress=progress)
+    courses = traces(work, jobs=jobs, keep=keep, progress=progress)
     rms = np.array(
         [
             math.sqrt((_errors([run], ideal, one.judged_from) ** 2).sum(axis=2).mean())
-            for ideal, run, one in zip(found[::2], found[1::2], work[1::2], strict=True)
+            for ideal, run, one in zip(courses[::2], courses[1::2], work[1::2], strict=True)
         ]
     )
     if np.ptp(rms) == 0.0:  # nothing varies, so nothing brings it about
@@ -332,14 +332,14 @@ def _inputs(base: Simulation, spread: float, slowest: float, payload: float) -> 
 
         return change
 
-    found: list[Input] = [(f"clearance {name}", range_, clearance(name)) for name in joints]
+    inputs: list[Input] = [(f"clearance {name}", range_, clearance(name)) for name in joints]
     if any(_coefficients(getattr(joint, "friction", None)) for joint in joints.values()):
-        found.append(("friction of the bearings", range_, _rougher))
+        inputs.append(("friction of the bearings", range_, _rougher))
     if slowest < 1.0:
-        found.append(("speed", (slowest, 1.0), _slower))
+        inputs.append(("speed", (slowest, 1.0), _slower))
     if payload > 0.0:
-        found.append(("payload [kg]", (0.0, payload), _loaded))
-    return found
+        inputs.append(("payload [kg]", (0.0, payload), _loaded))
+    return inputs
 
 
 def _coefficients(law: Any) -> dict[str, float]:

@@ -351,11 +351,11 @@ def _variations(poses: Sequence[Pose], motion: Motion) -> list[Variation]:
             way = here - earlier[-1]
             key = tuple(np.round(here, 8))
             places.setdefault(key, []).append((pose, way / np.linalg.norm(way)))
-    found = []
+    variations = []
     for group in places.values():
         first = group[0][1]
         if any(float(first @ way) < math.cos(_OTHER_WAY) for _, way in group[1:]):
             together = np.stack([pose.attained for pose, _ in group], axis=1)
             times = tuple(pose.time for pose, _ in group)
-            found.append(Variation(times, estimate(together, variation)))
-    return found
+            variations.append(Variation(times, estimate(together, variation)))
+    return variations

@@ -40,9 +40,9 @@ class Part:
         """
         rows = self.move[:, 3:] if turn else self.move[:, :3]
         loads = np.einsum("nmk,nkj->nmj", directions, rows)
-        found = self.play.support(loads.reshape(-1, 6))
-        point = found.point.reshape(loads.shape)
-        return found.value.reshape(loads.shape[:2]), np.einsum("nij,nmj->nmi", self.move, point)
+        support = self.play.support(loads.reshape(-1, 6))
+        point = support.point.reshape(loads.shape)
+        return support.value.reshape(loads.shape[:2]), np.einsum("nij,nmj->nmi", self.move, point)
 
 
 def sources(

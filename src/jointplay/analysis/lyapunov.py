@@ -106,15 +106,15 @@ def growths(
     """
     first = np.atleast_1d(np.asarray(state, float))
     difference = np.random.default_rng(seed).normal(size=first.shape)
-    found = np.empty(number)
+    logarithms = np.empty(number)
     for k in range(number):
         second = first + apart / np.linalg.norm(difference) * difference
         first, second = advance(first), advance(second)
         difference = second - first
-        found[k] = math.log(max(float(np.linalg.norm(difference)), 1e-300) / apart)
+        logarithms[k] = math.log(max(float(np.linalg.norm(difference)), 1e-300) / apart)
         if not difference.any():  # has died within rounding: any direction is as good
             difference = np.random.default_rng(k).normal(size=first.shape)
-    return found
+    return logarithms
 
 
 def stretching(
@@ -142,7 +142,7 @@ def stretching(
     first, second = (run.workspace for run in runs)
     scale, free = _weights(runs[0])
     apart = np.random.default_rng(0).normal(size=len(scale)) / _angles(scale)
-    found = []
+    logarithms = []
     steps = round(interval / simulation.step)
     for _ in range(round(runs[0].steps / steps)):
         apart = _allowed(runs[0], free * apart)
@@ -160,8 +160,8 @@ def stretching(
                 raise JointplayError(run.message(run.workspace.status))
             run.workspace.do(Command.SETTLE if run.method.single_rate else Command.SETTLE_MACRO)
         apart = free * np.concatenate([second.q - first.q, second.v - first.v])
-        found.append(math.log(np.linalg.norm(scale * apart) / APART))
-    return np.array(found)
+        logarithms.append(math.log(np.linalg.norm(scale * apart) / APART))
+    return np.array(logarithms)
 
 
 def _angles(scale: np.ndarray) -> np.ndarray:

@@ -237,7 +237,7 @@ def _rates(
     """Depth a cycle by joint [m], of each run."""
     own = with_worn(simulation, dict(worn))
     wearing = all_wearing(own)
-    found = []
+    rates = []
     for result in perturbed_runs(own, runs):
         depths = {
             name: depth_of(one, result, name) / cycles_per_run for name, one in wearing.items()
@@ -246,9 +246,9 @@ def _rates(
             raise JointplayError(
                 f"no journal slides under load in {', '.join(worn)}: their clearances last"
             )
-        found.append(depths)
+        rates.append(depths)
         bar.update()
-    return found
+    return rates
 
 
 def _cycles_until(

@@ -154,9 +154,9 @@ def orders(values: np.ndarray, turns: int, highest: float) -> tuple[np.ndarray, 
     """
     values = np.asarray(values, float)
     window = 0.5 - 0.5 * np.cos(2.0 * np.pi * np.arange(len(values)) / len(values))
-    found = 2.0 * np.abs(np.fft.rfft((values - values.mean()) * window)) / window.sum()
-    at = np.arange(len(found)) / turns
-    return at[at <= highest + 1e-9], found[at <= highest + 1e-9]
+    amplitudes = 2.0 * np.abs(np.fft.rfft((values - values.mean()) * window)) / window.sum()
+    at = np.arange(len(amplitudes)) / turns
+    return at[at <= highest + 1e-9], amplitudes[at <= highest + 1e-9]
 
 
 def room(simulation: Simulation, joint: str) -> tuple[float, float]:

@@ -23,10 +23,12 @@ class Observable:
 
 def names(mechanism: Mechanism) -> list[str]:
     """What can be observed of a mechanism: ``THING.QUANTITY``."""
-    found = [f"{joint}.{what}" for joint in mechanism.clearance for what in _OF_JOURNALS]
+    observables = [f"{joint}.{what}" for joint in mechanism.clearance for what in _OF_JOURNALS]
     for joint in mechanism.joints:
-        found += [f"{joint}.{what}" for what in ("position", "speed", "acceleration", "moment")]
-    return [*found, *(f"tool.{axis}" for axis in AXES), "tool.speed", "tool.acceleration"]
+        observables += [
+            f"{joint}.{what}" for what in ("position", "speed", "acceleration", "moment")
+        ]
+    return [*observables, *(f"tool.{axis}" for axis in AXES), "tool.speed", "tool.acceleration"]
 
 
 _OF_JOURNALS = ("x", "y", "z", "eccentricity", "force")
@@ -92,36 +94,36 @@ def _values(result: Result, mechanism: Mechanism, name: str) -> np.ndarray:
     if what in _OF_JOURNALS and thing in result.joints:
         return _of_journal(result, thing, what)
     at = mechanism.coordinate(thing)
-    found: np.ndarray
+    history: np.ndarray
     if what == "moment":
-        found = result["drive"].values[:, mechanism.motor(thing)]
+        history = result["drive"].values[:, mechanism.motor(thing)]
     elif what == "position":
-        found = result["q"].values[:, at]
+        history = result["q"].values[:, at]
     else:
-        found = result["v"].values[:, at]
+        history = result["v"].values[:, at]
     if what == "acceleration":
-        found = np.gradient(found, result.time, edge_order=2)
-    return found
+        history = np.gradient(history, result.time, edge_order=2)
+    return history
 
 
 def _of_tool(result: Result, what: str) -> np.ndarray:
-    found: np.ndarray
+    history: np.ndarray
     if what in AXES:
-        found = result["tool_position"].values[:, AXES.index(what)]
-        return found
+        history = result["tool_position"].values[:, AXES.index(what)]
+        return history
     velocity = result["tool_velocity"].values
     if what == "acceleration":
         velocity = np.gradient(velocity, result.time, axis=0, edge_order=2)
-    found = np.linalg.norm(velocity, axis=1)
-    return found
+    history = np.linalg.norm(velocity, axis=1)
+    return history
 
 
 def _of_journal(result: Result, joint: str, what: str) -> np.ndarray:
     index = result.joints.index(joint)
-    found: np.ndarray
+    history: np.ndarray
     if what == "force":
-        found = np.linalg.norm(result["joint_force"].values[:, index], axis=1)
-        return found
+        history = np.linalg.norm(result["joint_force"].values[:, index], axis=1)
+        return history
     centre = result["journal_centre"].values[:, index]
-    found = np.hypot(*centre[:, :2].T) if what == "eccentricity" else centre[:, AXES.index(what)]
-    return found
+    history = np.hypot(*centre[:, :2].T) if what == "eccentricity" else centre[:, AXES.index(what)]
+    return history

@@ -49,11 +49,11 @@ def determinism(near: np.ndarray, shortest: int = 2) -> float:
 
     1 for periodic motion, low for noise; chaos lies between. The main diagonal does not count.
     """
-    counted = found = 0
+    counted = aligned = 0
     for offset in range(1, len(near)):
         line = np.concatenate([[0], np.diagonal(near, offset).astype(int), [0]])
         ends = np.flatnonzero(np.diff(line))
         lengths = ends[1::2] - ends[::2]
         counted += int(lengths.sum())
-        found += int(lengths[lengths >= shortest].sum())
-    return found / counted if counted else 0.0
+        aligned += int(lengths[lengths >= shortest].sum())
+    return aligned / counted if counted else 0.0

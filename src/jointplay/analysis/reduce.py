@@ -305,17 +305,17 @@ class _Link:
         step = float(grid[1] - grid[0])
         lead = np.interp(grid, time, motor)
         speeds = np.gradient(lead, step)
-        found, (angle, speed) = np.empty(count + 1), start
+        angles, (angle, speed) = np.empty(count + 1), start
         slowed = step / (self.inertia + step * (damping + self.viscous))
         for i in range(count + 1):
-            found[i] = angle
+            angles[i] = angle
             twist = lead[i] - angle
             torque = stiffness * (twist - min(max(twist, -half), half)) + damping * speeds[i]
             torque += self.mean + self.even * math.cos(angle) + self.odd * math.sin(angle)
             free = slowed * (self.inertia / step * speed + torque)
             speed = math.copysign(max(abs(free) - slowed * self.friction, 0.0), free)
             angle += step * speed
-        return np.interp(time, grid, found)
+        return np.interp(time, grid, angles)
 
 
 def _across(

@@ -112,10 +112,10 @@ def replay(result: Result, windows: Sequence[tuple[float, float]]) -> Replay:
         0.0,
         loads=simulation.loads,
     ).dataset
-    found = np.rint(again["time"].values / step).astype(int)
-    same = again["q"].values[np.isin(found, kept)]
+    indices = np.rint(again["time"].values / step).astype(int)
+    same = again["q"].values[np.isin(indices, kept)]
     return Replay(
-        tuple(again.isel(time=(found >= a) & (found <= b)) for a, b in spans),
+        tuple(again.isel(time=(indices >= a) & (indices <= b)) for a, b in spans),
         _statistics(run) if result.joints else xr.Dataset(),
         bool(np.array_equal(same, result["q"].values)),
     )
@@ -152,14 +152,14 @@ def _statistics(run: Run) -> xr.Dataset:
     """Counts and impulses by joint and contact; not a number where there is no such contact."""
     joints, names = run.mechanism.clearance, contact_names(run.mechanism)
     wanted = ("onsets", "ended", "shortest_steps", "under_resolved", "impulse")
-    found = {name: np.full((len(joints), len(names)), np.nan) for name in wanted}
+    tables = {name: np.full((len(joints), len(names)), np.nan) for name in wanted}
     counted = run.workspace.contact_statistics()
     for j, joint in enumerate(joints.values()):
         at = [names.index(contact) for contact in joint.contacts]
-        for name, values in found.items():
+        for name, values in tables.items():
             values[j, at] = counted[name][j, : len(at)]
     return xr.Dataset(
-        {name: (("joint", "contact"), values) for name, values in found.items()},
+        {name: (("joint", "contact"), values) for name, values in tables.items()},
         {"joint": list(joints), "contact": names},
     )
 

@@ -100,8 +100,8 @@ class RunUp:
         """A quantity at equal angles of the crank in the turns of the rise, (turns records,)."""
         angle = self._angle(result.time)
         wanted = self.settle + np.arange(self.turns * self.records) / self.records
-        found: np.ndarray = np.interp(wanted, angle, observe(result, name).values)
-        return found
+        quantity: np.ndarray = np.interp(wanted, angle, observe(result, name).values)
+        return quantity
 
     def windows(self, number: int, window: int) -> np.ndarray:
         """First turns of `number` windows of so many turns, evenly over the rise.
@@ -129,8 +129,8 @@ class RunUp:
         order = np.zeros(0)
         for first in self.windows(number, window):
             part = values[first * self.records : (first + window) * self.records]
-            order, found = orders(part, window, highest)
-            rows.append(found)
+            order, amplitudes = orders(part, window, highest)
+            rows.append(amplitudes)
         return order, np.array(rows)
 
     def speeds(self, number: int, window: int) -> np.ndarray:
@@ -141,9 +141,8 @@ class RunUp:
         angle = self._angle(time)
         middle = self.settle + self.windows(number, window) + 0.5 * window
         at = motion.joints.index(self.joint)
-        speed = np.abs(motion(np.interp(middle, angle, time))[1][:, at])
-        found: np.ndarray = speed
-        return found
+        speed: np.ndarray = np.abs(motion(np.interp(middle, angle, time))[1][:, at])
+        return speed
 
     def _angle(self, time: np.ndarray) -> np.ndarray:
         """Turns since the start."""
@@ -151,5 +150,5 @@ class RunUp:
         assert motion is not None
         position = motion(time)[0][:, motion.joints.index(self.joint)]
         start = motion(np.zeros(1))[0][0, motion.joints.index(self.joint)]
-        found: np.ndarray = np.abs(position - start) / (2.0 * math.pi)
-        return found
+        turns: np.ndarray = np.abs(position - start) / (2.0 * math.pi)
+        return turns

@@ -77,7 +77,7 @@ def estimate(points: np.ndarray, statistic: Statistic) -> Estimate:
     for method in ("BCa", "percentile"):  # the first fails where all cycles are alike
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            found = stats.bootstrap(
+            interval = stats.bootstrap(
                 (np.arange(len(points)),),
                 resampled,
                 n_resamples=RESAMPLES,
@@ -87,6 +87,6 @@ def estimate(points: np.ndarray, statistic: Statistic) -> Estimate:
                 method=method,
                 random_state=np.random.default_rng(0),
             ).confidence_interval
-        if np.isfinite(found.low) and np.isfinite(found.high):
-            return Estimate(value, float(found.low), float(found.high))
+        if np.isfinite(interval.low) and np.isfinite(interval.high):
+            return Estimate(value, float(interval.low), float(interval.high))
     return Estimate(value, math.nan, math.nan)

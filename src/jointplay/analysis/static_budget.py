@@ -182,13 +182,13 @@ def budget(
         ],
         axis=1,
     )
-    worst, direction, worst_parts, found = _farthest(parts, n, turn=False)
+    worst, direction, worst_parts, errors = _farthest(parts, n, turn=False)
     worst_turn, _, turn_parts, _ = _farthest(parts, n, turn=True)
     # The states that a load of random direction brings about are those just found.
-    total = found.sum(axis=0)
+    total = errors.sum(axis=0)
     mean = (total**2).sum(axis=2).mean(axis=1)
     rms = np.sqrt(mean)
-    share = np.einsum("jnmk,nmk->nj", found, total) / total.shape[1]
+    share = np.einsum("jnmk,nmk->nj", errors, total) / total.shape[1]
     rms_parts = np.divide(share, rms[:, None], out=np.zeros_like(share), where=rms[:, None] > 0.0)
     rest = np.stack(
         [np.einsum("nij,nj->ni", part.move, part.play.support(part.load).point) for part in parts],
@@ -240,7 +240,7 @@ def _farthest(
     wanted = slice(3, 6) if turn else slice(0, 3)
     directions = np.broadcast_to(half_sphere(), (n, DIRECTIONS, 3))
     values, points = zip(*(part.along(directions, turn) for part in parts), strict=True)
-    found = np.stack(points)[..., wanted]
+    errors = np.stack(points)[..., wanted]
     best = np.sum(values, axis=0).argmax(axis=1)
     d = directions[np.arange(n), best]
     for _ in range(_REFINEMENTS):
@@ -248,7 +248,7 @@ def _farthest(
         size = np.linalg.norm(total, axis=1, keepdims=True)
         d = np.where(size > 0.0, total / np.where(size > 0.0, size, 1.0), d)
     shares = np.stack([part.along(d[:, None], turn)[0][:, 0] for part in parts], axis=1)
-    return shares.sum(axis=1), d, shares, found
+    return shares.sum(axis=1), d, shares, errors
 
 
 def _second_order(parts: Sequence[Part]) -> np.ndarray:

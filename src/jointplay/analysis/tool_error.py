@@ -181,18 +181,18 @@ def stops(motion: Motion, end: float) -> list[Stop]:
         return not moved.any() and bool((np.abs(motion(inside)[1]) <= limit).all())
 
     rest = (np.abs(velocity) <= limit).all(axis=1)
-    found: list[Stop] = []
+    waypoints: list[Stop] = []
     for index, time in enumerate(times):
-        if found and still(index - 1):
-            found[-1] = Stop(found[-1].start, float(time), True)
+        if waypoints and still(index - 1):
+            waypoints[-1] = Stop(waypoints[-1].start, float(time), True)
         else:
-            found.append(Stop(float(time), float(time), bool(rest[index])))
+            waypoints.append(Stop(float(time), float(time), bool(rest[index])))
     if end > times[-1]:
-        found[-1] = Stop(found[-1].start, end, True)
+        waypoints[-1] = Stop(waypoints[-1].start, end, True)
     tolerance = 1e-9 * max(end, 1.0)
     return [
         Stop(stop.start, min(stop.end, end), stop.at_rest)
-        for stop in found
+        for stop in waypoints
         if stop.start <= end + tolerance
     ]
 

@@ -65,18 +65,18 @@ def traces(
     if jobs is not None and jobs < 1:
         raise JointplayError(f"at least one process is needed, got {jobs}")
     keys = [_key(one) for one in simulations]
-    found: dict[str, Trace] = {}
+    runs: dict[str, Trace] = {}
     if keep is not None:
         _make(keep)
         for key in dict.fromkeys(keys):
             there = _read(keep / f"{key}.npz")
             if there is not None:
-                found[key] = there
-    todo = {k: s for k, s in zip(keys, simulations, strict=True) if k not in found}
+                runs[key] = there
+    todo = {k: s for k, s in zip(keys, simulations, strict=True) if k not in runs}
     number = min(jobs or cores(), max(len(todo), 1))
     bar = tqdm(
-        total=len(todo) + len(found),
-        initial=len(found),
+        total=len(todo) + len(runs),
+        initial=len(runs),
         disable=not progress,
         desc=what,
         unit="run",
@@ -84,8 +84,8 @@ def traces(
     with bar:
         if number == 1:
             for key, one in todo.items():
-                found[key] = _run(one)
-                _write(keep, key, found[key])
+                runs[key] = _run(one)
+                _write(keep, key, runs[key])
                 bar.update()
         else:
             kept = f"the runs so far are in {str(keep)!r}" if keep else "nothing was kept"
@@ -93,10 +93,10 @@ def traces(
                 futures = {pool.submit(_run, one): key for key, one in todo.items()}
                 for future in as_completed(futures):
                     key = futures[future]
-                    found[key] = future.result()
-                    _write(keep, key, found[key])
+                    runs[key] = future.result()
+                    _write(keep, key, runs[key])
                     bar.update()
-    return [found[key] for key in keys]
+    return [runs[key] for key in keys]
 
 
 def _run(simulation: Simulation) -> Trace:

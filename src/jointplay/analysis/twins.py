@@ -25,8 +25,8 @@ _MAY_DIFFER = (
 
 def inputs(result: Result) -> dict[str, Any]:
     """The run's inputs as plain data, as `Simulation.describe` wrote them."""
-    found: dict[str, Any] = json.loads(result.dataset.attrs["simulation"])
-    return found
+    description: dict[str, Any] = json.loads(result.dataset.attrs["simulation"])
+    return description
 
 
 def clearance_inputs(result: Result) -> dict[str, dict[str, Any]]:

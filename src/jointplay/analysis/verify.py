@@ -79,9 +79,9 @@ def dynamic_error(
         step = part * longest
         every = max(round(2e-4 / step), 1)
         own = replace(base, mechanism=mechanism, motion=motion, step=step, record_every=every)
-        found, message = _runs(own, runs, progress)
-        if found is not None:
-            return found
+        error, message = _runs(own, runs, progress)
+        if error is not None:
+            return error
     raise JointplayError(f"a run that was to verify failed: {message}")
 
 

@@ -232,13 +232,13 @@ def _block(
     simulation: Simulation, joint: str, runs: int, bar: tqdm
 ) -> tuple[dict[str, np.ndarray], float]:
     """Mean wear of the runs of one block by joint [m], and its relative standard error."""
-    found: list[dict[str, np.ndarray]] = []
+    depths: list[dict[str, np.ndarray]] = []
     wearing = all_wearing(simulation)
     for result in perturbed_runs(simulation, runs):
-        found.append({name: depth_of(one, result, name) for name, one in wearing.items()})
+        depths.append({name: depth_of(one, result, name) for name, one in wearing.items()})
         bar.update()
-    mean = {name: np.mean([one[name] for one in found], axis=0) for name in wearing}
-    total = np.array([one[joint].sum() for one in found])
+    mean = {name: np.mean([one[name] for one in depths], axis=0) for name in wearing}
+    total = np.array([one[joint].sum() for one in depths])
     if runs == 1 or total.mean() == 0.0:
         return mean, math.nan
     return mean, float(total.std(ddof=1) / math.sqrt(runs) / total.mean())

@@ -78,7 +78,7 @@ def run(options: argparse.Namespace) -> int:
             raise JointplayError(f"--weight must read JOINT=X, got {text!r}")
         weights[name] = quantity(value, "", f"--weight {name}")
     out = files.claim(options.out, ["allocation.csv", "allocation.png"]) if options.out else None
-    found = module.allocate(
+    allotment = module.allocate(
         work.mechanism,
         work.q,
         quantity(options.target, "m", "--target"),
@@ -91,34 +91,39 @@ def run(options: argparse.Namespace) -> int:
         if not note.startswith("play:"):
             print(note)
     print(f"at: {work.poses}")
-    print(found)
+    print(allotment)
     if options.verify is not None:
         from jointplay.analysis.verify import dynamic_error
 
         assert work.motion is not None
         seen = dynamic_error(
-            found.mechanism,
+            allotment.mechanism,
             work.motion,
             work.simulation,
             runs=options.verify,
             progress=not options.quiet,
         )
         peak = float(seen.peak.max())
-        kept = "keeps" if peak <= found.target else "exceeds"
-        print(f"{seen}; {kept} the target ({peak / found.target:.2f} of it)")
+        kept = "keeps" if peak <= allotment.target else "exceeds"
+        print(f"{seen}; {kept} the target ({peak / allotment.target:.2f} of it)")
     if out is not None:
         from jointplay.plots.allocate import allocation
 
-        files.write(out / "allocation.csv", _csv(found))
-        allocation(found).savefig(out / "allocation.png")
+        files.write(out / "allocation.csv", _csv(allotment))
+        allocation(allotment).savefig(out / "allocation.png")
         print(f"written to {options.out}: allocation.csv, allocation.png")
     return 0
 
 
-def _csv(found: Any) -> str:
+def _csv(allotment: Any) -> str:
     rows = ["joint,clearance_m,error_per_clearance,saved_by_a_micrometre,held_by"]
     for name, *numbers, bound in zip(
-        found.joints, found.clearance, found.gain, found.price, found.bound, strict=True
+        allotment.joints,
+        allotment.clearance,
+        allotment.gain,
+        allotment.price,
+        allotment.bound,
+        strict=True,
     ):
         rows.append(",".join([name, *(f"{x:.9g}" for x in numbers), bound or "target"]))
     return "\n".join(rows) + "\n"

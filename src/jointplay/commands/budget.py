@@ -38,36 +38,36 @@ def run(options: argparse.Namespace) -> int:
     names = ["budget.csv", "bars.png", "robot.png", "reach.png"]
     names += {"motion": ["course.png"], "workspace": ["map.png"]}.get(work.kind, [])
     out = files.claim(options.out, names) if options.out else None
-    found = budget(work.mechanism, work.q, force=force)
+    errors = budget(work.mechanism, work.q, force=force)
     for note in work.notes:
         print(note)
     print(f"at: {work.poses}")
-    if len(found.worst) > 1:
-        at = found.worst_pose
-        place = ", ".join(f"{x:.3f}" for x in found.positions[at])
+    if len(errors.worst) > 1:
+        at = errors.worst_pose
+        place = ", ".join(f"{x:.3f}" for x in errors.positions[at])
         print(
-            f"worst-case error of {found.tool!r} [mm]: least {1e3 * found.worst.min():.4f}, mean "
-            f"{1e3 * found.worst.mean():.4f}, largest {1e3 * found.worst.max():.4f} (pose {at}, "
+            f"worst-case error of {errors.tool!r} [mm]: least {1e3 * errors.worst.min():.4f}, mean "
+            f"{1e3 * errors.worst.mean():.4f}, largest {1e3 * errors.worst.max():.4f} (pose {at}, "
             f"tool at {place} m), which is made up like this:"
         )
-    print(found.table())
-    print(found.accuracy)
+    print(errors.table())
+    print(errors.accuracy)
     if out is None:
         return 0
     from jointplay.plots import budget as plots
 
-    files.write(out / "budget.csv", found.csv())
-    plots.bars(found).savefig(out / "bars.png")
-    plots.robot(work.mechanism, found, work.q).savefig(out / "robot.png", dpi=130)
-    plots.reachable(found).savefig(out / "reach.png")
+    files.write(out / "budget.csv", errors.csv())
+    plots.bars(errors).savefig(out / "bars.png")
+    plots.robot(work.mechanism, errors, work.q).savefig(out / "robot.png", dpi=130)
+    plots.reachable(errors).savefig(out / "reach.png")
     if work.kind == "motion":
         from jointplay.analysis.poses import times_along
 
         assert work.motion is not None
         time = times_along(work.motion)
-        plots.course(found, time).savefig(out / "course.png")
+        plots.course(errors, time).savefig(out / "course.png")
     if work.kind == "workspace":
-        plots.workspace_map(found).savefig(out / "map.png")
+        plots.workspace_map(errors).savefig(out / "map.png")
     print(f"written to {options.out}: {', '.join(names)}")
     return 0
 

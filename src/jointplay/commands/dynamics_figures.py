@@ -42,8 +42,8 @@ class Job:
     def rows(self, columns: list[str], work: Any, keys: list[tuple[float, ...]]) -> np.ndarray:
         """Numbers for each key, found or read; failures are said."""
         table = self.table(columns)
-        found = table.fill(work, keys, self.jobs, not self.options.quiet)
-        print(f"{found} of {len(keys)} runs done now, {len(keys) - found} were there")
+        done = table.fill(work, keys, self.jobs, not self.options.quiet)
+        print(f"{done} of {len(keys)} runs done now, {len(keys) - done} were there")
         failed = [key for key in keys if key in table.failures]
         for key in failed[:3]:
             at = f" at {', '.join(f'{x:g}' for x in key)}" if key else ""
@@ -140,15 +140,15 @@ def lyapunov(job: Job) -> Figure:
     columns = [f"growth 1/s turn {study.settle + k + 1}" for k in range(study.keep)]
     keys: list[tuple[float, ...]] = [()] if study.varied is None else _keys(study)
     rows = job.rows(columns, study.growth, keys)
-    found = [lyapunov.exponent(row, 1.0) if np.isfinite(row).all() else None for row in rows]
+    exponents = [lyapunov.exponent(row, 1.0) if np.isfinite(row).all() else None for row in rows]
     if study.varied is None:
-        (one,) = found
+        (one,) = exponents
         assert one is not None
         print(f"{one} [1/s]")
         return plots.exponent(rows[0], one, turn(study.simulation().motion), job.title)
-    counts = Counter(one.verdict for one in found if one is not None)
+    counts = Counter(one.verdict for one in exponents if one is not None)
     print(", ".join(f"{number} {verdict}" for verdict, number in counts.items()))
-    return plots.exponents(np.array(study.varied.values), found, study.varied.label, job.title)
+    return plots.exponents(np.array(study.varied.values), exponents, study.varied.label, job.title)
 
 
 def recurrence(job: Job) -> Figure:
@@ -181,9 +181,9 @@ def turns(job: Job) -> Figure:
                for k in range(number) for name in study.names]  # fmt: skip
     both = job.rows(columns, study.beside_ideal, [()]).reshape(2, number, len(study.names))
     labels = _units(study)
-    for name, found, plain in zip(study.names, both[0].T, both[1].T, strict=True):
-        ratio = np.abs(found).max() / max(np.abs(plain).max(), 1e-300)
-        print(f"{labels[name]}: largest {np.abs(found).max():.4g}, {ratio:.3g} of the ideal's")
+    for name, history, plain in zip(study.names, both[0].T, both[1].T, strict=True):
+        ratio = np.abs(history).max() / max(np.abs(plain).max(), 1e-300)
+        print(f"{labels[name]}: largest {np.abs(history).max():.4g}, {ratio:.3g} of the ideal's")
     angle = study.settle + np.arange(number) / study.records
     return plots.turns(angle, both[0], both[1], [labels[name] for name in study.names], job.title)
 
@@ -199,9 +199,9 @@ def waterfall(job: Job) -> Figure:
     highest = min(study.highest, study.records / 2)
     order = np.arange(int(highest * study.keep + 1e-6) + 1) / study.keep
     columns = [f"{study.names[0]} order {one:.6g}" for one in order]
-    found = job.rows(columns, study.spectrum, _keys(study))
+    amplitudes = job.rows(columns, study.spectrum, _keys(study))
     values, label = np.array(study.varied.values), _units(study)[study.names[0]]
-    return plots.waterfall(values, order, found, study.varied.label, label, job.title)
+    return plots.waterfall(values, order, amplitudes, study.varied.label, label, job.title)
 
 
 def runup(job: Job) -> Figure:
@@ -217,17 +217,17 @@ def runup(job: Job) -> Figure:
     columns = [
         f"{study.names[0]} window {k + 1} order {one:.6g}" for k in range(number) for one in order
     ]
-    found = job.rows(columns, study.rising, [()]).reshape(number, len(order))
+    amplitudes = job.rows(columns, study.rising, [()]).reshape(number, len(order))
     rising = study.run_up()
     speeds = rising.speeds(number, study.window) * 60.0 / (2.0 * np.pi)
-    k, at = np.unravel_index(int(found.argmax()), found.shape)
+    k, at = np.unravel_index(int(amplitudes.argmax()), amplitudes.shape)
     print(
         f"{number} windows of {study.window} turns, {speeds[0]:.5g} to {speeds[-1]:.5g} rpm; "
-        f"largest amplitude {found.max():.4g} at order {order[at]:g}, {speeds[k]:.5g} rpm"
+        f"largest amplitude {amplitudes.max():.4g} at order {order[at]:g}, {speeds[k]:.5g} rpm"
     )
     across = f"speed of {rising.joint} while it rises [rpm]"
     title = f"{job.title}, window {study.window} turns"
-    return plots.waterfall(speeds, order, found, across, _units(study)[study.names[0]], title)
+    return plots.waterfall(speeds, order, amplitudes, across, _units(study)[study.names[0]], title)
 
 
 def basin(job: Job) -> Figure:

@@ -139,7 +139,7 @@ def settings(options: Any, joints: Sequence[str]) -> list[Setting]:
     """
     from jointplay.scenario.settings import Setting
 
-    found = []
+    entries = []
     for flag in FLAGS:
         given = getattr(options, flag.attribute)
         if given is None:
@@ -148,16 +148,16 @@ def settings(options: Any, joints: Sequence[str]) -> list[Setting]:
         values = [read(one) for one in (given if isinstance(given, list) else [given])]
         for index, key in enumerate(flag.keys):
             value = values[index if len(values) > 1 else 0]
-            found += [Setting(k, value, flag.name) for k in _keys(flag, key, joints, options)]
-    if "drive.bandwidth" in {".".join(s.key) for s in found} or options.damping_ratio is not None:
-        found.insert(0, Setting(("drive", "kind"), "computed-torque", "--bandwidth"))
+            entries += [Setting(k, value, flag.name) for k in _keys(flag, key, joints, options)]
+    if "drive.bandwidth" in {".".join(s.key) for s in entries} or options.damping_ratio is not None:
+        entries.insert(0, Setting(("drive", "kind"), "computed-torque", "--bandwidth"))
     if options.allow_unphysical:
-        found.append(
+        entries.append(
             Setting(
                 ("robot", "allow_unphysical"), list(options.allow_unphysical), "--allow-unphysical"
             )
         )
-    return [*found, *_friction(options.joint_friction)]
+    return [*entries, *_friction(options.joint_friction)]
 
 
 def _keys(flag: Flag, key: str, joints: Sequence[str], options: Any) -> list[tuple[str, ...]]:
@@ -174,15 +174,15 @@ def _keys(flag: Flag, key: str, joints: Sequence[str], options: Any) -> list[tup
 def _friction(entries: Sequence[str]) -> list[Setting]:
     from jointplay.scenario.settings import Setting
 
-    found = []
+    coefficients = []
     for entry in entries:
         name, _, values = entry.partition("=")
         parts = [number(value.strip()) for value in values.split(",")]
         if not name or len(parts) != 2:
             raise JointplayError(f"--joint-friction must read JOINT=COULOMB,VISCOUS, got {entry!r}")
         for key, value in zip(("coulomb", "viscous"), parts, strict=True):
-            found.append(Setting(("joint_friction", name, key), value, "--joint-friction"))
-    return found
+            coefficients.append(Setting(("joint_friction", name, key), value, "--joint-friction"))
+    return coefficients
 
 
 @cache
@@ -196,12 +196,12 @@ def explanation(flag: Flag) -> str:
     """What the scenario's tables say of an option's key, with unit, choices and default."""
     parts = flag.keys[0].split(".")
     text = " ".join((_described(_schema(), _schema(), parts) or "").split())
-    found = _choices(_schema(), _schema(), parts)
+    choices = _choices(_schema(), _schema(), parts)
     text = text.replace("``", "").replace("`", "").rstrip(".")
-    if found and len(found) < MOST_CHOICES:
-        text = f"{text}: {', '.join(found)}" if text else ", ".join(found)
-    elif found:
-        text = f"{text or 'one'} of {len(found)}, see docs/laws.md: {', '.join(found[:3])} ..."
+    if choices and len(choices) < MOST_CHOICES:
+        text = f"{text}: {', '.join(choices)}" if text else ", ".join(choices)
+    elif choices:
+        text = f"{text or 'one'} of {len(choices)}, see docs/laws.md: {', '.join(choices[:3])} ..."
     default = f" (default {flag.default})" if flag.default else ""
     return f"{text}{default}: {flag.keys[0]}".removeprefix(": ").replace("%", "%%")
 
@@ -212,17 +212,17 @@ def _choices(whole_schema: dict[str, Any], part: Any, path: Sequence[str]) -> li
         return _choices(whole_schema, whole_schema["$defs"][part["$ref"].rpartition("/")[2]], path)
     if not path:
         words = [part["const"]] if "const" in part else part.get("enum", [])
-        found = [word for word in words if isinstance(word, str)]
+        choices = [word for word in words if isinstance(word, str)]
     else:
-        found = []
+        choices = []
         inner = part.get("properties", {}).get(path[0])
         if inner is None and isinstance(part.get("additionalProperties"), dict):
             inner = part["additionalProperties"]
         if inner is not None:
-            found = _choices(whole_schema, inner, path[1:])
+            choices = _choices(whole_schema, inner, path[1:])
     for choice in (*part.get("anyOf", ()), *part.get("oneOf", ())):
-        found += [word for word in _choices(whole_schema, choice, path) if word not in found]
-    return found
+        choices += [word for word in _choices(whole_schema, choice, path) if word not in choices]
+    return choices
 
 
 def _described(whole_schema: dict[str, Any], part: Any, path: Sequence[str]) -> str | None:

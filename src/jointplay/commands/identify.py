@@ -103,19 +103,19 @@ def run(options: argparse.Namespace) -> int:
         if out is not None:
             files.write(out / "plan.txt", text + "\n")
     else:
-        found = _identify(options, work, noise)
-        print(found)
+        fit = _identify(options, work, noise)
+        print(fit)
         if options.verify:
             from jointplay.analysis.identify.verification import verify
 
             if work.simulation is None:
                 raise JointplayError("--verify needs a scenario (.toml) with the measured motion")
-            print(verify(work.simulation, found, progress=not options.quiet))
+            print(verify(work.simulation, fit, progress=not options.quiet))
         if out is not None:
             from jointplay.plots.identify import identification
 
-            files.write(out / "identified.csv", found.csv())
-            identification(found).savefig(out / "identified.png")
+            files.write(out / "identified.csv", fit.csv())
+            identification(fit).savefig(out / "identified.png")
     if out is not None:
         print(f"written to {options.out}: {', '.join(names)}")
     return 0
@@ -160,12 +160,12 @@ def _noise(entries: list[str]) -> dict[str, float]:
     from jointplay.analysis.identify.reading import JOINT_UNITS, TOOL_UNITS
 
     units = {**TOOL_UNITS, **{kind: units[0] for kind, units in JOINT_UNITS.items()}}
-    found = {}
+    deviations = {}
     for text in entries:
         kind, equals, value = text.partition("=")
         if not equals or kind not in units:
             raise JointplayError(
                 f"--noise must read SIGNAL=X with a signal of {', '.join(units)}, got {text!r}"
             )
-        found[kind] = quantity(value, units[kind], f"--noise {kind}")
-    return found
+        deviations[kind] = quantity(value, units[kind], f"--noise {kind}")
+    return deviations

@@ -56,7 +56,7 @@ def run(options: argparse.Namespace) -> int:
     band = None if options.band is None else quantity(options.band, "m", "--band")
     out = files.claim(options.out, FILES) if options.out else None
     jobs = options.jobs
-    found = iso9283(
+    performance = iso9283(
         simulation,
         options.cycles,
         band=band,
@@ -65,17 +65,17 @@ def run(options: argparse.Namespace) -> int:
         progress=not options.quiet,
     )
     print(f"tool: {simulation.mechanism.tool!r}")
-    print(found)
+    print(performance)
     if out is not None:
         from jointplay.plots import iso9283 as plots
 
-        files.write(out / "iso9283.csv", found.csv())
+        files.write(out / "iso9283.csv", performance.csv())
         names = ["iso9283.csv"]
-        if found.poses:
-            plots.poses(found).savefig(out / "poses.png")
+        if performance.poses:
+            plots.poses(performance).savefig(out / "poses.png")
             names.append("poses.png")
-        if found.at is not None:
-            plots.path(found).savefig(out / "path.png")
+        if performance.at is not None:
+            plots.path(performance).savefig(out / "path.png")
             names.append("path.png")
         print(f"written to {options.out}: {', '.join(names)}; runs in {options.out}/cycles")
     return 0

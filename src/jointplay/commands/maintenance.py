@@ -46,7 +46,7 @@ def run(options: argparse.Namespace) -> int:
     simulation = Scenario.load(options.file, options.trust).simulation(options.case)
     names = ["maintenance.csv", "maintenance.png"]
     out = files.claim(options.out, names) if options.out else None
-    found = maintenance(
+    estimate = maintenance(
         simulation,
         target,
         blocks=options.blocks,
@@ -56,11 +56,11 @@ def run(options: argparse.Namespace) -> int:
         progress=not options.quiet,
     )
     print(f"tool: {simulation.mechanism.tool!r}")
-    print(found)
+    print(estimate)
     if out is not None:
         from jointplay.plots.maintenance import course
 
-        files.write(out / "maintenance.csv", found.csv())
-        course(found).savefig(out / "maintenance.png")
+        files.write(out / "maintenance.csv", estimate.csv())
+        course(estimate).savefig(out / "maintenance.png")
         print(f"written to {options.out}: {', '.join(names)}")
-    return 0 if found.reached else INTERRUPTED
+    return 0 if estimate.reached else INTERRUPTED

@@ -215,14 +215,14 @@ def _clearance(
         own = dict.fromkeys(chain)
     if None in own.values() and options.clearance is None:
         raise JointplayError('--clearance is missing: the radial clearance, such as "0.1 mm"')
-    found = {}
+    clearances = {}
     for name, length in own.items():
         option = "--clearance" if length is None else f"--joint {name}"
         radial = quantity(options.clearance if length is None else length, "m", option)
-        found[name] = _bearing(options, entries[name].kind, radial)
-    if found:
-        notes.append(f"play: {_words(found)}")
-    return found
+        clearances[name] = _bearing(options, entries[name].kind, radial)
+    if clearances:
+        notes.append(f"play: {_words(clearances)}")
+    return clearances
 
 
 def _bearing(options: argparse.Namespace, kind: str, radial: float) -> Clearance:
@@ -247,24 +247,24 @@ def _words(joints: dict[str, Clearance]) -> str:
 def _gears(options: argparse.Namespace, present: dict[str, Any]) -> dict[str, Any]:
     from jointplay.mechanism.gear import Gear
 
-    found = {}
+    gears = {}
     for text in options.gear:
         name, equals, angle = text.partition("=")
         if not equals:
             raise JointplayError(f"--gear must read JOINT=ANGLE, got {text!r}")
         whole = quantity(angle, "rad", f"--gear {name}")
         # Statics need the play only; a scenario's gear keeps the rest.
-        found[name] = replace(present.get(name, Gear(0.0, 0.1, 1e4)), play=whole)
-    return found
+        gears[name] = replace(present.get(name, Gear(0.0, 0.1, 1e4)), play=whole)
+    return gears
 
 
 def _positions(mechanism: Mechanism, text: str | None) -> dict[str, float]:
-    found = {}
+    positions = {}
     for part in filter(None, (text or "").split(",")):
         name, equals, value = (piece.strip() for piece in part.partition("="))
         if not equals:
             raise JointplayError(f"--pose must read JOINT=X,JOINT=X,..., got {part!r}")
         entry = mechanism.description.joints.get(name)
         unit = "m" if entry is not None and entry.slides else "rad"
-        found[name] = quantity(value, unit, f"--pose {name}")
-    return found
+        positions[name] = quantity(value, unit, f"--pose {name}")
+    return positions

@@ -96,7 +96,7 @@ def run(options: argparse.Namespace) -> int:
     for note in work.notes:
         print(note)
     pose = {**middle(mechanism), **_pose(mechanism, work.q)}
-    found = reduce_joint(
+    model = reduce_joint(
         mechanism,
         joint,
         pose,
@@ -106,27 +106,27 @@ def run(options: argparse.Namespace) -> int:
         period=quantity(options.period, "s", "--period") if options.period else PERIOD,
         progress=not options.quiet,
     )
-    print(found)
-    mjcf = reduced_mjcf.to_mjcf(mechanism, found, encoder=options.encoder, tilt=options.tilt)
+    print(model)
+    mjcf = reduced_mjcf.to_mjcf(mechanism, model, encoder=options.encoder, tilt=options.tilt)
     texts = {f"{stem}.xml": mjcf}
     if "sdf" in wanted:
-        texts[f"{stem}.sdf"] = reduced_files.to_sdf(mechanism, found)
+        texts[f"{stem}.sdf"] = reduced_files.to_sdf(mechanism, model)
     if "urdf" in wanted:
-        texts[f"{stem}.urdf"] = reduced_files.to_urdf(mechanism, found)
-        texts[f"{stem}.yaml"] = reduced_files.to_yaml(found, options.encoder)
+        texts[f"{stem}.urdf"] = reduced_files.to_urdf(mechanism, model)
+        texts[f"{stem}.yaml"] = reduced_files.to_yaml(model, options.encoder)
     if "json" in wanted:
-        texts[f"{stem}.json"] = reduced_files.to_json(found, options.encoder, options.spread)
+        texts[f"{stem}.json"] = reduced_files.to_json(model, options.encoder, options.spread)
     for name in files_out:
         files.write(out / name, texts[name])
     from jointplay.plots.reduce import reversals
 
-    reversals(found).savefig(out / "reversals.png")
+    reversals(model).savefig(out / "reversals.png")
     if options.check:
-        seen = reduced_mjcf.follow(mjcf, found)
-        kept = "within" if seen.error <= found.angle_error else "beyond"
+        seen = reduced_mjcf.follow(mjcf, model)
+        kept = "within" if seen.error <= model.angle_error else "beyond"
         print(
             f"MuJoCo: link's angle off by up to {1e6 * seen.error:.4g} urad, {kept} the stated "
-            f"{1e6 * found.angle_error:.4g}; {1e6 * seen.step_seconds:.3g} us a step of "
+            f"{1e6 * model.angle_error:.4g}; {1e6 * seen.step_seconds:.3g} us a step of "
             f"{1e3 * seen.step:.3g} ms"
         )
     print(f"written to {options.out}: {', '.join([*files_out, 'reversals.png'])}")

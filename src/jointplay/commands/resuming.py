@@ -69,7 +69,7 @@ def finished(out: Path, files: Mapping[str, str], given: Mapping[str, Any]) -> l
     from jointplay.result.result import Result
     from jointplay.simulation.checkpoint import differing
 
-    found = []
+    cases = []
     for case, name in files.items():
         path = out / name
         if beside(path)[1].exists() or not path.exists():
@@ -88,8 +88,8 @@ def finished(out: Path, files: Mapping[str, str], given: Mapping[str, Any]) -> l
                 f"{str(path)!r} was interrupted and has no checkpoint; delete it to begin anew, or "
                 "name another folder"
             )
-        found.append(case)
-    return found
+        cases.append(case)
+    return cases
 
 
 def go_on(run: Run, path: Path) -> bool:

@@ -35,20 +35,20 @@ def run(options: argparse.Namespace) -> int:
     if options.name is not None:
         print(_detail(robots.survey(options.name)))
         return 0
-    found = [robots.survey(name) for name in robots.names()]
-    arms = [robot for robot in found if robot.serial]
-    others = [robot for robot in found if not robot.serial]
+    surveys = [robots.survey(name) for name in robots.names()]
+    arms = [robot for robot in surveys if robot.serial]
+    others = [robot for robot in surveys if not robot.serial]
     print("\n".join(["ARMS (revolute joints on one path)", *map(_entry, arms)]))
     print("\n".join(["OTHERS (the base is held fast)", *map(_entry, others)]))
     return 0
 
 
-def _entry(found: Survey) -> str:
-    lines = [found.name]
-    for kind in dict.fromkeys(found.moving.values()):
-        joints = [joint for joint, its in found.moving.items() if its == kind]
+def _entry(survey: Survey) -> str:
+    lines = [survey.name]
+    for kind in dict.fromkeys(survey.moving.values()):
+        joints = [joint for joint, its in survey.moving.items() if its == kind]
         lines.append(_wrapped(f"{len(joints)} {kind}: {', '.join(joints)}"))
-    lines += [_wrapped(f"! {remark}") for remark in found.remarks]
+    lines += [_wrapped(f"! {remark}") for remark in survey.remarks]
     return "\n".join(lines)
 
 
@@ -58,29 +58,29 @@ def _wrapped(text: str) -> str:
     )
 
 
-def _detail(found: Survey) -> str:
-    lines = [f"{found.name}: {found.path}"]
-    if found.mechanism is None:
-        lines += [f"    {joint}  {kind}" for joint, kind in found.moving.items()]
+def _detail(survey: Survey) -> str:
+    lines = [f"{survey.name}: {survey.path}"]
+    if survey.mechanism is None:
+        lines += [f"    {joint}  {kind}" for joint, kind in survey.moving.items()]
     else:
-        lines += _joints(found, found.mechanism.description) + _frames(found.mechanism)
-    remarks = list(found.remarks)
-    if found.bare:
+        lines += _joints(survey, survey.mechanism.description) + _frames(survey.mechanism)
+    remarks = list(survey.remarks)
+    if survey.bare:
         remarks.append(
-            f"no mass of their own: {', '.join(found.bare)}; joints beside them can have no "
+            f"no mass of their own: {', '.join(survey.bare)}; joints beside them can have no "
             "clearance until the URDF gives them an <inertial>"
         )
     lines += [_wrapped(f"! {remark}") for remark in remarks]
-    if found.unphysical:
-        lines.append(f"    option: --allow-unphysical {','.join(found.unphysical)}")
+    if survey.unphysical:
+        lines.append(f"    option: --allow-unphysical {','.join(survey.unphysical)}")
     return "\n".join(lines)
 
 
-def _joints(found: Survey, description: Description) -> list[str]:
+def _joints(survey: Survey, description: Description) -> list[str]:
     """A table of the moving joints, a line each."""
     rows = [("joint", "kind", "parent", "child", "position", "speed", "effort", "")]
     gears = description.transmissions
-    for name in found.moving:
+    for name in survey.moving:
         entry = description.joints[name]
         unit, force = ("m", "N") if entry.slides else ("rad", "N m")
         position = "" if entry.lower is None else f"{entry.lower:.4g} to {entry.upper:.4g} {unit}"

@@ -172,10 +172,10 @@ def _of_robot(
     settings = [*flags.settings(options, joints), *own, *given]
     scenario, told = robot_scenario(target, joints, settings, options.ideal)
     integration = scenario.data(scenario.cases[0]).get("integration", {})
-    found = None if target is None or "step" in integration else step_for(scenario)
-    if found is None:
+    choice = None if target is None or "step" in integration else step_for(scenario)
+    if choice is None:
         return scenario, told
-    step, reason = found
+    step, reason = choice
     settings.append(Setting(("integration", "step"), step, "step chosen"))
     scenario, told = robot_scenario(target, joints, settings, options.ideal)
     return scenario, f"{told}\nstep: {step:g} s (chosen: {reason}; --step takes another)"
@@ -185,14 +185,14 @@ def _with_lengths(entries: list[str]) -> tuple[list[str], list[Setting]]:
     """Names of joints, and the clearance of those that are given as NAME=LENGTH."""
     from jointplay.scenario.settings import Setting
 
-    names, found = [], []
+    names, lengths = [], []
     for entry in entries:
         name, equals, length = entry.partition("=")
         names.append(name)
         if equals:
             key = ("joints", name, "clearance")
-            found.append(Setting(key, flags.number(length), f"--joint {entry}"))
-    return names, found
+            lengths.append(Setting(key, flags.number(length), f"--joint {entry}"))
+    return names, lengths
 
 
 def _require_known(target: str) -> None:

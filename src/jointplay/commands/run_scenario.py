@@ -138,15 +138,15 @@ def file_names(cases: Sequence[str]) -> list[str]:
     """A file for each case: its label, but for what some file system does not take."""
     import re
 
-    found: list[str] = []
+    names: list[str] = []
     for case in cases:
         stem = re.sub(r"[^\w.+-]+", "_", case).strip("._") or "case"
         stem = stem.encode()[:_LONGEST_NAME].decode(errors="ignore")
         name, number = f"{stem}.nc", 2
-        while name.lower() in (other.lower() for other in found):
+        while name.lower() in (other.lower() for other in names):
             name, number = f"{stem}_{number}.nc", number + 1
-        found.append(name)
-    return found
+        names.append(name)
+    return names
 
 
 def _execute(

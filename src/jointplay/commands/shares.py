@@ -73,14 +73,14 @@ def run(options: argparse.Namespace) -> int:
         "keep": kept,
         "progress": not options.quiet,
     }
-    found = dynamic_budget(simulation, options.runs, **some)
+    budget = dynamic_budget(simulation, options.runs, **some)
     print(f"tool: {simulation.mechanism.tool!r}")
-    print(found)
+    print(budget)
     if out is not None:
         from jointplay.plots.shares import bars
 
-        files.write(out / "shares.csv", found.csv())
-        bars(found).savefig(out / "shares.png")
+        files.write(out / "shares.csv", budget.csv())
+        bars(budget).savefig(out / "shares.png")
         print(f"written to {options.out}: {', '.join(names)}; runs in {options.out}/runs")
     if options.sobol is not None:
         print(

@@ -62,8 +62,8 @@ def run(options: argparse.Namespace) -> int:
         yes=options.yes,
         progress=not options.quiet,
     )
-    found = open_sweep(options.out)
-    print(table(found, options.rows))
-    failed = int(np.count_nonzero(found["state"].values == 2))
+    dataset = open_sweep(options.out)
+    print(table(dataset, options.rows))
+    failed = int(np.count_nonzero(dataset["state"].values == 2))
     print(f"\nresults in {options.out}")
-    return FAILED if failed == found["state"].size else 0
+    return FAILED if failed == dataset["state"].size else 0

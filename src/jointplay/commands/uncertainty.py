@@ -37,9 +37,9 @@ def run(options: argparse.Namespace) -> int:
     from jointplay.sweeps.statements import statements
 
     out = files.check_new(options.out) if options.out else None
-    found = open_sweep(Path(options.store))
-    print(statements(found, options.measure, options.precision))
+    dataset = open_sweep(Path(options.store))
+    print(statements(dataset, options.measure, options.precision))
     if out is not None:
-        draw_convergence(found, options.measure, options.precision).savefig(out)
+        draw_convergence(dataset, options.measure, options.precision).savefig(out)
         print(out)
     return 0

@@ -49,15 +49,15 @@ _MESSAGES = {
 
 def definition(kind: str) -> str:
     """Definition of a message with those of all its parts, as MCAP wants it."""
-    found = {"": f"std_msgs/Header header\n{_MESSAGES[kind]}"}
-    waiting = list(found.values())
+    definitions = {"": f"std_msgs/Header header\n{_MESSAGES[kind]}"}
+    waiting = list(definitions.values())
     while waiting:
         for part in re.findall(r"^(\w+/\w+)", waiting.pop(), re.MULTILINE):
-            if part not in found:
-                found[part] = _PARTS[part]
+            if part not in definitions:
+                definitions[part] = _PARTS[part]
                 waiting.append(_PARTS[part])
     rule = "=" * 80
-    return "".join(f"{rule}\nMSG: {n}\n{t}\n" if n else f"{t}\n" for n, t in found.items())
+    return "".join(f"{rule}\nMSG: {n}\n{t}\n" if n else f"{t}\n" for n, t in definitions.items())
 
 
 def mcap(result: Result, suffix: str, progress: bool) -> bytes:
@@ -86,14 +86,14 @@ def _messages(result: Result) -> Iterator[tuple[str, str, float, dict[str, Any]]
     """Topic, kind, time [s] and content of all messages, by time."""
     topics = _topics(result)
     try:
-        found = joint_trajectory(result)
+        motion = joint_trajectory(result)
     except JointplayError:  # only ball joints
-        found = None
-    names = list(found.joints) if found is not None else []
-    if found is not None:
-        yield "/joint_trajectory", "trajectory_msgs/msg/JointTrajectory", 0.0, message(found)
+        motion = None
+    names = list(motion.joints) if motion is not None else []
+    if motion is not None:
+        yield "/joint_trajectory", "trajectory_msgs/msg/JointTrajectory", 0.0, message(motion)
     for i, time in enumerate(result.time.tolist()):
-        if found is not None:
+        if motion is not None:
             yield (
                 "/joint_states",
                 "sensor_msgs/msg/JointState",
@@ -101,9 +101,9 @@ def _messages(result: Result) -> Iterator[tuple[str, str, float, dict[str, Any]]
                 {
                     "header": _header(time, ""),
                     "name": names,
-                    "position": found.position[i].tolist(),
-                    "velocity": found.velocity[i].tolist(),
-                    "effort": found.effort[i].tolist(),
+                    "position": motion.position[i].tolist(),
+                    "velocity": motion.velocity[i].tolist(),
+                    "effort": motion.effort[i].tolist(),
                 },
             )
         for topic, kind, frame, key, values in topics:
@@ -112,7 +112,7 @@ def _messages(result: Result) -> Iterator[tuple[str, str, float, dict[str, Any]]
 
 def _topics(result: Result) -> list[tuple[str, str, str, str, Any]]:
     """Topic, kind, frame, key and histories of what is sent at each record."""
-    found: list[tuple[str, str, str, str, Any]] = []
+    topics: list[tuple[str, str, str, str, Any]] = []
     if "tool_orientation" in result.dataset:
         pose = {
             "position": _vector(result["tool_position"].values),
@@ -122,7 +122,7 @@ def _topics(result: Result) -> list[tuple[str, str, str, str, Any]]:
             "linear": _vector(result["tool_velocity"].values),
             "angular": _vector(result["tool_angular_velocity"].values),
         }
-        found = [
+        topics = [
             ("/tool_pose", "geometry_msgs/msg/PoseStamped", "world", "pose", pose),
             ("/tool_twist", "geometry_msgs/msg/TwistStamped", "world", "twist", twist),
         ]
@@ -131,9 +131,9 @@ def _topics(result: Result) -> list[tuple[str, str, str, str, Any]]:
         place = f"/clearance/{re.sub(r'[^A-Za-z0-9_]', '_', joint)}"
         force = _vector(result["joint_force"].sel(joint=joint).values)
         centre = _vector(result["journal_centre"].sel(joint=joint).values)
-        found.append((f"{place}/force", kind, "world", "vector", force))
-        found.append((f"{place}/journal_centre", kind, f"{joint}_bearing", "vector", centre))
-    return found
+        topics.append((f"{place}/force", kind, "world", "vector", force))
+        topics.append((f"{place}/journal_centre", kind, f"{joint}_bearing", "vector", centre))
+    return topics
 
 
 def _vector(values: np.ndarray, names: tuple[str, ...] | str = AXES) -> dict[str, list[float]]:

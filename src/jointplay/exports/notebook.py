@@ -39,7 +39,7 @@ def rows_of(result: Result) -> list[tuple[str, str]]:
     audit, time = result.audit, result.time
     span = f"{time[0]:g} to {time[-1]:g} s" if len(time) else "none"
     names = result["coordinate"].values.tolist()
-    found = [
+    rows = [
         ("records", f"{len(time)}, {span}"),
         ("coordinates", f"{len(names)}: {_few(names)}"),
         ("clearance in", _few(result.joints) or "no joint"),
@@ -48,17 +48,17 @@ def rows_of(result: Result) -> list[tuple[str, str]]:
     since = f" from {start:g} s on" if start > 0.0 else ""
     for k, joint in enumerate(result.joints):
         forces = np.linalg.norm(result["joint_force_peak"].values[time >= start, k], axis=1)
-        found.append((f"peak force in {joint}", f"{forces.max(initial=0.0):.4g} N{since}"))
+        rows.append((f"peak force in {joint}", f"{forces.max(initial=0.0):.4g} N{since}"))
     if result.joints:
-        found.append(("contacts", str(audit.impacts)))
-        found.append(
+        rows.append(("contacts", str(audit.impacts)))
+        rows.append(
             ("largest penetration", readable(float(f"{audit.largest_penetration:.3g}"), "m"))
         )
     percent = 100.0 * audit.relative_energy_residual
-    found.append(("energy residual", f"{audit.energy_residual:.3g} J, {percent:.2g} % of exchange"))
+    rows.append(("energy residual", f"{audit.energy_residual:.3g} J, {percent:.2g} % of exchange"))
     if result.certificate is not None:
-        found += [("certified", str(figure)) for figure in result.certificate.figures]
-    return found
+        rows += [("certified", str(figure)) for figure in result.certificate.figures]
+    return rows
 
 
 def _few(names: list[str], most: int = 8) -> str:

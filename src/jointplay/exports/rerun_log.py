@@ -58,8 +58,8 @@ def rrd(result: Result, suffix: str, progress: bool) -> bytes:
         variable, _, rest = name.partition(".")
         place = f"histories/{variable}" + (f"/{escape(rest)}" if rest else "")
         recording.log(place, rr.SeriesLines(names=[f"{name} [{unit}]"]), static=True)
-        found = rr.Scalars.columns(scalars=values.astype(float))
-        recording.send_columns(place, [time], found)
+        scalars = rr.Scalars.columns(scalars=values.astype(float))
+        recording.send_columns(place, [time], scalars)
     recording.flush()
     content: bytes = stream.read() or b""
     return content
@@ -132,5 +132,5 @@ def _forces(
         arrows = result["joint_force_peak"].sel(joint=joint).values * (longest / (largest or 1.0))
         place = f"force/{rr.escape_entity_path_part(joint)}"
         recording.log(place, rr.Arrows3D.from_fields(colors=[_RED]), static=True)
-        found = rr.Arrows3D.columns(vectors=arrows, origins=origins[joint])
-        recording.send_columns(place, [time], found)
+        vectors = rr.Arrows3D.columns(vectors=arrows, origins=origins[joint])
+        recording.send_columns(place, [time], vectors)

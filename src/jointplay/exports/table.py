@@ -28,7 +28,7 @@ _EFFORT = {"rad": "N m", "m": "N"}
 
 def columns(result: Result) -> dict[str, tuple[np.ndarray, str]]:
     """Values (n,) and unit of each column, by its name; the first is the time."""
-    found: dict[str, tuple[np.ndarray, str]] = {"time": (result.time, "s")}
+    histories: dict[str, tuple[np.ndarray, str]] = {"time": (result.time, "s")}
     for name, variable in result.dataset.data_vars.items():
         if "time" not in variable.dims:
             continue  # over the whole run, such as sliding_work
@@ -40,8 +40,8 @@ def columns(result: Result) -> dict[str, tuple[np.ndarray, str]]:
             if values.dtype.kind == "f" and len(values) and np.isnan(values).all():
                 continue
             parts = [str(label[i]) for label, i in zip(labels, index, strict=True)]
-            found[".".join([str(name), *parts])] = (values, _unit(result, str(name), index))
-    return found
+            histories[".".join([str(name), *parts])] = (values, _unit(result, str(name), index))
+    return histories
 
 
 def _unit(result: Result, name: str, index: tuple[int, ...]) -> str:
@@ -68,10 +68,10 @@ def dataframe(result: Result, every: int = 1) -> pd.DataFrame:
     """
     import pandas as pd
 
-    found = columns(exports.thinned(result, every))
-    table = pd.DataFrame({name: values for name, (values, _) in found.items()})
+    histories = columns(exports.thinned(result, every))
+    table = pd.DataFrame({name: values for name, (values, _) in histories.items()})
     table.attrs = {
-        "units": {name: unit for name, (_, unit) in found.items()},
+        "units": {name: unit for name, (_, unit) in histories.items()},
         "message": result.message,
     }
     return table

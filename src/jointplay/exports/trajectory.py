@@ -78,12 +78,12 @@ def stamp(time: float) -> dict[str, int]:
     return {"sec": seconds, "nanosec": nanoseconds}
 
 
-def message(found: Trajectory) -> dict[str, Any]:
+def message(motion: Trajectory) -> dict[str, Any]:
     """A ROS 2 ``trajectory_msgs/msg/JointTrajectory`` as plain data."""
-    rows = zip(found.time, found.position, found.velocity, found.effort, strict=True)
+    rows = zip(motion.time, motion.position, motion.velocity, motion.effort, strict=True)
     return {
         "header": {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": ""},
-        "joint_names": list(found.joints),
+        "joint_names": list(motion.joints),
         "points": [
             {
                 "positions": position.tolist(),
@@ -103,12 +103,12 @@ def trajectory(result: Result, suffix: str, progress: bool) -> bytes:
     Raises:
         JointplayError: PyYAML is not installed (for YAML).
     """
-    found = joint_trajectory(result)
+    motion = joint_trajectory(result)
     if suffix == ".csv":
         text = io.StringIO()
         writer = _csv.writer(text, lineterminator="\n")
-        writer.writerow(["time_s", *found.joints])
-        writer.writerows(np.column_stack([found.time, found.position]).tolist())
+        writer.writerow(["time_s", *motion.joints])
+        writer.writerows(np.column_stack([motion.time, motion.position]).tolist())
         return text.getvalue().encode()
     try:
         import yaml
@@ -116,7 +116,7 @@ def trajectory(result: Result, suffix: str, progress: bool) -> bytes:
         raise exports.needs("ros", "PyYAML", error) from None
     dumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
     options = {"sort_keys": False, "default_flow_style": None, "width": 10_000}
-    whole = message(found)
+    whole = message(motion)
     points = whole.pop("points")
     parts = [yaml.dump(whole, Dumper=dumper, **options), "points:\n"]
     with tqdm(desc="points", total=len(points), disable=not progress, unit="record") as bar:

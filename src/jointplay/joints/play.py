@@ -268,10 +268,10 @@ def _largest(near: np.ndarray, far: np.ndarray, hold: np.ndarray, most: np.ndarr
         sine = 0.5 * apart
         cosine = np.sqrt(1.0 - sine * sine)
         turned = 2.0 * (dot * (1.0 - 2.0 * sine * sine) + cross * 2.0 * sine * cosine)
-        found = np.sqrt(np.maximum(squares + turned, 0.0))
+        gains = np.sqrt(np.maximum(squares + turned, 0.0))
         for size, fits in inside:
-            found = np.maximum(found, np.where(apart <= fits, sums + apart * size, 0.0))
-        return found - hold * apart
+            gains = np.maximum(gains, np.where(apart <= fits, sums + apart * size, 0.0))
+        return gains - hold * apart
 
     farthest = 2.0 * np.sin(most)
     low, high = np.zeros_like(most), farthest.copy()

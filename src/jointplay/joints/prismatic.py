@@ -192,16 +192,16 @@ class PrismaticClearance(Clearance):
         given = self.clearance, 0.0 if self.planar else self.cy
         arms = self.width / 2, self.height / 2, self.length / 2
         free = "roll" in self.freedoms, "pitch" in self.freedoms, "yaw" in self.freedoms
-        found = BlockPlay(given, arms, free)
+        block = BlockPlay(given, arms, free)
         if not second_order or self.lock_tilt:
-            return found
+            return block
         corner = math.hypot(*arms)
         for _ in range(40):
-            more = 0.5 * corner * min(found.reach[1], 1.0) ** 2
+            more = 0.5 * corner * min(block.reach[1], 1.0) ** 2
             wide = given[0] + more, given[1] + more if given[1] else 0.0
             excess = max(w / g for w, g in zip(wide, given, strict=True) if g) - 1.0
-            found = BlockPlay(wide, arms, free, excess)
-        return found
+            block = BlockPlay(wide, arms, free, excess)
+        return block
 
     def scaled(self, factor: float) -> Self:
         """See `Clearance.scaled`."""

@@ -58,7 +58,7 @@ def statistics_of(contacts: np.ndarray) -> dict[str, np.ndarray]:
         "under_resolved_impulse": "impulse_under",
         "smallest_gap": "deepest",
     }
-    found = {name: contacts[field].copy() for name, field in names.items()}
+    statistics = {name: contacts[field].copy() for name, field in names.items()}
     # A contact that has not ended keeps its approach to itself.
     fastest = np.maximum(contacts["fastest"], contacts["ddelta0"])
-    return found | {"fastest_approach": fastest}
+    return statistics | {"fastest_approach": fastest}

@@ -101,7 +101,7 @@ def project(run, q, v):
     """Put into `found_minv` and `found_free` those of the closed mechanism at the state (q, v)."""
     nv = run.nv
     given, free = matrix(run.open_minv, nv, nv), floats(run.open_free, nv)
-    minv, found = matrix(run.found_minv, nv, nv), floats(run.found_free, nv)
+    minv, acceleration = matrix(run.found_minv, nv, nv), floats(run.found_free, nv)
     x, lacking = matrix(run.closing, 2, nv), matrix(run.lacking, 2, 3 * run.nh)
     place_bodies(run, q)
     swing_bodies(run, v)
@@ -112,7 +112,7 @@ def project(run, q, v):
             minv[i, k] = given[i, k] if i <= k else given[k, i]
     _constrain(run, minv, lacking, x)
     for i in range(nv):
-        found[i] = x[0, i]
+        acceleration[i] = x[0, i]
 
 
 @internal

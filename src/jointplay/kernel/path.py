@@ -100,7 +100,7 @@ def _find_path_error(run):
     nv = run.nv
     apart = run.path_start + 0.5 * run.path_span - run.middle_time
     square = apart * (apart + run.middles_apart)
-    found, found_free = matrix(run.found_minv, nv, nv), floats(run.found_free, nv)
+    answer, found_free = matrix(run.found_minv, nv, nv), floats(run.found_free, nv)
     middle, slope = matrix(run.minv_middle, nv, nv), matrix(run.minv_slope, nv, nv)
     curve, free_curve = matrix(run.minv_curve, nv, nv), floats(run.free_curve, nv)
     free_middle, free_slope = floats(run.free_middle, nv), floats(run.free_slope, nv)
@@ -120,7 +120,7 @@ def _find_path_error(run):
         miss = found_free[i] - free_middle[i] - apart * free_slope[i] - square * free_curve[i]
         acceleration = found_free[i]
         for k in range(nv):
-            value = found[i, k] if i <= k else found[k, i]
+            value = answer[i, k] if i <= k else answer[k, i]
             force = push[k] + effort[k] + loaded[k]
             change = apart * slope[i, k] + square * curve[i, k]
             miss += (value - middle[i, k] - change) * force
@@ -132,22 +132,22 @@ def _find_path_error(run):
 
 
 @internal
-def _draw(found, middle, slope, curve, value, rate, known, lengths):
+def _draw(answer, middle, slope, curve, value, rate, known, lengths):
     """Draw the parabola through a new middle and the last two `known`; begin at the step's start.
 
     `lengths`: half of the macro step, and how far apart the last two middles and those before are.
     """
     s, apart, before = -lengths[0], lengths[1], lengths[2]
-    for i in range(found.size):
+    for i in range(answer.size):
         bend = 0.0
         if known > 0:
-            rise = (found[i] - middle[i]) / apart
+            rise = (answer[i] - middle[i]) / apart
             bend = (rise - slope[i]) / (apart + before) if known > 1 else 0.0
             slope[i] = rise
         else:
             slope[i] = 0.0
-        curve[i], middle[i] = bend, found[i]
-        value[i] = found[i] + s * (slope[i] + bend * (s + apart))
+        curve[i], middle[i] = bend, answer[i]
+        value[i] = answer[i] + s * (slope[i] + bend * (s + apart))
         rate[i] = slope[i] + bend * (2.0 * s + apart)
 
 
@@ -166,10 +166,10 @@ def _take_middle(run):
     if run.events > 0:
         run.known_free = 0
     lengths = (0.5 * span, apart, run.middles_apart)
-    found = matrix(run.found_minv, nv, nv)
+    answer = matrix(run.found_minv, nv, nv)
     for i in range(nv):
         for k in range(i):
-            found[i, k] = found[k, i]
+            answer[i, k] = answer[k, i]
     _draw(
         floats(run.found_minv, nv * nv), floats(run.minv_middle, nv * nv),
         floats(run.minv_slope, nv * nv), floats(run.minv_curve, nv * nv),
@@ -237,12 +237,12 @@ def begin(run):
     for i in range(nv):
         path[HALF, i], path[JERK, i] = half[i], 0.0
         path[ACCELERATION, i] = path[MEAN, i] = a[i]
-    found, middle = matrix(run.found_minv, nv, nv), matrix(run.minv_middle, nv, nv)
+    answer, middle = matrix(run.found_minv, nv, nv), matrix(run.minv_middle, nv, nv)
     free, free_middle = floats(run.found_free, nv), floats(run.free_middle, nv)
     for i in range(nv):
         free_middle[i] = free[i]
         for k in range(nv):
-            middle[i, k] = found[i, k] if i <= k else found[k, i]
+            middle[i, k] = answer[i, k] if i <= k else answer[k, i]
     run.middle_time, run.departure = run.time, 0.0
     run.known_middles = run.known_free = 1
     run.mean_time = run.time

@@ -60,11 +60,11 @@ class Pointed:
 
     def _taken(self) -> dict[str, np.ndarray]:
         """Copies of all arrays by name, without `LEFT_OUT`; addresses are zero."""
-        found = {name: array.copy() for name, array in self._own().items()}
+        copies = {name: array.copy() for name, array in self._own().items()}
         for name, fields in self._addresses.items():
             for field in fields:
-                found[name][field] = 0
-        return found
+                copies[name][field] = 0
+        return copies
 
     def _put_back(self, kept: Mapping[str, np.ndarray]) -> None:
         """Write what `_taken` found into the arrays, all but the addresses.

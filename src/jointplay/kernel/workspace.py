@@ -291,10 +291,10 @@ class Workspace(Pointed):
 
         The table of the reference is left out; addresses are zero.
         """
-        found = self._taken()
-        found["written"] = self.record[: self.rows - self.kept_elsewhere].copy()
-        found["kept_elsewhere"] = np.array(self.kept_elsewhere)
-        return found
+        copies = self._taken()
+        copies["written"] = self.record[: self.rows - self.kept_elsewhere].copy()
+        copies["kept_elsewhere"] = np.array(self.kept_elsewhere)
+        return copies
 
     def restore(self, kept: Mapping[str, np.ndarray]) -> None:
         """Come back to what `snapshot` found in a workspace of the same simulation.

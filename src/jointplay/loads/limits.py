@@ -41,8 +41,8 @@ def require_known(limits: str) -> str:
 def bounds(mechanism: Mechanism) -> dict[str, float]:
     """Largest effort of each joint that has one in the URDF [N m or N]."""
     entries = mechanism.description.joints
-    found = {name: entries[name].effort for name in mechanism.joints if name in entries}
-    return {name: effort for name, effort in found.items() if effort is not None}
+    efforts = {name: entries[name].effort for name in mechanism.joints if name in entries}
+    return {name: effort for name, effort in efforts.items() if effort is not None}
 
 
 def check_motion(mechanism: Mechanism, motion: Motion, joints: Sequence[str]) -> list[str]:
@@ -61,7 +61,7 @@ def check_motion(mechanism: Mechanism, motion: Motion, joints: Sequence[str]) ->
     """
     times = np.linspace(0.0, motion.duration, max(round(motion.duration / INTERVAL_S), 1) + 1)
     position, velocity, _ = motion(times)
-    found = []
+    lines = []
     for name in joints:
         entry, k = mechanism.description.joints[name], motion.joints.index(name)
         worst = _positions(entry, times, position[:, k])
@@ -71,8 +71,8 @@ def check_motion(mechanism: Mechanism, motion: Motion, joints: Sequence[str]) ->
             )
         text = _largest(entry.speed, times, velocity[:, k], "a speed", _unit(entry, _SPEEDS))
         if text:
-            found.append(f"the motion asks joint {name!r} for {text}")
-    return found
+            lines.append(f"the motion asks joint {name!r} for {text}")
+    return lines
 
 
 def beyond(
@@ -86,7 +86,7 @@ def beyond(
         q, v: of the coordinates (n, nv).
         effort: of drives and controllers on the coordinates (n, nv).
     """
-    found = []
+    lines = []
     for name in mechanism.joints:
         entry = mechanism.description.joints.get(name)
         if entry is None or not len(times):
@@ -94,15 +94,15 @@ def beyond(
         at = mechanism.coordinate(name)
         worst = _positions(entry, times, q[:, at])
         if worst is not None:
-            found.append(f"joint {name!r} was at {worst}")
+            lines.append(f"joint {name!r} was at {worst}")
         for limit, values, word, units in (
             (entry.speed, v[:, at], "a speed", _SPEEDS),
             (entry.effort, effort[:, mechanism.motor(name)], "an effort", _EFFORTS),
         ):
             text = _largest(limit, times, values, word, _unit(entry, units))
             if text:
-                found.append(f"joint {name!r} had {text}")
-    return tuple(found)
+                lines.append(f"joint {name!r} had {text}")
+    return tuple(lines)
 
 
 def worst(mechanism: Mechanism, q: np.ndarray, v: np.ndarray, effort: np.ndarray) -> np.ndarray:

@@ -107,7 +107,7 @@ class Reference:
     def _make(self, block: int, progress: bool = False) -> np.ndarray:
         first = block * self._block
         times = np.arange(first, min(first + self._block, self.nodes)) * REFERENCE_NODE_S
-        found = np.zeros((3, len(times), max(len(self._columns), 1)))
+        table = np.zeros((3, len(times), max(len(self._columns), 1)))
         if self._order:
             assert self._motion is not None
             position, velocity, acceleration = (
@@ -117,13 +117,13 @@ class Reference:
             effort = self._ideal.efforts(times, progress)
         for u, column in enumerate(self._columns):
             if not isinstance(column, int):
-                found[2, :, u] = np.interp(times, *column)
+                table[2, :, u] = np.interp(times, *column)
                 continue
-            found[0, :, u], found[1, :, u] = position[:, column], velocity[:, column]
+            table[0, :, u], table[1, :, u] = position[:, column], velocity[:, column]
             if column in self._efforts:
                 states = (values[:, column] for values in (effort, velocity, acceleration))
-                found[2, :, u] = self._efforts[column](*states)
-        return np.hstack(list(found))
+                table[2, :, u] = self._efforts[column](*states)
+        return np.hstack(list(table))
 
 
 def nodes_ahead(seconds: float) -> int:

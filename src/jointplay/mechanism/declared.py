@@ -115,24 +115,24 @@ class Declared:
     def limits(self, name: str) -> Limits:
         """Limits of a joint; exporters write zeros, or twice the same, where they know none."""
         joint = self._joints[name]
-        found = joint.limit
-        if found is None or joint.type in ("fixed", "floating", "ball"):
+        limit = joint.limit
+        if limit is None or joint.type in ("fixed", "floating", "ball"):
             return Limits()
-        lower, upper = found.lower or 0.0, found.upper or 0.0
-        speed, effort = found.velocity or None, found.effort or None
+        lower, upper = limit.lower or 0.0, limit.upper or 0.0
+        speed, effort = limit.velocity or None, limit.effort or None
         if not lower < upper or joint.type == "continuous":
             return Limits(None, None, speed, effort)
         return Limits(lower, upper, speed, effort)
 
     def mimic(self, name: str) -> Mimic | None:
         """What a joint follows; None if nothing."""
-        found = self._joints[name].mimic
-        return None if found is None else Mimic(found.joint, found.multiplier, found.offset)
+        mimic = self._joints[name].mimic
+        return None if mimic is None else Mimic(mimic.joint, mimic.multiplier, mimic.offset)
 
     @cached_property
     def transmissions(self) -> dict[str, Transmission]:
         """By joint. yourdfpy (0.0.60) leaves them out."""
-        found = {}
+        transmissions = {}
         for element in ElementTree.fromstring(self._text).findall("transmission"):
             texts = [one.text for one in element.iter("mechanicalReduction")]
             try:
@@ -140,5 +140,7 @@ class Declared:
             except ValueError:
                 reduction = None
             for joint in element.findall("joint"):
-                found[joint.get("name", "")] = Transmission(element.get("name", ""), reduction)
-        return found
+                transmissions[joint.get("name", "")] = Transmission(
+                    element.get("name", ""), reduction
+                )
+        return transmissions

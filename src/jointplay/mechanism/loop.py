@@ -97,18 +97,18 @@ def misfit(mechanism: Mechanism, q: np.ndarray) -> dict[str, np.ndarray]:
         centre's offset [m], and angles on an arm of `ANGLE_ARM_M` [m]. By lock (`locked`), what it
         holds against its carriage: offset and all angles.
     """
-    found = {}
+    misfits = {}
     pin.forwardKinematics(mechanism.model, mechanism.data, q)
     for name in mechanism.loops:
         pose = mechanism.journal_pose(name)
         offset, angles = mechanism.loop_class(name).misfit(pose.rotation, pose.translation)
-        found[name] = np.concatenate([offset, ANGLE_ARM_M * angles])
+        misfits[name] = np.concatenate([offset, ANGLE_ARM_M * angles])
     for name in mechanism.locks:
         pose = mechanism.lock_pose(name)
-        found[locked(name)] = np.concatenate(
+        misfits[locked(name)] = np.concatenate(
             [pose.translation, ANGLE_ARM_M * pin.log3(pose.rotation)]
         )
-    return found
+    return misfits
 
 
 def locked(name: str) -> str:
@@ -183,13 +183,13 @@ def follow(mechanism: Mechanism, q: np.ndarray, held: Sequence[int]) -> np.ndarr
 def _open(mechanism: Mechanism, q: np.ndarray) -> np.ndarray:
     """By how much loops without clearance are open, in the order of `closing_rows`."""
     pin.forwardKinematics(mechanism.model, mechanism.data, q)
-    found = []
+    gaps = []
     for name in mechanism.loops:
         pose = mechanism.journal_pose(name)
-        found.append(pose.translation)
+        gaps.append(pose.translation)
         if mechanism.loop_class(name).holds_axis():  # no ideal slider closes a loop
-            found.append(np.array([-pose.rotation[1, 2], pose.rotation[0, 2]]))
-    return np.concatenate(found)
+            gaps.append(np.array([-pose.rotation[1, 2], pose.rotation[0, 2]]))
+    return np.concatenate(gaps)
 
 
 def _free(mechanism: Mechanism, held: Sequence[int], journals: bool) -> np.ndarray:
@@ -227,8 +227,8 @@ def _closed(
 
     from scipy.optimize import least_squares  # takes long to import
 
-    found = least_squares(error, q[free], xtol=1e-15, ftol=1e-15, gtol=1e-15, x_scale="jac")
-    moved[free] = found.x
+    solution = least_squares(error, q[free], xtol=1e-15, ftol=1e-15, gtol=1e-15, x_scale="jac")
+    moved[free] = solution.x
     return moved
 
 

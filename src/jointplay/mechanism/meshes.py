@@ -99,20 +99,20 @@ def _parts(path: Path, key: str) -> Parts:
     kept = cache_folder() / f"{key}.npz"
     with suppress(Exception):  # a damaged file is no file, whatever numpy says of it
         return _unpacked(kept)
-    found = _read(path)
+    parts = _read(path)
     with suppress(OSError, RuntimeError, JointplayError):  # no place to keep it
         kept.parent.mkdir(parents=True, exist_ok=True)
         _forget(kept.parent)
-        files.write(kept, _packed(found), overwrite=True)
+        files.write(kept, _packed(parts), overwrite=True)
         files.written.remove(kept)  # nothing that the user asked for
-    return found
+    return parts
 
 
 def _forget(folder: Path) -> None:
     """Delete the oldest files, should there be very many."""
-    found = list(folder.glob("*.npz"))
-    if len(found) >= _MOST_KEPT:
-        for file in sorted(found, key=lambda one: one.stat().st_mtime)[: _MOST_KEPT // 2]:
+    archives = list(folder.glob("*.npz"))
+    if len(archives) >= _MOST_KEPT:
+        for file in sorted(archives, key=lambda one: one.stat().st_mtime)[: _MOST_KEPT // 2]:
             file.unlink(missing_ok=True)
 
 
@@ -129,17 +129,17 @@ def _packed(parts: Parts) -> bytes:
 
 def _unpacked(path: Path) -> Parts:
     with np.load(path, allow_pickle=False) as kept:
-        found = []
+        parts = []
         for number in range(len(kept.files) // 3):
             colour = kept[f"colour{number}"]
             points = kept[f"points{number}"].astype(float)
             triangles = kept[f"triangles{number}"].astype(np.int64)
             if triangles.max() >= len(points):
                 raise ValueError("damaged")
-            found.append(Part(points, triangles, tuple(colour) if len(colour) else None))
-    if not found:
+            parts.append(Part(points, triangles, tuple(colour) if len(colour) else None))
+    if not parts:
         raise ValueError("empty")
-    return tuple(found)
+    return tuple(parts)
 
 
 def _read(path: Path) -> Parts:
@@ -152,15 +152,15 @@ def _read(path: Path) -> Parts:
     except Exception as error:  # trimesh and what it calls raise whatever they like
         reason = " ".join(str(error).split()) or type(error).__name__
         raise JointplayError(f"mesh {str(path)!r} cannot be read: {reason}") from None
-    found = []
+    parts = []
     for body in bodies:
         triangles = np.asarray(getattr(body, "faces", ()))
         if len(triangles):
             part = surface(size * np.asarray(body.vertices), triangles, _colour(body))
-            found += [part] if len(part.triangles) else []
-    if not found:
+            parts += [part] if len(part.triangles) else []
+    if not parts:
         raise JointplayError(f"mesh {str(path)!r} has no triangle")
-    return tuple(found)
+    return tuple(parts)
 
 
 def _metres(scene: Any) -> float:
@@ -181,12 +181,12 @@ def _colour(body: Any) -> Colour | None:
         red, green, blue = np.asarray(picture.convert("RGB")).reshape(-1, 3).mean(axis=0) / 255.0
         return float(red), float(green), float(blue), 1.0
     if material is not None:
-        found = np.asarray(material.main_color, float) / 255.0
+        colour = np.asarray(material.main_color, float) / 255.0
     elif looks.defined:
-        found = np.asarray(looks.main_color, float) / 255.0
+        colour = np.asarray(looks.main_color, float) / 255.0
     else:
         return None
-    red, green, blue, opacity = (float(value) for value in found[:4])
+    red, green, blue, opacity = (float(value) for value in colour[:4])
     return red, green, blue, opacity if opacity > 0.0 else 1.0
 
 

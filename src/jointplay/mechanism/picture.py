@@ -77,9 +77,9 @@ def picture(
             f"q must have the shape ({mechanism.model.nq},): {', '.join(mechanism.coordinates)}; "
             f"got {q.shape}"
         )
-    found = look(mechanism, folders)
+    looks = look(mechanism, folders)
     pin.framesForwardKinematics(mechanism.model, mechanism.data, q)
-    bodies, paints = _placed(mechanism, found, colours)
+    bodies, paints = _placed(mechanism, looks, colours)
     points = np.concatenate(bodies).reshape(-1, 3)
     low, high = points.min(axis=0), points.max(axis=0)
     size = float(np.linalg.norm(high - low))
@@ -104,24 +104,24 @@ def picture(
     axes.text(*tool, f"  {mechanism.tool}", color=_TOOL, fontsize=8, zorder=6, **_halo())
     _frame(axes, low, high, view)
     axes.set_title(title, fontsize=11)
-    _say_missing(figure, found)
+    _say_missing(figure, looks)
     return figure
 
 
-def _say_missing(figure: Figure, found: Look) -> None:
+def _say_missing(figure: Figure, looks: Look) -> None:
     """Name the meshes that were not found."""
-    if found.missing:
-        names = ", ".join(Path(name).name for name in found.missing[:3])
-        more = f" and {len(found.missing) - 3} more" if len(found.missing) > 3 else ""
+    if looks.missing:
+        names = ", ".join(Path(name).name for name in looks.missing[:3])
+        more = f" and {len(looks.missing) - 3} more" if len(looks.missing) > 3 else ""
         figure.text(0.01, 0.01, f"not found, simple shapes instead: {names}{more}", fontsize=8)
 
 
 def _placed(
-    mechanism: Mechanism, found: Look, colours: Mapping[str, str] | None
+    mechanism: Mechanism, looks: Look, colours: Mapping[str, str] | None
 ) -> tuple[list[np.ndarray], list[np.ndarray]]:
     """Triangles of every part where it stands (n, 3, 3) [m], and its colour."""
     model, bodies, paints = mechanism.model, [], []
-    for shape in found.shapes:
+    for shape in looks.shapes:
         frame = model.getFrameId(shape.link, pin.FrameType.BODY)
         place = mechanism.data.oMf[frame].homogeneous @ shape.placement
         carrier = model.names[model.frames[frame].parentJoint].split(".")[0]
@@ -154,8 +154,8 @@ def triangles_of(thing: pin.GeometryObject) -> np.ndarray:
     form = thing.geometry
     if isinstance(form, coal.BVHModelBase):
         points = np.array(form.vertices()).reshape(-1, 3)
-        found = [form.tri_indices(i) for i in range(form.num_tris)]
-        return points[np.array([[t[0], t[1], t[2]] for t in found])]
+        faces = [form.tri_indices(i) for i in range(form.num_tris)]
+        return points[np.array([[t[0], t[1], t[2]] for t in faces])]
     if isinstance(form, coal.Box):
         mesh = trimesh.creation.box(2.0 * form.halfSide)
     elif isinstance(form, coal.Cylinder):
@@ -192,17 +192,17 @@ def _shaded(triangles: np.ndarray, normals: np.ndarray, colours: np.ndarray) -> 
 
 def _marks(mechanism: Mechanism) -> list[tuple[str, pin.SE3, str, str]]:
     """Name, world frame, colour and description of what is marked."""
-    found = []
+    marks = []
     for name, joint in mechanism.clearance.items():
         index, placement = mechanism.bearing_frame(name)
         rooms = sorted(set(joint.rooms))
         room = f"play {' and '.join(readable(room, 'm') for room in rooms)}"
-        found.append((name, mechanism.data.oMi[index] * placement, _PLAY, room))
+        marks.append((name, mechanism.data.oMi[index] * placement, _PLAY, room))
     for name in mechanism.loops:
         if name not in mechanism.clearance:
             index, placement = mechanism.bearing_frame(name)
-            found.append((name, mechanism.data.oMi[index] * placement, _LOOP, "closes a loop"))
-    return found
+            marks.append((name, mechanism.data.oMi[index] * placement, _LOOP, "closes a loop"))
+    return marks
 
 
 def _mark(axes: Any, place: pin.SE3, radius: float, colour: str, text: str) -> None:

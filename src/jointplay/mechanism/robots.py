@@ -38,13 +38,13 @@ def share() -> Path:
     Raises:
         JointplayError: the package is not installed; the message says how to install it.
     """
-    found = [Path(sys.prefix) / "share" / PACKAGE]  # conda, ROS
+    folders = [Path(sys.prefix) / "share" / PACKAGE]  # conda, ROS
     try:
         wheel = distribution(PACKAGE).locate_file("cmeel.prefix")
-        found.insert(0, Path(str(wheel)) / "share" / PACKAGE)
+        folders.insert(0, Path(str(wheel)) / "share" / PACKAGE)
     except PackageNotFoundError:
         pass
-    for folder in found:
+    for folder in folders:
         if (folder / "robots").is_dir():
             return folder
     raise JointplayError(
@@ -151,19 +151,19 @@ class Survey:
     @property
     def remarks(self) -> tuple[str, ...]:
         """What is not as it should be, in words."""
-        found = []
+        remarks = []
         if self.problem:
-            found.append(self.problem)
+            remarks.append(self.problem)
         if self.massless:
-            found.append(f"cannot be simulated: {_list(self.massless)} move no mass")
+            remarks.append(f"cannot be simulated: {_list(self.massless)} move no mass")
         if self.unphysical:
-            found.append(f"impossible inertia, to be allowed by name: {_list(self.unphysical)}")
+            remarks.append(f"impossible inertia, to be allowed by name: {_list(self.unphysical)}")
         if self.mimics:
-            found.append(f"joints that follow others: {_list(self.mimics)}")
+            remarks.append(f"joints that follow others: {_list(self.mimics)}")
         if self.astray:
             words = tuple(f"{name} ({leader})" for name, leader in self.astray.items())
-            found.append(f"move on their own, for what they mimic does not exist: {_list(words)}")
-        return tuple(found)
+            remarks.append(f"move on their own, for what they mimic does not exist: {_list(words)}")
+        return tuple(remarks)
 
 
 def survey(place: str | Path) -> Survey:

@@ -84,7 +84,7 @@ def look(mechanism: Mechanism, folders: Sequence[str | Path] = ()) -> Look:
     bare = []
     for link in robot.links:
         tone = TONES[order.index(link.name) % len(TONES)]
-        found = []
+        forms = []
         for visual in link.visuals:
             mesh = visual.geometry.mesh
             key, parts = _surfaces(visual.geometry, where, not description.stored)
@@ -96,9 +96,9 @@ def look(mechanism: Mechanism, folders: Sequence[str | Path] = ()) -> Look:
                 place = place @ np.diag([*np.broadcast_to(mesh.scale, 3), 1.0])
             given = _colour(visual.material, robot)
             colours = tuple(given or part.colour or tone for part in parts)
-            found.append(Shape(link.name, place, parts, colours, key))
-        shapes += [shape for shape in found if any(len(part.triangles) for part in shape.parts)]
-        if link.visuals and not found:
+            forms.append(Shape(link.name, place, parts, colours, key))
+        shapes += [shape for shape in forms if any(len(part.triangles) for part in shape.parts)]
+        if link.visuals and not forms:
             bare.append(link.name)
     if not any(link.visuals for link in robot.links):
         bare = [link.name for link in robot.links]

@@ -65,13 +65,13 @@ def _chain(root: str, children: dict[str, list[JointEntry]], fingers: bool) -> t
 
     def moving(link: str) -> list[tuple[str, str]]:
         """Moving joints next to a link, and the links they move, with all that is fixed to it."""
-        found = []
+        pairs = []
         for joint in children[link]:
             if joint.kind == "fixed":
-                found += moving(joint.child)
+                pairs += moving(joint.child)
             elif fingers or not _FINGER.search(joint.name):
-                found.append((joint.name, joint.child))
-        return found
+                pairs.append((joint.name, joint.child))
+        return pairs
 
     def depth(link: str) -> int:
         return max((1 + depth(child) for _, child in moving(link)), default=0)
@@ -88,11 +88,11 @@ def _chain(root: str, children: dict[str, list[JointEntry]], fingers: bool) -> t
 
 def _fixed(link: str, children: dict[str, list[JointEntry]]) -> list[str]:
     """A link, and all that is fixed to it."""
-    found = [link]
+    links = [link]
     for joint in children[link]:
         if joint.kind == "fixed":
-            found += _fixed(joint.child, children)
-    return found
+            links += _fixed(joint.child, children)
+    return links
 
 
 def _rank(frame: str) -> int:

@@ -39,8 +39,8 @@ def shipped(name: str) -> Path:
     folder = _INSTALLED if _INSTALLED.is_dir() else _CHECKOUT
     path = folder / name
     if not path.is_file():
-        found = sorted(file.name for file in folder.glob("*") if file.is_file())
-        raise MissingName("shipped file", name, found)
+        names = sorted(file.name for file in folder.glob("*") if file.is_file())
+        raise MissingName("shipped file", name, names)
     return path
 
 
@@ -119,19 +119,19 @@ def parse(text: str, path: Path, allow_unphysical: Collection[str] = ()) -> Desc
 @lru_cache(maxsize=32)
 def _parsed(text: str, path: Path, allow_unphysical: tuple[str, ...]) -> Description:
     root = _root(text, path)
-    found = root.findall("link")
-    if not found:
+    tags = root.findall("link")
+    if not tags:
         raise JointplayError(f"the URDF {str(path)!r} has no links")
     moving = sum(joint.get("type") != "fixed" for joint in root.findall("joint"))
     for number, most, what in (
-        (len(found), MOST_LINKS, "links"),
+        (len(tags), MOST_LINKS, "links"),
         (moving, MOST_MOVING, "moving joints"),
     ):
         if number > most:
             raise JointplayError(
                 f"the URDF {str(path)!r} has {number} {what}; at most {most} are possible"
             )
-    links = {link.get("name", ""): link for link in found}
+    links = {link.get("name", ""): link for link in tags}
     for kind in ("link", "joint"):
         _check_names(kind, [one.get("name", "") for one in root.findall(kind)])
     _check_placements(root)
@@ -184,7 +184,7 @@ def leaders(root: ElementTree.Element) -> tuple[dict[str, str], dict[str, str]]:
     Raises:
         JointplayError: numbers that are none, or joints that in the end follow themselves.
     """
-    found: dict[str, str] = {}
+    followers: dict[str, str] = {}
     astray: dict[str, str] = {}
     joints = {joint.get("name", "") for joint in root.findall("joint")}
     for joint in root.findall("joint"):
@@ -194,15 +194,15 @@ def leaders(root: ElementTree.Element) -> tuple[dict[str, str], dict[str, str]]:
         for key, default in (("multiplier", 1.0), ("offset", 0.0)):
             _number(mimic, key, f"joint {name!r}: mimic", default)
         leader = mimic.get("joint", "")
-        (found if leader in joints else astray)[name] = leader
-    for name in found:
+        (followers if leader in joints else astray)[name] = leader
+    for name in followers:
         way = [name]
-        while way[-1] in found:
-            way.append(found[way[-1]])
+        while way[-1] in followers:
+            way.append(followers[way[-1]])
             if way[-1] in way[:-1]:
                 ring = " - ".join(way[way.index(way[-1]) :])
                 raise JointplayError(f"joints mimic each other in a ring: {ring}")
-    return found, astray
+    return followers, astray
 
 
 def _check_names(kind: str, names: Sequence[str]) -> None:

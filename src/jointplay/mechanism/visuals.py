@@ -229,12 +229,12 @@ def _set_meshes(
             if mesh is None:
                 continue
             name = mesh.get("filename", "")
-            found = find_mesh(name, where, anywhere=not stored)
-            if found is None or found.suffix.lower() not in FORMATS or not _loads(found):
+            file = find_mesh(name, where, anywhere=not stored)
+            if file is None or file.suffix.lower() not in FORMATS or not _loads(file):
                 link.remove(shape)
                 missing.append(name)
             else:
-                mesh.set("filename", str(found))
+                mesh.set("filename", str(file))
         if shapes and link.find(tag) is None:
             bare.append(link.get("name", ""))
     return missing, bare
@@ -336,7 +336,7 @@ def capsules(
         the link's frame the length is 0.
     """
     root = ElementTree.fromstring(text)
-    found: list[tuple[str, pin.SE3, float, float]] = []
+    rods: list[tuple[str, pin.SE3, float, float]] = []
     inertials = {link.get("name"): link.find("inertial") for link in root.findall("link")}
     for name in links:
         place = places[name]
@@ -350,11 +350,11 @@ def capsules(
             origin = inertial.find("origin")
             text = "0 0 0" if origin is None else origin.get("xyz", "0 0 0")
             ends.append(np.array([float(value) for value in text.split()]))
-        found.append((name, pin.SE3.Identity(), 1.3 * radius, 0.0))
+        rods.append((name, pin.SE3.Identity(), 1.3 * radius, 0.0))
         for end in ends:
             length = float(np.linalg.norm(end))
             if length > 1e-6:
                 turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), end / length)
                 middle = pin.SE3(turn.toRotationMatrix(), end / 2.0)
-                found.append((name, middle, radius, length))
-    return found
+                rods.append((name, middle, radius, length))
+    return rods

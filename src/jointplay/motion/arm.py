@@ -167,23 +167,23 @@ class Arm:
                 break
         return Found(q, error)
 
-    def nearest(self, found: Found, seed: np.ndarray, target: Target) -> Found:
-        """The solution nearest to `seed` that can be reached from `found` without losing it."""
+    def nearest(self, solution: Found, seed: np.ndarray, target: Target) -> Found:
+        """The solution nearest to `seed` that can be reached from `solution` without losing it."""
         share = 1.0
         for _ in range(_ITERATIONS):
             _, _, right = np.linalg.svd(
-                self.jacobian(found.q, target.turn is not None), full_matrices=False
+                self.jacobian(solution.q, target.turn is not None), full_matrices=False
             )
-            away = seed - found.q
+            away = seed - solution.q
             step = away - right[: self.rank].T @ (right[: self.rank] @ away)
             if np.linalg.norm(step) < 1e-9 or share < 1e-3:
                 break
-            trial = self.search(found.q + share * step, target)
+            trial = self.search(solution.q + share * step, target)
             if trial.reached and np.linalg.norm(seed - trial.q) < np.linalg.norm(away):
-                found = trial
+                solution = trial
             else:
                 share *= 0.5
-        return found
+        return solution
 
 
 def joint_limits(mechanism: Mechanism, joints: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:

@@ -163,20 +163,20 @@ def _solve(
     first: bool = False,
 ) -> np.ndarray:
     """Configuration near `seed` in which the frame is where it shall be; `what` names it."""
-    found = arm.search(seed, target)
-    if not found.reached:
-        found = _otherwise(arm, found, seed, target, what, random, first)
+    solution = arm.search(seed, target)
+    if not solution.reached:
+        solution = _otherwise(arm, solution, seed, target, what, random, first)
     if len(seed) > arm.rank:
-        found = arm.nearest(found, seed, target)
-    smallest = arm.manoeuvrability(found.q, target.turn is not None)
+        solution = arm.nearest(solution, seed, target)
+    smallest = arm.manoeuvrability(solution.q, target.turn is not None)
     if smallest < SINGULAR_M:
         raise JointplayError(_singular(what, target, smallest))
-    return found.q
+    return solution.q
 
 
 def _otherwise(
     arm: Arm,
-    found: Found,
+    attempt: Found,
     seed: np.ndarray,
     target: Target,
     what: str,
@@ -205,7 +205,7 @@ def _otherwise(
         raise JointplayError(
             f"{what} at {target} cannot be reached from the waypoint before{remedy}"
         )
-    best = min([found, *tries], key=lambda one: float(np.linalg.norm(one.error)))
+    best = min([attempt, *tries], key=lambda one: float(np.linalg.norm(one.error)))
     smallest = arm.manoeuvrability(best.q, target.turn is not None)
     if np.linalg.norm(best.error) < NEARLY_M and smallest < SINGULAR_M:
         raise JointplayError(_singular(what, target, smallest))

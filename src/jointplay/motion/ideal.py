@@ -156,8 +156,8 @@ class IdealMotion:
         model, data = ideal.model, ideal.data
         full = np.array([pin.rnea(model, data, *state) for state in zip(*states, strict=True)])
         effort = np.einsum("nvd,nv->nd", maps, full)
-        found: np.ndarray = make_interp_spline(nodes, effort, k=3)(np.minimum(times, self._end))
-        return found
+        efforts: np.ndarray = make_interp_spline(nodes, effort, k=3)(np.minimum(times, self._end))
+        return efforts
 
 
 def _shown(things: Sequence[int], progress: bool) -> Iterable[int]:
@@ -176,17 +176,17 @@ def _shown(things: Sequence[int], progress: bool) -> Iterable[int]:
 
 def _ideal_configuration(mechanism: Mechanism, ideal: Mechanism, q: np.ndarray) -> np.ndarray:
     """Configuration of the ideal mechanism whose joints stand as those of `mechanism` do."""
-    found = np.zeros(ideal.model.nq)
+    configuration = np.zeros(ideal.model.nq)
     for name in ideal.joints:
         if name in ideal.coordinates:
-            found[ideal.coordinates.index(name)] = q[mechanism.coordinate(name)]
+            configuration[ideal.coordinates.index(name)] = q[mechanism.coordinate(name)]
         else:  # a ball
             for part in ("yaw", "pitch", "roll"):
                 coordinate = f"{name}.{part}"
-                found[ideal.coordinates.index(coordinate)] = q[
+                configuration[ideal.coordinates.index(coordinate)] = q[
                     mechanism.coordinates.index(coordinate)
                 ]
-    return found
+    return configuration
 
 
 def driven_map(mechanism: Mechanism, q: np.ndarray, at: Sequence[int]) -> np.ndarray:
@@ -205,8 +205,8 @@ def driven_map(mechanism: Mechanism, q: np.ndarray, at: Sequence[int]) -> np.nda
             "the driven joints do not determine the loops' other joints here (a singular "
             "configuration, or too few driven joints)"
         )
-    found = np.zeros((mechanism.model.nv, len(at)))
-    found[at, np.arange(len(at))] = 1.0
+    ratios = np.zeros((mechanism.model.nv, len(at)))
+    ratios[at, np.arange(len(at))] = 1.0
     if len(rest):  # none: a door on two hinges
-        found[rest] = -np.linalg.lstsq(block, rows[:, at], rcond=None)[0]
-    return found
+        ratios[rest] = -np.linalg.lstsq(block, rows[:, at], rcond=None)[0]
+    return ratios

@@ -69,17 +69,17 @@ def _choose(reader: Any, path: Path, topic: str | None) -> tuple[str, str]:
     summary = reader.get_summary()
     if summary is None:
         raise JointplayError(f"the bag {str(path)!r} has no summary; mcap recover makes one")
-    found: dict[str, str] = {}
+    topics: dict[str, str] = {}
     for channel in summary.channels.values():
         schema = summary.schemas.get(channel.schema_id)
         if schema is not None and schema.name in (_TRAJECTORY, _STATE):
-            found[channel.topic] = schema.name
+            topics[channel.topic] = schema.name
     if topic is not None:
-        if topic not in found:
-            raise MissingName("topic of joint positions", topic, found)
-        return found[topic], topic
+        if topic not in topics:
+            raise MissingName("topic of joint positions", topic, topics)
+        return topics[topic], topic
     for kind in (_TRAJECTORY, _STATE):
-        named = [name for name, one in found.items() if one == kind]
+        named = [name for name, one in topics.items() if one == kind]
         if len(named) > 1:
             raise JointplayError(f"{path}: name one of the topics {', '.join(named)}")
         if named:

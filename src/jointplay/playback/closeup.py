@@ -84,10 +84,10 @@ def close_up(
     then = np.searchsorted(needed, np.where(acts, acting, records[:, None]))
     for i, k in zip(*np.nonzero(acts), strict=True):
         at = then[i, k]
-        found = touch(
+        contact = touch(
             int(clearance.shape), dimensions, 0, int(k), *centre[at], rotation[at].reshape(9), 0
         )
-        offset[i, k], direction[i, k] = found[1:4], found[4:7]
+        offset[i, k], direction[i, k] = contact[1:4], contact[4:7]
     place = _turned(ideal[then] @ np.swapaxes(rotation[then], -1, -2), offset)
     shift = displacement[then] + np.cross(tilt[then], place)
     at_contact = speed[then, :3] + np.cross(speed[then, 3:], offset)
@@ -175,5 +175,5 @@ def quaternions(matrices: np.ndarray) -> np.ndarray:
         products[:, i, 3] = products[:, 3, i] = m[:, k, j] - m[:, j, k]
     products[:, 3, 3] = 1.0 + trace
     best = products[:, range(4), range(4)].argmax(axis=1)
-    found = products[np.arange(len(m)), best]
-    return np.asarray(found / np.linalg.norm(found, axis=1, keepdims=True))
+    rows = products[np.arange(len(m)), best]
+    return np.asarray(rows / np.linalg.norm(rows, axis=1, keepdims=True))

@@ -299,10 +299,10 @@ def _launched(tools: Any, failure: type[Exception]) -> Any:
     """
     own = Path(tools.chromium.executable_path)
     wanted = os.environ.get(CHROMIUM)
-    found = wanted or next((shutil.which(n) for n in _BROWSERS if shutil.which(n)), None)
+    browser = wanted or next((shutil.which(n) for n in _BROWSERS if shutil.which(n)), None)
     if wanted is None and own.is_file():
-        found = str(own)
-    if found is None or (wanted is not None and not files.is_file(Path(wanted))):
+        browser = str(own)
+    if browser is None or (wanted is not None and not files.is_file(Path(wanted))):
         raise JointplayError(
             f"{CHROMIUM} names no file: {wanted!r}"
             if wanted
@@ -316,11 +316,11 @@ def _launched(tools: Any, failure: type[Exception]) -> Any:
             continue
         try:
             return tools.chromium.launch(
-                executable_path=found, args=list(_DRAWING), chromium_sandbox=sandbox
+                executable_path=browser, args=list(_DRAWING), chromium_sandbox=sandbox
             )
         except failure as error:
             problem = next((line for line in str(error).splitlines() if line.strip()), "")
-    raise JointplayError(f"the browser {found} does not start: {problem}")
+    raise JointplayError(f"the browser {browser} does not start: {problem}")
 
 
 def _encoded(frames: Iterator[bytes], folder: Path, suffix: str, shot: Shot) -> bytes:

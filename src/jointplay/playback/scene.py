@@ -293,11 +293,11 @@ def _poses(mechanism: Mechanism, q: np.ndarray, links: Sequence[str]) -> np.ndar
     ground = (0, pin.SE3.Identity())
     frames = [model.frames[model.getFrameId(link, pin.FrameType.BODY)] for link in links]
     pairs = [(ground, (frame.parentJoint, frame.placement)) for frame in frames]
-    found = Motion.of(len(q), len(links))
+    motion = Motion.of(len(q), len(links))
     states = np.ascontiguousarray(q), np.zeros((len(q), model.nv))
-    Tree(model).move(found, 0, len(q), *states, ground, pairs)
+    Tree(model).move(motion, 0, len(q), *states, ground, pairs)
     poses = np.empty((len(q), len(links), 7))
-    for k, places in enumerate(found.poses):
+    for k, places in enumerate(motion.poses):
         poses[:, k, :3] = places[:, :3]
         poses[:, k, 3:] = quaternions(places[:, 3:].reshape(-1, 3, 3))
         continuous(poses[:, k, 3:])

@@ -44,10 +44,10 @@ class Server(ThreadingHTTPServer):
             raise JointplayError(f"a port lies between 0 and 65535, got {port}")
         self.page, self.wanted = page, port
         try:
-            found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
+            addresses = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
         except (OSError, UnicodeError):
             raise JointplayError(f"no host {host!r}; 127.0.0.1 is this machine alone") from None
-        self.address_family = found[0][0]
+        self.address_family = addresses[0][0]
         self._host = host
         candidates = [port, *range(port + 1, min(port + _ATTEMPTS, 65536)), 0] if port else [0]
         for candidate in candidates:

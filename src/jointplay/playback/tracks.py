@@ -124,11 +124,11 @@ def strongest(values: np.ndarray, records: np.ndarray) -> np.ndarray:
         Shape (n, m): for each kept record and column the number of the record in
         (previous kept, kept] that has the largest value.
     """
-    found = np.empty((len(records), values.shape[1]), int)
+    numbers = np.empty((len(records), values.shape[1]), int)
     begin = np.concatenate([[0], records[:-1] + 1])
     for i, (first, last) in enumerate(zip(begin, records, strict=True)):
-        found[i] = first + (0 if first == last else values[first : last + 1].argmax(axis=0))
-    return found
+        numbers[i] = first + (0 if first == last else values[first : last + 1].argmax(axis=0))
+    return numbers
 
 
 class Packer:
@@ -194,11 +194,11 @@ def unpack_mesh(block: bytes, entry: dict[str, Any]) -> np.ndarray:
     """Triangles that `Packer.mesh` appended, from the decompressed block: shape (m, 3)."""
     data = np.frombuffer(block, np.uint8, entry["bytes"], entry["at"])
     behind = np.ascontiguousarray(data.reshape(4, -1).T).view("<u4").reshape(-1)
-    found, fresh = [], 0
+    corners, fresh = [], 0
     for back in behind.tolist():
-        found.append(fresh - back)
+        corners.append(fresh - back)
         fresh += back == 0
-    return np.array(found).reshape(-1, 3)
+    return np.array(corners).reshape(-1, 3)
 
 
 def unpack(block: bytes, entry: dict[str, Any]) -> np.ndarray:

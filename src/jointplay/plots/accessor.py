@@ -49,11 +49,11 @@ class Plots(ToolPlots, JointPlots):
     @property
     def available(self) -> tuple[str, ...]:
         """Names of the plots that have a meaning for this result."""
-        found: tuple[str, ...] = ALWAYS
+        names: tuple[str, ...] = ALWAYS
         if self.result.joints:
-            found += NEED_CLEARANCE
-            found += ("forms",) if bool((self.result["form"] >= 0).any()) else ()
-        return found + (("deviation",) if analysis.has_play(self.result) else ())
+            names += NEED_CLEARANCE
+            names += ("forms",) if bool((self.result["form"] >= 0).any()) else ()
+        return names + (("deviation",) if analysis.has_play(self.result) else ())
 
     def coordinates(
         self,

@@ -14,9 +14,9 @@ MOST_POSES = 6
 """Stops that are drawn: the worst."""
 
 
-def poses(found: Iso9283) -> Figure:
+def poses(performance: Iso9283) -> Figure:
     """Attained poses of each cycle about their barycentre, seen along z and y, by stop."""
-    worst = sorted(found.poses, key=lambda pose: -pose.ap.value)[:MOST_POSES]
+    worst = sorted(performance.poses, key=lambda pose: -pose.ap.value)[:MOST_POSES]
     shown = sorted(worst, key=lambda pose: pose.time)
     angle = np.linspace(0.0, 2.0 * np.pi, 181)
     with style():
@@ -48,33 +48,35 @@ def poses(found: Iso9283) -> Figure:
                 fontsize=8,
             )
         figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=2)
-        _note(figure, found)
+        _note(figure, performance)
     return figure
 
 
-def path(found: Iso9283) -> Figure:
+def path(performance: Iso9283) -> Figure:
     """Accuracy and repeatability across the path, along it; AT and RT are their largest."""
-    assert found.at is not None
-    assert found.rt is not None
+    assert performance.at is not None
+    assert performance.rt is not None
     with style():
         figure = new_figure(6.5, 3.4)
         axes: Any = figure.subplots()
         lines = (
-            (found.path_accuracy, found.at, "AT_p", COLOURS[0]),
-            (found.path_repeatability, found.rt, "RT_p", COLOURS[1]),
+            (performance.path_accuracy, performance.at, "AT_p", COLOURS[0]),
+            (performance.path_repeatability, performance.rt, "RT_p", COLOURS[1]),
         )
         for values, one, name, colour in lines:
             label = f"{name} = {one.words(1e3, 'mm')}"
-            axes.plot(found.path_times, 1e3 * values, ".-", ms=3, lw=0.8, color=colour, label=label)
+            axes.plot(
+                performance.path_times, 1e3 * values, ".-", ms=3, lw=0.8, color=colour, label=label
+            )
         axes.set(xlabel="time in the cycle [s]", ylabel="across the command path [mm]")
         axes.set_ylim(bottom=0.0)
         figure.legend(loc="outside upper center", ncols=2)
-        _note(figure, found)
+        _note(figure, performance)
     return figure
 
 
-def _note(figure: Figure, found: Iso9283) -> None:
-    parts = found.accuracy.split("; ")
+def _note(figure: Figure, performance: Iso9283) -> None:
+    parts = performance.accuracy.split("; ")
     half = len(parts) // 2
     text = "; ".join(parts[:half]) + ";\n" + "; ".join(parts[half:])
     figure.supxlabel(text, fontsize=5.5, x=0.01, ha="left")

@@ -11,15 +11,15 @@ from jointplay.analysis.maintenance import Maintenance
 from jointplay.plots.style import COLOURS, new_figure, style
 
 
-def course(found: Maintenance) -> Figure:
+def course(estimate: Maintenance) -> Figure:
     """The tool's error up to its tolerance, and each joint's growth of clearance."""
-    aside = np.sqrt(np.cumsum(np.nan_to_num(found.scatter) ** 2))
+    aside = np.sqrt(np.cumsum(np.nan_to_num(estimate.scatter) ** 2))
     with style():
         figure = new_figure(7.5, 3.4)
         axes: Any = figure.subplots(1, 2)
         axes[0].errorbar(
-            found.cycles,
-            1e3 * found.error,
+            estimate.cycles,
+            1e3 * estimate.error,
             xerr=2.0 * aside,
             fmt="o-",
             ms=3,
@@ -27,19 +27,19 @@ def course(found: Maintenance) -> Figure:
             color=COLOURS[0],
             label="worst case, static",
         )
-        axes[0].axhline(1e3 * found.target, color="black", ls="--", label="tolerance")
+        axes[0].axhline(1e3 * estimate.target, color="black", ls="--", label="tolerance")
         axes[0].set(xlabel="cycles", ylabel="error of the tool [mm]")
         axes[0].set_ylim(bottom=0.0)
         axes[0].legend(fontsize=7)
-        for name, depths in zip(found.joints, found.growth.T, strict=True):
-            axes[1].plot(found.cycles, 1e6 * depths, "o-", ms=3, label=name)
+        for name, depths in zip(estimate.joints, estimate.growth.T, strict=True):
+            axes[1].plot(estimate.cycles, 1e6 * depths, "o-", ms=3, label=name)
         axes[1].set(xlabel="cycles", ylabel="growth of clearance, deepest [um]")
         axes[1].legend(fontsize=7)
-        low, high = found.spread
+        low, high = estimate.spread
         figure.supxlabel(
             "an estimate from simulated cycles; bars: two standard errors of the perturbed runs; "
             f"{low:.2g} to {high:.2g} cycles\nif wear rates are known to a factor of "
-            f"{found.factor:g}",
+            f"{estimate.factor:g}",
             fontsize=5.5,
             x=0.01,
             ha="left",

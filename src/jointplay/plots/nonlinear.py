@@ -32,8 +32,8 @@ def turns(
     with style():
         figure = new_figure(7.0, 0.6 + 2.2 * len(labels))
         panels: Any = figure.subplots(len(labels), 1, sharex=True, squeeze=False)[:, 0]
-        for panel, label, found, plain in zip(panels, labels, values.T, ideal.T, strict=True):
-            panel.plot(angle, found, color=COLOURS[1], lw=0.7, label="with clearance")
+        for panel, label, history, plain in zip(panels, labels, values.T, ideal.T, strict=True):
+            panel.plot(angle, history, color=COLOURS[1], lw=0.7, label="with clearance")
             panel.plot(angle, plain, color=COLOURS[0], lw=1.0, ls="--", label="ideal")
             panel.set_ylabel(label)
         panels[0].legend(loc="upper right")
@@ -73,12 +73,12 @@ def poincare(points: np.ndarray, labels: Sequence[str], title: str = "") -> Figu
     return figure
 
 
-def exponent(growths: np.ndarray, found: Exponent, turn: float, title: str = "") -> Figure:
+def exponent(growths: np.ndarray, estimate: Exponent, turn: float, title: str = "") -> Figure:
     """How the exponent settles with the turns averaged over, and its interval of confidence.
 
     Args:
         growths: mean growth in each turn [1/s].
-        found: what follows from them.
+        estimate: what follows from them.
         turn: time of one [s].
         title: of the figure.
     """
@@ -88,8 +88,8 @@ def exponent(growths: np.ndarray, found: Exponent, turn: float, title: str = "")
         axes: Any = figure.subplots()
         axes.plot(number, growths, ".", color="0.7", ms=3, label="growth in a turn")
         axes.plot(number, np.cumsum(growths) / number, color=COLOURS[1], label="mean so far")
-        label = f"{100 * found.confidence:g} % interval: {found.verdict}"
-        axes.axhspan(found.low, found.high, color=COLOURS[0], alpha=0.25, lw=0, label=label)
+        label = f"{100 * estimate.confidence:g} % interval: {estimate.verdict}"
+        axes.axhspan(estimate.low, estimate.high, color=COLOURS[0], alpha=0.25, lw=0, label=label)
         axes.axhline(0.0, color="0.4", lw=0.6)
         axes.set(xlabel=f"turns of {1e3 * turn:.4g} ms", ylabel="growth [1/s]", title=title)
         axes.legend(fontsize=7)
@@ -97,10 +97,10 @@ def exponent(growths: np.ndarray, found: Exponent, turn: float, title: str = "")
 
 
 def exponents(
-    values: np.ndarray, found: Sequence[Exponent | None], across: str, title: str = ""
+    values: np.ndarray, estimates: Sequence[Exponent | None], across: str, title: str = ""
 ) -> Figure:
     """Largest exponents over a parameter, with intervals; None where a run failed."""
-    known = [(value, one) for value, one in zip(values, found, strict=True) if one is not None]
+    known = [(value, one) for value, one in zip(values, estimates, strict=True) if one is not None]
     with style():
         figure = new_figure(7.0, 3.6)
         axes: Any = figure.subplots()

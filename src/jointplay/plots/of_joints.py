@@ -109,10 +109,10 @@ class JointPlots(Drawing):
         """Timeline of the joint's mode (Table 1), with the share of the time in each."""
         name = self._joint("modes", joint)
         with self._axes(ax, style, 6.0, 2.2) as panel:
-            found = analysis.shares(self.result, name)
+            shares = analysis.shares(self.result, name)
             rows = [
                 f"{text}\n{100 * share:.1f} %"
-                for text, share in zip(MODE_NAMES, found.values(), strict=True)
+                for text, share in zip(MODE_NAMES, shares.values(), strict=True)
             ]
             values = self.result["mode"].sel(joint=name).values
             timeline(panel, self.result.time, values, list(Mode), rows, MODE_COLOURS, bar)
@@ -123,19 +123,19 @@ class JointPlots(Drawing):
     ) -> Figure:
         """Timeline of the contact forms that occurred (Figure 2), with the share of each."""
         name = self._joint("forms", joint)
-        found = analysis.shares(self.result, name, "form")
-        if not found:
+        shares = analysis.shares(self.result, name, "form")
+        if not shares:
             raise JointplayError(
                 f"Figure 2 has no forms for a joint such as {name!r}; plot its modes or contacts"
             )
-        seen = [form for form in Form if found[form.name.lower()] > 0.0]
+        seen = [form for form in Form if shares[form.name.lower()] > 0.0]
         with self._axes(ax, style, 6.0, 0.9 + 0.24 * len(seen)) as panel:
             rows = []
             for form in seen:
                 words = form.name.lower().replace("_", " ")
                 if form:
                     words = form.letter if narrow(panel) else f"{form.letter}: {words}"
-                rows.append(f"{words}, {100 * found[form.name.lower()]:.1f} %")
+                rows.append(f"{words}, {100 * shares[form.name.lower()]:.1f} %")
             values = self.result["form"].sel(joint=name).values
             timeline(panel, self.result.time, values, seen, rows, (COLOURS[1],) * 13, bar)
         return figure_of(panel)

@@ -12,12 +12,12 @@ from jointplay.analysis.dynamic_budget import DynamicBudget
 from jointplay.plots.style import COLOURS, new_figure, style
 
 
-def bars(found: DynamicBudget) -> Figure:
+def bars(budget: DynamicBudget) -> Figure:
     """Errors of each source alone and of all together; shares with the interaction."""
-    names = [*found.joints, "all together"]
-    rms = [*found.alone_rms.mean(axis=0), found.rms.mean()]
-    peak = [*found.alone_peak.max(axis=0), found.peak.max()]
-    parts = np.column_stack([found.parts, found.interaction])
+    names = [*budget.joints, "all together"]
+    rms = [*budget.alone_rms.mean(axis=0), budget.rms.mean()]
+    peak = [*budget.alone_peak.max(axis=0), budget.peak.max()]
+    parts = np.column_stack([budget.parts, budget.interaction])
     place = np.arange(len(names))
     several = len(parts) > 1
     known = 100 * parts.std(axis=0, ddof=1) / math.sqrt(len(parts)) if several else None
@@ -30,10 +30,10 @@ def bars(found: DynamicBudget) -> Figure:
         axes[0].set_xlabel("error of the tool [mm]")
         axes[0].legend(fontsize=7)
         axes[1].barh(place, 100 * parts.mean(axis=0), 0.6, xerr=known, color=COLOURS[0])
-        axes[1].set_yticks(place, [*found.joints, "interaction"])
+        axes[1].set_yticks(place, [*budget.joints, "interaction"])
         axes[1].set_xlabel("share of the mean square of the error [%]")
         for panel in axes:
             panel.invert_yaxis()
             panel.axvline(0.0, color="black", lw=0.6)
-        figure.supxlabel(found.accuracy, fontsize=5.5, x=0.01, ha="left")
+        figure.supxlabel(budget.accuracy, fontsize=5.5, x=0.01, ha="left")
     return figure

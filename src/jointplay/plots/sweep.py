@@ -110,15 +110,15 @@ def _line(
     """Mean and its confidence band at each value of a dimension."""
     factor = scale(dataset, y)[0]
     table = part.transpose(x, ...).values.reshape(part.sizes[x], -1)
-    found = [estimate(row) for row in table]
+    estimates = [estimate(row) for row in table]
     words = x not in dataset.coords or dataset[x].dtype.kind not in "fi"
-    at = np.arange(len(found)) if words else dataset[x].values * scale(dataset, x)[0]
+    at = np.arange(len(estimates)) if words else dataset[x].values * scale(dataset, x)[0]
     if words:
-        axes.set_xticks(at, [shown(dataset, x, k) for k in range(len(found))])
+        axes.set_xticks(at, [shown(dataset, x, k) for k in range(len(estimates))])
     order = np.argsort(at)
-    middle = factor * np.array([one.value for one in found])
-    low = factor * np.array([one.low for one in found])
-    high = factor * np.array([one.high for one in found])
+    middle = factor * np.array([one.value for one in estimates])
+    low = factor * np.array([one.low for one in estimates])
+    high = factor * np.array([one.high for one in estimates])
     axes.plot(at[order], middle[order], marker="o", ms=3, **options)
     if table.shape[1] > 1:
         known = np.isfinite(low) & np.isfinite(high)
@@ -186,16 +186,16 @@ def draw_convergence(
         for number, (name, probability, text) in enumerate(
             (("mean", 0.5, "mean"), ("quantile", 0.95, "95 % quantile"))
         ):
-            found = convergence(values, name, probability)
-            runs = np.array([one.runs for one in found])
-            middle = factor * np.array([one.value for one in found])
-            low = factor * np.array([one.low for one in found])
-            high = factor * np.array([one.high for one in found])
+            estimates = convergence(values, name, probability)
+            runs = np.array([one.runs for one in estimates])
+            middle = factor * np.array([one.value for one in estimates])
+            low = factor * np.array([one.low for one in estimates])
+            high = factor * np.array([one.high for one in estimates])
             colour = COLOURS[number]
             axes.plot(runs, middle, color=colour, label=text)
             known = np.isfinite(low) & np.isfinite(high)
             axes.fill_between(runs[known], low[known], high[known], color=colour, alpha=0.2, lw=0)
-            done = enough(found, precision)
+            done = enough(estimates, precision)
             if done is not None:
                 axes.axvline(done, color=colour, ls=":",
                              label=f"{text}: {done} runs give {100 * precision:g} %")  # fmt: skip

@@ -78,19 +78,19 @@ def write(
     for target in targets:
         check_new(target)
     claims_table.claim_rows(claims)
-    found = _cases.build(results, impacts, say)
+    cases = _cases.build(results, impacts, say)
     say("writing the page")
-    source = page(found, title, claims)
+    source = page(cases, title, claims)
     contents = [source.encode()]
     if pdf:
         from jointplay.plots.figures import pdf as drawn
 
         say("drawing the figures for the PDF")
         shown = dict(results)
-        ideal = next((case.ideal for case in found if case.ideal is not None), None)
+        ideal = next((case.ideal for case in cases if case.ideal is not None), None)
         if ideal is not None and all(ideal is not result for result in shown.values()):
             shown = {"ideal": ideal, **shown} if "ideal" not in shown else shown
-        contents.append(drawn(shown, naming.settled(found)))
+        contents.append(drawn(shown, naming.settled(cases)))
     for target, made in zip(targets, contents, strict=True):  # at the end: none without the other
         write_file(target, made)
     return targets

@@ -34,8 +34,8 @@ def glance(cases: Sequence[Case], start: float) -> Html:
         if case.error is None or float(case.error["time"][-1]) < start:
             row += [None, None, None]
         else:
-            found = analysis.accuracy(case.error, start)
-            row += [1e3 * found.rms[3], 1e3 * found.peak[3], None]
+            accuracy = analysis.accuracy(case.error, start)
+            row += [1e3 * accuracy.rms[3], 1e3 * accuracy.peak[3], None]
             ends = [
                 1e3 * float(analysis.error_at(case.error, stop.end)[3])
                 for stop in stops(case)

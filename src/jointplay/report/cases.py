@@ -130,7 +130,7 @@ def _refer(cases: Iterable[Case], say: Say) -> None:
     for case in cases:
         if not analysis.has_play(case.result) or len(case.result.time) < 2:
             continue
-        found = next(
+        twin = next(
             (
                 other
                 for other in given
@@ -139,9 +139,9 @@ def _refer(cases: Iterable[Case], say: Say) -> None:
             None,
         )
         try:
-            if found is not None:
-                case.ideal = found.result
-                case.notes.append(f"Tool errors are measured against {found.label!r}.")
+            if twin is not None:
+                case.ideal = twin.result
+                case.notes.append(f"Tool errors are measured against {twin.label!r}.")
             else:
                 key = json.dumps([analysis.task(case.result), case.duration], sort_keys=True)
                 if key not in made:
@@ -187,19 +187,19 @@ def _follow(case: Case, number: int, say: Say) -> None:
         mechanism = case.result.simulation.mechanism
         if contact_names(mechanism) != [str(name) for name in case.result["contact"].values]:
             raise JointplayError("its contacts are not those of its inputs")
-        found = replay(case.result, [window(place, i, step) for place, i in chosen])
+        repetition = replay(case.result, [window(place, i, step) for place, i in chosen])
     except JointplayError as error:
         case.notes.append(f"No single steps: the run cannot be repeated ({error}).")
         return
-    if not found.faithful:
+    if not repetition.faithful:
         versions = case.result.dataset.attrs.get("versions", "unknown")
         case.notes.append(
             "No single steps: repeated here, the run does not come out bit for bit as stored "
             f"(made with {versions}), and impacts magnify any difference."
         )
         return
-    case.replay = found
+    case.replay = repetition
     case.impacts = [
         follow(part, place.joint, place.contact)
-        for part, (place, _) in zip(found.windows, chosen, strict=True)
+        for part, (place, _) in zip(repetition.windows, chosen, strict=True)
     ]

@@ -59,9 +59,9 @@ class Histories:
 
     def curve(self, x: np.ndarray, y: np.ndarray, bits: int, **look: Any) -> dict[str, Any]:
         """A trace in a plane, whose points keep their times."""
-        found = self.series(y, bits, **look)
+        trace = self.series(y, bits, **look)
         kept = self.thinning.kept(y)
-        return {**found, "x": self._pack.add(x[kept], bits)}
+        return {**trace, "x": self._pack.add(x[kept], bits)}
 
     def spans(self, values: np.ndarray, row: int, member: int, **look: Any) -> dict[str, Any]:
         """A bar in `row` wherever `values` equals `member`."""
@@ -89,7 +89,7 @@ def all_charts(cases: Sequence[Case], pack: Pack, start: float) -> list[Chart]:
     """All charts of a report; their series go into `pack`."""
     histories = [Histories(case, pack) for case in cases]
     paper = is_paper({case.label: case.result for case in cases})
-    found = [
+    charts = [
         *_tool(histories, "tool_position", "tool_displacement", "Displacement of the tool"),
         *_tool(histories, "tool_velocity", "tool_velocity", "Velocity of the tool"),
         _path(histories, cases),
@@ -101,12 +101,12 @@ def all_charts(cases: Sequence[Case], pack: Pack, start: float) -> list[Chart]:
         *_impacts(cases, pack, start),
         *_spectra(cases, pack, start),
     ]
-    for chart in found:
+    for chart in charts:
         number = PAPER.get(chart["id"].removesuffix("_error"), "") if paper else ""
         if number:
             title = chart["title"]
             chart["title"] = f"Figure {int(number[3:])}: {title[0].lower()}{title[1:]}"
-    return [chart for chart in found if chart["panels"]]
+    return [chart for chart in charts if chart["panels"]]
 
 
 def _tool(histories: list[Histories], of: str, name: str, title: str) -> list[Chart]:
@@ -230,9 +230,9 @@ def _places(
 def _impacts(cases: Sequence[Case], pack: Pack, start: float) -> list[Chart]:
     panels = []
     for case in cases:
-        found = analysis.contacts(case.result, start)
+        contacts = analysis.contacts(case.result, start)
         for joint in case.joints:
-            here = [place for place in found if place.joint == joint and len(place.peak)]
+            here = [place for place in contacts if place.joint == joint and len(place.peak)]
             traces = [
                 {
                     "x": pack.add(1e3 * place.duration),

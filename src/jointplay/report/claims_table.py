@@ -78,7 +78,7 @@ def claims(cases: Sequence[Case], source: Path | None) -> Html:
             columns[case.label] = (dark(case), measure(case.result, reference))
     if columns:
         measures: list[list[Cell]] = [
-            [label, *(float(found[key]) for _, found in columns.values())]
+            [label, *(float(column[key]) for _, column in columns.values())]
             for key, label in _MEASURES.items()
         ]
         parts.append(

@@ -21,10 +21,10 @@ def modes(cases: Sequence[Case], start: float) -> Html:
     if not pairs:
         return paragraph("No case has clearance.")
     names = [markup("{}, {}", dark(case), joint) for case, joint in pairs]
-    found = [analysis.shares(case.result, joint, "mode", start) for case, joint in pairs]
-    keys = list(found[0])
+    shares = [analysis.shares(case.result, joint, "mode", start) for case, joint in pairs]
+    keys = list(shares[0])
     rows: list[list[Cell]] = [
-        [name, *(100.0 * share[key] for share in found)]
+        [name, *(100.0 * share[key] for share in shares)]
         for name, key in zip(MODE_NAMES, keys, strict=True)
     ]
     forms = [analysis.shares(case.result, joint, "form", start) for case, joint in pairs]

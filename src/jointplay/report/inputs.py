@@ -40,8 +40,8 @@ def parameters(cases: Sequence[Case]) -> Html:
         name for column in columns for name, value in column.items() if value is not None
     )
     rows = [[_symbol(name), *(column.get(name) for column in columns)] for name in names]
-    found = table(["parameter", *(dark(case) for case in cases)], rows, left=1 + len(cases))
-    return joined([found, own_laws(cases), _motions(cases), _robots(cases)])
+    overview = table(["parameter", *(dark(case) for case in cases)], rows, left=1 + len(cases))
+    return joined([overview, own_laws(cases), _motions(cases), _robots(cases)])
 
 
 def _symbol(name: str) -> Html:
@@ -58,59 +58,59 @@ def _parameters(result: Result) -> dict[str, Cell]:
     inputs = analysis.inputs(result)
     robot = inputs["mechanism"]
     known = {"mechanism", "motion", "drive", "duration", "step", "integrator", "record_every"}
-    found: dict[str, Cell] = {
+    cells: dict[str, Cell] = {
         "robot (URDF)": robot.get("urdf"),
         "tool (frame)": robot.get("tool"),
         "gravity, world axes [m/s^2]": ", ".join(f"{g:g}" for g in robot.get("gravity", ())),
     }
     if robot.get("allow_unphysical"):
-        found["links with an impossible inertia"] = ", ".join(robot["allow_unphysical"])
+        cells["links with an impossible inertia"] = ", ".join(robot["allow_unphysical"])
     if robot.get("loops"):
-        found["closed loops"] = "; ".join(
+        cells["closed loops"] = "; ".join(
             f"{name}: {loop.get('bearing_link')} - {loop.get('journal_link')}"
             for name, loop in robot["loops"].items()
         )
     for name, gear in robot.get("gears", {}).items():
-        found[f"gear of {name}"] = _plain(gear)
+        cells[f"gear of {name}"] = _plain(gear)
     motion = inputs["motion"]
-    found["motion"] = (
+    cells["motion"] = (
         "none" if motion is None else f"{len(motion['times'])} waypoints, {motion['interpolation']}"
     )
     drives = inputs["drive"]
     named = drives.items() if isinstance(drives, dict) else [("all joints", one) for one in drives]
     for name, drive in named:
-        found[f"drive of {name}"] = _drive(drive)
+        cells[f"drive of {name}"] = _drive(drive)
     if inputs.get("joint_friction") is not None:
-        found["joint friction"] = _plain(inputs["joint_friction"])
-    found["time step [µs]"] = 1e6 * float(inputs["step"])
-    found["integrator"] = inputs["integrator"]
-    found["simulated [s]"] = float(result.time[-1])
-    found["steps between records"] = int(inputs["record_every"])
+        cells["joint friction"] = _plain(inputs["joint_friction"])
+    cells["time step [µs]"] = 1e6 * float(inputs["step"])
+    cells["integrator"] = inputs["integrator"]
+    cells["simulated [s]"] = float(result.time[-1])
+    cells["steps between records"] = int(inputs["record_every"])
     for name, value in inputs.items():
         if name not in known | {"joint_friction"} and value not in (None, [], {}):
-            found[name.replace("_", " ")] = _plain(value)
+            cells[name.replace("_", " ")] = _plain(value)
     derived = _derived_stiffness(result)
     for joint, fields in analysis.clearance_inputs(result).items():
         for name, value in fields.items():
             label, unit, scale = _JOINT_FIELDS.get(name, (name.replace("_", " "), "", 1.0))
             label = f"{joint}: {label}{f' [{unit}]' if unit else ''}"
             if name == "stiffness" and value is None and joint in derived:
-                found[label] = markup("{} (eq. 11)", derived[joint])
+                cells[label] = markup("{} (eq. 11)", derived[joint])
             elif name == "axial_stiffness" and value is None:
-                found[label] = "as radial"
+                cells[label] = "as radial"
             elif name == "stiffness" and value is None:
-                found[label] = "from eq. 11"
+                cells[label] = "from eq. 11"
             elif isinstance(value, bool):
-                found[label] = "yes" if value else None
+                cells[label] = "yes" if value else None
             elif isinstance(value, (int, float)) and not isinstance(value, bool):
-                found[label] = float(value) * scale
+                cells[label] = float(value) * scale
             elif isinstance(value, dict):
-                found[label] = _law(value)
+                cells[label] = _law(value)
             else:
-                found[label] = value
+                cells[label] = value
     versions = json.loads(result.dataset.attrs.get("versions", "{}"))
-    found["made with"] = ", ".join(f"{name} {value}" for name, value in versions.items())
-    return found
+    cells["made with"] = ", ".join(f"{name} {value}" for name, value in versions.items())
+    return cells
 
 
 def _drive(fields: dict[str, Any]) -> str:

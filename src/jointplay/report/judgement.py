@@ -77,28 +77,34 @@ def audits(cases: Sequence[Case]) -> Html:
 def certificates(cases: Sequence[Case]) -> Html:
     """Headline figures with their numerical errors; nothing if no run was certified."""
     known = [(case, case.result.certificate) for case in cases]
-    given = [(case, found) for case, found in known if found is not None]
+    given = [(case, certificate) for case, certificate in known if certificate is not None]
     if not given:
         return Html("")
-    names = dict.fromkeys(figure.name for _, found in given for figure in found.headline)
+    names = dict.fromkeys(
+        figure.name for _, certificate in given for figure in certificate.headline
+    )
     rows: list[list[Cell]] = []
     for name in names:
         row: list[Cell] = [name]
-        for _, found in given:
-            figure = next((one for one in found.figures if one.name == name), None)
+        for _, certificate in given:
+            figure = next((one for one in certificate.figures if one.name == name), None)
             row.append(None if figure is None else _certified(figure))
         rows.append(row)
     head: list[Cell] = ["figure", *(dark(case) for case, _ in given)]
     points: list[str] = [
         markup("{} of the claims' measures above 5 %: {}.", dark(case), ", ".join(others))
-        for case, found in given
-        if (others := [one.name for one in found.marked if one not in found.headline])
+        for case, certificate in given
+        if (others := [one.name for one in certificate.marked if one not in certificate.headline])
     ]
-    points += [markup("{} {}.", dark(case), found.note) for case, found in given if found.note]
     points += [
-        markup("{} further runs: {}.", dark(case), "; ".join(found.runs))
-        for case, found in given
-        if found.runs
+        markup("{} {}.", dark(case), certificate.note)
+        for case, certificate in given
+        if certificate.note
+    ]
+    points += [
+        markup("{} further runs: {}.", dark(case), "; ".join(certificate.runs))
+        for case, certificate in given
+        if certificate.runs
     ]
     return joined(
         [

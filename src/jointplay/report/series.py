@@ -73,8 +73,8 @@ class Thinning:
         """Indices that stay of `values`: of each interval those of the smallest and the largest."""
         if not self.thins:
             return np.arange(len(values))
-        found = [self._step_by_step]
+        indices = [self._step_by_step]
         for interval in self._intervals:
             inside = values[interval]
-            found.append(interval[[int(inside.argmin()), int(inside.argmax())]])
-        return np.unique(np.concatenate(found))
+            indices.append(interval[[int(inside.argmin()), int(inside.argmax())]])
+        return np.unique(np.concatenate(indices))

@@ -167,8 +167,8 @@ def _cases(dataset: xr.Dataset) -> Html:
     for index in list(np.ndindex(*shape))[:MOST_ROWS]:
         row: list[Cell] = [shown(dataset, d, k) for d, k in zip(dims, index, strict=True)]
         for name, _, _ in columns:
-            found = estimate(np.atleast_1d(tables[name][index]).ravel())
-            row.append(_with_error(found.value, found.low, found.high) if several else found.value)
+            mean = estimate(np.atleast_1d(tables[name][index]).ravel())
+            row.append(_with_error(mean.value, mean.low, mean.high) if several else mean.value)
         rows.append(row)
     caption = ""
     if several:

@@ -33,9 +33,9 @@ def accuracies(cases: Sequence[Case], start: float) -> Html:
     rows: list[list[Cell]] = []
     for case in judged:
         assert case.error is not None
-        found = analysis.accuracy(case.error, min(start, float(case.error["time"][-1])))
+        accuracy = analysis.accuracy(case.error, min(start, float(case.error["time"][-1])))
         for k, axis in enumerate(analysis.COMPONENTS):
-            values = (found.mean, found.rms, found.peak)
+            values = (accuracy.mean, accuracy.rms, accuracy.peak)
             rows.append([dark(case), axis, *(1e3 * float(value[k]) for value in values)])
     whole = table(
         ["case", "axis", "mean [mm]", "RMS [mm]", "peak [mm]"],

@@ -139,66 +139,66 @@ class Audit(Described):
     @property
     def warnings(self) -> list[str]:
         """What a user should worry about, each with its remedy; empty if nothing."""
-        found = []
+        worries = []
         if not self.relative_energy_residual <= ENERGY_WARNING:
-            found.append(
+            worries.append(
                 f"the energy balance is off by {100 * self.relative_energy_residual:.2g} % of the "
                 "energy exchanged: reduce the step"
             )
         if self.under_resolved_impulse > UNDER_RESOLVED_WARNING:
-            found.append(
+            worries.append(
                 f"{self.under_resolved} of {self.impacts} contacts lasted fewer than "
                 f"{WELL_RESOLVED_STEPS} steps (shortest {self.shortest_contact_steps}; "
                 f"{100 * self.under_resolved_impulse:.2g} % of the impulse): reduce the step"
             )
         if self.penetration_over_clearance > 0.5:
-            found.append(
+            worries.append(
                 f"the journal sank in by {self.largest_penetration:.3g} m, "
                 f"{100 * self.penetration_over_clearance:.0f} % of its clearance: the contact is "
                 "too soft for this load"
             )
         if self.step > self.friction_step_limit:
-            found.append(
+            worries.append(
                 f"the explicit step of {self.step:.3g} s does not follow friction under the "
                 f"largest normal force, which asks for {self.friction_step_limit:.3g} s: forces of "
                 "a jammed journal may be off by tens of per cent; take the integrator "
                 f"{DEFAULT!r}, which does"
             )
         if self.unsolved > FEW_UNSOLVED:
-            found.append(
+            worries.append(
                 f"the velocities of {self.unsolved} steps were not found: friction falls too "
                 "steeply with speed for this step; reduce it"
             )
         if self.unresolved:
-            found.append(
+            worries.append(
                 f"{self.unresolved} macro steps did not reach the tolerance with the shortest "
                 "micro steps: raise it"
             )
         if self.friction_fed > FED_WARNING * self.energy_exchanged:
-            found.append(
+            worries.append(
                 f"friction gave back {self.friction_fed:.3g} J: its bristles are not passive with "
                 "these parameters (docs/laws.md)"
             )
         if self.relative_step_error is not None and not self.relative_step_error <= STEP_WARNING:
-            found.append(self._step_too_large())
+            worries.append(self._step_too_large())
         if self.relative_step_error is None and self.tooth_steps < WELL_RESOLVED_STEPS:
-            found.append(
+            worries.append(
                 f"impacts of gear teeth last {self.tooth_steps:.2g} steps, fewer than "
                 f"{WELL_RESOLVED_STEPS}: reduce the step"
             )
         if self.loop_drift > DRIFT_WARNING_M:
-            found.append(
+            worries.append(
                 f"ideal loops drifted apart by {self.loop_drift:.2g} m: reduce the step, or use rk4"
             )
-        return found + list(self.law_warnings) + list(self.limit_warnings)
+        return worries + list(self.law_warnings) + list(self.limit_warnings)
 
     @property
     def headline(self) -> str:
         """How the run began and its largest force, and from when on that is judged; a line."""
         began = f"journals start {'at rest' if self.start == 'rest' else 'centred'}"
         if self.start_residual is not None:
-            found = "" if self.start == "rest" else ", for no place of rest was found"
-            began += f"{found} (unbalanced {self.start_residual:.1g} N of {self.start_load:.3g} N)"
+            reason = "" if self.start == "rest" else ", for no place of rest was found"
+            began += f"{reason} (unbalanced {self.start_residual:.1g} N of {self.start_load:.3g} N)"
         if self.peak_force is None:
             return began
         if not self.judged_from:
@@ -255,7 +255,7 @@ def out_of_range(mechanism: Mechanism, statistics: Mapping[str, np.ndarray]) -> 
         mechanism: what was simulated.
         statistics: `Workspace.contact_statistics`.
     """
-    found: dict[str, None] = {}  # a set that keeps its order
+    lines: dict[str, None] = {}  # a set that keeps its order
     for j, (name, joint) in enumerate(mechanism.clearance.items()):
         extremes: dict[ContactProperties, tuple[float, float]] = {}
         for k in range(len(joint.contacts)):
@@ -267,10 +267,10 @@ def out_of_range(mechanism: Mechanism, statistics: Mapping[str, np.ndarray]) -> 
                 extremes[contact] = depth, speed
         for contact, (depth, speed) in extremes.items():
             for text in joint.normal.warnings(contact, max_depth=depth, max_speed=speed):
-                found[f"joint {name!r}: {text}"] = None
+                lines[f"joint {name!r}: {text}"] = None
         if joint.film is not None:
             law, film = joint.film
             thinnest = float(statistics["smallest_gap"][j, : film.contacts].min())
             for text in law.warnings(film, thinnest=thinnest):
-                found[f"joint {name!r}: {text}"] = None
-    return tuple(found)
+                lines[f"joint {name!r}: {text}"] = None
+    return tuple(lines)

@@ -162,8 +162,8 @@ class Auditor:
         explicit = integrator(self._simulation["integrator"]).single_rate
         if explicit and self._start is not None:
             for name, force in zip(self._mechanism.clearance, self._peaks, strict=True):
-                found = friction_step_limit(self._mechanism, name, self._start, float(force))
-                limit = min(limit, found)
+                step = friction_step_limit(self._mechanism, name, self._start, float(force))
+                limit = min(limit, step)
         return limit
 
     def _tooth_steps(self) -> float:
@@ -185,7 +185,7 @@ class Auditor:
     def _judged(self, statistics: Mapping[str, np.ndarray], judgement: Judgement) -> dict[str, Any]:
         """Headlines of the part of a run that is judged."""
         before = judgement.before or {name: np.zeros(1) for name in ("onsets", "impulse")}
-        found: dict[str, Any] = {
+        headlines: dict[str, Any] = {
             "start": judgement.start,
             "start_residual": judgement.residual,
             "start_load": judgement.load,
@@ -194,10 +194,10 @@ class Auditor:
             "judged_impulse": float((statistics["impulse"] - before["impulse"]).sum()),
         }
         if self._mechanism.clearance:
-            found["peak_force"] = self._late
+            headlines["peak_force"] = self._late
             if judgement.judged_from > 0.0:
-                found["peak_force_before"] = self._early
-        return found
+                headlines["peak_force_before"] = self._early
+        return headlines
 
 
 def _larger(before: float, values: np.ndarray) -> float:

@@ -131,8 +131,8 @@ class _Disk(io.RawIOBase):
         return len(content)
 
     def seek(self, offset: int, whence: int = io.SEEK_SET) -> int:
-        found = self._try(self._inner.seek, offset, whence)
-        return offset if found is None else int(found)
+        place = self._try(self._inner.seek, offset, whence)
+        return offset if place is None else int(place)
 
     def tell(self) -> int:
         return int(self._try(self._inner.tell) or 0)

@@ -125,10 +125,10 @@ class Histories:
             elastic = elastic + stored
         coordinates: dict[str, Any] = {}
         if acting.loads:
-            found, coordinates = acting.histories(q, body, records)
-            variables |= found
-            elastic = elastic + found["load_energy"][1].sum(axis=1)
-            work = np.hstack([work, -found["load_work"][1]])
+            loads, coordinates = acting.histories(q, body, records)
+            variables |= loads
+            elastic = elastic + loads["load_energy"][1].sum(axis=1)
+            work = np.hstack([work, -loads["load_work"][1]])
         if len(phases) > 1:
             brought = np.concatenate([np.full(hi - lo, one.energy) for lo, hi, one in stretches])
             variables["payload_energy"] = (("time",), brought, "J", "brought in by payloads")
@@ -162,13 +162,13 @@ class Histories:
         energy = energy + work[:, 1:].sum(axis=1)
         if self._energy is None:
             self._energy = energy[:1].copy()
-        found: np.ndarray = energy - self._energy
-        return found
+        residual: np.ndarray = energy - self._energy
+        return residual
 
     def _coordinates(self, records: Records) -> dict[str, Any]:
         mechanism = self._mechanism
         units = [unit_of(mechanism, name) for name in mechanism.coordinates]
-        found: dict[str, Any] = {
+        coordinates: dict[str, Any] = {
             "time": ("time", records.recorded("time")[:, 0], {"units": "s"}),
             "coordinate": list(mechanism.coordinates),
             "coordinate_unit": ("coordinate", units),
@@ -176,13 +176,13 @@ class Histories:
             "quaternion": list(QUATERNION),
         }
         if mechanism.clearance:
-            found |= {"joint": list(mechanism.clearance), "contact": contact_names(mechanism)}
+            coordinates |= {"joint": list(mechanism.clearance), "contact": contact_names(mechanism)}
         else:
             closed = [name for name in mechanism.loops if name not in mechanism.clearance]
-            found["moving_joint"] = [*mechanism.joints, *closed]
+            coordinates["moving_joint"] = [*mechanism.joints, *closed]
         if self._strict:
-            found["loop"] = self._strict
-        return found
+            coordinates["loop"] = self._strict
+        return coordinates
 
     def whole(self, workspace: Workspace) -> dict[str, xr.DataArray]:
         """Variables that count over the whole run, by name; their azimuths are in them."""

@@ -49,12 +49,12 @@ class Acting:
 
     def _answers(self, records: Records) -> dict[str, np.ndarray]:
         """What each load's law gave, (n, size)."""
-        recorded, found, at = records.recorded("load_force"), {}, 0
+        recorded, answers, at = records.recorded("load_force"), {}, 0
         for name, site in self._sites.items():
             size = len(site.pushed) if site.frames is None else 6
-            found[name] = recorded[:, at : at + size]
+            answers[name] = recorded[:, at : at + size]
             at += size
-        return found
+        return answers
 
     def histories(
         self, q: np.ndarray, body: Mapping[str, Any], records: Records

@@ -64,11 +64,11 @@ def seal(content: bytes) -> bytes:
 
 def digest(file: BinaryIO, size: int | None = None) -> bytes:
     """Checksum of what `file` holds from where it stands, of `size` bytes or to its end."""
-    found, left = hashlib.sha256(), math.inf if size is None else size
+    checksum, left = hashlib.sha256(), math.inf if size is None else size
     while left > 0 and (piece := file.read(int(min(_PIECE, left)))):
-        found.update(piece)
+        checksum.update(piece)
         left -= len(piece)
-    return found.hexdigest().encode()
+    return checksum.hexdigest().encode()
 
 
 def open_lazily(path: Path) -> xr.Dataset:

@@ -16,10 +16,10 @@ def _versions() -> dict[str, str]:
     import platform
     from importlib.metadata import PackageNotFoundError, version
 
-    found = {"python": platform.python_version(), "machine": platform.machine()}
+    software = {"python": platform.python_version(), "machine": platform.machine()}
     for name in ("jointplay", "pin", "numpy", "numba", "scipy"):
         try:
-            found[name] = version(name)
+            software[name] = version(name)
         except PackageNotFoundError:  # run from a source tree that is not installed
-            found[name] = "unknown"
-    return found
+            software[name] = "unknown"
+    return software

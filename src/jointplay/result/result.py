@@ -70,9 +70,9 @@ class Result:
 
         0 for a run that was interrupted before: then all there is is judged.
         """
-        found = self.audit.judged_from
-        if found is not None:
-            return found if len(self.time) and self.time[-1] > found else 0.0
+        start = self.audit.judged_from
+        if start is not None:
+            return start if len(self.time) and self.time[-1] > start else 0.0
         # Version 0.1, where every journal fell from the centre.
         return after_start_up(float(self.time[-1]), bool(self.joints)) if len(self.time) else 0.0
 
@@ -228,11 +228,11 @@ class Result:
         if every == 1:
             return cls._read(path, trust, netcdf.load)
         with cls.open(path, trust).dataset as dataset:
-            found: Result = late("result.thin:thinned")(cls(dataset, trust), every)
-        simulation = json.loads(found.dataset.attrs["simulation"])
+            thinned: Result = late("result.thin:thinned")(cls(dataset, trust), every)
+        simulation = json.loads(thinned.dataset.attrs["simulation"])
         simulation["record_every"] *= every
-        found.dataset.attrs["simulation"] = json.dumps(simulation)
-        return found
+        thinned.dataset.attrs["simulation"] = json.dumps(simulation)
+        return thinned
 
     @classmethod
     def open(cls, path: str | Path, trust: Collection[str] = ()) -> Result:

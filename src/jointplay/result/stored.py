@@ -194,8 +194,8 @@ def _check_histories(dataset: xr.Dataset, path: Path, given: Any) -> None:
     if _names(dataset, path, "axis") != _AXES:
         raise _wrong(path, f"its axes are {_short(_names(dataset, path, 'axis'))}, not x, y, z")
     if "quaternion" in dataset.dims and _names(dataset, path, "quaternion") != [*"wxyz"]:
-        found = _short(_names(dataset, path, "quaternion"))
-        raise _wrong(path, f"its quaternions are {found}, not w, x, y, z")
+        order = _short(_names(dataset, path, "quaternion"))
+        raise _wrong(path, f"its quaternions are {order}, not w, x, y, z")
     if "moving_joint" in dataset.dims:
         _names(dataset, path, "moving_joint")
 

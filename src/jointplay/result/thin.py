@@ -66,8 +66,8 @@ def _reduced(block: xr.Dataset, kept: np.ndarray, begin: np.ndarray) -> xr.Datas
 def _strongest(vectors: np.ndarray, begin: np.ndarray) -> np.ndarray:
     """Of vectors (n, joints, 3) the longest in each stretch that begins at `begin`."""
     size = np.linalg.norm(vectors, axis=2)
-    found = np.empty((len(begin), *vectors.shape[1:]))
+    longest = np.empty((len(begin), *vectors.shape[1:]))
     for i, (first, end) in enumerate(zip(begin, [*begin[1:], len(vectors)], strict=True)):
         at = first + size[first:end].argmax(axis=0)
-        found[i] = vectors[at, np.arange(vectors.shape[1])]
-    return found
+        longest[i] = vectors[at, np.arange(vectors.shape[1])]
+    return longest

@@ -250,10 +250,10 @@ def reactions(
     forces = np.zeros((len(q), len(tree) + len(loops), 3))
     for (first, end, phase), held in zip(stretches, constraints, strict=True):
         joints = [int(phase.model.getJointId(name)) for name in tree]
-        found, holds = Tree(phase.model).reactions(
+        tree_forces, holds = Tree(phase.model).reactions(
             first, end, q, v, effort, joints, held, pushes.bodies, pushes.wrenches
         )
-        forces[first:end, : len(tree)] = found
+        forces[first:end, : len(tree)] = tree_forces
         for k, constraint in enumerate(held):
             forces[first:end, len(tree) + loops.index(constraint.name)] += holds[:, k]
     return forces

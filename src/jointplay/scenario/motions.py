@@ -90,10 +90,10 @@ def _as_given(
 def _from_file(path: Path, interpolation: str | None) -> Motion:
     """Motion of a file, which is read again only once it has changed."""
     try:
-        found = path.stat()
+        stamp = path.stat()
     except (OSError, ValueError):  # which those who read put into words
         return _read(path, interpolation)
-    return _read_once(path, interpolation, (found.st_mtime_ns, found.st_size, found.st_ino))
+    return _read_once(path, interpolation, (stamp.st_mtime_ns, stamp.st_size, stamp.st_ino))
 
 
 @lru_cache(maxsize=16)

@@ -183,7 +183,7 @@ def _of_any_kind(
     settings: Sequence[Setting], description: Description, given: Mapping[str, Any]
 ) -> list[Setting]:
     """What a clearance of which no direction is said means for joints that turn: both."""
-    found = []
+    clearances = []
     for setting in settings:
         if setting.key[:1] != ("joints",) or setting.key[2:] != ("clearance",):
             continue
@@ -195,8 +195,8 @@ def _of_any_kind(
         for key, other in (("radial", "journal_radius"), ("axial", "journal_length")):
             if other not in own:
                 at = ("joints", name, f"{key}_clearance")
-                found.append(Setting(at, setting.value, setting.source))
-    return found
+                clearances.append(Setting(at, setting.value, setting.source))
+    return clearances
 
 
 def _prefixed(place: str) -> str:

@@ -40,8 +40,8 @@ def step_within(slope: np.ndarray, bend: np.ndarray, radius: float) -> tuple[np.
 def lowest(slope: np.ndarray, bend: np.ndarray, radius: float) -> np.ndarray:
     """Where a quadratic is lowest within a ball about the origin."""
     # Eigen's, for on a busy machine the threads of numpy's wait for each other.
-    found = eigenpy.SelfAdjointEigenSolver(0.5 * (bend + bend.T))
-    sizes, axes = found.eigenvalues(), found.eigenvectors()
+    spectrum = eigenpy.SelfAdjointEigenSolver(0.5 * (bend + bend.T))
+    sizes, axes = spectrum.eigenvalues(), spectrum.eigenvectors()
     along = axes.T @ slope
     least = 1e-13 * max(float(np.abs(sizes).max()), 1e-30)
     low = max(0.0, -float(sizes.min())) + least

@@ -65,7 +65,7 @@ def _stiffness(shape, dimensions, count, law, parameters, pose, shift, turn):
     """Fall of the wrench per displacement and turn of the journal, in bearing axes, (6, 6)."""
     here, there = np.zeros(6), np.zeros(6)
     moved = np.zeros(12)
-    found = np.zeros((6, 6))
+    stiffness = np.zeros((6, 6))
     _wrench(shape, dimensions, count, law, parameters, pose, here)
     for axis in range(6):
         moved[:] = pose
@@ -81,8 +81,8 @@ def _stiffness(shape, dimensions, count, law, parameters, pose, shift, turn):
                 moved[3 + 3 * w + k] = s * a + c * b
         _wrench(shape, dimensions, count, law, parameters, moved, there)
         for r in range(6):
-            found[r, axis] = (here[r] - there[r]) / size
-    return found
+            stiffness[r, axis] = (here[r] - there[r]) / size
+    return stiffness
 
 
 class ElasticJoint:
@@ -122,8 +122,8 @@ class ElasticJoint:
 
     def stiffness(self, pose: np.ndarray) -> np.ndarray:
         """Fall of the wrench per displacement [m] and turn [rad] of the journal, (6, 6)."""
-        found: np.ndarray = _stiffness(*self._of, pose, _SHIFT_M, _SHIFT_M / self.reach)
-        return found
+        stiffness: np.ndarray = _stiffness(*self._of, pose, _SHIFT_M, _SHIFT_M / self.reach)
+        return stiffness
 
 
 for _compiled in (_wrench, _energy, _stiffness):

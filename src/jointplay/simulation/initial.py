@@ -134,18 +134,18 @@ class Start:
 def _named(mechanism: Mechanism, name: str, followed: Sequence[str]) -> list[int]:
     """Coordinates that a name in a state means: a joint's own and its motor's, or a single one."""
     if name in mechanism.joints:
-        found = [mechanism.coordinate(name), mechanism.motor(name)]
+        indices = [mechanism.coordinate(name), mechanism.motor(name)]
     elif name in mechanism.coordinates:
-        found = [mechanism.coordinates.index(name)]
+        indices = [mechanism.coordinates.index(name)]
     else:
         parts = [c for c in mechanism.coordinates if "." in c]
         raise MissingName("moving joint or coordinate", name, [*mechanism.joints, *parts])
     for joint in followed:
-        if {mechanism.coordinate(joint), mechanism.motor(joint)} & set(found):
+        if {mechanism.coordinate(joint), mechanism.motor(joint)} & set(indices):
             raise JointplayError(
                 f"joint {joint!r} follows the motion from its start; give no other"
             )
-    return found
+    return indices
 
 
 def place(simulation: Simulation, mechanism: Mechanism, followed: Sequence[str]) -> Start:

@@ -37,30 +37,30 @@ def judged_from(simulation: Simulation) -> float:
                 f"judge_from ({simulation.judge_from!r}) and settle ({simulation.settle!r}) say "
                 "the same; give one of them"
             )
-        found = require_non_negative("judge_from", simulation.judge_from, "s")
+        start = require_non_negative("judge_from", simulation.judge_from, "s")
     elif simulation.settle is not None:
-        found = settled(simulation, simulation.settle, duration)
+        start = settled(simulation, simulation.settle, duration)
     else:
         falls = not simulation.stands or simulation.seed is not None
         return after_start_up(duration, falls and bool(simulation.mechanism.clearance))
-    if found >= duration:
+    if start >= duration:
         raise JointplayError(
-            f"figures would be judged from {found:g} s on, but the run ends at {duration:g} s"
+            f"figures would be judged from {start:g} s on, but the run ends at {duration:g} s"
         )
-    return found
+    return start
 
 
 def settled(simulation: Simulation, settle: float | str, duration: float) -> float:
     """Time in which a motion settles [s], of seconds or of turns."""
     if not isinstance(settle, str):
         return require_non_negative("settle", settle, "s", ("settle",))
-    found = _TURNS.fullmatch(settle)
-    if found is None:
+    match = _TURNS.fullmatch(settle)
+    if match is None:
         raise JointplayError(
             f"settle must be seconds or as in '2 turns', got {settle!r}", where=("settle",)
         )
-    number = float(found[1])
-    if found[2] == "s":
+    number = float(match[1])
+    if match[2] == "s":
         return number
     motion, mechanism = simulation.motion, simulation.mechanism
     turning = [] if motion is None else [n for n in motion.joints if n in mechanism.joints]

@@ -55,16 +55,16 @@ def numbers(simulation: Simulation, method: Integrator) -> tuple[float, float, i
 
 def friction(simulation: Simulation) -> Mapping[str, JointFriction]:
     """Friction by joint: what is given, or the URDF's."""
-    found, joints = simulation.joint_friction, simulation.mechanism.joints
-    if found is None:
+    frictions, joints = simulation.joint_friction, simulation.mechanism.joints
+    if frictions is None:
         entries = simulation.mechanism.description.joints
-        found = {
+        frictions = {
             name: JointFriction(entries[name].friction, entries[name].damping) for name in joints
         }
-    for name in found:
+    for name in frictions:
         if name not in joints:
             raise MissingName("moving joint", name, joints)
-    return found
+    return frictions
 
 
 def bounds(simulation: Simulation, followed: Sequence[str]) -> dict[str, float]:

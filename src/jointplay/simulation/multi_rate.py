@@ -113,8 +113,8 @@ class MultiRate(Loop):
     def velocity(self) -> np.ndarray:
         """From those half a step ago, with the last acceleration."""
         w = self.workspace
-        found: np.ndarray = w.half + 0.5 * float(w.run["dt_before"][0]) * w.acceleration
-        return found
+        velocity: np.ndarray = w.half + 0.5 * float(w.run["dt_before"][0]) * w.acceleration
+        return velocity
 
     def look(self) -> None:
         """Find the velocity at the present instant, for a moment."""

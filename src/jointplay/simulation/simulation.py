@@ -135,12 +135,12 @@ class Simulation(Described):
 
     def describe(self) -> dict[str, Any]:
         """All inputs as plain data; `from_description` reads it back."""
-        found = super().describe()
-        del found["start_speed"]
+        description = super().describe()
+        del description["start_speed"]
         if isinstance(self.drive, Drive):
-            found["drive"] = [found["drive"]]
-        found["state"] = {name: list(pair(name, value)) for name, value in self.state.items()}
-        return found
+            description["drive"] = [description["drive"]]
+        description["state"] = {name: list(pair(name, value)) for name, value in self.state.items()}
+        return description
 
     @classmethod
     def from_description(cls, description: Any) -> Self:

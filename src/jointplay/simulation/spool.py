@@ -39,16 +39,16 @@ class Spool:
         size = rows * columns * 8
         try:
             self._file = path.open("r+b" if rows else "w+b")
-            found = self._file.seek(0, os.SEEK_END)
-            if found >= size:
+            length = self._file.seek(0, os.SEEK_END)
+            if length >= size:
                 self._file.truncate(size)
                 self._file.seek(size)
         except (OSError, ValueError) as error:
             raise cannot_write(path, error) from None
-        if found < size:
+        if length < size:
             self._file.close()
             raise JointplayError(
-                f"{str(path)!r} lacks records of the run: it holds {found} bytes, not {size}"
+                f"{str(path)!r} lacks records of the run: it holds {length} bytes, not {size}"
             )
 
     def take(self, records: np.ndarray) -> None:
@@ -81,8 +81,8 @@ class Spool:
         with self.path.open("rb") as file:
             for first in range(0, self.rows, rows):
                 count = min(rows, self.rows - first)
-                found = np.fromfile(file, np.float64, count * self._columns)
-                yield Records(found.reshape(count, self._columns), fields, width, first)
+                numbers = np.fromfile(file, np.float64, count * self._columns)
+                yield Records(numbers.reshape(count, self._columns), fields, width, first)
 
     def close(self) -> None:
         """Let go of the file."""

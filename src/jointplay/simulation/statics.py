@@ -61,18 +61,18 @@ class Rest:
 
 def limited(joint: Clearance) -> list[str]:
     """Those of a joint's freedoms that nothing but its clearance limits, of `VIRTUAL_LINK`."""
-    found = []
+    freedoms = []
     for axis, part in enumerate(VIRTUAL_LINK[:3]):
         centre = _ANGLE * np.eye(3)[axis]
         if part in joint.freedoms and joint.room_to_start.get(part, 0.0) > 0.0:
             _, follows = joint.ideal_part(np.eye(3), centre)
-            found += [part] if abs(follows[axis]) < 0.5 * _ANGLE else []
+            freedoms += [part] if abs(follows[axis]) < 0.5 * _ANGLE else []
     for axis, part in zip((2, 1, 0), VIRTUAL_LINK[3:], strict=True):
         turn = pin.exp3(_ANGLE * np.eye(3)[axis])
         if part in joint.freedoms:
             follows, _ = joint.ideal_part(turn, np.zeros(3))
-            found += [part] if np.linalg.norm(pin.log3(follows)) < 0.5 * _ANGLE else []
-    return found
+            freedoms += [part] if np.linalg.norm(pin.log3(follows)) < 0.5 * _ANGLE else []
+    return freedoms
 
 
 class Balance:

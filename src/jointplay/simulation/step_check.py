@@ -128,12 +128,12 @@ def _difference(
     theirs.q[:], theirs.v[:] = start
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)
-        found = run.guard(other).execute(progress, check_step=False)
-    if found.status == Status.INTERRUPTED:
+        comparison = run.guard(other).execute(progress, check_step=False)
+    if comparison.status == Status.INTERRUPTED:
         raise KeyboardInterrupt
-    if found.status != Status.COMPLETED:
+    if comparison.status != Status.COMPLETED:
         return _UNBOUNDED
-    return _apart(run, result, found)
+    return _apart(run, result, comparison)
 
 
 def _apart(run: Run, result: Result, other: Result) -> StepError:

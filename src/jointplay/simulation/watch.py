@@ -47,8 +47,8 @@ class Watch:
 
     def until_next(self, step: int) -> int | None:
         """Steps from `step` until one of them looks again; None if none ever does."""
-        found = (self._sampling.until_next(step), self._reactions.until_next(step))
-        return min((due for due in found if due is not None), default=None)
+        waits = (self._sampling.until_next(step), self._reactions.until_next(step))
+        return min((due for due in waits if due is not None), default=None)
 
     def due(self, step: int) -> bool:
         """Whether one of them looks at `step`."""

@@ -77,15 +77,15 @@ class Ensembles:
         if future.cancelled() or future.exception() is not None:
             return
         condition, label, seed = key
-        found = future.result()
+        measures = future.result()
         row: dict[str, object] = {"gravity": condition.gravity, "inertia": condition.variant}
-        row |= {"clearance": label, "seed": seed, **found}
+        row |= {"clearance": label, "seed": seed, **measures}
         text = io.StringIO(newline="")
         writer = csv.DictWriter(text, list(row))
         if not self.measures:
             writer.writeheader()
         writer.writerow(row)
-        self.measures[key] = found
+        self.measures[key] = measures
         try:
             with self.table.open("ab", buffering=0) as file:
                 file.write(text.getvalue().encode())  # at once: no kill leaves half a row
@@ -111,7 +111,7 @@ class Ensembles:
         verdicts = []
         for condition in CONDITIONS:
             small, large = (
-                [found for (c, name, _), found in sorted(self.measures.items(), key=_seed)
+                [measures for (c, name, _), measures in sorted(self.measures.items(), key=_seed)
                  if c == condition and name == label]
                 for label in ("0.2 mm", "0.5 mm")
             )  # fmt: skip

@@ -51,12 +51,12 @@ ERRORS_HEADER = (
 
 def measures_table(cases: Mapping[str, Result]) -> list[tuple[str, ...]]:
     """What the claims use, a row for each measure and a column for each case that has it."""
-    found = {
+    columns = {
         label: {one.name: one for one in certificate.figures if one not in certificate.headline}
         for label, result in cases.items()
         if (certificate := result.certificate) is not None
     }
-    played = {label: measures for label, measures in found.items() if measures}
+    played = {label: measures for label, measures in columns.items() if measures}
     names = dict.fromkeys(name for measures in played.values() for name in measures)
     head = ("measure", *played)
     rows = []
@@ -71,7 +71,7 @@ def write_errors(
 ) -> None:
     """Write ``errors.md``."""
     made_with = ", ".join(f"{name} {version}" for name, version in versions().items())
-    found = len({label for label, *_ in rows})
+    done = len({label for label, *_ in rows})
     used = [
         "What the claims use, of these runs, by the names in ensemble.csv:",
         "",
@@ -89,7 +89,7 @@ def write_errors(
         f"{1e6 * EXPLICIT_STEP_S:g} µs) of the same case: its value where it differs by more than "
         f"{100 * DIFFERS:g} % and the error.",
         "",
-        *([f"**Incomplete: {found} of {len(CASES)} cases.**", ""] if found < len(CASES) else []),
+        *([f"**Incomplete: {done} of {len(CASES)} cases.**", ""] if done < len(CASES) else []),
         *("| " + " | ".join(row) + " |" for row in (ERRORS_HEADER, ["---"] * len(ERRORS_HEADER))),
         *("| " + " | ".join(row) + " |" for row in rows),
         "",

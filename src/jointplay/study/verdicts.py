@@ -23,7 +23,7 @@ def write_claims(verdicts: Sequence[Verdict], ensembles: Ensembles, out: Path) -
     table = io.StringIO(newline="")
     csv.writer(table).writerows([HEADER, *(verdict.row() for verdict in verdicts)])
     files.write(out / "claims.csv", table.getvalue())
-    found, planned = len(ensembles.measures), len(ensembles.plan)
+    done, planned = len(ensembles.measures), len(ensembles.plan)
     made_with = ", ".join(f"{name} {version}" for name, version in versions().items())
     lines = [
         "# The paper's claims",
@@ -41,7 +41,7 @@ def write_claims(verdicts: Sequence[Verdict], ensembles: Ensembles, out: Path) -
         "is without gravity, *loaded* with it; *consistent* and *as printed* are the two inertia "
         "variants (docs/assumptions.md). Numerical errors of the numbers, of one run: errors.md.",
         "",
-        *([f"**Incomplete: {found} of {planned} runs.**", ""] if found < planned else []),
+        *([f"**Incomplete: {done} of {planned} runs.**", ""] if done < planned else []),
         "| " + " | ".join(HEADER) + " |",
         "|" + " --- |" * len(HEADER),
         *("| " + " | ".join(cell.replace("|", "\\|") for cell in v.row()) + " |" for v in verdicts),
@@ -59,7 +59,7 @@ def summary(verdicts: Sequence[Verdict]) -> str:
         " " * 16 + "".join(f"{variant:<12}" for _ in GRAVITY for variant in VARIANTS),
     ]
     for number, subject in sorted({(v.claim, v.subject) for v in verdicts}):
-        found = {v.condition: v.holds for v in verdicts if v.claim == number}
-        cells = "".join(f"{found.get(str(condition), '-'):<12}" for condition in CONDITIONS)
+        answers = {v.condition: v.holds for v in verdicts if v.claim == number}
+        cells = "".join(f"{answers.get(str(condition), '-'):<12}" for condition in CONDITIONS)
         lines.append(f"{number} {subject:<14}{cells}")
     return "\n".join(line.rstrip() for line in lines)

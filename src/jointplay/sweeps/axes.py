@@ -83,12 +83,12 @@ def read(name: str, given: Any) -> Axis:
     if "distribution" in given:
         source = "distribution"
     else:
-        found = [word for word in _SOURCES if word in given]
-        if len(found) != 1:
+        sources = [word for word in _SOURCES if word in given]
+        if len(sources) != 1:
             raise JointplayError(
-                f"needs one of {', '.join(_SOURCES)}; got {' and '.join(found) or 'none'}"
+                f"needs one of {', '.join(_SOURCES)}; got {' and '.join(sources) or 'none'}"
             )
-        (source,) = found
+        (source,) = sources
     for word in given:
         if word not in (*_KEYS, source, *_SOURCES[source]):
             raise JointplayError(f"{word} contradicts {source}; leave one of them out")
@@ -200,8 +200,8 @@ def _unit(given: Mapping[str, Any], words: Sequence[str], units: tuple[str, ...]
     """The SI unit in which the first of `words` that has one is given."""
     if units is None or len(units) == 1:
         return units[0] if units else ""
-    found = [convert(given[word], *units).unit for word in words if word in given]
-    return next((unit for unit in found if unit), "")
+    symbols = [convert(given[word], *units).unit for word in words if word in given]
+    return next((unit for unit in symbols if unit), "")
 
 
 def _range(

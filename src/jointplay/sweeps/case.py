@@ -101,12 +101,12 @@ def job(plan: Plan, send_files: bool = False) -> Job:
 
 def joints(plan: Plan) -> list[str]:
     """Joints that have clearance in some case of the sweep."""
-    found = dict.fromkeys(str(name) for name in plan.base.get("joints", {}))
+    names = dict.fromkeys(str(name) for name in plan.base.get("joints", {}))
     for axis in (*plan.axes, *plan.drawn):
-        found |= {str(key[1]): None for key in axis.keys if key[0] == "joints" and len(key) > 1}
+        names |= {str(key[1]): None for key in axis.keys if key[0] == "joints" and len(key) > 1}
         for change in () if axis.keys else axis.values:
-            found |= dict.fromkeys(str(name) for name in change.get("joints", {}))
-    return list(found)
+            names |= dict.fromkeys(str(name) for name in change.get("joints", {}))
+    return list(names)
 
 
 class Bench:
@@ -178,20 +178,20 @@ class Bench:
         """The simulation of a case."""
         if self._names:
             changes = self._relocated(changes)
-        found = self.scenario.simulation(self.job.case, changes)
+        simulation = self.scenario.simulation(self.job.case, changes)
         if self.job.start is not None:
-            found = replace(found, judge_from=self.job.start, settle=None)
-        return found
+            simulation = replace(simulation, judge_from=self.job.start, settle=None)
+        return simulation
 
     def _relocated(self, changes: Mapping[str, Any]) -> dict[str, Any]:
         """Changes with the files where they are here."""
-        found = dict(changes)
+        tables = dict(changes)
         data = self.scenario.data(self.job.case)
         for table, key in (("robot", "urdf"), ("motion", "file")):
-            name = {**data.get(table, {}), **found.get(table, {})}.get(key)
+            name = {**data.get(table, {}), **tables.get(table, {})}.get(key)
             if name in self._names:
-                found[table] = {**found.get(table, {}), key: self._names[name]}
-        return found
+                tables[table] = {**tables.get(table, {}), key: self._names[name]}
+        return tables
 
     def _run(self, changes: Mapping[str, Any]) -> tuple[dict[str, float], dict[str, History]]:
         simulation = self.simulation(changes)
@@ -239,10 +239,10 @@ class Bench:
         key = json.dumps(inputs, sort_keys=True)
         if key not in self._ideals:
             twin = replace(ideal_simulation(result), duration=simulation.duration)
-            found = twin.prepare().execute()
-            if found.status != Status.COMPLETED:
-                raise JointplayError(f"the ideal mechanism: {found.message}")
-            self._ideals[key] = found
+            run = twin.prepare().execute()
+            if run.status != Status.COMPLETED:
+                raise JointplayError(f"the ideal mechanism: {run.message}")
+            self._ideals[key] = run
             while len(self._ideals) > KEPT_IDEALS:
                 self._ideals.popitem(last=False)
         self._ideals.move_to_end(key)

@@ -83,12 +83,12 @@ class ClusterWorkers:
             time.sleep(0.1)
         self.number = len(threads)
         try:
-            found = self.client.run(version, on_error="return")
+            answers = self.client.run(version, on_error="return")
         except Exception as error:
             raise JointplayError(
                 f"the workers of {self.address!r} do not answer: {error}"
             ) from None
-        for worker, said in found.items():
+        for worker, said in answers.items():
             if isinstance(said, BaseException):
                 words = " ".join(str(said).split())
                 raise JointplayError(f"worker {worker} cannot use jointplay: {words}")
@@ -142,11 +142,11 @@ class ClusterWorkers:
         """What a task gave; one that took its workers with it is taken apart."""
         if future.status == "finished":
             try:
-                found = future.result()
+                outcomes = future.result()
             except Exception as error:
                 raise self._lost() from error
             future.release()
-            for outcome in found:
+            for outcome in outcomes:
                 self._done += 1
                 self._seconds += outcome.values.get(COST, 0.0)
                 yield outcome

@@ -15,15 +15,15 @@ GROWS = ("samples", "repeats")
 
 def differences(old: Mapping[str, str], new: Mapping[str, str]) -> list[Any]:
     """In what two sweeps differ: key, and a few words."""
-    found = []
+    changes = []
     for key in dict.fromkeys((*old, *new)):
         was, now = old.get(key, "not given"), new.get(key, "not given")
         if was != now:
             if key.startswith("file ") and "not given" not in (was, now):
-                found.append((key, f"{key} has changed"))
+                changes.append((key, f"{key} has changed"))
             else:
-                found.append((key, f"{key} is {_short(now)}, and was {_short(was)}"))
-    return found
+                changes.append((key, f"{key} is {_short(now)}, and was {_short(was)}"))
+    return changes
 
 
 def _short(text: str) -> str:
@@ -33,16 +33,16 @@ def _short(text: str) -> str:
 def grown(attrs: Mapping[str, Any], plan: Plan) -> set[str]:
     """Keys in which the plan is the old one made larger."""
     old, new = attrs["identity"], plan.identity
-    found = set()
+    keys = set()
     for word in GROWS:
         key = f"sweep.{word}"
         grows = word != "samples" or plan.sampling in GROWING
         if grows and json.loads(new.get(key, "0")) >= json.loads(old.get(key, "1")):
-            found.add(key)
+            keys.add(key)
     for key in new:
         if key.startswith("sweep.axes.") and key in old:
             was, now = json.loads(old[key]), json.loads(new[key])
             if isinstance(was, list) and isinstance(now, list) and now[: len(was)] == was:
-                found.add(key)
+                keys.add(key)
     same_dims = list(attrs["sizes"]) == list(plan.sizes)
-    return found if same_dims else set()
+    return keys if same_dims else set()

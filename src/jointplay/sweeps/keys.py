@@ -31,7 +31,7 @@ def path_of(name: str) -> Key:
     Raises:
         JointplayError: it names none.
     """
-    found: list[str | int] = []
+    parts: list[str | int] = []
     at = 0
     text = name if isinstance(name, str) else ""
     while at < len(text):
@@ -39,16 +39,16 @@ def path_of(name: str) -> Key:
         if part is None:
             break
         quoted, number, word = part.groups()
-        found.append(max(int(number) - 1, 0) if number else word.strip() if word else quoted)
+        parts.append(max(int(number) - 1, 0) if number else word.strip() if word else quoted)
         at = part.end()
         if at < len(text) and text[at] == ".":
             at += 1
-    if not found or at < len(text):
+    if not parts or at < len(text):
         raise JointplayError(
             f"{shown(name)} names no key of a scenario; write it like "
             '"joints.joint_b.radial_clearance" or "payloads[1].mass"'
         )
-    return tuple(found)
+    return tuple(parts)
 
 
 class _Units(Tables):
@@ -56,9 +56,9 @@ class _Units(Tables):
 
     def field(self, field: Field, text: str) -> dict[str, Any]:
         """Schema of a field, the units at its numbers."""
-        found = super().field(field, text)
-        _mark(found, " or ".join(field.units))
-        return found
+        schema = super().field(field, text)
+        _mark(schema, " or ".join(field.units))
+        return schema
 
 
 def _mark(node: Any, unit: str) -> None:
@@ -123,11 +123,11 @@ def units_of(path: Key) -> tuple[str, ...] | None:
     Raises:
         JointplayError: there is no such key.
     """
-    found: dict[str, None] = {}
+    units: dict[str, None] = {}
     for kind in kinds(path):
         if kind.get("type") == ["number", "string"]:
-            found |= dict.fromkeys(kind.get("x-unit", "").split(" or "))
-    return tuple(found) or None
+            units |= dict.fromkeys(kind.get("x-unit", "").split(" or "))
+    return tuple(units) or None
 
 
 def is_whole(path: Key) -> bool:
@@ -172,6 +172,6 @@ def _at(under: Any, part: str | int, path: Key) -> Any:
 
 def _is_zero(value: Any) -> bool:
     if isinstance(value, str):
-        found = re.match(r"\s*[+-]?([\d.]+)(e[+-]?\d+)?", value, re.IGNORECASE)
-        return found is not None and not float(found[1].strip(".") or 1)
+        match = re.match(r"\s*[+-]?([\d.]+)(e[+-]?\d+)?", value, re.IGNORECASE)
+        return match is not None and not float(match[1].strip(".") or 1)
     return not isinstance(value, bool) and isinstance(value, int | float) and value == 0

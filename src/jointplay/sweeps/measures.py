@@ -71,35 +71,35 @@ def measure(
         joints: the joints that have clearance in some case, whose forces are wanted.
         rests: times at which the reference stands still [s].
     """
-    found: dict[str, float] = {}
+    measures: dict[str, float] = {}
     start = result.judge_from
     if ideal is not None:
-        found |= dict(_tool_error(result, ideal, start, rests))
+        measures |= dict(_tool_error(result, ideal, start, rests))
     kept = result.time >= start
-    found |= dict(_forces(result, joints, kept))
+    measures |= dict(_forces(result, joints, kept))
     audit = result.audit
-    found["impacts"] = float(audit.judged_impacts or 0)
-    found["impulse"] = audit.judged_impulse or 0.0
+    measures["impacts"] = float(audit.judged_impacts or 0)
+    measures["impulse"] = audit.judged_impulse or 0.0
     losses = {n: _lost(result, n, kept) for n in LOSSES if n in result.dataset.variables}
-    found["dissipated_energy"] = sum(losses.values())
+    measures["dissipated_energy"] = sum(losses.values())
     if "load_work" in result.dataset.variables:
         taken = -_since(_values(result, "load_work"), kept)
-        found["dissipated_energy"] += float(np.maximum(taken, 0.0).sum())
-    found |= losses
+        measures["dissipated_energy"] += float(np.maximum(taken, 0.0).sum())
+    measures |= losses
     for k, joint in enumerate(result.joints):
         at = f"_{joint}" if len(joints) > 1 else ""
         modes = np.bincount(_values(result, "mode")[kept, k], minlength=len(Mode))
         for mode in Mode:
-            found[f"share_{mode.name.lower()}{at}"] = float(modes[mode] / max(kept.sum(), 1))
-    found["penetration"] = audit.largest_penetration if kept.all() else _deepest(result, kept)
-    found["energy_error"] = audit.relative_energy_residual
-    found["under_resolved"] = audit.under_resolved_impulse
-    found["warnings"] = float(len(audit.warnings))
+            measures[f"share_{mode.name.lower()}{at}"] = float(modes[mode] / max(kept.sum(), 1))
+    measures["penetration"] = audit.largest_penetration if kept.all() else _deepest(result, kept)
+    measures["energy_error"] = audit.relative_energy_residual
+    measures["under_resolved"] = audit.under_resolved_impulse
+    measures["warnings"] = float(len(audit.warnings))
     if result.certificate is not None:
         for figure in result.certificate.headline:
             name = re.sub(r"\W+", "_", figure.name.lower()).strip("_")
-            found[f"numerical_error_{name}"] = figure.error
-    return found
+            measures[f"numerical_error_{name}"] = figure.error
+    return measures
 
 
 def _since(values: np.ndarray, kept: np.ndarray) -> np.ndarray:
@@ -163,10 +163,10 @@ def _forces(result: Result, joints: Sequence[str], kept: np.ndarray) -> Iterator
         values = _values(result, name if result.joints else "reaction_force")[kept]
         squares = np.einsum("njk,njk->nj", values, values)
         sums = squares.max(axis=0) if how == "peak" else squares.mean(axis=0)
-        found = {labels[k]: float(np.sqrt(sums[k])) for k in wanted}
-        yield f"{how}_force", max(found.values())
+        forces = {labels[k]: float(np.sqrt(sums[k])) for k in wanted}
+        yield f"{how}_force", max(forces.values())
         if len(joints) > 1:
-            for label, value in found.items():
+            for label, value in forces.items():
                 yield f"{how}_force_{label}", value
 
 

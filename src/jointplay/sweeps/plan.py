@@ -83,14 +83,14 @@ class Plan:
     @cached_property
     def sizes(self) -> dict[str, int]:
         """Size of each dimension, in order."""
-        found = {axis.name: len(axis.values) for axis in self.axes}
+        sizes = {axis.name: len(axis.values) for axis in self.axes}
         if self.drawn:
-            found[SAMPLE] = self.samples * (
+            sizes[SAMPLE] = self.samples * (
                 len(self.drawn) + 2 if self.sampling == "saltelli" else 1
             )
         if self.repeats > 1:
-            found[REPEAT] = self.repeats
-        return found
+            sizes[REPEAT] = self.repeats
+        return sizes
 
     @property
     def shape(self) -> Index:
@@ -115,29 +115,29 @@ class Plan:
 
     def changes(self, index: Index) -> dict[str, Any]:
         """What is different in a case, nested as in the file."""
-        found: dict[str, Any] = {}
+        changes: dict[str, Any] = {}
         at = dict(zip(self.sizes, index, strict=True))
         for axis in self.axes:
             value = axis.values[at[axis.name]]
             if not axis.keys:
-                found = merge(found, value)
+                changes = merge(changes, value)
             for key in axis.keys:
-                put(found, self.base, key, value)
+                put(changes, self.base, key, value)
         for k, axis in enumerate(self.drawn):
             for key in axis.keys:
-                put(found, self.base, key, float(self.drawn_values[at[SAMPLE], k]))
+                put(changes, self.base, key, float(self.drawn_values[at[SAMPLE], k]))
         if self.repeats > 1:
-            put(found, self.base, ("integration", "seed"), self.seed + at[REPEAT])
-        return found
+            put(changes, self.base, ("integration", "seed"), self.seed + at[REPEAT])
+        return changes
 
     def values(self, index: Index) -> dict[str, Any]:
         """Coordinates of a case by name, for tables and messages."""
         at = dict(zip(self.sizes, index, strict=True))
-        found = {axis.name: axis.coordinate[at[axis.name]].item() for axis in self.axes}
-        found |= {
+        coordinates = {axis.name: axis.coordinate[at[axis.name]].item() for axis in self.axes}
+        coordinates |= {
             axis.name: float(self.drawn_values[at[SAMPLE], k]) for k, axis in enumerate(self.drawn)
         }
-        return found | ({REPEAT: at[REPEAT]} if self.repeats > 1 else {})
+        return coordinates | ({REPEAT: at[REPEAT]} if self.repeats > 1 else {})
 
     def indices(self) -> Iterator[Index]:
         """All cases in order."""
@@ -152,14 +152,14 @@ class Plan:
         """All that decides what the cases are and give, by dotted key: equal or not the same."""
         base = {k: v for k, v in self.base.items() if k not in ("title", "output")}
         base["output"] = {"record_every": self.base.get("output", {}).get("record_every", 10)}
-        found = dict(_flat(base))
+        entries = dict(_flat(base))
         table = {word: self.given[word] for word in WORDS if word in self.given}
         table.setdefault("seed", self.seed)
-        found |= {f"sweep.{key}": text for key, text in _flat(table)}
+        entries |= {f"sweep.{key}": text for key, text in _flat(table)}
         for name, text in self.inputs.items():
             digest = hashlib.sha256(text.encode()).hexdigest()[:16]
-            found[f"file {name}"] = digest
-        return found
+            entries[f"file {name}"] = digest
+        return entries
 
     @cached_property
     def inputs(self) -> dict[str, str]:
@@ -173,21 +173,21 @@ class Plan:
                     if isinstance(value, str):
                         named |= set(_named({key[-1]: value}))
         named |= {("function", name) for name in self.measures}
-        found = {}
+        texts = {}
         for word, name in sorted(named):
             if word == "function":
                 module = name.partition(":")[0].partition(".")[0]
                 beside = folder / f"{module}.py"
                 if is_file(beside):
-                    found[beside.name] = beside.read_text(encoding="utf-8")
+                    texts[beside.name] = beside.read_text(encoding="utf-8")
                 continue
             path = locate(name, folder)
             try:
-                found[name] = path.read_text(encoding="utf-8")
+                texts[name] = path.read_text(encoding="utf-8")
             except (OSError, ValueError) as error:
                 reason = getattr(error, "strerror", None) or error
                 raise JointplayError(f"cannot read {str(path)!r}: {reason}") from None
-        return found
+        return texts
 
 
 def _named(value: Any) -> Iterator[tuple[str, str]]:

@@ -46,16 +46,16 @@ def points(method: str, samples: int, dimensions: int, seed: int) -> np.ndarray:
     from scipy.stats import qmc  # which takes half a second that workers need not spend
 
     if method == "saltelli":
-        found = _saltelli(samples, dimensions, seed)
+        design = _saltelli(samples, dimensions, seed)
     elif method == "random":
-        found = np.random.default_rng(seed).random((samples, dimensions))
+        design = np.random.default_rng(seed).random((samples, dimensions))
     elif method == "latin-hypercube":
-        found = qmc.LatinHypercube(dimensions, seed=seed).random(samples)
+        design = qmc.LatinHypercube(dimensions, seed=seed).random(samples)
     else:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # of numbers that are no powers of two
-            found = qmc.Sobol(dimensions, seed=seed).random(samples)
-    return np.clip(found, _INSIDE, 1.0 - _INSIDE)
+            design = qmc.Sobol(dimensions, seed=seed).random(samples)
+    return np.clip(design, _INSIDE, 1.0 - _INSIDE)
 
 
 def _saltelli(samples: int, dimensions: int, seed: int) -> np.ndarray:

@@ -98,8 +98,9 @@ def statements(dataset: xr.Dataset, measure: str, precision: float) -> str:
     return "\n".join(lines)
 
 
-def _line(found: Estimate, factor: float, unit: str) -> str:
+def _line(statistic: Estimate, factor: float, unit: str) -> str:
     low, high = (f"{factor * end:.4g}" if np.isfinite(end) else "unknown"
-                 for end in (found.low, found.high))  # fmt: skip
+                 for end in (statistic.low, statistic.high))  # fmt: skip
     unit = "" if unit == "1" else unit
-    return f"  {found.name:<5} {factor * found.value:.4g} {unit} (95 %: {low} to {high})".rstrip()
+    text = f"  {statistic.name:<5} {factor * statistic.value:.4g} {unit} (95 %: {low} to {high})"
+    return text.rstrip()

@@ -138,15 +138,15 @@ class Store:
             self._make()
             return
         check_format(attrs, self.path)
-        found = differences(attrs["identity"], self.plan.identity)
+        changes = differences(attrs["identity"], self.plan.identity)
         smaller = grown(attrs, self.plan)
         mine, theirs = versions()["jointplay"], attrs["versions"].get("jointplay")
         if mine != theirs:
-            found.append(("version", f"jointplay is {mine}, and was {theirs}"))
-        beyond = [text for key, text in found if key not in smaller]
-        if beyond or (found and not extend):
-            shown = [text for _, text in found][:MOST_DIFFERENCES]
-            more = len(found) - len(shown)
+            changes.append(("version", f"jointplay is {mine}, and was {theirs}"))
+        beyond = [text for key, text in changes if key not in smaller]
+        if beyond or (changes and not extend):
+            shown = [text for _, text in changes][:MOST_DIFFERENCES]
+            more = len(changes) - len(shown)
             advice = (
                 "--extend adds the new cases" if not beyond else "choose another name for the store"
             )
@@ -225,17 +225,17 @@ class Store:
     def _coordinates(self) -> None:
         """Values of the dimensions, and of what is sampled."""
         plan = self.plan
-        found: dict[str, tuple[str, Any, str, str]] = {}
+        coordinates: dict[str, tuple[str, Any, str, str]] = {}
         for axis in plan.axes:
             text = ", ".join(dotted(key) for key in axis.keys)
-            found[axis.name] = (axis.name, axis.coordinate, axis.unit, text)
+            coordinates[axis.name] = (axis.name, axis.coordinate, axis.unit, text)
         for k, axis in enumerate(plan.drawn):
             text = ", ".join(dotted(key) for key in axis.keys)
-            found[axis.name] = (SAMPLE, plan.drawn_values[:, k], axis.unit, text)
+            coordinates[axis.name] = (SAMPLE, plan.drawn_values[:, k], axis.unit, text)
         if REPEAT in plan.sizes:
             seeds = plan.seed + np.arange(plan.repeats)
-            found[REPEAT] = (REPEAT, seeds, "", "seed of the displacement of the journals")
-        for name, (dimension, values, unit, text) in found.items():
+            coordinates[REPEAT] = (REPEAT, seeds, "", "seed of the displacement of the journals")
+        for name, (dimension, values, unit, text) in coordinates.items():
             self.labels(name, dimension, np.asarray(values), {"units": unit, "long_name": text})
 
     def labels(
@@ -351,12 +351,12 @@ def _set(array: zarr.Array[Any], cells: Sequence[tuple[Index, Any]]) -> None:
 
 def _chunks(shape: Index) -> Index:
     """Chunks of at most `CHUNK` cases, whole along the last dimensions."""
-    left, found = CHUNK, []
+    left, chunks = CHUNK, []
     for size in reversed(shape):
         take = max(min(size, left), 1)
-        found.append(take)
+        chunks.append(take)
         left = max(left // take, 1)
-    return tuple(reversed(found))
+    return tuple(reversed(chunks))
 
 
 def _others(folder: Path) -> bool:

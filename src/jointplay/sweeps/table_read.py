@@ -49,14 +49,14 @@ def plan_of(
         if word not in WORDS:
             raise scenario.error(("sweep", word), unknown_key(str(word), WORDS))
     if axes is not None or not isinstance(given.get("axes", {}), Mapping):
-        found = _axes(scenario, given.get("axes", {}), ())
+        all_axes = _axes(scenario, given.get("axes", {}), ())
     else:
-        found = _axes(scenario, given.get("axes", {}), ("sweep", "axes"))
+        all_axes = _axes(scenario, given.get("axes", {}), ("sweep", "axes"))
     made = Plan(
         scenario,
         _case(scenario, given.get("case")),
-        tuple(axis for axis in found if not axis.sampled),
-        tuple(axis for axis in found if axis.sampled),
+        tuple(axis for axis in all_axes if not axis.sampled),
+        tuple(axis for axis in all_axes if axis.sampled),
         given=given,
         **_numbers(scenario, given),
     )
@@ -70,21 +70,21 @@ def plan_of(
 def _axes(scenario: Scenario, tables: Any, place: Key) -> list[Axis]:
     if not isinstance(tables, Mapping):
         raise scenario.error(("sweep", "axes"), f"{shown(tables)} is no table of axes by name")
-    found: list[Axis] = []
+    axes: list[Axis] = []
     for name, table in tables.items():
         where = (*place, name) if place else ()
         try:
             axis = read(str(name), table)
-            taken = [other.name for other in found]
+            taken = [other.name for other in axes]
             if axis.name in taken:
                 axis = replace(axis, name=str(name).replace(".", "_"))
             if axis.name in RESERVED or not axis.name:
                 raise JointplayError(f"an axis cannot be called {shown(axis.name)}")
-            found.append(axis)
+            axes.append(axis)
         except JointplayError as error:
             message = str(error) if place else f"axis {shown(str(name))}: {error}"
             raise scenario.error(where, message) from None
-    return found
+    return axes
 
 
 def _case(scenario: Scenario, case: Any) -> str:
@@ -113,32 +113,32 @@ def _numbers(scenario: Scenario, given: Mapping[str, Any]) -> dict[str, Any]:
     """Everything of the table but its axes and its case."""
     word = ""
     try:
-        found: dict[str, Any] = {}
+        fields: dict[str, Any] = {}
         for word, default, least in (("samples", 0, 1), ("seed", 0, 0), ("repeats", 1, 1)):
-            found[word] = _whole(given, word, default, least) if word in given else default
+            fields[word] = _whole(given, word, default, least) if word in given else default
         word = "sampling"
-        found[word] = given.get(word, sampling.METHODS[0])
-        if found[word] not in sampling.METHODS:
-            raise JointplayError(one_of("sampling", found[word], sampling.METHODS))
+        fields[word] = given.get(word, sampling.METHODS[0])
+        if fields[word] not in sampling.METHODS:
+            raise JointplayError(one_of("sampling", fields[word], sampling.METHODS))
         for word in ("measures", "histories"):
             names = given.get(word, ())
             names = [names] if isinstance(names, str) else names
             if not isinstance(names, Sequence) or not all(isinstance(n, str) for n in names):
                 raise JointplayError(f"{shown(names)} are no {word}; give a list of names")
-            found[word] = tuple(names)
+            fields[word] = tuple(names)
         word = "start"
-        found[word] = float(convert(given[word], "s")) if word in given else None
-        if found[word] is not None and not found[word] >= 0.0:
+        fields[word] = float(convert(given[word], "s")) if word in given else None
+        if fields[word] is not None and not fields[word] >= 0.0:
             raise JointplayError(f"must not be negative, got {shown(given[word])}")
         word = "tool_error"
         if not isinstance(given.get(word, True), bool):
             raise JointplayError(f"expected true or false, got {shown(given[word])}")
-        found[word] = given.get(word, True)
+        fields[word] = given.get(word, True)
         word = "until"
-        found[word] = read_until(given[word]) if word in given else None
+        fields[word] = read_until(given[word]) if word in given else None
     except (JointplayError, ValueError) as error:
         raise scenario.error(("sweep", word), f"{word}: {error}") from None
-    return found
+    return fields
 
 
 def _check(made: Plan) -> None:

@@ -133,9 +133,9 @@ def estimate(
             statistic, float(x.mean()), float(x.mean() - half), float(x.mean() + half), n
         )
     rng = np.random.default_rng(0)
-    found = [x[rng.integers(n, size=n)].std(ddof=1) for _ in range(RESAMPLES)]
+    deviations = [x[rng.integers(n, size=n)].std(ddof=1) for _ in range(RESAMPLES)]
     tail = (1.0 - confidence) / 2.0
-    ends = np.quantile(found, [tail, 1.0 - tail])
+    ends = np.quantile(deviations, [tail, 1.0 - tail])
     return Estimate(statistic, float(x.std(ddof=1)), float(ends[0]), float(ends[1]), n)
 
 
@@ -162,13 +162,13 @@ def convergence(
 
 def enough(history: list[Estimate], precision: float) -> int | None:
     """Runs after which the relative precision was reached and kept; None if it was not."""
-    found = None
+    runs = None
     for one in history:
         if one.relative > precision:
-            found = None
-        elif found is None:
-            found = one.runs
-    return found
+            runs = None
+        elif runs is None:
+            runs = one.runs
+    return runs
 
 
 @dataclass(frozen=True)
@@ -214,7 +214,7 @@ def sobol_indices(values: np.ndarray, names: tuple[str, ...]) -> SobolIndices:
         return SobolIndices(names, zero, zero, zero, zero)
     problem = {"num_vars": len(names), "names": list(names), "bounds": [[0.0, 1.0]] * len(names)}
     with np.errstate(all="ignore"):
-        found = sobol.analyze(problem, y, calc_second_order=False, seed=0)
+        indices = sobol.analyze(problem, y, calc_second_order=False, seed=0)
     return SobolIndices(
-        names, *(np.asarray(found[key], float) for key in ("S1", "S1_conf", "ST", "ST_conf"))
+        names, *(np.asarray(indices[key], float) for key in ("S1", "S1_conf", "ST", "ST_conf"))
     )

@@ -69,20 +69,20 @@ def restitutions(mechanism: Mechanism, measured: Measurement) -> tuple[Restituti
     table = np.column_stack([measured.signals["acceleration", axis] for axis in axes])
     good = np.isfinite(table).all(axis=1)
     time, table = measured.time[good], table[good]
-    found = np.array(
+    logarithms = np.array(
         [np.log(r) for flights in sequences(time, table) for r in flights[1:] / flights[:-1]]
     )
-    if len(found) < FEWEST_RATIOS:
+    if len(logarithms) < FEWEST_RATIOS:
         rate = 1.0 / np.median(np.diff(time)) if len(time) > 1 else 0.0
         reason = (
-            f"{len(found)} ratios of successive flights between impacts at {rate:.4g} records a "
-            f"second, {FEWEST_RATIOS} are needed; drop the load more often, or record faster"
+            f"{len(logarithms)} ratios of successive flights between impacts at {rate:.4g} records "
+            f"a second, {FEWEST_RATIOS} are needed; drop the load more often, or record faster"
         )
-        return (Restitution(name, np.nan, np.inf, len(found), reason),)
-    middle = float(np.exp(found.mean()))
-    error = float(found.std(ddof=1) / np.sqrt(len(found)))
-    half = middle * error * float(student.ppf(0.975, len(found) - 1))
-    return (Restitution(name, middle, half, len(found), ""),)
+        return (Restitution(name, np.nan, np.inf, len(logarithms), reason),)
+    middle = float(np.exp(logarithms.mean()))
+    error = float(logarithms.std(ddof=1) / np.sqrt(len(logarithms)))
+    half = middle * error * float(student.ppf(0.975, len(logarithms) - 1))
+    return (Restitution(name, middle, half, len(logarithms), ""),)
 
 
 def impacts(time: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
@@ -98,12 +98,12 @@ def sequences(time: np.ndarray, acceleration: np.ndarray) -> list[np.ndarray]:
     """Flights [s] of each sequence of impacts that dies away steadily."""
     shortest = _SHORTEST * float(np.median(np.diff(time)))
     gaps = np.diff(impacts(time, acceleration))
-    found: list[np.ndarray] = []
+    flights: list[np.ndarray] = []
     mine: list[float] = []
 
     def close() -> None:
         if len(mine) >= _LEAST_FLIGHTS:
-            found.append(np.array(mine))
+            flights.append(np.array(mine))
         mine.clear()
 
     for gap in gaps:
@@ -118,4 +118,4 @@ def sequences(time: np.ndarray, acceleration: np.ndarray) -> list[np.ndarray]:
             mine.append(last)
         mine.append(float(gap))
     close()
-    return found
+    return flights

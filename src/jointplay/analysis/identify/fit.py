@@ -103,7 +103,7 @@ def offsets(
 
 def _within(cell: np.ndarray, position: np.ndarray) -> list[np.ndarray]:
     """Powers of the joints' positions as far as they differ between visits of a place."""
-    found = []
+    powers = []
     for values in position.T:
         span = np.ptp(values)
         if span > 0.0:
@@ -112,8 +112,8 @@ def _within(cell: np.ndarray, position: np.ndarray) -> list[np.ndarray]:
                 moved = even**power
                 for number in np.unique(cell):
                     moved[cell == number] -= moved[cell == number].mean()
-                found.append(moved)
-    return found
+                powers.append(moved)
+    return powers
 
 
 @dataclass(frozen=True)
@@ -236,7 +236,7 @@ def solve(problem: Problem, start: np.ndarray, most_steps: int) -> Fit:
     scale = problem.scale
     most = np.array([one.most for one in problem.unknowns])
     begin = np.clip(start, 1e-3 * scale, most * (1.0 - 1e-6))
-    found = least_squares(
+    optimum = least_squares(
         lambda x: problem.residual(x * scale),
         begin / scale,
         lambda x: problem.slopes(x * scale),
@@ -244,18 +244,18 @@ def solve(problem: Problem, start: np.ndarray, most_steps: int) -> Fit:
         x_scale=1.0,
         max_nfev=most_steps,
     )
-    theta = found.x * scale
+    theta = optimum.x * scale
     return describe(problem, theta)
 
 
 def describe(problem: Problem, theta: np.ndarray) -> Fit:
     """Intervals about a solution (p,)."""
-    found = _intervals(problem, theta, problem.sensitivity(theta))
+    fit = _intervals(problem, theta, problem.sensitivity(theta))
     for _ in range(_LOOKS):
-        wide = np.where(np.isfinite(found.half_width), found.half_width, np.inf)
+        wide = np.where(np.isfinite(fit.half_width), fit.half_width, np.inf)
         steps = np.clip(wide, _NEAR * problem.scale, _FAR * np.maximum(problem.scale, theta))
-        found = _intervals(problem, theta, problem.weaker(theta, steps))
-    return found
+        fit = _intervals(problem, theta, problem.weaker(theta, steps))
+    return fit
 
 
 def _intervals(problem: Problem, theta: np.ndarray, effect: np.ndarray) -> Fit:

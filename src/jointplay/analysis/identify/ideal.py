@@ -15,11 +15,11 @@ def tool_positions(
 ) -> np.ndarray:
     """Position of the ideal tool in world axes at joint positions (n, j), shape (n, 3) [m]."""
     q = configurations(mechanism, joints, positions)
-    found = np.zeros((len(q), 3))
+    tool = np.zeros((len(q), 3))
     for i, row in enumerate(q):
         pin.framesForwardKinematics(mechanism.model, mechanism.data, row)
-        found[i] = mechanism.data.oMf[mechanism.tool_frame].translation
-    return found
+        tool[i] = mechanism.data.oMf[mechanism.tool_frame].translation
+    return tool
 
 
 def configurations(

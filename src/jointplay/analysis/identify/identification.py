@@ -190,24 +190,24 @@ def identify(
     _check(measured, made, seen.keys, usable, reference)
     error = np.where(usable, _errors(seen), np.nan)
     problem = _problem(mechanism, model, made, seen, error, reference)
-    problem, found = _fitted(problem, seen, error, measured.source)
-    reasons = tuple(reason(i, found, sought, made, model) for i in range(len(sought)))
-    words = advice(mechanism, friction, sought, found, problem, seen, reasons)
-    predicted = model.predict(found.theta) + _offsets(problem, found.theta, error)
+    problem, fit = _fitted(problem, seen, error, measured.source)
+    reasons = tuple(reason(i, fit, sought, made, model) for i in range(len(sought)))
+    words = advice(mechanism, friction, sought, fit, problem, seen, reasons)
+    predicted = model.predict(fit.theta) + _offsets(problem, fit.theta, error)
     *_, unseen = positions(mechanism, measured, motion)
     return Identification(
         sought,
-        found.theta,
-        found.half_width,
+        fit.theta,
+        fit.half_width,
         reasons,
         words,
-        apply(mechanism, sought, found.theta, reasons),
+        apply(mechanism, sought, fit.theta, reasons),
         made,
         seen,
         error,
         predicted,
         model.loose(),
-        found.misfit,
+        fit.misfit,
         reference,
         _notes(unseen),
         bounced,
@@ -239,15 +239,15 @@ def _fitted(
     start = np.array([one.nominal or 0.5 * one.scale for one in problem.unknowns])
     names = [kind for kind, _ in seen.keys]
     numbers = np.broadcast_to([names.index(kind) for kind in names], error.shape)
-    problem, found = search(problem, start, numbers[np.isfinite(error)])
+    problem, fit = search(problem, start, numbers[np.isfinite(error)])
     error[np.isfinite(error)] = problem.error
-    if found.freedom < 1:
+    if fit.freedom < 1:
         raise JointplayError(
             f"{source}: {len(problem.seen)} means at {len(error)} visits are too few for "
             f"{len(start)} unknowns and {problem.offsets} offsets; visit places more often, from "
             "both sides"
         )
-    return problem, found
+    return problem, fit
 
 
 def _bounces_only(
@@ -341,9 +341,9 @@ def _offsets(problem: Problem, theta: np.ndarray, error: np.ndarray) -> np.ndarr
     """What the offsets are that nobody knew, shape (n, keys); zero where nothing counted."""
     left = (problem.seen - problem.predict(theta)) / problem.error
     fitted = np.linalg.lstsq(problem.free / problem.error[:, None], left, rcond=1e-9)[0]
-    found = np.zeros(error.size)
-    found[np.isfinite(error).ravel()] = problem.free @ fitted
-    return found.reshape(error.shape)
+    shifts = np.zeros(error.size)
+    shifts[np.isfinite(error).ravel()] = problem.free @ fitted
+    return shifts.reshape(error.shape)
 
 
 def apply(

@@ -93,11 +93,11 @@ class _Bearing:
 def _turned(points: np.ndarray, angle: np.ndarray) -> np.ndarray:
     """Displacements and leans turned about z, (n, 6)."""
     c, s = np.cos(angle), np.sin(angle)
-    found = points.copy()
+    rotated = points.copy()
     for x, y in ((0, 1), (3, 4)):
-        found[:, x] = c * points[:, x] - s * points[:, y]
-        found[:, y] = s * points[:, x] + c * points[:, y]
-    return found
+        rotated[:, x] = c * points[:, x] - s * points[:, y]
+        rotated[:, y] = s * points[:, x] + c * points[:, y]
+    return rotated
 
 
 class StaticModel:
@@ -155,7 +155,7 @@ class StaticModel:
     def predict(self, theta: np.ndarray) -> np.ndarray:
         """Means of the signals at all visits, shape (n, keys) [m, rad, N m]."""
         values, held = self._values(theta)
-        found = np.zeros((len(self.visits), len(self.keys)))
+        means = np.zeros((len(self.visits), len(self.keys)))
         tool = np.zeros((len(self.visits), 3))
         for name, bearing in self._bearings.items():
             key = (name, held, *values.get(name, {}).items())
@@ -171,14 +171,14 @@ class StaticModel:
             tool += move[:, :3, 5] * twists[name][:, None]
         for column, (kind, name) in enumerate(self.keys):
             if kind == "tool":
-                found[:, column] = tool[:, AXES.index(name)]
+                means[:, column] = tool[:, AXES.index(name)]
             elif kind == "link":
-                found[:, column] = twists[name]
+                means[:, column] = twists[name]
             elif name in torques:
-                found[:, column] = torques[name]
+                means[:, column] = torques[name]
             else:
-                found[:, column] = self._torque(name, values)
-        return found
+                means[:, column] = self._torque(name, values)
+        return means
 
     def loose(self) -> np.ndarray:
         """How the tool moves with what friction may hold anywhere, shape (n, keys, columns).
@@ -225,19 +225,19 @@ class StaticModel:
         own = self._friction.get(name, JointFriction())
         mine = values.get(name, {})
         dry = mine.get("dry_friction", own.coulomb)
-        found = np.full(len(self.visits), float(dry))
+        friction = np.full(len(self.visits), float(dry))
         if name in self._bearings:
-            found += self._bearings[name].torque(mine.get("friction"))
-        return found
+            friction += self._bearings[name].torque(mine.get("friction"))
+        return friction
 
     def _torque(self, name: str, values: Mapping[str, Mapping[str, float]]) -> np.ndarray:
         """Of a drive without gear on a joint that moves, (n,)."""
         column = self.visits.joints.index(name)
         own = self._friction.get(name, JointFriction())
         external = np.einsum("nk,nk->n", self._pushed[name], self.visits.force)
-        found = self._hold[name] - external
-        found = found + self._dry(name, values) * self.visits.direction[:, column]
-        return np.asarray(found + own.viscous * self.visits.speed[:, column])
+        torque = self._hold[name] - external
+        torque = torque + self._dry(name, values) * self.visits.direction[:, column]
+        return np.asarray(torque + own.viscous * self.visits.speed[:, column])
 
     def _gear(
         self, name: str, values: Mapping[str, Mapping[str, float]]
@@ -261,14 +261,14 @@ class StaticModel:
         low = (motor + _twist(hold + dry, half, give, -1.0)).tolist()
         high = (motor + _twist(hold - dry, half, give, 1.0)).tolist()
         link = 0.5 * (low[0] + high[0])
-        found, sure, known = np.zeros(len(motor)), np.zeros(len(motor), bool), False
+        angles, sure, known = np.zeros(len(motor)), np.zeros(len(motor), bool), False
         for i, (lowest, highest) in enumerate(zip(low, high, strict=True)):
             if link <= lowest:
                 link, known = lowest, True
             elif link >= highest:
                 link, known = highest, True
-            found[i], sure[i] = link, known
-        twist = found - motor
+            angles[i], sure[i] = link, known
+        twist = angles - motor
         beyond = np.maximum(np.abs(twist) - half, 0.0)
         torque = -np.sign(twist) * beyond / give
         return visits_mean(visits, twist), visits_mean(visits, torque), visits_mean(visits, sure)
@@ -302,7 +302,7 @@ def _loads(
     """Gravity and inertia on each joint about its centre, bearing axes, (n, 6) [N, N m]."""
     model, data = mechanism.model, mechanism.data
     at = [mechanism.coordinate(name) for name in visits.joints]
-    found = {name: np.zeros((len(q), 6)) for name in names}
+    loads = {name: np.zeros((len(q), 6)) for name in names}
     for i, row in enumerate(q):
         v, a = np.zeros(model.nv), np.zeros(model.nv)
         v[at], a[at] = visits.speed[i], visits.acceleration[i]
@@ -312,13 +312,13 @@ def _loads(
             index, axes = place(mechanism, name)
             back = -axes.rotation.T @ data.oMi[index].rotation
             wrench = data.f[index]
-            found[name][i, :3], found[name][i, 3:] = back @ wrench.linear, back @ wrench.angular
-    return found
+            loads[name][i, :3], loads[name][i, 3:] = back @ wrench.linear, back @ wrench.angular
+    return loads
 
 
 def _lever_about(mechanism: Mechanism, q: np.ndarray, name: str) -> np.ndarray:
     """How the tool moves with a joint, (n, 3) [m/rad or 1]."""
-    found = np.zeros((len(q), 3))
+    levers = np.zeros((len(q), 3))
     at = mechanism.coordinate(name)
     for i, row in enumerate(q):
         jacobian = pin.computeFrameJacobian(
@@ -328,8 +328,8 @@ def _lever_about(mechanism: Mechanism, q: np.ndarray, name: str) -> np.ndarray:
             mechanism.tool_frame,
             pin.ReferenceFrame.LOCAL_WORLD_ALIGNED,
         )
-        found[i] = jacobian[:3, at]
-    return found
+        levers[i] = jacobian[:3, at]
+    return levers
 
 
 def _bearing(
@@ -376,8 +376,8 @@ def _sliding_part(joint: Clearance, speed: np.ndarray) -> np.ndarray:
     if not full or law.bristles or hinge is None:
         return np.ones(len(speed))
     function, numbers = type(law).function, law.parameters()
-    found = [function(float(v), *numbers) / full for v in np.abs(speed) * hinge.radius]
-    return np.clip(found, 0.0, 1.0)
+    parts = [function(float(v), *numbers) / full for v in np.abs(speed) * hinge.radius]
+    return np.clip(parts, 0.0, 1.0)
 
 
 def _depths(joint: Clearance, force: np.ndarray) -> np.ndarray:

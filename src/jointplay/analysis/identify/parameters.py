@@ -58,15 +58,15 @@ class Parameter:
 
 def clearances(joint: Clearance) -> dict[str, float]:
     """The clearances of a joint by the names of their fields [m]."""
-    found = {}
+    gaps = {}
     for name in ("radial_clearance", "clearance"):
         if hasattr(joint, name):
-            found[name] = float(getattr(joint, name))
+            gaps[name] = float(getattr(joint, name))
     if getattr(joint, "walls", False):
-        found["axial_clearance"] = float(joint.axial_clearance)  # type: ignore[attr-defined]
+        gaps["axial_clearance"] = float(joint.axial_clearance)  # type: ignore[attr-defined]
     if hasattr(joint, "clearance_y") and not getattr(joint, "planar", False):
-        found["clearance_y"] = float(joint.clearance_y)
-    return found
+        gaps["clearance_y"] = float(joint.clearance_y)
+    return gaps
 
 
 def friction_of(joint: Clearance) -> float | None:
@@ -126,22 +126,22 @@ def unknowns(
             "nothing has play: give joints with clearance, or gears with play; joints: "
             + ", ".join(mechanism.joints)
         )
-    found = []
+    parameters = []
     rubs = False
     for joint, bearing in mechanism.clearance.items():
         for name, value in clearances(bearing).items():
             most = max(_LARGEST, 10.0 * value)
-            found.append(Parameter(joint, name, "m", value, value, most))
+            parameters.append(Parameter(joint, name, "m", value, value, most))
         coefficient = friction_of(bearing)
         if coefficient is not None:
             rubs = True
             scale = coefficient or _FRICTION
-            found.append(Parameter(joint, "friction", "", coefficient, scale, 2.0))
+            parameters.append(Parameter(joint, "friction", "", coefficient, scale, 2.0))
     for joint, gear in mechanism.gears.items():
-        found.append(Parameter(joint, "gear_play", "rad", gear.play, gear.play or 1e-3, 1.0))
+        parameters.append(Parameter(joint, "gear_play", "rad", gear.play, gear.play or 1e-3, 1.0))
         if "compliance" in also:
             value = 1.0 / gear.stiffness
-            found.append(
+            parameters.append(
                 Parameter(joint, "gear_compliance", "rad/(N*m)", value, value, 1e3 * value)
             )
     behind = mechanism.gears if "friction" in also else ()
@@ -149,23 +149,25 @@ def unknowns(
         value = friction[joint].coulomb if joint in friction else 0.0
         slides = mechanism.description.joints[joint].slides
         unit = "N" if slides else "N*m"
-        found.append(Parameter(joint, "dry_friction", unit, value, value or _TORQUE_N_M, 1e6))
+        parameters.append(Parameter(joint, "dry_friction", unit, value, value or _TORQUE_N_M, 1e6))
     if stops and rubs:
-        found.append(Parameter("", "friction_kept_at_stops", "", 0.5, 0.5, 1.0, sought=False))
-    _check(also, known, found)
-    kept = tuple(one for one in found if not {one.label, one.name} & set(known))
+        parameters.append(Parameter("", "friction_kept_at_stops", "", 0.5, 0.5, 1.0, sought=False))
+    _check(also, known, parameters)
+    kept = tuple(one for one in parameters if not {one.label, one.name} & set(known))
     if not any(one.sought for one in kept):
         raise JointplayError("everything is said to be known: nothing is left to identify")
     return kept
 
 
-def _check(also: Collection[str], known: Collection[str], found: Collection[Parameter]) -> None:
+def _check(
+    also: Collection[str], known: Collection[str], parameters: Collection[Parameter]
+) -> None:
     for word in also:
         if word not in ALSO:
             raise MissingName("unknown to identify besides", word, ALSO)
-    names = {one.label for one in found} | {one.name for one in found}
+    names = {one.label for one in parameters} | {one.name for one in parameters}
     for word in known:
         if word not in names:
             raise JointplayError(
-                f"no unknown {word!r}; there are: {', '.join(one.label for one in found)}"
+                f"no unknown {word!r}; there are: {', '.join(one.label for one in parameters)}"
             )

@@ -187,33 +187,33 @@ def all_keys(mechanism: Mechanism, signals: Sequence[str]) -> tuple[Key, ...]:
     Raises:
         JointplayError: no such kind, or none that any joint has.
     """
-    found: list[Key] = []
+    keys: list[Key] = []
     for kind in signals:
         if kind == "tool":
-            found += [("tool", axis) for axis in AXES]
+            keys += [("tool", axis) for axis in AXES]
         elif kind == "link":
-            found += [("link", name) for name in mechanism.gears]
+            keys += [("link", name) for name in mechanism.gears]
         elif kind == "torque":
-            found += [("torque", name) for name in moving(mechanism)]
+            keys += [("torque", name) for name in moving(mechanism)]
         else:
             raise JointplayError(f"no signal {kind!r} to plan with: tool, link, torque")
-    if not found:
+    if not keys:
         raise JointplayError("link encoders tell of gears with play only, and there are none")
-    return tuple(found)
+    return tuple(keys)
 
 
 def experiments(places: np.ndarray, push: float) -> list[Experiment]:
     """All that can be done at joint positions (n, j)."""
     if push:
         require_positive("push", push, "N")
-    found = []
+    options = []
     for row in places:
         at = tuple(float(x) for x in row)
-        found.append(Experiment(at, None, passes=True))
+        options.append(Experiment(at, None, passes=True))
         for axis in np.eye(3) if push else ():
             x, y, z = (float(part) for part in push * axis)
-            found += [Experiment(at, (x, y, z), passes=passes) for passes in (False, True)]
-    return found
+            options += [Experiment(at, (x, y, z), passes=passes) for passes in (False, True)]
+    return options
 
 
 def informations(
@@ -247,7 +247,7 @@ def informations(
     )
     effect = problem.sensitivity(at).reshape(n, c, len(sought))
     loose = model.loose()
-    found = []
+    matrices = []
     for number in range(len(options)):
         mine = made.cell == number
         free = offsets(keys, made.cell[mine], made.position[mine], tool[mine], "place")
@@ -257,8 +257,8 @@ def informations(
         basis, sizes, _ = np.linalg.svd(free.reshape(-1, free.shape[2])[use], full_matrices=False)
         basis = basis[:, sizes > 1e-9]
         rows = rows - basis @ (basis.T @ rows)
-        found.append(rows.T @ rows)
-    return np.array(found)
+        matrices.append(rows.T @ rows)
+    return np.array(matrices)
 
 
 def offers(
@@ -295,13 +295,13 @@ def offers(
     for name in mechanism.gears:
         if ("link", name) not in keys:
             sets.append(((*keys, ("link", name)), f"with an encoder on the link of {name}, "))
-    found = []
+    choices = []
     for wanted, words in sets:
         gains = informations(mechanism, friction, sought, wanted, noise, names, options, theta)
-        found += [
+        choices += [
             (gain, words + one.words(names)) for gain, one in zip(gains, options, strict=True)
         ]
-    return found
+    return choices
 
 
 def _visits(names: tuple[str, ...], options: Sequence[Experiment]) -> Visits:

@@ -163,11 +163,11 @@ class Measurement:
         clean = {key: np.interp(time, result.time, values) for key, values in seen.items()}
         if "acceleration" in kinds:
             clean |= _accelerations(result, time, 1.0 / rate)
-        found = {
+        signals = {
             key: values + spread.get(key[0], 0.0) * random.standard_normal(len(time))
             for key, values in clean.items()
         }
-        return cls(time, found, {}, "the simulated measurement")
+        return cls(time, signals, {}, "the simulated measurement")
 
     def csv(self) -> str:
         """As a file that `from_csv` reads, SI units."""
@@ -185,36 +185,36 @@ def _seen(result: Result, kinds: Sequence[str]) -> dict[Key, np.ndarray]:
     """Histories of a run by kind of signal."""
     mechanism = result.simulation.mechanism
     joints = [name for name in mechanism.joints if name in mechanism.description.joints]
-    found: dict[Key, np.ndarray] = {}
+    histories: dict[Key, np.ndarray] = {}
     for kind in kinds:
         if kind == "tool":
             for i, axis in enumerate(AXES):
-                found[kind, axis] = result["tool_position"].values[:, i]
+                histories[kind, axis] = result["tool_position"].values[:, i]
             continue
         if kind == "acceleration":
             continue  # a mean between records
         if kind == "force":
             given = _wrenches(result)
-            found |= {(kind, axis): given[:, i] for i, axis in enumerate(AXES)}
+            histories |= {(kind, axis): given[:, i] for i, axis in enumerate(AXES)}
             continue
         if kind not in JOINT_UNITS:
             raise JointplayError(f"no signal {kind!r} of runs: tool, {', '.join(JOINT_UNITS)}")
         for name in joints:
             at = mechanism.coordinate(name) if kind == "link" else mechanism.motor(name)
-            found[kind, name] = result["drive" if kind == "torque" else "q"].values[:, at]
-    return found
+            histories[kind, name] = result["drive" if kind == "torque" else "q"].values[:, at]
+    return histories
 
 
 def _accelerations(result: Result, time: np.ndarray, interval: float) -> dict[Key, np.ndarray]:
     """Of the tool, means over intervals about the times [m/s^2]."""
     speed = result["tool_velocity"].values
-    found: dict[Key, np.ndarray] = {}
+    means: dict[Key, np.ndarray] = {}
     for i, axis in enumerate(AXES):
         before, after = (
             np.interp(time + side * interval / 2.0, result.time, speed[:, i]) for side in (-1, 1)
         )
-        found["acceleration", axis] = (after - before) / interval
-    return found
+        means["acceleration", axis] = (after - before) / interval
+    return means
 
 
 def _wrenches(result: Result) -> np.ndarray:
@@ -274,9 +274,9 @@ def _table(path: Path) -> tuple[list[str], np.ndarray]:
 
 def _split(title: str, path: Path) -> tuple[str, str]:
     """A column's name and unit, of ``tool x [mm]`` or ``tool_x_mm``."""
-    found = _BRACKETS.match(title)
-    if found:
-        return found[1].strip(), found[2].strip()
+    match = _BRACKETS.match(title)
+    if match:
+        return match[1].strip(), match[2].strip()
     name, _, unit = title.rpartition("_")
     try:
         convert(f"1 {unit}", *{u for u in ("s", "m", "rad", "N", "N*m", "m/s^2")})

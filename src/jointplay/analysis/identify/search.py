@@ -37,25 +37,25 @@ def search(problem: Problem, start: np.ndarray, kinds: np.ndarray) -> tuple[Prob
     place, and the model is not exact. That is added to the errors.
     """
     tried = [solve(problem, one, _FIRST) for one in _starts(problem, start)]
-    found = min(tried, key=lambda fit: cost(problem, fit.theta))
+    best = min(tried, key=lambda fit: cost(problem, fit.theta))
     own = problem.error
     for _ in range(_ROUNDS):
-        left = problem.rest(found.theta)
-        rough = _ROUGH * np.abs(problem.predict(found.theta))
-        share = max(found.freedom, 1) / len(own)
+        left = problem.rest(best.theta)
+        rough = _ROUGH * np.abs(problem.predict(best.theta))
+        share = max(best.freedom, 1) / len(own)
         more = np.zeros(len(own))
         for kind in np.unique(kinds):
             mine = kinds == kind
             more[mine] = _excess(left[mine], np.hypot(own, rough)[mine], share * mine.sum())
         problem = replace(problem, error=np.sqrt(own**2 + more**2 + rough**2))
-        found = solve(problem, found.theta, _LATER)
-    others = [fit.theta for fit in tried if _far(problem, fit.theta, found)]
+        best = solve(problem, best.theta, _LATER)
+    others = [fit.theta for fit in tried if _far(problem, fit.theta, best)]
     others = [solve(problem, theta, _LATER).theta for theta in others]
-    others += _with_other_walls(problem, found.theta)
-    limit = _AS_GOOD * cost(problem, found.theta)
-    away = [np.abs(theta - found.theta) for theta in others if cost(problem, theta) <= limit]
-    wide = np.max([found.half_width, *away], axis=0)
-    return problem, replace(found, half_width=wide)
+    others += _with_other_walls(problem, best.theta)
+    limit = _AS_GOOD * cost(problem, best.theta)
+    away = [np.abs(theta - best.theta) for theta in others if cost(problem, theta) <= limit]
+    wide = np.max([best.half_width, *away], axis=0)
+    return problem, replace(best, half_width=wide)
 
 
 def _with_other_walls(problem: Problem, theta: np.ndarray) -> list[np.ndarray]:
@@ -64,7 +64,7 @@ def _with_other_walls(problem: Problem, theta: np.ndarray) -> list[np.ndarray]:
     At the edge at which an end wall begins to limit the lean the model is steep on one side, and an
     interval by slopes would not see how little is lost far away on the other.
     """
-    found = []
+    solutions = []
     for i, one in enumerate(problem.unknowns):
         if one.name != "axial_clearance":
             continue
@@ -79,8 +79,8 @@ def _with_other_walls(problem: Problem, theta: np.ndarray) -> list[np.ndarray]:
                 predict=partial(_predicted, problem, whole),
             )
             if kept.any():
-                found.append(whole(solve(part, theta[kept], _LATER).theta))
-    return found
+                solutions.append(whole(solve(part, theta[kept], _LATER).theta))
+    return solutions
 
 
 def _inserted(i: int, value: float, x: np.ndarray) -> np.ndarray:
@@ -98,9 +98,9 @@ def cost(problem: Problem, theta: np.ndarray) -> float:
     return float(np.square(problem.residual(theta)).sum())
 
 
-def _far(problem: Problem, theta: np.ndarray, found: Fit) -> bool:
+def _far(problem: Problem, theta: np.ndarray, best: Fit) -> bool:
     """Whether another minimum is none that the intervals hold."""
-    return bool((np.abs(theta - found.theta) > np.minimum(found.half_width, problem.scale)).any())
+    return bool((np.abs(theta - best.theta) > np.minimum(best.half_width, problem.scale)).any())
 
 
 def _starts(problem: Problem, start: np.ndarray) -> list[np.ndarray]:
@@ -109,13 +109,13 @@ def _starts(problem: Problem, start: np.ndarray) -> list[np.ndarray]:
     The given start, it with end walls near and far, and the best of many about it.
     """
     walls = np.array([one.name == "axial_clearance" for one in problem.unknowns])
-    found = [start]
+    starts = [start]
     if walls.any():
-        found += [np.where(walls, factor * start, start) for factor in (1.0 / _RANGE, _RANGE)]
+        starts += [np.where(walls, factor * start, start) for factor in (1.0 / _RANGE, _RANGE)]
     spread = qmc.LatinHypercube(len(start), rng=0).random(_TRIED)
     options = start * _RANGE ** (2.0 * spread - 1.0)
     options = np.minimum(options, [one.most for one in problem.unknowns])
-    return [*found, min(options, key=lambda theta: cost(problem, theta))]
+    return [*starts, min(options, key=lambda theta: cost(problem, theta))]
 
 
 def _excess(left: np.ndarray, error: np.ndarray, freedom: float) -> float:

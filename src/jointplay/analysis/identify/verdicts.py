@@ -15,18 +15,16 @@ from jointplay.loads.drive import JointFriction
 from jointplay.mechanism.mechanism import Mechanism
 
 
-def reason(
-    i: int, found: Fit, sought: Sequence[Parameter], made: Visits, model: StaticModel
-) -> str:
+def reason(i: int, fit: Fit, sought: Sequence[Parameter], made: Visits, model: StaticModel) -> str:
     """Why an unknown cannot be told; empty if it can."""
     one = sought[i]
-    half = found.half_width[i]
-    if half <= planning.enough(one, found.theta[i]):
+    half = fit.half_width[i]
+    if half <= planning.enough(one, fit.theta[i]):
         return ""
-    if found.felt[i] < FAINT:
+    if fit.felt[i] < FAINT:
         return _unfelt(one, made, model)
-    partners = [sought[k].label for k in found.partners(i)]
-    if found.blind[i, i] > BLIND and partners:
+    partners = [sought[k].label for k in fit.partners(i)]
+    if fit.blind[i, i] > BLIND and partners:
         return f"it acts only together with {', '.join(partners)}"
     return (
         f"its 95 % interval would be +- {one.shown(half)}, more than half of it"
@@ -53,7 +51,7 @@ def advice(
     mechanism: Mechanism,
     friction: Mapping[str, JointFriction],
     sought: tuple[Parameter, ...],
-    found: Fit,
+    fit: Fit,
     problem: Problem,
     seen: Observed,
     reasons: Sequence[str],
@@ -61,12 +59,12 @@ def advice(
     """Which further experiment or signal would tell what cannot be told."""
     if not any(reason and one.sought for reason, one in zip(reasons, sought, strict=True)):
         return ("",) * len(sought)
-    effect = problem.sensitivity(found.theta)
-    before = effect.T @ effect / max(found.misfit, 1.0) ** 2
+    effect = problem.sensitivity(fit.theta)
+    before = effect.T @ effect / max(fit.misfit, 1.0) ** 2
     noise = dict(planning.NOISE)
     for (kind, _), spread in zip(seen.keys, seen.noise, strict=True):
         noise[kind] = max(spread, 1e-9)
-    offers = planning.offers(mechanism, friction, sought, seen.keys, noise, found.theta)
+    offers = planning.offers(mechanism, friction, sought, seen.keys, noise, fit.theta)
     lines = []
     for i, (one, reason) in enumerate(zip(sought, reasons, strict=True)):
         best, words = np.inf, ""
@@ -74,10 +72,10 @@ def advice(
             half = planning.half_widths(sought, before + gain)[i]
             if half < 0.8 * best:  # the simpler comes first
                 best, words = half, text
-        limit = planning.enough(one, found.theta[i])
+        limit = planning.enough(one, fit.theta[i])
         if best <= limit:
             lines.append(f"would tell, to +- {one.shown(best)}: {words}")
-        elif words and best < 0.5 * found.half_width[i] and best < 4.0 * limit:
+        elif words and best < 0.5 * fit.half_width[i] and best < 4.0 * limit:
             times = int(np.ceil((best / limit) ** 2))
             lines.append(f"would tell if done about {times} times: {words}")
         else:

@@ -42,12 +42,14 @@ class Verification:
         return "\n".join(lines)
 
 
-def verify(simulation: Simulation, found: Identification, progress: bool = False) -> Verification:
+def verify(
+    simulation: Simulation, identification: Identification, progress: bool = False
+) -> Verification:
     """Run the motion with what was identified, and compare means over the same visits.
 
     Args:
         simulation: of the motion and the loads that were measured, times alike.
-        found: what was identified.
+        identification: what was identified.
         progress: show a bar.
 
     Raises:
@@ -56,18 +58,22 @@ def verify(simulation: Simulation, found: Identification, progress: bool = False
     """
     if simulation.motion is None:
         raise JointplayError("to verify, the scenario must have the motion that was measured")
-    end = float(found.visits.time.max())
-    own = replace(simulation, mechanism=found.mechanism, duration=end)
+    end = float(identification.visits.time.max())
+    own = replace(simulation, mechanism=identification.mechanism, duration=end)
     result = own.run(progress=progress)
     if result.status != Status.COMPLETED:
         raise JointplayError(f"the run with what was identified failed: {result.message}")
-    means = _means(result, found)
-    tool = tool_positions(found.mechanism, found.visits.joints, found.visits.position)
-    made = found.visits
-    free = offsets(found.observed.keys, made.cell, made.position, tool, found.reference)
-    free = np.concatenate([free, found.loose], axis=2)
-    use = np.isfinite(found.error) & np.isfinite(means)
-    weights = np.where(use, 1.0 / found.error, 0.0).ravel()
+    means = _means(result, identification)
+    tool = tool_positions(
+        identification.mechanism, identification.visits.joints, identification.visits.position
+    )
+    made = identification.visits
+    free = offsets(
+        identification.observed.keys, made.cell, made.position, tool, identification.reference
+    )
+    free = np.concatenate([free, identification.loose], axis=2)
+    use = np.isfinite(identification.error) & np.isfinite(means)
+    weights = np.where(use, 1.0 / identification.error, 0.0).ravel()
     design = free.reshape(use.size, free.shape[2]) * weights[:, None]
     basis, sizes, _ = np.linalg.svd(design, full_matrices=False)
     basis = basis[:, sizes > 1e-9 * sizes.max(initial=1e-300)]
@@ -75,32 +81,32 @@ def verify(simulation: Simulation, found: Identification, progress: bool = False
     def left(values: np.ndarray) -> np.ndarray:
         scaled = np.where(use, values, 0.0).ravel() * weights
         rest = (scaled - basis @ (basis.T @ scaled)).reshape(use.shape)
-        return np.where(use, rest * found.error, np.nan)
+        return np.where(use, rest * identification.error, np.nan)
 
     def rms(values: np.ndarray) -> dict[str, float]:
-        kinds = [kind for kind, _ in found.observed.keys]
+        kinds = [kind for kind, _ in identification.observed.keys]
         return {
             kind: float(np.sqrt(np.nanmean(values[:, [k == kind for k in kinds]] ** 2)))
             for kind in dict.fromkeys(kinds)
             if use[:, [k == kind for k in kinds]].any()
         }
 
-    seen = found.observed.mean
+    seen = identification.observed.mean
     return Verification(
         rms(left(seen)),
-        rms(left(seen - found.predicted)),
+        rms(left(seen - identification.predicted)),
         rms(left(seen - means)),
-        rms(np.where(use, found.error, np.nan)),
+        rms(np.where(use, identification.error, np.nan)),
     )
 
 
-def _means(result: Result, found: Identification) -> np.ndarray:
+def _means(result: Result, identification: Identification) -> np.ndarray:
     """What a run shows at the visits, shape (n, keys)."""
-    mechanism, joints = found.mechanism, found.visits.joints
+    mechanism, joints = identification.mechanism, identification.visits.joints
     motors = result["q"].values[:, [mechanism.motor(name) for name in joints]]
     ideal = tool_positions(mechanism, joints, motors)
     values = []
-    for kind, name in found.observed.keys:
+    for kind, name in identification.observed.keys:
         if kind == "tool":
             i = AXES.index(name)
             values.append(result["tool_position"].values[:, i] - ideal[:, i])
@@ -110,8 +116,8 @@ def _means(result: Result, found: Identification) -> np.ndarray:
         else:
             values.append(result["drive"].values[:, mechanism.motor(name)])
     table = np.column_stack(values)
-    means = np.full((len(found.visits), len(values)), np.nan)
-    for i, (begin, end) in enumerate(found.visits.time):
+    means = np.full((len(identification.visits), len(values)), np.nan)
+    for i, (begin, end) in enumerate(identification.visits.time):
         inside = (result.time >= begin) & (result.time <= end)
         if inside.any():
             means[i] = table[inside].mean(axis=0)

@@ -119,7 +119,7 @@ def positions(
     """
     names = tuple(moving(mechanism))
     still = middle(mechanism)
-    found = np.tile([still[name] for name in names], (len(measured.time), 1))
+    joint_positions = np.tile([still[name] for name in names], (len(measured.time), 1))
     reference = None if motion is None else motion(measured.time)[0]
     unseen = []
     limits = np.full(len(names), _SMALLEST)
@@ -128,15 +128,15 @@ def positions(
             counts = kind == "motor" or name not in mechanism.gears
             if counts and (kind, name) in measured.signals:
                 records = measured.signals[kind, name]
-                found[:, column] = _filled(records, measured.time, name)
+                joint_positions[:, column] = _filled(records, measured.time, name)
                 spread = max(_THRESHOLD * scatter(records), 2.0 * resolution(records))
                 limits[column] = max(spread, _SMALLEST)
                 break
         else:
             unseen.append(name)
             if motion is not None and reference is not None and name in motion.joints:
-                found[:, column] = reference[:, motion.joints.index(name)]
-    return names, found, limits, unseen
+                joint_positions[:, column] = reference[:, motion.joints.index(name)]
+    return names, joint_positions, limits, unseen
 
 
 def _filled(values: np.ndarray, time: np.ndarray, name: str) -> np.ndarray:
@@ -214,8 +214,8 @@ def visits(
             f"{measured.source}: no stop of {STOP_S:g} s and no stretch in one direction with "
             f"{FEWEST} records in a cell; measure slower, or with more records a second"
         )
-    found = _visits(names, time, q, ways, stands, force, pieces, size)
-    return found, _observe(mechanism, measured, found, q, pieces)
+    made = _visits(names, time, q, ways, stands, force, pieces, size)
+    return made, _observe(mechanism, measured, made, q, pieces)
 
 
 def _standing(time: np.ndarray, q: np.ndarray, limit: np.ndarray) -> np.ndarray:
@@ -242,7 +242,7 @@ def _pieces(
     pushes = np.round(force / (0.25 * strength)).astype(int)
     labels = np.column_stack([ways, stands[:, None], cells, pushes])
     cuts = np.flatnonzero((np.diff(labels, axis=0) != 0).any(axis=1)) + 1
-    found = []
+    pieces = []
     for first, last in zip([0, *cuts], [*cuts, len(time)], strict=True):
         if stands[first]:
             long = time[last - 1] - time[first]
@@ -253,8 +253,8 @@ def _pieces(
         elif not (np.ptp(q[first:last], axis=0) > _TRAVEL * size).any():
             continue  # a drive that gives way to a push: the journals hardly turn
         if last - first >= FEWEST:
-            found.append(slice(int(first), int(last)))
-    return found
+            pieces.append(slice(int(first), int(last)))
+    return pieces
 
 
 def _visits(
@@ -322,24 +322,24 @@ def places(middles: np.ndarray, stopped: np.ndarray, size: np.ndarray) -> np.nda
 
     Stops have places of their own, and a smaller reach.
     """
-    found = np.zeros(len(middles), int)
+    numbers = np.zeros(len(middles), int)
     firsts: list[tuple[bool, np.ndarray]] = []
     for i, row in enumerate(middles):
         reach = (_STOP_CELL if stopped[i] else 0.5) * size
         for number, (stood, first) in enumerate(firsts):
             if stood == stopped[i] and (np.abs(row - first) <= reach).all():
-                found[i] = number
+                numbers[i] = number
                 break
         else:
-            found[i] = len(firsts)
+            numbers[i] = len(firsts)
             firsts.append((bool(stopped[i]), row))
-    return found
+    return numbers
 
 
 def _observe(
     mechanism: Mechanism,
     measured: Measurement,
-    found: Visits,
+    made: Visits,
     q: np.ndarray,
     pieces: Sequence[slice],
 ) -> Observed:
@@ -354,7 +354,7 @@ def _observe(
     mean = np.full((len(pieces), len(keys)), np.nan)
     error, noise = mean.copy(), []
     places_ideal = (
-        tool_positions(mechanism, found.joints, q)
+        tool_positions(mechanism, made.joints, q)
         if any(kind == "tool" for kind, _ in keys)
         else np.zeros((len(q), 3))
     )
@@ -363,14 +363,14 @@ def _observe(
         if kind == "tool":
             values -= places_ideal[:, AXES.index(name)]
         elif kind == "link":
-            values -= q[:, found.joints.index(name)]
+            values -= q[:, made.joints.index(name)]
         one = measured.noise.get(kind) or scatter(values)
         floor = resolution(measured.signals[kind, name]) / np.sqrt(12.0)
         noise.append(max(one, floor))
         for i, piece in enumerate(pieces):
             seen = values[piece]
             seen = seen[~np.isnan(seen)]
-            if len(seen) >= FEWEST and not (kind == "torque" and found.stopped[i]):
+            if len(seen) >= FEWEST and not (kind == "torque" and made.stopped[i]):
                 mean[i, column] = seen.mean()
                 error[i, column] = np.hypot(max(one, floor) / np.sqrt(len(seen)), floor)
     return Observed(keys, mean, error, tuple(noise))
