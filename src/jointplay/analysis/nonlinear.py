@@ -17,7 +17,6 @@ import pinocchio as pin
 
 from jointplay.analysis.observables import observe
 from jointplay.errors import JointplayError, MissingName
-from jointplay.kernel import Status
 from jointplay.motion.reference import Motion
 from jointplay.result.result import Result
 from jointplay.simulation.run import Run
@@ -114,11 +113,7 @@ class Turning:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)
             result = run.execute(check_step=False)
-        if run.workspace.status == Status.INTERRUPTED or result.message.startswith("interrupted"):
-            raise KeyboardInterrupt
-        if result.dataset.attrs["status"] != Status.COMPLETED.name.lower():
-            raise JointplayError(result.message)
-        return result
+        return result.completed()
 
     def kept(self, result: Result, names: Sequence[str]) -> np.ndarray:
         """Quantities in the turns that are looked at, shape (keep records + 1, names)."""
