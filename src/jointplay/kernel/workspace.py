@@ -348,8 +348,7 @@ class Workspace(Pointed):
 
     def do(self, command: Command) -> Status:
         """Let the kernels carry out a command; returns the run's status."""
-        status: int = compiled(command)(self.run, int(command))
-        return Status(status)
+        return Status(compiled(command)(self.run, int(command)))
 
     @property
     def needs_jacobians(self) -> bool:
