@@ -3,8 +3,10 @@
 import ast
 import importlib
 import importlib.util
+import os
 import re
 import shutil
+import subprocess
 import sys
 from pathlib import Path
 
@@ -173,3 +175,18 @@ def test_compiled_functions_that_call_other_files_are_stamped_with_them():
     whole = numba_cache.fingerprint((*stamp.SOURCES, Path(elastic.__file__)))
     for name in ("_wrench", "_energy", "_stiffness"):
         assert getattr(elastic, name)._cache._cache_file._source_stamp == whole
+
+
+def test_uncompiled_the_package_still_works():
+    """NUMBA_DISABLE_JIT, for debuggers and mutation tests: slow, the same numbers, no kernel."""
+    code = (
+        "from jointplay.geometry import radial_gap, touch_cylinder\n"
+        "import jointplay as jp, jointplay.kernel.entry, jointplay.simulation.elastic\n"
+        "print(jp.contact.Hertz(), radial_gap.__module__, hasattr(touch_cylinder, 'py_func'))\n"
+    )
+    environment = os.environ | {"NUMBA_DISABLE_JIT": "1"}
+    out = subprocess.run(
+        [sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=False
+    )
+    assert out.returncode == 0, out.stderr
+    assert out.stdout == "Hertz() jointplay.geometry.cylinder False\n"
