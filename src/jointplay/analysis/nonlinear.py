@@ -89,7 +89,7 @@ class Turning:
         every = max(math.ceil(period / records / simulation.step - 1e-9), 1)
         changed = dataclasses.replace(
             simulation,
-            motion=_repeated(simulation.motion, turns),
+            motion=repeated(simulation.motion, turns),
             duration=turns * period,
             step=period / (records * every),
             record_every=every,
@@ -121,7 +121,8 @@ class Turning:
         return np.stack(columns, axis=1)[self.settle * self.records :]
 
 
-def _repeated(motion: Motion | None, turns: int) -> Motion | None:
+def repeated(motion: Motion | None, turns: int) -> Motion | None:
+    """Repeat a motion so many times, one after the other; constant speed needs no repeating."""
     if motion is None or motion.interpolation == "constant-speed" or turns == 1:
         return motion
     times = [motion.times[:-1] + k * motion.duration for k in range(turns)]
