@@ -116,6 +116,8 @@ class StyledFigure(Figure):
             yield
         finally:
             self._placed = False
+            if engine is not None:
+                self.set_layout_engine(engine)
 
     def _repr_png_(self) -> bytes:
         buffer = io.BytesIO()
