@@ -108,6 +108,12 @@ def test_a_wrong_unit_may_need_pint_only(folder):
     assert set(slow) <= {"pint", "scipy"}  # which pint imports
 
 
+def test_a_check_without_a_picture_needs_no_library_of_results_and_figures(folder):
+    status, said, slow = command("check", "good.toml", "--no-picture", folder=folder)
+    assert status == 0, said
+    assert not {"xarray", "pandas", "matplotlib", "zarr"} & set(slow)
+
+
 def test_an_occupied_folder_is_not_claimed_and_a_free_one_not_made(folder):
     command("run", "bad.toml", "--out", "new", folder=folder)
     assert not (folder / "new").exists()
