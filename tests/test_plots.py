@@ -132,7 +132,7 @@ def test_an_ideal_run_has_no_orbit_to_plot(cases):
 
 @pytest.mark.parametrize("number", [2, 5, 6])
 def test_legends_are_read_in_the_order_of_the_cases(number):
-    from jointplay.plots.figures import _legend
+    from jointplay.plots.figures import ordered_legend
     from jointplay.plots.style import new_figure
 
     figure = new_figure(8.0, 4.0)
@@ -140,7 +140,7 @@ def test_legends_are_read_in_the_order_of_the_cases(number):
     names = [f"case {i}" for i in range(number)]
     for name in names:
         axes.plot([0, 1], [0, 1], label=name)
-    _legend(figure, axes)
+    ordered_legend(figure, axes)
     figure.canvas.draw()
     places = []
     for text in figure.legends[0].get_texts():

@@ -29,7 +29,6 @@ from jointplay.analysis.verify import fitting_step
 from jointplay.codec import plain
 from jointplay.errors import JointplayError, MissingName, require_positive
 from jointplay.joints import JOINT_KINDS, Clearance
-from jointplay.kernel import Status
 from jointplay.loads.drive import JointFriction, Prescribed
 from jointplay.mechanism.impact import elastic_energy
 from jointplay.mechanism.mechanism import Mechanism
@@ -224,19 +223,15 @@ def _full_run(
     step = 1e-5
     if mechanism.clearance:
         step = fitting_step(mechanism, mechanism.configuration(begin))
-    result = Simulation(
+    simulation = Simulation(
         mechanism,
         motion,
         drive=Prescribed(),
         step=step,
         record_every=max(round(2e-4 / step), 1),
         joint_friction=None if friction is None else {joint: friction},
-    ).run(progress)
-    if result.status == Status.INTERRUPTED:
-        raise KeyboardInterrupt
-    if result.status != Status.COMPLETED:
-        raise JointplayError(f"the run of the full model failed: {result.message}")
-    return result
+    )
+    return simulation.run(progress).completed("the run of the full model")
 
 
 def _fit_friction(

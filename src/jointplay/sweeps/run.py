@@ -117,7 +117,7 @@ def run_plan(
         while True:
             left = int(np.count_nonzero(store.state == 0))
             if left and workers is None:
-                workers = _workers(made, number if made.until else min(number, left), scheduler)
+                workers = workers_for(made, number if made.until else min(number, left), scheduler)
             if workers is not None:
                 _run_all(store, workers, left, progress)
             if _enough(made, store):
@@ -137,7 +137,8 @@ def run_plan(
             workers.close()
 
 
-def _workers(made: Plan, number: int, scheduler: str | None) -> Workers:
+def workers_for(made: Plan, number: int, scheduler: str | None) -> Workers:
+    """Start workers on this machine, or on the cluster of a scheduler."""
     if scheduler is not None:
         from jointplay.sweeps.cluster import ClusterWorkers
 
