@@ -51,7 +51,9 @@ def headline(result: Result, ideal: Result | None, start: float = 0.0) -> list[s
         lines += _at_stops(result, error, start)
     if result.joints:
         lines += [_force(result, joint, start) for joint in result.joints]
-        number = sum(len(one.start) for one in contacts(result, start))
+        number = result.audit.impacts
+        if start > 0.0:  # in the records, where contacts that follow each other at once are one
+            number = sum(len(one.start) for one in contacts(result, start))
         lines.append(f"contacts{since} {number} in {len(result.joints)} joint(s)")
     simulated = float(result.time[-1]) if len(result.time) else 0.0
     wall = float(result.dataset.attrs.get("wall_time_s", 0.0))
