@@ -6,10 +6,16 @@ import numpy as np
 
 from jointplay.analysis.contact_statistics import contacts
 from jointplay.analysis.tool_error import accuracy, deviation, error_at, stops
-from jointplay.analysis.twins import has_play, twin
+from jointplay.analysis.twins import has_play, ideal_simulation, tool_motion
 from jointplay.errors import JointplayError
 from jointplay.motion.reference import GOES_ON
 from jointplay.result.result import Result
+
+HISTORIES = (
+    *("tool_position", "tool_velocity"),
+    *("joint_force_peak", "normal_force", "normal_force_peak", "gap"),
+)
+"""What `headline` looks at, in the run and in the ideal mechanism's."""
 
 MOST_STOPS = 6
 """Stops that are listed one by one."""
@@ -23,7 +29,7 @@ def reference(result: Result, progress: bool = False) -> Result | None:
     if not has_play(result) or len(result.time) < 2:
         return None
     try:
-        return twin(result, progress, reactions=False)
+        return tool_motion(ideal_simulation(result), progress)
     except JointplayError:
         return None
 

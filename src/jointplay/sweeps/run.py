@@ -117,7 +117,7 @@ def run_plan(
         while True:
             left = int(np.count_nonzero(store.state == 0))
             if left and workers is None:
-                workers = _workers(made, number if made.until else min(number, left), scheduler)
+                workers = _begun(store, number if made.until else min(number, left), scheduler)
             if workers is not None:
                 _run_all(store, workers, left, progress)
             if _enough(made, store):
@@ -130,11 +130,26 @@ def run_plan(
         if workers is not None:
             workers.close()
             workers = None
-        _give_up(store, error)
+        if not store.removed:
+            _give_up(store, error)
         raise
     finally:
         if workers is not None:
             workers.close()
+
+
+def _begun(store: Store, number: int, scheduler: str | None) -> Workers:
+    """Workers of the sweep; if there are none to be had, a store made for them is removed.
+
+    Raises:
+        JointplayError: a scheduler that does not answer, workers that cannot do it.
+    """
+    try:
+        return _workers(store.plan, number, scheduler)
+    except JointplayError:
+        if store.new:
+            store.remove()
+        raise
 
 
 def _workers(made: Plan, number: int, scheduler: str | None) -> Workers:

@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -54,6 +55,8 @@ class Store:
 
     Attributes:
         state: of every case; 0: not run, `DONE`, `FAILED`.
+        new: whether it was made here.
+        removed: whether it is there no more.
 
     Raises:
         JointplayError: the store exists (and `resume` is false), is of another sweep, or another
@@ -74,7 +77,9 @@ class Store:
             raise JointplayError(
                 f"{str(self.path)!r} is a folder of other things; choose another name"
             )
+        self._folder_was_there = files.is_folder(self.path)
         files.claim(self.path, [])
+        self.removed = False
         try:
             self.plan = plan
             self.group: Any  # zarr's own types know no group whose members are all arrays
@@ -88,6 +93,7 @@ class Store:
                     self._make()
                 self.journal = Journal(self.path / JOURNAL)
                 self._take_up()
+            self.new = not there and not self.journal.found
         except BaseException:
             files.release(self.path)
             raise
@@ -339,6 +345,18 @@ class Store:
         finally:
             self.journal.close()
             files.release(self.path)
+
+
+    def remove(self) -> None:
+        """Delete it, of which nothing is worth keeping, and let go of it."""
+        self.removed = True
+        self.journal.close()
+        with suppress(OSError):
+            for one in self.path.iterdir():
+                shutil.rmtree(one) if one.is_dir() else one.unlink()
+            if not self._folder_was_there:
+                self.path.rmdir()
+        files.release(self.path)
 
 
 def _set(array: zarr.Array[Any], cells: Sequence[tuple[Index, Any]]) -> None:
