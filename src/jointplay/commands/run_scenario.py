@@ -69,6 +69,7 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
         given[case] = run.simulation.describe()
         runs = 1 + (further_runs(run.simulation) if case in certified else 0)
         total += runs * run.steps * run.simulation.step
+        del run  # and its arrays
     for line in scenario.notes:
         print(line, file=sys.stderr)
     if options.resume:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 LARGE_FILE = 10_000_000
 """Files that are smaller are read whole [bytes]."""
 
-SUMMARY_RECORDS = 100_000
+SUMMARY_RECORDS = 50_000
 """Records of a long run that are read for its summary and figures, about."""
 
 

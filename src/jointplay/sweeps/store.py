@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import json
 import os
-import shutil
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
@@ -100,7 +99,8 @@ class Store:
 
     def _make(self) -> None:
         plan = self.plan
-        self.group = zarr.create_group(self.path, zarr_format=3, overwrite=True)
+        files.empty(self.path)  # by zarr the folder itself would go, and with it its lock
+        self.group = zarr.create_group(self.path, zarr_format=3)
         self.array("state", "int8", 0, "0: not run, 1: done, 2: failed", "1")
         self.array("error", "string", "", "what went wrong with the case", "")
         self._coordinates()
@@ -352,8 +352,7 @@ class Store:
         self.removed = True
         self.journal.close()
         with suppress(OSError):
-            for one in self.path.iterdir():
-                shutil.rmtree(one) if one.is_dir() else one.unlink()
+            files.empty(self.path)
             if not self._folder_was_there:
                 self.path.rmdir()
         files.release(self.path)
