@@ -180,7 +180,7 @@ def test_a_history_that_no_result_has_is_refused_with_the_nearest_name(swept, tm
 @pytest.mark.parametrize("name", ["joint_force", "reaction_force", "payload_energy"])
 def test_a_history_that_only_some_results_have_is_none_of_these(name, swept):
     axes = (
-        'kind.variants.slow.motion.faster = 0.9\n'
+        "kind.variants.slow.motion.faster = 0.9\n"
         "kind.variants.ideal.joints.joint_b.ideal = true\n"
         'kind.variants.loaded.payloads = [{ frame = "suction_cup", mass = 1.0, pick = "10 ms" }]'
     )

@@ -101,9 +101,7 @@ def open_lazily(path: Path, indexed: bool = True) -> xr.Dataset:
     try:
         import xarray as xr
 
-        return xr.open_dataset(
-            path, engine="h5netcdf", cache=False, create_default_indexes=indexed
-        )
+        return xr.open_dataset(path, engine="h5netcdf", cache=False, create_default_indexes=indexed)
     except Exception as error:  # HDF5 raises whatever it stumbles over
         raise _damaged(path, error) from None
 

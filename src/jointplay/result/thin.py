@@ -69,9 +69,7 @@ def load(
     return Result(made, trust)
 
 
-def thin(
-    dataset: xr.Dataset, every: int, only: Collection[str] | None = None
-) -> xr.Dataset:
+def thin(dataset: xr.Dataset, every: int, only: Collection[str] | None = None) -> xr.Dataset:
     """The same of a dataset, read a piece of a variable at a time.
 
     Args:

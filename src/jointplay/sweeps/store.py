@@ -346,7 +346,6 @@ class Store:
             self.journal.close()
             files.release(self.path)
 
-
     def remove(self) -> None:
         """Delete it, of which nothing is worth keeping, and let go of it."""
         self.removed = True
