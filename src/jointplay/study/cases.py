@@ -115,7 +115,8 @@ def run_case(label: str, out: Path, progress: bool) -> Result:
     if progress:
         tqdm.write(f"case {label}:", file=sys.stderr)
     simulation = scara(CASES[label])
-    result = run_and_save(simulation.prepare(progress), out / FILES[label], progress)
+    _, result = run_and_save(simulation.prepare(progress), out / FILES[label], progress)
+    assert result is not None  # it is no long run
     if result.status == Status.INTERRUPTED or stopping.told():
         raise KeyboardInterrupt
     add_certificate(result, out / FILES[label], simulation, progress)

@@ -11,7 +11,7 @@ import json
 import os
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -51,6 +51,8 @@ class Store:
 
     Attributes:
         state: of every case; 0: not run, `DONE`, `FAILED`.
+        new: whether it was made here.
+        removed: whether it is there no more.
 
     Raises:
         JointplayError: the store exists (and `resume` is false), is of another sweep, or another
@@ -63,7 +65,9 @@ class Store:
         """Open or make it, and take up what its journal has."""
         self.path = Path(path)
         there = is_there(self.path, resume or extend)
+        self._folder_was_there = files.is_folder(self.path)
         files.claim(self.path, [])
+        self.removed = False
         try:
             self.plan = plan
             self.group: Any  # zarr's own types know no group whose members are all arrays
@@ -77,13 +81,15 @@ class Store:
                     self._make()
                 self.journal = Journal(self.path / JOURNAL)
                 self._take_up()
+            self.new = not there and not self.journal.found
         except BaseException:
             files.release(self.path)
             raise
 
     def _make(self) -> None:
         plan = self.plan
-        self.group = zarr.create_group(self.path, zarr_format=3, overwrite=True)
+        files.empty(self.path)  # by zarr the folder itself would go, and with it its lock
+        self.group = zarr.create_group(self.path, zarr_format=3)
         self.array("state", "int8", 0, "0: not run, 1: done, 2: failed", "1")
         self.array("error", "string", "", "what went wrong with the case", "")
         self._coordinates()
@@ -328,6 +334,16 @@ class Store:
         finally:
             self.journal.close()
             files.release(self.path)
+
+    def remove(self) -> None:
+        """Delete it, of which nothing is worth keeping, and let go of it."""
+        self.removed = True
+        self.journal.close()
+        with suppress(OSError):
+            files.empty(self.path)
+            if not self._folder_was_there:
+                self.path.rmdir()
+        files.release(self.path)
 
 
 def _set(array: zarr.Array[Any], cells: Sequence[tuple[Index, Any]]) -> None:
