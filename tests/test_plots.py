@@ -163,3 +163,25 @@ def test_ticks_of_orbits_do_not_overlap_however_small(cases):
         ]
         inside = sorted((box.x0, box.x1) for box in boxes)
         assert all(right <= left for (_, right), (left, _) in pairwise(inside))
+
+
+def test_a_figure_is_laid_out_and_drawn_once(cases, monkeypatch, tmp_path):
+    from matplotlib.figure import Figure
+
+    from jointplay.plots.style import style
+
+    with style():
+        figure = plots.FIGURES["tool_velocity"](cases)
+    engine = figure.get_layout_engine()
+    drawn, laid_out = [], []
+    draw, execute = Figure.draw, type(engine).execute
+    monkeypatch.setattr(Figure, "draw", lambda *given: drawn.append(1) or draw(*given))
+    monkeypatch.setattr(
+        type(engine), "execute", lambda *given: laid_out.append(1) or execute(*given)
+    )
+    figure.savefig(tmp_path / "figure.pdf")
+    assert (len(laid_out), len(drawn)) == (1, 1)
+    assert figure.get_layout_engine() is engine
+    left = [panel.get_position().x0 for panel in figure.axes]
+    assert max(left) - min(left) > 0.4  # two columns, each with room for its labels
+    assert min(left) > 0.05

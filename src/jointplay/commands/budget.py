@@ -30,8 +30,11 @@ def add(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Reckon, print, draw."""
-    from jointplay.analysis.static_budget import budget
     from jointplay.host import files
+
+    if options.out:  # before anything is loaded that takes time
+        files.refuse_present(options.out, ["budget.csv"])
+    from jointplay.analysis.static_budget import budget
 
     work = task(options)
     force = load_on_tool(options, work.mechanism.gravity)

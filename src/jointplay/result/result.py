@@ -242,13 +242,9 @@ class Result:
             JointplayError: no such file, damaged, or not a jointplay result.
         """
         if every == 1:
-            return cls._read(path, trust, netcdf.load)
-        with cls.open(path, trust).dataset as dataset:
-            thinned: Result = late("result.thin:thinned")(cls(dataset, trust), every)
-        simulation = json.loads(thinned.dataset.attrs["simulation"])
-        simulation["record_every"] *= every
-        thinned.dataset.attrs["simulation"] = json.dumps(simulation)
-        return thinned
+            return cls.read(path, trust, netcdf.load)
+        loaded: Result = late("result.thin:load")(path, trust, every)
+        return loaded
 
     @classmethod
     def open(cls, path: str | Path, trust: Collection[str] = ()) -> Result:
@@ -265,12 +261,13 @@ class Result:
         Raises:
             JointplayError: no such file, damaged, without checksum, or not a jointplay result.
         """
-        return cls._read(path, trust, netcdf.open_lazily)
+        return cls.read(path, trust, netcdf.open_lazily)
 
     @classmethod
-    def _read(
+    def read(
         cls, path: str | Path, trust: Collection[str], reader: Callable[[Path], xr.Dataset]
     ) -> Result:
+        """What `load` and `open` do, with one of the readers of `netcdf`."""
         from jointplay.result.stored import check
 
         path = Path(path)

@@ -6,7 +6,7 @@ import math
 import sys
 import time
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -41,9 +41,7 @@ class Run(Prepared):
         """Move every journal aside by `distance` along each axis [m], before the run begins."""
         initial.displace(self.mechanism, self.workspace.q, distance)
 
-    def execute(
-        self, progress: bool = False, check_step: bool = True, reactions: bool = True
-    ) -> Result:
+    def execute(self, progress: bool = False, check_step: bool = True) -> Result:
         """Simulate to the end, from the start or from where the run stands; once only.
 
         Args:
@@ -51,7 +49,6 @@ class Run(Prepared):
             check_step: where nothing else judges the step, run again with another one: see
                 `step_check`. Takes about half of the run's time, in doubt two and a half times
                 the run's. Not for a run that was continued.
-            reactions: see `result`.
 
         Returns:
             The result. Interrupted by Ctrl-C, or stopped because the state ran away, it holds
@@ -61,7 +58,7 @@ class Run(Prepared):
         if self.on_disk is not None and self.on_disk.needed:
             raise JointplayError("the histories of this run go to a file: save it")
         status, message = self.complete(progress)
-        result = self.result(status, message, reactions)
+        result = self.result(status, message)
         check_step = check_step and self._origin is not None and step_check.wanted(self.simulation)
         if check_step and status == Status.COMPLETED:
             assert self._origin is not None
@@ -91,7 +88,11 @@ class Run(Prepared):
         return other
 
     def result(
-        self, status: Status | None = None, message: str | None = None, reactions: bool = True
+        self,
+        status: Status | None = None,
+        message: str | None = None,
+        reactions: bool = True,
+        only: Sequence[str] | None = None,
     ) -> Result:
         """What was recorded so far, as a result.
 
@@ -99,6 +100,7 @@ class Run(Prepared):
             status, message: how the run ended; if not given, as interrupted here.
             reactions: whether a mechanism without clearance gets the forces in its joints; who
                 asks only where it goes can do without.
+            only: histories that are wanted; None: all.
         """
         status = Status.INTERRUPTED if status is None else status
         return histories(
@@ -113,6 +115,7 @@ class Run(Prepared):
             self.judgement(),
             self.simulation.loads,
             reactions,
+            only,
         )
 
     def judgement(self) -> Judgement:

@@ -243,11 +243,17 @@ class Case {
         return Math.hypot(real[at] - ideal[at], real[at + 1] - ideal[at + 1], real[at + 2] - ideal[at + 2]);
     }
 
-    largestDeviation() {
-        let largest = 0;
-        for (let row = 0; row < this.time.length; row++) largest = Math.max(largest, this.deviationAt(row));
-        return largest;
+    // Record of the largest deviation.
+    worstRow() {
+        let worst = 0, largest = 0;
+        for (let row = 0; row < this.time.length; row++) {
+            const deviation = this.deviationAt(row);
+            if (deviation > largest) { largest = deviation; worst = row; }
+        }
+        return worst;
     }
+
+    largestDeviation() { return this.deviationAt(this.worstRow()); }
 
     makeJoint(entry, table) {
         const joint = {entry, name: entry.name, placement: new THREE.Matrix4().fromArray(entry.placement)};
