@@ -122,21 +122,28 @@ def run(options: argparse.Namespace) -> int:
 
     reversals(model).savefig(out / "reversals.png")
     if options.check:
-        seen = reduced_mjcf.follow(mjcf, model)
-        kept = "within" if seen.error <= model.angle_error else "beyond"
-        print(
-            f"MuJoCo: link's angle off by up to {1e6 * seen.error:.4g} urad, {kept} the stated "
-            f"{1e6 * model.angle_error:.4g}; {1e6 * seen.step_seconds:.3g} us a step of "
-            f"{1e3 * seen.step:.3g} ms"
-        )
-        if seen.lean_error is not None:
-            kept = "within" if seen.lean_error <= model.tilt_error else "beyond"
-            print(
-                f"MuJoCo: axis' lean off by up to {1e3 * seen.lean_error:.4g} mrad, {kept} the "
-                f"stated {1e3 * model.tilt_error:.4g}"
-            )
+        _compare(mjcf, model)
     print(f"written to {options.out}: {', '.join([*files_out, 'reversals.png'])}")
     return 0
+
+
+def _compare(mjcf: str, model: Any) -> None:
+    """Run the MJCF in MuJoCo, and print how it differs from the full model."""
+    from jointplay.analysis import reduced_mjcf
+
+    seen = reduced_mjcf.follow(mjcf, model)
+    kept = "within" if seen.error <= model.angle_error else "beyond"
+    print(
+        f"MuJoCo: link's angle off by up to {1e6 * seen.error:.4g} urad, {kept} the stated "
+        f"{1e6 * model.angle_error:.4g}; {1e6 * seen.step_seconds:.3g} us a step of "
+        f"{1e3 * seen.step:.3g} ms"
+    )
+    if seen.lean_error is not None:
+        kept = "within" if seen.lean_error <= model.tilt_error else "beyond"
+        print(
+            f"MuJoCo: axis' lean off by up to {1e3 * seen.lean_error:.4g} mrad, {kept} the "
+            f"stated {1e3 * model.tilt_error:.4g}"
+        )
 
 
 def _names(joint: str, formats: Sequence[str] | None) -> list[str]:
