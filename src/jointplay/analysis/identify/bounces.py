@@ -23,6 +23,8 @@ _SHORTEST = 6.0
 """Records that a flight must last."""
 _STEADY = 0.15
 """Largest change of the ratio from flight to flight within a sequence."""
+_GROWN = 1.3
+"""Times the impulse before that one of the same sequence has at most, for noise."""
 _LEAST_FLIGHTS = 3
 _SCATTER = 0.2
 """Largest standard deviation of the ratios' logarithms."""
@@ -157,23 +159,27 @@ def _timing(made: list[Sequence], interval: float) -> float:
 
 def sequences(found: Impacts, interval: float) -> list[Sequence]:
     """Each sequence of impacts that dies away steadily, `interval` [s] being between records."""
-    gaps = np.diff(found.time)
+    gaps, impulses = np.diff(found.time), found.impulse
     made: list[Sequence] = []
     first = 0
     while first < len(gaps):
         last = first + 1
-        while last < len(gaps) and _goes_on(gaps[first : last + 1], interval):
+        while last < len(gaps) and _goes_on(
+            gaps[first : last + 1], impulses[first : last + 2], interval
+        ):
             last += 1
         if last - first >= _LEAST_FLIGHTS:
-            made.append(Sequence(gaps[first:last], found.impulse[first : last + 1]))
+            made.append(Sequence(gaps[first:last], impulses[first : last + 1]))
             first = last
         else:
             first += 1
     return made
 
 
-def _goes_on(gaps: np.ndarray, interval: float) -> bool:
+def _goes_on(gaps: np.ndarray, impulses: np.ndarray, interval: float) -> bool:
     """Whether the last of the intervals (at least two) goes on as those before."""
     if gaps[-1] < _SHORTEST * interval or not gaps[-1] < gaps[-2]:
         return False
+    if (impulses[1:] > _GROWN * impulses[:-1]).any():
+        return False  # a new drop
     return len(gaps) < 3 or bool(abs(gaps[-1] / gaps[-2] - gaps[-2] / gaps[-3]) <= _STEADY)
