@@ -65,6 +65,14 @@ def add(commands: Any) -> None:
         choices=("compliance", "friction"),
         help="identify the compliance of the gears' teeth, or the dry friction behind them, too",
     )
+    _add_simulated(parser)
+    _add_plan(parser)
+    parser.add_argument("--out", metavar="DIR", help="folder for tables (CSV, JSON) and figure")
+    parser.add_argument("--quiet", action="store_true", help="show no progress")
+    parser.set_defaults(handler=run, pose=None, workspace=None)
+
+
+def _add_simulated(parser: Any) -> None:
     group = parser.add_argument_group("by simulated runs of the scenario")
     group.add_argument(
         "--restitution",
@@ -87,6 +95,9 @@ def add(commands: Any) -> None:
         f"the measurement, within the scatter of so many runs (default {VERIFYING})",
     )
     group.add_argument("--jobs", type=int, default=1, metavar="N", help="processes (default 1)")
+
+
+def _add_plan(parser: Any) -> None:
     group = parser.add_argument_group("plan")
     group.add_argument("--plan", action="store_true", help="say what to measure")
     group.add_argument(
@@ -101,9 +112,6 @@ def add(commands: Any) -> None:
     group.add_argument(
         "--push", metavar="FORCE", help="with which the tool can be pushed (20 N; 0: not at all)"
     )
-    parser.add_argument("--out", metavar="DIR", help="folder for the table and the figure")
-    parser.add_argument("--quiet", action="store_true", help="show no progress")
-    parser.set_defaults(handler=run, pose=None, workspace=None)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -135,7 +143,7 @@ def run(options: argparse.Namespace) -> int:
         fit = _identify(options, work, noise)
         print(fit)
         found = fit.describe()
-        if options.verify:
+        if options.verify and work.simulation is not None:
             from jointplay.analysis.identify.verification import verify
 
             checked = verify(work.simulation, fit, progress=not options.quiet, runs=options.verify)

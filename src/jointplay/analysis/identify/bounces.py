@@ -84,10 +84,11 @@ def flights(channel: Channel) -> Told:
             f"only {inside} of {len(found)} impacts are bounces that die away steadily: several "
             "places hit in turn, or the load changes; --restitution compares with simulations",
         )
-    if logarithms.std(ddof=1) > _SCATTER:
+    scatter = float(logarithms.std(ddof=1))
+    if scatter > _SCATTER:
         return _untold(
             number,
-            f"ratios of successive flights scatter by {100 * logarithms.std(ddof=1):.0f} %: several "
+            f"ratios of successive flights scatter by {100 * scatter:.0f} %: several "
             "places hit in turn, or the load changes; --restitution compares with simulations",
         )
     middle, half = _mean([np.asarray(one, float) for one in ratios])

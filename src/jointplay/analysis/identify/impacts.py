@@ -138,8 +138,8 @@ def summary(channel: Channel) -> dict[str, float]:
     size = np.hypot(channel.size, _DROWNED * channel.noise)
     found = impacts(channel)
     numbers = {"RMS": _log_rms(size)}
-    for part in (50, 90, 99):
-        numbers[f"{part} % quantile"] = float(np.log(np.percentile(size, part)))
+    for share in (50, 90, 99):
+        numbers[f"{share} % quantile"] = float(np.log(np.percentile(size, share)))
     for number, part in enumerate(np.array_split(size, BINS), 1):
         numbers[f"RMS in part {number} of {BINS}"] = _log_rms(part)
     numbers["number of impacts"] = float(np.log1p(len(found)))

@@ -117,12 +117,17 @@ class Identification:
     def describe(self) -> dict[str, Any]:
         """As plain data [SI]."""
         found = []
+        row: dict[str, Any]
         for i, one in enumerate(self.unknowns):
             if one.sought:
                 row = {"joint": one.joint, "unknown": one.name, "unit": one.unit}
                 row |= {"scenario": one.nominal, "why_not": self.reasons[i]}
                 low, high = self.interval(i)
-                told = {"found": float(self.value[i]), "low": float(low), "high": float(high)}
+                told: dict[str, Any] = {
+                    "found": float(self.value[i]),
+                    "low": float(low),
+                    "high": float(high),
+                }
                 found.append(row | ({} if self.reasons[i] else told))
         for other in self.restitutions:
             row = {"joint": other.joint, "unknown": "restitution", "unit": ""}

@@ -34,6 +34,10 @@ _SCALES = {"tool": (1e6, "um"), "link": (1e6, "urad")}
 _NORMAL = 1.96
 
 
+_ByKind = dict[str, float]
+_Parts = tuple[_ByKind, _ByKind, _ByKind, _ByKind]
+
+
 @dataclass(frozen=True)
 class Check:
     """A statistic of the measurement beside those of the runs."""
@@ -152,7 +156,7 @@ def verify(
             rows.append(instruments.statistics(instruments.look(result)))
     seen = {} if instruments is None else instruments.statistics(measured)
     number = len({kind for kind, _ in keys}) + len(seen)
-    parts: tuple[dict[str, float], ...] = ({}, {}, {}, {})
+    parts: _Parts = ({}, {}, {}, {})
     checks: list[Check] = []
     if keys:
         parts, checks = _compare_means(identification, np.array(means), number)
@@ -210,7 +214,7 @@ def _impact_check(name: str, seen: float, runs: np.ndarray, number: int) -> Chec
 
 def _compare_means(
     identification: Identification, means: np.ndarray, number: int
-) -> tuple[tuple[dict[str, float], ...], list[Check]]:
+) -> tuple[_Parts, list[Check]]:
     """What is left of means over visits by kind, and how much more runs leave of each other.
 
     Args:
