@@ -260,6 +260,19 @@ def test_verification_refuses_too_few_runs_and_nothing_to_compare(urdf):
         verify(simulation, blind)
 
 
+def test_without_a_signal_of_impacts_the_signal_and_its_rate_are_named(urdf):
+    mechanism = hanging(urdf, 0.7).mechanism
+    time = np.arange(0.0, 4.0, 0.01)
+    angle = 0.4 * np.abs((time % 2.0) - 1.0)
+    signals = {
+        ("motor", "j"): angle,
+        ("tool", "x"): 0.3 * np.cos(angle),
+        ("tool", "z"): -0.3 * np.sin(angle),
+    }
+    text = str(identify(mechanism, Measurement(time, signals)))
+    assert "an accelerometer on the tool or 'j reaction' would, with 3.8e+03 records" in text
+
+
 def test_two_joints_hit_and_an_accelerometer_does_not_say_which(urdf):
     path = urdf(
         body("upper", mass=2.0),

@@ -19,7 +19,7 @@ from jointplay.analysis.identify.impacts import Channel, Impacts, impacts
 
 FEWEST_RATIOS = 4
 """Ratios of successive flights from which on restitution is stated."""
-_SHORTEST = 6.0
+SHORTEST = 6.0
 """Records that a flight must last."""
 _STEADY = 0.15
 """Largest change of the ratio from flight to flight within a sequence."""
@@ -114,8 +114,8 @@ def _too_few(found: Impacts, number: int, rate: float) -> str:
     gaps = np.diff(found.time)
     short = f"{len(found)} impacts give {number} ratios of successive flights, {FEWEST_RATIOS} are "
     short += "needed; "
-    if len(gaps) and np.median(gaps) * rate < 2.0 * _SHORTEST:
-        faster = 4.0 * _SHORTEST / float(np.median(gaps))
+    if len(gaps) and np.median(gaps) * rate < 2.0 * SHORTEST:
+        faster = 4.0 * SHORTEST / float(np.median(gaps))
         return short + f"at {rate:.4g} records a second flights are not resolved: {faster:.2g} may"
     return short + "let the load turn round more often"
 
@@ -179,7 +179,7 @@ def sequences(found: Impacts, interval: float) -> list[Sequence]:
 
 def _goes_on(gaps: np.ndarray, impulses: np.ndarray, interval: float) -> bool:
     """Whether the last of the intervals (at least two) goes on as those before."""
-    if gaps[-1] < _SHORTEST * interval or not gaps[-1] < gaps[-2]:
+    if gaps[-1] < SHORTEST * interval or not gaps[-1] < gaps[-2]:
         return False
     if (impulses[1:] > _GROWN * impulses[:-1]).any():
         return False  # a new drop

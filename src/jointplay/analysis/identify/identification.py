@@ -16,6 +16,7 @@ from jointplay.analysis.identify.fit import (
     offsets,
 )
 from jointplay.analysis.identify.ideal import tool_positions
+from jointplay.analysis.identify.impacts import channels
 from jointplay.analysis.identify.model import StaticModel
 from jointplay.analysis.identify.outcome import Identification
 from jointplay.analysis.identify.parameters import (
@@ -86,7 +87,7 @@ def identify(
     try:
         found = _by_means(mechanism, measured, motion, reference, friction, also, known)
     except TooLittle as error:
-        if not bounced:
+        if not bounced or not channels(measured):
             raise
         note = f"clearance and friction: this measurement cannot tell: {error}"
         found = _impacts_only(mechanism, measured, reference, note)

@@ -7,6 +7,7 @@ statistics of their impacts (`likelihood`), never by their traces.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
@@ -14,10 +15,11 @@ import numpy as np
 from scipy.optimize import brentq
 from tqdm import tqdm
 
-from jointplay.analysis.identify.bounces import flights
+from jointplay.analysis.identify.bounces import SHORTEST, flights
 from jointplay.analysis.identify.impacts import channels
 from jointplay.analysis.identify.instruments import Instruments, drawn, run
 from jointplay.analysis.identify.likelihood import Estimate, design, estimate, runs_needed
+from jointplay.analysis.identify.parameters import clearances
 from jointplay.analysis.identify.reading import Measurement
 from jointplay.errors import JointplayError
 from jointplay.host import workers
@@ -32,6 +34,8 @@ LOW, HIGH = 0.05, 0.98
 _TOLD = 0.15
 """Half width of an interval with which a restitution is told."""
 _FEWEST_IMPACTS = 3
+GRAVITY = 9.81
+"""Acceleration at which a journal is taken to fall [m/s^2]."""
 _WIDER = 1.5
 """By which the second half of the runs covers more than the interval of the first."""
 
@@ -84,17 +88,18 @@ def nominal_of(joint: Clearance, value: float) -> float:
 
 
 def by_flights(mechanism: Mechanism, measured: Measurement) -> tuple[Restitution, ...]:
-    """Restitution of each joint with clearance by flights; none without accelerometer or force.
+    """Restitution of each joint with clearance by flights.
 
     A force between bearing and journal counts for its joint. An accelerometer cannot tell whose
     impact it feels: it counts where one joint only has clearance.
     """
     seen = {one.joint: one for one in channels(measured)}
     names = list(mechanism.clearance)
-    if not seen or not names:
-        return ()
     made = []
     for name in names:
+        if not seen:
+            made.append(_untold(name, _unseen(name, mechanism.clearance[name])))
+            continue
         channel = seen.get(name) or (seen.get("") if len(names) == 1 else None)
         if channel is None:
             others = ", ".join(names)
@@ -110,6 +115,17 @@ def by_flights(mechanism: Mechanism, measured: Measurement) -> tuple[Restitution
         evidence = f"{told.ratios} ratios of flights"
         made.append(Restitution(name, told.value, told.half_width, nominal, evidence, ""))
     return tuple(made)
+
+
+def _unseen(name: str, joint: Clearance) -> str:
+    """Which signal would show a joint's impacts, and how fast."""
+    room = 2.0 * max(clearances(joint).values(), default=0.0)
+    words = f"no signal shows impacts; an accelerometer on the tool or '{name} reaction' would"
+    if room <= 0.0:
+        return words
+    # A journal that falls through its room and bounces three times at half its speed.
+    flight = 2.0 * math.sqrt(2.0 * room / GRAVITY) * 0.5**3
+    return f"{words}, with {SHORTEST / flight:.2g} records a second or more"
 
 
 def _untold(joint: str, reason: str) -> Restitution:
