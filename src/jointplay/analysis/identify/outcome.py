@@ -79,13 +79,14 @@ class Identification:
                 interval = f"{one.shown(low)} to {one.shown(high)}"
                 lines.append(f"{head} {one.shown(self.value[i]):>12}  {interval}")
         lines += [str(one) for one in self.restitutions]
-        if not self.unknowns:
-            return "\n".join([*self.notes, *lines])
         for i, one in enumerate(self.unknowns):
             if one.sought and self.reasons[i]:
                 lines.append(f"{one.label}: {self.reasons[i]}")
                 if self.advice[i]:
                     lines.append(f"  {self.advice[i]}")
+        lines += [f"{r.joint} restitution: {r.reason}" for r in self.restitutions if r.reason]
+        if not self.unknowns:
+            return "\n".join([*self.notes, *lines])
         used = np.isfinite(self.error)
         at = used.any(axis=1)
         lines.append(

@@ -61,10 +61,10 @@ class Restitution:
         return max(self.value - self.half_width, 0.0), min(self.value + self.half_width, 1.0)
 
     def __str__(self) -> str:
-        """One line, as in the table."""
+        """One line, as in the table; without the reason."""
         label = f"{self.joint} restitution"
         if self.reason:
-            return f"{label:<34} {'':>12} {'-':>12}  this measurement cannot tell: {self.reason}"
+            return f"{label:<34} {'':>12} {'-':>12}  this measurement cannot tell"
         low, high = self.interval
         line = f"{label:<34} {'':>12} {self.value:>12.4g}  {low:.4g} to {high:.4g}"
         if np.isnan(self.nominal):
