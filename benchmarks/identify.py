@@ -321,7 +321,7 @@ def main() -> None:
     names = list(dict.fromkeys(row["name"] for row in rows))
     others = list(dict.fromkeys(row["measurement"] for row in every if row["measurement"] != PLAIN))
     table = []
-    for name in [*names, "all", *others, "all, hostile included"]:
+    for name in [*names, "all", *others, *(["all, hostile included"] if others else [])]:
         if name in others:
             mine = [row for row in every if row["measurement"] == name]
         elif name == "all, hostile included":

@@ -232,6 +232,8 @@ def _verdict(
         return _untold(name, f"{reason} restitutions look alike; record longer, faster or quieter")
     joint = mechanism.clearance[name]
     where = f"impacts of {runs} runs"
+    if "clearance" not in " ".join(maker.spreads.get(name, ())):
+        where += ", clearance as in the scenario"
     if value - half < limits[0] or value + half > limits[1]:
         where += f", sought from {limits[0]:.3g} to {limits[1]:.3g}"
     return Restitution(name, value, half, nominal_of(joint, value), where, "")
@@ -250,7 +252,7 @@ class _Maker:
         """Look at the measurement."""
         self._instruments = Instruments.of(measured)
         self._simulation = self._instruments.settings(simulation)
-        self._spreads, self._seed = spreads, seed
+        self.spreads, self._seed = spreads, seed
         self._random = np.random.default_rng(seed)
         seen = self._instruments.statistics(measured)
         self.names, self.seen = tuple(seen), np.array(list(seen.values()))
@@ -277,7 +279,7 @@ class _Maker:
         for (name, joint), value in zip(mechanism.clearance.items(), row.tolist(), strict=True):
             nominal = nominal_of(joint, value)
             made = replace(joint, restitution=value if np.isnan(nominal) else nominal)
-            joints[name] = drawn(made, self._spreads.get(name, {}), self._random)
+            joints[name] = drawn(made, self.spreads.get(name, {}), self._random)
         return replace(
             self._simulation, mechanism=mechanism.with_clearance(joints), seed=self._seed
         )
