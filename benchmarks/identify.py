@@ -337,7 +337,7 @@ def main() -> None:
                 name.replace("_", " "),
                 str(len(mine)),
                 str(len(told)),
-                f"{covered} ({100 * covered / max(len(told), 1):.0f} %)",
+                f"{covered} ({100 * covered / len(told):.0f} %)" if told else "-",
                 f"{100 * np.median(wide):.2g} %" if told else "-",
                 f"{100 * np.median(off_by):.2g} %" if told else "-",
             ]
