@@ -7,6 +7,7 @@ from scipy.spatial.transform import Rotation
 
 import jointplay as jp
 from jointplay import analysis
+from jointplay.analysis import contact_statistics
 from jointplay.study import scara
 
 
@@ -110,6 +111,13 @@ def test_contacts_are_those_that_the_run_counted(pair):
     assert 0.8 * played.audit.impacts <= sum(len(p.peak) for p in found) <= played.audit.impacts
     largest = max(place.peak.max() for place in found if len(place.peak))
     assert largest == played["normal_force_peak"].values.max()
+
+
+@pytest.mark.parametrize("start", [None, 0.0, 0.01, 1e9])
+def test_contacts_are_counted_without_looking_at_each(start, pair):
+    for result in pair:
+        one_by_one = sum(len(place.peak) for place in analysis.contacts(result, start))
+        assert contact_statistics.number(result, start) == one_by_one
 
 
 def test_shares_sum_to_one(pair):

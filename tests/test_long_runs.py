@@ -199,6 +199,40 @@ def test_memory_does_not_grow_with_the_length_of_a_run(tmp_path):
     assert after - before < ALLOWED
 
 
+RUN = """
+import sys
+from pathlib import Path
+from jointplay import cli
+from jointplay.scenario import keep
+
+keep.SUMMARY_RECORDS = 5_000
+command = ["run", "--no-figures", "--quiet", "--duration", sys.argv[1], "--out", sys.argv[2]]
+status = cli.main([*command, "--record-every", "1"])
+lines = Path("/proc/self/status").read_text().splitlines()
+(peak,) = (line for line in lines if line.startswith("VmHWM:"))
+print("PEAK", status, 1024 * int(peak.split()[1]))
+"""
+
+GROWTH = 20e6
+"""What four times the length may add to the memory of the whole command [bytes]."""
+
+
+@pytest.mark.skipif(not Path("/proc/self/status").is_file(), reason="needs Linux's /proc")
+def test_memory_of_the_command_does_not_grow_with_the_length_of_a_run(tmp_path):
+    """From the first import to the last line, the summary and the ideal mechanism's run in it."""
+    peaks = []
+    for duration in ("1", "4"):
+        command = [sys.executable, "-c", RUN, duration, str(tmp_path / duration)]
+        done = subprocess.run(command, capture_output=True, text=True, check=True)
+        word, status, peak = done.stdout.split()[-3:]
+        assert (word, status) == ("PEAK", "0"), done.stderr
+        assert "tool error peak" in done.stdout
+        peaks.append(int(peak))
+    with jp.Result.open(tmp_path / "4" / "result.nc").dataset as dataset:
+        assert dataset.nbytes > 10.0 * GROWTH
+    assert peaks[1] - peaks[0] < GROWTH
+
+
 def start(*arguments):
     command = [JOINTPLAY, *map(str, arguments)]
     return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)

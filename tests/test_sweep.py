@@ -1,5 +1,6 @@
 """Sweeps that are run: what is in their stores, and what they refuse."""
 
+import importlib
 import json
 import subprocess
 import sys
@@ -11,7 +12,9 @@ import xarray as xr
 import jointplay as jp
 from jointplay.cli import main
 from jointplay.sweeps import case as case_module
+from jointplay.sweeps import plan_of
 from jointplay.sweeps.case import Bench, job
+from jointplay.sweeps.run import probe
 from jointplay.sweeps.table import table
 
 VARYING = "cost"
@@ -90,7 +93,8 @@ def test_the_ideal_joint_has_no_tool_error_and_the_force_of_its_reaction(done):
 
 def test_resuming_a_finished_sweep_runs_nothing(done, monkeypatch):
     before = jp.open_sweep(done[0]).load()
-    monkeypatch.setattr("jointplay.sweeps.run._workers", lambda *_: pytest.fail("nothing is left"))
+    run = importlib.import_module("jointplay.sweeps.run")
+    monkeypatch.setattr(run, "workers_for", lambda *_: pytest.fail("nothing is left"))
     after = jp.sweep(done[1], done[0], resume=True)
     xr.testing.assert_identical(after.load(), before)
 
@@ -166,6 +170,23 @@ def test_what_cannot_be_drawn_is_said_in_a_line(words, said, done, tmp_path, cap
     error = capsys.readouterr().err
     assert said in error
     assert error.count("\n") == 1
+
+
+def test_a_history_that_no_result_has_is_refused_with_the_nearest_name(swept, tmp_path):
+    path = swept(options='histories = ["tool_positon"]')
+    with pytest.raises(jp.JointplayError, match=r'histor.*"tool_positon"; did you mean "tool_pos'):
+        jp.sweep(path, tmp_path / "s.zarr")
+    assert not (tmp_path / "s.zarr").exists()
+
+
+@pytest.mark.parametrize("name", ["joint_force", "reaction_force", "payload_energy"])
+def test_a_history_that_only_some_results_have_is_none_of_these(name, swept):
+    axes = (
+        "kind.variants.slow.motion.faster = 0.9\n"
+        "kind.variants.ideal.joints.joint_b.ideal = true\n"
+        'kind.variants.loaded.payloads = [{ frame = "suction_cup", mass = 1.0, pick = "10 ms" }]'
+    )
+    probe(plan_of(swept(axes, f'histories = ["{name}"]')))
 
 
 def test_a_failed_case_is_kept_with_its_error_and_the_rest_goes_on(swept, tmp_path):

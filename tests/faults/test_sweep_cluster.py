@@ -16,7 +16,8 @@ from test_sweep_kills import AXES, descendants, grown, resume, same
 
 import jointplay as jp
 from jointplay.sweeps import plan_of
-from jointplay.sweeps.case import job
+from jointplay.sweeps.case import DONE, Outcome, job
+from jointplay.sweeps.store import Store
 
 pytest.importorskip("distributed")
 
@@ -140,6 +141,29 @@ def test_a_scheduler_that_does_not_answer_is_said_in_a_line(reference, tmp_path,
         with pytest.raises(jp.JointplayError, match="no Dask scheduler answers at") as error:
             jp.sweep(reference[0], tmp_path / "s", scheduler=address)
     assert "\n" not in str(error.value)
+    assert "--resume" not in str(error.value)
+
+
+@pytest.mark.parametrize("there", [False, True])
+def test_without_workers_nothing_is_left_behind(there, reference, tmp_path, monkeypatch):
+    monkeypatch.setattr("jointplay.sweeps.cluster.CONNECT_S", 1)
+    store = tmp_path / "s"
+    if there:
+        store.mkdir()
+    with pytest.raises(jp.JointplayError, match="no Dask scheduler answers at"):
+        jp.sweep(reference[0], store, scheduler="tcp://127.0.0.1:9")
+    assert list(tmp_path.rglob("*")) == ([store] if there else [])
+    assert jp.sweep(reference[0], store, jobs=2)["state"].all()
+
+
+def test_without_workers_what_an_earlier_sweep_finished_stays(reference, tmp_path, monkeypatch):
+    monkeypatch.setattr("jointplay.sweeps.cluster.CONNECT_S", 1)
+    store = Store(tmp_path / "s", plan_of(reference[0]))
+    store.keep(Outcome((0, 1), DONE, {"impacts": 7.0}))
+    store.close()
+    with pytest.raises(jp.JointplayError, match="1 of 60 cases are kept; --resume goes on"):
+        jp.sweep(reference[0], tmp_path / "s", scheduler="tcp://127.0.0.1:9", resume=True)
+    assert jp.open_sweep(tmp_path / "s")["impacts"].values[0, 1] == 7.0
 
 
 @pytest.mark.parametrize("address", ["nonsense", "tcp://", "tcp://127.0.0.1:99999999"])

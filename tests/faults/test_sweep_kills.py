@@ -22,7 +22,9 @@ from sweep_scenario import SCENARIO
 from test_kills import alive, children, end, gone, needs_proc, small_disk, start
 
 import jointplay as jp
+from jointplay.sweeps import plan_of
 from jointplay.sweeps.journal import Journal, entries
+from jointplay.sweeps.store import Store
 
 __all__ = ["small_disk"]
 
@@ -216,15 +218,19 @@ def test_told_to_stop_a_sweep_keeps_what_is_finished_and_says_how_to_go_on(numbe
     same(tmp_path / "s", reference)
 
 
-def test_two_writers_to_one_store_are_refused(whole, tmp_path):
+@pytest.mark.parametrize("there", [False, True])
+def test_two_writers_to_one_store_are_refused(there, whole, tmp_path):
+    """One that makes the store, or goes on with one, and is at work as long as this test wants."""
     path, reference, _ = whole
-    first = start("sweep", path, "--out", tmp_path / "s", "--quiet", "--jobs", 1)
-    grown(tmp_path / "s", 1)
-    _, err, status = end(start("sweep", path, "--out", tmp_path / "s", "--resume", "--quiet"))
-    if first.poll() is None:
+    if there:
+        Store(tmp_path / "s", plan_of(path)).close()
+    first = Store(tmp_path / "s", plan_of(path), resume=there)
+    for option in ("--resume", "--extend", "--quiet"):
+        _, err, status = end(start("sweep", path, "--out", tmp_path / "s", "--quiet", option))
         assert status == 2
-        assert "another process is writing to" in err
-    assert end(first)[2] == 0
+        assert option == "--quiet" or "another process is writing to" in err
+    first.close()
+    resume(path, tmp_path / "s")
     same(tmp_path / "s", reference)
 
 

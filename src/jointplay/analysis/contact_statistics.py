@@ -76,6 +76,22 @@ def contacts(result: Result, start: float | None = None) -> list[Contacts]:
     return statistics
 
 
+def number(result: Result, start: float | None = None) -> int:
+    """How many `contacts` there are, from nothing but the largest normal forces.
+
+    Args:
+        result: a run.
+        start: only those that began from this time on [s]; None: from when on the run is judged.
+    """
+    if not result.joints:
+        return 0
+    start = result.judge_from if start is None else start
+    touching = result["normal_force_peak"].values > 0.0
+    began = touching.copy()
+    began[1:] &= ~touching[:-1]
+    return int(began[result.time >= start].sum())
+
+
 def shares(
     result: Result, joint: str, of: str = "mode", start: float | None = None
 ) -> dict[str, float]:

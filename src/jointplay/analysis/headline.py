@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from jointplay.analysis.contact_statistics import contacts
+from jointplay.analysis.contact_statistics import number
 from jointplay.analysis.tool_error import accuracy, deviation, error_at, stops
-from jointplay.analysis.twins import has_play, twin
+from jointplay.analysis.twins import has_play, ideal_simulation, tool_motion
 from jointplay.errors import JointplayError
 from jointplay.motion.reference import GOES_ON
 from jointplay.result.result import Result
+
+HISTORIES = ("tool_position", "tool_velocity", "joint_force_peak", "normal_force_peak")
+"""What `headline` looks at, in the run and in the ideal mechanism's."""
 
 MOST_STOPS = 6
 """Stops that are listed one by one."""
@@ -23,7 +26,7 @@ def reference(result: Result, progress: bool = False) -> Result | None:
     if not has_play(result) or len(result.time) < 2:
         return None
     try:
-        return twin(result, progress, reactions=False)
+        return tool_motion(ideal_simulation(result), progress)
     except JointplayError:
         return None
 
@@ -51,8 +54,9 @@ def headline(result: Result, ideal: Result | None, start: float = 0.0) -> list[s
         lines += _at_stops(result, error, start)
     if result.joints:
         lines += [_force(result, joint, start) for joint in result.joints]
-        number = sum(len(one.start) for one in contacts(result, start))
-        lines.append(f"contacts{since} {number} in {len(result.joints)} joint(s)")
+        # The audit has counted each; records take those that follow each other at once for one.
+        began = number(result, start) if start > 0.0 else result.audit.impacts
+        lines.append(f"contacts{since} {began} in {len(result.joints)} joint(s)")
     simulated = float(result.time[-1]) if len(result.time) else 0.0
     wall = float(result.dataset.attrs.get("wall_time_s", 0.0))
     if wall > 0.0:

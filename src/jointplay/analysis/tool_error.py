@@ -8,17 +8,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import xarray as xr
-from scipy.interpolate import CubicHermiteSpline, CubicSpline
-from scipy.spatial.transform import Rotation, RotationSpline
 
 from jointplay.analysis.twins import has_play, is_twin
 from jointplay.errors import JointplayError, MissingName
 from jointplay.motion.reference import Motion
 from jointplay.result.result import AXES, Result
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
 
 TOOL_MOTIONS = ("tool_position", "tool_velocity", "tool_orientation", "tool_angular_velocity")
 """Histories of the tool that are measured against those of the ideal mechanism."""
@@ -95,11 +96,16 @@ def deviation(result: Result, ideal: Result, of: str = "tool_position") -> xr.Da
 
 def _rotations(quaternions: np.ndarray) -> Rotation:
     """Orientations that are recorded with the scalar first, (n, 4)."""
+    from scipy.spatial.transform import Rotation  # takes long to import
+
     return Rotation.from_quat(quaternions[:, [1, 2, 3, 0]])
 
 
 def _between(ideal: Result, of: str) -> Callable[[np.ndarray], Any]:
     """The ideal tool's motion at any time that its run covers."""
+    from scipy.interpolate import CubicHermiteSpline, CubicSpline  # takes long to import
+    from scipy.spatial.transform import RotationSpline
+
     if of == "tool_orientation":
         return RotationSpline(ideal.time, _rotations(ideal[of].values))  # type: ignore[no-any-return]
     if of == "tool_angular_velocity":

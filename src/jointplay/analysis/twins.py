@@ -99,7 +99,7 @@ def is_twin(result: Result, ideal: Result) -> bool:
     return not has_play(ideal) and task(result) == task(ideal)
 
 
-def twin(result: Result, progress: bool = False, reactions: bool = True) -> Result:
+def twin(result: Result, progress: bool = False) -> Result:
     """The ideal mechanism doing the same work for the same time, simulated now.
 
     Where it has closed loops, by rk4, with which they drift least.
@@ -107,7 +107,6 @@ def twin(result: Result, progress: bool = False, reactions: bool = True) -> Resu
     Args:
         result: of the run with play.
         progress: show a bar on standard error.
-        reactions: whether the forces in its joints are found, too.
 
     Raises:
         JointplayError: the result's simulation cannot be built again, or its ideal mechanism
@@ -116,7 +115,24 @@ def twin(result: Result, progress: bool = False, reactions: bool = True) -> Resu
     simulation = ideal_simulation(result)
     # By rk4, a step that resolves impacts is far smaller than motion without them asks for.
     check_step = not simulation.mechanism.loops
-    return simulation.prepare(progress).execute(progress, check_step, reactions)
+    return simulation.prepare(progress).execute(progress, check_step)
+
+
+def tool_motion(simulation: Simulation, progress: bool = False) -> Result:
+    """A run of which only the tool's motion is kept.
+
+    Neither the forces in its joints are found, nor how far it is off because of its step.
+
+    Args:
+        simulation: what is run, such as an `ideal_simulation`.
+        progress: show a bar on standard error.
+
+    Raises:
+        JointplayError: it cannot be simulated.
+    """
+    run = simulation.prepare(progress)
+    status, message = run.complete(progress)
+    return run.result(status, message, reactions=False, only=("tool_position", "tool_velocity"))
 
 
 def ideal_simulation(result: Result) -> Simulation:

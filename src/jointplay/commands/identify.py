@@ -124,13 +124,15 @@ def run(options: argparse.Namespace) -> int:
         raise JointplayError(f"--jobs must be at least 1, got {options.jobs}")
     if not options.plan and options.data is None:
         raise JointplayError("give a measurement (CSV), or --plan to ask what to measure")
+    names = ["identified.csv", "identified.json", "identified.png"]
+    names = ["plan.txt"] if options.plan else names
+    if options.out:  # before anything is loaded that takes time
+        files.refuse_present(options.out, names)
     work = task(options)
     if (options.verify or options.restitution) and work.simulation is None:
         option = "--verify" if options.verify else "--restitution"
         raise JointplayError(f"{option} needs a scenario (.toml) with the measured motion")
     noise = _noise(options.noise)
-    names = ["identified.csv", "identified.json", "identified.png"]
-    names = ["plan.txt"] if options.plan else names
     out = files.claim(options.out, names) if options.out else None
     for note in work.notes:
         print(note)

@@ -25,6 +25,7 @@ from jointplay.host import stopping, workers
 from jointplay.host.stopping import INTERRUPTED
 
 if TYPE_CHECKING:
+    from jointplay.kernel import Status
     from jointplay.result.result import Result
     from jointplay.scenario import Scenario
     from jointplay.scenario.settings import Setting
@@ -53,6 +54,7 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
         resuming.refuse(Path(options.out), files, drawn)
     from jointplay import plots  # what comes now takes long to import
     from jointplay.analysis.certification import further_runs
+    from jointplay.analysis.headline import HISTORIES
     from jointplay.kernel import Status
     from jointplay.scenario.keep import load_some
 
@@ -67,6 +69,7 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
         given[case] = run.simulation.describe()
         runs = 1 + (further_runs(run.simulation) if case in certified else 0)
         total += runs * run.steps * run.simulation.step
+        del run  # and its arrays
     for line in scenario.notes:
         print(line, file=sys.stderr)
     if options.resume:
@@ -87,7 +90,9 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
     else:
         interrupted = _side_by_side(scenario, left, certified, out, jobs, total, progress)
     saved = {case: out / name for case, name in files.items() if (out / name).exists()}
-    results = {case: load_some(path, scenario.trust) for case, path in saved.items()}
+    # A long run's histories fill memory; where nothing is drawn, few of them are looked at.
+    only = None if figures else HISTORIES
+    results = {case: load_some(path, scenario.trust, only) for case, path in saved.items()}
     for case, result in results.items():
         print(f"\n{case}: {result.message}\n{result.judgement}")
         print("\n".join(_came_out(result, results, not options.quiet)))
@@ -157,7 +162,7 @@ def _execute(
     certified: bool,
     progress: bool,
     begin: Callable[[Run], None] = lambda _: None,
-) -> Result:
+) -> Status:
     """Run a case and save it together with the scenario it is from; then certify it.
 
     Args:
@@ -166,6 +171,9 @@ def _execute(
         certified: whether the case is certified.
         progress: show a bar.
         begin: told of each run before it begins.
+
+    Returns:
+        How it ended.
     """
     from jointplay.commands import resuming
     from jointplay.scenario.keep import add_certificate, run_and_save
@@ -181,10 +189,11 @@ def _execute(
         notes["settings"] = "\n".join(words(scenario.settings))
     begin(run)
     resumed = resuming.go_on(run, path)
-    result = run_and_save(run, path, progress, notes, overwrite=resumed)
+    status, result = run_and_save(run, path, progress, notes, overwrite=resumed)
     if certified:
+        assert result is not None  # such runs stay in memory
         add_certificate(result, path, run.simulation, progress, begin)
-    return result
+    return status
 
 
 def _one_by_one(
@@ -202,13 +211,13 @@ def _one_by_one(
             prepared = scenario.prepare(case, progress, records)
             if progress:
                 tqdm.write(f"case {case}:", file=sys.stderr)
-            result = _execute(scenario, case, prepared, out / name, case in certified, progress)
+            status = _execute(scenario, case, prepared, out / name, case in certified, progress)
         except stopping.GivenUp as error:
             stopping.say(str(error))
             return True
         except KeyboardInterrupt:
             return True
-        if result.status == Status.INTERRUPTED or stopping.told():
+        if status == Status.INTERRUPTED or stopping.told():
             return True
     return False
 

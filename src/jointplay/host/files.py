@@ -8,6 +8,7 @@ from __future__ import annotations
 import errno
 import os
 import secrets
+import shutil
 import tempfile
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
@@ -218,6 +219,19 @@ def _lock(folder: Path) -> None:
         os.close(descriptor)
         return
     _claimed[place] = descriptor
+
+
+def empty(folder: Path) -> None:
+    """Delete all that is in a folder, which stays, and so does a claim of it.
+
+    Raises:
+        OSError: something cannot be deleted.
+    """
+    for one in folder.iterdir():
+        if one.is_dir() and not one.is_symlink():
+            shutil.rmtree(one)
+        else:
+            one.unlink()
 
 
 def release(folder: str | Path) -> None:

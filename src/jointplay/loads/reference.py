@@ -20,7 +20,7 @@ interpolated by cubics.
 
 Efforts = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
 
-BLOCK_NODES = 100_000
+BLOCK_NODES = 25_000
 """Nodes that are tabulated at once, if there are more than twice as many."""
 
 

@@ -25,6 +25,10 @@ passes at a time must begin at a multiple of this.
 """
 
 
+MOST_WORST = 64
+"""Portions whose worst records are kept apart."""
+
+
 class Auditor:
     """Watches the histories of a run pass.
 
@@ -108,8 +112,16 @@ class Auditor:
             self._twists[name] = _larger(self._twists[name], np.abs(q[:, motor] - q[:, link]))
         if self._simulation["limits"] != "ignore":
             time, v = records.recorded("time")[:, 0], records.recorded("v")
-            rows = worst(self._mechanism, q, v, effort)
-            self._worst.append(tuple(values[rows] for values in (time, q, v, effort)))
+            self._worst.append(self._of_worst(time, q, v, effort))
+            if len(self._worst) > MOST_WORST:  # memory must not grow with the length of a run
+                self._worst = [self._of_worst(*map(np.concatenate, zip(*self._worst, strict=True)))]
+
+    def _of_worst(
+        self, time: np.ndarray, q: np.ndarray, v: np.ndarray, effort: np.ndarray
+    ) -> tuple[np.ndarray, ...]:
+        """The records that say all about limits."""
+        rows = worst(self._mechanism, q, v, effort)
+        return time[rows], q[rows], v[rows], effort[rows]
 
     def _forces(self, records: Records) -> None:
         if not len(self._peaks):

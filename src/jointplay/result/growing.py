@@ -19,6 +19,10 @@ CHUNK = 4096
 """Records that are compressed together."""
 
 
+INDEX_BYTES = 1 << 20
+"""Of where the chunks are in the file so much is in memory, however many there are [bytes]."""
+
+
 class Growing:
     """Dataset in a file, to which records are appended.
 
@@ -46,6 +50,10 @@ class Growing:
         self._rows = first.sizes["time"]
         self._disk = _Disk(file)
         self._h5 = h5py.File(self._disk, "r+")
+        known = self._h5.id.get_mdc_config()
+        known.set_initial_size, known.initial_size = True, INDEX_BYTES
+        known.min_size, known.max_size = INDEX_BYTES, INDEX_BYTES
+        self._h5.id.set_mdc_config(known)
 
     def append(self, records: xr.Dataset) -> None:
         """Append the next records.

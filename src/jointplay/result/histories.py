@@ -18,7 +18,7 @@ from jointplay.loads.terms import TERMS
 from jointplay.mechanism.loop import locked
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.result.audit import Judgement
-from jointplay.result.auditor import Auditor
+from jointplay.result.auditor import PORTION, Auditor
 from jointplay.result.loads import Acting
 from jointplay.result.provenance import versions
 from jointplay.result.records import Records
@@ -244,11 +244,21 @@ def histories(
     judgement: Judgement | None = None,
     loads: Mapping[str, Load] | None = None,
     reactions: bool = True,
+    only: Sequence[str] | None = None,
 ) -> Result:
-    """Make a `Result` of the records that a run left in its workspace; see `Histories`."""
+    """Make a `Result` of the records that a run left in its workspace; see `Histories`.
+
+    `only`: histories that are wanted; memory then holds the others a portion at a time.
+    """
     judged_from = (judgement or Judgement()).judged_from
     made = Histories(mechanism, simulation, friction, judged_from, loads, reactions)
-    dataset = made.portion(records_of(workspace), phases)
+    records = records_of(workspace)
+    if only is None:
+        dataset = made.portion(records, phases)
+    else:
+        dataset = _joined(
+            [made.portion(part, phases)[list(only)] for part in records.parts(PORTION)]
+        )
     whole = made.whole(workspace)
     if whole:  # to assign nothing takes milliseconds
         dataset = dataset.assign(whole)
@@ -261,6 +271,15 @@ def records_of(workspace: Workspace) -> Records:
     count = workspace.rows - workspace.kept_elsewhere
     width = workspace.contacts.shape[1]
     return Records(workspace.record[:count], workspace.fields, width, workspace.kept_elsewhere)
+
+
+def _joined(parts: Sequence[xr.Dataset]) -> xr.Dataset:
+    """Histories that follow one another."""
+    import xarray as xr  # takes long to import
+
+    if len(parts) == 1:
+        return parts[0]
+    return xr.concat(parts, "time", coords="minimal", compat="override", join="override")
 
 
 def _dataset(variables: Variables, coordinates: Mapping[str, Any]) -> xr.Dataset:

@@ -71,10 +71,14 @@ def digest(file: BinaryIO, size: int | None = None) -> bytes:
     return checksum.hexdigest().encode()
 
 
-def open_lazily(path: Path) -> xr.Dataset:
+def open_lazily(path: Path, indexed: bool = True) -> xr.Dataset:
     """A file that `pack` or `Growing` made, of which is read what is asked for.
 
     All of it is read once, for its checksum.
+
+    Args:
+        path: the file.
+        indexed: whether its times are read too, to find records by them.
 
     Raises:
         JointplayError: damaged, without checksum, or no NetCDF file.
@@ -97,7 +101,7 @@ def open_lazily(path: Path) -> xr.Dataset:
     try:
         import xarray as xr
 
-        return xr.open_dataset(path, engine="h5netcdf", cache=False)
+        return xr.open_dataset(path, engine="h5netcdf", cache=False, create_default_indexes=indexed)
     except Exception as error:  # HDF5 raises whatever it stumbles over
         raise _damaged(path, error) from None
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -36,3 +36,8 @@ class Records:
     def part(self, begin: int, end: int) -> Records:
         """Those from `begin` to `end`, counted from the first one here."""
         return Records(self.rows_of[begin:end], self.fields, self.width, self.first + begin)
+
+    def parts(self, size: int) -> Iterator[Records]:
+        """All of them, `size` at a time; at least one part."""
+        for begin in range(0, max(self.rows, 1), size):
+            yield self.part(begin, begin + size)

@@ -100,6 +100,22 @@ class Result:
         self.audit = dataclasses.replace(self.audit, **figures)
         self.dataset.attrs["audit"] = json.dumps(self.audit.describe())
 
+    def completed(self, run: str = "the run") -> Result:
+        """Return the result of a run that ran to its end.
+
+        Args:
+            run: what it is called where it failed.
+
+        Raises:
+            KeyboardInterrupt: it was interrupted.
+            JointplayError: it stopped early: why, and at which state.
+        """
+        if self.status == Status.INTERRUPTED:
+            raise KeyboardInterrupt
+        if self.status != Status.COMPLETED:
+            raise JointplayError(f"{run} failed: {self.message}")
+        return self
+
     @property
     def time(self) -> np.ndarray:
         """Times of the records [s]."""
@@ -226,13 +242,9 @@ class Result:
             JointplayError: no such file, damaged, or not a jointplay result.
         """
         if every == 1:
-            return cls._read(path, trust, netcdf.load)
-        with cls.open(path, trust).dataset as dataset:
-            thinned: Result = late("result.thin:thinned")(cls(dataset, trust), every)
-        simulation = json.loads(thinned.dataset.attrs["simulation"])
-        simulation["record_every"] *= every
-        thinned.dataset.attrs["simulation"] = json.dumps(simulation)
-        return thinned
+            return cls.read(path, trust, netcdf.load)
+        loaded: Result = late("result.thin:load")(path, trust, every)
+        return loaded
 
     @classmethod
     def open(cls, path: str | Path, trust: Collection[str] = ()) -> Result:
@@ -249,12 +261,13 @@ class Result:
         Raises:
             JointplayError: no such file, damaged, without checksum, or not a jointplay result.
         """
-        return cls._read(path, trust, netcdf.open_lazily)
+        return cls.read(path, trust, netcdf.open_lazily)
 
     @classmethod
-    def _read(
+    def read(
         cls, path: str | Path, trust: Collection[str], reader: Callable[[Path], xr.Dataset]
     ) -> Result:
+        """What `load` and `open` do, with one of the readers of `netcdf`."""
         from jointplay.result.stored import check
 
         path = Path(path)

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 LARGE_FILE = 10_000_000
 """Files that are smaller are read whole [bytes]."""
 
-SUMMARY_RECORDS = 100_000
+SUMMARY_RECORDS = 50_000
 """Records of a long run that are read for its summary and figures, about."""
 
 
@@ -32,7 +32,7 @@ def run_and_save(
     progress: bool = False,
     notes: Mapping[str, Any] | None = None,
     overwrite: bool = False,
-) -> Result:
+) -> tuple[Status, Result | None]:
     """Run and save; told to stop, the run is saved as far as it came, with a checkpoint beside it.
 
     Args:
@@ -43,8 +43,7 @@ def run_and_save(
         overwrite: whether a file of that name is replaced.
 
     Returns:
-        The result; of a run whose records are on disk no more than `SUMMARY_RECORDS` records, see
-        `Result.load`.
+        How it ended, and the result; None of a run whose records are on disk: the file has it.
 
     Raises:
         JointplayError: the result cannot be written to `path`; the message says where it is.
@@ -52,6 +51,7 @@ def run_and_save(
     """
     on_disk = run.on_disk
     kept = beside(path)[1]
+    result: Result | None = None
     with stopping.keeping(str(path)):
         stopping.stoppable(run)
         if on_disk is not None:
@@ -65,24 +65,30 @@ def run_and_save(
                 status, message = run.complete(progress)
         if status == Status.INTERRUPTED and on_disk is not None:
             _keep_checkpoint(run, kept)
-        if on_disk is None or not on_disk.needed:
+        if result is not None:
             result.dataset.attrs.update(notes or {})
             save(result, path, overwrite)
         else:
             on_disk_save(run, path, status, message, notes, overwrite, progress)
-            result = load_some(path)
         if status != Status.INTERRUPTED and on_disk is not None:
             forget(run, path)
-    return result
+    return status, result
 
 
-def load_some(path: Path, trust: Collection[str] = ()) -> Result:
-    """A result with no more than about `SUMMARY_RECORDS` records; see `Result.load`."""
+def load_some(
+    path: Path, trust: Collection[str] = (), only: Collection[str] | None = None
+) -> Result:
+    """A result with no more than about `SUMMARY_RECORDS` records; see `Result.load`.
+
+    Args:
+        path, trust: see there.
+        only: histories that are wanted, if the file is large.
+    """
     if path.stat().st_size < LARGE_FILE:
         return Result.load(path, trust)
-    with Result.open(path).dataset as dataset:
-        every = -(-dataset.sizes["time"] // SUMMARY_RECORDS)
-    return Result.load(path, trust, every)
+    from jointplay.result import thin  # takes long to import
+
+    return thin.load(path, trust, most=SUMMARY_RECORDS, only=only)
 
 
 def _keep_checkpoint(run: Run, kept: Path) -> None:

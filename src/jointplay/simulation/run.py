@@ -6,7 +6,7 @@ import math
 import sys
 import time
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from tqdm import tqdm
 
-from jointplay import kernel
 from jointplay.errors import JointplayError, require_positive
 from jointplay.host import stopping
 from jointplay.kernel import Status
@@ -42,9 +41,7 @@ class Run(Prepared):
         """Move every journal aside by `distance` along each axis [m], before the run begins."""
         initial.displace(self.mechanism, self.workspace.q, distance)
 
-    def execute(
-        self, progress: bool = False, check_step: bool = True, reactions: bool = True
-    ) -> Result:
+    def execute(self, progress: bool = False, check_step: bool = True) -> Result:
         """Simulate to the end, from the start or from where the run stands; once only.
 
         Args:
@@ -52,7 +49,6 @@ class Run(Prepared):
             check_step: where nothing else judges the step, run again with another one: see
                 `step_check`. Takes about half of the run's time, in doubt two and a half times
                 the run's. Not for a run that was continued.
-            reactions: see `result`.
 
         Returns:
             The result. Interrupted by Ctrl-C, or stopped because the state ran away, it holds
@@ -62,7 +58,7 @@ class Run(Prepared):
         if self.on_disk is not None and self.on_disk.needed:
             raise JointplayError("the histories of this run go to a file: save it")
         status, message = self.complete(progress)
-        result = self.result(status, message, reactions)
+        result = self.result(status, message)
         check_step = check_step and self._origin is not None and step_check.wanted(self.simulation)
         if check_step and status == Status.COMPLETED:
             assert self._origin is not None
@@ -92,7 +88,11 @@ class Run(Prepared):
         return other
 
     def result(
-        self, status: Status | None = None, message: str | None = None, reactions: bool = True
+        self,
+        status: Status | None = None,
+        message: str | None = None,
+        reactions: bool = True,
+        only: Sequence[str] | None = None,
     ) -> Result:
         """What was recorded so far, as a result.
 
@@ -100,6 +100,7 @@ class Run(Prepared):
             status, message: how the run ended; if not given, as interrupted here.
             reactions: whether a mechanism without clearance gets the forces in its joints; who
                 asks only where it goes can do without.
+            only: histories that are wanted; None: all.
         """
         status = Status.INTERRUPTED if status is None else status
         return histories(
@@ -114,6 +115,7 @@ class Run(Prepared):
             self.judgement(),
             self.simulation.loads,
             reactions,
+            only,
         )
 
     def judgement(self) -> Judgement:
@@ -130,10 +132,10 @@ class Run(Prepared):
     def loop(self, progress: bool = False) -> Status:
         """Step until the end, a failure, or Ctrl-C; returns why it stopped."""
         workspace = self.workspace
-        if progress and not kernel.enter.signatures:
+        if progress and not self._loop.compiled:
             note = "loading compiled kernels (the first start ever compiles them, half a minute)"
             tqdm.write(note, file=sys.stderr)
-        kernel.compiled()
+        self._loop.compile()
         bar = Bar(self.steps * self.simulation.step, progress, self.label, workspace.time)
         self._since = time.perf_counter() - self._elapsed
         with ExitStack() as stack:
@@ -188,7 +190,7 @@ class Run(Prepared):
         """
         if every is not None:
             require_positive("every", every, "s")
-        kernel.compiled()
+        self._loop.compile()
         if not self._begun:
             self.begin()
         yield self.moment()

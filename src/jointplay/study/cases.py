@@ -21,9 +21,8 @@ from jointplay.scenario import Scenario
 from jointplay.scenario.keep import add_certificate, run_and_save
 from jointplay.scenario.model import GRAVITY as GRAVITY
 from jointplay.simulation.simulation import Simulation
-
-JOINT = "joint_b"
-FILES = {"ideal": "ideal.nc", "0.2 mm": "case1_0.2mm.nc", "0.5 mm": "case2_0.5mm.nc"}
+from jointplay.study.asked import FILES as FILES
+from jointplay.study.asked import JOINT as JOINT
 
 
 @cache
@@ -116,7 +115,8 @@ def run_case(label: str, out: Path, progress: bool) -> Result:
     if progress:
         tqdm.write(f"case {label}:", file=sys.stderr)
     simulation = scara(CASES[label])
-    result = run_and_save(simulation.prepare(progress), out / FILES[label], progress)
+    _, result = run_and_save(simulation.prepare(progress), out / FILES[label], progress)
+    assert result is not None  # it is no long run
     if result.status == Status.INTERRUPTED or stopping.told():
         raise KeyboardInterrupt
     add_certificate(result, out / FILES[label], simulation, progress)

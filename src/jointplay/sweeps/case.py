@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from jointplay.analysis.twins import ideal_simulation, task
+from jointplay.analysis.twins import ideal_simulation, task, tool_motion
 from jointplay.errors import JointplayError
 from jointplay.kernel import Status
 from jointplay.motion.reference import Motion
@@ -239,7 +239,7 @@ class Bench:
         key = json.dumps(inputs, sort_keys=True)
         if key not in self._ideals:
             twin = replace(ideal_simulation(result), duration=simulation.duration)
-            run = twin.prepare().execute()
+            run = tool_motion(twin)
             if run.status != Status.COMPLETED:
                 raise JointplayError(f"the ideal mechanism: {run.message}")
             self._ideals[key] = run

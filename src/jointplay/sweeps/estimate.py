@@ -64,16 +64,16 @@ def estimate(made: Plan, bench: Bench, processes: int) -> Estimate:
 def _time(seconds: float) -> str:
     for size, name in ((86400.0, "days"), (3600.0, "hours"), (60.0, "minutes")):
         if seconds >= 2.0 * size:
-            return (
-                f"{seconds / size:.2g} {name}"
-                if seconds < 100 * size
-                else f"{seconds / size:.0f} {name}"
-            )
+            return _rounded(seconds / size, name)
     return f"{seconds:.0f} seconds"
+
+
+def _rounded(value: float, unit: str) -> str:
+    return f"{value:.2g} {unit}" if value < 100.0 else f"{value:.0f} {unit}"
 
 
 def _size(size: float) -> str:
     for factor, name in ((1e12, "TB"), (1e9, "GB"), (1e6, "MB")):
         if size >= factor:
-            return f"{size / factor:.2g} {name}"
+            return _rounded(size / factor, name)
     return f"{size / 1e3:.0f} kB"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import suppress
+from itertools import chain
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -12,6 +13,7 @@ import numpy as np
 import xarray as xr
 from tqdm import tqdm
 
+from jointplay.codec import one_of
 from jointplay.errors import JointplayError
 from jointplay.scenario import Scenario
 from jointplay.sweeps.case import FAILED, Bench, Outcome, job, joints
@@ -117,7 +119,7 @@ def run_plan(
         while True:
             left = int(np.count_nonzero(store.state == 0))
             if left and workers is None:
-                workers = _workers(made, number if made.until else min(number, left), scheduler)
+                workers = _begun(store, number if made.until else min(number, left), scheduler)
             if workers is not None:
                 _run_all(store, workers, left, progress)
             if _enough(made, store):
@@ -130,14 +132,30 @@ def run_plan(
         if workers is not None:
             workers.close()
             workers = None
-        _give_up(store, error)
+        if not store.removed:
+            _give_up(store, error)
         raise
     finally:
         if workers is not None:
             workers.close()
 
 
-def _workers(made: Plan, number: int, scheduler: str | None) -> Workers:
+def _begun(store: Store, number: int, scheduler: str | None) -> Workers:
+    """Workers of the sweep; if there are none to be had, a store made for them is removed.
+
+    Raises:
+        JointplayError: a scheduler that does not answer, workers that cannot do it.
+    """
+    try:
+        return workers_for(store.plan, number, scheduler)
+    except JointplayError:
+        if store.new:
+            store.remove()
+        raise
+
+
+def workers_for(made: Plan, number: int, scheduler: str | None) -> Workers:
+    """Start workers on this machine, or on the cluster of a scheduler."""
     if scheduler is not None:
         from jointplay.sweeps.cluster import ClusterWorkers
 
@@ -220,21 +238,50 @@ def probe(made: Plan) -> Bench:
     bench = Bench(job(made))
     _check_joints(made, bench)
     first: JointplayError | None = None
-    for number in np.unique(np.linspace(0, made.count - 1, 16).astype(int)):
-        index = tuple(int(k) for k in np.unravel_index(number, made.shape))
+    for index in _some(made):
         try:
             bench.simulation(made.changes(index)).prepare()
-            return bench
+            break
         except JointplayError as error:
             first = first or error
-    assert first is not None
-    raise first
+    else:
+        assert first is not None
+        raise first
+    _check_histories(made, bench)
+    return bench
+
+
+def _some(made: Plan) -> Iterator[Index]:
+    """A few cases from all of the sweep."""
+    for number in np.unique(np.linspace(0, made.count - 1, 16).astype(int)):
+        yield tuple(int(k) for k in np.unravel_index(number, made.shape))
+
+
+def _check_histories(made: Plan, bench: Bench) -> None:
+    """Refuse histories that no result has, be it of a few cases or of any variant."""
+    variants = (
+        tuple(k if number == which else 0 for number in range(len(made.shape)))
+        for which, axis in enumerate(made.axes)
+        for k in range(0 if axis.keys else len(axis.values))
+    )
+    known: set[str] = set()
+    for index in chain(_some(made), variants):
+        if known.issuperset(made.histories):
+            return
+        with suppress(JointplayError):
+            run = bench.simulation(made.changes(index)).prepare()
+            run.begin()
+            run.finish()
+            known |= {str(name) for name in run.result().dataset.data_vars}
+            known |= {"payload_energy"} if run.simulation.payloads else set()  # once one comes
+    for name in made.histories:
+        if name not in known:
+            text = one_of("history", name, sorted(known))
+            raise made.scenario.error(("sweep", "histories"), text)
 
 
 def _check_joints(made: Plan, bench: Bench) -> None:
     """Say of a joint that does not exist that it is the axis which names it."""
-    from jointplay.codec import one_of
-
     tables = made.base.get("joints", {})
     names: list[str] | None = None
     for name in joints(made):

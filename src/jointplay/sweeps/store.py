@@ -11,7 +11,7 @@ import json
 import os
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -25,13 +25,10 @@ from jointplay.scenario.places import dotted
 from jointplay.sweeps import histories
 from jointplay.sweeps.case import Outcome
 from jointplay.sweeps.differences import differences, grown
-from jointplay.sweeps.journal import SYNC_S, Journal
+from jointplay.sweeps.journal import JOURNAL, SYNC_S, Journal, is_there
 from jointplay.sweeps.measures import about
 from jointplay.sweeps.opened import FORMAT, check_format, quiet
 from jointplay.sweeps.plan import REPEAT, SAMPLE, Index, Plan
-
-JOURNAL = "journal"
-"""Name of the journal within the store."""
 
 CHUNK = 4096
 """Cases in a chunk, at most."""
@@ -54,6 +51,8 @@ class Store:
 
     Attributes:
         state: of every case; 0: not run, `DONE`, `FAILED`.
+        new: whether it was made here.
+        removed: whether it is there no more.
 
     Raises:
         JointplayError: the store exists (and `resume` is false), is of another sweep, or another
@@ -65,16 +64,10 @@ class Store:
     ) -> None:
         """Open or make it, and take up what its journal has."""
         self.path = Path(path)
-        there = (self.path / "zarr.json").is_file()
-        if there and not (resume or extend):
-            raise JointplayError(
-                f"{str(self.path)!r} exists; go on with it by --resume, or choose another name"
-            )
-        if not there and files.is_folder(self.path) and _others(self.path):
-            raise JointplayError(
-                f"{str(self.path)!r} is a folder of other things; choose another name"
-            )
+        there = is_there(self.path, resume or extend)
+        self._folder_was_there = files.is_folder(self.path)
         files.claim(self.path, [])
+        self.removed = False
         try:
             self.plan = plan
             self.group: Any  # zarr's own types know no group whose members are all arrays
@@ -88,13 +81,15 @@ class Store:
                     self._make()
                 self.journal = Journal(self.path / JOURNAL)
                 self._take_up()
+            self.new = not there and not self.journal.found
         except BaseException:
             files.release(self.path)
             raise
 
     def _make(self) -> None:
         plan = self.plan
-        self.group = zarr.create_group(self.path, zarr_format=3, overwrite=True)
+        files.empty(self.path)  # by zarr the folder itself would go, and with it its lock
+        self.group = zarr.create_group(self.path, zarr_format=3)
         self.array("state", "int8", 0, "0: not run, 1: done, 2: failed", "1")
         self.array("error", "string", "", "what went wrong with the case", "")
         self._coordinates()
@@ -340,6 +335,16 @@ class Store:
             self.journal.close()
             files.release(self.path)
 
+    def remove(self) -> None:
+        """Delete it, of which nothing is worth keeping, and let go of it."""
+        self.removed = True
+        self.journal.close()
+        with suppress(OSError):
+            files.empty(self.path)
+            if not self._folder_was_there:
+                self.path.rmdir()
+        files.release(self.path)
+
 
 def _set(array: zarr.Array[Any], cells: Sequence[tuple[Index, Any]]) -> None:
     """Put values at their places."""
@@ -357,12 +362,6 @@ def _chunks(shape: Index) -> Index:
         chunks.append(take)
         left = max(left // take, 1)
     return tuple(reversed(chunks))
-
-
-def _others(folder: Path) -> bool:
-    """Whether there is something in the folder that no sweep left there."""
-    return any(not (one.name.endswith(".partial") or one.name in (JOURNAL, "state", "error"))
-               for one in folder.iterdir())  # fmt: skip
 
 
 @contextmanager
