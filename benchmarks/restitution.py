@@ -161,10 +161,12 @@ def main() -> None:
     rows = []
     for one, true, seed in tqdm(work, unit="measurement"):
         measured = look(one, true, seed)
-        rows.append(row(one, measured, "as measured", true, args.runs, seed))
+        kinds = {"as measured": measured}
         if true == TRUE[1] and seed == 0:
-            for kind, worse in hostile(one, measured).items():
-                rows.append(row(one, worse, kind, true, args.runs, seed))
+            kinds |= hostile(one, measured)
+        for kind, seen in kinds.items():
+            rows.append(row(one, seen, kind, true, args.runs, seed))
+            tqdm.write(", ".join(str(value) for value in rows[-1].values()))
     header = ("machine", "true", "found, 95 % interval", "by")
     table = [
         [

@@ -273,6 +273,13 @@ def test_without_a_signal_of_impacts_the_signal_and_its_rate_are_named(urdf):
     assert "an accelerometer on the tool or 'j reaction' would, with 3.8e+03 records" in text
 
 
+def test_records_too_few_for_any_impact_are_said_to_be_so(urdf):
+    mechanism = hanging(urdf, 0.7).mechanism
+    few = Measurement(np.arange(24) * 0.02, {("acceleration", "z"): np.ones(24)})
+    (one,) = identify(mechanism, few, runs=20).restitutions
+    assert "24 records are too few" in one.reason
+
+
 def test_two_joints_hit_and_an_accelerometer_does_not_say_which(urdf):
     path = urdf(
         body("upper", mass=2.0),

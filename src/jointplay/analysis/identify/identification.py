@@ -16,7 +16,7 @@ from jointplay.analysis.identify.fit import (
     offsets,
 )
 from jointplay.analysis.identify.ideal import tool_positions
-from jointplay.analysis.identify.impacts import channels
+from jointplay.analysis.identify.impacts import IMPACT_KINDS, channels
 from jointplay.analysis.identify.model import StaticModel
 from jointplay.analysis.identify.outcome import Identification
 from jointplay.analysis.identify.parameters import (
@@ -87,11 +87,11 @@ def identify(
     try:
         found = _by_means(mechanism, measured, motion, reference, friction, also, known)
     except TooLittle as error:
-        if not bounced or not channels(measured):
+        if not bounced or not any(measured.has(kind) for kind in IMPACT_KINDS):
             raise
         note = f"clearance and friction: this measurement cannot tell: {error}"
         found = _impacts_only(mechanism, measured, reference, note)
-    if runs and any(one.reason for one in bounced):
+    if runs and channels(measured) and any(one.reason for one in bounced):
         if not isinstance(machine, Simulation):
             raise JointplayError(
                 "restitution by simulated impacts needs the scenario (.toml) that was measured"

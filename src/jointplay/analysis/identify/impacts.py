@@ -14,13 +14,13 @@ from scipy.signal import find_peaks
 
 from jointplay.analysis.identify.reading import Measurement
 
-RESTITUTION_KINDS = ("acceleration", "reaction")
+IMPACT_KINDS = ("acceleration", "reaction")
 """Signals that show impacts."""
 _ABOVE = 10.0
 """Standard deviations of the records above which there is an impact."""
 _PART = 0.005
 """Part of the largest impact's that an impact must reach."""
-_WINDOW = 31
+WINDOW = 31
 """Records whose median a spike stands out of."""
 _APART = 3
 """Records between two impacts."""
@@ -89,12 +89,12 @@ def channels(measured: Measurement) -> tuple[Channel, ...]:
 def _channel(joint: str, measured: Measurement, table: np.ndarray, spiky: bool) -> Channel | None:
     good = np.isfinite(table).all(axis=1)
     time, table = measured.time[good], table[good]
-    if len(time) <= _WINDOW:
+    if len(time) <= WINDOW:
         return None
     given = measured.noise.get("reaction" if joint else "acceleration")
     noise = record_noise(table) if given is None else given
     if spiky:
-        table = table - median_filter(table, size=(_WINDOW, 1), mode="nearest")
+        table = table - median_filter(table, size=(WINDOW, 1), mode="nearest")
     size = np.linalg.norm(table, axis=1)
     return Channel(joint, time, size, max(float(noise), 1e-9 * float(size.max(initial=1.0))))
 

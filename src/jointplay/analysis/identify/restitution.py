@@ -16,7 +16,7 @@ from scipy.optimize import brentq
 from tqdm import tqdm
 
 from jointplay.analysis.identify.bounces import SHORTEST, flights
-from jointplay.analysis.identify.impacts import channels
+from jointplay.analysis.identify.impacts import IMPACT_KINDS, WINDOW, channels
 from jointplay.analysis.identify.instruments import Instruments, drawn, run
 from jointplay.analysis.identify.likelihood import Estimate, design, estimate, runs_needed
 from jointplay.analysis.identify.parameters import clearances
@@ -97,6 +97,10 @@ def by_flights(mechanism: Mechanism, measured: Measurement) -> tuple[Restitution
     names = list(mechanism.clearance)
     made = []
     for name in names:
+        if not seen and any(measured.has(kind) for kind in IMPACT_KINDS):
+            reason = f"{len(measured.time)} records are too few to see an impact; {WINDOW} at least"
+            made.append(_untold(name, reason + ", many for each flight, are needed"))
+            continue
         if not seen:
             made.append(_untold(name, _unseen(name, mechanism.clearance[name])))
             continue
