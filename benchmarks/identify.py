@@ -3,8 +3,9 @@
 Random machines are run by the full dynamic model (contacts, friction, drives), and instruments with
 noise look at them; `jointplay.identify` knows neither the values (the scenario's are off by up to a
 factor of 2.5) nor where the robot's geometry is off. Counted: how often the 95 % intervals hold the
-truth, how wide they are, and whether hostile measurements are refused or called untold. Then
-measurements of real machines (benchmarks/validation/data, sources on top of each file).
+truth, how wide they are, and what hostile measurements (drowned in noise, one way only, never
+pushed, slow, full of holes, with a load cell that is off) are said to tell. Then measurements of
+real machines (benchmarks/validation/data, sources on top of each file).
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from __future__ import annotations
 import multiprocessing
 import tempfile
 import warnings
+from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -198,13 +200,69 @@ def machine(seed: int) -> Machine:
     return Machine(seed, kind, true, gears, simulation, theirs, noise, kinds)
 
 
-def case(seed: int) -> list[dict]:
-    """What is found of one machine."""
+PLAIN = "as measured"
+
+
+def case(seed: int, worsen: bool, keep: Path | None) -> list[dict]:
+    """What is found of one machine, by its measurement and, to `worsen`, by hostile ones."""
     one = machine(seed)
-    return compare(one, identify(one.believed, one.look()))
+    measured = looked(one, keep)
+    rows = compare(one, identify(one.believed, measured), PLAIN)
+    for name, worse in hostile(one, measured).items() if worsen else ():
+        try:
+            rows += compare(one, identify(one.believed, worse), name)
+        except jp.JointplayError as error:
+            rows += [{**row, **REFUSED, "measurement": name, "why_not": str(error)} for row in rows
+                     if row["measurement"] == PLAIN]  # fmt: skip
+    return rows
 
 
-def compare(made: Machine, found: Identification) -> list[dict]:
+REFUSED = {"found": np.nan, "half_width": np.inf, "told": False, "covered": False, "misfit": np.nan}
+
+
+def looked(made: Machine, keep: Path | None) -> Measurement:
+    """Its measurement, from a file if it was kept."""
+    if keep is None:
+        return made.look()
+    path = keep / f"{made.seed}.csv"
+    if not path.exists():
+        keep.mkdir(parents=True, exist_ok=True)
+        path.write_text(made.look().csv())
+    return Measurement.from_csv(path, dict.fromkeys(made.true, False))
+
+
+def hostile(made: Machine, measured: Measurement) -> dict[str, Measurement]:
+    """The same measurement made worse, by name."""
+    random = np.random.default_rng(made.seed)
+    time, signals = measured.time, measured.signals
+    pushed = np.any([signals["force", axis] != 0.0 for axis in "xyz"], axis=0)
+    first = time[pushed][0] - 0.3
+    leg = float(made.simulation.motion.times[2])
+
+    def changed(kind: str, how: Callable[[np.ndarray], np.ndarray]) -> Measurement:
+        return replace(
+            measured,
+            signals={key: how(v) if key[0] == kind else v for key, v in signals.items()},
+        )
+
+    def kept(chosen: np.ndarray) -> Measurement:
+        return replace(
+            measured, time=time[chosen], signals={key: v[chosen] for key, v in signals.items()}
+        )
+
+    return {
+        "noise of 0.3 mm": changed("tool", lambda v: v + 3e-4 * random.standard_normal(len(v))),
+        "one way only": kept(time < leg),
+        "never pushed": kept(time < first),
+        "10 records a second": kept(np.arange(len(time)) % 10 == 0),
+        "half of the records lost": changed(
+            "tool", lambda v: np.where(random.random(len(v)) < 0.5, np.nan, v)
+        ),
+        "load cell off by 30 %": changed("force", lambda v: 1.3 * v),
+    }
+
+
+def compare(made: Machine, found: Identification, measurement: str) -> list[dict]:
     """A row for each unknown: truth, what was found, and whether the interval holds it."""
     true, gears = made.true, made.gears
     rows = []
@@ -220,6 +278,7 @@ def compare(made: Machine, found: Identification) -> list[dict]:
         rows.append(
             {
                 "case": made.seed,
+                "measurement": measurement,
                 "kind": made.kind,
                 "unknown": one.label,
                 "name": one.name,
@@ -243,18 +302,32 @@ def main() -> None:
     add("--cases", type=int, default=40, metavar="N", help="machines (default: %(default)s)")
     add("--first", type=int, default=0, metavar="N", help="number of the first one")
     add("--jobs", type=int, default=1, metavar="N", help="processes")
+    add("--hostile", type=int, default=8, metavar="N", help="machines that are measured badly, too")
+    add("--keep", type=Path, metavar="DIR", help="folder in which measurements are kept")
     args = benchmark.parse()
     numbers = range(args.first, args.first + (4 if args.quick else args.cases))
+    worsen = [number < args.first + args.hostile for number in numbers]
     if args.jobs == 1:
-        found = [case(number) for number in tqdm(numbers, unit="machine")]
+        found = [
+            case(number, worsen[number - args.first], args.keep)
+            for number in tqdm(numbers, unit="machine")
+        ]
     else:
         with ProcessPoolExecutor(args.jobs, multiprocessing.get_context("spawn")) as pool:
-            found = list(tqdm(pool.map(case, numbers), total=len(numbers), unit="machine"))
-    rows = [row for one in found for row in one]
+            work = pool.map(case, numbers, worsen, [args.keep] * len(numbers))
+            found = list(tqdm(work, total=len(numbers), unit="machine"))
+    every = [row for one in found for row in one]
+    rows = [row for row in every if row["measurement"] == PLAIN]
     names = list(dict.fromkeys(row["name"] for row in rows))
+    others = list(dict.fromkeys(row["measurement"] for row in every if row["measurement"] != PLAIN))
     table = []
-    for name in [*names, "all"]:
-        mine = [row for row in rows if name in (row["name"], "all")]
+    for name in [*names, "all", *others, *(["all, hostile included"] if others else [])]:
+        if name in others:
+            mine = [row for row in every if row["measurement"] == name]
+        elif name == "all, hostile included":
+            mine = every
+        else:
+            mine = [row for row in rows if name in (row["name"], "all")]
         told = [row for row in mine if row["told"]]
         covered = sum(row["covered"] for row in told)
         off_by = [abs(row["found"] - row["truth"]) / row["truth"] for row in told]
@@ -264,7 +337,7 @@ def main() -> None:
                 name.replace("_", " "),
                 str(len(mine)),
                 str(len(told)),
-                f"{covered} ({100 * covered / max(len(told), 1):.0f} %)",
+                f"{covered} ({100 * covered / len(told):.0f} %)" if told else "-",
                 f"{100 * np.median(wide):.2g} %" if told else "-",
                 f"{100 * np.median(off_by):.2g} %" if told else "-",
             ]
@@ -291,7 +364,7 @@ def main() -> None:
     figure.supxlabel(
         "full dynamic runs with noise; red: interval misses the truth; statistical", fontsize=6
     )
-    benchmark.finish(header, table, rows, figure)
+    benchmark.finish(header, table, every, figure)
     print()
     real()
 

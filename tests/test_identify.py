@@ -115,13 +115,16 @@ def test_clearance_and_friction_are_recovered_from_passing_and_pushing(arm):
 
 def test_intervals_cover_the_truth_as_often_as_they_say(arm):
     mechanism = Mechanism(arm, {"j": planar(5e-5, 0.1)})
-    covered = []
+    wanted = np.array([CLEARANCE, FRICTION])
+    off, half = np.zeros((20, 2)), np.zeros((20, 2))
     for seed in range(20):
-        found = identify(mechanism, seen(seed=seed, noise=2e-5))
-        for label, wanted in (("j radial clearance", CLEARANCE), ("j friction", FRICTION)):
-            value, half = found[label]
-            covered.append(abs(value - wanted) <= half)
-    assert np.mean(covered) >= 0.85  # 34 of 40 at 95 %: fewer happen once in 70 times
+        found = identify(mechanism, seen(seed=seed, noise=2e-5, rate=50.0))
+        assert found.told[:2].all()  # an interval without end covers everything
+        off[seed] = np.abs(found.value[:2] - wanted)
+        half[seed] = found.half_width[:2]
+    assert (half < 0.4 * wanted).all()
+    assert np.mean(off <= half) >= 0.85  # 34 of 40 at 95 %: fewer happen once in 70 times
+    assert np.mean(off <= half / 10.0) < 0.85  # intervals a tenth as wide would be found out
 
 
 def test_passing_alone_tells_the_product_and_says_so(arm):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 from dataclasses import replace
 from typing import Any
 
@@ -10,18 +11,22 @@ from jointplay.commands.playing import add_robot, quantity, task
 from jointplay.errors import JointplayError
 
 REFERENCES = ("place", "frame", "ideal")
+RUNS = 40
+VERIFYING = 6
+"""Runs by which restitution is sought, and with which a measurement is compared."""
 
 
 def add(commands: Any) -> None:
     """Add the command's parser."""
     parser = commands.add_parser(
         "identify",
-        help="clearance and friction of each joint from measurements; or what to measure",
-        description="Clearances, friction and play of gears from measured signals, with 95 % "
-        "confidence intervals, or a plain 'this measurement cannot tell' and which further "
-        "measurement would. Means over stops and slow stretches are compared with the static "
-        "model. With --plan: poses and motions that would tell best. docs/decisions.md says which "
-        "columns a measurement has.",
+        help="clearance, friction, restitution of each joint from measurements; or what to measure",
+        description="Clearances, friction, play of gears and restitution from measured signals, "
+        "with 95 % confidence intervals, or a plain 'this measurement cannot tell' and which "
+        "further measurement would. Means over stops and slow stretches are compared with the "
+        "static model, impacts (of an accelerometer or of forces in bearings) by their statistics. "
+        "With --plan: poses and motions that would tell best. docs/identify.md says which columns "
+        "a measurement has.",
         epilog="Example: jointplay identify my_robot.toml measured.csv --out worn",
     )
     add_robot(parser)
@@ -60,9 +65,39 @@ def add(commands: Any) -> None:
         choices=("compliance", "friction"),
         help="identify the compliance of the gears' teeth, or the dry friction behind them, too",
     )
+    _add_simulated(parser)
+    _add_plan(parser)
+    parser.add_argument("--out", metavar="DIR", help="folder for tables (CSV, JSON) and figure")
+    parser.add_argument("--quiet", action="store_true", help="show no progress")
+    parser.set_defaults(handler=run, pose=None, workspace=None)
+
+
+def _add_simulated(parser: Any) -> None:
+    group = parser.add_argument_group("by simulated runs of the scenario")
     group.add_argument(
-        "--verify", action="store_true", help="run the scenario with what was found, and compare"
+        "--restitution",
+        type=int,
+        nargs="?",
+        const=RUNS,
+        default=0,
+        metavar="RUNS",
+        help="where flights do not tell restitution: by the statistics of the impacts of so many "
+        f"runs (default {RUNS})",
     )
+    group.add_argument(
+        "--verify",
+        type=int,
+        nargs="?",
+        const=VERIFYING,
+        default=0,
+        metavar="RUNS",
+        help="run the scenario with what was found, and say whether its statistics are those of "
+        f"the measurement, within the scatter of so many runs (default {VERIFYING})",
+    )
+    group.add_argument("--jobs", type=int, default=1, metavar="N", help="processes (default 1)")
+
+
+def _add_plan(parser: Any) -> None:
     group = parser.add_argument_group("plan")
     group.add_argument("--plan", action="store_true", help="say what to measure")
     group.add_argument(
@@ -77,9 +112,6 @@ def add(commands: Any) -> None:
     group.add_argument(
         "--push", metavar="FORCE", help="with which the tool can be pushed (20 N; 0: not at all)"
     )
-    parser.add_argument("--out", metavar="DIR", help="folder for the table and the figure")
-    parser.add_argument("--quiet", action="store_true", help="show no progress")
-    parser.set_defaults(handler=run, pose=None, workspace=None)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -88,12 +120,18 @@ def run(options: argparse.Namespace) -> int:
 
     if options.plan and options.data is not None:
         raise JointplayError("give --plan or a measurement, not both")
+    if options.jobs < 1:
+        raise JointplayError(f"--jobs must be at least 1, got {options.jobs}")
     if not options.plan and options.data is None:
         raise JointplayError("give a measurement (CSV), or --plan to ask what to measure")
-    names = ["plan.txt"] if options.plan else ["identified.csv", "identified.png"]
+    names = ["identified.csv", "identified.json", "identified.png"]
+    names = ["plan.txt"] if options.plan else names
     if options.out:  # before anything is loaded that takes time
         files.refuse_present(options.out, names)
     work = task(options)
+    if (options.verify or options.restitution) and work.simulation is None:
+        option = "--verify" if options.verify else "--restitution"
+        raise JointplayError(f"{option} needs a scenario (.toml) with the measured motion")
     noise = _noise(options.noise)
     out = files.claim(options.out, names) if options.out else None
     for note in work.notes:
@@ -106,16 +144,18 @@ def run(options: argparse.Namespace) -> int:
     else:
         fit = _identify(options, work, noise)
         print(fit)
-        if options.verify:
+        found = fit.describe()
+        if options.verify and work.simulation is not None:
             from jointplay.analysis.identify.verification import verify
 
-            if work.simulation is None:
-                raise JointplayError("--verify needs a scenario (.toml) with the measured motion")
-            print(verify(work.simulation, fit, progress=not options.quiet))
+            checked = verify(work.simulation, fit, progress=not options.quiet, runs=options.verify)
+            print(checked)
+            found["verification"] = checked.describe()
         if out is not None:
             from jointplay.plots.identify import identification
 
             files.write(out / "identified.csv", fit.csv())
+            files.write(out / "identified.json", json.dumps(found, indent=1) + "\n")
             identification(fit).savefig(out / "identified.png")
     if out is not None:
         print(f"written to {options.out}: {', '.join(names)}")
@@ -153,6 +193,9 @@ def _identify(options: argparse.Namespace, work: Any, noise: dict[str, float]) -
         noise=noise,
         also=options.also,
         known=options.known,
+        runs=options.restitution,
+        jobs=options.jobs,
+        progress=not options.quiet,
     )
 
 

@@ -1,4 +1,4 @@
-"""Figure of an identification: what was found beside the scenario, and how the means agree."""
+"""Figure of an identification: what was found beside the scenario, restitution, agreement."""
 
 from __future__ import annotations
 
@@ -17,21 +17,38 @@ _SCALES = {
 
 
 def identification(fit: Identification) -> Figure:
-    """Intervals relative to the scenario's values, and predicted means over measured ones."""
+    """Intervals relative to the scenario's values, predicted means over measured, restitution."""
     kinds = list(dict.fromkeys(kind for kind, _ in fit.observed.keys))
+    words = "statistical; bars: 95 % intervals"
     with style():
         shown = [i for i, one in enumerate(fit.unknowns) if one.sought]
-        figure = new_figure(4.6 + 3.0 * len(kinds), max(2.0 + 0.3 * len(shown), 3.2))
-        axes: Any = figure.subplots(1, 1 + len(kinds), squeeze=False)[0]
-        _intervals(axes[0], fit, shown)
-        for panel, kind in zip(axes[1:], kinds, strict=True):
-            _agreement(panel, fit, kind)
-        figure.supxlabel(
-            f"statistical, static model; bars: 95 % intervals; left over {fit.misfit:.2g} "
-            "standard errors (RMS)",
-            fontsize=6,
-        )
+        bounced = bool(fit.restitutions)
+        count = bool(shown) + len(kinds) + bounced
+        figure = new_figure(1.6 + 3.0 * count, max(2.0 + 0.3 * len(shown), 3.2))
+        axes: Any = iter(figure.subplots(1, count, squeeze=False)[0])
+        if shown:
+            _intervals(next(axes), fit, shown)
+            words += f"; static model, left over {fit.misfit:.2g} standard errors (RMS)"
+        for kind in kinds:
+            _agreement(next(axes), fit, kind)
+        if bounced:
+            _restitution(next(axes), fit)
+        figure.supxlabel(words, fontsize=6)
     return figure
+
+
+def _restitution(panel: Any, fit: Identification) -> None:
+    """Of each joint, of the range that there is."""
+    for row, one in enumerate(fit.restitutions):
+        if one.reason:
+            panel.text(0.5, row, "cannot tell", va="center", ha="center", color="0.4", fontsize=7)
+            continue
+        panel.plot(one.interval, [row, row], color=COLOURS[1], lw=2.0)
+        panel.plot(one.value, row, "o", ms=4, color=COLOURS[1])
+    panel.set_yticks(range(len(fit.restitutions)), [one.joint for one in fit.restitutions])
+    panel.set_ylim(len(fit.restitutions) - 0.5, -0.5)
+    panel.set_xlim(0.0, 1.0)
+    panel.set_xlabel("restitution")
 
 
 def _intervals(panel: Any, fit: Identification, shown: list[int]) -> None:

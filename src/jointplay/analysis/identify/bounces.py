@@ -1,10 +1,10 @@
-"""Restitution from an accelerometer: a bouncing journal's flights grow shorter by it.
+"""Restitution from flights: those of a bouncing journal grow shorter by it.
 
 Under a constant load the flight after an impact that leaves with the speed v lasts 2 v / a, and
 the next begins with e v: the intervals between impacts are a geometric series with the ratio e,
-whatever mass and load are. A. D. Bernstein, American Journal of Physics 45 (1977) 41-44, for balls.
-Only intervals count, so the sensor need not be calibrated. Sequences in which intervals do not fall
-steadily (rims that strike in turn) are left out.
+whatever mass and load are (A. D. Bernstein, American Journal of Physics 45 (1977) 41-44, for
+balls), and so are the impacts' impulses. Where both do not agree the load was not constant, or
+several places hit in turn, and nothing is told.
 """
 
 from __future__ import annotations
@@ -12,110 +12,175 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import find_peaks
+from scipy.stats import bootstrap
 from scipy.stats import t as student
 
-from jointplay.analysis.identify.reading import Measurement
-from jointplay.mechanism.mechanism import Mechanism
+from jointplay.analysis.identify.impacts import Channel, Impacts, impacts
 
 FEWEST_RATIOS = 4
 """Ratios of successive flights from which on restitution is stated."""
-_SHORTEST = 8
+SHORTEST = 6.0
 """Records that a flight must last."""
-_ABOVE = 8.0
-"""Spreads of the records above which there is an impact."""
-_PART = 0.02
-"""Part of the largest impact's that an impact must reach."""
 _STEADY = 0.15
 """Largest change of the ratio from flight to flight within a sequence."""
+_GROWN = 1.3
+"""Times the impulse before that one of the same sequence has at most, for noise."""
 _LEAST_FLIGHTS = 3
-_FACTOR = 0.6745
+_SCATTER = 0.2
+"""Largest standard deviation of the ratios' logarithms."""
+_LEAST_SHARE = 0.5
+"""Part of the impacts that must belong to sequences that die away steadily."""
+_AGREE = 0.1
+"""By how much the ratio of impulses may differ from that of flights, besides their scatter."""
+_MODEL = 0.02
+"""Part of the value by which the load of flights in a machine is not constant."""
+_RESAMPLES = 999
+CONFIDENCE = 0.95
 
 
 @dataclass(frozen=True)
-class Restitution:
-    """Of a joint's impacts, with 95 % interval; or why it cannot be told."""
+class Told:
+    """A restitution by flights, or why it cannot be told."""
 
-    joint: str
     value: float
     half_width: float
+    """Of the 95 % interval."""
     ratios: int
     """Of successive flights, which it is the mean of."""
     reason: str
+    """Empty if it is told."""
 
-    def __str__(self) -> str:
-        """One line, as in the table."""
-        label = f"{self.joint} restitution"
-        if self.reason:
-            return f"{label:<34} {'':>12} {'-':>12}  this measurement cannot tell: {self.reason}"
-        low, high = self.value - self.half_width, min(self.value + self.half_width, 1.0)
-        return (
-            f"{label:<34} {'':>12} {self.value:>12.4g}  {low:.4g} to {high:.4g} "
-            f"({self.ratios} ratios of flights)"
+
+@dataclass(frozen=True)
+class Sequence:
+    """Impacts that die away steadily."""
+
+    flights: np.ndarray
+    """Intervals between them, shape (n,) [s]."""
+    impulses: np.ndarray
+    """Of the impacts, shape (n + 1,)."""
+
+
+def flights(channel: Channel) -> Told:
+    """Restitution by the impacts of one joint in a channel."""
+    found = impacts(channel)
+    rate = 1.0 / channel.interval
+    if not len(found):
+        return _untold(
+            0,
+            f"no impact stands out of the noise ({channel.noise:.2g} a record); let the load turn "
+            "round suddenly, or take a quieter sensor",
         )
-
-
-def restitutions(mechanism: Mechanism, measured: Measurement) -> tuple[Restitution, ...]:
-    """Restitution of each joint with clearance; none if there is no accelerometer."""
-    axes = measured.has("acceleration")
-    if not axes or not mechanism.clearance:
-        return ()
-    if len(mechanism.clearance) > 1:
-        names = ", ".join(mechanism.clearance)
-        reason = f"an impact may be of any of {names}; let one joint reverse at a time, and give "
-        reason += "the others no clearance"
-        return tuple(Restitution(n, np.nan, np.inf, 0, reason) for n in mechanism.clearance)
-    (name,) = mechanism.clearance
-    table = np.column_stack([measured.signals["acceleration", axis] for axis in axes])
-    good = np.isfinite(table).all(axis=1)
-    time, table = measured.time[good], table[good]
-    logarithms = np.array(
-        [np.log(r) for flights in sequences(time, table) for r in flights[1:] / flights[:-1]]
-    )
-    if len(logarithms) < FEWEST_RATIOS:
-        rate = 1.0 / np.median(np.diff(time)) if len(time) > 1 else 0.0
-        reason = (
-            f"{len(logarithms)} ratios of successive flights between impacts at {rate:.4g} records "
-            f"a second, {FEWEST_RATIOS} are needed; drop the load more often, or record faster"
+    made = sequences(found, channel.interval)
+    ratios = np.array([np.log(one.flights[1:] / one.flights[:-1]) for one in made], object)
+    logarithms = np.concatenate([*ratios, np.zeros(0)]).astype(float)
+    number = len(logarithms)
+    if number < FEWEST_RATIOS:
+        return _untold(number, _too_few(found, number, rate))
+    inside = sum(len(one.impulses) for one in made)
+    if inside < _LEAST_SHARE * len(found):
+        return _untold(
+            number,
+            f"only {inside} of {len(found)} impacts are bounces that die away steadily: several "
+            "places hit in turn, or the load changes; --restitution compares with simulations",
         )
-        return (Restitution(name, np.nan, np.inf, len(logarithms), reason),)
-    middle = float(np.exp(logarithms.mean()))
-    error = float(logarithms.std(ddof=1) / np.sqrt(len(logarithms)))
-    half = middle * error * float(student.ppf(0.975, len(logarithms) - 1))
-    return (Restitution(name, middle, half, len(logarithms), ""),)
+    scatter = float(logarithms.std(ddof=1))
+    if scatter > _SCATTER:
+        return _untold(
+            number,
+            f"ratios of successive flights scatter by {100 * scatter:.0f} %: several "
+            "places hit in turn, or the load changes; --restitution compares with simulations",
+        )
+    middle, half = _mean([np.asarray(one, float) for one in ratios])
+    half = float(np.hypot(half, _timing(made, channel.interval)))
+    impulse, other = _mean([np.log(one.impulses[1:] / one.impulses[:-1]) for one in made])
+    value = float(np.exp(middle))
+    if abs(impulse - middle) > np.hypot(half, other) + np.log1p(_AGREE):
+        return _untold(
+            number,
+            f"flights grow shorter by {value:.3g}, impulses smaller by {np.exp(impulse):.3g}: the "
+            "load is not constant while the journal flies; --restitution compares with simulations",
+        )
+    if value >= 1.0:
+        return _untold(number, "impacts do not die away")
+    return Told(value, value * float(np.hypot(half, _MODEL)), number, "")
 
 
-def impacts(time: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
-    """Times of the impacts in accelerations (n, axes), [s]."""
-    steps = np.linalg.norm(np.diff(acceleration, axis=0), axis=1)
-    noise = np.median(steps) / _FACTOR
-    limit = max(_ABOVE * noise, _PART * float(steps.max(initial=0.0)), 1e-9)
-    at, _ = find_peaks(np.concatenate([[0.0], steps, [0.0]]), height=limit, distance=3)
-    return np.asarray(time[np.minimum(at, len(time) - 1)])
+def _untold(number: int, reason: str) -> Told:
+    return Told(np.nan, np.inf, number, reason)
 
 
-def sequences(time: np.ndarray, acceleration: np.ndarray) -> list[np.ndarray]:
-    """Flights [s] of each sequence of impacts that dies away steadily."""
-    shortest = _SHORTEST * float(np.median(np.diff(time)))
-    gaps = np.diff(impacts(time, acceleration))
-    flights: list[np.ndarray] = []
-    mine: list[float] = []
+def _too_few(found: Impacts, number: int, rate: float) -> str:
+    gaps = np.diff(found.time)
+    short = f"{len(found)} impacts give {number} ratios of successive flights, {FEWEST_RATIOS} are "
+    short += "needed; "
+    if len(gaps) and np.median(gaps) * rate < 2.0 * SHORTEST:
+        faster = 4.0 * SHORTEST / float(np.median(gaps))
+        return short + f"at {rate:.4g} records a second flights are not resolved: {faster:.2g} may"
+    return short + "let the load turn round more often"
 
-    def close() -> None:
-        if len(mine) >= _LEAST_FLIGHTS:
-            flights.append(np.array(mine))
-        mine.clear()
 
-    for gap in gaps:
-        if gap < shortest:
-            close()
-            continue
-        if mine and not gap < mine[-1]:
-            close()
-        elif len(mine) > 1 and abs(gap / mine[-1] - mine[-1] / mine[-2]) > _STEADY:
-            last = mine[-1]
-            close()
-            mine.append(last)
-        mine.append(float(gap))
-    close()
-    return flights
+def _mean(groups: list[np.ndarray]) -> tuple[float, float]:
+    """Mean of logarithms by sequence, and half of its 95 % interval.
+
+    The wider of Student's over all and the bootstrap (BCa) over sequences: flights of one sequence
+    share impacts.
+    """
+    every = np.concatenate(groups)
+    middle = float(every.mean())
+    error = float(every.std(ddof=1)) / np.sqrt(len(every))
+    half = error * float(student.ppf(0.5 + CONFIDENCE / 2.0, len(every) - 1))
+    sums = np.array([group.sum() for group in groups])
+    counts = np.array([float(len(group)) for group in groups])
+    if len(groups) >= FEWEST_RATIOS and np.ptp(sums / counts) > 0.0:
+        interval = bootstrap(
+            (sums, counts),
+            lambda total, number, axis=-1: total.sum(axis=axis) / number.sum(axis=axis),
+            paired=True,
+            n_resamples=_RESAMPLES,
+            confidence_level=CONFIDENCE,
+            rng=np.random.default_rng(0),
+        ).confidence_interval
+        ends = np.array([interval.low, interval.high])
+        if np.isfinite(ends).all():
+            half = max(half, float(np.abs(ends - middle).max()))
+    return middle, half
+
+
+def _timing(made: list[Sequence], interval: float) -> float:
+    """Half of the 95 % interval of the mean logarithm by the times' own error.
+
+    Impacts are timed to an interval's uniform share; of a sequence only its ends count.
+    """
+    error = interval / np.sqrt(12.0)
+    steps = sum(len(one.flights) - 1 for one in made)
+    square = sum((error / one.flights[0]) ** 2 + (error / one.flights[-1]) ** 2 for one in made)
+    return float(1.96 * np.sqrt(2.0 * square) / steps)
+
+
+def sequences(found: Impacts, interval: float) -> list[Sequence]:
+    """Each sequence of impacts that dies away steadily, `interval` [s] being between records."""
+    gaps, impulses = np.diff(found.time), found.impulse
+    made: list[Sequence] = []
+    first = 0
+    while first < len(gaps):
+        last = first + 1
+        while last < len(gaps) and _goes_on(
+            gaps[first : last + 1], impulses[first : last + 2], interval
+        ):
+            last += 1
+        if last - first >= _LEAST_FLIGHTS:
+            made.append(Sequence(gaps[first:last], impulses[first : last + 1]))
+            first = last
+        else:
+            first += 1
+    return made
+
+
+def _goes_on(gaps: np.ndarray, impulses: np.ndarray, interval: float) -> bool:
+    """Whether the last of the intervals (at least two) goes on as those before."""
+    if gaps[-1] < SHORTEST * interval or not gaps[-1] < gaps[-2]:
+        return False
+    if (impulses[1:] > _GROWN * impulses[:-1]).any():
+        return False  # a new drop
+    return len(gaps) < 3 or bool(abs(gaps[-1] / gaps[-2] - gaps[-2] / gaps[-3]) <= _STEADY)

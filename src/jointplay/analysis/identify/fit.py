@@ -32,7 +32,7 @@ _RANK = 1e-9
 """Part of the largest singular value that is none."""
 SHARE = 0.1
 """Part of a direction that cannot be told from which on an unknown is named with it."""
-MODEL, MODEL_ELSE = {"friction": 0.05}, 0.02
+MODEL, MODEL_ELSE = {"friction": 0.1}, 0.02
 """Part of a value by which the static model itself is off, see benchmarks/identify.py."""
 SAFETY = 1.5
 """By which intervals are wider than the statistics say, for errors of the model that all means
@@ -223,6 +223,8 @@ class Fit:
     """Projector on what cannot be told of the unknowns by their scales, shape (p, p)."""
     felt: np.ndarray
     """Effect of each unknown by its scale on all signals, in standard errors, shape (p,)."""
+    quantile: float = np.inf
+    """Of Student's distribution, by which the intervals were made."""
 
     def partners(self, i: int) -> list[int]:
         """Unknowns that cannot be told apart from the i-th, the strongest first."""
@@ -282,7 +284,7 @@ def _intervals(problem: Problem, theta: np.ndarray, effect: np.ndarray) -> Fit:
     own = np.array([MODEL.get(one.name, MODEL_ELSE) for one in problem.unknowns]) * theta
     half = SAFETY * np.hypot(quantile * np.sqrt(variance) * problem.scale, own)
     half[np.diag(blind) > BLIND] = np.inf
-    return Fit(theta, half, freedom, misfit, blind, felt)
+    return Fit(theta, half, freedom, misfit, blind, felt, quantile)
 
 
 def information(effect: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:

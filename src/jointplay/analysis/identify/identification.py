@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from jointplay.analysis.identify import planning
-from jointplay.analysis.identify.bounces import Restitution, restitutions
 from jointplay.analysis.identify.fit import (
     REFERENCES,
     Fit,
@@ -19,16 +16,19 @@ from jointplay.analysis.identify.fit import (
     offsets,
 )
 from jointplay.analysis.identify.ideal import tool_positions
+from jointplay.analysis.identify.impacts import IMPACT_KINDS, channels
 from jointplay.analysis.identify.model import StaticModel
+from jointplay.analysis.identify.outcome import Identification
 from jointplay.analysis.identify.parameters import (
     Parameter,
     unknowns,
     with_clearance,
 )
-from jointplay.analysis.identify.reading import Key, Measurement
+from jointplay.analysis.identify.reading import Key, Measurement, TooLittle
+from jointplay.analysis.identify.restitution import Restitution, by_flights, by_simulation
 from jointplay.analysis.identify.search import search
 from jointplay.analysis.identify.verdicts import advice, reason
-from jointplay.analysis.identify.visits import Observed, Visits, positions, visits
+from jointplay.analysis.identify.visits import Observed, Visits, no_visits, positions, visits
 from jointplay.analysis.poses import moving
 from jointplay.errors import JointplayError, MissingName
 from jointplay.loads.drive import JointFriction
@@ -36,102 +36,9 @@ from jointplay.mechanism.mechanism import Mechanism
 from jointplay.motion.reference import Motion
 from jointplay.simulation.simulation import Simulation
 
-
-@dataclass(frozen=True)
-class Identification:
-    """What a measurement says of p unknowns; SI units."""
-
-    unknowns: tuple[Parameter, ...]
-    value: np.ndarray
-    """Shape (p,)."""
-    half_width: np.ndarray
-    """Of the 95 % intervals; infinite where nothing is told, shape (p,)."""
-    reasons: tuple[str, ...]
-    """Why an unknown cannot be told, empty where it can."""
-    advice: tuple[str, ...]
-    """Which measurement would tell it, empty where none is needed or known."""
-    mechanism: Mechanism
-    """With what was found; unknowns that cannot be told as in the scenario."""
-    visits: Visits
-    observed: Observed
-    error: np.ndarray
-    """Standard errors of the means that counted, nan where none did, (n, keys) [SI]."""
-    predicted: np.ndarray
-    """By the static model with what was found, offsets included, shape (n, keys) [SI]."""
-    loose: np.ndarray
-    """What friction may hold anywhere at stops, see `StaticModel.loose`."""
-    misfit: float
-    """RMS of what the model leaves, in standard errors."""
-    reference: str
-    notes: tuple[str, ...]
-    restitutions: tuple[Restitution, ...] = ()
-    """Of the joints' impacts, where there is an accelerometer."""
-
-    @property
-    def told(self) -> np.ndarray:
-        """Which unknowns can be told, shape (p,)."""
-        return np.array([not reason for reason in self.reasons])
-
-    def __getitem__(self, label: str) -> tuple[float, float]:
-        """Value and half width by label, such as ``"elbow radial clearance"``."""
-        for i, one in enumerate(self.unknowns):
-            if one.label == label:
-                return float(self.value[i]), float(self.half_width[i])
-        raise MissingName("unknown", label, [one.label for one in self.unknowns])
-
-    def interval(self, i: int) -> tuple[float, float]:
-        """95 % interval of the i-th unknown within what can be."""
-        value, half = self.value[i], self.half_width[i]
-        return max(value - half, 0.0), min(value + half, self.unknowns[i].most)
-
-    def __str__(self) -> str:
-        """The table, and why what cannot be told cannot."""
-        lines = [f"{'unknown':<34} {'scenario':>12} {'found':>12}  95 % interval"]
-        for i, one in enumerate(self.unknowns):
-            if not one.sought:
-                continue
-            head = f"{one.label:<34} {one.shown(one.nominal):>12}"
-            if self.reasons[i]:
-                lines.append(f"{head} {'-':>12}  this measurement cannot tell")
-            else:
-                low, high = self.interval(i)
-                interval = f"{one.shown(low)} to {one.shown(high)}"
-                lines.append(f"{head} {one.shown(self.value[i]):>12}  {interval}")
-        lines += [str(one) for one in self.restitutions]
-        if not self.unknowns:
-            return "\n".join([*self.notes, *lines])
-        for i, one in enumerate(self.unknowns):
-            if one.sought and self.reasons[i]:
-                lines.append(f"{one.label}: {self.reasons[i]}")
-                if self.advice[i]:
-                    lines.append(f"  {self.advice[i]}")
-        used = np.isfinite(self.error)
-        at = used.any(axis=1)
-        lines.append(
-            f"statistical, static model; {int(at.sum())} visits "
-            f"({int((self.visits.stopped & at).sum())} stops) of "
-            f"{len(np.unique(self.visits.cell[at]))} places, {int(used.sum())} means; "
-            f"left over: {self.misfit:.2g} standard errors (RMS; 1 is what noise explains)"
-        )
-        return "\n".join([*self.notes, *lines])
-
-    def csv(self) -> str:
-        """A row for each unknown [SI]."""
-        out = io.StringIO()
-        writer = csv.writer(out, lineterminator="\n")
-        writer.writerow(["joint", "unknown", "unit", "scenario", "found", "low", "high", "why_not"])
-        for i, one in enumerate(self.unknowns):
-            if one.sought:
-                low, high = self.interval(i)
-                numbers = [one.nominal, *(("", "", "") if self.reasons[i] else ())]
-                if not self.reasons[i]:
-                    numbers += [f"{x:.9g}" for x in (self.value[i], low, high)]
-                writer.writerow([one.joint, one.name, one.unit, *numbers, self.reasons[i]])
-        for other in self.restitutions:
-            ends = [other.value, other.value - other.half_width, other.value + other.half_width]
-            numbers = ["", "", ""] if other.reason else [f"{x:.9g}" for x in ends]
-            writer.writerow([other.joint, "restitution", "", "", *numbers, other.reason])
-        return out.getvalue()
+__all__ = ["Identification", "identify"]
+_NORMAL = 1.96
+"""Half of a 95 % interval in standard deviations."""
 
 
 def identify(
@@ -144,10 +51,14 @@ def identify(
     joint_friction: Mapping[str, JointFriction] | None = None,
     also: Sequence[str] = (),
     known: Sequence[str] = (),
+    runs: int = 0,
+    jobs: int = 1,
+    progress: bool = False,
 ) -> Identification:
-    """Clearances, friction and play of gears from measured signals.
+    """Clearances, friction, play of gears and restitution from measured signals.
 
-    Means over stops and slow stretches are compared with the static model, never single records.
+    Means over stops and slow stretches are compared with the static model, impacts by their
+    statistics, never single records.
 
     Args:
         machine: the scenario's simulation or the mechanism, with the play that is expected.
@@ -160,28 +71,58 @@ def identify(
         joint_friction: of joints besides their bearings'; None takes the simulation's or URDF's.
         also: of `parameters.ALSO`: ``compliance`` of the gears' teeth, ``friction`` behind them.
         known: labels or names of unknowns that are taken from the scenario.
+        runs: simulations by which restitution is sought where flights do not tell it; 0: none.
+        jobs: processes for them.
+        progress: show a bar for them.
 
     Raises:
-        JointplayError: bad data (see `Measurement`); loops; nothing has play; a motion that never
-            reverses; fewer means than unknowns.
+        JointplayError: bad data (see `Measurement`); loops, unless impacts show; nothing has play;
+            a motion that never reverses; fewer means than unknowns; see also `by_simulation`.
     """
     mechanism, motion, friction = _inputs(machine, motion, joint_friction)
     if reference not in REFERENCES:
         raise MissingName("reference", reference, REFERENCES)
+    measured = _read(measured, mechanism, noise)
+    bounced = by_flights(mechanism, measured)
+    try:
+        found = _by_means(mechanism, measured, motion, reference, friction, also, known)
+    except TooLittle as error:
+        if not bounced or not any(measured.has(kind) for kind in IMPACT_KINDS):
+            raise
+        note = f"clearance and friction: this measurement cannot tell: {error}"
+        found = _impacts_only(mechanism, measured, reference, note)
+    if runs and channels(measured) and any(one.reason for one in bounced):
+        if not isinstance(machine, Simulation):
+            raise JointplayError(
+                "restitution by simulated impacts needs the scenario (.toml) that was measured"
+            )
+        own = replace(machine, mechanism=found.mechanism, motion=motion)
+        told = by_simulation(own, measured, spreads(found), runs=runs, jobs=jobs, progress=progress)
+        pairs = zip(bounced, told, strict=True)
+        bounced = tuple(other if one.reason else one for one, other in pairs)
+    return replace(found, restitutions=bounced, mechanism=with_restitution(found, bounced))
+
+
+def _by_means(
+    mechanism: Mechanism,
+    measured: Measurement,
+    motion: Motion | None,
+    reference: str,
+    friction: Mapping[str, JointFriction],
+    also: Sequence[str],
+    known: Sequence[str],
+) -> Identification:
+    """Everything but restitution."""
     if mechanism.loops:
-        raise JointplayError(
+        raise TooLittle(
             f"loop {next(iter(mechanism.loops))!r}: identify is for robots without closed loops"
         )
-    measured = _read(measured, mechanism, noise)
-    bounced = restitutions(mechanism, measured)
-    made, seen = visits(mechanism, measured, motion)
-    if not seen.keys and bounced:
-        return _bounces_only(mechanism, made, seen, reference, bounced)
-    if not seen.keys:
-        raise JointplayError(
+    if not _shows_play(mechanism, measured):
+        raise TooLittle(
             f"{measured.source} has nothing that play would show in: tool x (y, z), JOINT link of "
             "a gear with play, or JOINT torque is needed beside the motors' encoders"
         )
+    made, seen = visits(mechanism, measured, motion)
     torqued = [name for kind, name in seen.keys if kind == "torque"]
     stops = bool(made.stopped.any()) and any(kind == "tool" for kind, _ in seen.keys)
     sought = unknowns(mechanism, friction, torqued, stops, also, known)
@@ -210,8 +151,32 @@ def identify(
         fit.misfit,
         reference,
         _notes(unseen),
-        bounced,
+        measured,
     )
+
+
+def _shows_play(mechanism: Mechanism, measured: Measurement) -> bool:
+    """Whether there is a signal of which the static model knows."""
+    links = set(measured.has("link")) & set(mechanism.gears)
+    return bool(measured.has("tool") or measured.has("torque") or links)
+
+
+def spreads(found: Identification) -> dict[str, dict[str, float]]:
+    """Standard deviations of the clearances and friction that are told, by joint and name."""
+    known: dict[str, dict[str, float]] = {}
+    for i, one in enumerate(found.unknowns):
+        if one.joint in found.mechanism.clearance and not found.reasons[i]:
+            known.setdefault(one.joint, {})[one.name] = float(found.half_width[i]) / _NORMAL
+    return known
+
+
+def with_restitution(found: Identification, told: Sequence[Restitution]) -> Mechanism:
+    """The mechanism with the restitutions that are told and that its laws can deliver."""
+    joints = dict(found.mechanism.clearance)
+    for one in told:
+        if not one.reason and np.isfinite(one.nominal):
+            joints[one.joint] = replace(joints[one.joint], restitution=one.nominal)
+    return found.mechanism.with_clearance(joints) if joints else found.mechanism
 
 
 def _inputs(
@@ -242,7 +207,7 @@ def _fitted(
     problem, fit = search(problem, start, numbers[np.isfinite(error)])
     error[np.isfinite(error)] = problem.error
     if fit.freedom < 1:
-        raise JointplayError(
+        raise TooLittle(
             f"{source}: {len(problem.seen)} means at {len(error)} visits are too few for "
             f"{len(start)} unknowns and {problem.offsets} offsets; visit places more often, from "
             "both sides"
@@ -250,20 +215,15 @@ def _fitted(
     return problem, fit
 
 
-def _bounces_only(
-    mechanism: Mechanism,
-    made: Visits,
-    seen: Observed,
-    reference: str,
-    bounced: tuple[Restitution, ...],
+def _impacts_only(
+    mechanism: Mechanism, measured: Measurement, reference: str, note: str
 ) -> Identification:
-    """What an accelerometer alone says."""
-    none = np.zeros((len(made), 0))
-    nothing = np.zeros(0)
+    """Where means say nothing."""
+    made, seen = no_visits()
+    none, nothing = np.zeros((0, 0)), np.zeros(0)
     return Identification(
-        (), nothing, nothing, (), (), mechanism, made, seen, none, none, none[..., None],
-        np.nan, reference, (),
-        bounced,
+        (), nothing, nothing, (), (), mechanism, made, seen, none, none, none[..., None], np.nan,
+        reference, (note,), measured,
     )  # fmt: skip
 
 
@@ -273,6 +233,7 @@ def _read(
     if not isinstance(measured, Measurement):
         entries = mechanism.description.joints
         slides = {name: entries[name].slides for name in moving(mechanism)}
+        slides = dict.fromkeys(mechanism.clearance, False) | slides
         return Measurement.from_csv(measured, slides, noise)
     return replace(measured, noise={**measured.noise, **(noise or {})})
 
@@ -287,7 +248,7 @@ def _check(
     """Raise if no place is visited in two ways."""
     at = usable.any(axis=1)
     if not at.any():
-        raise JointplayError(
+        raise TooLittle(
             f"{measured.source}: no visit counts: each gear must cross its play before, by a "
             "reversal or a push"
         )
@@ -296,7 +257,7 @@ def _check(
     ways = np.column_stack([made.cell, made.direction, np.round(made.force, 3)])[at]
     places = np.unique(ways, axis=0)[:, 0]
     if len(np.unique(places)) == len(places) and not {k for k, _ in keys} & {"torque"}:
-        raise JointplayError(
+        raise TooLittle(
             f"{measured.source}: the motion never reverses: no place is visited from two sides or "
             "under two forces, so that no play shows; measure the way back, too (if the robot's "
             "geometry is calibrated, say so with the reference 'ideal')"

@@ -42,6 +42,8 @@ _FAINT_LOAD = 0.02
 """Part of the rims' forces below which a load along the axis moves nothing in time."""
 _STIFFEST = 1e-12
 """Smallest compliance [rad/(N m)]."""
+_LIGHT = 0.3
+"""Part of the other rim's force below which a rim may lie anywhere."""
 _UNSURE = 3.0
 """Plays by which a gear must have been crossed before its side is certain."""
 
@@ -65,6 +67,8 @@ class _Bearing:
     """Sense of rotation before the stop, stopped visits only (n,)."""
     slips: bool
     """Whether the journal can move along its axis, to end walls."""
+    sure: np.ndarray
+    """Whether both rims are pressed firmly enough that it is known where they lie, (n,)."""
 
     def point(self, values: Mapping[str, float], held: float) -> np.ndarray:
         """Displacement of the journal at each visit, (n, 6) [m, rad]."""
@@ -85,8 +89,7 @@ class _Bearing:
     def torque(self, friction: float | None) -> np.ndarray:
         """Of the rims' friction about the axis, its size while sliding, (n,) [N m]."""
         coefficient = friction_of(self.joint) or 0.0 if friction is None else friction
-        hinge = self.joint.hinge
-        radius = 0.0 if hinge is None else hinge.radius
+        radius = 0.0 if self.joint.hinge is None else self.joint.hinge.radius
         return np.asarray(2.0 * self.push * radius * coefficient / np.hypot(1.0, coefficient))
 
 
@@ -111,7 +114,7 @@ class StaticModel:
         unknowns: what `predict` is given.
 
     Attributes:
-        certain: visits at which the sides of all gears are known, shape (n,).
+        certain: visits at which the sides of all gears, and of all rims, are known, shape (n,).
 
     Raises:
         JointplayError: loops; see `levers.sources`.
@@ -275,7 +278,7 @@ class StaticModel:
 
     def _sides(self, theta: np.ndarray) -> np.ndarray:
         values, _ = self._values(theta)
-        sure = np.ones(len(self.visits), bool)
+        sure = np.all([np.ones(len(self.visits)), *(b.sure for b in self._bearings.values())], 0)
         for name in self._gears:
             sure &= self._gear(name, values)[2] > 1.0 - 1e-9
         return sure
@@ -341,8 +344,10 @@ def _bearing(
         bend = np.column_stack([load[:, 4], -load[:, 3]]) / leaning.length
         rims = [np.linalg.norm(load[:, :2] / 2.0 + side * bend, axis=1) for side in (1.0, -1.0)]
         push = np.mean(rims, axis=0)
+        sure = np.min(rims, axis=0) >= _LIGHT * np.max(rims, axis=0)
     else:
         push = np.linalg.norm(load[:, :2], axis=1) / 2.0
+        sure = np.ones(len(load), bool)
     whole = 2.0 * push if leaning is None else push
     speed = visits.speed[:, visits.joints.index(name)] if name in visits.joints else 0.0 * push
     way = visits.direction[:, visits.joints.index(name)] if name in visits.joints else 0 * push
@@ -352,7 +357,7 @@ def _bearing(
     if walls and leaning is not None:
         part = _against(load, push, leaning.length)
         slides, kept = slides * part, kept * part
-    return _Bearing(joint, move, load, push, whole, slides, kept, walls)
+    return _Bearing(joint, move, load, push, whole, slides, kept, walls, sure)
 
 
 def _against(load: np.ndarray, push: np.ndarray, length: float) -> np.ndarray:

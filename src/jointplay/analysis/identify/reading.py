@@ -8,6 +8,7 @@ A column is called ``tool x [mm]``: what it is, and its unit in brackets (or ``t
     JOINT torque                        of the drive on its joint, at the joint's side
     force x, force y, force z           on the tool, world axes
     acceleration x, ... y, ... z        of the tool
+    JOINT reaction                      force between bearing and journal, its size
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 
 from jointplay.errors import JointplayError, require_positive
 from jointplay.loads.wrench import Wrench, WrenchOverTime
@@ -27,7 +29,12 @@ from jointplay.units import convert
 
 TOOL_UNITS = {"tool": "m", "force": "N", "acceleration": "m/s^2"}
 """Signals along x, y and z, and their units."""
-JOINT_UNITS = {"motor": ("rad", "m"), "link": ("rad", "m"), "torque": ("N*m", "N")}
+JOINT_UNITS = {
+    "motor": ("rad", "m"),
+    "link": ("rad", "m"),
+    "torque": ("N*m", "N"),
+    "reaction": ("N", "N"),
+}
 """Signals of a joint, and their units for one that turns and one that slides."""
 FEWEST = 20
 """Records that a measurement must have."""
@@ -36,6 +43,10 @@ _SHOWN = 60
 
 Key = tuple[str, str]
 """``("tool", "x")``, ``("link", "elbow")``: kind of a signal, then its axis or joint."""
+
+
+class TooLittle(JointplayError):
+    """Means of a measurement that say nothing of clearance and friction; impacts still may."""
 
 
 @dataclass(frozen=True)
@@ -146,8 +157,9 @@ class Measurement:
             rate: records a second [Hz].
             noise: standard deviation by kind of signal [SI]; none where not given.
             kinds: signals that are measured, of ``tool``, ``motor``, ``link``, ``torque``,
-                ``acceleration`` (of the tool, means over the interval between records) and
-                ``force`` (the wrenches that act on the tool frame).
+                ``acceleration`` (of the tool), ``reaction`` (between bearing and journal; both
+                means over the interval between records) and ``force`` (the wrenches that act on
+                the tool frame).
             seed: of the noise.
             delay: what of the run's start is left out [s].
 
@@ -163,6 +175,8 @@ class Measurement:
         clean = {key: np.interp(time, result.time, values) for key, values in seen.items()}
         if "acceleration" in kinds:
             clean |= _accelerations(result, time, 1.0 / rate)
+        if "reaction" in kinds:
+            clean |= _reactions(result, time, 1.0 / rate)
         signals = {
             key: values + spread.get(key[0], 0.0) * random.standard_normal(len(time))
             for key, values in clean.items()
@@ -191,8 +205,8 @@ def _seen(result: Result, kinds: Sequence[str]) -> dict[Key, np.ndarray]:
             for i, axis in enumerate(AXES):
                 histories[kind, axis] = result["tool_position"].values[:, i]
             continue
-        if kind == "acceleration":
-            continue  # a mean between records
+        if kind in ("acceleration", "reaction"):
+            continue  # means between records
         if kind == "force":
             given = _wrenches(result)
             histories |= {(kind, axis): given[:, i] for i, axis in enumerate(AXES)}
@@ -210,11 +224,27 @@ def _accelerations(result: Result, time: np.ndarray, interval: float) -> dict[Ke
     speed = result["tool_velocity"].values
     means: dict[Key, np.ndarray] = {}
     for i, axis in enumerate(AXES):
-        before, after = (
-            np.interp(time + side * interval / 2.0, result.time, speed[:, i]) for side in (-1, 1)
-        )
-        means["acceleration", axis] = (after - before) / interval
+        means["acceleration", axis] = _mean_rate(result.time, speed[:, i], time, interval)
     return means
+
+
+def _reactions(result: Result, time: np.ndarray, interval: float) -> dict[Key, np.ndarray]:
+    """Size of the forces between bearings and journals, means over intervals [N]."""
+    means: dict[Key, np.ndarray] = {}
+    for name in result.joints:
+        force = np.linalg.norm(result["joint_force"].sel(joint=name).values, axis=1)
+        impulse = cumulative_trapezoid(force, result.time, initial=0.0)
+        means["reaction", name] = _mean_rate(result.time, impulse, time, interval)
+    return means
+
+
+def _mean_rate(
+    known: np.ndarray, values: np.ndarray, time: np.ndarray, interval: float
+) -> np.ndarray:
+    """Mean rate of change of values, which are known at some times, over intervals about others."""
+    ends = [np.clip(time + side * interval / 2.0, known[0], known[-1]) for side in (-1, 1)]
+    before, after = (np.interp(end, known, values) for end in ends)
+    return np.asarray((after - before) / np.maximum(ends[1] - ends[0], 1e-12))
 
 
 def _wrenches(result: Result) -> np.ndarray:
@@ -305,6 +335,6 @@ def _meaning(
             return (last, first), JOINT_UNITS[last][joints[first]]
     raise JointplayError(
         f"{path}: column {title!r} is no signal; there are: time, tool x (y, z), force x, "
-        f"acceleration x, and JOINT motor, JOINT link, JOINT torque of the joints "
+        f"acceleration x, and JOINT motor, JOINT link, JOINT torque, JOINT reaction of the joints "
         f"{', '.join(joints)}"
     )

@@ -14,7 +14,8 @@ from functools import partial
 import numpy as np
 from scipy.stats import qmc
 
-from jointplay.analysis.identify.fit import Fit, Problem, solve
+from jointplay.analysis.identify.fit import SAFETY, Fit, Problem, solve
+from jointplay.analysis.identify.planning import enough
 
 _TRIED, _RANGE = 16, 3.0
 """Starts that are looked at, and how far they lie from the scenario's values."""
@@ -26,6 +27,8 @@ _ROUGH = 0.005
 """Part of what play does to a signal by which the static model may be off at a visit."""
 _OTHER_WALL = 4.0
 """Factor of axial clearances that are tried besides the best."""
+_OUTWARDS = 1.3
+"""By which an end of an interval is moved at a time."""
 _ROUNDS = 2
 """In which errors are made as large as what is left demands."""
 
@@ -55,7 +58,35 @@ def search(problem: Problem, start: np.ndarray, kinds: np.ndarray) -> tuple[Prob
     limit = _AS_GOOD * cost(problem, best.theta)
     away = [np.abs(theta - best.theta) for theta in others if cost(problem, theta) <= limit]
     wide = np.max([best.half_width, *away], axis=0)
+    wide = np.array([_profiled(problem, best, wide, i) for i in range(len(wide))])
     return problem, replace(best, half_width=wide)
+
+
+def _profiled(problem: Problem, best: Fit, wide: np.ndarray, i: int) -> float:
+    """Half width of an unknown with which the profile of the cost agrees.
+
+    Slopes at the best values do not see how the others, where walls begin or end to hold a journal,
+    make up for a change of this one. So each end is tried with all others fitted anew, and moved
+    outwards until the means are explained worse by what the interval allows.
+    """
+    half = float(wide[i])
+    one = problem.unknowns[i]
+    if not one.sought or half > enough(one, best.theta[i]):
+        return half  # nothing is told already
+    limit = cost(problem, best.theta) + (best.quantile * SAFETY * max(best.misfit, 1.0)) ** 2
+    for side in (1.0, -1.0):
+        own = float(wide[i])
+        start = best.theta
+        while own <= enough(one, best.theta[i]):
+            value = best.theta[i] + side * own
+            if not 0.0 < value < one.most:
+                break
+            start = _fitted_beside(problem, start, i, value)
+            if cost(problem, start) > limit:
+                break
+            own *= _OUTWARDS
+        half = max(half, own)
+    return half
 
 
 def _with_other_walls(problem: Problem, theta: np.ndarray) -> list[np.ndarray]:
@@ -70,17 +101,23 @@ def _with_other_walls(problem: Problem, theta: np.ndarray) -> list[np.ndarray]:
             continue
         for factor in (_OTHER_WALL, 1.0 / _OTHER_WALL):
             value = min(max(theta[i], 0.1 * one.scale) * factor, one.most)
-            kept = np.arange(len(theta)) != i
-
-            whole = partial(_inserted, i, value)
-            part = replace(
-                problem,
-                unknowns=tuple(other for k, other in enumerate(problem.unknowns) if kept[k]),
-                predict=partial(_predicted, problem, whole),
-            )
-            if kept.any():
-                solutions.append(whole(solve(part, theta[kept], _LATER).theta))
+            if len(theta) > 1:
+                solutions.append(_fitted_beside(problem, theta, i, value))
     return solutions
+
+
+def _fitted_beside(problem: Problem, theta: np.ndarray, i: int, value: float) -> np.ndarray:
+    """The best values of all others, from `theta` on, where the i-th has a given one."""
+    kept = np.arange(len(theta)) != i
+    whole = partial(_inserted, i, value)
+    if not kept.any():
+        return whole(theta[kept])
+    part = replace(
+        problem,
+        unknowns=tuple(other for k, other in enumerate(problem.unknowns) if kept[k]),
+        predict=partial(_predicted, problem, whole),
+    )
+    return whole(solve(part, theta[kept], _LATER).theta)
 
 
 def _inserted(i: int, value: float, x: np.ndarray) -> np.ndarray:

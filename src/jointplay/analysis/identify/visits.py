@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
-from jointplay.analysis.identify.reading import Key, Measurement
+from jointplay.analysis.identify.reading import Key, Measurement, TooLittle
 from jointplay.analysis.poses import middle, moving
 from jointplay.errors import JointplayError
 from jointplay.mechanism.mechanism import Mechanism
@@ -88,6 +88,17 @@ class Visits:
             path_visit=belongs,
             path_near=near,
         )
+
+
+def no_visits() -> tuple[Visits, Observed]:
+    """Of a measurement of impacts alone."""
+    none, table = np.zeros(0), np.zeros((0, 0))
+    numbers, sides = none.astype(int), none.astype(bool)
+    made = Visits(
+        (), np.zeros((0, 2)), table, table, table, table, sides, np.zeros((0, 3)), numbers,
+        table, numbers, numbers, np.zeros((0, 3)),
+    )  # fmt: skip
+    return made, Observed((), table, table, ())
 
 
 @dataclass(frozen=True)
@@ -210,7 +221,7 @@ def visits(
     )
     pieces = _pieces(time, q, ways, stands, size, force)
     if not pieces:
-        raise JointplayError(
+        raise TooLittle(
             f"{measured.source}: no stop of {STOP_S:g} s and no stretch in one direction with "
             f"{FEWEST} records in a cell; measure slower, or with more records a second"
         )
