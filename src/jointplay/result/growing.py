@@ -19,7 +19,7 @@ CHUNK = 4096
 """Records that are compressed together."""
 
 
-INDEX_BYTES = 1 << 20
+INDEX_BYTES = 1 << 18
 """Of where the chunks are in the file so much is in memory, however many there are [bytes]."""
 
 
