@@ -220,3 +220,10 @@ def test_largest_force_of_any_contact_asks_for_the_smallest_explicit_step(free_m
     mechanism = hard.simulation.mechanism
     q = hard["q"].values[0]
     assert hard.audit.friction_step_limit == friction_step_limit(mechanism, "pin", q, peak)
+
+
+def test_contacts_that_did_not_end_have_no_length():
+    change = {"impacts": 3, "shortest_contact_steps": 0}
+    assert "contacts: 3, none ended," in str(Audit(**(GOOD.describe() | change)))
+    ended = {"impacts": 3, "shortest_contact_steps": 12}
+    assert "contacts: 3, shortest 12 steps," in str(Audit(**(GOOD.describe() | ended)))

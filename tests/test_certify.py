@@ -275,7 +275,9 @@ def test_a_scenario_told_to_stop_while_it_certifies_keeps_its_runs(tmp_path, cap
 
 @pytest.mark.usefixtures("stopped_while_certifying")
 def test_the_study_told_to_stop_while_it_certifies_keeps_the_case(monkeypatch, tmp_path):
-    monkeypatch.setattr(study, "scara", lambda _: replace(scara(None), duration=0.02))
+    monkeypatch.setattr(
+        "jointplay.study.cases.scara", lambda _: replace(scara(None), duration=0.02)
+    )
     with pytest.raises(KeyboardInterrupt):
         study.run_case("ideal", tmp_path, progress=False)
     assert plain(tmp_path / study.FILES["ideal"])
@@ -313,7 +315,7 @@ def test_the_report_shows_what_certificates_say_as_text(short):
     shown = jp.Result(short.dataset.copy())
     found = short.certificate
     shown.certificate = replace(found, note="<script>", runs=("<b>finer",))
-    (case,) = cases.build({"one": shown}, 0, print)
+    (case,) = cases.build({"one": shown}, print)
     page = judgement.certificates([case])
     assert "&lt;script&gt;" in page
     assert "<b>" not in page

@@ -16,6 +16,7 @@ from conftest import body, joint
 import jointplay as jp
 from jointplay import JointplayError, Motion, Result, cli, exports
 from jointplay.joints import SphericalClearance
+from jointplay.result.thin import thinned
 from jointplay.study import scara
 
 
@@ -81,7 +82,7 @@ def test_contacts_that_a_joint_does_not_have_give_no_column():
 
 
 def test_fewer_records_keep_the_peaks_between_them(result):
-    thin = exports.thinned(result, 300)
+    thin = thinned(result, 300)
     assert thin.time.tolist() == pytest.approx([0.0, 0.03, 0.06, 0.09, 0.1])
     force = np.linalg.norm(result["joint_force_peak"].values[:, 0], axis=1)
     kept = np.linalg.norm(thin["joint_force_peak"].values[:, 0], axis=1)
@@ -94,7 +95,7 @@ def test_fewer_records_keep_the_peaks_between_them(result):
     assert len(result.to_dataframe(every=300)) == 5
     for wrong in (0, -1, 2.5, True):
         with pytest.raises(JointplayError, match=r"every must be a whole number"):
-            exports.thinned(result, wrong)
+            thinned(result, wrong)
 
 
 def test_csv_reads_back_bit_for_bit_with_units_in_its_header(result, tmp_path):
@@ -195,7 +196,7 @@ def test_messages_are_those_of_ros(result, bagged):
 
     store = get_typestore(Stores.ROS2_HUMBLE)
     with AnyReader([bagged], default_typestore=store) as reader:
-        assert reader.message_count == 1 + 5 * len(exports.thinned(result, 200).time)
+        assert reader.message_count == 1 + 5 * len(thinned(result, 200).time)
         for connection, _, raw in reader.messages():
             kind = connection.msgtype
             for name, (_, fields) in get_types_from_msg(definition(kind), kind).items():
@@ -216,7 +217,7 @@ def test_trajectory_files_have_the_fields_of_the_message(result, tmp_path):
 def test_bags_come_back_as_motions(result, tmp_path):
     path = result.export(tmp_path / "r.mcap", every=10)
     names = ["joint_a", "joint_b.yaw", "stroke", "joint_c"]
-    expected = exports.thinned(result, 10)["q"].sel(coordinate=names)
+    expected = thinned(result, 10)["q"].sel(coordinate=names)
     for topic in (None, "/joint_states", "/joint_trajectory"):
         motion = Motion.from_mcap(path, topic)
         assert motion.joints == ("joint_a", "joint_b", "stroke", "joint_c")
@@ -343,7 +344,7 @@ def test_rerun_recordings_hold_the_robot_and_all_numbers(result, tmp_path):
         raise AssertionError(f"{entity} has no {name}")
 
     force = column("/force/joint_b", "Arrows3D:vectors").to_pylist()
-    thin = exports.thinned(result, 100)
+    thin = thinned(result, 100)
     work = column("/histories/drive_work", "Scalars:scalars").to_pylist()
     assert [value[0] for value in work] == thin["drive_work"].values.tolist()
     times = column("/histories/drive_work", "time").cast("int64").to_numpy()

@@ -68,6 +68,16 @@ def test_damping_bounds_the_slope_of_the_force(law, e, rate, whirl, spin):
     assert steepest <= 1.05 * evaluate(law, e, rate, whirl, spin)[3]
 
 
+@pytest.mark.parametrize("law", [ShortBearing(OIL), PinkusSternlicht(OIL)], ids=lambda x: x.name)
+@pytest.mark.parametrize("e", [1e-3, 0.1, 0.3, 0.5, 0.7, 0.9, 0.97])
+def test_damping_is_near_the_slope_where_the_film_is_squeezed(law, e):
+    """A bound that is far too high would be one as well: it is twice the slope at most."""
+    step, rate = 1e-4, 5.0
+    ends = [evaluate(law, e, rate + way * step)[:2] for way in (1.0, -1.0)]
+    slope = np.linalg.norm(ends[0] - ends[1]) / (2.0 * step * FILM.clearance)
+    assert 1.0 <= evaluate(law, e, rate)[3] / slope <= 2.05
+
+
 @given(e=eccentricities)
 def test_turning_steadily_is_ocvirk(e):
     along, across, moment, _ = evaluate(ShortBearing(OIL), e, spin=50.0)

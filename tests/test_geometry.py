@@ -32,6 +32,12 @@ def pose(x, y, z, pitch, roll):
     return np.array([x, y, z]), journal_axis(np.array([[0.0, pitch, roll]]))[0]
 
 
+@pytest.mark.parametrize("angles", [(0.3, -0.7, 1.1), (-2.0, 0.4, -0.9), (0.0, 0.2, 0.5)])
+def test_the_journals_axis_is_the_third_column_of_its_rotation(angles):
+    expected = Rotation.from_euler("ZYX", angles).as_matrix()[:, 2]
+    np.testing.assert_allclose(journal_axis(np.array([angles]))[0], expected, atol=1e-15)
+
+
 def rim(centre, axis, side):
     """Points of one rim, densely sampled."""
     e1 = np.cross(axis, [0.0, 1.0, 0.0])

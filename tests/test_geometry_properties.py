@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from scipy.interpolate import BSpline
 from scipy.spatial.transform import Rotation
 
 import jointplay as jp
@@ -152,7 +153,7 @@ def test_mirrored_pose_has_the_mirrored_gaps(kind, axis, pose):
     first, second = np.argsort(gap), np.argsort(gap_2)
     np.testing.assert_allclose(gap_2[second], gap[first], atol=1e-13)
     if len(gap) < 3:  # nothing to confuse
-        assume(np.linalg.norm(centre) > 1e-5)
+        assume(np.hypot(*centre[:2]) > 1e-5)  # else there is no direction to mirror
         np.testing.assert_allclose(point_2, point @ mirror, atol=1e-9)
 
 
@@ -261,3 +262,41 @@ def test_a_face_is_a_surface_while_its_far_side_is_within_the_tolerance(azimuth,
     dimensions = np.array(joint.dimensions, float)
     _, _, forms = classify_many(int(joint.shape), dimensions, 4, pose[None])
     assert Form(int(forms[0])) is form
+
+
+@pytest.mark.parametrize("kind", ["aligned", "worn aligned"])
+@given(x=small, y=small, z=small)
+def test_a_journal_that_cannot_tilt_has_the_end_walls_of_its_axial_clearance(kind, x, y, z):
+    """Gaps C_a - z at end A and C_a + z at end B, touched at the journal's ends."""
+    gap, point, normal = evaluate(KINDS[kind], np.array([x, y, z]), np.eye(3))
+    half = 0.5 * KINDS[kind].lj
+    np.testing.assert_allclose(gap[1:], [2e-4 - z, 2e-4 + z], atol=1e-15)
+    np.testing.assert_allclose(point[1:, 2], [z + half, z - half], atol=1e-15)
+    np.testing.assert_allclose(normal[1:], [[0, 0, -1], [0, 0, 1]])
+
+
+JAGGED = WORN + 5e-6 * np.random.default_rng(3).uniform(0.0, 1.0, 24)
+"""As uneven as a bore may be between azimuths that have two lowest places at most [m]."""
+
+
+@settings(max_examples=60)
+@given(x=small, y=small, roll=lean, pitch=lean)
+def test_the_gap_of_a_jagged_bore_is_the_least_over_all_directions(x, y, roll, pitch):
+    """Against g(u) = R_i + w(u) - p.u - R_j sqrt(1 - (u.a)^2) over 24,000 directions."""
+    joint = jp.RevoluteClearance(**PLAY, worn=[list(JAGGED), list(JAGGED)])
+    rotation = Rotation.from_euler("ZYX", [0.0, pitch, roll]).as_matrix()
+    centre, axis = np.array([x, y, 0.0]), rotation[:, 2]
+    gap = evaluate(joint, centre, rotation)[0][:2]
+    turn = 2.0 * np.pi * np.arange(24_000) / 24_000
+    u = np.column_stack([np.cos(turn), np.sin(turn)])
+    knots = np.arange(-5, len(JAGGED) + 6)  # the cubic B-spline whose coefficients they are
+    depth = BSpline(knots, JAGGED[(knots[:-4] + 2) % len(JAGGED)], 3)
+    for end, side in enumerate((1.0, -1.0)):
+        p = centre[:2] + side * 0.5 * joint.lj * axis[:2]
+        all_gaps = (
+            joint.ri
+            + depth(turn * 24 / (2 * np.pi))
+            - u @ p
+            - joint.rj * np.sqrt(1.0 - (u @ axis[:2]) ** 2)
+        )
+        assert gap[end] == pytest.approx(all_gaps.min(), abs=2e-9)

@@ -1,12 +1,14 @@
 """Figures of ISO 9283: points with known figures, and small runs."""
 
 import os
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from conftest import body, joint
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from jointplay import JointplayError, Mechanism, Motion, RevoluteClearance, Simulation
 from jointplay.analysis import traces as traces_module
@@ -57,6 +59,43 @@ def test_repeatability_is_the_mean_distance_and_three_standard_deviations():
     spread = np.std([1.0, 1.0, 3.0, 3.0], ddof=1)
     assert found.poses[0].rp.value == pytest.approx(1e-4 * (2.0 + 3.0 * spread))
     assert found.poses[0].ap.value == pytest.approx(0.0, abs=1e-15)
+
+
+def turned(angles, motion=None):
+    """A cycle whose tool is turned by a rotation vector in world axes [rad]."""
+    plain = course(motion=motion)
+    quaternion = Rotation.from_rotvec(angles).as_quat()[[3, 0, 1, 2]]
+    return replace(plain, orientation=np.tile(quaternion, (len(TIME), 1)))
+
+
+def test_orientation_figures_are_means_and_three_standard_deviations():
+    # The commanded tool is turned itself; play turns it further.
+    command = Rotation.from_euler("z", 0.8)
+    errors = 1e-3 * np.array([[1, 0, 5], [3, 0, 5], [2, 1, 5], [2, -1, 5.0]])
+    runs = [turned((Rotation.from_rotvec(error) * command).as_rotvec()) for error in errors]
+    found = figures(runs, turned(command.as_rotvec()), there_and_back())
+    pose = found.poses[0].orientation
+    assert [one.value for one in pose.accuracy] == pytest.approx([2e-3, 0.0, 5e-3], abs=1e-9)
+    spread = 3e-3 * np.sqrt(2.0 / 3.0)
+    assert [one.value for one in pose.repeatability] == pytest.approx(
+        [spread, spread, 0.0], abs=1e-8
+    )
+    # As much everywhere on the path, where AT is the size of the largest.
+    path = found.path_orientation
+    assert path.accuracy[2].value == pytest.approx(5e-3)
+    assert path.repeatability[0].value == pytest.approx(spread)
+    assert "AP_a" in str(found)
+    assert "RP_c" in str(found)
+    rows = found.csv().splitlines()
+    assert any(row.startswith("AP_c,7.2.1,2,0.005,") and row.endswith(",rad") for row in rows)
+    assert sum(row.startswith(("AT_", "RT_")) for row in rows) == 8
+
+
+def test_cycles_whose_orientation_nobody_recorded_have_no_figures_of_it():
+    found = figures(cycles(1e-4 * SQUARE), course(), there_and_back())
+    assert found.poses[0].orientation is None
+    assert found.path_orientation is None
+    assert "AP_a" not in found.csv()
 
 
 def test_a_lag_along_the_path_is_no_error_of_the_path():
@@ -181,6 +220,8 @@ def test_a_pendulum_hangs_in_its_bearing_by_its_clearance(arm):
     assert stop.axes[2].value == pytest.approx(-PLAY, rel=0.15)
     assert stop.ap.value == pytest.approx(PLAY, rel=0.15)
     assert stop.rp.value < 0.5 * PLAY
+    # Its axis cannot lean, and the drive holds its angle.
+    assert [one.value for one in stop.orientation.accuracy] == pytest.approx([0.0] * 3, abs=1e-4)
     assert "simulated cycles" in str(found)
     assert "asks for 30" in str(found)
 
@@ -235,6 +276,7 @@ def test_the_command_writes_table_figures_and_goes_on(arm, tmp_path, capsys):
     rows = (out / "iso9283.csv").read_text().splitlines()
     assert rows[0] == "figure,clause,time_s,value,low,high,unit"
     assert any(row.startswith("RT_p,8.3") for row in rows)
+    assert any(row.startswith("RP_b,7.2.2") for row in rows)
 
 
 def test_the_command_says_in_one_line_what_is_wrong(arm, capsys):

@@ -3,15 +3,17 @@
 import ast
 import importlib
 import importlib.util
+import os
 import re
 import shutil
+import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 from numba import njit
 
-from jointplay.kernel import enter
+from jointplay.kernel.entry import ENTRIES
 from jointplay.kernel.parts import PartLibrary, internal
 
 stamp = importlib.import_module("jointplay.kernel.sources")
@@ -54,7 +56,8 @@ def test_tests_and_benchmarks_reach_no_private_name_of_the_engine():
 
 
 def test_the_kernel_is_stamped_with_all_its_sources():
-    assert enter._cache._cache_file._source_stamp == stamp.fingerprint()
+    stamps = {entry._cache._cache_file._source_stamp for entry in ENTRIES}
+    assert stamps == {stamp.fingerprint()}
     compiled = re.compile(r"\b(njit|internal|inlined)\b")
     assert {p for p in PACKAGE.glob("*.py") if compiled.search(p.read_text())} <= set(stamp.SOURCES)
     assert len(MODULES) > 10
@@ -172,3 +175,18 @@ def test_compiled_functions_that_call_other_files_are_stamped_with_them():
     whole = numba_cache.fingerprint((*stamp.SOURCES, Path(elastic.__file__)))
     for name in ("_wrench", "_energy", "_stiffness"):
         assert getattr(elastic, name)._cache._cache_file._source_stamp == whole
+
+
+def test_uncompiled_the_package_still_works():
+    """NUMBA_DISABLE_JIT, for debuggers and mutation tests: slow, the same numbers, no kernel."""
+    code = (
+        "from jointplay.geometry import radial_gap, touch_cylinder\n"
+        "import jointplay as jp, jointplay.kernel.entry, jointplay.simulation.elastic\n"
+        "print(jp.contact.Hertz(), radial_gap.__module__, hasattr(touch_cylinder, 'py_func'))\n"
+    )
+    environment = os.environ | {"NUMBA_DISABLE_JIT": "1"}
+    out = subprocess.run(
+        [sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=False
+    )
+    assert out.returncode == 0, out.stderr
+    assert out.stdout == "Hertz() jointplay.geometry.cylinder False\n"

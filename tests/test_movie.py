@@ -34,7 +34,7 @@ def filmable():
 
     with sync_playwright() as tools:
         try:
-            movie._launched(tools, Error).close()
+            movie.launched(tools, Error).close()
         except jp.JointplayError as error:
             pytest.skip(str(error))
 
@@ -102,10 +102,10 @@ def test_a_machine_without_a_browser_is_told_how_to_get_one(monkeypatch, tmp_pat
     monkeypatch.delenv(movie.CHROMIUM, raising=False)
     monkeypatch.setattr(movie.shutil, "which", lambda name: None)
     with pytest.raises(jp.JointplayError, match="playwright install chromium"):
-        movie._launched(Tools, OSError)
+        movie.launched(Tools, OSError)
     monkeypatch.setenv(movie.CHROMIUM, str(tmp_path / "gone"))
     with pytest.raises(jp.JointplayError, match="names no file"):
-        movie._launched(Tools, OSError)
+        movie.launched(Tools, OSError)
 
 
 def test_a_picture_shows_the_hardest_impact(run, filmable, tmp_path):

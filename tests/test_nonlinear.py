@@ -190,11 +190,11 @@ def test_a_turn_has_a_whole_number_of_steps_not_longer_than_asked():
 def test_repeated_motion_goes_through_its_waypoints_each_time():
     motion = jp.Motion(["a"], [0.0, 1.0, 3.0], [[0.0], [2.0], [0.0]])
     simulation = crank()
-    twice = nonlinear._repeated(motion, 2)
+    twice = nonlinear.repeated(motion, 2)
     assert twice.duration == 6.0
     at = np.linspace(0.0, 3.0, 50)
     assert twice(at + 3.0)[0] == pytest.approx(motion(at)[0], abs=1e-12)
-    assert nonlinear._repeated(simulation.motion, 9) is simulation.motion
+    assert nonlinear.repeated(simulation.motion, 9) is simulation.motion
 
 
 def test_motion_that_does_not_return_cannot_be_repeated():

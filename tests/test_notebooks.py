@@ -48,4 +48,5 @@ def test_there_are_notebooks():
         "first_run",
         "comparing_clearances",
         "own_mechanism",
+        "decisions",
     }

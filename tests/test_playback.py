@@ -282,6 +282,20 @@ NAMES = """() => {
     return names;
 }"""
 
+OPENED = """() => {
+    const p = window.jointplay, joints = p.cases.flatMap(c => c.joints.map(joint => [c, joint]));
+    const forces = joints.map(([c, joint]) => joint.size[c.time.findIndex(t => t >= p.t)]);
+    return [p.t, Math.max(...forces), p.strongest];
+}"""
+
+PLAY_BEGINS = """() => {
+    const p = window.jointplay;
+    p.setPlaying(true);
+    const t = p.t;
+    p.setPlaying(false);
+    return t;
+}"""
+
 
 def check(tab, address):
     things = tab.evaluate(NAMES)
@@ -291,6 +305,11 @@ def check(tab, address):
     for part in ("ghost", "trace", "joints"):
         assert part in paths
     begin = picture(tab)
+    t, force, strongest = tab.evaluate(OPENED)
+    assert t > 0.0
+    assert force == pytest.approx(strongest, rel=1e-3)
+    assert "the hardest impact" in tab.inner_text("#status")
+    assert tab.evaluate(PLAY_BEGINS) == 0.0
     tab.evaluate("window.jointplay.seek(0.2)")
     scrubbed = picture(tab)
     assert tab.evaluate("window.jointplay.t") == pytest.approx(0.2)

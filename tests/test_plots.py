@@ -132,7 +132,7 @@ def test_an_ideal_run_has_no_orbit_to_plot(cases):
 
 @pytest.mark.parametrize("number", [2, 5, 6])
 def test_legends_are_read_in_the_order_of_the_cases(number):
-    from jointplay.plots.figures import _legend
+    from jointplay.plots.figures import ordered_legend
     from jointplay.plots.style import new_figure
 
     figure = new_figure(8.0, 4.0)
@@ -140,7 +140,7 @@ def test_legends_are_read_in_the_order_of_the_cases(number):
     names = [f"case {i}" for i in range(number)]
     for name in names:
         axes.plot([0, 1], [0, 1], label=name)
-    _legend(figure, axes)
+    ordered_legend(figure, axes)
     figure.canvas.draw()
     places = []
     for text in figure.legends[0].get_texts():
@@ -163,3 +163,25 @@ def test_ticks_of_orbits_do_not_overlap_however_small(cases):
         ]
         inside = sorted((box.x0, box.x1) for box in boxes)
         assert all(right <= left for (_, right), (left, _) in pairwise(inside))
+
+
+def test_a_figure_is_laid_out_and_drawn_once(cases, monkeypatch, tmp_path):
+    from matplotlib.figure import Figure
+
+    from jointplay.plots.style import style
+
+    with style():
+        figure = plots.FIGURES["tool_velocity"](cases)
+    engine = figure.get_layout_engine()
+    drawn, laid_out = [], []
+    draw, execute = Figure.draw, type(engine).execute
+    monkeypatch.setattr(Figure, "draw", lambda *given: drawn.append(1) or draw(*given))
+    monkeypatch.setattr(
+        type(engine), "execute", lambda *given: laid_out.append(1) or execute(*given)
+    )
+    figure.savefig(tmp_path / "figure.pdf")
+    assert (len(laid_out), len(drawn)) == (1, 1)
+    assert figure.get_layout_engine() is engine
+    left = [panel.get_position().x0 for panel in figure.axes]
+    assert max(left) - min(left) > 0.4  # two columns, each with room for its labels
+    assert min(left) > 0.05

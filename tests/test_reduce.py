@@ -80,6 +80,56 @@ def test_the_lean_is_that_of_the_bearing(plain):
     )
 
 
+def test_the_leans_error_is_what_friction_and_contacts_do_to_it(plain):
+    mechanism, found = plain
+    one = mechanism.clearance["j"]
+    lean = found.history["lean"]
+    # The arm reverses about x: its weight leans the journal outwards, friction drags it aside.
+    size = np.linalg.norm(lean, axis=1)
+    assert size == pytest.approx(np.full(len(size), found.tilt), rel=0.05)
+    dragged = found.tilt * 0.1  # its coefficient of friction
+    assert 0.5 * dragged < found.tilt_rms < 1.5 * dragged
+    assert found.tilt_rms < found.tilt_error < 0.6 * found.tilt
+    assert "lean, stated error" in str(found)
+    assert json.loads(to_json(found, "motor", 0.3))
+    flat = Mechanism(
+        mechanism.description.path, {"j": RevoluteClearance.planar(radial_clearance=one.cr)}
+    )
+    none = reduce_joint(flat, "j", period=0.4)
+    assert (none.tilt, none.tilt_error, none.tilt_rms) == (0.0, 0.0, 0.0)
+    assert "lean" not in none.history
+
+
+def test_a_journal_that_no_load_leans_says_so(tmp_path, path, capsys):
+    # Its axis is level: the weight, a little aside, presses both rims down.
+    text = path.read_text().replace('xyz="0 0 1"', 'xyz="0 1 0"')
+    text = text.replace('xyz="0.3 0 0"', 'xyz="0.3 0.003 0"')
+    level = tmp_path / "level.urdf"
+    level.write_text(text)
+    order = [
+        "reduce",
+        str(level),
+        "--joint",
+        "j",
+        "--clearance",
+        "0.1 mm",
+        "--period",
+        "0.4",
+        "--tilt",
+    ]
+    assert main([*order, "--quiet", "--out", str(tmp_path / "out")]) == 0
+    assert "leave --tilt out" in capsys.readouterr().out
+
+
+def test_mujocos_axis_leans_as_the_full_model_within_the_stated_error(plain, geared):
+    pytest.importorskip("mujoco")
+    for mechanism, found in (plain, geared):
+        seen = follow(to_mjcf(mechanism, found, tilt=True), found)
+        assert 0.0 < seen.lean_error <= found.tilt_error
+        assert seen.error <= found.angle_error + 1e-9
+        assert follow(to_mjcf(mechanism, found), found).lean_error is None
+
+
 def test_mujoco_follows_the_link_through_reversals_within_the_stated_error(geared):
     pytest.importorskip("mujoco")
     mechanism, found = geared

@@ -153,3 +153,46 @@ def test_page_works_in_a_browser_without_a_network(page, tmp_path):
     assert all(image.std() > 0.02 for image in images)
     before, after = images[-2:]
     assert before.shape != after.shape or np.abs(before - after).mean() > 1e-3
+
+
+IN_PRINT = """() => {
+    const broken = [], right = document.documentElement.clientWidth;
+    for (const cell of document.querySelectorAll("th, td")) {
+        const words = document.createTreeWalker(cell, NodeFilter.SHOW_TEXT);
+        for (let node = words.nextNode(); node; node = words.nextNode()) {
+            for (const word of node.data.matchAll(/[\\w.,]+/g)) {
+                const range = document.createRange();
+                range.setStart(node, word.index);
+                range.setEnd(node, word.index + word[0].length);
+                const tops = new Set([...range.getClientRects()].map(box => Math.round(box.top)));
+                if (tops.size > 1) broken.push(word[0]);
+            }
+        }
+    }
+    const tables = [...document.querySelectorAll("table")];
+    const wide = tables.filter(one => one.getBoundingClientRect().right > right + 1).length;
+    const charts = [...document.querySelectorAll(".chart")].map(one => one.id);
+    const empty = charts.filter(id => !document.querySelector(`#${id} .main-svg .trace`));
+    return { broken, wide, tables: tables.length, charts: charts.length, empty };
+}"""
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="no chromium is installed")
+def test_a_print_has_whole_words_whole_tables_and_all_charts(page, tmp_path):
+    sync = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    with sync.sync_playwright() as tools:
+        browser = tools.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        tab = browser.new_page(viewport={"width": 1100, "height": 900})
+        tab.goto(page.as_uri())
+        tab.wait_for_function("window.jointplayReport && window.jointplayReport.ready")
+        tab.pdf(path=tmp_path / "at_once.pdf")  # draws what was not yet on the screen
+        tab.emulate_media(media="print")
+        tab.set_viewport_size({"width": 703, "height": 1000})  # A4 between its margins
+        seen = tab.evaluate(IN_PRINT)
+        browser.close()
+    assert seen["tables"] > 8
+    assert seen["charts"] > 10
+    assert seen["broken"] == []
+    assert seen["wide"] == 0
+    assert seen["empty"] == []
+    assert (tmp_path / "at_once.pdf").stat().st_size > 100_000

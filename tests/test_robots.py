@@ -265,6 +265,29 @@ def test_a_step_that_the_impacts_of_a_robot_need_is_chosen_and_said(capsys):
     said = capsys.readouterr().err
     assert "step: 2e-06 s (chosen: an impact in elbow_flex lasts" in said
     scenario.prepare()
+    assert scenario.simulation().record_every == 50  # records 0.1 ms apart, as ever
     scenario = scenario_of(parser().parse_args([*line, "--step", "1e-6"]))
     assert "step:" not in capsys.readouterr().err
     assert scenario.simulation().step == 1e-6
+
+
+def test_a_robot_in_one_variant_is_found_by_its_name_and_others_are_proposed():
+    assert robots.robot_urdf("hyq") == robots.robot_urdf("hyq_no_sensors")
+    with pytest.raises(JointplayError, match=r"no robot 'so_arm101'; available: so10.*and others"):
+        robots.robot_urdf("so_arm101")
+    with pytest.raises(JointplayError, match="no robot 'talos'; available: talos_full"):
+        robots.robot_urdf("talos")  # of several none is guessed
+
+
+def test_a_motion_that_nobody_gave_keeps_from_the_limits():
+    from jointplay.mechanism.urdf import read
+    from jointplay.scenario.robot import robot_scenario
+
+    scenario, _ = robot_scenario("panda", ["panda_joint4"])
+    entries = read(robots.robot_urdf("panda")).joints
+    ways = scenario.data("result")["motion"]["joints"]
+    assert entries["panda_joint4"].upper < 0.0  # begins elsewhere than at zero
+    for name, way in ways.items():
+        room = 0.009 * (entries[name].upper - entries[name].lower)
+        assert entries[name].lower + room < min(way)
+        assert max(way) < entries[name].upper - room

@@ -91,10 +91,10 @@ def test_usual_units_are_what_pint_says():
     """Those that need no pint give bit for bit what it gives."""
     from jointplay import units
 
-    for text, (goal, factor) in units._COMMON.items():
-        unit = units._unit(text)
-        assert units._fits(unit, goal), text
-        assert unit.factor / units._unit(goal).factor == pytest.approx(factor, rel=1e-15), text
+    for text, (goal, factor) in units.COMMON.items():
+        unit = units.unit_of(text)
+        assert units.fits(unit, goal), text
+        assert unit.factor / units.unit_of(goal).factor == pytest.approx(factor, rel=1e-15), text
         for number in ("0.2", "1.7e3", "30"):
-            exact = units._exact(number, unit.factor / units._unit(goal).factor)
+            exact = units.exact(number, unit.factor / units.unit_of(goal).factor)
             assert float(units.convert(f"{number} {text}", goal)) == exact, text

@@ -11,7 +11,7 @@ import pytest
 
 SLOW = (
     *("numba", "llvmlite", "pinocchio", "coal", "scipy", "xarray", "pandas", "matplotlib"),
-    *("pint", "trimesh", "yourdfpy", "meshcat", "pydantic"),
+    *("pint", "trimesh", "yourdfpy", "meshcat", "pydantic", "zarr"),
 )
 """Packages that take a tenth of a second and more."""
 
@@ -52,8 +52,11 @@ def folder(tmp_path):
     (tmp_path / "bad.toml").write_text(SCENARIO.format(more='radial_clearnce = "1 mm"'))
     (tmp_path / "unit.toml").write_text(SCENARIO.format(more='bearing_radius = "10 s"'))
     (tmp_path / "full").mkdir()
-    for name in ("result.nc", "good.nc"):
+    taken = ("result.nc", "good.nc", "case1_0.2mm.nc", "budget.csv", "allocation.png")
+    for name in (*taken, "iso9283.csv", "shares.csv", "maintenance.csv", "plan.txt", "j.sdf"):
         (tmp_path / "full" / name).write_bytes(b"something")
+    (tmp_path / "a.zarr").mkdir()
+    (tmp_path / "a.zarr" / "zarr.json").write_text("{}")
     (tmp_path / "there.html").write_text("")
     (tmp_path / "a.nc").write_bytes(b"")
     return tmp_path
@@ -73,6 +76,21 @@ def folder(tmp_path):
         (["play", "a.nc", "--html", "there.html"], "exists"),
         (["report", "none.nc"], "no result file"),
         (["report", "a.nc", "-o", "there.html"], "exists"),
+        (["scara", "--out", "full"], "already holds results (case1_0.2mm.nc)"),
+        (["scara", "--out", "new", "--runs", "1"], "at least 2 runs"),
+        (["scara", "--out", "new", "--jobs", "0"], "at least one process"),
+        (["budget", "ur5", "--out", "full"], "already holds results (budget.csv)"),
+        (["allocate", "ur5", "--target", "1e-4", "--out", "full"], "(allocation.png)"),
+        (["reduce", "ur5", "--joint", "j", "--out", "full"], "(j.sdf)"),
+        (["iso9283", "good.toml", "--out", "full"], "(iso9283.csv)"),
+        (["shares", "good.toml", "--out", "full"], "(shares.csv)"),
+        (["maintenance", "good.toml", "--target", "1e-4", "--out", "full"], "(maintenance.csv)"),
+        (["identify", "good.toml", "--plan", "--out", "full"], "(plan.txt)"),
+        (["sweep", "good.toml", "--out", "a.zarr"], "--resume"),
+        (["sweep", "good.toml", "--out", "full"], "a folder of other things"),
+        (["plot-sweep", "a.zarr", "x=a", "y=b", "--out", "there.html"], "exists"),
+        (["uncertainty", "a.zarr", "m", "--out", "there.html"], "exists"),
+        (["export", "a.nc", "--out", "table.xyz"], "table.xyz"),
     ],
 )
 def test_refusals_import_nothing_slow(arguments, words, folder):
@@ -88,6 +106,12 @@ def test_a_wrong_unit_may_need_pint_only(folder):
     assert status == 2
     assert '"10 s"' in said
     assert set(slow) <= {"pint", "scipy"}  # which pint imports
+
+
+def test_a_check_without_a_picture_needs_no_library_of_results_and_figures(folder):
+    status, said, slow = command("check", "good.toml", "--no-picture", folder=folder)
+    assert status == 0, said
+    assert not {"xarray", "pandas", "matplotlib", "zarr"} & set(slow)
 
 
 def test_an_occupied_folder_is_not_claimed_and_a_free_one_not_made(folder):

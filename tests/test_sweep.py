@@ -1,5 +1,6 @@
 """Sweeps that are run: what is in their stores, and what they refuse."""
 
+import importlib
 import json
 import subprocess
 import sys
@@ -92,7 +93,8 @@ def test_the_ideal_joint_has_no_tool_error_and_the_force_of_its_reaction(done):
 
 def test_resuming_a_finished_sweep_runs_nothing(done, monkeypatch):
     before = jp.open_sweep(done[0]).load()
-    monkeypatch.setattr("jointplay.sweeps.run._workers", lambda *_: pytest.fail("nothing is left"))
+    run = importlib.import_module("jointplay.sweeps.run")
+    monkeypatch.setattr(run, "workers_for", lambda *_: pytest.fail("nothing is left"))
     after = jp.sweep(done[1], done[0], resume=True)
     xr.testing.assert_identical(after.load(), before)
 

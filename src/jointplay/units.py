@@ -38,7 +38,7 @@ WORDS = {
 """Units of the package by their text: what they measure, and an example for messages."""
 
 _DEGREE = 0.017453292519943295
-_COMMON = {
+COMMON = {
     "m": ("m", 1.0), "mm": ("m", 1e-3), "cm": ("m", 1e-2), "um": ("m", 1e-6), "µm": ("m", 1e-6),
     "rad": ("rad", 1.0), "mrad": ("rad", 1e-3), "deg": ("rad", _DEGREE),
     "s": ("s", 1.0), "ms": ("s", 1e-3), "us": ("s", 1e-6), "µs": ("s", 1e-6),
@@ -110,20 +110,20 @@ def convert(value: Any, *units: str) -> Measured:
     if match is None:
         raise ValueError(f"{shown(value)} is {_no(units)}; expected {expected(*units)}")
     number, text = match.groups()
-    usual, factor = _COMMON.get(text, ("", 1.0))
+    usual, factor = COMMON.get(text, ("", 1.0))
     if usual in units and usual:
         return _measured(value, number, factor, usual, units)
     try:
         if len(text) > _LONGEST_UNIT or _NO_UNIT.search(text):
             raise ValueError(text)
-        unit = _unit(text)
+        unit = unit_of(text)
     except ValueError:
         raise ValueError(
             f'unknown unit "{text}" in {shown(value)}; expected {expected(*units)}'
         ) from None
     for goal in units:
-        if _fits(unit, goal) and not (goal and not text):
-            return _measured(value, number, unit.factor / _unit(goal).factor, goal, units)
+        if fits(unit, goal) and not (goal and not text):
+            return _measured(value, number, unit.factor / unit_of(goal).factor, goal, units)
     missing = " without a unit" if not text else ""
     raise ValueError(f"{shown(value)}{missing} is {_no(units)}; expected {expected(*units)}")
 
@@ -131,7 +131,7 @@ def convert(value: Any, *units: str) -> Measured:
 def _measured(
     value: str, number: str, factor: float, goal: str, units: tuple[str, ...]
 ) -> Measured:
-    measured = _exact(number, factor)
+    measured = exact(number, factor)
     if not math.isfinite(measured):
         raise ValueError(f"{shown(value)} is not finite; expected {expected(*units)}")
     return Measured(measured, goal, value)
@@ -168,16 +168,17 @@ class _Unit:
         self.turns = dict(root.unit_items()).get("radian", 0)
 
 
-def _fits(unit: _Unit, goal: str) -> bool:
+def fits(unit: _Unit, goal: str) -> bool:
+    """Whether values in `unit` can be told in `goal`."""
     # The radian has no dimension, so an angle would pass for a number, and a number for an angle.
     # Where both are usual (N m per radian, 1/s), either will do.
-    wanted = _unit(goal)
+    wanted = unit_of(goal)
     return unit.dimensions == wanted.dimensions and (
         goal not in ("", "rad") or unit.turns == wanted.turns
     )
 
 
-def _exact(number: str, factor: float) -> float:
+def exact(number: str, factor: float) -> float:
     """number * factor, correctly rounded if the factor is a power of ten."""
     try:
         power = round(math.log10(factor))
@@ -189,7 +190,7 @@ def _exact(number: str, factor: float) -> float:
 
 
 @cache
-def _unit(text: str) -> _Unit:
+def unit_of(text: str) -> _Unit:
     """Look a unit up.
 
     Raises:

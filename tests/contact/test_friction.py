@@ -124,3 +124,30 @@ def test_static_friction_follows_the_dynamic_one_where_it_is_not_given(name, mu_
     assert law(mu_d=mu_d).mu_s == pytest.approx(1.5 * mu_d, rel=1e-11)
     assert law(mu_d=mu_d, mu_s=0.4).mu_s == 0.4
     assert law() == law(mu_s=0.15)
+
+
+DEFAULTS = {
+    "Ambrosio": "mu_d=0.1, v0=1e-4, v1=1e-3",
+    "BengisuAkay": "mu_s=0.15, mu_d=0.1, v0=1e-3, xi=100.0",
+    "BrownMcPhee": "mu_s=0.15, mu_d=0.1, v_t=1e-3",
+    "Coulomb": "mu_d=0.1, v_t=1e-3",
+    "Dahl": "mu_d=0.1, sigma0=1e5",
+    "GonthierFriction": "mu_d=0.1, mu_s=0.15, v_s=1e-3, sigma0=1e5, sigma1=10.0, sigma2=0.0, "
+    "dwell_time=0.1",
+    "LuGre": "mu_d=0.1, mu_s=0.15, v_s=0.01, sigma0=1e5, sigma1=10.0, sigma2=0.0",
+    "Threlfall": "mu_d=0.1, v_r=1e-3",
+}
+"""What stored scenarios and results mean by a law without numbers."""
+
+
+@pytest.mark.parametrize("name", DEFAULTS)
+def test_laws_without_numbers_mean_what_they_always_meant(name):
+    law = getattr(jp.contact, name)
+    assert law() == eval(f"law({DEFAULTS[name]})", {"law": law})
+
+
+def test_lugre_is_passive_from_the_published_bound_on():
+    """sigma_2 >= sigma_1 (mu_s - mu_d)/mu_d: here 10 x 0.02/0.4 = 0.5."""
+    friction = {"mu_d": 0.4, "mu_s": 0.42, "sigma1": 10.0}
+    assert jp.contact.LuGre(**friction, sigma2=0.501).passive
+    assert not jp.contact.LuGre(**friction, sigma2=0.499).passive

@@ -8,6 +8,7 @@ import pytest
 import jointplay as jp
 from jointplay import JointplayError
 from jointplay.contact import NORMAL_LAWS
+from jointplay.contact.normal.line_contact import line_warnings
 
 PLAY = {"radial_clearance": 2e-4, "axial_clearance": 2e-4}
 GENTLE = {"max_depth": 5e-6, "max_speed": 1e-3}
@@ -222,3 +223,15 @@ def test_of_a_users_law_nobody_else_knows_the_range(free_mass):
     audit = hit(free_mass, normal=own, **steel(density=7800.0, yield_strength=1e6)).audit
     assert audit.impacts == 1
     assert audit.law_warnings == ()
+
+
+def test_the_half_width_of_a_line_contact_is_hertzs():
+    """b = sqrt(4 F R/(pi E* l)) reaches 0.3 of the journal's radius (K. L. Johnson, 1985, 4.4)."""
+    contact = joint().radial_contact
+    half = 0.3 * contact.journal_radius
+    force = half**2 * math.pi * contact.modulus * contact.contact_length / (4.0 * contact.radius)
+    (line,) = line_warnings("a law", contact._replace(yield_strength=math.inf), 1.01 * force, 1e-5)
+    assert "half-width is 0.3 of" in line
+    assert (
+        line_warnings("a law", contact._replace(yield_strength=math.inf), 0.99 * force, 1e-5) == []
+    )

@@ -8,7 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import linprog, minimize, nnls
 from scipy.stats import binom
+from tqdm import tqdm
 
+from jointplay.analysis import together
 from jointplay.analysis.levers import Part, sources
 from jointplay.analysis.static_budget import half_sphere
 from jointplay.errors import JointplayError
@@ -22,6 +24,12 @@ SAMPLES = 4000
 
 _QUANTILE_POSES = 12
 
+_PATIENCE_S = 2.0
+"""What takes longer has a bar [s]."""
+
+_DIRECTIONS_TIED = 60
+"""Over half a sphere, where plays hold each other: each is a search, in every round anew."""
+
 
 class ErrorModel:
     """The tool's error as a function of the clearances, and its rows."""
@@ -32,19 +40,29 @@ class ErrorModel:
         poses: np.ndarray | Mapping[str, float],
         quantile: float | None,
         seed: int,
+        driven: Sequence[str] | None = None,
+        progress: bool = False,
     ) -> None:
         """Find the sources of play at all poses, and draw states if a quantile is asked for."""
         self.mechanism, self.poses, self.quantile = mechanism, poses, quantile
-        self.seed = seed
+        self.seed, self.driven = seed, driven
+        self._bar = tqdm(
+            desc="allocating", unit="round", disable=not progress, delay=_PATIENCE_S, leave=False
+        )
         self.names = tuple(mechanism.clearance)
         self.nominal = np.array([joint.radial_room for joint in mechanism.clearance.values()])
-        self.parts = sources(mechanism, poses, second_order=False)
+        self.parts = sources(mechanism, poses, second_order=False, driven=driven, loops=True)
         self.n, self.j = len(self.parts[0].move), len(self.names)
+        self.tied = any(part.tie is not None for part in self.parts)
+        if self.tied and quantile is not None:
+            raise JointplayError(
+                "a quantile is of journals that rest independently of each other; those of a loop "
+                "that lean hold each other: take the worst case, or kind 'planar'"
+            )
         if quantile is None:
-            directions = np.broadcast_to(half_sphere(), (self.n, *half_sphere().shape))
+            self._half = half_sphere(_DIRECTIONS_TIED) if self.tied else half_sphere()
             # Per unit of clearance; then what gears add.
-            self._grid = np.stack([part.along(directions)[0] for part in self.parts], axis=2)
-            self._grid[..., : self.j] /= self.nominal
+            self._grid = self._gains(np.ones(len(self.parts)))
         else:
             # A state is drawn at the poses that matter; the result is judged at all of them.
             first = self._draw(self.parts, SAMPLES // 20).sum(axis=0)
@@ -67,6 +85,13 @@ class ErrorModel:
             states.append(part.along(np.broadcast_to(d, shape))[1][..., :3])
         return np.stack(states)
 
+    def _gains(self, scale: np.ndarray) -> np.ndarray:
+        """Error along each direction at each pose, by clearance: (n, directions, parts)."""
+        directions = np.broadcast_to(self._half, (self.n, *self._half.shape))
+        gains = together.along(self.parts, directions, scale=scale).value / scale[:, None, None]
+        gains[: self.j] /= self.nominal[:, None, None]
+        return np.moveaxis(gains, 0, 2)
+
     def with_clearance(self, clearance: np.ndarray) -> Mechanism:
         """The mechanism with these clearances."""
         factors = clearance / self.nominal
@@ -83,18 +108,20 @@ class ErrorModel:
     def rows(self, clearance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The error at each pose as rows . clearance + offsets, exact here: (n, j), (n,)."""
         scale = np.append(clearance / self.nominal, np.ones(len(self.parts) - self.j))
+        self._bar.update()
         return self._worst(scale) if self.quantile is None else self._at_quantile(scale)
 
     def _worst(self, scale: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         per_unit = np.append(scale[: self.j] * self.nominal, scale[self.j :])
-        best = (self._grid @ per_unit).argmax(axis=1)
-        d = half_sphere()[best]
+        grid = self._gains(scale) if self.tied else self._grid
+        best = (grid @ per_unit).argmax(axis=1)
+        d = self._half[best]
         for _ in range(5):
-            points = [part.along(d[:, None])[1][:, 0, :3] for part in self.parts]
-            total = np.einsum("j,jnk->nk", scale, np.stack(points))
+            total = together.along(self.parts, d[:, None], scale=scale).error.sum(axis=0)[:, 0, :3]
             size = np.linalg.norm(total, axis=1, keepdims=True)
             d = np.where(size > 0.0, total / np.where(size > 0.0, size, 1.0), d)
-        values = np.stack([part.along(d[:, None])[0][:, 0] for part in self.parts], axis=1)
+        found = together.along(self.parts, d[:, None], scale=scale).value[:, :, 0]
+        values = (found / scale[:, None]).T
         return values[:, : self.j] / self.nominal, values[:, self.j :].sum(axis=1)
 
     def _at_quantile(self, scale: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -117,7 +144,7 @@ class ErrorModel:
     def spread(self, mechanism: Mechanism) -> tuple[float, tuple[float, float]]:
         """Quantile with the second order, included, and its 95 % interval [m]."""
         assert self.quantile is not None
-        parts = sources(mechanism, self.poses)
+        parts = sources(mechanism, self.poses, driven=self.driven, loops=True)
         size = np.sort(np.linalg.norm(self._draw(parts).sum(axis=0), axis=2), axis=1)
         low, high = binom.ppf([0.025, 0.975], SAMPLES, self.quantile).astype(int)
         place = int(np.ceil(self.quantile * SAMPLES)) - 1

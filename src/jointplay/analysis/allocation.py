@@ -7,13 +7,16 @@ planes: the convex problem is solved for the poses and directions known to bind,
 the solution are added, and so on until none is worse than the target. A joint's axial clearance
 keeps its ratio to the radial one.
 
+Where plays of a loop hold each other the worst case is concave in the clearances: a plane found at
+some of them is too strict for others. What is found keeps the target; it need not be the cheapest.
+
 The quantile supposes that each journal rests, independently of the others, where a load on the tool
 of random direction puts it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -108,6 +111,8 @@ def allocate(
     least: float = LEAST_M,
     most: float = MOST_M,
     seed: int = 0,
+    driven: Sequence[str] | None = None,
+    progress: bool = False,
 ) -> Allocation:
     """The cheapest clearances with which the tool's error stays below `target` at all poses.
 
@@ -121,6 +126,8 @@ def allocate(
         weights: of the joints' costs, by name; one where not given.
         least, most: clearances that can be bought [m].
         seed: of the sampled states.
+        driven: joints of loops that stand; see `budget`.
+        progress: show a count of the rounds on standard error, if it takes long.
 
     Raises:
         JointplayError: a target that the least clearances miss, which says what can be reached;
@@ -130,7 +137,7 @@ def allocate(
     names = tuple(mechanism.clearance)
     _check(names, target, quantile, cost, weights or {}, least, most)
     weight = np.array([(weights or {}).get(name, 1.0) for name in names])
-    model = ErrorModel(mechanism, poses, quantile, seed)
+    model = ErrorModel(mechanism, poses, quantile, seed, driven, progress)
     problem = Problem(cost, weight, least, most)
     smallest = model.error(np.full(len(names), least))
     if smallest > target:
@@ -206,7 +213,7 @@ def _true_error(model: ErrorModel, clearance: np.ndarray) -> tuple[float, tuple[
     mechanism = model.with_clearance(clearance)
     if model.quantile is not None:
         return model.spread(mechanism)
-    worst = float(budget(mechanism, model.poses).worst.max())
+    worst = float(budget(mechanism, model.poses, driven=model.driven).worst.max())
     return worst, (worst, worst)
 
 

@@ -54,7 +54,8 @@ def headline(result: Result, ideal: Result | None, start: float = 0.0) -> list[s
         lines += _at_stops(result, error, start)
     if result.joints:
         lines += [_force(result, joint, start) for joint in result.joints]
-        began = number(result, start)
+        # The audit has counted each; records take those that follow each other at once for one.
+        began = number(result, start) if start > 0.0 else result.audit.impacts
         lines.append(f"contacts{since} {began} in {len(result.joints)} joint(s)")
     simulated = float(result.time[-1]) if len(result.time) else 0.0
     wall = float(result.dataset.attrs.get("wall_time_s", 0.0))

@@ -3,6 +3,8 @@
 ISO 9283:1998, Manipulating industrial robots: performance criteria and related test methods. Names
 and symbols are those of its clauses:
 
+The clause numbers are given from memory of the standard, which was not at hand.
+
 - 7.2.1 pose accuracy AP_p, AP_x, AP_y, AP_z: distance of the barycentre of the attained poses from
   the command pose;
 - 7.2.2 pose repeatability RP_l = mean(l) + 3 S_l, l being the distance of an attained pose from the
@@ -14,12 +16,12 @@ and symbols are those of its clauses:
 - 7.5 position overshoot OV: largest distance from the attained pose after that crossing, zero
   if the tool stays within the limit band;
 - 8.2 path accuracy AT_p, 8.3 path repeatability RT_p: the same as AP and RP, in planes across the
-  command path, the largest over the path.
+  command path, the largest over the path;
+- the same of orientation, AP_a, AP_b, AP_c and their kin: `orientation_figures`.
 
 What differs from a test of a robot: each cycle is a run of its own, whose journals begin displaced
 at random; and the command pose is where the ideal mechanism under the same drives is, so that
-only play counts, not the drives' lag, calibration, heat or the measurement. Results hold no
-orientation of the tool, so AP_a, RP_a and their kin are not given.
+only play counts, not the drives' lag, calibration, heat or the measurement.
 """
 
 from __future__ import annotations
@@ -31,6 +33,7 @@ from pathlib import Path
 
 import numpy as np
 
+from jointplay.analysis.orientation_figures import Orientation, along_path, at_pose, turns_of
 from jointplay.analysis.scatter import (
     CONFIDENCE,
     Estimate,
@@ -78,6 +81,8 @@ class Pose:
     """RP_l [m]."""
     settling: Settling | None
     """None where the motion goes on at once: there is nothing to settle in."""
+    orientation: Orientation | None = None
+    """AP_a to RP_c; None if the orientation is not known."""
 
 
 @dataclass(frozen=True)
@@ -112,6 +117,8 @@ class Iso9283:
     """Nothing before is judged [s]."""
     interval: float
     """Between two records, by which times are known [s]."""
+    path_orientation: Orientation | None = None
+    """AT_a to RT_c; None without a path, or if the orientation is not known."""
 
     @property
     def accuracy(self) -> str:
@@ -125,7 +132,7 @@ class Iso9283:
         )
 
     def __str__(self) -> str:
-        """All figures as text [mm]."""
+        """All figures as text [mm, mrad]."""
         lines = []
         for number, pose in enumerate(self.poses, 1):
             lines.append(f"pose {number} (t = {pose.time:.4g} s), {self.cycles} cycles:")
@@ -133,6 +140,7 @@ class Iso9283:
             for axis, one in zip("xyz", pose.axes, strict=True):
                 lines.append(f"  AP_{axis}                      {one.words(1e3, 'mm')}")
             lines.append(f"  RP_l  pose repeatability  {pose.rp.words(1e3, 'mm')}")
+            lines += [] if pose.orientation is None else pose.orientation.words("P")
             lines += settling_words(pose.settling, self.cycles)
         for same in self.variations:
             at = ", ".join(f"{time:.4g}" for time in same.times)
@@ -147,10 +155,12 @@ class Iso9283:
         if self.at is not None and self.rt is not None:
             lines.append(f"AT_p  path accuracy       {self.at.words(1e3, 'mm')}")
             lines.append(f"RT_p  path repeatability  {self.rt.words(1e3, 'mm')}")
+        if self.path_orientation is not None:
+            lines += self.path_orientation.words("T")
         return "\n".join([*lines, self.accuracy])
 
     def csv(self) -> str:
-        """A row for each figure, lengths in m, times in s."""
+        """A row for each figure, lengths in m, angles in rad, times in s."""
         rows = ["figure,clause,time_s,value,low,high,unit"]
 
         def row(name: str, clause: str, time: str, one: Estimate) -> None:
@@ -162,6 +172,8 @@ class Iso9283:
             for axis, one in zip("xyz", pose.axes, strict=True):
                 row(f"AP_{axis}", "7.2.1", time, one)
             row("RP_l", "7.2.2", time, pose.rp)
+            if pose.orientation is not None:
+                rows += pose.orientation.rows("P", ("7.2.1", "7.2.2"), time)
             if pose.settling is not None and pose.settling.settled == self.cycles:
                 rows.append(f"t_stabilization,7.4,{time},{pose.settling.time:.6g},,,s")
                 rows.append(f"OV,7.5,{time},{pose.settling.overshoot:.6g},,,m")
@@ -171,6 +183,8 @@ class Iso9283:
         if self.at is not None and self.rt is not None:
             row("AT_p", "8.2", "", self.at)
             row("RT_p", "8.3", "", self.rt)
+        if self.path_orientation is not None:
+            rows += self.path_orientation.rows("T", ("8.2", "8.3"), "")
         return "\n".join([*rows, ""])
 
 
@@ -273,6 +287,7 @@ def figures(
         ):
             raise JointplayError("the cycles were not recorded at the same times as the ideal one")
     error = np.stack([run.position - ideal.position for run in runs])
+    turns = turns_of(runs, ideal)
     halts = [
         stop
         for stop in (stops(motion, float(time[-1])) if _stops(motion) else [])
@@ -294,6 +309,7 @@ def figures(
                 (along(attained, 0), along(attained, 1), along(attained, 2)),
                 rp,
                 settling(runs, window, time, rp.value if band is None else band),
+                at_pose(None if turns is None else turns[:, at]),
             )
         )
     points = _path(ideal, since)
@@ -309,6 +325,7 @@ def figures(
         np.zeros(0) if across is None else repeatability(across),
         since,
         float(np.median(np.diff(time))),
+        along_path(None if turns is None else turns[:, points]),
     )
 
 

@@ -17,10 +17,12 @@ import numpy as np
 from scipy import optimize
 from tqdm import tqdm
 
-from jointplay.analysis.poses import along_motion
+from jointplay.analysis.poses import along_motion, start_of
 from jointplay.analysis.static_budget import budget
 from jointplay.analysis.wear import all_wearing, depth_of, first_profile, perturbed_runs, with_worn
 from jointplay.errors import JointplayError, require_positive
+from jointplay.mechanism.mechanism import Mechanism
+from jointplay.motion.reference import Motion
 from jointplay.simulation.simulation import Simulation
 
 Worn = Mapping[str, np.ndarray]
@@ -155,7 +157,7 @@ def maintenance(
 
     def error_of(profiles: Worn) -> float:
         mechanism = with_worn(simulation, dict(profiles)).mechanism
-        return float(budget(mechanism, poses).worst.max())
+        return _worst(mechanism, poses, simulation.motion)
 
     first = error_of(worn)
     if first >= target:
@@ -202,6 +204,12 @@ def maintenance(
     )
 
 
+def _worst(mechanism: Mechanism, poses: np.ndarray, motion: Motion | None) -> float:
+    """Static worst case along the motion [m]."""
+    driven = None if motion is None else motion.joints
+    return float(budget(mechanism, poses, driven=driven).worst.max())
+
+
 def _checked(
     simulation: Simulation,
     target: float,
@@ -227,7 +235,8 @@ def _checked(
         )
     if simulation.motion is None:
         raise JointplayError("nothing moves: the simulation has no motion, so nothing wears")
-    poses = along_motion(simulation.mechanism, simulation.motion, _POSES)
+    near = start_of(simulation)
+    poses = along_motion(simulation.mechanism, simulation.motion, _POSES, near)
     return {name: first_profile(one) for name, one in wearing.items()}, poses
 
 

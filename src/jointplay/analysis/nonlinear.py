@@ -17,7 +17,6 @@ import pinocchio as pin
 
 from jointplay.analysis.observables import observe
 from jointplay.errors import JointplayError, MissingName
-from jointplay.kernel import Status
 from jointplay.motion.reference import Motion
 from jointplay.result.result import Result
 from jointplay.simulation.run import Run
@@ -90,7 +89,7 @@ class Turning:
         every = max(math.ceil(period / records / simulation.step - 1e-9), 1)
         changed = dataclasses.replace(
             simulation,
-            motion=_repeated(simulation.motion, turns),
+            motion=repeated(simulation.motion, turns),
             duration=turns * period,
             step=period / (records * every),
             record_every=every,
@@ -114,11 +113,7 @@ class Turning:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)
             result = run.execute(check_step=False)
-        if run.workspace.status == Status.INTERRUPTED or result.message.startswith("interrupted"):
-            raise KeyboardInterrupt
-        if result.dataset.attrs["status"] != Status.COMPLETED.name.lower():
-            raise JointplayError(result.message)
-        return result
+        return result.completed()
 
     def kept(self, result: Result, names: Sequence[str]) -> np.ndarray:
         """Quantities in the turns that are looked at, shape (keep records + 1, names)."""
@@ -126,7 +121,8 @@ class Turning:
         return np.stack(columns, axis=1)[self.settle * self.records :]
 
 
-def _repeated(motion: Motion | None, turns: int) -> Motion | None:
+def repeated(motion: Motion | None, turns: int) -> Motion | None:
+    """Repeat a motion so many times, one after the other; constant speed needs no repeating."""
     if motion is None or motion.interpolation == "constant-speed" or turns == 1:
         return motion
     times = [motion.times[:-1] + k * motion.duration for k in range(turns)]

@@ -22,6 +22,7 @@ import numpy as np
 import pinocchio as pin
 from scipy.optimize import nnls
 
+from jointplay.analysis.leaning import leaning
 from jointplay.analysis.levers import sources
 from jointplay.analysis.poses import moving
 from jointplay.analysis.statics import play
@@ -29,8 +30,8 @@ from jointplay.analysis.verify import fitting_step
 from jointplay.codec import plain
 from jointplay.errors import JointplayError, MissingName, require_positive
 from jointplay.joints import JOINT_KINDS, Clearance
-from jointplay.kernel import Status
 from jointplay.loads.drive import JointFriction, Prescribed
+from jointplay.mechanism.gear import Gear
 from jointplay.mechanism.impact import elastic_energy
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.motion.reference import Motion
@@ -48,6 +49,10 @@ _MOVING = 0.05
 _DAMPINGS = (0.0, 0.1, 0.2, 0.4, 0.7, 1.0, 1.5)
 """Of the gear's damping, tried; the written one acts within the play, too."""
 _STEP_S = 2e-5
+_LOOPED = (
+    "the mechanism has the loop {!r}: a hinge is fitted to what it alone carries, and a loop has "
+    "two ends; jointplay budget and allocate take loops"
+)
 
 
 @dataclass(frozen=True)
@@ -93,8 +98,13 @@ class Reduction:
     """Joint positions about which it was fitted [rad or m]."""
     half_length: float = 0.0
     """Of the journal; zero if it cannot lean [m]."""
+    tilt_error: float = 0.0
+    """Error of the lean, size and direction, in reversals: `SAFETY` times the largest [rad]."""
+    tilt_rms: float = 0.0
+    """RMS difference of the lean in the fit's reversals [rad]."""
     history: Mapping[str, np.ndarray] = field(default_factory=dict, compare=False, repr=False)
-    """Of the fit: time [s], motor, full model's link and reduced model's link [rad]."""
+    """Of the fit: time [s], motor, full model's link and reduced model's link [rad]; if the journal
+    leans, where the full model's axis points beside the bearing's, `lean`, world axes (n, 3)."""
 
     def describe(self) -> dict[str, Any]:
         """All numbers as plain data."""
@@ -111,6 +121,8 @@ class Reduction:
             ("  friction, RMS difference", self.friction_error, "N m"),
             ("dead band of the lean (bearing)", 1e3 * self.tilt, "mrad, either way"),
             ("stiffness of the lean beyond", self.tilt_stiffness, "N m/rad"),
+            ("  lean, stated error", 1e3 * self.tilt_error, "mrad, size and direction"),
+            ("  lean, RMS difference", 1e3 * self.tilt_rms, "mrad"),
             ("lateral play (bearing)", 1e6 * self.lateral, "um, either way"),
             ("axial play (bearing)", 1e6 * self.axial, "um, either way"),
             ("link's angle, stated error", 1e6 * self.angle_error, "urad"),
@@ -145,7 +157,7 @@ def reduce_joint(
         JointplayError: loops; a joint that slides or is a ball; a run that failed.
     """
     if mechanism.loops:
-        raise JointplayError("a joint in a closed loop cannot be reduced to a hinge by itself")
+        raise JointplayError(_LOOPED.format(next(iter(mechanism.loops))))
     names = dict.fromkeys([*mechanism.clearance, *mechanism.gears])
     if joint not in names:
         raise MissingName("joint with play", joint, names)
@@ -172,16 +184,12 @@ def reduce_joint(
     motor, seen = q[:, alone.motor(joint)], q[:, alone.coordinate(joint)]
     begin = float(seen[0]), float(v[0, alone.coordinate(joint)])
     gear = gears.get(joint)
-    damping, reduced = 0.0, seen
-    if gear is not None:
-        tried = {}
-        for part in _DAMPINGS:
-            tried[part * gear.damping] = link.run(
-                time, motor, gear.play / 2.0, gear.stiffness, part * gear.damping, begin
-            )
-        damping = min(tried, key=lambda one: float(np.square(tried[one] - seen).sum()))
-        reduced = tried[damping]
+    damping, reduced = (0.0, seen) if gear is None else link.fit(time, motor, gear, begin, seen)
     difference = reduced - seen
+    history = {"time": time, "motor": motor, "full": seen, "reduced": reduced}
+    lean = leaning(alone, joint, q)
+    if lean is not None:
+        history["lean"] = lean.full
     return Reduction(
         joint,
         0.0 if gear is None else gear.play,
@@ -196,7 +204,9 @@ def reduce_joint(
         float(np.sqrt(np.mean(difference**2))),
         **_across(alone, joint, clearance, positions),
         pose=positions,
-        history={"time": time, "motor": motor, "full": seen, "reduced": reduced},
+        tilt_error=0.0 if lean is None else SAFETY * lean.largest,
+        tilt_rms=0.0 if lean is None else lean.rms,
+        history=history,
     )
 
 
@@ -224,19 +234,15 @@ def _full_run(
     step = 1e-5
     if mechanism.clearance:
         step = fitting_step(mechanism, mechanism.configuration(begin))
-    result = Simulation(
+    simulation = Simulation(
         mechanism,
         motion,
         drive=Prescribed(),
         step=step,
         record_every=max(round(2e-4 / step), 1),
         joint_friction=None if friction is None else {joint: friction},
-    ).run(progress)
-    if result.status == Status.INTERRUPTED:
-        raise KeyboardInterrupt
-    if result.status != Status.COMPLETED:
-        raise JointplayError(f"the run of the full model failed: {result.message}")
-    return result
+    )
+    return simulation.run(progress).completed("the run of the full model")
 
 
 def _fit_friction(
@@ -285,6 +291,23 @@ class _Link:
         self.mean = 0.5 * (torques[0] + torques[2])
         self.odd = torques[1] - self.mean
         self.friction, self.viscous = friction, viscous
+
+    def fit(
+        self,
+        time: np.ndarray,
+        motor: np.ndarray,
+        gear: Gear,
+        start: tuple[float, float],
+        seen: np.ndarray,
+    ) -> tuple[float, np.ndarray]:
+        """Damping [N m s/rad] with which the link comes closest to `seen`, and its angle then."""
+        tried = {}
+        for part in _DAMPINGS:
+            tried[part * gear.damping] = self.run(
+                time, motor, gear.play / 2.0, gear.stiffness, part * gear.damping, start
+            )
+        damping = min(tried, key=lambda one: float(np.square(tried[one] - seen).sum()))
+        return damping, tried[damping]
 
     def run(
         self,

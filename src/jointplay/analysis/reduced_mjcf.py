@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import time as clock
 import xml.etree.ElementTree as ElementTree
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,7 +17,7 @@ import numpy as np
 import pinocchio as pin
 
 from jointplay.analysis.bodies import Body, across, bodies, tool_site
-from jointplay.analysis.reduce import Reduction
+from jointplay.analysis.reduce import SETTLED, Reduction
 from jointplay.errors import JointplayError, MissingName
 from jointplay.mechanism.mechanism import Mechanism
 
@@ -208,6 +209,11 @@ class Followed:
     """Computing time of a step [s]."""
     step: float
     """Time step [s]."""
+    lean_error: float | None = None
+    """Largest difference of the axis' lean, a vector, after a tenth of the time [rad]; None if the
+    file's joint cannot lean."""
+    lean_rms: float | None = None
+    """[rad]."""
 
 
 def follow(text: str, reduction: Reduction) -> Followed:
@@ -253,11 +259,17 @@ def follow(text: str, reduction: Reduction) -> Followed:
     data.qvel[link.dofadr] = (past["full"][1] - past["full"][0]) / (time[1] - time[0])
     angle = np.empty(len(grid))
     angle[0] = past["full"][0]
+    sites = [f"{joint}.{end}" for end in ("rim", "bore")]
+    leans = "lean" in past and all(name in _sites(model) for name in sites)
+    lean = np.zeros((len(grid), 3))
     begun = clock.process_time()
     for i in range(1, len(grid)):
         data.qvel[dof] = (goals[i] - data.qpos[at]) / step
         mujoco.mj_step(model, data)
         angle[i] = data.qpos[link.qposadr[0]]
+        if leans:
+            rim, bore = (data.site(name).xpos for name in sites)
+            lean[i] = (rim - bore) / reduction.half_length
     spent = clock.process_time() - begun
     difference = angle - np.interp(grid, time, past["full"])
     return Followed(
@@ -267,4 +279,19 @@ def follow(text: str, reduction: Reduction) -> Followed:
         float(np.sqrt(np.mean(difference**2))),
         spent / max(len(grid) - 1, 1),
         step,
+        *(_lean_difference(grid, lean, past) if leans else ()),
     )
+
+
+def _sites(model: Any) -> set[str]:
+    return {model.site(index).name for index in range(model.nsite)}
+
+
+def _lean_difference(
+    grid: np.ndarray, lean: np.ndarray, past: Mapping[str, np.ndarray]
+) -> tuple[float, float]:
+    """Largest and RMS difference of leans (n, 3), the beginning left aside, in which one falls."""
+    wanted = np.column_stack([np.interp(grid, past["time"], one) for one in past["lean"].T])
+    settled = grid >= grid[0] + SETTLED * (grid[-1] - grid[0])
+    away = np.linalg.norm(lean - wanted, axis=1)[settled]
+    return float(away.max()), float(np.sqrt(np.mean(away**2)))

@@ -16,7 +16,6 @@ import numpy as np
 from jointplay.analysis.nonlinear import orders
 from jointplay.analysis.observables import observe
 from jointplay.errors import JointplayError
-from jointplay.kernel import Status
 from jointplay.motion.reference import Motion
 from jointplay.result.result import Result
 from jointplay.simulation.simulation import Simulation
@@ -90,11 +89,7 @@ class RunUp:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)
             result = self.simulation.prepare().execute(check_step=False)
-        if result.status == Status.INTERRUPTED:
-            raise KeyboardInterrupt
-        if result.status != Status.COMPLETED:
-            raise JointplayError(result.message)
-        return result
+        return result.completed("the run-up")
 
     def over_angle(self, result: Result, name: str) -> np.ndarray:
         """A quantity at equal angles of the crank in the turns of the rise, (turns records,)."""

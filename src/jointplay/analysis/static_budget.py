@@ -14,6 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from jointplay.analysis import together
+from jointplay.analysis.exact_loops import second_order_of_loops
 from jointplay.analysis.levers import Part, configurations, sources, tool_place
 from jointplay.mechanism.mechanism import Mechanism
 
@@ -63,6 +65,9 @@ class Budget:
     """Part by which the plays' own second order widened the sets, at most."""
     sources: tuple[Part, ...]
     """What each joint's play is, and how it moves the tool."""
+    loops: bool = False
+    """Whether closed loops lead the play to the tool: then `second_order` is no bound, but by how
+    much the loops, closed exactly with the journals of `worst`, put the tool elsewhere."""
 
     @property
     def worst_pose(self) -> int:
@@ -124,10 +129,16 @@ class Budget:
     def accuracy(self) -> str:
         """With which error the numbers are known, one line."""
         at = self.worst_pose
+        more = f"{1e6 * self.second_order[at]:.3g} um"
+        second = (
+            f"loops closed exactly put the tool {more} elsewhere"
+            if self.loops
+            else f"rotations of second order up to {more}"
+        )
         return (
             f"static, rigid contact; worst case missed by at most {100 * self.search:.2g} % "
             f"(directions), too large by at most {100 * self.excess:.2g} % (lean of the journals, "
-            f"second order), rotations of second order up to {1e6 * self.second_order[at]:.3g} um"
+            f"second order), {second}"
         )
 
     def csv(self) -> str:
@@ -155,33 +166,35 @@ def budget(
     *,
     force: Sequence[float] = (0.0, 0.0, 0.0),
     second_order: bool = True,
+    driven: Sequence[str] | None = None,
 ) -> Budget:
     """How far the play of all joints and gears lets the tool be off, without dynamics.
 
+    In closed loops the driven joints stand and the others follow, to the first order; joints
+    outside the loops stand.
+
     Args:
         mechanism: with clearance in some joints, or gears with play.
-        poses: joint positions by name [rad or m], the rest zero; or configurations, (n, nq).
+        poses: joint positions by name [rad or m], the rest zero; or configurations, (n, nq). Loops
+            that are open there are closed by the joints that are not driven.
         force: on the tool, besides gravity, in world axes, shape (3,) [N].
         second_order: widen the sets so that they contain all poses without penetration; without,
             all errors are proportional to the clearances.
+        driven: joints of loops that stand; None: the first that determine the others.
 
     Raises:
-        JointplayError: nothing has play; loops; a pose of the wrong shape; a force that is no
-            vector; an axis without limit that the tool feels.
+        JointplayError: nothing has play; a pose of the wrong shape; a force that is no vector; an
+            axis without limit that the tool feels; loops that cannot be closed, or near a singular
+            position, where the first order does not hold.
         MissingName: no such joint.
     """
-    parts = sources(mechanism, poses, force=force, second_order=second_order)
+    q = configurations(mechanism, poses, driven)
+    parts = sources(mechanism, q, force=force, second_order=second_order, driven=driven, loops=True)
     n = len(parts[0].move)
-    q = configurations(mechanism, poses)
     positions = np.array([tool_place(mechanism, row).translation for row in q])
     axes = np.broadcast_to(np.eye(3), (n, 3, 3))
-    axis_worst = np.stack(
-        [
-            np.concatenate([part.along(axes)[0], part.along(axes, turn=True)[0]], axis=1)
-            for part in parts
-        ],
-        axis=1,
-    )
+    both = [together.along(parts, axes, turn).value for turn in (False, True)]
+    axis_worst = np.concatenate(both, axis=2).transpose(1, 0, 2)
     worst, direction, worst_parts, errors = _farthest(parts, n, turn=False)
     worst_turn, _, turn_parts, _ = _farthest(parts, n, turn=True)
     # The states that a load of random direction brings about are those just found.
@@ -190,10 +203,11 @@ def budget(
     rms = np.sqrt(mean)
     share = np.einsum("jnmk,nmk->nj", errors, total) / total.shape[1]
     rms_parts = np.divide(share, rms[:, None], out=np.zeros_like(share), where=rms[:, None] > 0.0)
-    rest = np.stack(
-        [np.einsum("nij,nj->ni", part.move, part.play.support(part.load).point) for part in parts],
-        axis=1,
-    )
+    rest = together.at_rest(parts).error[:, :, 0].transpose(1, 0, 2)
+    if mechanism.loops:
+        more = second_order_of_loops(mechanism, q, parts, direction, driven)
+    else:
+        more = _second_order(parts)
     return Budget(
         mechanism.tool,
         tuple(part.name for part in parts),
@@ -207,10 +221,11 @@ def budget(
         rest,
         rms,
         rms_parts,
-        _second_order(parts),
+        more,
         1.0 / np.cos(_covering()) - 1.0,
         max(part.play.excess for part in parts),
         parts,
+        bool(mechanism.loops),
     )
 
 
@@ -239,15 +254,15 @@ def _farthest(
     """
     wanted = slice(3, 6) if turn else slice(0, 3)
     directions = np.broadcast_to(half_sphere(), (n, DIRECTIONS, 3))
-    values, points = zip(*(part.along(directions, turn) for part in parts), strict=True)
-    errors = np.stack(points)[..., wanted]
-    best = np.sum(values, axis=0).argmax(axis=1)
+    found = together.along(parts, directions, turn)
+    errors = found.error[..., wanted]
+    best = found.value.sum(axis=0).argmax(axis=1)
     d = directions[np.arange(n), best]
     for _ in range(_REFINEMENTS):
-        total = sum(part.along(d[:, None], turn)[1] for part in parts)[:, 0, wanted]  # type: ignore[index]
+        total = together.along(parts, d[:, None], turn).error.sum(axis=0)[:, 0, wanted]
         size = np.linalg.norm(total, axis=1, keepdims=True)
         d = np.where(size > 0.0, total / np.where(size > 0.0, size, 1.0), d)
-    shares = np.stack([part.along(d[:, None], turn)[0][:, 0] for part in parts], axis=1)
+    shares = together.along(parts, d[:, None], turn).value[:, :, 0].T
     return shares.sum(axis=1), d, shares, errors
 
 

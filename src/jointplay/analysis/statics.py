@@ -28,7 +28,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from jointplay.joints import Clearance
-from jointplay.joints.play import BallPlay, BlockPlay, JournalPlay, Play, Support
+from jointplay.joints.play import (
+    BallPlay,
+    BlockPlay,
+    Cone,
+    Cones,
+    JournalPlay,
+    Play,
+    Support,
+)
 
 __all__ = ["BallPlay", "BlockPlay", "JournalPlay", "Play", "Support", "TurnPlay", "play"]
 
@@ -44,6 +52,11 @@ class TurnPlay(Play):
     def reach(self) -> tuple[float, float]:
         """No displacement, half of the play."""
         return 0.0, self.half
+
+    @property
+    def cones(self) -> Cones:
+        """As far either way."""
+        return Cones(self.half * np.eye(6)[:, 5:], (Cone(np.eye(1), np.zeros(1), 1.0),))
 
     def support(self, loads: np.ndarray) -> Support:
         """See `Play.support`."""

@@ -32,6 +32,8 @@ class Trace:
     """Shape (n, 3) [m]."""
     velocity: np.ndarray
     """Shape (n, 3) [m/s]."""
+    orientation: np.ndarray | None = None
+    """Unit quaternions, scalar first, shape (n, 4); None if they are not known."""
 
 
 def cores() -> int:
@@ -113,6 +115,7 @@ def _run(simulation: Simulation) -> Trace:
         np.asarray(result.time),
         result["tool_position"].values.copy(),
         result["tool_velocity"].values.copy(),
+        result["tool_orientation"].values.copy(),
     )
 
 
@@ -134,7 +137,7 @@ def _read(path: Path) -> Trace | None:
     """A run that was kept; None if there is none, or it is damaged."""
     try:
         with np.load(path, allow_pickle=False) as kept:
-            return Trace(kept["time"], kept["position"], kept["velocity"])
+            return Trace(*(kept[name] for name in ("time", "position", "velocity", "orientation")))
     except (OSError, ValueError, KeyError, EOFError, BadZipFile):
         return None
 

@@ -28,7 +28,7 @@ from tqdm import tqdm
 from jointplay.errors import JointplayError, MissingName, require_positive
 from jointplay.host import files
 from jointplay.joints.abilities import BoreWear
-from jointplay.kernel import AZIMUTHS, Status
+from jointplay.kernel import AZIMUTHS
 
 if TYPE_CHECKING:
     from jointplay.result.result import Result
@@ -220,12 +220,7 @@ def perturbed_runs(simulation: Simulation, runs: int) -> Iterator[Result]:
     """
     for run in range(runs):
         seed = simulation.seed if runs == 1 else (simulation.seed or 0) + run + 1
-        result = replace(simulation, seed=seed).run()
-        if result.status == Status.INTERRUPTED:
-            raise KeyboardInterrupt
-        if result.status != Status.COMPLETED:
-            raise JointplayError(f"a run with worn bores failed: {result.message}")
-        yield result
+        yield replace(simulation, seed=seed).run().completed("a run with worn bores")
 
 
 def _block(

@@ -9,6 +9,8 @@ from jointplay.commands import add_quiet
 from jointplay.commands.playing import add_poses, add_robot, quantity, task
 from jointplay.errors import JointplayError
 
+FILES = ("allocation.csv", "allocation.png")
+
 COSTS = ("reciprocal", "reciprocal-squared", "linear")
 
 
@@ -58,8 +60,11 @@ def add(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Allocate, verify, print."""
-    from jointplay.analysis import allocation as module
     from jointplay.host import files
+
+    if options.out:  # before anything is loaded that takes time
+        files.refuse_present(options.out, FILES)
+    from jointplay.analysis import allocation as module
 
     if options.clearance is None and not str(options.robot).endswith(".toml"):
         options.clearance = options.axial or "0.1 mm"  # sizes are what is sought
@@ -77,7 +82,7 @@ def run(options: argparse.Namespace) -> int:
         if not equals:
             raise JointplayError(f"--weight must read JOINT=X, got {text!r}")
         weights[name] = quantity(value, "", f"--weight {name}")
-    out = files.claim(options.out, ["allocation.csv", "allocation.png"]) if options.out else None
+    out = files.claim(options.out, FILES) if options.out else None
     allotment = module.allocate(
         work.mechanism,
         work.q,
@@ -85,6 +90,8 @@ def run(options: argparse.Namespace) -> int:
         quantile=options.quantile,
         cost=options.cost,
         weights=weights,
+        driven=work.driven,
+        progress=not options.quiet,
         **limits,
     )
     for note in work.notes:

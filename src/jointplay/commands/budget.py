@@ -30,15 +30,18 @@ def add(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Reckon, print, draw."""
-    from jointplay.analysis.static_budget import budget
     from jointplay.host import files
+
+    if options.out:  # before anything is loaded that takes time
+        files.refuse_present(options.out, ["budget.csv"])
+    from jointplay.analysis.static_budget import budget
 
     work = task(options)
     force = load_on_tool(options, work.mechanism.gravity)
     names = ["budget.csv", "bars.png", "robot.png", "reach.png"]
     names += {"motion": ["course.png"], "workspace": ["map.png"]}.get(work.kind, [])
     out = files.claim(options.out, names) if options.out else None
-    errors = budget(work.mechanism, work.q, force=force)
+    errors = budget(work.mechanism, work.q, force=force, driven=work.driven)
     for note in work.notes:
         print(note)
     print(f"at: {work.poses}")

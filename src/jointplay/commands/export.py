@@ -42,9 +42,10 @@ def add(commands: Any) -> None:
 def run(options: argparse.Namespace) -> int:
     """Read, write, say what was written."""
     from jointplay import exports
-    from jointplay.result.result import Result
 
     exports.check(options.out, options.to)
+    from jointplay.result.result import Result
+
     result = Result.load(options.result, options.trust)
     path = exports.export(
         result, options.out, options.to, every=options.every, progress=not options.quiet

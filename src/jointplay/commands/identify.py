@@ -90,10 +90,11 @@ def run(options: argparse.Namespace) -> int:
         raise JointplayError("give --plan or a measurement, not both")
     if not options.plan and options.data is None:
         raise JointplayError("give a measurement (CSV), or --plan to ask what to measure")
+    names = ["plan.txt"] if options.plan else ["identified.csv", "identified.png"]
+    if options.out:  # before anything is loaded that takes time
+        files.refuse_present(options.out, names)
     work = task(options)
     noise = _noise(options.noise)
-    names = [] if options.plan else ["identified.csv", "identified.png"]
-    names = ["plan.txt"] if options.plan else names
     out = files.claim(options.out, names) if options.out else None
     for note in work.notes:
         print(note)

@@ -48,8 +48,11 @@ def add(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the cycles, print, draw."""
-    from jointplay.analysis.iso9283 import check, iso9283
     from jointplay.host import files
+
+    if options.out:  # before anything is loaded that takes time
+        files.refuse_present(options.out, FILES)
+    from jointplay.analysis.iso9283 import check, iso9283
 
     simulation = simulation_of(options)
     check(simulation, options.cycles)

@@ -38,13 +38,16 @@ def add(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Estimate, print, draw."""
-    from jointplay.analysis.maintenance import maintenance
     from jointplay.host import files
     from jointplay.scenario import Scenario
 
     target = quantity(options.target, "m", "--target")
-    simulation = Scenario.load(options.file, options.trust).simulation(options.case)
     names = ["maintenance.csv", "maintenance.png"]
+    if options.out:  # before anything is loaded that takes time
+        files.refuse_present(options.out, names)
+    from jointplay.analysis.maintenance import maintenance
+
+    simulation = Scenario.load(options.file, options.trust).simulation(options.case)
     out = files.claim(options.out, names) if options.out else None
     estimate = maintenance(
         simulation,

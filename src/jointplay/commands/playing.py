@@ -33,6 +33,8 @@ class Task:
     motion: Motion | None
     simulation: Simulation | None
     """Of the scenario, if one was given."""
+    driven: tuple[str, ...] | None
+    """Joints of closed loops that stand; None without loops."""
     notes: tuple[str, ...]
     """What was chosen for the user, a line each."""
 
@@ -114,23 +116,50 @@ def task(options: argparse.Namespace) -> Task:
         from jointplay.motion.reference import Motion
 
         motion = Motion.from_csv(options.motion)
+    driven, near = None, {}
+    if mechanism.loops:
+        near = {} if simulation is None else poses.start_of(simulation)
+        driven = _driven(mechanism, motion, near)
+        notes.append(_loops(mechanism, driven))
     if options.workspace is not None:
-        q, kind = poses.over_workspace(mechanism, options.workspace), "workspace"
-        words = f"{len(q)} poses over the workspace"
+        q = poses.over_workspace(mechanism, options.workspace, driven=driven, near=near)
+        kind, words = "workspace", f"{len(q)} poses over the workspace"
+        if len(q) < options.workspace:
+            words += (
+                f" ({options.workspace - len(q)} more, in which the loops do not close, left out)"
+            )
     elif motion is not None and options.pose is None:
-        q, kind = poses.along_motion(mechanism, motion), "motion"
+        q, kind = poses.along_motion(mechanism, motion, near=near), "motion"
         words = f"{len(q)} poses along the motion"
     else:
         asked = _positions(mechanism, options.pose)
-        q, kind = poses.at_pose(mechanism, asked), "pose"
+        q, kind = poses.at_pose(mechanism, asked, driven, near), "pose"
         chosen = {**poses.middle(mechanism), **asked}
         chain = mechanism.model.supports[mechanism.model.frames[mechanism.tool_frame].parentJoint]
-        moving = {mechanism.model.names[i] for i in chain}
+        moving = set(driven or (mechanism.model.names[i] for i in chain))
         shown = [f"{name} {value:.4g}" for name, value in chosen.items() if name in moving]
         words = "pose " + ", ".join(shown)
         if options.pose is None:
             words += " (chosen: zero, or the middle of the limits; see --pose, --motion)"
-    return Task(mechanism, q, words, kind, motion, simulation, tuple(notes))
+    return Task(mechanism, q, words, kind, motion, simulation, driven, tuple(notes))
+
+
+def _loops(mechanism: Mechanism, driven: tuple[str, ...]) -> str:
+    """Which joints of the loops stand and which follow, a line."""
+    from jointplay.analysis import closing, poses
+
+    passive = closing.passive_coordinates(mechanism, driven)
+    follow = [name for name in poses.moving(mechanism) if mechanism.coordinate(name) in passive]
+    return f"loops: driven {', '.join(driven) or 'none'}; following {', '.join(follow) or 'none'}"
+
+
+def _driven(mechanism: Mechanism, motion: Motion | None, near: dict[str, float]) -> tuple[str, ...]:
+    """Joints of loops that stand: those that the motion moves, or the first that are enough."""
+    from jointplay.analysis import closing, poses
+
+    if motion is not None:
+        return tuple(name for name in motion.joints if name in poses.moving(mechanism))
+    return closing.driven_joints(mechanism, poses.at_pose(mechanism, {}, None, near)[0])
 
 
 def _mechanism(
@@ -161,17 +190,18 @@ def _mechanism(
         notes.append(f"tool: {tool!r} (chosen: {reason}; see --tool)")
     elif not plain.model.existFrame(tool):
         Mechanism(description.path, tool=tool, allow_unphysical=allowed)  # says which there are
+    given = plain.given_joints
     if simulation is not None and options.clearance is None and not options.joint:
         clearance = dict(simulation.mechanism.clearance)
     else:
-        clearance = _clearance(options, plain, tool, notes)
+        clearance = _clearance(options, plain, tool, notes, simulation)
     gears = dict(simulation.mechanism.gears) if simulation is not None else {}
     gears |= _gears(options, gears)
     loops = simulation.mechanism.loops if simulation is not None else {}
     gravity = plain.gravity
     mechanism = Mechanism(
         description.path,
-        clearance,
+        {**given, **clearance},
         loops=loops,
         gears=gears,
         gravity=gravity,
@@ -194,20 +224,31 @@ def _urdf(place: str) -> Path:
 
 
 def _clearance(
-    options: argparse.Namespace, plain: Mechanism, tool: str, notes: list[str]
+    options: argparse.Namespace,
+    plain: Mechanism,
+    tool: str,
+    notes: list[str],
+    simulation: Simulation | None,
 ) -> dict[str, Clearance]:
-    """Joints with clearance that the options name, or all that move the tool."""
+    """Joints with clearance that the options name, or all that move the tool.
+
+    With loops, those are all joints; one that closes a loop keeps its kind and its bearing.
+    """
     entries = plain.description.joints
     able = {"revolute", "continuous", "prismatic", "floating"}
     frame = plain.model.frames[plain.model.getFrameId(tool)]
     chain = [plain.model.names[i] for i in plain.model.supports[frame.parentJoint] if i > 0]
     chain = [name for name in chain if name in entries and entries[name].kind in able]
+    if plain.loops:
+        chain = [name for name, entry in entries.items() if entry.kind in able] + [*plain.loops]
     own: dict[str, str | None] = {}
     for text in options.joint:
         name, equals, length = text.partition("=")
-        if name not in entries or entries[name].kind not in able:
-            choices = ", ".join(n for n, e in entries.items() if e.kind in able) or "none"
-            raise JointplayError(f"no joint {name!r} that can have play; available: {choices}")
+        if name not in plain.loops and (name not in entries or entries[name].kind not in able):
+            choices = [n for n, e in entries.items() if e.kind in able] + [*plain.loops]
+            raise JointplayError(
+                f"no joint {name!r} that can have play; available: {', '.join(choices) or 'none'}"
+            )
         if name not in chain:
             notes.append(f"note: {name} does not move {tool!r}: it adds nothing to the error")
         own[name] = length if equals else None
@@ -219,22 +260,33 @@ def _clearance(
     for name, length in own.items():
         option = "--clearance" if length is None else f"--joint {name}"
         radial = quantity(options.clearance if length is None else length, "m", option)
-        clearances[name] = _bearing(options, entries[name].kind, radial)
+        known = simulation.mechanism.clearance.get(name) if simulation is not None else None
+        if name in plain.loops and known is not None:
+            clearances[name] = known.scaled(radial / known.radial_room)
+        elif name in plain.loops:
+            clearances[name] = _bearing(options, plain.loop_class(name), radial)
+        else:
+            clearances[name] = _bearing(options, _kind_for(entries[name].kind), radial)
     if clearances:
         notes.append(f"play: {_words(clearances)}")
     return clearances
 
 
-def _bearing(options: argparse.Namespace, kind: str, radial: float) -> Clearance:
+def _kind_for(entry: str) -> type[Clearance]:
+    """Kind of joint with clearance in place of a URDF joint."""
     from jointplay.joints import JOINT_KINDS, replacing
 
+    return JOINT_KINDS[replacing(entry)[0]]
+
+
+def _bearing(options: argparse.Namespace, kind: type[Clearance], radial: float) -> Clearance:
     sizes: dict[str, float] = {
         name: quantity(getattr(options, name), "m", f"--{name.replace('_', '-')}")
         for name in ("bearing_radius", "bearing_length")
         if getattr(options, name) is not None
     }
     axial = radial if options.axial is None else quantity(options.axial, "m", "--axial")
-    return JOINT_KINDS[replacing(kind)[0]].of_room(radial, axial, sizes)
+    return kind.of_room(radial, axial, sizes)
 
 
 def _words(joints: dict[str, Clearance]) -> str:

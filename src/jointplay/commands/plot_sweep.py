@@ -36,8 +36,6 @@ def add(commands: Any) -> None:
 def run(options: argparse.Namespace) -> int:
     """Draw, say where."""
     from jointplay.host import files
-    from jointplay.plots.sweep import draw
-    from jointplay.sweeps import open_sweep
 
     given: dict[str, str] = {}
     for word in options.words:
@@ -55,6 +53,9 @@ def run(options: argparse.Namespace) -> int:
     store = Path(options.store)
     default = f"{store.name.removesuffix('.zarr')}_{roles.get('z', roles['y'])}.png"
     out = files.check_new(options.out or store.parent / default)
+    from jointplay.plots.sweep import draw  # what comes now takes long to import
+    from jointplay.sweeps import open_sweep
+
     figure = draw(open_sweep(store), **roles, only=given)
     try:
         figure.savefig(out)

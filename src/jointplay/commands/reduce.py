@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -60,15 +61,18 @@ def add(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Fit, print, write."""
-    from jointplay.analysis import reduced_files, reduced_mjcf
-    from jointplay.analysis.poses import middle
-    from jointplay.analysis.reduce import AMPLITUDE, PERIOD, reduce_joint
     from jointplay.host import files
 
     if len(options.joint) != 1:
         raise JointplayError(f"--joint must name one joint, got {len(options.joint)}")
     scenario = str(options.robot).endswith(".toml")
     joint = options.joint[0].partition("=")[0]
+    files_out = _names(joint, options.format)
+    files.refuse_present(options.out, files_out)  # before anything is loaded that takes time
+    from jointplay.analysis import reduced_files, reduced_mjcf
+    from jointplay.analysis.poses import middle
+    from jointplay.analysis.reduce import AMPLITUDE, PERIOD, reduce_joint
+
     if scenario and options.clearance is None and "=" not in options.joint[0]:
         options.joint = []  # the scenario says which play it has
     if options.pose is None:
@@ -83,15 +87,6 @@ def run(options: argparse.Namespace) -> int:
                 "--clearance is missing, or --gear: without play nothing is reduced"
             )
     mechanism = _with_gear(options, work.mechanism, scenario)
-    wanted = list(dict.fromkeys(options.format or FORMATS))
-    stem = joint.replace("/", "_")
-    names = {
-        "mjcf": [f"{stem}.xml"],
-        "sdf": [f"{stem}.sdf"],
-        "urdf": [f"{stem}.urdf", f"{stem}.yaml"],
-        "json": [f"{stem}.json"],
-    }
-    files_out = [name for one in wanted for name in names[one]]
     out = files.claim(options.out, [*files_out, "reversals.png"])
     for note in work.notes:
         print(note)
@@ -107,30 +102,60 @@ def run(options: argparse.Namespace) -> int:
         progress=not options.quiet,
     )
     print(model)
+    if options.tilt and model.tilt_error > model.tilt > 0.0:
+        print(
+            "note: the error of the lean exceeds its dead band: its load does not turn the journal "
+            "to the rim (a side force presses both rims to one side, or nothing does); leave "
+            "--tilt out"
+        )
     mjcf = reduced_mjcf.to_mjcf(mechanism, model, encoder=options.encoder, tilt=options.tilt)
-    texts = {f"{stem}.xml": mjcf}
-    if "sdf" in wanted:
-        texts[f"{stem}.sdf"] = reduced_files.to_sdf(mechanism, model)
-    if "urdf" in wanted:
-        texts[f"{stem}.urdf"] = reduced_files.to_urdf(mechanism, model)
-        texts[f"{stem}.yaml"] = reduced_files.to_yaml(model, options.encoder)
-    if "json" in wanted:
-        texts[f"{stem}.json"] = reduced_files.to_json(model, options.encoder, options.spread)
+    makers: dict[str, Callable[[], str]] = {
+        ".xml": lambda: mjcf,
+        ".sdf": lambda: reduced_files.to_sdf(mechanism, model),
+        ".urdf": lambda: reduced_files.to_urdf(mechanism, model),
+        ".yaml": lambda: reduced_files.to_yaml(model, options.encoder),
+        ".json": lambda: reduced_files.to_json(model, options.encoder, options.spread),
+    }
     for name in files_out:
-        files.write(out / name, texts[name])
+        files.write(out / name, makers[name[name.rindex(".") :]]())
     from jointplay.plots.reduce import reversals
 
     reversals(model).savefig(out / "reversals.png")
     if options.check:
-        seen = reduced_mjcf.follow(mjcf, model)
-        kept = "within" if seen.error <= model.angle_error else "beyond"
-        print(
-            f"MuJoCo: link's angle off by up to {1e6 * seen.error:.4g} urad, {kept} the stated "
-            f"{1e6 * model.angle_error:.4g}; {1e6 * seen.step_seconds:.3g} us a step of "
-            f"{1e3 * seen.step:.3g} ms"
-        )
+        _compare(mjcf, model)
     print(f"written to {options.out}: {', '.join([*files_out, 'reversals.png'])}")
     return 0
+
+
+def _compare(mjcf: str, model: Any) -> None:
+    """Run the MJCF in MuJoCo, and print how it differs from the full model."""
+    from jointplay.analysis import reduced_mjcf
+
+    seen = reduced_mjcf.follow(mjcf, model)
+    kept = "within" if seen.error <= model.angle_error else "beyond"
+    print(
+        f"MuJoCo: link's angle off by up to {1e6 * seen.error:.4g} urad, {kept} the stated "
+        f"{1e6 * model.angle_error:.4g}; {1e6 * seen.step_seconds:.3g} us a step of "
+        f"{1e3 * seen.step:.3g} ms"
+    )
+    if seen.lean_error is not None:
+        kept = "within" if seen.lean_error <= model.tilt_error else "beyond"
+        print(
+            f"MuJoCo: axis' lean off by up to {1e3 * seen.lean_error:.4g} mrad, {kept} the "
+            f"stated {1e3 * model.tilt_error:.4g}"
+        )
+
+
+def _names(joint: str, formats: Sequence[str] | None) -> list[str]:
+    """Names of the models' files."""
+    stem = joint.replace("/", "_")
+    names = {
+        "mjcf": [f"{stem}.xml"],
+        "sdf": [f"{stem}.sdf"],
+        "urdf": [f"{stem}.urdf", f"{stem}.yaml"],
+        "json": [f"{stem}.json"],
+    }
+    return [name for one in dict.fromkeys(formats or FORMATS) for name in names[one]]
 
 
 def _pose(mechanism: Any, q: Any) -> dict[str, float]:

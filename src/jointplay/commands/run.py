@@ -161,6 +161,7 @@ def _of_robot(
     options: argparse.Namespace, target: str | None, given: list[Setting]
 ) -> tuple[Scenario, str]:
     """The scenario of a bare robot, and what the user must be told of it."""
+    from jointplay.scenario.model import Integration, Output
     from jointplay.scenario.robot import robot_scenario, step_for
     from jointplay.scenario.settings import Setting
 
@@ -171,12 +172,16 @@ def _of_robot(
             raise JointplayError(f"--{name} needs a scenario: jointplay run FILE --{name} ...")
     settings = [*flags.settings(options, joints), *own, *given]
     scenario, told = robot_scenario(target, joints, settings, options.ideal)
-    integration = scenario.data(scenario.cases[0]).get("integration", {})
-    choice = None if target is None or "step" in integration else step_for(scenario)
+    data = scenario.data(scenario.cases[0])
+    chosen = target is not None and "step" not in data.get("integration", {})
+    choice = step_for(scenario) if chosen else None
     if choice is None:
         return scenario, told
     step, reason = choice
     settings.append(Setting(("integration", "step"), step, "step chosen"))
+    if "record_every" not in data.get("output", {}):  # records as far apart as usual
+        every = round(Output.record_every * Integration.step / step)
+        settings.append(Setting(("output", "record_every"), every, "step chosen"))
     scenario, told = robot_scenario(target, joints, settings, options.ideal)
     return scenario, f"{told}\nstep: {step:g} s (chosen: {reason}; --step takes another)"
 

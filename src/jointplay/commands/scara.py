@@ -38,6 +38,9 @@ def add(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the study and print its tables."""
+    from jointplay.study.asked import folder
+
+    folder(options.out, options.runs, options.jobs)  # before anything is loaded that takes time
     from jointplay import study
 
     started = time.perf_counter()

@@ -60,12 +60,15 @@ def add(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run, print, draw."""
-    from jointplay.analysis.dynamic_budget import dynamic_budget, sensitivity
     from jointplay.host import files
+
+    names = ["shares.csv", "shares.png"]
+    if options.out:  # before anything is loaded that takes time
+        files.refuse_present(options.out, names)
+    from jointplay.analysis.dynamic_budget import dynamic_budget, sensitivity
 
     payload = 0.0 if options.payload is None else quantity(options.payload, "kg", "--payload")
     simulation = simulation_of(options)
-    names = ["shares.csv", "shares.png"]
     out = files.claim(options.out, names) if options.out else None
     kept = None if out is None else out / "runs"
     some: dict[str, Any] = {

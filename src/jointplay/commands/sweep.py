@@ -44,6 +44,12 @@ def add(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the sweep, print the table."""
+    from pathlib import Path
+
+    from jointplay.sweeps.journal import is_there
+
+    # Before anything is loaded that takes time.
+    is_there(Path(options.out), options.resume or options.extend)
     import numpy as np
 
     from jointplay.sweeps import open_sweep, plan_of, run_plan

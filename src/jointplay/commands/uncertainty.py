@@ -32,11 +32,12 @@ def add(commands: Any) -> None:
 def run(options: argparse.Namespace) -> int:
     """Print the statements; draw how they converged."""
     from jointplay.host import files
-    from jointplay.plots.sweep import draw_convergence
+
+    out = files.check_new(options.out) if options.out else None
+    from jointplay.plots.sweep import draw_convergence  # what comes now takes long to import
     from jointplay.sweeps import open_sweep
     from jointplay.sweeps.statements import statements
 
-    out = files.check_new(options.out) if options.out else None
     dataset = open_sweep(Path(options.store))
     print(statements(dataset, options.measure, options.precision))
     if out is not None:

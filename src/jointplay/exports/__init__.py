@@ -10,14 +10,16 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from jointplay.errors import JointplayError, MissingName
 from jointplay.host import files
 from jointplay.host.late import late
-from jointplay.result.result import Result
-from jointplay.result.thin import thinned
 
-Maker = Callable[[Result, str, bool], bytes]
+if TYPE_CHECKING:
+    from jointplay.result.result import Result
+
+Maker = Callable[["Result", str, bool], bytes]
 """From a result, the file's suffix and whether to show progress to the file's content."""
 
 
@@ -76,6 +78,8 @@ def export(
             library of an extra is missing.
     """
     kind = check(path, to, overwrite)
+    from jointplay.result.thin import thinned
+
     maker: Maker = late(KINDS[kind].maker)
     content = maker(thinned(result, every), Path(path).suffix.lower(), progress)
     return files.write(path, content, overwrite=overwrite)

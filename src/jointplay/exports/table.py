@@ -17,6 +17,7 @@ from tqdm import tqdm
 
 from jointplay import exports
 from jointplay.result.result import Result
+from jointplay.result.thin import thinned
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -68,7 +69,7 @@ def dataframe(result: Result, every: int = 1) -> pd.DataFrame:
     """
     import pandas as pd
 
-    histories = columns(exports.thinned(result, every))
+    histories = columns(thinned(result, every))
     table = pd.DataFrame({name: values for name, (values, _) in histories.items()})
     table.attrs = {
         "units": {name: unit for name, (_, unit) in histories.items()},

@@ -56,8 +56,11 @@ def stamp(dispatcher: Any, sources: Iterable[Path]) -> None:
     """Let the cache of a compiled function be valid for exactly these sources.
 
     numba compiles again when the file of the function changed - that file only, not those of the
-    functions that it calls. The attributes are numba's own and private; a test guards them.
+    functions that it calls. The attributes are numba's own and private; a test guards them. With
+    NUMBA_DISABLE_JIT nothing is compiled and nothing kept.
     """
+    if numba.config.DISABLE_JIT:
+        return
     dispatcher._cache._cache_file._source_stamp = fingerprint(sources)
 
 

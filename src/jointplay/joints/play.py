@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +20,8 @@ _SEARCHES = 34
 """Golden sections: they leave 1e-7 of the angle, and 1e-14 of the maximum."""
 _NOTHING = 1e-9
 """Part of a load that is rounding."""
+_FAR = 100.0
+"""Clearances that a journal without end walls is granted along its axis, in `Play.cones`."""
 
 
 class Support(NamedTuple):
@@ -28,6 +31,25 @@ class Support(NamedTuple):
     """F . c + M . phi, shape (n,) [J for loads in N and N m]."""
     point: np.ndarray
     """Displacement c [m] and rotation phi [rad], shape (n, 6)."""
+
+
+class Cone(NamedTuple):
+    """What coordinates y, shape (m,), must keep to: |across @ y| <= room - along . y."""
+
+    across: np.ndarray
+    """Shape (k, m); no rows for a plane wall."""
+    along: np.ndarray
+    """Shape (m,)."""
+    room: float
+
+
+class Cones(NamedTuple):
+    """A play as what some cones have in common: displacements `spread` @ y."""
+
+    spread: np.ndarray
+    """Displacement c [m] and rotation phi [rad] of each coordinate, shape (6, m)."""
+    walls: tuple[Cone, ...]
+    """The coordinates are parts of their clearances: y = 0 lies inside of all."""
 
 
 class Play(ABC):
@@ -41,6 +63,17 @@ class Play(ABC):
     @abstractmethod
     def reach(self) -> tuple[float, float]:
         """Longest displacement [m] and largest rotation [rad] in the set."""
+
+    @property
+    def cones(self) -> Cones:
+        """The set itself, for plays in a closed loop, which hold each other.
+
+        Raises:
+            JointplayError: a kind of play that does not say.
+        """
+        raise JointplayError(
+            f"{type(self).__name__} does not say which cones bound it, which a closed loop asks for"
+        )
 
     @property
     def excess(self) -> float:
@@ -78,6 +111,27 @@ class JournalPlay(Play):
     def excess(self) -> float:
         """What leaning adds to the clearances."""
         return self.widening
+
+    @property
+    def cones(self) -> Cones:
+        """A disc for each rim; between the walls as much as their lean leaves."""
+        way = _FAR * self.across if math.isinf(self.along) else self.along
+        leans = not math.isinf(self.length)
+        count = (4 if leans else 2) + (way > 0.0)
+        spread, nothing = np.zeros((6, count)), np.zeros(count)
+        rims = [np.eye(2, count), np.eye(2, count, 2)] if leans else [np.eye(2, count)]
+        for number, rim in enumerate(rims):
+            spread[:2] += self.across * rim / len(rims)
+            turn = (1.0, -1.0)[number] * self.across / self.length
+            spread[3:5] += turn * rim[::-1] * [[-1.0], [1.0]]
+        walls = [Cone(rim, nothing, 1.0) for rim in rims]
+        if way > 0.0:
+            spread[2, -1] = way
+            holds = leans and self.rim > 0.0
+            part = self.rim * self.across / (self.length * way) if holds else 0.0
+            apart = part * (rims[0] - rims[-1])[: 2 if holds else 0]
+            walls += [Cone(apart, side * np.eye(count)[-1], 1.0) for side in (1.0, -1.0)]
+        return Cones(spread, tuple(walls))
 
     @property
     def _lean(self) -> float:
@@ -163,6 +217,11 @@ class BallPlay(Play):
         """C, and no rotation."""
         return self.radius, 0.0
 
+    @property
+    def cones(self) -> Cones:
+        """One ball."""
+        return Cones(self.radius * np.eye(6, 3), (Cone(np.eye(3), np.zeros(3), 1.0),))
+
     def support(self, loads: np.ndarray) -> Support:
         """See `Play.support`."""
         loads = np.asarray(loads, float).reshape(-1, 6)
@@ -188,6 +247,33 @@ class BlockPlay(Play):
     def excess(self) -> float:
         """What turning adds to the clearances."""
         return self.widening
+
+    @property
+    def cones(self) -> Cones:
+        """Plane walls, half of those of each clearance with each sign of its two turns."""
+        parts: list[tuple[np.ndarray, list[float]]] = []
+        for place, size in ((0, self.clearances[0]), (1, self.clearances[1])):
+            if size > 0.0:
+                parts.append((size * np.eye(6)[place], [float(place == i) for i in (0, 1)]))
+                turn = 4 - place
+                if self.turns[turn - 3]:
+                    parts.append((size / self.arms[2] * np.eye(6)[turn], parts[-1][1]))
+        if self._yaw > 0.0:
+            shares = [
+                arm * self._yaw / size
+                for arm, size in zip(self.arms[1::-1], self.clearances, strict=True)
+            ]
+            parts.append((self._yaw * np.eye(6)[5], shares))
+        share = np.array([weights for _, weights in parts])
+        walls = []
+        for axis in (0, 1):
+            (own,) = np.nonzero(share[:, axis])
+            for signs in product((1.0, -1.0), repeat=len(own)):
+                along = np.zeros(len(parts))
+                along[own] = np.array(signs) * share[own, axis]
+                walls.append(Cone(np.zeros((0, len(parts))), along, 1.0))
+        spread = np.column_stack([way for way, _ in parts])
+        return Cones(spread, tuple(wall for wall in walls if wall.along.any()))
 
     @property
     def _yaw(self) -> float:

@@ -4,7 +4,7 @@
 point to, `vectors`, `bodies` and `frames` have the geometry, `contact`, `film`, `load` and `drive`
 the forces, `solve` the velocity solve, `record` the records, `multirate` and `singlerate` the
 methods, `path` and `loops` what the first asks of Pinocchio and makes of it. All is entered through
-one compiled function, `enter`, which is imported with its first use.
+the compiled functions of `entry`, which are imported with their first use.
 
 Around it, in Python: `workspace` holds a run's arrays (`pointed`), made from `sites` and `tables`;
 `columns` says where its records have what.
@@ -27,11 +27,11 @@ from jointplay.kernel.words import (
 
 if TYPE_CHECKING:
     from jointplay.kernel.entry import compiled as compiled
-    from jointplay.kernel.entry import enter as enter
+    from jointplay.kernel.entry import entry_of as entry_of
     from jointplay.kernel.layout import MIN_APPROACH_SPEED as MIN_APPROACH_SPEED
 
 __getattr__ = offering(
-    __name__, {"compiled": "entry", "enter": "entry", "MIN_APPROACH_SPEED": "layout"}
+    __name__, {"compiled": "entry", "entry_of": "entry", "MIN_APPROACH_SPEED": "layout"}
 )
 
 __all__ = [
@@ -44,5 +44,5 @@ __all__ = [
     "Command",
     "Status",
     "compiled",
-    "enter",
+    "entry_of",
 ]

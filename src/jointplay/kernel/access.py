@@ -132,4 +132,4 @@ def fail(run, status, contact):
 
 
 TABLE = (from_dtype(RUN)[::1], types.int64)
-"""Signature of `kernel.enter`."""
+"""Signature of the kernels' entries."""

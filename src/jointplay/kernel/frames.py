@@ -152,21 +152,27 @@ def push(joint, tau):
 
 
 @internal
+def slope_of_frames(one, place, slope):
+    """Project the slope of a wrench between frames on the coordinates: slope += J^T K J."""
+    n, stiff = one.nsupport, one.stiff
+    reach, support = matrix(one.reach, 6, n), wholes(one.support, n)
+    for k in range(n):
+        for r in range(6):
+            total = 0.0
+            for c in range(6):
+                total += stiff[r, c] * reach[c, k]
+            if total != 0.0:
+                for m in range(n):
+                    slope[place[support[m]], place[support[k]]] += reach[r, m] * total
+
+
+@internal
 def push_slope(run, joint):
     """Project the slope of the joint's wrench on the coordinates: slope += J^T K J."""
     slope, stiff = matrix(run.slope, run.active, run.active), joint.stiff
-    n, support = joint.nsupport, wholes(joint.support, joint.nsupport)
     place = wholes(run.place, run.nv)
     if joint.first < 0:
-        reach = matrix(joint.reach, 6, n)
-        for k in range(n):
-            for r in range(6):
-                total = 0.0
-                for c in range(6):
-                    total += stiff[r, c] * reach[c, k]
-                if total != 0.0:
-                    for m in range(n):
-                        slope[place[support[m]], place[support[k]]] += reach[r, m] * total
+        slope_of_frames(joint, place, slope)
         return
     at, swing = place[joint.first], joint.swing
     sy, cy, sp, cp = swing[0], swing[1], swing[2], swing[3]

@@ -26,7 +26,7 @@ from numba.extending import intrinsic
 
 from jointplay.contact.calls import pointer
 from jointplay.kernel.access import fail, floats, loads, matrix, wholes
-from jointplay.kernel.frames import pose_of_frames, twist_by
+from jointplay.kernel.frames import pose_of_frames, slope_of_frames, twist_by
 from jointplay.kernel.parts import internal
 from jointplay.kernel.words import ALWAYS, IF_PRESSED, Status
 
@@ -219,22 +219,7 @@ def steepen_loads(run):
         for i in range(m):
             out[i] = kept[i]
         if frames:
-            _steepen_frames(load, place, slope)
-
-
-@internal
-def _steepen_frames(load, place, slope):
-    """Project the slope of a wrench on the coordinates: slope += J^T K J."""
-    n, stiff = load.nsupport, load.stiff
-    reach, support = matrix(load.reach, 6, n), wholes(load.support, n)
-    for k in range(n):
-        for r in range(6):
-            total = 0.0
-            for c in range(6):
-                total += stiff[r, c] * reach[c, k]
-            if total != 0.0:
-                for m in range(n):
-                    slope[place[support[m]], place[support[k]]] += reach[r, m] * total
+            slope_of_frames(load, place, slope)
 
 
 @internal

@@ -1,9 +1,9 @@
-"""How functions are compiled that only kernels call: as parts of `enter`, which is optimised once.
+"""How functions are compiled that only kernels call: as parts of an entry, which is optimised once.
 
 By itself numba optimises and translates every function it meets, with all that it calls, on its
 own, and once more in every caller: most of what a first start takes. Parts are typed and lowered
-only; code is made of them where `enter` has linked them all. The attributes that are replaced here
-are numba's own; a test guards that parts are left alone and that `enter` still works.
+only; code is made of them where an entry has linked them all. The attributes that are replaced here
+are numba's own; a test guards that parts are left alone and that an entry still works.
 """
 
 from __future__ import annotations

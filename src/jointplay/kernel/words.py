@@ -18,7 +18,7 @@ class Status(IntEnum):
 
 
 class Command(IntEnum):
-    """What `enter` shall do."""
+    """What an entry shall do."""
 
     ADVANCE = 0
     PLAN = 1
@@ -38,7 +38,7 @@ class Command(IntEnum):
 
 
 THERE = -1
-"""What `enter` returns where a run has got as far as it should for now."""
+"""What an entry returns where a run has got as far as it should for now."""
 
 POWERS = (
     "drive",

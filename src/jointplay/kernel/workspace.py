@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from jointplay.errors import JointplayError
-from jointplay.kernel import Command, Status, enter, layout
+from jointplay.kernel import Command, Status, compiled, layout
 from jointplay.kernel.columns import columns_of, statistics_of
 from jointplay.kernel.path import MIDDLE, MIDDLE_SPEED, ROWS
 from jointplay.kernel.pointed import Pointed
@@ -348,7 +348,7 @@ class Workspace(Pointed):
 
     def do(self, command: Command) -> Status:
         """Let the kernels carry out a command; returns the run's status."""
-        return Status(enter(self.run, int(command)))
+        return Status(compiled(command)(self.run, int(command)))
 
     @property
     def needs_jacobians(self) -> bool:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import io
 import xml.etree.ElementTree as ElementTree
+from collections.abc import Collection
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -76,19 +77,7 @@ class Declared:
         Raises:
             JointplayError: yourdfpy cannot read it.
         """
-        import yourdfpy
-
-        root = ElementTree.fromstring(self._text)
-        bare = ElementTree.Element("robot", {"name": root.get("name", "robot")})
-        bare.extend(element for element in root if element.tag in _READ)
-        for link in bare.findall("link"):
-            for element in [one for one in link if one.tag in _PICTURES]:
-                link.remove(element)
-        text = io.BytesIO(ElementTree.tostring(bare))
-        try:
-            return yourdfpy.URDF.load(text, build_scene_graph=False, load_meshes=False).robot
-        except (ValueError, TypeError, KeyError, AttributeError) as error:
-            raise JointplayError(f"yourdfpy cannot read the URDF: {error}") from None
+        return self._read(_READ, _PICTURES, "the URDF")
 
     @cached_property
     def pictured(self) -> yourdfpy.urdf.Robot:
@@ -97,16 +86,23 @@ class Declared:
         Raises:
             JointplayError: yourdfpy cannot read it.
         """
+        return self._read(_SEEN, (), "the URDF's visuals")
+
+    def _read(self, read: Collection[str], left_out: Collection[str], of: str) -> Any:
+        """Read some elements of the robot, their links without others."""
         import yourdfpy
 
         root = ElementTree.fromstring(self._text)
-        seen = ElementTree.Element("robot", {"name": root.get("name", "robot")})
-        seen.extend(element for element in root if element.tag in _SEEN)
-        text = io.BytesIO(ElementTree.tostring(seen))
+        part = ElementTree.Element("robot", {"name": root.get("name", "robot")})
+        part.extend(element for element in root if element.tag in read)
+        for link in part.findall("link"):
+            for element in [one for one in link if one.tag in left_out]:
+                link.remove(element)
+        text = io.BytesIO(ElementTree.tostring(part))
         try:
             return yourdfpy.URDF.load(text, build_scene_graph=False, load_meshes=False).robot
         except (ValueError, TypeError, KeyError, AttributeError, IndexError) as error:
-            raise JointplayError(f"yourdfpy cannot read the URDF's visuals: {error}") from None
+            raise JointplayError(f"yourdfpy cannot read {of}: {error}") from None
 
     @cached_property
     def _joints(self) -> dict[str, Any]:

@@ -222,6 +222,11 @@ class Mechanism(Described, Shown, Placed):
             )
 
     @property
+    def given_joints(self) -> dict[str, Clearance]:
+        """Joints as given, ideal ones too, which say of what kind a loop's joint or a ball is."""
+        return dict(self._joints)
+
+    @property
     def joints(self) -> tuple[str, ...]:
         """Names of the URDF's moving joints, in the order of the ideal robot's coordinates."""
         names = (c.split(".")[0] for c in self.coordinates)

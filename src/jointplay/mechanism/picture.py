@@ -11,8 +11,10 @@ import numpy as np
 import pinocchio as pin
 import trimesh
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+from mpl_toolkits.mplot3d.proj3d import proj_transform
 
 from jointplay.errors import JointplayError
 from jointplay.mechanism.loop import assemble
@@ -25,6 +27,12 @@ _LIGHT = np.array([0.35, -0.6, 0.72])
 _OTHERS = "#c9d3df"
 """Of bodies of which a colouring says nothing."""
 _PLAY, _LOOP, _TOOL = "#d1352b", "#1f6fb4", "#222222"
+_TYPE, _LINE, _LETTER = 8.0, 10.5, 4.8
+"""Size of words, of a line of them and about that of a letter [points]."""
+_HEIGHT = 390.0
+"""About that of the picture within the figure [points]."""
+_Note = tuple[np.ndarray, str, str]
+"""A place (3,) [m], words and their colour."""
 _RING = 0.06
 """Radius of the marks, relative to the mechanism's size."""
 _PIECE = 0.03
@@ -96,13 +104,15 @@ def picture(
     figure = Figure(figsize=(8.0, 5.5), layout="constrained")
     axes: Any = figure.add_subplot(projection="3d", proj_type="ortho", computed_zorder=False)
     axes.add_collection3d(_shaded(triangles, normals, np.concatenate(tones)))
+    notes: list[_Note] = []
     for name, place, colour, text in _marks(mechanism):
         text = f"{name}\n{text}" if labels is None else labels.get(name, name)
-        _mark(axes, place, _RING * size, colour, text)
+        notes.append((_mark(axes, place, _RING * size, colour), text, colour))
     tool = mechanism.data.oMf[mechanism.tool_frame].translation
     axes.plot(*tool[:, None], "+", color=_TOOL, ms=9, zorder=5)
-    axes.text(*tool, f"  {mechanism.tool}", color=_TOOL, fontsize=8, zorder=6, **_halo())
+    notes.append((tool, mechanism.tool, _TOOL))
     _frame(axes, low, high, view)
+    _write(axes, notes)
     axes.set_title(title, fontsize=11)
     _say_missing(figure, looks)
     return figure
@@ -205,14 +215,40 @@ def _marks(mechanism: Mechanism) -> list[tuple[str, pin.SE3, str, str]]:
     return marks
 
 
-def _mark(axes: Any, place: pin.SE3, radius: float, colour: str, text: str) -> None:
+def _mark(axes: Any, place: pin.SE3, radius: float, colour: str) -> np.ndarray:
+    """A ring about a joint's axis; returns where its words belong."""
     phi = np.linspace(0.0, 2.0 * np.pi, 61)
     ring = np.column_stack([radius * np.cos(phi), radius * np.sin(phi), 0.0 * phi])
     axes.plot(*(ring @ place.rotation.T + place.translation).T, color=colour, lw=1.8, zorder=4)
     axis = np.array([[0.0, 0.0, -1.5 * radius], [0.0, 0.0, 1.5 * radius]])
     line = (axis @ place.rotation.T + place.translation).T
     axes.plot(*line, color=colour, lw=1.0, ls="-.", zorder=4)
-    axes.text(*line[:, 1], f" {text}", color=colour, fontsize=8, zorder=6, **_halo())
+    return np.asarray(line[:, 1])
+
+
+def _write(axes: Any, notes: Sequence[_Note]) -> None:
+    """Words beside their points, from above; what would cover others moves down, led by a line."""
+    seen = axes.get_proj()
+    point = axes.viewLim.height / _HEIGHT
+    taken: list[tuple[float, float, float, float]] = []
+    flat = [(np.array(proj_transform(*at, seen)[:2], float), text, c) for at, text, c in notes]
+    for at, text, colour in sorted(flat, key=lambda note: -note[0][1]):
+        lines = text.split("\n")
+        high = _LINE * len(lines) * point
+        wide = _LETTER * max(map(len, lines)) * point
+        left, top = at[0] + 6.0 * point, at[1] + 0.5 * high
+        for a, b, upper, lower in sorted(taken, key=lambda box: -box[2]):
+            if left < b and a < left + wide and top > lower and top - high < upper:
+                top = lower
+        taken.append((left, left + wide, top, top - high))
+        middle = top - 0.5 * high
+        if middle < at[1] - 0.5 * high:
+            ends = ((at[0], left), (at[1], middle))
+            axes.add_artist(Line2D(*ends, color=colour, lw=0.6, zorder=5))
+        axes.text2D(
+            left, middle, text, color=colour, fontsize=_TYPE, va="center", zorder=6,
+            transform=axes.transData, **_halo(),
+        )  # fmt: skip
 
 
 def _halo() -> dict[str, Any]:

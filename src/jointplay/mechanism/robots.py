@@ -7,6 +7,7 @@ have a URDF of the same name, the folder's name instead.
 
 from __future__ import annotations
 
+import difflib
 import sys
 from collections import defaultdict
 from collections.abc import Mapping
@@ -87,14 +88,20 @@ def names() -> tuple[str, ...]:
 def robot_urdf(name: str) -> Path:
     """URDF of a robot such as ``ur5`` or ``panda``; upper case and ``-`` for ``_`` do no harm.
 
+    Of a robot that there is in one variant only, such as ``hyq_no_sensors``, ``hyq`` will do.
+
     Raises:
         JointplayError: the package is not installed.
         MissingName: no such robot; the message lists those whose names resemble it, or all.
     """
     table = _table(share() / "robots")
     wanted = _normal(name)
+    variants = [known for known in table if known.startswith(f"{wanted}_")]
+    if wanted not in table and len(variants) == 1:
+        return table[variants[0]]
     if wanted not in table:
         similar = [known for known in table if wanted and wanted in known]
+        similar = similar or difflib.get_close_matches(wanted, table)
         raise MissingName("robot", name, similar or table, "" if not similar else ", and others")
     return table[wanted]
 

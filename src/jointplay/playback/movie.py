@@ -264,7 +264,7 @@ def _browser(
     page_file.write_bytes(content)
     width, height = shot.size
     with sync_playwright() as tools:
-        browser = _launched(tools, Error)
+        browser = launched(tools, Error)
         try:
             room = browser.new_context(viewport={"width": width, "height": height}, offline=True)
             tab = room.new_page()
@@ -291,7 +291,7 @@ def _browser(
             browser.close()
 
 
-def _launched(tools: Any, failure: type[Exception]) -> Any:
+def launched(tools: Any, failure: type[Exception]) -> Any:
     """A browser without window: the one named, playwright's own, or one of this machine's.
 
     It has its own sandbox where the system lets it; the page holds nothing that could use a hole in

@@ -27,6 +27,7 @@ from jointplay.mechanism.meshes import Colour, Part
 from jointplay.mechanism.seen import Look, look
 from jointplay.mechanism.tree import Motion, Tree
 from jointplay.playback.closeup import close_up, continuous, quaternions
+from jointplay.playback.static_error import static_error
 from jointplay.playback.tracks import Impacts, Packer, impacts, keep, strongest
 from jointplay.plots.palette import colours
 from jointplay.result.result import Result
@@ -112,6 +113,7 @@ def build(
         entry["ghost"] = None
         if ghosts and (case.result.joints or case.mechanism.gears):
             entry["ghost"] = _ghost(case, taken, packer, notes, progress)
+        entry["error"] = _error(case, packer, notes) if entry["ghost"] else None
         entry["colour"] = colour
         entries.append(entry)
     contents = {
@@ -348,6 +350,17 @@ def _ghost(
         notes.append(f"{case.label}: no ideal twin: {twin.message}")
         return None
     return _twin_tracks(case, simulation.mechanism, twin.time, twin["q"].values, packer)
+
+
+def _error(case: _Case, packer: Packer, notes: Notes) -> dict[str, Any] | None:
+    """Track of the static error set of the tool, which stands about its twin's."""
+    motion = case.simulation.motion
+    driven = None if motion is None else motion.joints
+    try:
+        return static_error(case.mechanism, case.time, case.q, driven, packer)
+    except JointplayError as error:
+        notes.append(f"{case.label}: no static error set: {error}")
+        return None
 
 
 def _twin_tracks(

@@ -187,7 +187,7 @@ class Packer:
 
     def deflated(self) -> bytes:
         """All that was appended, compressed (zlib)."""
-        return zlib.compress(b"".join(self._blocks), 9)
+        return zlib.compress(b"".join(self._blocks), 6)
 
 
 def unpack_mesh(block: bytes, entry: dict[str, Any]) -> np.ndarray:

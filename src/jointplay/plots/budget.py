@@ -10,6 +10,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize, to_hex
 from matplotlib.figure import Figure
 
+from jointplay.analysis import together
 from jointplay.analysis.levers import GEAR
 from jointplay.analysis.static_budget import Budget
 from jointplay.mechanism.mechanism import Mechanism
@@ -95,8 +96,8 @@ def reachable(budget: Budget, pose: int | None = None) -> Figure:
             directions = np.zeros((len(budget.positions), len(angle), 3))
             directions[..., i], directions[..., j] = np.cos(angle), np.sin(angle)
             outline = np.zeros((len(angle), 3))
-            for part in budget.sources:
-                outline = outline + part.along(directions)[1][at, :, :3]
+            for error in together.along(budget.sources, directions).error[:, at]:
+                outline = outline + error[:, :3]
                 panel.plot(*(1e3 * outline[:, [i, j]]).T, color="0.75", lw=0.6)
             panel.plot(*(1e3 * outline[:, [i, j]]).T, color=COLOURS[0], label="reachable")
             panel.plot(rest[i], rest[j], "o", color=COLOURS[3], ms=5, label="at rest")

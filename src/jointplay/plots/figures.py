@@ -57,7 +57,8 @@ def _figure(width: float, height: float, rows: int, columns: int, **options: Any
     return figure, figure.subplots(rows, columns, squeeze=False, **options)
 
 
-def _legend(figure: Figure, axes: Any) -> None:
+def ordered_legend(figure: Figure, axes: Any) -> None:
+    """Put the legend of some axes above the figure, to be read row by row."""
     handles, labels = axes.get_legend_handles_labels()
     columns = min(len(labels), _LEGEND_COLUMNS)
     # matplotlib fills columns; cases are read in rows.
@@ -89,7 +90,7 @@ def _tool_history(cases: Cases, of: str) -> Figure:
         panels[0, 1].set_title("difference from the ideal robot", fontsize=9)
     for panel in panels[:-1].flat:
         panel.set_xlabel("")
-    _legend(figure, panels[0, 0])
+    ordered_legend(figure, panels[0, 0])
     return figure
 
 
@@ -128,7 +129,7 @@ def tool_path(cases: Cases) -> Figure:
         close.tick_params(axis="x", rotation=30)
         close.set_title(f"where it differs most: {1e3 * worst:.2f} mm", fontsize=9)
         panels[0, 0].plot(*spot, "s", mfc="none", mec="black", ms=9)
-    _legend(figure, panels[0, 0])
+    ordered_legend(figure, panels[0, 0])
     return figure
 
 
@@ -240,7 +241,7 @@ def overview(cases: Cases) -> Figure:
     force.set_ylabel("contact force [N]")
     for label, _, colour in shown:  # drawn from the last case on, named from the first
         plan.plot([], [], color=colour, label=label)
-    _legend(figure, plan)
+    ordered_legend(figure, plan)
     label, result, colour = shown[-1]
     result.plot.orbit(ax=orbit, color=colour)
     orbit.set_title(f"journal centre in its bearing, {label}", fontsize=9)
@@ -333,7 +334,7 @@ def _spectra(cases: Cases, start: float | None) -> Figure:
         panel.set_xlabel("")
     panels[-1, 0].set_xlabel("frequency [Hz]")
     if panels[0, 0].get_lines():
-        _legend(figure, panels[0, 0])
+        ordered_legend(figure, panels[0, 0])
     return figure
 
 

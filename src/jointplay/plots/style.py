@@ -84,6 +84,7 @@ class StyledFigure(Figure):
 
     def __init__(self, *args: Any, look: str = "screen", **options: Any) -> None:
         """Make a figure in the style `look`."""
+        self._placed = False
         super().__init__(*args, **options)
         self.look = look
 
@@ -94,8 +95,29 @@ class StyledFigure(Figure):
 
     def savefig(self, fname: Any, **options: Any) -> None:  # type: ignore[override]
         """Write in the figure's style; options as `matplotlib.figure.Figure.savefig`."""
-        with style(self.look):
+        with style(self.look), self._laid_out(options):
             super().savefig(fname, **options)
+
+    def get_layout_engine(self) -> Any:
+        """None once all has its place."""
+        return None if self._placed else super().get_layout_engine()
+
+    @contextmanager
+    def _laid_out(self, options: dict[str, Any]) -> Iterator[None]:
+        """All put in its place once, for the time of the block.
+
+        matplotlib itself draws a figure twice to lay it out.
+        """
+        engine = self.get_layout_engine()
+        if engine is not None and "bbox_inches" not in options:
+            engine.execute(self)
+            self._placed = True
+        try:
+            yield
+        finally:
+            self._placed = False
+            if engine is not None:
+                self.set_layout_engine(engine)
 
     def _repr_png_(self) -> bytes:
         buffer = io.BytesIO()

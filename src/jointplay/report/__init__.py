@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
+from functools import partial
 from importlib.resources import files
 from pathlib import Path
 
 from jointplay.errors import JointplayError
+from jointplay.host.beside import beside
 from jointplay.host.files import check_new
 from jointplay.host.files import write as write_file
 from jointplay.playback.policy import as_data, as_script, policy
@@ -26,7 +29,7 @@ from jointplay.report import cases as _cases
 from jointplay.report.cases import Case, Say
 from jointplay.report.cases import load as load
 from jointplay.report.charts import Chart, all_charts
-from jointplay.report.html import Html, joined, markup, paragraph, render
+from jointplay.report.html import Html, joined, markup, render
 from jointplay.report.series import MAX_RECORDS, Pack
 from jointplay.result.provenance import versions
 from jointplay.result.result import Result
@@ -78,22 +81,29 @@ def write(
     for target in targets:
         check_new(target)
     claims_table.claim_rows(claims)
-    cases = _cases.build(results, impacts, say)
-    say("writing the page")
-    source = page(cases, title, claims)
-    contents = [source.encode()]
-    if pdf:
-        from jointplay.plots.figures import pdf as drawn
-
-        say("drawing the figures for the PDF")
-        shown = dict(results)
-        ideal = next((case.ideal for case in cases if case.ideal is not None), None)
-        if ideal is not None and all(ideal is not result for result in shown.values()):
-            shown = {"ideal": ideal, **shown} if "ideal" not in shown else shown
-        contents.append(drawn(shown, naming.settled(cases)))
+    cases = _cases.build(results, say)
+    with beside(partial(_figures, cases)) if pdf else nullcontext() as figures:
+        if pdf:
+            say("drawing the figures for the PDF")
+        _cases.follow_impacts(cases, impacts, say)
+        say("writing the page")
+        contents = [page(cases, title, claims).encode()]
+        if figures is not None:
+            contents.append(figures())
     for target, made in zip(targets, contents, strict=True):  # at the end: none without the other
         write_file(target, made)
     return targets
+
+
+def _figures(cases: Sequence[Case]) -> bytes:
+    """The PDF's content: figures of the cases, and of the ideal run that none of them is."""
+    from jointplay.plots.figures import pdf
+
+    shown = {case.label: case.result for case in cases}
+    ideal = next((case.ideal for case in cases if case.ideal is not None), None)
+    if ideal is not None and all(ideal is not result for result in shown.values()):
+        shown = {"ideal": ideal, **shown} if "ideal" not in shown else shown
+    return pdf(shown, naming.settled(cases))
 
 
 def page(cases: Sequence[Case], title: str, claims: Path | None) -> str:
@@ -122,7 +132,7 @@ def page(cases: Sequence[Case], title: str, claims: Path | None) -> str:
         "Parameters": inputs.parameters(cases),
         "Assumptions": assumptions.assumed(cases, start),
         "Audit": judgement.audits(cases) + judgement.certificates(cases),
-        "Motion of the tool": paragraph(hint)
+        "Motion of the tool": markup('<p class="screen">{}</p>', hint)
         + chart(
             *("tool_displacement", "tool_displacement_error"),
             *("tool_velocity", "tool_velocity_error", "tool_path"),

@@ -104,12 +104,11 @@ def load(
     return results
 
 
-def build(results: Mapping[str, Result], impacts: int, say: Say) -> list[Case]:
-    """Find or simulate the ideal references, and replay the largest impacts.
+def build(results: Mapping[str, Result], say: Say) -> list[Case]:
+    """Find or simulate the ideal references.
 
     Args:
         results: by label.
-        impacts: how many of each case are followed step by step.
         say: told what is being simulated.
     """
     cases = [Case(label, result, colour) for label, result, colour in coloured(results)]
@@ -117,10 +116,20 @@ def build(results: Mapping[str, Result], impacts: int, say: Say) -> list[Case]:
         if not analysis.has_play(case.result):
             case.ideal = case.result
     _refer(cases, say)
-    for case in cases:
-        if case.joints and impacts:
-            _follow(case, impacts, say)
     return cases
+
+
+def follow_impacts(cases: Iterable[Case], number: int, say: Say) -> None:
+    """Repeat the runs, and keep the largest impacts of each step by step.
+
+    Args:
+        cases: which get them.
+        number: how many of each case.
+        say: told what is being repeated.
+    """
+    for case in cases:
+        if case.joints and number:
+            _follow(case, number, say)
 
 
 def _refer(cases: Iterable[Case], say: Say) -> None:

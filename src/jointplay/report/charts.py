@@ -92,10 +92,10 @@ def all_charts(cases: Sequence[Case], pack: Pack, start: float) -> list[Chart]:
     charts = [
         *_tool(histories, "tool_position", "tool_displacement", "Displacement of the tool"),
         *_tool(histories, "tool_velocity", "tool_velocity", "Velocity of the tool"),
-        _path(histories, cases),
+        _path(histories, cases, paper),
         *_orbits(histories),
         *(_forces(histories, cases, axis, f"force_{axis}") for axis in AXES),
-        *_modes(histories),
+        *_modes(histories, paper),
         *_places(histories, "normal_force_peak", 1.0, "contacts", "Normal force of each contact"),
         *_places(histories, "gap_min", 1e3, "gaps", "Gap of each contact"),
         *_impacts(cases, pack, start),
@@ -138,7 +138,7 @@ def _padded(values: np.ndarray, size: int) -> np.ndarray:
     return np.concatenate([values, np.full(size - len(values), np.nan)])
 
 
-def _path(histories: list[Histories], cases: Sequence[Case]) -> Chart:
+def _path(histories: list[Histories], cases: Sequence[Case], paper: bool) -> Chart:
     plane = plane_of({case.label: case.result for case in cases})
     one, two = (AXES.index(axis) for axis in plane)
     paths = [(h, h.result["tool_position"].values) for h in histories]
@@ -146,7 +146,7 @@ def _path(histories: list[Histories], cases: Sequence[Case]) -> Chart:
     reach = np.ptp(np.concatenate([path for _, path in paths]), axis=0)
     if min(reach[one], reach[two]) < 1e-3 * max(reach[one], reach[two]):
         traces = []  # on a straight line there is no path to see
-    name = "the XOY plane" if plane == "xy" else f"the {plane} plane"
+    name = "the XOY plane" if paper and plane == "xy" else f"the {plane} plane"
     panels = [_panel(f"{plane[1]} [m]", traces, across=f"{plane[0]} [m]")] if traces else []
     return _chart("plane", "tool_path", f"Path of the tool in {name}", panels)
 
@@ -185,7 +185,7 @@ def _forces(histories: list[Histories], cases: Sequence[Case], axis: str, name: 
     return _chart("time", name, title, panels, same=True)
 
 
-def _modes(histories: list[Histories]) -> list[Chart]:
+def _modes(histories: list[Histories], paper: bool) -> list[Chart]:
     panels = []
     for h in histories:
         for joint in h.case.joints:
@@ -197,7 +197,7 @@ def _modes(histories: list[Histories]) -> list[Chart]:
                 )
             ]
             panels.append(_panel("", spans, title=f"{h.case.label}, {joint}", rows=MODE_NAMES))
-    return [_chart("time", "modes", "Contact mode (Table 1)", panels)]
+    return [_chart("time", "modes", f"Contact mode{' (Table 1)' if paper else ''}", panels)]
 
 
 def _look(index: int, contact: str) -> dict[str, Any]:

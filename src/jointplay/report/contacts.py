@@ -9,6 +9,7 @@ import numpy as np
 
 from jointplay import analysis
 from jointplay.geometry import Form
+from jointplay.plots.figures import is_paper
 from jointplay.plots.panels import MODE_NAMES
 from jointplay.report.cases import Case
 from jointplay.report.html import Cell, Html, joined, markup, paragraph, table
@@ -37,10 +38,12 @@ def modes(cases: Sequence[Case], start: float) -> Html:
         for form in Form
         if any(share[form.name.lower()] > 0.0 for share in forms)
     ]
-    parts = [table(["mode (Table 1)", *names], rows, "Share of the records in each mode [%]")]
+    paper = is_paper({case.label: case.result for case in cases})
+    mode, form = ("mode (Table 1)", "form (Figure 2)") if paper else ("mode", "form")
+    parts = [table([mode, *names], rows, "Share of the records in each mode [%]")]
     if form_rows:
         caption = "Share of the records in each form [%]"
-        parts.append(table(["form (Figure 2)", *names], form_rows, caption))
+        parts.append(table([form, *names], form_rows, caption))
     return joined(parts)
 
 

@@ -149,12 +149,12 @@ def _derived_stiffness(result: Result) -> dict[str, float]:
 
 
 def _motions(cases: Sequence[Case]) -> Html:
-    seen: dict[str, list[str]] = {}
+    seen: dict[str, list[Case]] = {}
     for case in cases:
         motion = json.dumps(analysis.inputs(case.result)["motion"], sort_keys=True)
-        seen.setdefault(motion, []).append(case.label)
+        seen.setdefault(motion, []).append(case)
     parts = []
-    for packed, labels in seen.items():
+    for packed, those in seen.items():
         motion = json.loads(packed)
         if motion is None:
             continue
@@ -162,10 +162,23 @@ def _motions(cases: Sequence[Case]) -> Html:
             [time, *position]
             for time, position in zip(motion["times"], motion["positions"], strict=True)
         ]
-        of = "" if len(seen) == 1 else f" of {', '.join(labels)}"
-        head = ["time [s]", *(f"{name} [rad or m]" for name in motion["joints"])]
+        of = "" if len(seen) == 1 else f" of {', '.join(case.label for case in those)}"
+        units = _units(those[0].result)
+        head = [
+            "time [s]",
+            *(f"{name} [{units.get(name, 'rad or m')}]" for name in motion["joints"]),
+        ]
         parts.append(details(f"Waypoints{of}", table(head, rows[:500], left=0)))
     return joined(parts)
+
+
+def _units(result: Result) -> dict[str, str]:
+    """Units of the joints' positions; those of a mechanism that cannot be built are unknown."""
+    try:
+        joints = result.simulation.mechanism.description.joints
+    except JointplayError:  # a law that cannot be imported
+        return {}
+    return {name: "m" if joint.slides else "rad" for name, joint in joints.items()}
 
 
 def _robots(cases: Sequence[Case]) -> Html:

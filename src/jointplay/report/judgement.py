@@ -10,57 +10,25 @@ from jointplay.report.html import Cell, Html, bullets, joined, markup, paragraph
 from jointplay.report.naming import dark
 from jointplay.result.certificate import CertifiedFigure
 
+_OF_CONTACTS = (
+    "contacts begun",
+    "shortest contact [steps]",
+    "contacts under 10 steps",
+    "normal impulse [N s]",
+    "largest penetration [µm]",
+    "penetration [% of the clearance]",
+    "step that friction needs [µs]",
+)
+
 
 def audits(cases: Sequence[Case]) -> Html:
     """The runs' judgement of themselves."""
-    head = [
-        "case",
-        "message",
-        "energy residual [J]",
-        "exchanged [J]",
-        "residual [%]",
-        "contacts begun",
-        "shortest [steps]",
-        "under 10 steps",
-        "normal impulse [N s]",
-        "largest penetration [µm]",
-        "of the clearance [%]",
-        "step [µs]",
-        "friction needs [µs]",
-        "error by the step [µm]",
-        "drift of ideal loops [µm]",
-        "computed in [s]",
+    given = [_judged(case) for case in cases]
+    rows: list[list[Cell]] = [
+        [name, *(one[name] for one in given)]
+        for name in given[0]
+        if any(one[name] is not None for one in given)
     ]
-    rows: list[list[Cell]] = []
-    for case in cases:
-        audit = case.result.audit
-        contact: list[Cell] = [None] * 8
-        if case.joints:
-            limit = audit.friction_step_limit
-            contact = [
-                audit.impacts,
-                audit.shortest_contact_steps or None,
-                audit.under_resolved,
-                audit.normal_impulse,
-                1e6 * audit.largest_penetration,
-                100.0 * audit.penetration_over_clearance,
-                1e6 * audit.step,
-                1e6 * limit if math.isfinite(limit) else None,
-            ]
-        wall = case.result.dataset.attrs.get("wall_time_s")
-        rows.append(
-            [
-                dark(case),
-                case.result.message,
-                audit.energy_residual,
-                audit.energy_exchanged,
-                100.0 * audit.relative_energy_residual,
-                *contact,
-                None if audit.step_error is None else 1e6 * audit.step_error,
-                1e6 * audit.loop_drift if "loop_drift" in case.result.dataset else None,
-                None if wall is None else float(wall),
-            ]
-        )
     warnings = [
         markup('{} <strong class="warn">Warning:</strong> {}.', dark(case), warning)
         for case in cases
@@ -68,10 +36,42 @@ def audits(cases: Sequence[Case]) -> Html:
     ]
     return joined(
         [
-            table(head, rows, left=2),
+            table(["of the run", *map(dark, cases)], rows, name="audit-table"),
             bullets(warnings) or paragraph("No run has anything to warn of."),
         ]
     )
+
+
+def _judged(case: Case) -> dict[str, Cell]:
+    """What a run says of itself, by name; None where it has no such thing."""
+    audit, attributes = case.result.audit, case.result.dataset.attrs
+    contact: dict[str, Cell] = dict.fromkeys(_OF_CONTACTS)
+    if case.joints:
+        limit = audit.friction_step_limit
+        values: list[Cell] = [
+            audit.impacts,
+            audit.shortest_contact_steps or None,
+            audit.under_resolved,
+            audit.normal_impulse,
+            1e6 * audit.largest_penetration,
+            100.0 * audit.penetration_over_clearance,
+            1e6 * limit if math.isfinite(limit) else None,
+        ]
+        contact = dict(zip(_OF_CONTACTS, values, strict=True))
+    drift = 1e6 * audit.loop_drift if "loop_drift" in case.result.dataset else None
+    return {
+        "ended": case.result.message,
+        "energy residual [J]": audit.energy_residual,
+        "energy exchanged [J]": audit.energy_exchanged,
+        "residual [% of exchanged]": 100.0 * audit.relative_energy_residual,
+        **contact,
+        "step [µs]": 1e6 * audit.step,
+        "error by the step [µm]": None if audit.step_error is None else 1e6 * audit.step_error,
+        "drift of ideal loops [µm]": drift,
+        "computed in [s]": float(attributes["wall_time_s"])
+        if "wall_time_s" in attributes
+        else None,
+    }
 
 
 def certificates(cases: Sequence[Case]) -> Html:

@@ -228,8 +228,10 @@ class Audit(Described):
             f"{percent:.2g} % of {self.energy_exchanged:.3g} J exchanged"
         ]
         if self.impacts:
+            steps = self.shortest_contact_steps
+            shortest = f"shortest {steps} steps" if steps else "none ended"
             lines += [
-                f"  contacts: {self.impacts}, shortest {self.shortest_contact_steps} steps, "
+                f"  contacts: {self.impacts}, {shortest}, "
                 f"{self.under_resolved} under {WELL_RESOLVED_STEPS} steps",
                 f"  largest penetration: {self.largest_penetration:.3g} m, "
                 f"{100 * self.penetration_over_clearance:.2g} % of the clearance",

@@ -100,6 +100,22 @@ class Result:
         self.audit = dataclasses.replace(self.audit, **figures)
         self.dataset.attrs["audit"] = json.dumps(self.audit.describe())
 
+    def completed(self, run: str = "the run") -> Result:
+        """Return the result of a run that ran to its end.
+
+        Args:
+            run: what it is called where it failed.
+
+        Raises:
+            KeyboardInterrupt: it was interrupted.
+            JointplayError: it stopped early: why, and at which state.
+        """
+        if self.status == Status.INTERRUPTED:
+            raise KeyboardInterrupt
+        if self.status != Status.COMPLETED:
+            raise JointplayError(f"{run} failed: {self.message}")
+        return self
+
     @property
     def time(self) -> np.ndarray:
         """Times of the records [s]."""

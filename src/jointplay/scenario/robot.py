@@ -57,6 +57,8 @@ SLIDE = 0.05
 """Way of a joint of which no motion is given, at most, there and back [rad, m]."""
 PART = 0.25
 """Part of the way to its farther limit that it goes at most."""
+ROOM = 0.01
+"""Part of the way between its limits that it keeps from each: a drive overshoots a little."""
 SWING_S = 1.0
 """Time that it takes to get there [s]."""
 MARGIN = 1.2
@@ -223,7 +225,8 @@ def _there_and_back(mechanism: Mechanism) -> tuple[dict[str, Any], str]:
             low, high = -np.inf, np.inf
         else:
             low, high = model.lowerPositionLimit[at], model.upperPositionLimit[at]
-        begin = float(np.clip(0.0, low, high))
+        inside = ROOM * (high - low) if np.isfinite(high - low) else 0.0
+        begin = float(np.clip(0.0, low + inside, high - inside))
         room = max(high - begin, begin - low)
         slides = mechanism.description.joints[name].slides
         way = min(SLIDE if slides else SWING, PART * room)

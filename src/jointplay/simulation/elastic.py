@@ -68,7 +68,8 @@ def _stiffness(shape, dimensions, count, law, parameters, pose, shift, turn):
     stiffness = np.zeros((6, 6))
     _wrench(shape, dimensions, count, law, parameters, pose, here)
     for axis in range(6):
-        moved[:] = pose
+        for k in range(12):  # a slice would cost a first start a second more
+            moved[k] = pose[k]
         size = shift if axis < 3 else turn
         if axis < 3:
             moved[axis] += shift

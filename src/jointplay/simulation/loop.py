@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from jointplay.kernel import compiled, layout
+from jointplay.kernel import Command, compiled, entry_of, layout
 from jointplay.kernel.integrators import Integrator
 from jointplay.kernel.sites import CarriedFrame
 from jointplay.kernel.workspace import Workspace
@@ -72,7 +72,6 @@ class Loop(ABC):
     ) -> None:
         """Keep what the loop works on."""
         self.model, self.data, self.workspace, self.method = model, data, workspace, method
-        self._enter = compiled()
         self._models = pin.StdVec_RigidConstraintModel()
         self._models.extend(constraints)
         self._datas = pin.StdVec_RigidConstraintData()
@@ -92,6 +91,21 @@ class Loop(ABC):
         if len(self._models):
             return pin.constraintDynamics, (*state, self._models, self._datas, PROXIMAL)
         return pin.aba, (*state, self._none, pin.Convention.WORLD)
+
+    @property
+    def commands(self) -> tuple[Command, ...]:
+        """One of each compiled entry that the loop calls."""
+        return (self.method.command,)
+
+    @property
+    def compiled(self) -> bool:
+        """Whether this process has all compiled code that the loop calls."""
+        return all(entry_of(command).signatures for command in self.commands)
+
+    def compile(self) -> None:
+        """Compile that code, or load it."""
+        for command in self.commands:
+            compiled(command)
 
     @abstractmethod
     def begin(self) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from jointplay.kernel import THERE, Command, layout
+from jointplay.kernel import THERE, Command, compiled, layout
 from jointplay.kernel.sites import ContactSite, LoadSite
 from jointplay.simulation.loop import Loop, moving_bodies
 
@@ -35,9 +35,7 @@ SHORTEST_MICRO_STEP_S = 2e-8
 
 _aba, _inverse, _WORLD = pin.aba, pin.computeMinverse, pin.Convention.WORLD
 
-_ADVANCE, _PLAN, _TAKE_MIDDLE = (
-    int(command) for command in (Command.ADVANCE, Command.PLAN, Command.TAKE_MIDDLE)
-)
+_ADVANCE, _PLAN = int(Command.ADVANCE), int(Command.PLAN)
 
 
 class MultiRate(Loop):
@@ -131,7 +129,7 @@ class MultiRate(Loop):
 
     def stretch(self, steps: int, pause: int | None = None) -> bool:
         """Do `steps` steps, or fewer; a stretch that paused is taken up again first."""
-        run, enter, (q, v) = self.workspace.run, self._enter, self._middle
+        run, enter, (q, v) = self.workspace.run, compiled(), self._middle
         model, data, zero, none = self.model, self.data, self._zero, self._none
         if not self._planned_on:
             self._until[0] = self.workspace.steps + steps
@@ -178,6 +176,11 @@ class Adaptive(MultiRate):
         self._planned, self._refused = w.run["macro"], w.run["refused"]
         self._micro_step = self._dt
 
+    @property
+    def commands(self) -> tuple[Command, ...]:
+        """One of each compiled entry that the loop calls."""
+        return (*super().commands, Command.ADAPTIVE_STEP)
+
     def memory(self) -> dict[str, float]:
         """Length of the next macro and micro steps."""
         return super().memory() | {"micro_step": self._micro_step}
@@ -190,11 +193,11 @@ class Adaptive(MultiRate):
     def stretch(self, steps: int, pause: int | None = None) -> bool:
         """Do one macro step, of no more than `steps` steps, as finely as it needs."""
         self._until[0] = self.workspace.steps + steps
-        self._enter(self.workspace.run, _PLAN)
+        self.workspace.do(Command.PLAN)
         self._refused[0] = 1
         while self._refused.item():
             self._ask(*self._middle)
-            self._enter(self.workspace.run, _TAKE_MIDDLE)
+            self.workspace.do(Command.TAKE_MIDDLE)
         macro = self._planned.item()
         span = macro * self._dt
         for kept, array in zip(self._kept, self._state, strict=True):
@@ -224,7 +227,7 @@ class Adaptive(MultiRate):
         """Do the macro step with so many micro steps; returns q and v at its end."""
         w = self.workspace
         w.run["micro"] = micro
-        self._enter(w.run, int(Command.ADAPTIVE_STEP))
+        w.do(Command.ADAPTIVE_STEP)
         return w.q.copy(), self.velocity()
 
     def _difference(

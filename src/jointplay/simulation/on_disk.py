@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any
 from jointplay.host import files, stopping
 from jointplay.kernel import Status
 from jointplay.kernel.workspace import Workspace
-from jointplay.result.growing import Growing
 from jointplay.result.histories import Histories
 from jointplay.result.result import Result
 from jointplay.simulation import checkpoint
@@ -164,6 +163,8 @@ def save(
         whole, records = made.whole(w), next(portions)
         first = made.portion(records, run.phases).assign(whole)
         bar.update(records.rows)
+        from jointplay.result.growing import Growing  # takes long to import
+
         with closing(Growing(file, first)) as growing:
             for records in portions:
                 growing.append(made.portion(records, run.phases))

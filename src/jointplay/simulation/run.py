@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from tqdm import tqdm
 
-from jointplay import kernel
 from jointplay.errors import JointplayError, require_positive
 from jointplay.host import stopping
 from jointplay.kernel import Status
@@ -133,10 +132,10 @@ class Run(Prepared):
     def loop(self, progress: bool = False) -> Status:
         """Step until the end, a failure, or Ctrl-C; returns why it stopped."""
         workspace = self.workspace
-        if progress and not kernel.enter.signatures:
+        if progress and not self._loop.compiled:
             note = "loading compiled kernels (the first start ever compiles them, half a minute)"
             tqdm.write(note, file=sys.stderr)
-        kernel.compiled()
+        self._loop.compile()
         bar = Bar(self.steps * self.simulation.step, progress, self.label, workspace.time)
         self._since = time.perf_counter() - self._elapsed
         with ExitStack() as stack:
@@ -191,7 +190,7 @@ class Run(Prepared):
         """
         if every is not None:
             require_positive("every", every, "s")
-        kernel.compiled()
+        self._loop.compile()
         if not self._begun:
             self.begin()
         yield self.moment()

@@ -7,7 +7,7 @@ from typing import Any
 
 import pinocchio as pin
 
-from jointplay.kernel import Command
+from jointplay.kernel import Command, compiled
 from jointplay.simulation.loop import Loop
 
 
@@ -43,7 +43,7 @@ class SingleRate(Loop):
         """Do `steps` steps, or fewer."""
         if pause is not None:
             steps = min(steps, max(pause - self.workspace.steps, 1))
-        enter, run = self._enter, self.workspace.run
+        enter, run = compiled(self.method.command), self.workspace.run
         command, load = int(self.method.command), int(Command.LOAD)
         dynamics, state = self._call
         jacobians, place = pin.computeJointJacobians, (self.model, self.data, self.workspace.q)

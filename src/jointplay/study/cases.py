@@ -21,9 +21,8 @@ from jointplay.scenario import Scenario
 from jointplay.scenario.keep import add_certificate, run_and_save
 from jointplay.scenario.model import GRAVITY as GRAVITY
 from jointplay.simulation.simulation import Simulation
-
-JOINT = "joint_b"
-FILES = {"ideal": "ideal.nc", "0.2 mm": "case1_0.2mm.nc", "0.5 mm": "case2_0.5mm.nc"}
+from jointplay.study.asked import FILES as FILES
+from jointplay.study.asked import JOINT as JOINT
 
 
 @cache

@@ -19,9 +19,6 @@ from jointplay.errors import JointplayError
 from jointplay.host import files, workers
 from jointplay.study.cases import CASES, CONDITIONS, Condition, explicit, perturbed
 
-MOST_RUNS = 1000
-"""Most perturbed runs for each clearance and condition: days of computing."""
-
 
 class Ensembles:
     """The perturbed runs behind the claims, on all cores.

@@ -6,21 +6,13 @@ from concurrent.futures import Future
 from pathlib import Path
 
 from jointplay.analysis.claims import Verdict
-from jointplay.errors import JointplayError
-from jointplay.host import files, stopping
+from jointplay.host import stopping
 from jointplay.result.result import Result
-from jointplay.study.cases import CASES, FILES, run_case
-from jointplay.study.ensembles import MOST_RUNS, Ensembles, _found
+from jointplay.study.asked import folder
+from jointplay.study.cases import CASES, run_case
+from jointplay.study.ensembles import Ensembles, _found
 from jointplay.study.error_tables import errors_table, measures_table, write_errors
 from jointplay.study.verdicts import write_claims
-
-
-def output_names() -> list[str]:
-    """Every file that the study writes."""
-    from jointplay.plots.names import file_names
-
-    drawn = file_names(paper=True)
-    return [*FILES.values(), *drawn, "errors.md", "ensemble.csv", "claims.csv", "claims.md"]
 
 
 def run_study(
@@ -44,13 +36,7 @@ def run_study(
     """
     from jointplay import plots
 
-    if runs < 0 or runs == 1:
-        raise JointplayError(f"the claims need at least 2 runs (0 leaves them out), got {runs}")
-    if runs > MOST_RUNS:
-        raise JointplayError(f"at most {MOST_RUNS} runs for each clearance, got {runs}")
-    if jobs is not None and jobs < 1:
-        raise JointplayError(f"at least one process is needed, got {jobs}")
-    out = files.claim(out, output_names())
+    out = folder(out, runs, jobs)
     # The first case has the kernels compiled and cached; from then on all cores can work.
     first, *rest = CASES
     cases = {first: run_case(first, out, progress)}

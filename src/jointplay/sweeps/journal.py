@@ -14,10 +14,39 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from jointplay.host.files import cannot_write
+from jointplay.errors import JointplayError
+from jointplay.host.files import cannot_write, is_folder
+
+JOURNAL = "journal"
+"""Name of the journal within the store."""
 
 SYNC_S = 1.0
 """What a power failure can take is no older than this [s]."""
+
+
+def is_there(store: Path, go_on: bool) -> bool:
+    """Whether the store is there already.
+
+    Args:
+        store: its folder.
+        go_on: whether it may be.
+
+    Raises:
+        JointplayError: it is and may not be, or the folder has other things in it.
+    """
+    there = (store / "zarr.json").is_file()
+    if there and not go_on:
+        raise JointplayError(
+            f"{str(store)!r} exists; go on with it by --resume, or choose another name"
+        )
+    if not there and is_folder(store) and any(map(_other, store.iterdir())):
+        raise JointplayError(f"{str(store)!r} is a folder of other things; choose another name")
+    return there
+
+
+def _other(one: Path) -> bool:
+    """Whether it is something that no sweep left in its folder."""
+    return not (one.name.endswith(".partial") or one.name in (JOURNAL, "state", "error"))
 
 
 def line(entry: Any) -> bytes:

@@ -147,14 +147,15 @@ def _begun(store: Store, number: int, scheduler: str | None) -> Workers:
         JointplayError: a scheduler that does not answer, workers that cannot do it.
     """
     try:
-        return _workers(store.plan, number, scheduler)
+        return workers_for(store.plan, number, scheduler)
     except JointplayError:
         if store.new:
             store.remove()
         raise
 
 
-def _workers(made: Plan, number: int, scheduler: str | None) -> Workers:
+def workers_for(made: Plan, number: int, scheduler: str | None) -> Workers:
+    """Start workers on this machine, or on the cluster of a scheduler."""
     if scheduler is not None:
         from jointplay.sweeps.cluster import ClusterWorkers
 

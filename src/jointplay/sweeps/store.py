@@ -25,13 +25,10 @@ from jointplay.scenario.places import dotted
 from jointplay.sweeps import histories
 from jointplay.sweeps.case import Outcome
 from jointplay.sweeps.differences import differences, grown
-from jointplay.sweeps.journal import SYNC_S, Journal
+from jointplay.sweeps.journal import JOURNAL, SYNC_S, Journal, is_there
 from jointplay.sweeps.measures import about
 from jointplay.sweeps.opened import FORMAT, check_format, quiet
 from jointplay.sweeps.plan import REPEAT, SAMPLE, Index, Plan
-
-JOURNAL = "journal"
-"""Name of the journal within the store."""
 
 CHUNK = 4096
 """Cases in a chunk, at most."""
@@ -67,15 +64,7 @@ class Store:
     ) -> None:
         """Open or make it, and take up what its journal has."""
         self.path = Path(path)
-        there = (self.path / "zarr.json").is_file()
-        if there and not (resume or extend):
-            raise JointplayError(
-                f"{str(self.path)!r} exists; go on with it by --resume, or choose another name"
-            )
-        if not there and files.is_folder(self.path) and _others(self.path):
-            raise JointplayError(
-                f"{str(self.path)!r} is a folder of other things; choose another name"
-            )
+        there = is_there(self.path, resume or extend)
         self._folder_was_there = files.is_folder(self.path)
         files.claim(self.path, [])
         self.removed = False
@@ -373,12 +362,6 @@ def _chunks(shape: Index) -> Index:
         chunks.append(take)
         left = max(left // take, 1)
     return tuple(reversed(chunks))
-
-
-def _others(folder: Path) -> bool:
-    """Whether there is something in the folder that no sweep left there."""
-    return any(not (one.name.endswith(".partial") or one.name in (JOURNAL, "state", "error"))
-               for one in folder.iterdir())  # fmt: skip
 
 
 @contextmanager

@@ -8,6 +8,7 @@ const IMPACT_WINDOW = [5e-4, 2e-3];  // before and after, s
 const STRONG = 0.25;              // of the largest: impacts that are slowed down
 const LEAD = 5e-4;                // jumping to an impact stops this long before it, s
 const HOLD = 0.1;                 // s of viewing for which forces show while playing
+const ROUNDING = 1e-6;            // of times, s: more than tracks are rounded by, less than records are apart
 const SIDEBAR = 268;
 const NARROW = 720;               // px; below, the legend is hidden first and close-ups stand below the robot
 const SEEN = 0.06;                // of the robot's reach: what the largest deviation is magnified to, at least
@@ -67,7 +68,7 @@ class Player {
         viewer.render = () => this.render();
         this.cameraPreset("robot");
         this.setMagnification(this.view.magnification);
-        this.seek(this.t);
+        this.open();
         this.frames = 0;
         this.last = performance.now();
         requestAnimationFrame(now => this.tick(now));
@@ -246,13 +247,17 @@ class Player {
     closeCamera(view, {w, h}) {
         const [ex, ey, ez] = view.extent(this.view.magnification);
         const radius = SHELL * Math.hypot(Math.max(ex, ey), view.shape.form === "block" ? GUIDE * ez : ez);
-        const span = 1.25 * radius / this.orbit.zoom;
+        const span = 0.95 * radius / this.orbit.zoom;
         const {azimuth, elevation} = this.orbit;
         // Scene axes have y up, too: (x, y, z) here is (x, z, -y) there.
         const direction = new THREE.Vector3(Math.cos(elevation) * Math.cos(azimuth),
             Math.sin(elevation), -Math.cos(elevation) * Math.sin(azimuth));
-        const half = Math.max(span, span * h / w);
-        const camera = new THREE.OrthographicCamera(-half * w / h, half * w / h, half, -half,
+        // Between the words above and below, which take at most half of the height.
+        const {above, below} = view.words || {above: 0, below: 0};
+        const part = Math.min(1, 0.5 * h / Math.max(above + below, 1)), left = h - part * (above + below);
+        const half = Math.max(span * h / left, span * h / w);
+        const up = half * part * (above - below) / h;
+        const camera = new THREE.OrthographicCamera(-half * w / h, half * w / h, half + up, up - half,
             0.01 * radius, 40 * radius);
         camera.position.copy(direction.multiplyScalar(20 * radius));
         camera.lookAt(0, 0, 0);
@@ -263,7 +268,8 @@ class Player {
     // Words over the pictures.
     label(robot, close) {
         const key = JSON.stringify([robot, close.map(r => [r.x, r.y, r.w, r.h, r.view.owner.index, r.view.joint.name])]);
-        if (key !== this.labelled) {
+        const anew = key !== this.labelled;
+        if (anew) {
             this.labelled = key;
             $("views").replaceChildren(...close.map(rect => {
                 const box = document.createElement("div");
@@ -295,6 +301,10 @@ class Player {
                 `(&times; ${M})<br>${this.forceScale(view.shape)}`;
             const element = box.querySelector(".scale");
             if (element.dataset.text !== scale) { element.innerHTML = scale; element.dataset.text = scale; }
+            if (anew) {
+                view.words = {above: box.querySelector(".caption").offsetHeight, below: element.offsetHeight + 8};
+                this.dirty();
+            }
         }
         const magnified = $("magnified");
         magnified.hidden = !robot || this.view.deviation === 1 || !this.cases.some(c => c.visible && c.ideal);
@@ -374,6 +384,7 @@ class Player {
 
     seek(t) {
         $("status").textContent = "";
+        this.fresh = false;
         this.show(Math.min(Math.max(t, this.start), this.end));
     }
 
@@ -383,12 +394,33 @@ class Player {
         this.t = t;
         for (const c of this.cases) c.update(Math.min(t, c.entry.end), Math.min(held, c.entry.end), this.view);
         for (const c of this.shownCloseups()) c.update(this.view);
+        this.showError();
         this.updateSeconds = (performance.now() - began) / 1000;
         this.showTime();
         this.dirty();
     }
 
     refresh() { this.show(this.t); }
+
+    // What the ellipsoids are, in numbers.
+    showError() {
+        const lines = this.cases.filter(c => c.error && c.visible).map(c =>
+            `${this.cases.length > 1 ? `${c.label}: ` : ""}worst case ${quantity(c.error.worst, "m")}, `
+            + `RMS ${quantity(c.error.rms, "m")}`);
+        const text = lines.length ? `${lines.join("; ")}; static, drawn \u00d7 ${this.view.deviation}` : "";
+        if ($("error-is").textContent !== text) $("error-is").textContent = text;
+    }
+
+    // What is seen first: the hardest impact, or the largest deviation from the twin. Play begins at the start.
+    open() {
+        const hit = this.impacts.find(one => one.force === this.strongest);
+        const most = Math.max(0, ...this.cases.filter(c => c.ideal).map(c => c.largestDeviation()));
+        const worst = this.cases.find(c => c.ideal && most && c.largestDeviation() === most);
+        this.seek(hit ? hit.t - ROUNDING : worst ? worst.time[worst.worstRow()] : this.start);
+        const what = hit ? "the hardest impact" : worst ? "the largest deviation" : "";
+        if (what) $("status").textContent = `${what}; play begins at the start`;
+        this.fresh = true;
+    }
 
     // The bar takes the height it needs; the canvas ends above it.
     fit() {
@@ -404,7 +436,7 @@ class Player {
     }
 
     setPlaying(playing) {
-        if (playing && this.t >= this.end) this.t = this.start;
+        if (playing && (this.fresh || this.t >= this.end)) this.seek(this.start);
         this.playing = playing;
         this.speedNow = this.speed;
         $("play").textContent = playing ? "\u275a\u275a" : "\u25b6";
@@ -643,6 +675,13 @@ class Player {
             }
             this.dirty();
         };
+        const withError = this.cases.filter(c => c.error);
+        $("error-row").hidden = $("error-is").hidden = !withError.length;
+        for (const element of document.querySelectorAll(".needs-error")) element.hidden = !withError.length;
+        $("error").onchange = event => {
+            for (const c of withError) this.viewer.scene_tree.find(["meshcat", `case${c.index}`, "error"]).object.visible = event.target.checked;
+            this.dirty();
+        };
         $("traces").onchange = event => {
             for (const c of this.cases) this.viewer.scene_tree.find(["meshcat", `case${c.index}`, "trace"]).object.visible = event.target.checked;
             this.dirty();
@@ -715,6 +754,7 @@ class Player {
         this.setDeviation(this.firstDeviation());
         this.setLayout(this.layout);
         this.fit();
+        new ResizeObserver(() => { this.fit(); this.drawTimeline(); this.dirty(); }).observe($("player"));
         this.collectImpacts();
         window.addEventListener("resize", () => { this.fit(); this.drawTimeline(); this.dirty(); });
         window.addEventListener("keydown", event => {

@@ -7,6 +7,7 @@ const MODES = [
 ];
 const GHOST = 0x00897b;
 const FRICTION = 0x2e7d32;
+const ERROR = 0x7b1fa2;
 const MOST_EDGES = 2500;  // triangles of a surface whose outline is still drawn for its twin: finer ones would be all lines
 
 const CREASE = Math.cos(35 * Math.PI / 180);  // neighbours that turn further make an edge
@@ -115,7 +116,7 @@ function ghostOf(object) {
 // One case: tracks, and the objects that they move.
 class Case {
     constructor(viewer, block, entry, index, surfaces) {
-        Object.assign(this, {viewer, entry, index, label: entry.label, visible: true});
+        Object.assign(this, {viewer, block, entry, index, label: entry.label, visible: true});
         const table = item => unpack(block, item);
         this.time = unpack(block, entry.time, Float64Array).values;
         this.real = {position: table(entry.poses.position), turn: table(entry.poses.turn)};
@@ -128,6 +129,7 @@ class Case {
         this.matrices = entry.links.map(() => new THREE.Matrix4());
         this.idealMatrices = entry.links.map(() => new THREE.Matrix4());
         this.bodies = this.makeBodies(surfaces);
+        if (entry.error) this.makeError(table);
         this.traces = this.makeTraces();
         this.joints = entry.joints.map(joint => this.makeJoint(joint, table));
     }
@@ -152,6 +154,47 @@ class Case {
             }
         });
         return bodies;
+    }
+
+    // The tool's static error set: an ellipsoid about the ideal tool, a unit sphere that is stretched.
+    makeError(table) {
+        this.error = {time: unpack(this.block, this.entry.error.time, Float64Array).values, set: table(this.entry.error.set)};
+        const set = new THREE.Group();
+        const skin = new THREE.Mesh(new THREE.SphereGeometry(1, 48, 32), new THREE.MeshLambertMaterial(
+            {color: ERROR, transparent: true, opacity: 0.25, depthTest: false, depthWrite: false}));
+        skin.renderOrder = 9;  // seen through what stands before it
+        set.add(skin);
+        for (const [a, b] of [["x", "y"], ["y", "z"], ["z", "x"]]) {
+            const points = Array.from({length: 65}, (_, i) => {
+                const point = new THREE.Vector3();
+                point[a] = Math.cos(i * Math.PI / 32);
+                point[b] = Math.sin(i * Math.PI / 32);
+                return point;
+            });
+            const ring = new THREE.Line(new THREE.BufferGeometry().setFromPoints(points),
+                new THREE.LineBasicMaterial({color: ERROR, transparent: true, opacity: 0.8, depthTest: false}));
+            ring.renderOrder = 9;
+            set.add(ring);
+        }
+        const path = ["meshcat", `case${this.index}`, "error"];
+        this.viewer.set_object(path, set);
+        this.error.node = nodeAt(this.viewer, path);
+    }
+
+    // Numbers of the set at time t: six of the matrix, worst case and RMS [m].
+    errorAt(t) {
+        const {time, set} = this.error, {a, b, share} = between(time, t);
+        return Array.from({length: set.columns}, (_, k) =>
+            set.values[a * set.columns + k] * (1 - share) + set.values[b * set.columns + k] * share);
+    }
+
+    updateError(t, view) {
+        const [xx, xy, xz, yy, yz, zz, worst, rms] = this.errorAt(t), k = view.deviation;
+        const c = vectorAt(this.idealTool, this.place, 0, Case.vector);
+        this.error.node.matrix.set(k * xx, k * xy, k * xz, c.x, k * xy, k * yy, k * yz, c.y,
+            k * xz, k * yz, k * zz, c.z, 0, 0, 0, 1);
+        this.error.node.matrixWorldNeedsUpdate = true;
+        Object.assign(this.error, {worst, rms});
     }
 
     makeTraces() {
@@ -200,11 +243,17 @@ class Case {
         return Math.hypot(real[at] - ideal[at], real[at + 1] - ideal[at + 1], real[at + 2] - ideal[at + 2]);
     }
 
-    largestDeviation() {
-        let largest = 0;
-        for (let row = 0; row < this.time.length; row++) largest = Math.max(largest, this.deviationAt(row));
-        return largest;
+    // Record of the largest deviation.
+    worstRow() {
+        let worst = 0, largest = 0;
+        for (let row = 0; row < this.time.length; row++) {
+            const deviation = this.deviationAt(row);
+            if (deviation > largest) { largest = deviation; worst = row; }
+        }
+        return worst;
     }
+
+    largestDeviation() { return this.deviationAt(this.worstRow()); }
 
     makeJoint(entry, table) {
         const joint = {entry, name: entry.name, placement: new THREE.Matrix4().fromArray(entry.placement)};
@@ -253,6 +302,7 @@ class Case {
             while (low < this.traces.picked.length && this.traces.picked[low] <= place.a) low++;
             line.geometry.setDrawRange(0, low);
         }
+        if (this.error) this.updateError(t, view);
         for (const joint of this.joints) this.updateJoint(joint, t, held, view);
     }
 

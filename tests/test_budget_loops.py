@@ -1,0 +1,337 @@
+"""Error budgets of mechanisms with closed loops: formulas, and loops closed with displaced pins."""
+
+import math
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from conftest import body, joint
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from jointplay import (
+    Gear,
+    JointplayError,
+    Loop,
+    Mechanism,
+    PrismaticClearance,
+    RevoluteClearance,
+    Scenario,
+)
+from jointplay.analysis import allocate, closing, poses, together
+from jointplay.analysis.levers import Part, sources
+from jointplay.analysis.static_budget import budget
+from jointplay.cli import main
+from jointplay.joints.play import BallPlay, BlockPlay, JournalPlay
+from jointplay.mechanism.loop import assemble
+from jointplay.mechanism.urdf import shipped
+
+CRANK, ROD = 0.05, 0.12
+PLAY = 1e-4
+START = {"guide": 0.17}
+
+
+def pin_joint(play=PLAY):
+    return RevoluteClearance.planar(radial_clearance=play)
+
+
+def bearing(**changes):
+    return RevoluteClearance(**{"radial_clearance": PLAY, "axial_clearance": PLAY} | changes)
+
+
+def slider_crank(joints, **options):
+    loops = Scenario.load("jointplay:slider_crank.toml").simulation("ideal").mechanism.loops
+    options = {"tool": "slider", "gravity": (0.0, 0.0, 0.0)} | options
+    return Mechanism(shipped("slider_crank.urdf"), joints, loops=loops, **options)
+
+
+@pytest.fixture(scope="module")
+def four_bar_path(tmp_path_factory):
+    """The four-bar with a tool half way along its coupler and beside it."""
+    text = shipped("four_bar.urdf").read_text()
+    tool = (
+        '<link name="tip"/><joint name="at" type="fixed"><parent link="coupler"/>'
+        '<child link="tip"/><origin xyz="0.075 0.04 0"/></joint></robot>'
+    )
+    path = tmp_path_factory.mktemp("loops") / "four_bar.urdf"
+    path.write_text(text.replace("</robot>", tool))
+    return path
+
+
+def four_bar(path, joints):
+    loops = Scenario.load("jointplay:four_bar.toml").simulation("ideal").mechanism.loops
+    return Mechanism(path, joints, loops=loops, tool="tip")
+
+
+@pytest.mark.parametrize("angle", [0.3, 1.2, 2.0, -0.8, 3.0])
+def test_a_pin_lengthens_the_rod_by_its_clearance(angle):
+    mechanism = slider_crank({"piston_pin": pin_joint()})
+    q = poses.at_pose(mechanism, {"crank_pin": angle}, near=START)
+    found = budget(mechanism, q)
+    rod = math.asin(CRANK / ROD * math.sin(angle))
+    assert found.worst[0] == pytest.approx(PLAY / math.cos(rod), rel=1e-6)
+    assert found.axis_worst[0, 0, 1:3] == pytest.approx([0.0, 0.0], abs=1e-15)
+    place = CRANK * math.cos(angle) + ROD * math.cos(rod)
+    assert found.positions[0] == pytest.approx([place, 0.0, 0.0], abs=1e-9)
+
+
+def test_every_pin_of_the_rod_and_the_crank_adds_as_much():
+    names = ("piston_pin", "rod_pin", "crank_pin")
+    mechanism = slider_crank({name: pin_joint() for name in names})
+    q = poses.at_pose(mechanism, {"crank_pin": 1.0}, near=START)
+    found = budget(mechanism, q)
+    rod = math.asin(CRANK / ROD * math.sin(1.0))
+    assert found.worst_parts[0] == pytest.approx(np.full(3, PLAY / math.cos(rod)), rel=1e-6)
+    assert found.loops
+    assert "loops closed exactly" in found.accuracy
+
+
+def test_the_load_on_the_slider_says_where_it_rests():
+    mechanism = slider_crank({"piston_pin": pin_joint()})
+    q = poses.at_pose(mechanism, {"crank_pin": 1.0}, near=START)
+    rod = math.asin(CRANK / ROD * math.sin(1.0))
+    for push in (50.0, -50.0):
+        found = budget(mechanism, q, force=(push, 0.0, 0.0))
+        away = math.copysign(PLAY / math.cos(rod), push)
+        assert found.rest[0, 0, 0] == pytest.approx(away, rel=1e-6)
+
+
+def test_weight_of_what_follows_puts_the_pin_where_it_rests():
+    # The rod's and slider's weight, along -x here, pulls the slider back.
+    mechanism = slider_crank({"piston_pin": pin_joint()}, gravity=(-9.81, 0.0, 0.0))
+    found = budget(mechanism, poses.at_pose(mechanism, {"crank_pin": 1.0}, near=START))
+    assert found.rest[0, 0, 0] < 0.0
+
+
+def test_a_gear_turns_the_crank_and_the_slider_follows():
+    mechanism = slider_crank({}, gears={"crank_pin": Gear(2e-3, 0.1, 1e4)})
+    q = poses.at_pose(mechanism, {"crank_pin": 1.0}, near=START)
+    rod = math.asin(CRANK / ROD * math.sin(1.0))
+    slope = CRANK * (math.sin(1.0) + math.cos(1.0) * math.tan(rod))
+    assert budget(mechanism, q).worst[0] == pytest.approx(1e-3 * slope, rel=1e-6)
+
+
+@pytest.mark.parametrize("angle", [0.4, 2.2, 4.0])
+def test_the_four_bars_bound_is_what_displaced_pins_reach(four_bar_path, angle):
+    mechanism = four_bar(four_bar_path, {"rocker_end": pin_joint()})
+    (q,) = poses.at_pose(mechanism, {"crank_pin": angle})
+    found = budget(mechanism, q)
+    held = [mechanism.coordinate("crank_pin")]
+    reached = []
+    for phi in np.linspace(0.0, 2.0 * np.pi, 33):
+        aside = PLAY * np.array([math.cos(phi), math.sin(phi), 0.0])
+        moved = assemble(mechanism, q, held, {"rocker_end": aside})
+        pin.framesForwardKinematics(mechanism.model, mechanism.data, moved)
+        place = mechanism.data.oMf[mechanism.tool_frame].translation
+        reached.append(np.linalg.norm(place - found.positions[0]))
+    assert max(reached) == pytest.approx(found.worst[0], rel=0.01)
+    assert found.second_order[0] < 0.01 * found.worst[0]
+
+
+@pytest.fixture
+def door(urdf):
+    """A door on two hinges, one above the other; its tool half a metre from their axis."""
+    height = 0.3
+    path = urdf(
+        body("door", com="0.25 0 0.15"),
+        joint("lower", "base", "door"),
+        '<link name="handle"/><joint name="tip" type="fixed"><parent link="door"/>'
+        '<child link="handle"/><origin xyz="0.5 0 0.15"/></joint>',
+    )
+    upper = Loop("base", "door", (0.0, 0.0, height), journal_xyz=(0.0, 0.0, height))
+
+    def make(joints):
+        return Mechanism(path, joints, loops={"upper": upper}, tool="handle")
+
+    return make, height
+
+
+def test_a_door_leans_as_far_as_its_two_hinges_allow_each_other(door):
+    make, height = door
+    hinge = bearing(lock_axial=True)
+    found = budget(make({"lower": hinge, "upper": hinge}), {}, second_order=False)
+    # Both lean by the same angle, and their centres are aside by height/2 times it.
+    lean = 2.0 * PLAY / (height + hinge.lj)
+    assert found.axis_worst[0, :, 4].sum() == pytest.approx(lean, rel=2e-4)
+    assert found.axis_worst[0, :, 2].sum() == pytest.approx(0.5 * lean, rel=2e-4)
+    assert found.axis_worst[0, :, 0].sum() == pytest.approx(PLAY, rel=2e-4)
+    assert found.rest[0, :, 2].sum() == pytest.approx(-0.5 * lean, rel=1e-3)
+    # Alone, against a hinge without play, none can move.
+    assert budget(make({"lower": hinge}), {}).worst[0] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_one_leaning_pin_in_a_plane_loop_is_held_upright(four_bar_path):
+    flat = budget(four_bar(four_bar_path, {"rocker_end": pin_joint()}), {"crank_pin": 0.7})
+    found = budget(
+        four_bar(four_bar_path, {"rocker_end": bearing()}), {"crank_pin": 0.7}, second_order=False
+    )
+    assert found.worst[0] == pytest.approx(flat.worst[0], rel=1e-3)
+    assert found.axis_worst[0, 0, 2] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_pins_that_lean_together_lift_the_coupler_as_far_as_the_loop_reaches(four_bar_path):
+    names = ("rocker_end", "rocker_pin", "crank_pin", "coupler_pin")
+    mechanism = four_bar(four_bar_path, {name: bearing() for name in names})
+    found = budget(mechanism, {"crank_pin": 0.7})
+    random = np.random.default_rng(2)
+    d = random.normal(size=(1, 30, 3))
+    d /= np.linalg.norm(d, axis=2, keepdims=True)
+    states = together.along(found.sources, d)
+    bound = states.value.sum(axis=0)
+    reached = np.einsum("jnmk,nmk->nm", states.error[..., :3], d)
+    assert (reached <= bound * (1.0 + 1e-9)).all()
+    assert (reached >= bound * (1.0 - 1e-3)).all()
+    ties = np.stack([part.tie for part in found.sources])
+    assert np.abs(np.einsum("jnri,jnmi->nmr", ties, states.point)).max() < 1e-10
+    # What no loop holds could reach farther.
+    apart = sum(part.along(d)[0] for part in found.sources)
+    assert (bound <= apart * (1.0 + 1e-9)).all()
+    assert bound.sum() < 0.9 * apart.sum()
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.integers(0, 10_000))
+def test_without_ties_the_cones_of_a_play_reach_as_far_as_its_support(seed):
+    random = np.random.default_rng(seed)
+    plays = [
+        JournalPlay(1e-4, 2e-4, 0.04, 0.01),
+        JournalPlay(1e-4, 1e-6, 0.04, 0.01),
+        JournalPlay(1e-4, 0.0, 0.04, 0.0),
+        JournalPlay(1e-4, 1e-4, math.inf, 0.0),
+        BallPlay(2e-4),
+        BlockPlay((1e-4, 2e-4), (0.02, 0.01, 0.05), (True, True, True)),
+        BlockPlay((1e-4, 0.0), (0.02, 0.01, 0.05), (False, True, False)),
+    ]
+    for play in plays:
+        load = random.normal(size=(3, 6)) * [1, 1, 1, 0.02, 0.02, 0.02]
+        cones = play.cones
+        path = together._Path(
+            [cones], [load @ cones.spread / 1e-4], [np.zeros((3, 1, cones.spread.shape[1]))]
+        )
+        (y,), _ = path.follow()
+        assert np.einsum("ni,ni->n", load, y @ cones.spread.T) == pytest.approx(
+            play.support(load).value, rel=2e-3
+        )
+
+
+def test_ties_hold_whatever_the_numerics_and_the_value_is_a_bound():
+    random = np.random.default_rng(5)
+    play = JournalPlay(1e-4, 1e-4, 0.04, 0.01)
+    ties = random.normal(size=(3, 1, 2, 6)) * [1, 1, 1, 0.05, 0.05, 0.05]
+    parts = [
+        Part(str(i), play, random.normal(size=(1, 6, 6)), np.zeros((1, 6)), ties[i])
+        for i in range(3)
+    ]
+    d = np.eye(3)[None]
+    states = together.along(parts, d)
+    assert np.abs(np.einsum("jnri,jnmi->nmr", ties, states.point)).max() < 1e-10
+    # Any state that fits is within the bound: random ones, put right.
+    some = np.stack([play.support(random.normal(size=(2000, 6))).point for _ in range(3)])
+    flat = np.concatenate([part.tie[0] for part in parts], axis=1)
+    together_ = some.transpose(1, 0, 2).reshape(2000, 18)
+    right = together_ - (np.linalg.pinv(flat) @ flat @ together_.T).T
+    inside = np.array(
+        [
+            max(
+                float((wall.across @ y @ wall.across @ y) ** 0.5 if len(wall.across) else 0.0)
+                + wall.along @ y
+                for wall in play.cones.walls
+            )
+            for y in (np.linalg.pinv(play.cones.spread) @ right.reshape(-1, 6).T).T
+        ]
+    ).reshape(2000, 3)
+    right = right / np.maximum(inside.max(axis=1, keepdims=True), 1e-12)
+    errors = np.einsum(
+        "jik,njk->ni", np.stack([p.move[0] for p in parts]), right.reshape(2000, 3, 6)
+    )
+    assert (errors[:, :3].max(axis=0) <= states.value.sum(axis=0)[0] * (1 + 1e-9)).all()
+    assert (errors[:, :3].max(axis=0) > 0.3 * states.value.sum(axis=0)[0]).all()
+
+
+def test_a_slider_leans_about_its_own_middle_wherever_it_is(urdf):
+    path = urdf(
+        body("car"),
+        joint("s", "base", "car", "prismatic", "1 0 0"),
+        '<link name="tool"/><joint name="tip" type="fixed"><parent link="car"/>'
+        '<child link="tool"/><origin xyz="0.3 0 0"/></joint>',
+    )
+    mechanism = Mechanism(path, {"s": PrismaticClearance(clearance=PLAY)})
+    near, far = (budget(mechanism, {"s": at}).worst[0] for at in (0.0, 0.8))
+    assert far == pytest.approx(near, rel=1e-9)
+
+
+def test_the_first_joints_that_determine_the_others_stand():
+    mechanism = slider_crank({"piston_pin": pin_joint()})
+    (q,) = poses.at_pose(mechanism, {"crank_pin": 1.0}, near=START)
+    assert closing.driven_joints(mechanism, q) == ("crank_pin",)
+    moved = budget(mechanism, q, driven=["guide"])
+    assert moved.worst[0] == pytest.approx(0.0, abs=1e-12)  # the tool itself stands
+
+
+def test_poses_are_closed_on_the_branch_they_begin_on():
+    scenario = Scenario.load("jointplay:slider_crank.toml")
+    simulation = scenario.simulation("0.2 mm")
+    assert simulation.motion is not None
+    mechanism = simulation.mechanism
+    q = poses.along_motion(mechanism, simulation.motion, 40, poses.start_of(simulation))
+    angle = q[:, mechanism.coordinate("crank_pin")]
+    rod = np.arcsin(CRANK / ROD * np.sin(angle))
+    wanted = CRANK * np.cos(angle) + ROD * np.cos(rod)
+    assert q[:, mechanism.coordinate("guide")] == pytest.approx(wanted, abs=1e-8)
+    spread = poses.over_workspace(mechanism, 16, near=START)
+    assert (spread[:, mechanism.coordinate("guide")] > 0.05).all()
+    assert all(closing.is_closed(mechanism, row) for row in spread)
+
+
+def test_a_position_where_the_loop_is_nearly_stretched_is_refused_with_the_pose():
+    mechanism = slider_crank({"piston_pin": pin_joint()}, tool="crank")
+    tip = slider_crank({"piston_pin": pin_joint()}, tool="rod")
+    assert budget(mechanism, {"guide": 0.15, "crank_pin": 0.6}, driven=["guide"]).worst_turn > 0.0
+    with pytest.raises(JointplayError, match=r"near a singular position at guide 0\.16999"):
+        budget(tip, {"guide": 0.16999, "crank_pin": 0.02}, driven=["guide"])
+    (q,) = poses.at_pose(tip, {"crank_pin": 0.0}, ["crank_pin"], START)
+    with pytest.raises(JointplayError, match=r"do not determine the tool 'rod' at guide 0\.17"):
+        budget(tip, q, driven=["guide"])
+    with pytest.raises(JointplayError, match=r"cannot be closed with guide 0\.2"):
+        budget(tip, {"guide": 0.2}, driven=["guide"])
+    with pytest.raises(JointplayError, match="do not determine the tool"):
+        budget(tip, {"crank_pin": 0.7, **START}, driven=[])
+
+
+def test_the_allocated_pins_keep_the_target_and_use_it_up():
+    names = ("piston_pin", "rod_pin", "crank_pin")
+    mechanism = slider_crank({name: pin_joint() for name in names})
+    q = poses.at_pose(mechanism, {"crank_pin": 1.0}, near=START)
+    found = allocate(mechanism, q, 1e-4)
+    rod = math.asin(CRANK / ROD * math.sin(1.0))
+    assert found.clearance == pytest.approx(np.full(3, 1e-4 / 3.0 * math.cos(rod)), rel=2e-3)
+
+
+def test_what_holds_each_other_is_allocated_within_the_target(door):
+    make, _ = door
+    hinge = bearing(lock_axial=True)
+    found = allocate(make({"lower": hinge, "upper": hinge}), {}, 5e-5)
+    assert 0.99 * 5e-5 < found.error <= 5e-5
+    with pytest.raises(JointplayError, match="hold each other"):
+        allocate(make({"lower": hinge, "upper": hinge}), {}, 5e-5, quantile=0.99)
+
+
+def test_others_than_budgets_say_that_they_take_no_loops():
+    with pytest.raises(JointplayError, match="'piston_pin': this is for robots without closed"):
+        sources(slider_crank({"piston_pin": pin_joint()}), START)
+
+
+def test_the_commands_take_a_scenario_with_a_loop(capsys):
+    order = ["jointplay:slider_crank.toml", "--case", "0.2 mm"]
+    assert main(["budget", *order]) == 0
+    text = capsys.readouterr().out
+    assert "loops: driven crank_pin; following rod_pin, guide" in text
+    row = next(line for line in text.splitlines() if line.startswith("all"))
+    # The rod leans most where the crank is upright.
+    most = 0.2 / math.cos(math.asin(CRANK / ROD))
+    assert float(row.split()[1]) == pytest.approx(most, rel=2e-3)
+    assert main(["allocate", *order, "--target", "0.1 mm"]) == 0
+    assert "static worst case: 100.00 um" in capsys.readouterr().out
+    pose = ["--clearance", "0.1 mm", "--pose", "crank_pin=40 deg"]
+    assert main(["budget", *order, *pose]) == 0
+    assert "guide" in capsys.readouterr().out
