@@ -98,7 +98,11 @@ TARGETS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     ),
     "solver": (
         ("kernel/solve.py",),
-        ("tests/physics/test_multi_rate.py", "tests/physics/test_oil.py"),
+        (
+            "tests/physics/test_multi_rate.py",
+            "tests/physics/test_oil.py",
+            "tests/loads/test_loads_together.py",
+        ),
     ),
 }
 """Modules, and the tests that must notice."""
