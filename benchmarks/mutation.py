@@ -96,7 +96,10 @@ TARGETS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
         ("result/audit.py", "result/auditor.py"),
         ("tests/test_audit_figures.py", "tests/test_audit.py"),
     ),
-    "solver": (("kernel/solve.py",), ("tests/physics/test_multi_rate.py",)),
+    "solver": (
+        ("kernel/solve.py",),
+        ("tests/physics/test_multi_rate.py", "tests/physics/test_oil.py"),
+    ),
 }
 """Modules, and the tests that must notice."""
 

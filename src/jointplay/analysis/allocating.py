@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import linprog, minimize, nnls
 from scipy.stats import binom
+from tqdm import tqdm
 
 from jointplay.analysis import together
 from jointplay.analysis.levers import Part, sources
@@ -23,6 +24,9 @@ SAMPLES = 4000
 
 _QUANTILE_POSES = 12
 
+_PATIENCE_S = 2.0
+"""What takes longer has a bar [s]."""
+
 _DIRECTIONS_TIED = 60
 """Over half a sphere, where plays hold each other: each is a search, in every round anew."""
 
@@ -37,10 +41,14 @@ class ErrorModel:
         quantile: float | None,
         seed: int,
         driven: Sequence[str] | None = None,
+        progress: bool = False,
     ) -> None:
         """Find the sources of play at all poses, and draw states if a quantile is asked for."""
         self.mechanism, self.poses, self.quantile = mechanism, poses, quantile
         self.seed, self.driven = seed, driven
+        self._bar = tqdm(
+            desc="allocating", unit="round", disable=not progress, delay=_PATIENCE_S, leave=False
+        )
         self.names = tuple(mechanism.clearance)
         self.nominal = np.array([joint.radial_room for joint in mechanism.clearance.values()])
         self.parts = sources(mechanism, poses, second_order=False, driven=driven, loops=True)
@@ -100,6 +108,7 @@ class ErrorModel:
     def rows(self, clearance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The error at each pose as rows . clearance + offsets, exact here: (n, j), (n,)."""
         scale = np.append(clearance / self.nominal, np.ones(len(self.parts) - self.j))
+        self._bar.update()
         return self._worst(scale) if self.quantile is None else self._at_quantile(scale)
 
     def _worst(self, scale: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

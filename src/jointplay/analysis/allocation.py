@@ -112,6 +112,7 @@ def allocate(
     most: float = MOST_M,
     seed: int = 0,
     driven: Sequence[str] | None = None,
+    progress: bool = False,
 ) -> Allocation:
     """The cheapest clearances with which the tool's error stays below `target` at all poses.
 
@@ -126,6 +127,7 @@ def allocate(
         least, most: clearances that can be bought [m].
         seed: of the sampled states.
         driven: joints of loops that stand; see `budget`.
+        progress: show a count of the rounds on standard error, if it takes long.
 
     Raises:
         JointplayError: a target that the least clearances miss, which says what can be reached;
@@ -135,7 +137,7 @@ def allocate(
     names = tuple(mechanism.clearance)
     _check(names, target, quantile, cost, weights or {}, least, most)
     weight = np.array([(weights or {}).get(name, 1.0) for name in names])
-    model = ErrorModel(mechanism, poses, quantile, seed, driven)
+    model = ErrorModel(mechanism, poses, quantile, seed, driven, progress)
     problem = Problem(cost, weight, least, most)
     smallest = model.error(np.full(len(names), least))
     if smallest > target:

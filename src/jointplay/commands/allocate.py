@@ -91,6 +91,7 @@ def run(options: argparse.Namespace) -> int:
         cost=options.cost,
         weights=weights,
         driven=work.driven,
+        progress=not options.quiet,
         **limits,
     )
     for note in work.notes:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -87,8 +87,6 @@ def run(options: argparse.Namespace) -> int:
                 "--clearance is missing, or --gear: without play nothing is reduced"
             )
     mechanism = _with_gear(options, work.mechanism, scenario)
-    wanted = options.format or FORMATS
-    stem = joint.replace("/", "_")
     out = files.claim(options.out, [*files_out, "reversals.png"])
     for note in work.notes:
         print(note)
@@ -111,35 +109,41 @@ def run(options: argparse.Namespace) -> int:
             "--tilt out"
         )
     mjcf = reduced_mjcf.to_mjcf(mechanism, model, encoder=options.encoder, tilt=options.tilt)
-    texts = {f"{stem}.xml": mjcf}
-    if "sdf" in wanted:
-        texts[f"{stem}.sdf"] = reduced_files.to_sdf(mechanism, model)
-    if "urdf" in wanted:
-        texts[f"{stem}.urdf"] = reduced_files.to_urdf(mechanism, model)
-        texts[f"{stem}.yaml"] = reduced_files.to_yaml(model, options.encoder)
-    if "json" in wanted:
-        texts[f"{stem}.json"] = reduced_files.to_json(model, options.encoder, options.spread)
+    makers: dict[str, Callable[[], str]] = {
+        ".xml": lambda: mjcf,
+        ".sdf": lambda: reduced_files.to_sdf(mechanism, model),
+        ".urdf": lambda: reduced_files.to_urdf(mechanism, model),
+        ".yaml": lambda: reduced_files.to_yaml(model, options.encoder),
+        ".json": lambda: reduced_files.to_json(model, options.encoder, options.spread),
+    }
     for name in files_out:
-        files.write(out / name, texts[name])
+        files.write(out / name, makers[name[name.rindex(".") :]]())
     from jointplay.plots.reduce import reversals
 
     reversals(model).savefig(out / "reversals.png")
     if options.check:
-        seen = reduced_mjcf.follow(mjcf, model)
-        kept = "within" if seen.error <= model.angle_error else "beyond"
-        print(
-            f"MuJoCo: link's angle off by up to {1e6 * seen.error:.4g} urad, {kept} the stated "
-            f"{1e6 * model.angle_error:.4g}; {1e6 * seen.step_seconds:.3g} us a step of "
-            f"{1e3 * seen.step:.3g} ms"
-        )
-        if seen.lean_error is not None:
-            kept = "within" if seen.lean_error <= model.tilt_error else "beyond"
-            print(
-                f"MuJoCo: axis' lean off by up to {1e3 * seen.lean_error:.4g} mrad, {kept} the "
-                f"stated {1e3 * model.tilt_error:.4g}"
-            )
+        _compare(mjcf, model)
     print(f"written to {options.out}: {', '.join([*files_out, 'reversals.png'])}")
     return 0
+
+
+def _compare(mjcf: str, model: Any) -> None:
+    """Run the MJCF in MuJoCo, and print how it differs from the full model."""
+    from jointplay.analysis import reduced_mjcf
+
+    seen = reduced_mjcf.follow(mjcf, model)
+    kept = "within" if seen.error <= model.angle_error else "beyond"
+    print(
+        f"MuJoCo: link's angle off by up to {1e6 * seen.error:.4g} urad, {kept} the stated "
+        f"{1e6 * model.angle_error:.4g}; {1e6 * seen.step_seconds:.3g} us a step of "
+        f"{1e3 * seen.step:.3g} ms"
+    )
+    if seen.lean_error is not None:
+        kept = "within" if seen.lean_error <= model.tilt_error else "beyond"
+        print(
+            f"MuJoCo: axis' lean off by up to {1e3 * seen.lean_error:.4g} mrad, {kept} the "
+            f"stated {1e3 * model.tilt_error:.4g}"
+        )
 
 
 def _names(joint: str, formats: Sequence[str] | None) -> list[str]:

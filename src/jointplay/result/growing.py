@@ -18,9 +18,8 @@ from jointplay.result.netcdf import SEAL, compression, digest
 CHUNK = 4096
 """Records that are compressed together."""
 
-
-INDEX_BYTES = 1 << 20
-"""Of where the chunks are in the file so much is in memory, however many there are [bytes]."""
+INDEX_BYTES = 1 << 18
+"""So much of where the chunks are in the file is in memory, however many there are [bytes]."""
 
 
 class Growing:
@@ -54,6 +53,11 @@ class Growing:
         known.set_initial_size, known.initial_size = True, INDEX_BYTES
         known.min_size, known.max_size = INDEX_BYTES, INDEX_BYTES
         self._h5.id.set_mdc_config(known)
+
+    @property
+    def index_bytes(self) -> int:
+        """Of where the chunks are in the file so much is in memory [bytes]."""
+        return int(self._h5.id.get_mdc_size()[2])
 
     def append(self, records: xr.Dataset) -> None:
         """Append the next records.
