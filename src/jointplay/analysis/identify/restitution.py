@@ -235,7 +235,7 @@ def _verdict(
         reason = f"its 95 % interval would be {value:.2g} +- {half:.2g}: impacts of runs with other"
         return _untold(
             name,
-            f"{reason} restitutions look alike; more drops, or a faster or quieter sensor, may tell",
+            f"{reason} restitutions look alike; more drops, or a faster or quieter sensor may tell",
         )
     joint = mechanism.clearance[name]
     where = f"impacts of {runs} runs"
