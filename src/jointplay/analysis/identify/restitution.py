@@ -233,7 +233,10 @@ def _verdict(
     value, half = float(made.value[i]), float(made.half_width[i])
     if half > _TOLD:
         reason = f"its 95 % interval would be {value:.2g} +- {half:.2g}: impacts of runs with other"
-        return _untold(name, f"{reason} restitutions look alike; record longer, faster or quieter")
+        return _untold(
+            name,
+            f"{reason} restitutions look alike; more drops, or a faster or quieter sensor may tell",
+        )
     joint = mechanism.clearance[name]
     where = f"impacts of {runs} runs"
     if "clearance" not in " ".join(maker.spreads.get(name, ())):
