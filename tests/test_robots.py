@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from conftest import body, joint
 
-from jointplay import JointplayError, Mechanism, Motion, RevoluteClearance, simulate
+from jointplay import JointplayError, Mechanism, Motion, RevoluteClearance, Simulation, simulate
 from jointplay.cli import main
 from jointplay.errors import MissingName
 from jointplay.mechanism import robots
@@ -106,6 +106,18 @@ def test_play_in_any_revolute_joint(name, joint):
     x, y, z = (result["journal_centre"].sel(joint=joint, axis=a).values for a in "xyz")
     farthest = max(np.hypot(x, y).max(), np.abs(z).max())
     assert 0.5 * 5e-5 < farthest < 2.0 * 5e-5  # it fell, and stayed in its bearing
+
+
+@pytest.mark.parametrize("name", ["ur5", "xarm7"])
+@pytest.mark.parametrize("seed", range(4))
+def test_perturbed_journals_of_a_loaded_arm_begin_free(name, seed):
+    """Loaded journals lean at rest: to shift one without straightening it would press a rim in."""
+    mechanism = with_play(name, JOINTS[name][1])
+    at_rest = Simulation(mechanism, short_motion(mechanism), duration=1e-4).run(check_step=False)
+    lean = at_rest["q"].values[0, mechanism.virtual_link(JOINTS[name][1]) :][4:6]
+    assert np.abs(lean).max() > 1e-4
+    perturbed = Simulation(mechanism, short_motion(mechanism), duration=1e-4, seed=seed)
+    assert perturbed.run(check_step=False)["gap"].values[0].min() > 1e-6
 
 
 def test_a_jammed_shoulder_needs_a_small_step_and_the_audit_says_so():

@@ -21,7 +21,7 @@ from jointplay.mechanism.loop import (
 )
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.simulation.standing import StandingLoads
-from jointplay.simulation.statics import Balance, Rest
+from jointplay.simulation.statics import Balance, Rest, limited
 
 if TYPE_CHECKING:
     from jointplay.kernel.workspace import Workspace
@@ -83,7 +83,8 @@ class Start:
     def perturb(self, seed: int, at_rest: bool) -> None:
         """Displace each journal by a random vector of up to `PERTURBATION` times its clearances.
 
-        From the centre; a journal at rest moves so far from where it lies towards such a place.
+        From the centre; a journal at rest moves so far from where it lies towards such a place, and
+        straightens as much: between two places where it fits it fits as well, leaning included.
         """
         mechanism = self.mechanism
         random = np.random.default_rng(seed)
@@ -105,6 +106,10 @@ class Start:
                     limits = joint.room_to_start.get(part, 0.0) > 0.0
                     if limits:
                         self.q[i] += PERTURBATION * shift if at_rest else shift
+            if at_rest:
+                for part in set(limited(joint)).intersection(VIRTUAL_LINK[3:]):
+                    i = mechanism.coordinates.index(f"{name}.{part}")
+                    self.q[i] -= PERTURBATION * self.q[i] if i not in self.given else 0.0
         self.q = assemble(mechanism, self.q, self.led, offsets)
 
     def move(self) -> None:
