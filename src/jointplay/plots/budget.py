@@ -15,7 +15,7 @@ from jointplay.analysis.levers import GEAR
 from jointplay.analysis.static_budget import Budget
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.mechanism.picture import picture
-from jointplay.plots.style import COLOURS, new_figure, style
+from jointplay.plots.style import COLOURS, footnote, new_figure, style
 
 _SHARES = "YlOrRd"
 _ERRORS = "viridis"
@@ -47,7 +47,7 @@ def bars(budget: Budget, pose: int | None = None) -> Figure:
         axes.invert_yaxis()
         axes.set_xlabel(f"what the joint adds to the error of {budget.tool!r} [mm]")
         figure.legend(loc="outside upper center", ncols=2)
-        figure.supxlabel(f"{budget.accuracy}", fontsize=5.5, x=0.01, ha="left")
+        footnote(figure, budget.accuracy)
     return figure
 
 
@@ -106,10 +106,8 @@ def reachable(budget: Budget, pose: int | None = None) -> Figure:
             panel.set_aspect("equal", adjustable="datalim")
         handles, labels = axes[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside upper center", ncols=3)
-        figure.supxlabel(
-            f"grey: first joint, first two, ... of {', '.join(budget.joints)}\n{budget.accuracy}",
-            fontsize=5,
-        )
+        joints = ", ".join(budget.joints)
+        footnote(figure, f"grey: first joint, first two, ... of {joints}\n{budget.accuracy}")
     return figure
 
 
@@ -138,7 +136,7 @@ def course(budget: Budget, time: np.ndarray | None = None) -> Figure:
         )
         axes.set_ylim(bottom=0.0)
         figure.legend(loc="outside right upper", fontsize=7)
-        figure.supxlabel(f"{budget.accuracy}", fontsize=5.5, x=0.01, ha="left")
+        footnote(figure, budget.accuracy)
     return figure
 
 
@@ -165,5 +163,5 @@ def workspace_map(budget: Budget) -> Figure:
             panel.set(xlabel=word, ylabel=other)
             panel.set_aspect("equal", adjustable="datalim")
         figure.colorbar(drawn, ax=axes, label=f"worst-case error of {budget.tool!r} [mm]")
-        figure.supxlabel(f"{budget.accuracy}", fontsize=5.5, x=0.01, ha="left")
+        footnote(figure, budget.accuracy)
     return figure

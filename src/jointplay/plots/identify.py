@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from jointplay.analysis.identify import Identification
-from jointplay.plots.style import COLOURS, new_figure, style
+from jointplay.plots.style import COLOURS, footnote, new_figure, style
 
 _SCALES = {
     "tool": (1e6, "tool off ideal [µm]"),
@@ -33,7 +33,7 @@ def identification(fit: Identification) -> Figure:
             _agreement(next(axes), fit, kind)
         if bounced:
             _restitution(next(axes), fit)
-        figure.supxlabel(words, fontsize=6)
+        footnote(figure, words)
     return figure
 
 

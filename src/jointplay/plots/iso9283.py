@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from jointplay.analysis.iso9283 import Iso9283
-from jointplay.plots.style import COLOURS, new_figure, style
+from jointplay.plots.style import COLOURS, footnote, new_figure, style
 
 MOST_POSES = 6
 """Stops that are drawn: the worst."""
@@ -79,4 +79,4 @@ def _note(figure: Figure, performance: Iso9283) -> None:
     parts = performance.accuracy.split("; ")
     half = len(parts) // 2
     text = "; ".join(parts[:half]) + ";\n" + "; ".join(parts[half:])
-    figure.supxlabel(text, fontsize=5.5, x=0.01, ha="left")
+    footnote(figure, text)

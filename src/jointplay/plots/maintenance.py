@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from jointplay.analysis.maintenance import Maintenance
-from jointplay.plots.style import COLOURS, new_figure, style
+from jointplay.plots.style import COLOURS, footnote, new_figure, style
 
 
 def course(estimate: Maintenance) -> Figure:
@@ -36,12 +36,10 @@ def course(estimate: Maintenance) -> Figure:
         axes[1].set(xlabel="cycles", ylabel="growth of clearance, deepest [um]")
         axes[1].legend(fontsize=7)
         low, high = estimate.spread
-        figure.supxlabel(
+        footnote(
+            figure,
             "an estimate from simulated cycles; bars: two standard errors of the perturbed runs; "
-            f"{low:.2g} to {high:.2g} cycles\nif wear rates are known to a factor of "
+            f"{low:.2g} to {high:.2g} cycles if wear rates are known to a factor of "
             f"{estimate.factor:g}",
-            fontsize=5.5,
-            x=0.01,
-            ha="left",
         )
     return figure

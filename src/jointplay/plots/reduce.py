@@ -7,7 +7,7 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from jointplay.analysis.reduce import Reduction
-from jointplay.plots.style import COLOURS, new_figure, style
+from jointplay.plots.style import COLOURS, footnote, new_figure, style
 
 
 def reversals(reduction: Reduction) -> Figure:
@@ -29,9 +29,9 @@ def reversals(reduction: Reduction) -> Figure:
         axes[0].set_xlabel("time [s]")
         axes[1].set_xlabel(f"motor of {reduction.joint} [rad]")
         figure.legend(loc="outside upper center", ncols=2)
-        figure.supxlabel(
+        footnote(
+            figure,
             f"simulated; stated error of the link's angle {1e6 * reduction.angle_error:.3g} urad, "
             f"RMS difference {1e6 * reduction.angle_rms:.3g} urad; dotted: the dead band",
-            fontsize=6,
         )
     return figure

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from jointplay.analysis.dynamic_budget import DynamicBudget
-from jointplay.plots.style import COLOURS, new_figure, style
+from jointplay.plots.style import COLOURS, footnote, new_figure, style
 
 
 def bars(budget: DynamicBudget) -> Figure:
@@ -35,5 +35,5 @@ def bars(budget: DynamicBudget) -> Figure:
         for panel in axes:
             panel.invert_yaxis()
             panel.axvline(0.0, color="black", lw=0.6)
-        figure.supxlabel(budget.accuracy, fontsize=5.5, x=0.01, ha="left")
+        footnote(figure, budget.accuracy)
     return figure

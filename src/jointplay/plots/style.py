@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import textwrap
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -20,9 +21,13 @@ __all__ = [
     "SIZES",
     "STYLES",
     "StyledFigure",
+    "footnote",
     "new_figure",
     "style",
 ]
+
+_SMALL_PRINT, _LETTERS_AN_INCH = 5.5, 24
+"""Size of footnotes [pt], and how many of their letters stand side by side."""
 
 _SCREEN = {
     "font.size": 9,
@@ -129,3 +134,10 @@ class StyledFigure(Figure):
 def new_figure(width: float, height: float, look: str = "screen") -> StyledFigure:
     """An empty figure, its size [inches] being that on screen; call it within `style`."""
     return StyledFigure(figsize=(width * SIZES[look], height * SIZES[look]), look=look)
+
+
+def footnote(figure: Figure, text: str) -> None:
+    """Put small print below a figure, in as many lines as its width needs."""
+    across = int(_LETTERS_AN_INCH * figure.get_figwidth())
+    lines = [textwrap.fill(line, across) for line in text.splitlines()]
+    figure.supxlabel("\n".join(lines), fontsize=_SMALL_PRINT, x=0.01, ha="left")
