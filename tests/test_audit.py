@@ -98,6 +98,7 @@ def test_sound_run_does_not_warn():
         ({"friction_fed": 0.02}, "friction gave back 0.02 J"),
         ({"penetration_over_clearance": 0.6}, "60 % of its clearance"),
         ({"step_error": 8e-3, "relative_step_error": 0.09}, "tool is off by about 0.008 m"),
+        ({"relative_step_error": 0.09}, "another motion: all coordinates by 9 %"),  # a file edited
         ({"step_error": math.inf, "relative_step_error": math.inf}, "the run ends otherwise"),
         ({"tooth_steps": 6.0}, "gear teeth last 6 steps"),
         ({"friction_step_limit": 4e-6}, "does not follow friction"),

@@ -210,13 +210,14 @@ class Audit(Described):
 
     def _step_too_large(self) -> str:
         """What to say of a step that another step contradicts."""
-        assert self.step_error is not None
-        assert self.relative_step_error is not None
-        if not math.isfinite(self.relative_step_error):
+        relative = self.relative_step_error
+        if relative is None or not math.isfinite(relative):
             return "with half the step the run ends otherwise: reduce the step"
+        tool = (
+            "" if self.step_error is None else f"the tool is off by about {self.step_error:.2g} m, "
+        )
         return (
-            "half the step gives another motion: the tool is off by about "
-            f"{self.step_error:.2g} m, all coordinates by {100 * self.relative_step_error:.2g} % "
+            f"half the step gives another motion: {tool}all coordinates by {100 * relative:.2g} % "
             "of how far they move: reduce the step"
         )
 
