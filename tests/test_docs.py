@@ -194,6 +194,7 @@ def test_lines_of_prose_are_no_longer_than_100_columns(monkeypatch):
     found = {page.name: wrap.long_lines(page.read_text("utf-8")) for page in wrap.pages()}
     assert {name: lines for name, lines in found.items() if lines} == {}
     assert wrap.long_lines(40 * "word ") != []
+    assert wrap.long_lines(f"$$a\n+ b$$\n\n{40 * 'word '}") != []  # after a formula as well
     table = f"| {40 * 'word '} |"
     assert wrap.rewritten(table) == table
 

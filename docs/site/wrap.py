@@ -30,13 +30,15 @@ def pages():
 
 def blocks(text):
     """Runs of lines: (whether they are prose, the lines)."""
-    run, prose, fence = [], None, False
+    run, prose, fence = [], None, ""
     for line in text.split("\n"):
-        border = bool(_FENCE.match(line))
-        one_line = border and line.strip() != "$$" and line.strip().endswith("$$")
-        inside = fence or border
-        if border and not one_line:
-            fence = not fence
+        bare, border = line.strip(), _FENCE.match(line)
+        inside = bool(fence or border)
+        if fence:  # a formula may end behind its last line
+            closes = bare.endswith("$$") if fence == "$$" else bool(border) and border[1] == fence
+            fence = "" if closes else fence
+        elif border and not (border[1] == "$$" and bare != "$$" and bare.endswith("$$")):
+            fence = border[1]
         kind = not inside and bool(line.strip()) and not _KEPT.match(line)
         if kind and run and prose and _ITEM.match(line):
             yield True, run
