@@ -259,6 +259,35 @@ def test_a_full_disk_loses_nothing_that_was_finished(whole, small_disk):
     same(store, reference)
 
 
+MANY_CHUNKS = """
+import sys
+from pathlib import Path
+
+import numpy as np
+import zarr
+
+from jointplay.errors import JointplayError
+from jointplay.sweeps.store import writing
+
+try:
+    with writing(Path(sys.argv[1])):
+        group = zarr.open_group(sys.argv[1], mode="w")
+        array = group.create_array("x", shape=(4_000_000,), chunks=(20_000,), dtype="f8")
+        array[:] = np.random.default_rng(0).random(4_000_000)
+except JointplayError as error:
+    print(error)
+"""
+
+
+def test_a_full_disk_is_said_once_however_many_chunks_it_stops(small_disk):
+    """asyncio would log those that nobody waited for, when the interpreter ends."""
+    command = [sys.executable, "-c", MANY_CHUNKS, str(small_disk / "z")]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert "No space left" in done.stdout
+    assert done.stderr == ""
+    assert done.returncode == 0
+
+
 @pytest.mark.parametrize("cut", [1, 5, 20])
 def test_a_torn_line_of_a_journal_is_cut_off(cut, tmp_path):
     journal = Journal(tmp_path / "j")

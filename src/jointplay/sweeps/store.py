@@ -7,6 +7,7 @@ finished is lost: the journal is emptied only when all that it says is in the ar
 
 from __future__ import annotations
 
+import asyncio
 import json
 import os
 import time
@@ -17,6 +18,7 @@ from typing import Any
 
 import numpy as np
 import zarr
+from zarr.core.sync import sync
 
 from jointplay.errors import JointplayError
 from jointplay.host import files
@@ -32,6 +34,9 @@ from jointplay.sweeps.plan import REPEAT, SAMPLE, Index, Plan
 
 CHUNK = 4096
 """Cases in a chunk, at most."""
+
+REST_S = 10.0
+"""How long is waited for chunks that are being written where one could not be [s]."""
 
 FLUSH_S = 60.0
 """Interval at which the arrays are brought up to date, for readers [s]."""
@@ -74,7 +79,7 @@ class Store:
             self.state = np.zeros(plan.shape, np.int8)
             self._pending: list[Outcome] = []
             self._synced = self._flushed = time.monotonic()
-            with _writing(self.path):
+            with writing(self.path):
                 if there:
                     self._reopen(extend)
                 else:
@@ -175,7 +180,7 @@ class Store:
         self.state = np.zeros(plan.shape, np.int8)
         self.state[tuple(slice(0, size) for size in before.shape)] = before
         dims = list(plan.sizes)
-        with _writing(self.path):
+        with writing(self.path):
             for array in self._arrays().values():
                 names = array.metadata.dimension_names or ()
                 if tuple(names[: len(dims)]) == tuple(dims):
@@ -256,7 +261,7 @@ class Store:
         Raises:
             JointplayError: the disk is full; the cases before are kept.
         """
-        with _writing(self.path):
+        with writing(self.path):
             for name, history in outcome.histories.items():
                 histories.write(self, name, outcome.index, history)
         entry = {"i": list(map(int, outcome.index)), "s": outcome.state, "v": outcome.values}
@@ -277,7 +282,7 @@ class Store:
             JointplayError: the disk is full; the journal has it all.
         """
         if self._pending:
-            with _writing(self.path):
+            with writing(self.path):
                 self._fill(self._pending)
         self._pending = []
         self._flushed = time.monotonic()
@@ -327,7 +332,7 @@ class Store:
         try:
             self.flush()
             if whole:
-                with _writing(self.path):
+                with writing(self.path):
                     self._consolidate()
                 os.sync()
                 self.journal.clear()
@@ -365,9 +370,21 @@ def _chunks(shape: Index) -> Index:
 
 
 @contextmanager
-def _writing(path: Path) -> Iterator[None]:
-    """Say of errors of the file system in the block that the store cannot be written."""
+def writing(path: Path) -> Iterator[None]:
+    """Say of errors of the file system in the block that the store cannot be written; once.
+
+    zarr writes chunks side by side: where one fails the others go on, and asyncio logs failures
+    that nobody waits for.
+    """
     try:
         yield
     except OSError as error:
+        with suppress(Exception):  # what comes of them is known
+            sync(_others(), timeout=REST_S)
         raise files.cannot_write(path, error) from None
+
+
+async def _others() -> None:
+    """Wait for all that zarr has begun beside."""
+    rest = asyncio.all_tasks() - {asyncio.current_task()}
+    await asyncio.gather(*rest, return_exceptions=True)
