@@ -44,6 +44,15 @@ def body(name, mass=2.0, com="0 0 0", inertia=1e-2):
     return BODY.format(name=name, mass=mass, com=com, i=inertia)
 
 
+def tip(parent, at="0.5 0 0"):
+    """A tool at the end of a link."""
+    return (
+        '<link name="tool"/>'
+        f'<joint name="tip" type="fixed"><parent link="{parent}"/><child link="tool"/>'
+        f'<origin xyz="{at}"/></joint>'
+    )
+
+
 def joint(name, parent, child, kind="revolute", axis="0 0 1", at="0 0 0", rpy="0 0 0"):
     return JOINT.format(name=name, parent=parent, child=child, kind=kind, axis=axis, at=at, rpy=rpy)
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from conftest import body, joint
+from conftest import body, joint, tip
 
 from jointplay import Gear, JointplayError, Mechanism, Motion, RevoluteClearance
 from jointplay.analysis.allocation import allocate
@@ -21,8 +21,7 @@ def arm(urdf):
         joint("a", "base", "one"),
         joint("b", "one", "two", at="0.5 0 0"),
         joint("c", "two", "three", axis="0 1 0", at="0.5 0 0"),
-        '<link name="tool"/><joint name="tip" type="fixed"><parent link="three"/>'
-        '<child link="tool"/><origin xyz="0.5 0 0"/></joint>',
+        tip("three"),
     )
 
 

@@ -5,7 +5,7 @@ import io
 
 import numpy as np
 import pytest
-from conftest import body, joint
+from conftest import body, joint, tip
 
 from jointplay import (
     Gear,
@@ -22,14 +22,6 @@ from jointplay.plots import budget as plots
 
 REACH = 0.5
 """Distance of the tool from the joint [m]."""
-
-
-def tip(parent, at=f"{REACH} 0 0"):
-    return (
-        '<link name="tool"/>'
-        f'<joint name="tip" type="fixed"><parent link="{parent}"/><child link="tool"/>'
-        f'<origin xyz="{at}"/></joint>'
-    )
 
 
 @pytest.fixture

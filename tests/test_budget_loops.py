@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pinocchio as pin
 import pytest
-from conftest import body, joint
+from conftest import body, joint, tip
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -252,8 +252,7 @@ def test_a_slider_leans_about_its_own_middle_wherever_it_is(urdf):
     path = urdf(
         body("car"),
         joint("s", "base", "car", "prismatic", "1 0 0"),
-        '<link name="tool"/><joint name="tip" type="fixed"><parent link="car"/>'
-        '<child link="tool"/><origin xyz="0.3 0 0"/></joint>',
+        tip("car", "0.3 0 0"),
     )
     mechanism = Mechanism(path, {"s": PrismaticClearance(clearance=PLAY)})
     near, far = (budget(mechanism, {"s": at}).worst[0] for at in (0.0, 0.8))

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from conftest import body, joint
+from conftest import body, joint, tip
 
 from jointplay import Gear, JointplayError, Mechanism, Motion, RevoluteClearance, Simulation
 from jointplay.analysis.dynamic_budget import dynamic_budget, sensitivity
@@ -18,8 +18,7 @@ def arm(urdf):
         body("two", mass=1.0, com="0.1 0 0"),
         joint("a", "base", "one", axis="0 1 0"),
         joint("b", "one", "two", axis="0 1 0", at="0.3 0 0"),
-        '<link name="tool"/><joint name="tip" type="fixed"><parent link="two"/>'
-        '<child link="tool"/><origin xyz="0.3 0 0"/></joint>',
+        tip("two", "0.3 0 0"),
     )
 
 

@@ -4,7 +4,7 @@ import zlib
 
 import numpy as np
 import pytest
-from conftest import body, joint
+from conftest import body, joint, tip
 from test_playback import browser, open_page  # noqa: F401
 
 import jointplay as jp
@@ -16,10 +16,7 @@ from jointplay.analysis.static_budget import budget
 from jointplay.playback.tracks import unpack
 
 PLAY = 1e-4
-TIP = (
-    '<link name="tool"/><joint name="tip" type="fixed"><parent link="one"/>'
-    '<child link="tool"/><origin xyz="0.5 0 0"/></joint>'
-)
+TIP = tip("one")
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from conftest import body, joint
+from conftest import body, joint, tip
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -33,14 +33,6 @@ from jointplay.loads import JointFriction
 CLEARANCE, FRICTION, REACH, MASS = 1e-4, 0.2, 0.5, 3.0
 PUSH = 2.0 * MASS * 9.81
 NOISE = 5e-6
-
-
-def tip(parent, at=f"{REACH} 0 0"):
-    return (
-        '<link name="tool"/>'
-        f'<joint name="tip" type="fixed"><parent link="{parent}"/><child link="tool"/>'
-        f'<origin xyz="{at}"/></joint>'
-    )
 
 
 @pytest.fixture

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import body, joint
+from conftest import body, joint, tip
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -174,8 +174,7 @@ def hanging(urdf, e, angle=math.pi / 2, end=1.0):
     path = urdf(
         body("arm", mass=3.0, com="0.2 0 0"),
         joint("j", "base", "arm", axis="0 1 0"),
-        '<link name="tool"/><joint name="tip" type="fixed"><parent link="arm"/>'
-        '<child link="tool"/><origin xyz="0.3 0 0"/></joint>',
+        tip("arm", "0.3 0 0"),
     )
     bearing = RevoluteClearance.planar(radial_clearance=1e-4, restitution=e, normal=ZhangSharf())
     mechanism = Mechanism(path, {"j": bearing}, tool="tool")
@@ -286,8 +285,7 @@ def test_two_joints_hit_and_an_accelerometer_does_not_say_which(urdf):
         joint("a", "base", "upper", axis="0 1 0"),
         body("lower", mass=2.0),
         joint("b", "upper", "lower", axis="0 1 0", at="0.3 0 0"),
-        '<link name="tool"/><joint name="tip" type="fixed"><parent link="lower"/>'
-        '<child link="tool"/><origin xyz="0.3 0 0"/></joint>',
+        tip("lower", "0.3 0 0"),
     )
     bearing = RevoluteClearance.planar(radial_clearance=1e-4)
     mechanism = Mechanism(path, {"a": bearing, "b": bearing}, tool="tool")

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from conftest import body, joint
+from conftest import body, joint, tip
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
@@ -199,8 +199,7 @@ def arm(urdf):
     return urdf(
         body("one", com="0.2 0 0"),
         joint("a", "base", "one", axis="0 1 0"),
-        '<link name="tool"/><joint name="tip" type="fixed"><parent link="one"/>'
-        '<child link="tool"/><origin xyz="0.5 0 0"/></joint>',
+        tip("one"),
     )
 
 

@@ -1,11 +1,18 @@
 """Dimensions and stiffness of a clearance joint."""
 
+import dataclasses
 import math
 
 import pytest
 
-from jointplay import JointplayError, Material, RevoluteClearance
-from jointplay.contact import Hertz
+from jointplay import (
+    JointplayError,
+    Material,
+    PrismaticClearance,
+    RevoluteClearance,
+    SphericalClearance,
+)
+from jointplay.contact import CustomFriction, Hertz, LuGre
 
 
 def test_clearances_give_the_journal():
@@ -99,3 +106,35 @@ def test_description_round_trip_is_exact():
     again = RevoluteClearance.from_description(joint.describe())
     assert again.describe() == joint.describe()
     assert again.hertz_stiffness == joint.hertz_stiffness
+
+
+KINDS = {
+    "revolute": RevoluteClearance(radial_clearance=2e-4, axial_clearance=3e-4),
+    "by its journal": RevoluteClearance(journal_radius=9.8e-3, journal_length=39.4e-3),
+    "planar": RevoluteClearance.planar(radial_clearance=2e-4),
+    "ball": SphericalClearance(radial_clearance=2e-4),
+    "slider": PrismaticClearance(clearance=2e-4, clearance_y=3e-4),
+    "planar slider": PrismaticClearance(clearance=2e-4, planar=True),
+}
+
+
+@pytest.mark.parametrize("joint", KINDS.values(), ids=KINDS)
+def test_every_kind_names_its_clearances_and_takes_others_in_the_same_bearing(joint):
+    given = joint.clearances
+    assert set(given) <= {field.name for field in dataclasses.fields(joint)}
+    assert joint.with_clearances(given).clearances == pytest.approx(given)
+    for name in given:
+        wider = joint.with_clearances({name: 2.5 * given[name]})
+        assert wider.clearances == pytest.approx(given | {name: 2.5 * given[name]})
+    halved = joint.scaled(0.5)
+    assert halved.clearances == pytest.approx({name: 0.5 * c for name, c in given.items()})
+    assert halved.half_width == joint.half_width
+
+
+def test_laws_of_friction_are_scaled_in_all_their_coefficients():
+    rough = LuGre(mu_d=0.2, mu_s=0.3).scaled(1.5)
+    assert rough.coefficients == pytest.approx({"mu_d": 0.3, "mu_s": 0.45})
+    assert rough.sigma0 == LuGre().sigma0
+    own = CustomFriction(lambda speed: 0.1)
+    assert own.coefficients == {}
+    assert own.scaled(2.0) is own

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -35,8 +35,6 @@ from jointplay.simulation.simulation import Simulation
 
 RECORD_S = 1e-3
 """Interval of the records that shares are reckoned from [s]."""
-_FRICTION = ("mu", "mu_d", "mu_s", "mu_k")
-"""Fields of friction laws that are coefficients of friction."""
 
 
 @dataclass(frozen=True)
@@ -333,7 +331,7 @@ def _inputs(base: Simulation, spread: float, slowest: float, payload: float) -> 
         return change
 
     inputs: list[Input] = [(f"clearance {name}", range_, clearance(name)) for name in joints]
-    if any(_coefficients(getattr(joint, "friction", None)) for joint in joints.values()):
+    if any(any(joint.friction.coefficients.values()) for joint in joints.values()):
         inputs.append(("friction of the bearings", range_, _rougher))
     if slowest < 1.0:
         inputs.append(("speed", (slowest, 1.0), _slower))
@@ -342,21 +340,12 @@ def _inputs(base: Simulation, spread: float, slowest: float, payload: float) -> 
     return inputs
 
 
-def _coefficients(law: Any) -> dict[str, float]:
-    if not is_dataclass(law):
-        return {}
-    names = [field.name for field in fields(law) if field.name in _FRICTION]
-    return {name: getattr(law, name) for name in names if getattr(law, name)}
-
-
 def _rougher(one: Simulation, factor: float) -> Simulation:
     """All coefficients of friction in the bearings multiplied."""
-    joints: dict[str, Any] = dict(one.mechanism.clearance)
-    for name, joint in joints.items():
-        known = _coefficients(getattr(joint, "friction", None))
-        if known:
-            law = replace(joint.friction, **{key: factor * mu for key, mu in known.items()})
-            joints[name] = replace(joint, friction=law)
+    joints = {
+        name: replace(joint, friction=joint.friction.scaled(factor))
+        for name, joint in one.mechanism.clearance.items()
+    }
     return replace(one, mechanism=one.mechanism.with_clearance(joints))
 
 

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import warnings
 from dataclasses import dataclass
 
 import numpy as np
 
 from jointplay.analysis.nonlinear import orders
 from jointplay.analysis.observables import observe
+from jointplay.analysis.running import run_to_the_end
 from jointplay.errors import JointplayError
 from jointplay.motion.reference import Motion
 from jointplay.result.result import Result
@@ -86,10 +86,7 @@ class RunUp:
         Raises:
             JointplayError: the run stopped early.
         """
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", RuntimeWarning)
-            result = self.simulation.prepare().execute(check_step=False)
-        return result.completed("the run-up")
+        return run_to_the_end(self.simulation, "the run-up")
 
     def over_angle(self, result: Result, name: str) -> np.ndarray:
         """A quantity at equal angles of the crank in the turns of the rise, (turns records,)."""

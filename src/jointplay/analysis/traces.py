@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-import warnings
 from collections.abc import Sequence
 from concurrent.futures import as_completed
 from dataclasses import dataclass
@@ -16,9 +15,9 @@ from zipfile import BadZipFile
 import numpy as np
 from tqdm import tqdm
 
+from jointplay.analysis.running import run_to_the_end
 from jointplay.errors import JointplayError
 from jointplay.host import workers
-from jointplay.kernel import Status
 from jointplay.simulation.simulation import Simulation
 
 
@@ -102,15 +101,8 @@ def traces(
 
 
 def _run(simulation: Simulation) -> Trace:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # what stops a run is in its message
-        result = simulation.run(check_step=False)
-    if result.status == Status.INTERRUPTED:
-        raise KeyboardInterrupt
-    if result.status != Status.COMPLETED:
-        seed = "" if simulation.seed is None else f" with seed {simulation.seed}"
-        reason = result.message.partition(" State: ")[0]
-        raise JointplayError(f"a run{seed} failed: {reason}")
+    seed = "" if simulation.seed is None else f" with seed {simulation.seed}"
+    result = run_to_the_end(simulation, f"a run{seed}")
     return Trace(
         np.asarray(result.time),
         result["tool_position"].values.copy(),

@@ -25,8 +25,8 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any, ClassVar, NamedTuple
+from dataclasses import dataclass, fields, replace
+from typing import Any, ClassVar, NamedTuple, Self
 
 from jointplay.codec import Described
 from jointplay.contact.compiled import (
@@ -192,6 +192,17 @@ class FrictionLaw(Law):
         """Parameters of `function`, at most `MAX_PARAMETERS` of them: the fields it names."""
         names = parameter_names(type(self).function, self.state) or ()
         return tuple(getattr(self, name) for name in names)
+
+    @property
+    def coefficients(self) -> dict[str, float]:
+        """Its coefficients of friction by the names of their fields: those that begin with mu."""
+        names = [field.name for field in fields(self) if field.name.startswith("mu")]
+        return {name: getattr(self, name) for name in names}
+
+    def scaled(self, factor: float) -> Self:
+        """The law with all its coefficients of friction multiplied."""
+        changes: dict[str, Any] = {name: factor * mu for name, mu in self.coefficients.items()}
+        return replace(self, **changes) if changes else self
 
 
 STATIC_RATIO = 1.5

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import ClassVar, Literal, Self
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
 
@@ -104,6 +104,8 @@ class Clearance(Described, ABC):
     """Types of URDF joint that this kind can take the place of."""
     ideal_freedoms: ClassVar[tuple[str, ...]]
     """Those of `VIRTUAL_LINK` that the joint has without clearance."""
+    in_the_bearing: ClassVar[Mapping[str, str]] = {}
+    """Of each clearance by which it may be given instead: what the journal measures."""
 
     bearing_material: Material = field(default_factory=Material)
     journal_material: Material = field(default_factory=Material)
@@ -224,9 +226,20 @@ class Clearance(Described, ABC):
     def play(self, second_order: bool = True) -> Play:
         """The set of displacements that the clearance allows; see `analysis.statics.play`."""
 
+    @property
     @abstractmethod
+    def clearances(self) -> dict[str, float]:
+        """Its clearances by the names of their fields [m]."""
+
+    def with_clearances(self, sizes: Mapping[str, float]) -> Self:
+        """The joint with other clearances [m], by their fields' names, in the same bearing."""
+        follow = {self.in_the_bearing[name]: None for name in sizes if name in self.in_the_bearing}
+        changes: dict[str, Any] = {**sizes, **follow}
+        return replace(self, **changes)
+
     def scaled(self, factor: float) -> Self:
         """The joint with all its clearances multiplied, in the same bearing."""
+        return self.with_clearances({name: factor * c for name, c in self.clearances.items()})
 
     def arm(self, centre: np.ndarray) -> float:
         """Farthest point at which a journal with its centre here can touch, from it [m]."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import product
 from typing import ClassVar, Self
 
@@ -203,9 +203,10 @@ class PrismaticClearance(Clearance):
             block = BlockPlay(wide, arms, free, excess)
         return block
 
-    def scaled(self, factor: float) -> Self:
-        """See `Clearance.scaled`."""
-        return replace(self, clearance=factor * self.clearance, clearance_y=factor * self.cy)
+    @property
+    def clearances(self) -> dict[str, float]:
+        """Across x, and across y unless planar [m]."""
+        return {"clearance": self.clearance} | ({} if self.planar else {"clearance_y": self.cy})
 
     def fits(self, offset: np.ndarray, lean: float, least: float) -> bool:
         """Across within a rectangle."""

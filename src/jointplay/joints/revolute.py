@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Self
+from typing import ClassVar, Self
 
 import numpy as np
 
@@ -47,6 +47,10 @@ class RevoluteClearance(RoundClearance):
     kind: ClassVar[str] = "revolute"
     replaces: ClassVar[tuple[str, ...]] = ("revolute", "continuous")
     ideal_freedoms: ClassVar[tuple[str, ...]] = ("yaw",)
+    in_the_bearing: ClassVar[Mapping[str, str]] = {
+        "radial_clearance": "journal_radius",
+        "axial_clearance": "journal_length",
+    }
 
     bearing_length: float = quantity("m", default=40e-3, above=0.0, words="bearing length")
     """L_i, between the end walls [m]; this project's choice, the paper gives none."""
@@ -314,12 +318,10 @@ class RevoluteClearance(RoundClearance):
         excess = max(wide / across, way / along if self.walls else 1.0) - 1.0
         return JournalPlay(wide, way, self.lj, rim, excess)
 
-    def scaled(self, factor: float) -> Self:
-        """See `Clearance.scaled`."""
-        changes: dict[str, Any] = {"radial_clearance": factor * self.cr, "journal_radius": None}
-        if self.walls:
-            changes |= {"axial_clearance": factor * self.ca, "journal_length": None}
-        return replace(self, **changes)
+    @property
+    def clearances(self) -> dict[str, float]:
+        """C_r, and C_a between walls [m]."""
+        return super().clearances | ({"axial_clearance": self.ca} if self.walls else {})
 
     def fits(self, offset: np.ndarray, lean: float, least: float) -> bool:
         """Across within a circle, along between the walls."""

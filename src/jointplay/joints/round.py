@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Self
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -24,6 +24,8 @@ class RoundClearance(Clearance):
     Raises:
         JointplayError: a radius that is missing, not positive, contradictory or impossible.
     """
+
+    in_the_bearing: ClassVar[Mapping[str, str]] = {"radial_clearance": "journal_radius"}
 
     bearing_radius: float = quantity("m", default=10e-3, above=0.0, words="bearing radius")
     """R_i [m]; the standard of the clearance literature, the paper gives none."""
@@ -94,9 +96,10 @@ class RoundClearance(Clearance):
             return self.stiffness
         return self.hertz(self.ri * self.rj / self.cr)
 
-    def scaled(self, factor: float) -> Self:
-        """See `Clearance.scaled`."""
-        return replace(self, radial_clearance=factor * self.cr, journal_radius=None)
+    @property
+    def clearances(self) -> dict[str, float]:
+        """C_r [m]."""
+        return {"radial_clearance": self.cr}
 
     def round_contact(self, stiffness: float | None = None, **lengths: float) -> ContactProperties:
         """Properties of a contact of the journal in its bearing.

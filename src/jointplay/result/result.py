@@ -108,12 +108,12 @@ class Result:
 
         Raises:
             KeyboardInterrupt: it was interrupted.
-            JointplayError: it stopped early: why, and at which state.
+            JointplayError: it stopped early: why.
         """
         if self.status == Status.INTERRUPTED:
             raise KeyboardInterrupt
         if self.status != Status.COMPLETED:
-            raise JointplayError(f"{run} failed: {self.message}")
+            raise JointplayError(f"{run} failed: {self.message.partition(' State: ')[0]}")
         return self
 
     @property

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from jointplay.analysis.identify.impacts import channels, impacts, summary
-from jointplay.analysis.identify.parameters import clearances, friction_of, with_clearance
+from jointplay.analysis.identify.parameters import friction_of, with_clearance
 from jointplay.analysis.identify.reading import Measurement
+from jointplay.analysis.running import run_to_the_end
 from jointplay.errors import JointplayError
 from jointplay.joints import Clearance
-from jointplay.kernel import Status
 from jointplay.result.result import Result
 from jointplay.simulation.simulation import Simulation
 
@@ -109,20 +108,12 @@ def run(simulation: Simulation) -> Result:
     Raises:
         JointplayError: it fails.
     """
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # what stops a run is in its message
-        result = simulation.run(check_step=False)
-    if result.status == Status.INTERRUPTED:
-        raise KeyboardInterrupt
-    if result.status != Status.COMPLETED:
-        reason = result.message.partition(" State: ")[0]
-        raise JointplayError(f"a run to compare with the measurement failed: {reason}")
-    return result
+    return run_to_the_end(simulation, "a run to compare with the measurement")
 
 
 def drawn(joint: Clearance, spread: Mapping[str, float], random: np.random.Generator) -> Clearance:
     """The joint with clearances and friction as they may be, by their standard deviations."""
-    now = {**clearances(joint), "friction": friction_of(joint) or 0.0}
+    now = {**joint.clearances, "friction": friction_of(joint) or 0.0}
     changed = {
         name: max(now[name] + one * random.standard_normal(), _LEAST * now[name])
         for name, one in spread.items()

@@ -21,7 +21,6 @@ import pinocchio as pin
 from jointplay.analysis.identify.ideal import configurations
 from jointplay.analysis.identify.parameters import (
     Parameter,
-    clearances,
     friction_of,
     with_clearance,
 )
@@ -72,7 +71,7 @@ class _Bearing:
 
     def point(self, values: Mapping[str, float], held: float) -> np.ndarray:
         """Displacement of the journal at each visit, (n, 6) [m, rad]."""
-        mine = clearances(self.joint)
+        mine = self.joint.clearances
         sizes = {name: value for name, value in values.items() if name in mine}
         joint = with_clearance(self.joint, sizes)
         play = joint.play(second_order=False)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 from jointplay.errors import JointplayError, MissingName
 from jointplay.joints import Clearance
@@ -56,48 +55,23 @@ class Parameter:
         return f"{factor * value:.4g} {unit}".rstrip()
 
 
-def clearances(joint: Clearance) -> dict[str, float]:
-    """The clearances of a joint by the names of their fields [m]."""
-    gaps = {}
-    for name in ("radial_clearance", "clearance"):
-        if hasattr(joint, name):
-            gaps[name] = float(getattr(joint, name))
-    if getattr(joint, "walls", False):
-        gaps["axial_clearance"] = float(joint.axial_clearance)  # type: ignore[attr-defined]
-    if hasattr(joint, "clearance_y") and not getattr(joint, "planar", False):
-        gaps["clearance_y"] = float(joint.clearance_y)
-    return gaps
-
-
 def friction_of(joint: Clearance) -> float | None:
     """Friction coefficient of a journal's law; None where it has none that could be told."""
-    value = getattr(joint.friction, "mu_d", None)
+    value = joint.friction.coefficients.get("mu_d")
     known = isinstance(joint.play(False), JournalPlay)
     return None if value is None or not known else float(value)
 
 
 def with_clearance(joint: Clearance, values: Mapping[str, float]) -> Clearance:
-    """The joint with other clearances [m] or another ``friction``."""
-    changes: dict[str, Any] = {}
-    for name, value in values.items():
-        if name == "friction":
-            changes["friction"] = replace(joint.friction, **_sliding(joint.friction, value))
-            continue
-        changes[name] = max(value, _LEAST)
-        if name == "radial_clearance":
-            changes["journal_radius"] = None
-        if name == "axial_clearance":
-            changes["journal_length"] = None
-    return replace(joint, **changes)
-
-
-def _sliding(law: Any, value: float) -> dict[str, float]:
-    """Changes of a law to this coefficient; a static one keeps its ratio."""
-    changes = {"mu_d": value}
-    static = getattr(law, "mu_s", None)
-    if static is not None:
-        changes["mu_s"] = static * value / law.mu_d if law.mu_d > 0.0 else value
-    return changes
+    """The joint with other clearances [m] or another ``friction``; a static one keeps its ratio."""
+    sizes = {name: max(value, _LEAST) for name, value in values.items() if name != "friction"}
+    changed = joint.with_clearances(sizes)
+    if "friction" in values:
+        known, asked = joint.friction.coefficients, values["friction"]
+        law = joint.friction.scaled(asked / known["mu_d"]) if known["mu_d"] > 0.0 else None
+        rough: dict[str, float] = dict.fromkeys(known, asked)
+        changed = replace(changed, friction=law or replace(joint.friction, **rough))
+    return changed
 
 
 def unknowns(
@@ -129,7 +103,7 @@ def unknowns(
     parameters = []
     rubs = False
     for joint, bearing in mechanism.clearance.items():
-        for name, value in clearances(bearing).items():
+        for name, value in bearing.clearances.items():
             most = max(_LARGEST, 10.0 * value)
             parameters.append(Parameter(joint, name, "m", value, value, most))
         coefficient = friction_of(bearing)

@@ -19,7 +19,6 @@ from jointplay.analysis.identify.bounces import SHORTEST, flights
 from jointplay.analysis.identify.impacts import IMPACT_KINDS, WINDOW, channels
 from jointplay.analysis.identify.instruments import Instruments, drawn, run
 from jointplay.analysis.identify.likelihood import Estimate, design, estimate, runs_needed
-from jointplay.analysis.identify.parameters import clearances
 from jointplay.analysis.identify.reading import Measurement
 from jointplay.errors import JointplayError
 from jointplay.host import workers
@@ -123,7 +122,7 @@ def by_flights(mechanism: Mechanism, measured: Measurement) -> tuple[Restitution
 
 def _unseen(name: str, joint: Clearance) -> str:
     """Which signal would show a joint's impacts, and how fast."""
-    room = 2.0 * max(clearances(joint).values(), default=0.0)
+    room = 2.0 * max(joint.clearances.values(), default=0.0)
     words = f"no signal shows impacts; an accelerometer on the tool or '{name} reaction' would"
     if room <= 0.0:
         return words
