@@ -12,7 +12,6 @@ import argparse
 import os
 import subprocess
 import sys
-import tempfile
 import time
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
@@ -21,11 +20,12 @@ from pathlib import Path
 import numpy as np
 
 import jointplay as jp
-from jointplay.analysis.poses import along_motion, over_workspace
-from jointplay.analysis.reduce import reduce_joint
-from jointplay.analysis.reduced_mjcf import follow, to_mjcf
-from jointplay.analysis.static_budget import budget
-from jointplay.analysis.verify import dynamic_error
+from jointplay.core.files import temporary
+from jointplay.design.poses import along_motion, over_workspace
+from jointplay.design.reduced_files import follow, to_mjcf
+from jointplay.design.reduction import reduce_joint
+from jointplay.design.static_budget import budget
+from jointplay.design.verify import dynamic_error
 from jointplay.mechanism.robots import robot_urdf
 
 UR5 = (
@@ -121,7 +121,7 @@ def command_times() -> dict[str, float]:
     found: dict[str, float] = {}
     program = "import sys; from jointplay.cli import main; sys.exit(main())"
     for name, order in orders.items():
-        with tempfile.TemporaryDirectory() as folder:
+        with temporary("decisions") as folder:
             order = [part.format(out=f"{folder}/out") for part in order]
             begun = sum(os.times()[2:4])
             subprocess.run(

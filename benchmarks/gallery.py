@@ -97,7 +97,7 @@ def draw(name: str) -> None:
     shown = next((r for r in runs if r.mechanism.clearance or r.mechanism.gears), runs[0])
     figure = picture(shown.mechanism, shown.workspace.q, title="", view=VIEWS.get(name))
     drawn = io.BytesIO()
-    figure.savefig(drawn, format="png", dpi=80)
+    figure.savefig(drawn, format="png", dpi=80, bbox_inches="tight")  # labels of axes too
     image = Image.open(drawn).convert("RGB").quantize(96, dither=Image.Dither.NONE)
     image.save(FOLDER / f"{name}.png", optimize=True)
 

@@ -3,7 +3,6 @@
 CPU times but for the cores, which are wall time of the same cases by one worker and by two.
 """
 
-import tempfile
 import time
 from pathlib import Path
 
@@ -13,6 +12,7 @@ from mechanism_cost import JOINT, LINK
 from scale import LONG_S, SHORT_S, bookkeeping, gain, messages, pairs
 
 import jointplay as jp
+from jointplay.core.files import temporary
 from jointplay.kernel import Status
 
 PLAY = {"radial_clearance": 0.2e-3, "axial_clearance": 0.2e-3}
@@ -33,8 +33,8 @@ def arm(joints, loose, folder):
         file.write(f'<robot name="arm"><link name="base"/>{"".join(parts)}</robot>')
     clearance = {f"j{i}": jp.RevoluteClearance(**PLAY) for i in range(joints - loose, joints)}
     robot = jp.Mechanism(path, clearance, gravity=(0, 0, 0))
-    speeds = {name: 0.5 / joints for name in robot.joints}
-    return jp.Simulation(robot, drive={}, start_speed=speeds, duration=0.2, record_every=100)
+    speeds = {name: (None, 0.5 / joints) for name in robot.joints}
+    return jp.Simulation(robot, drive={}, state=speeds, duration=0.2, record_every=100)
 
 
 def cost(simulation):
@@ -57,7 +57,7 @@ def main():
     )
     args = benchmark.parse()
     data = []
-    with tempfile.TemporaryDirectory() as folder:
+    with temporary("growth") as folder:
         steps = [cost(Case().simulation(duration=one)) for one in DURATIONS]
         joints = [cost(arm(n, 1, folder)) / 20_000 for n in JOINTS]
         loose = [cost(arm(5, n, folder)) / 20_000 for n in LOOSE]

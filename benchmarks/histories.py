@@ -18,7 +18,7 @@ from tqdm import tqdm
 import jointplay as jp
 from jointplay.kernel import Status
 from jointplay.result import histories, variables
-from jointplay.result.loads import Pushes
+from jointplay.result.variables import Pushes
 
 WHOLE, MOTION, FORCES = "whole result", "motion of the bodies", "forces in the joints"
 

@@ -24,8 +24,11 @@ from datetime import datetime
 from pathlib import Path
 
 import numpy as np
+from validation.data import origin
 
 DATA = Path(__file__).parent / "validation" / "data"
+TOLD = "216b5899dc9c1b7264584d7f1388cb4892c2b5f8"
+"""The last commit of the servos' repository that has its paper, which names the licence of logs."""
 COUNT_RAD = 2.0 * math.pi / 4096
 """Step of the servos' 12-bit encoder."""
 BAND_N = 0.15 * 9.80665
@@ -55,8 +58,12 @@ def shown(repository: Path, path: str) -> str:
 
 
 def commit(repository: Path) -> str:
-    order = ["git", "-C", str(repository), "rev-parse", "--short", "HEAD"]
+    order = ["git", "-C", str(repository), "rev-parse", "HEAD"]
     return subprocess.run(order, capture_output=True, text=True, check=True).stdout.strip()
+
+
+def sourced(*words: str) -> list[str]:
+    return [f"# {line}" for line in origin(*words)]
 
 
 def servo(repository: Path, name: str) -> None:
@@ -66,11 +73,17 @@ def servo(repository: Path, name: str) -> None:
     rows = list(csv.DictReader(io.StringIO(shown(repository, path))))
     lines = [
         f"# Feetech {kind} in a stand that pulls its lever (0.1 m) both ways; encoder 4096 counts.",
-        f"# From {path} of",
-        "# github.com/roboninecom/Measuring-Backlash-in-Popular-UART-Servos,",
-        f"# commit {commit(repository)}; B. Kotov, Robonine; CC BY 4.0. Changed: counts to",
-        "# rad about 2047; force: 0.15 kgf (their calibration) by the way of the puller that",
-        "# stretches; the servo's own drives, and rest before the first pull after them, left out.",
+        *sourced(
+            "github.com/roboninecom/Measuring-Backlash-in-Popular-UART-Servos",
+            commit(repository),
+            path,
+            "2026 B. Kotov, Robonine",
+            "CC-BY-4.0",
+            f" (said of logs/ by paper/main_teststand.tex at {TOLD})",
+        ),
+        "# Changed: counts to rad about 2047; force: 0.15 kgf (their calibration) by the way of",
+        "# the puller that stretches; the servo's own drives, and rest before the first pull after",
+        "# them, left out.",
         "time [s],servo motor [rad],servo link [rad],force y [N]",
     ]
     start, pulled = None, False
@@ -99,12 +112,16 @@ def damper(repository: Path, tension: str) -> None:
     table = np.array(json.loads(shown(repository, path))["data"])[::EVERY]
     lines = [
         f"# Banded rotary friction device, band tension {tension} lb, displaced at 0.5 Hz.",
-        f"# From {path}",
-        "# of github.com/ARTS-Laboratory/Dataset-Friction-Damper-with-Backlash,",
-        f"# commit {commit(repository)};",
-        "# D. Coble, P. Huggins, L. Cao, J. Ricles, A. Downey (2022), ARTS-Lab; CC BY-SA 4.0, and",
-        f"# so is this extract. Changed: every {EVERY}th record; inch and kip to SI; as an angle",
-        "# and a torque at a radius of 1 m.",
+        *sourced(
+            "github.com/ARTS-Laboratory/Dataset-Friction-Damper-with-Backlash",
+            commit(repository),
+            path,
+            "2022 D. Coble, P. Huggins, L. Cao, J. Ricles, A. Downey, ARTS-Lab",
+            "CC-BY-SA-4.0",
+            " (this extract stays under it)",
+        ),
+        f"# Changed: every {EVERY}th record; inch and kip to SI; as an angle and a torque at a",
+        "# radius of 1 m.",
         "time [s],drum motor [rad],drum torque [N*m]",
     ]
     lines += [f"{t:.4f},{INCH * x:.7f},{KIP * force:.1f}" for t, x, force in table[:, :3]]

@@ -7,7 +7,6 @@ law; films are evaluated directly, by the compiled function that the time loop c
 import ctypes
 import functools
 import math
-import tempfile
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,6 +15,7 @@ import numpy as np
 import jointplay as jp
 from jointplay.contact import FILM_LAWS, FRICTION_LAWS, NORMAL_LAWS, FilmProperties
 from jointplay.contact.law import MAX_PARAMETERS, compiled_law
+from jointplay.core.files import temporary
 from jointplay.mechanism.impact import impact_duration
 
 REGISTRIES = {"normal": NORMAL_LAWS, "friction": FRICTION_LAWS, "film": FILM_LAWS}
@@ -71,7 +71,7 @@ def _robot(*elements):
 
 @functools.cache
 def _folder():
-    return tempfile.TemporaryDirectory()
+    return temporary("law-probes")
 
 
 class Impact(NamedTuple):

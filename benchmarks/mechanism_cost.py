@@ -13,7 +13,6 @@ the step of its own scenario.
 """
 
 import sys
-import tempfile
 import time
 from pathlib import Path
 
@@ -24,6 +23,7 @@ from step_cost import CHUNK, inertia, seconds_per_call
 from tqdm import tqdm
 
 import jointplay as jp
+from jointplay.core.files import temporary
 
 SHIPPED_STEP = 1e-6
 """Step of the slider-crank's own scenario [s]: at 10 µs its impacts last few steps."""
@@ -144,7 +144,7 @@ def main():
     args = benchmark.parse()
     pieces = 100 if args.quick else 600
     found = {}
-    with tempfile.TemporaryDirectory() as folder:
+    with temporary("mechanism-cost") as folder:
         setups = mechanisms(folder)
         with tqdm(total=len(setups) * pieces, unit="piece") as bar:
             for name, setup in setups.items():

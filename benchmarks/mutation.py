@@ -25,11 +25,12 @@ import random
 import shutil
 import signal
 import sys
-import tempfile
 import tomllib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+
+from jointplay.core.files import temporary
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "src" / "jointplay"
@@ -39,7 +40,12 @@ LAWS = ("tests/contact/test_restitution.py", "tests/contact/test_line_contact.py
         "tests/test_contact_laws.py", "tests/contact/test_validity.py")  # fmt: skip
 TARGETS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "geometry": (
-        ("geometry/bore.py", "geometry/cylinder.py", "geometry/forms.py", "geometry/touching.py"),
+        (
+            "geometry/bore.py",
+            "geometry/cylinder.py",
+            "geometry/contacts.py",
+            "geometry/contacts.py",
+        ),
         ("tests/test_geometry.py", "tests/test_geometry_properties.py"),
     ),
     "laws": (
@@ -60,7 +66,7 @@ TARGETS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
             "contact/normal/herbert_mcwhannell.py",
             "contact/normal/lee_wang.py",
             "contact/normal/gonthier.py",
-            "contact/normal/zhiying_qishao.py",
+            "contact/normal/qin_lu.py",
             "contact/normal/flores.py",
             "contact/normal/hu_guo.py",
             "contact/normal/carvalho_martins.py",
@@ -93,7 +99,7 @@ TARGETS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
         ("tests/test_film.py",),
     ),
     "audit": (
-        ("result/audit.py", "result/auditor.py"),
+        ("result/audit.py", "result/audit.py"),
         ("tests/test_audit_figures.py", "tests/test_audit.py"),
     ),
     "solver": (
@@ -214,19 +220,13 @@ class _Put(ast.NodeTransformer):
 
 def mutants(module: str, text: str) -> list[Mutant]:
     """All mutants of a module's text."""
-    lines = text.splitlines()
-    count = sum(1 for _ in sites(ast.parse(text)))
-    found = []
-    for k in range(count):
-        tree = ast.parse(text)
-        node = list(sites(tree))[k]
-        for n, (what, _) in enumerate(list(changes(node))):
-            fresh = ast.parse(text)
-            place = list(sites(fresh))[k]
-            new = list(changes(place))[n][1]
-            changed = ast.fix_missing_locations(_Put(place, new).visit(fresh))
+    lines, tree, found = text.splitlines(), ast.parse(text), []
+    for node in list(sites(tree)):
+        for what, new in changes(node):
+            changed = ast.fix_missing_locations(_Put(node, new).visit(tree))
             line = getattr(node, "lineno", 0)
             found.append(Mutant(module, line, lines[line - 1].strip(), what, ast.unparse(changed)))
+            _Put(new, node).visit(tree)
     return found
 
 
@@ -244,16 +244,19 @@ def survives(
 
 def unusable(tests: Sequence[str], where: Path, compiled: bool) -> list[str]:
     """Tests that fail without any change: they need compiled kernels, which are off here."""
-    with tempfile.NamedTemporaryFile("r", suffix=".txt", encoding="utf-8") as file:
-        _apart(list(tests), where, compiled, file.name)
-        return file.read().split("\n")[:-1]
+    with temporary("mutation") as folder:
+        file = Path(folder) / "failures.txt"
+        file.touch()
+        _apart(list(tests), where, compiled, str(file))
+        return file.read_text(encoding="utf-8").split("\n")[:-1]
 
 
 def _apart(
     arguments: Sequence[str], where: Path, compiled: bool, failures: str = "", kept: bool = False
 ) -> int:
     """Exit status of a pytest in a process of its own, on the package in `where`."""
-    cache = str(where / "cache") if kept else tempfile.mkdtemp(prefix="mutant-")
+    made = None if kept else temporary("mutation")
+    cache = str(where / "cache") if made is None else made.name
     child = os.fork()
     if child == 0:  # pragma: no cover
         code = 3
@@ -266,8 +269,8 @@ def _apart(
         finally:
             os._exit(code)
     _, status = os.waitpid(child, 0)
-    if not kept:
-        shutil.rmtree(cache, ignore_errors=True)
+    if made is not None:
+        made.cleanup()
     return status
 
 
@@ -313,7 +316,7 @@ def explanations() -> dict[tuple[str, str, str], str]:
 @contextlib.contextmanager
 def copied() -> Iterator[Path]:
     """A copy of the package to change."""
-    with tempfile.TemporaryDirectory(prefix="mutation-") as folder:
+    with temporary("mutation") as folder:
         where = Path(folder)
         ignored = shutil.ignore_patterns("__pycache__", "*.min.js")
         shutil.copytree(PACKAGE, where / "jointplay", ignore=ignored)

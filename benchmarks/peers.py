@@ -25,7 +25,6 @@ from peer_engines.common import (
     missing,
     read_links,
     scara,
-    siconos_python,
     slider_crank,
     undriven,
 )
@@ -35,9 +34,9 @@ from peer_engines.text import TEXT
 from peer_engines.trace import Impact, Trace, impacts, offset
 
 from jointplay.contact.normal.restitution import effective_restitution
-from jointplay.errors import JointplayError
-from jointplay.loads.reference import REFERENCE_NODE_S
-from jointplay.result.provenance import versions
+from jointplay.core.errors import JointplayError
+from jointplay.loads.tables import REFERENCE_NODE_S
+from jointplay.result.stored import versions
 
 DOCS = Path(__file__).parents[1] / "docs"
 ENGINES = ("mujoco", "exudyn", "siconos")
@@ -45,6 +44,9 @@ RIGID = ("Siconos", "Pinocchio, ADMM", "Pinocchio, PGS")
 """Contacts that have no duration."""
 TIE = 1.1
 """Costs within this ratio are equal: so much do they vary from run to run."""
+
+EULER = "jointplay, semi-implicit Euler"
+"""MuJoCo's scheme."""
 
 ONSET = "MuJoCo, law with Exudyn's d'_0"
 """The applied law, but d'_0 the speed at the onset: what Exudyn's contact should be."""
@@ -71,7 +73,7 @@ class Engines:
         found = [f"MuJoCo {self.mujoco.VERSION}"] if self.mujoco else []
         found += [f"Exudyn {self.exudyn.VERSION}"] if self.exudyn else []
         if self.siconos:
-            found.append(f"Siconos {self.siconos.version()} under {siconos_python()}")
+            found.append(f"Siconos {self.siconos.version()}")
         return ", ".join(found) or "none"
 
 
@@ -300,6 +302,7 @@ def compare(engines: Engines, quick: bool, images: Path) -> dict[str, object]:
     task, fine, short = slider_crank(), 1e-7, 1.0e-3
     traces = {
         "jointplay": run_jointplay(task, fine, short),
+        EULER: run_jointplay(task, fine, short, 1, "semi-implicit-euler"),
         "jointplay, rk4": run_jointplay(task, fine, short, 1, "rk4"),
     }
     if mj:
@@ -316,7 +319,7 @@ def compare(engines: Engines, quick: bool, images: Path) -> dict[str, object]:
             for a, b in zip(met[base], met[name], strict=False)
         ]
         for name, base in (
-            ("MuJoCo, same law", "jointplay"),
+            ("MuJoCo, same law", EULER),
             ("Exudyn, own contact", "jointplay, rk4"),
             ("Exudyn, own contact", ONSET),
         )
@@ -407,7 +410,7 @@ def compare(engines: Engines, quick: bool, images: Path) -> dict[str, object]:
     base = {
         kind: run_jointplay(robot, step, long, 1, kind) for kind in ("semi-implicit-euler", "rk4")
     }
-    rows.append(("jointplay", base["semi-implicit-euler"]))
+    rows.append((EULER, base["semi-implicit-euler"]))
     rows.append(("jointplay, rk4", base["rk4"]))
     if mj:
         pairs.append(("MuJoCo, same law", mj.run_law(robot, step, long), "semi-implicit-euler"))
@@ -515,9 +518,11 @@ def page(engines: Engines, out: dict, images: str) -> str:
         "# Other engines",
         "",
         f"Written by `python benchmarks/peers.py`; do not edit. {machine()}; {here}; "
-        f"{engines.versions()}. Times are CPU times of the time loop alone, on a machine that did "
-        "other work as well: they change by a third from run to run, their ratios less, for the "
-        "engines take turns where costs are compared.",
+        f"{engines.versions()}. Times are CPU times of the time loop alone. The engines take turns "
+        "where costs are compared, yet on a machine that does other work as well they do not "
+        "suffer alike: what is compiled costs 1.7 times as much as on a quieter one, and ratios "
+        "within it stay (jointplay, Exudyn, MuJoCo's own limit); what works in Python, such as the "
+        "scheme around Pinocchio's solvers, costs 2 to 4 times as much.",
         "",
     ]
     lines += [

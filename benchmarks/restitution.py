@@ -8,7 +8,6 @@ as large as the impacts, a rate that resolves none, a machine that stands still.
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -18,7 +17,8 @@ from common import COLOURS, Benchmark, new_figure
 from tqdm import tqdm
 
 import jointplay as jp
-from jointplay.analysis.identify import Measurement, identify
+from jointplay.core.files import temporary
+from jointplay.identification import Measurement, identify
 
 ARM = """<robot name="arm"><link name="base"/>
   <link name="arm"><inertial><origin xyz="0.2 0 0"/><mass value="3"/>
@@ -36,7 +36,7 @@ ROOT = Path(__file__).parents[1]
 
 def arm(angle: float, restitution: float) -> jp.Simulation:
     """An arm held at an angle, whose load turns round ten times; one joint with clearance."""
-    with tempfile.TemporaryDirectory() as folder:
+    with temporary("restitution") as folder:
         path = Path(folder) / "arm.urdf"
         path.write_text(ARM)
         bearing = jp.RevoluteClearance(

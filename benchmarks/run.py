@@ -11,7 +11,6 @@ import os
 import re
 import subprocess
 import sys
-import tempfile
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -21,6 +20,7 @@ import scale
 from common import Case
 
 from jointplay.analysis.certification import figures
+from jointplay.core.files import temporary
 
 BASELINE = Path(__file__).with_name("baseline.json")
 
@@ -46,7 +46,7 @@ FINE = {"step": 1e-6, "macro_step": 2e-5, "record_every": 200}
 
 def step_cost():
     """A step over a bare call of `pin.aba`, as `step_cost.py` has it."""
-    with tempfile.TemporaryDirectory() as folder:
+    with temporary("run") as folder:
         command = [sys.executable, str(Path(__file__).with_name("step_cost.py")), "--quick"]
         done = subprocess.run(
             [*command, "--force", "--out", folder], capture_output=True, text=True, check=True

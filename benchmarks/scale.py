@@ -11,15 +11,14 @@ machine that does nothing else.
 
 import argparse
 import json
-import shutil
 import sys
-import tempfile
 import time
 from pathlib import Path
 
 import numpy as np
 
 import jointplay as jp
+from jointplay.core.files import temporary
 from jointplay.sweeps import open_sweep, plan_of
 from jointplay.sweeps.case import Bench, Outcome, job
 from jointplay.sweeps.local import LocalWorkers
@@ -137,7 +136,8 @@ def gain(number, rounds):
 
 def measure(quick=False):
     """All ratios and what is reckoned from them, by name."""
-    folder = Path(tempfile.mkdtemp(prefix="jointplay-scale-"))
+    made = temporary("scale")
+    folder = Path(made.name)
     try:
         (short_bare, short_case), outcome = pairs(SHORT_S, 60 if quick else 200)
         (long_bare, long_case), _ = pairs(LONG_S, 6 if quick else 20)
@@ -146,7 +146,7 @@ def measure(quick=False):
         begun = start()
         cores, seconds = gain(8 if quick else 24, 1 if quick else 3)
     finally:
-        shutil.rmtree(folder)
+        made.cleanup()
     driver = kept + told
     bare = float(np.median(long_bare))
     overhead = float(np.median(long_case - long_bare)) + driver

@@ -1,9 +1,15 @@
-"""Peak joint force with journals that start centred and at rest, and what the search costs.
+"""Journals at rest: peak forces, cost of the search, and whether budget and run agree.
 
     python benchmarks/statics.py
+    python benchmarks/statics.py --robots ur5 --poses 5 --no-peaks
 
 UR5: play in the shoulder lift joint; UR5 and Panda: in every revolute joint; the shipped
 slider-crank at 5000 rpm, the shipped four-bar at 600 rpm, and the SCARA with its weight.
+
+Then random poses of UR5, Panda and SCARA, 0.1 mm of play in bearings of 60 x 50 mm, in one joint
+and in all: where `budget` says that they rest, where a run with start="rest" begins, and whether
+that lies where the budget says that friction can hold them; and where runs with friction end whose
+journals are released from random places. The last line has the largest disagreement.
 """
 
 from __future__ import annotations
@@ -13,8 +19,12 @@ import time
 from dataclasses import replace
 
 import numpy as np
+import pinocchio as pin
 
 import jointplay as jp
+from jointplay.design import poses
+from jointplay.design.rest import AGREES_M
+from jointplay.design.static_budget import budget
 from jointplay.mechanism.robots import robot_urdf
 
 BEARING = {
@@ -66,11 +76,90 @@ def peak(simulation: jp.Simulation, start: str, lasts: float) -> tuple[float, fl
     return float(force[early].max()), float(force[~early].max()), result
 
 
+LOOSE = {
+    "bearing_radius": 30e-3, "bearing_length": 50e-3,
+    "radial_clearance": 1e-4, "axial_clearance": 1e-4,
+}  # fmt: skip
+JOINTS = {
+    "ur5": ["shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint", "wrist_1_joint",
+            "wrist_2_joint", "wrist_3_joint"],
+    "panda": [f"panda_joint{i}" for i in range(1, 8)],
+    "scara": ["joint_a", "joint_b"],
+}  # fmt: skip
+FRICTION = 0.1
+
+
+def standing(robot: jp.Mechanism, row: np.ndarray, **options: object) -> jp.Simulation:
+    """A machine that holds a configuration."""
+    at = row[[robot.coordinate(name) for name in robot.joints]]
+    motion = jp.Motion(list(robot.joints), [0.0, 1.0], np.array([at, at]))
+    return jp.Simulation(robot, motion, limits="ignore", step=2e-6, **options)
+
+
+def tool(robot: jp.Mechanism, q: np.ndarray) -> np.ndarray:
+    """Where the tool is [m]."""
+    pin.framesForwardKinematics(robot.model, robot.data, q)
+    return robot.data.oMf[robot.tool_frame].translation.copy()
+
+
+def agree(name: str, count: int, seed: int, released: int) -> tuple[float, int, int, int]:
+    """Largest disagreement [m]; starts, starts outside the interval, and ends of runs outside."""
+    path = jp.shipped("scara.urdf") if name == "scara" else robot_urdf(name)
+    frames = {"ur5": "tool0", "panda": "panda_hand_tcp"}
+    random = np.random.default_rng(seed)
+    worst, looked, outside, away = 0.0, 0, 0, 0
+    for k in range(count):
+        names = JOINTS[name] if k % 2 else [str(random.choice(JOINTS[name]))]
+        play = dict.fromkeys(names, jp.RevoluteClearance(**LOOSE))
+        options = {"tool": frames[name]} if name in frames else {}
+        robot = jp.Mechanism(path, play, gravity=(0.0, 0.0, -9.81), **options)
+        q = poses.over_workspace(robot, 1, seed=int(random.integers(2**31)))
+        places = [budget(robot, q, friction=mu) for mu in (0.0, FRICTION)]
+        run = standing(robot, q[0], duration=1e-3, start="rest").prepare()
+        there = tool(robot, run.rest.q) - places[0].positions[0]
+        differ = max(np.linalg.norm(there - one.rest_tool[0, :3]) for one in places)
+        looked += 1
+        ends = places[1].rest_interval[0, :3]
+        out = np.maximum(ends[:, 0] - there, there - ends[:, 1]).max()
+        outside += out > AGREES_M
+        worst = max(worst, float(differ))
+        print(f"{name} {k} {len(names)} loose: differ {1e6 * differ:.3g} um", flush=True)
+        if len(names) == 1 and released > 0:
+            released -= 1
+            fall = standing(robot, q[0], duration=0.3, start="centred", seed=k).run()
+            last = fall["q"].values[fall.time > 0.28].mean(axis=0)
+            end = tool(robot, last) - places[0].positions[0]
+            out = np.maximum(ends[:, 0] - end, end - ends[:, 1]).max()
+            away += out > AGREES_M
+            print(f"{name} {k}: released, ends {1e6 * out:.3g} um beyond the interval "
+                  f"(negative: inside)", flush=True)  # fmt: skip
+    return worst, looked, outside, away
+
+
 def main() -> None:
-    """Print a table in Markdown."""
+    """Print a table in Markdown, then how well budget and run agree."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--lasts", type=float, default=0.3, help="simulated time [s]")
-    lasts = parser.parse_args().lasts
+    parser.add_argument("--no-peaks", action="store_true", help="leave the table out")
+    parser.add_argument("--poses", type=int, default=30, help="random poses of each robot")
+    parser.add_argument("--released", type=int, default=3, help="runs of each robot that end")
+    parser.add_argument("--robots", default=",".join(JOINTS), help="which, with commas between")
+    parser.add_argument("--seed", type=int, default=1)
+    options = parser.parse_args()
+    if not options.no_peaks:
+        peaks(options.lasts)
+    worst, looked, outside, away = 0.0, 0, 0, 0
+    for name in options.robots.split(","):
+        one = agree(name, options.poses, options.seed, options.released)
+        worst, looked = max(worst, one[0]), looked + one[1]
+        outside, away = outside + one[2], away + one[3]
+    print(f"seed {options.seed}: worst disagreement of budget and start=\"rest\" {1e6 * worst:.3g} "
+          f"um at {looked} poses, stated {1e6 * AGREES_M:g} um; {outside} starts, {away} ends of "
+          f"runs with friction outside the interval")  # fmt: skip
+
+
+def peaks(lasts: float) -> None:
+    """Print a table in Markdown."""
     head = [
         "run", "centred: first 50 ms, then [N]", "at rest: first 50 ms, then [N]",
         "pressed at rest [N]", "unbalanced [N]", "states tried", "time of the search [s]",

@@ -16,7 +16,7 @@ from pathlib import Path
 from tqdm import tqdm
 from validation import CASES, Case, Outcome, load
 
-from jointplay.result.provenance import versions
+from jointplay.result.stored import versions
 
 DOCS = Path(__file__).parents[1] / "docs"
 HEADS = {
@@ -85,7 +85,7 @@ def page(found: dict[str, tuple[Case, Outcome, float]], images: str) -> str:
             "",
             "## What could not be compared",
             "",
-            "Looked for, and not found in a form that gives numbers:",
+            "Looked for, and not compared with:",
             "",
             *(f"- {paper['name']}: {paper['found']}." for paper in absent()),
         ]

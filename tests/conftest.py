@@ -29,6 +29,14 @@ settings.register_profile(
 )
 settings.load_profile("jointplay")
 
+
+def pytest_terminal_summary(terminalreporter, config):
+    """Tests run in an order of their own each time: say how to have the same again."""
+    seed = getattr(config.option, "randomly_seed", None)
+    if seed is not None:
+        terminalreporter.write_line(f"in random order; the same again: --randomly-seed={seed}")
+
+
 BODY = """
   <link name="{name}"><inertial>
     <origin xyz="{com}"/><mass value="{mass}"/>

@@ -1,6 +1,6 @@
 """A small sweep: the SCARA for 20 ms."""
 
-SCENARIO = """
+ARM = """
 [robot]
 urdf = "jointplay:scara.urdf"
 tool = "suction_cup"
@@ -9,11 +9,16 @@ gravity = "loaded"
 [joints.joint_b]
 radial_clearance = "0.2 mm"
 axial_clearance = "0.2 mm"
-friction = {{ law = "ambrosio", mu_d = 0.1 }}
+friction = { law = "ambrosio", mu_d = 0.1 }
 
 [motion]
 file = "jointplay:scara_motion.csv"
+"""
+"""The arm with play in one joint, and its motion."""
 
+SCENARIO = (
+    ARM.replace("{", "{{").replace("}", "}}")
+    + """
 [integration]
 duration = "{duration}"
 
@@ -23,6 +28,7 @@ duration = "{duration}"
 [sweep.axes]
 {axes}
 """
+)
 
 GRID = """
 clearance = { key = "joints.joint_b.radial_clearance", values = [0, "0.1 mm", "0.2 mm"] }

@@ -5,10 +5,10 @@ import pytest
 from conftest import body, joint, tip
 
 from jointplay import Gear, JointplayError, Mechanism, Motion, RevoluteClearance
-from jointplay.analysis.allocation import allocate
-from jointplay.analysis.static_budget import budget
-from jointplay.analysis.verify import dynamic_error, fitting_step
 from jointplay.cli import main
+from jointplay.design.allocation import allocate
+from jointplay.design.static_budget import budget
+from jointplay.design.verify import dynamic_error, fitting_step
 
 
 @pytest.fixture
@@ -103,7 +103,7 @@ def test_a_quantile_allows_more_than_the_worst_case_and_is_kept(arm):
     assert low <= most.error <= high
     assert "quantile" in str(most)
     # States drawn anew, with other random numbers, keep it, too.
-    from jointplay.analysis.levers import sources
+    from jointplay.design.levers import sources
 
     random, total = np.random.default_rng(99), 0.0
     for part in sources(most.mechanism, pose):

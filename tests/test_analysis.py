@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 
 import jointplay as jp
 from jointplay import analysis
-from jointplay.analysis import contact_statistics
+from jointplay.analysis import contact_statistics, headline
 from jointplay.study import scara
 
 
@@ -18,6 +18,25 @@ def pair():
         made = scara(clearance)
         found.append(jp.simulate(made.mechanism, made.motion, duration=0.3))
     return found
+
+
+def test_a_tool_error_that_cannot_be_known_is_missed_with_a_warning(pair, monkeypatch):
+    def refuse(*_):
+        raise jp.JointplayError("its loops cannot be closed")
+
+    monkeypatch.setattr(headline, "tool_motion", refuse)
+    with pytest.warns(RuntimeWarning, match=r"no tool error is known.*loops cannot be closed"):
+        assert headline.reference(pair[1]) is None
+
+
+def test_a_tool_error_against_an_ideal_run_that_ends_early_says_so(pair):
+    ideal, loose = pair
+    early = jp.simulate(ideal.simulation.mechanism, ideal.simulation.motion, duration=0.1)
+    (line,) = [one for one in headline.headline(loose, early) if one.startswith("tool error")]
+    assert line.endswith("(against the ideal mechanism, whose run ends at 0.1 s)")
+    (line,) = [one for one in headline.headline(loose, early, 0.2) if "tool error" in one]
+    assert line.startswith("no tool error from 0.2 s on is known")
+    assert "whose run ends" not in headline.headline(loose, ideal)[0]
 
 
 def test_accuracy_of_a_known_error():
@@ -84,15 +103,6 @@ def test_deviation_of_the_orientation_is_the_rotation_between_the_two(pair):
     for of, limit in (("tool_orientation", 1e-8), ("tool_angular_velocity", 1e-4)):
         exact = analysis.deviation(played, ideal, of).values
         assert np.abs(analysis.deviation(played, coarse, of).values - exact).max() < limit
-
-
-def test_results_without_orientation_say_so(pair, tmp_path):
-    ideal, played = pair
-    old = jp.Result(played.dataset.drop_vars(["tool_orientation", "tool_angular_velocity"]))
-    loaded = jp.Result.load(old.save(tmp_path / "old.nc"))
-    assert len(analysis.deviation(loaded, ideal)) == len(played.time)
-    with pytest.raises(jp.JointplayError, match="earlier version has no tool_orientation"):
-        analysis.deviation(loaded, ideal, "tool_orientation")
 
 
 def test_deviation_keeps_the_last_record_where_times_differ_in_a_last_bit(pair):

@@ -8,9 +8,9 @@ import time
 
 import pytest
 
-from jointplay.errors import JointplayError
-from jointplay.host import beside as module
-from jointplay.host.beside import beside
+from jointplay.core import processes as module
+from jointplay.core.errors import JointplayError
+from jointplay.core.processes import in_parallel
 
 forked = pytest.mark.skipif(sys.platform != "linux", reason="only Linux forks safely")
 
@@ -24,7 +24,7 @@ def two_cores(monkeypatch):
 @pytest.mark.usefixtures("two_cores")
 def test_work_is_done_by_another_process_and_comes_back():
     local = [1.0, "what this process has, the other has too"]
-    with beside(lambda: (os.getpid(), local)) as made:
+    with in_parallel(lambda: (os.getpid(), local)) as made:
         other, value = made()
     assert other != os.getpid()
     assert value == local
@@ -33,7 +33,7 @@ def test_work_is_done_by_another_process_and_comes_back():
 def test_without_forks_work_is_done_when_it_is_asked_for(monkeypatch):
     monkeypatch.setattr(module, "_forks", lambda: False)
     done = []
-    with beside(lambda: done.append(os.getpid())) as made:
+    with in_parallel(lambda: done.append(os.getpid())) as made:
         assert not done
         made()
     assert done == [os.getpid()]
@@ -44,14 +44,14 @@ def test_errors_come_back():
     def wrong():
         raise JointplayError("no such figure")
 
-    with beside(wrong) as made, pytest.raises(JointplayError, match="no such figure"):
+    with in_parallel(wrong) as made, pytest.raises(JointplayError, match="no such figure"):
         made()
 
 
 @forked
 @pytest.mark.usefixtures("two_cores")
 def test_a_process_that_is_killed_is_an_error_of_one_line():
-    work = beside(lambda: os.kill(os.getpid(), signal.SIGKILL))
+    work = in_parallel(lambda: os.kill(os.getpid(), signal.SIGKILL))
     with work as made, pytest.raises(JointplayError, match="ended from outside"):
         made()
 
@@ -60,6 +60,6 @@ def test_a_process_that_is_killed_is_an_error_of_one_line():
 @pytest.mark.usefixtures("two_cores")
 def test_work_ends_with_the_block():
     before = set(multiprocessing.active_children())
-    with pytest.raises(KeyboardInterrupt), beside(lambda: time.sleep(600)):
+    with pytest.raises(KeyboardInterrupt), in_parallel(lambda: time.sleep(600)):
         raise KeyboardInterrupt
     assert set(multiprocessing.active_children()) <= before

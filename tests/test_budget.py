@@ -15,13 +15,15 @@ from jointplay import (
     PrismaticClearance,
     RevoluteClearance,
 )
-from jointplay.analysis import poses
-from jointplay.analysis.static_budget import budget
 from jointplay.cli import main
-from jointplay.plots import budget as plots
+from jointplay.design import poses
+from jointplay.design.static_budget import budget
+from jointplay.plots import design as plots
 
 REACH = 0.5
 """Distance of the tool from the joint [m]."""
+RIGID = 1e14
+"""Stiffness of contacts that hardly give way [N/m^1.5]."""
 
 
 @pytest.fixture
@@ -61,12 +63,15 @@ def test_a_leaning_journal_lifts_the_tool_by_the_law_of_the_lever(arm):
 
 
 def test_at_rest_the_tool_hangs_as_far_down_as_it_can(arm):
-    joint = bearing(lock_axial=True)
+    joint = bearing(lock_axial=True, stiffness=RIGID)
     mechanism = Mechanism(arm, {"j": joint})
     found = budget(mechanism, {}, second_order=False)
-    assert found.rest[0, 0, 2] == pytest.approx(-2.0 * 1e-4 / joint.lj * REACH)
+    # Contacts give way a little, and a leaning journal has a little more room.
+    assert found.rest[0, 0, 2] == pytest.approx(-2.0 * 1e-4 / joint.lj * REACH, rel=2e-3)
     light = budget(mechanism, {}, second_order=False, force=(0.0, 0.0, 60.0))
-    assert light.rest[0, 0, 2] == pytest.approx(2.0 * 1e-4 / joint.lj * REACH)
+    assert light.rest[0, 0, 2] == pytest.approx(2.0 * 1e-4 / joint.lj * REACH, rel=2e-3)
+    soft = budget(Mechanism(arm, {"j": bearing(lock_axial=True, stiffness=1e8)}), {})
+    assert soft.rest[0, 0, 2] < 1.5 * found.rest[0, 0, 2]
 
 
 def test_the_weight_of_what_hangs_beyond_counts_with_its_lever(urdf):
@@ -98,7 +103,7 @@ def test_parts_sum_to_the_whole_and_no_axis_is_worse(two):
     assert np.allclose(found.rms_parts.sum(axis=1), found.rms)
     assert np.all(found.axis_worst.sum(axis=1)[:, :3].max(axis=1) <= found.worst * (1 + 1e-6))
     assert np.all(found.rms <= found.worst)
-    assert np.all(found.rest_error <= found.worst)
+    assert np.all(found.rest_error <= found.worst * 1.1)  # contacts give way
 
 
 def test_no_direction_is_worse_than_the_worst(two):
@@ -144,7 +149,7 @@ def test_the_order_of_bearing_and_journal_does_not_matter(two):
         Mechanism(two, {"a": bearing(exchanged=True), "b": bearing(exchanged=True)}), {"b": 0.5}
     )
     assert turned.worst == pytest.approx(plain.worst, rel=1e-9)
-    assert turned.rest_error == pytest.approx(plain.rest_error, rel=1e-9)
+    assert turned.rest_error == pytest.approx(plain.rest_error, rel=1e-5)  # second order
 
 
 def test_a_slider_has_its_play_across(urdf):
@@ -218,6 +223,17 @@ def test_the_command_prints_the_table_and_writes_the_files(two, tmp_path, capsys
     assert found == pytest.approx(
         sum(float(rows[0][f"worst_part_{name}_m"]) for name in "ab"), rel=1e-6
     )
+    looked_at = [row for row in rows if row["rest_x_m"]]
+    assert [float(row["worst_m"]) for row in looked_at] == [
+        max(float(row["worst_m"]) for row in rows)
+    ]
+    (place,) = looked_at
+    for way in ("x", "y", "z", "distance"):
+        least, rest, largest = (
+            float(place[f"rest_{way}{end}_m"]) for end in ("_least", "", "_largest")
+        )
+        assert least <= rest <= largest
+    assert "with friction (0.1 assumed) the tool may rest anywhere within x " in text
     for name in ("bars", "robot", "reach", "map"):
         assert (out / f"{name}.png").stat().st_size > 5000
 
@@ -276,3 +292,168 @@ def test_a_folder_called_like_a_robot_is_not_taken_for_it(tmp_path, monkeypatch,
     monkeypatch.chdir(tmp_path)
     assert main(["budget", "ur5", "--clearance", "0.1 mm"]) == 0
     assert "tool: 'tool0'" in capsys.readouterr().out
+
+
+def hung(urdf, **changes):
+    """A heavy body in a planar bearing with a horizontal axis, its weight on the axis."""
+    path = urdf(body("arm", mass=3.0, com="0 0 0"), joint("j", "base", "arm", axis="0 1 0"))
+    path = path.with_name(path.name)
+    planar = RevoluteClearance.planar(radial_clearance=1e-4, stiffness=RIGID, **changes)
+    return Mechanism(path, {"j": planar}, tool="arm")
+
+
+@pytest.mark.parametrize("mu", [0.0, 0.1, 0.3])
+def test_friction_holds_a_journal_up_to_its_angle_of_friction_in_the_bore(urdf, mu):
+    found = budget(hung(urdf), {}, friction=mu)
+    (x, y, z, distance) = found.rest_interval[0]
+    # The octagon around the cone is at most 1 / cos(pi/8) as wide.
+    low, high = (1e-4 * np.sin(np.arctan(mu * more)) for more in (1.0, 1.0 / np.cos(np.pi / 8)))
+    # States count that balance to 0.3 %.
+    assert low - 1e-9 <= x[1] <= high + 6e-7
+    assert low - 1e-9 <= -x[0] <= high + 6e-7
+    assert z[0] == pytest.approx(-1e-4, rel=3e-3)
+    assert z[1] == pytest.approx(-1e-4 * np.cos(np.arctan(mu)), abs=4e-6 * mu + 1e-6)
+    assert y == pytest.approx([0.0, 0.0], abs=1e-9)
+    # Of the set's convex hull, and from 180 directions on the safe side.
+    assert 0.94 * 1e-4 * np.cos(np.arctan(mu)) <= distance[0] <= 1.0001e-4
+    assert 0.999e-4 <= distance[1] <= 1.02e-4
+
+
+def test_the_friction_of_its_law_is_assumed_and_said(urdf):
+    from jointplay.contact import Coulomb
+
+    law = budget(hung(urdf, friction=Coulomb(mu_d=0.25)), {})
+    assert "friction (0.25 assumed)" in law.table()
+    assert law.rest_interval == pytest.approx(budget(hung(urdf), {}, friction=0.25).rest_interval)
+    with pytest.raises(JointplayError, match=r"friction coefficient must be >= 0, got -0\.1"):
+        budget(hung(urdf), {}, friction=-0.1)
+
+
+def test_a_journal_that_stands_on_its_face_is_held_anywhere_across_by_enough_friction(urdf):
+    # Weight along the axis, a side force a twentieth of it: friction of the face bears 0.1.
+    path = urdf(body("arm", mass=2.0, com="0 0 0"), joint("j", "base", "arm"))
+    mechanism = Mechanism(path, {"j": bearing(stiffness=RIGID)}, tool="arm")
+    side = (2.0 * 9.81 / 20.0, 0.0, 0.0)
+    rough, smooth = (budget(mechanism, {}, force=side, friction=mu) for mu in (0.1, 0.0))
+    assert rough.rest_interval[0, :2] == pytest.approx(np.array([[-1e-4, 1e-4]] * 2), rel=0.02)
+    assert smooth.rest_interval[0, 0] == pytest.approx([1e-4, 1e-4], rel=0.02)
+    assert smooth.rest_interval[0, 1] == pytest.approx([0.0, 0.0], abs=5e-6)
+
+
+@pytest.mark.parametrize("name", ["ur5", "scara"])
+def test_budgets_rest_is_where_a_run_at_rest_begins_and_friction_can_hold_it_there(name):
+    import pinocchio as pin
+
+    from jointplay import Simulation, shipped
+    from jointplay.mechanism.robots import robot_urdf
+
+    path = robot_urdf("ur5") if name == "ur5" else shipped("scara.urdf")
+    plain = Mechanism(path)
+    loose = bearing(bearing_radius=30e-3, bearing_length=50e-3)
+    turning = [j for j in plain.joints if plain.description.joints[j].kind != "prismatic"]
+    sets = [turning, turning[2:3]] if name == "ur5" else [turning[:2]]
+    for names in sets:
+        mechanism = Mechanism(path, dict.fromkeys(names, loose), gravity=(0.0, 0.0, -9.81))
+        q = poses.over_workspace(mechanism, 4, seed=11)[1:]
+        found = budget(mechanism, q, friction=0.1)
+        for i, row in enumerate(q):
+            values = np.array([row[[mechanism.coordinate(n) for n in mechanism.joints]]] * 2)
+            motion = Motion(list(mechanism.joints), [0.0, 1.0], values)
+            run = Simulation(
+                mechanism, motion, duration=1e-3, start="rest", limits="ignore"
+            ).prepare()
+            pin.framesForwardKinematics(mechanism.model, mechanism.data, run.rest.q)
+            there = mechanism.data.oMf[mechanism.tool_frame].translation - found.positions[i]
+            assert found.rest_tool[i, :3] == pytest.approx(there, abs=1e-6)
+            ends = found.rest_interval[i, :3]
+            assert (there >= ends[:, 0] - 1e-6).all()
+            assert (there <= ends[:, 1] + 1e-6).all()
+
+
+def test_a_journal_that_bears_nothing_rests_anywhere_in_its_play_and_the_table_says_so(arm):
+    weightless = Mechanism(arm, {"j": bearing()}, gravity=(0.0, 0.0, 0.0), tool="tip")
+    for mu in (0.0, 0.1):
+        found = budget(weightless, {}, friction=mu)
+        reach = found.axis_worst[0].sum(axis=0)[:3] + found.second_order[0]
+        assert found.rest_interval[0, :3, 1] == pytest.approx(reach, rel=1e-6)
+        assert found.rest_interval[0, :3, 0] == pytest.approx(-reach, rel=1e-6)
+        assert found.rest_interval[0, 3, 0] == 0.0
+        assert found.rest_interval[0, 3, 1] >= found.worst[0]
+        assert "nothing presses on any joint: the journals may rest anywhere" in found.table()
+    heavy = budget(Mechanism(arm, {"j": bearing()}, tool="tip"), {})
+    assert "nothing presses" not in heavy.table()
+
+
+def test_the_table_says_whether_friction_decides_where_the_tool_rests(urdf):
+    shifts = budget(hung(urdf), {}, friction=0.1).table()
+    assert "friction shifts the place of rest by up to 0.01" in shifts
+    decides = budget(hung(urdf), {}, friction=1.0).table()
+    assert "friction decides where it rests: up to 0.0" in decides
+
+
+def loose_joints(name):
+    """A case of benchmarks/friction_at_rest.py, with what looks at its journals."""
+    import sys
+    from pathlib import Path
+
+    folder = str(Path(__file__).parents[1] / "benchmarks")
+    sys.path.insert(0, folder)
+    try:
+        import friction_at_rest as brute
+    finally:
+        sys.path.remove(folder)
+    case = (brute.CASES | brute.PAIRS)[name]
+    mechanism, q = case.build()
+    return brute, mechanism, q, [brute.Journal(mechanism, q, joint) for joint in case.joints]
+
+
+@pytest.mark.parametrize("name", ["ur5 elbow", "scara a, vertical axis"])
+def test_frictions_interval_holds_what_a_search_of_all_contacts_finds_and_little_more(name):
+    from jointplay.loads import Prescribed
+
+    brute, mechanism, q, (journal,) = loose_joints(name)
+    states, _ = brute.search(journal, 0.1, states=600, tries=8000)
+    assert len(states) >= 300
+    found = budget(mechanism, q[None], friction=0.1, drive=Prescribed())
+    (low, high), ends = (states.min(axis=0), states.max(axis=0)), found.rest_interval[0, :3]
+    width = high - low
+    assert (ends[:, 0] <= low + 0.01 * width + 1e-6).all()
+    assert (ends[:, 1] >= high - 0.01 * width - 1e-6).all()
+    more = 0.15 * width + found.second_order[0] + 6e-6
+    assert (ends[:, 0] >= low - more).all()
+    assert (ends[:, 1] <= high + more).all()
+
+
+def test_frictions_interval_of_two_loose_joints_holds_what_a_search_of_both_at_once_finds():
+    from jointplay.loads import Prescribed
+
+    brute, mechanism, q, journals = loose_joints("ur5 elbow and wrist 1")
+    states = brute.search_together(journals, 0.1, states=200, climbs=1, steps=300)
+    found = budget(mechanism, q[None], friction=0.1, drive=Prescribed())
+    (low, high), ends = (states.min(axis=0), states.max(axis=0)), found.rest_interval[0, :3]
+    width = high - low
+    assert (width > 0.1 * (ends[:, 1] - ends[:, 0])).all()
+    assert (ends[:, 0] <= low + 0.03 * width).all()
+    assert (ends[:, 1] >= high - 0.03 * width).all()
+
+
+@pytest.mark.parametrize("name", ["ur5 elbow", "scara a, vertical axis"])
+def test_without_friction_the_interval_is_the_set_of_least_energy(name):
+    from jointplay.loads import Prescribed
+
+    brute, mechanism, q, (journal,) = loose_joints(name)
+    states = brute.flat(journal)
+    found = budget(mechanism, q[None], friction=0.0, drive=Prescribed())
+    play, ends = found.axis_worst[0].sum(axis=0)[:3], found.rest_interval[0, :3]
+    # The search counts energies within 1e-7; its ends are known to about 3 um where it is flat.
+    assert (ends[:, 0] <= states.min(axis=0) + 4e-3 * play).all()
+    assert (ends[:, 1] >= states.max(axis=0) - 4e-3 * play).all()
+    more = 1e-2 * play + found.second_order[0]
+    assert (ends[:, 0] >= states.min(axis=0) - more).all()
+    assert (ends[:, 1] <= states.max(axis=0) + more).all()
+
+
+def test_a_link_and_a_joint_may_have_the_name_of_the_tool(urdf, capsys):
+    robot = urdf(body("hinge"), joint("hinge", "base", "hinge"))
+    assert main(["budget", str(robot), "--clearance", "1e-4", "--tool", "hinge"]) == 0
+    assert "hinge" in capsys.readouterr().out

@@ -18,10 +18,11 @@ from jointplay import (
     RevoluteClearance,
     Scenario,
 )
-from jointplay.analysis import allocate, closing, poses, together
-from jointplay.analysis.levers import Part, sources
-from jointplay.analysis.static_budget import budget
 from jointplay.cli import main
+from jointplay.design import loop_play, loops, poses
+from jointplay.design.allocation import allocate
+from jointplay.design.levers import Part, sources
+from jointplay.design.static_budget import budget
 from jointplay.joints.play import BallPlay, BlockPlay, JournalPlay
 from jointplay.mechanism.loop import assemble
 from jointplay.mechanism.urdf import shipped
@@ -31,8 +32,8 @@ PLAY = 1e-4
 START = {"guide": 0.17}
 
 
-def pin_joint(play=PLAY):
-    return RevoluteClearance.planar(radial_clearance=play)
+def pin_joint(play=PLAY, **options):
+    return RevoluteClearance.planar(radial_clearance=play, **options)
 
 
 def bearing(**changes):
@@ -87,13 +88,13 @@ def test_every_pin_of_the_rod_and_the_crank_adds_as_much():
 
 
 def test_the_load_on_the_slider_says_where_it_rests():
-    mechanism = slider_crank({"piston_pin": pin_joint()})
+    mechanism = slider_crank({"piston_pin": pin_joint(stiffness=1e14)})  # gives way by 0.01 %
     q = poses.at_pose(mechanism, {"crank_pin": 1.0}, near=START)
     rod = math.asin(CRANK / ROD * math.sin(1.0))
     for push in (50.0, -50.0):
         found = budget(mechanism, q, force=(push, 0.0, 0.0))
         away = math.copysign(PLAY / math.cos(rod), push)
-        assert found.rest[0, 0, 0] == pytest.approx(away, rel=1e-6)
+        assert found.rest[0, 0, 0] == pytest.approx(away, rel=1e-3)
 
 
 def test_weight_of_what_follows_puts_the_pin_where_it_rests():
@@ -148,14 +149,14 @@ def door(urdf):
 
 def test_a_door_leans_as_far_as_its_two_hinges_allow_each_other(door):
     make, height = door
-    hinge = bearing(lock_axial=True)
+    hinge = bearing(lock_axial=True, stiffness=1e14)
     found = budget(make({"lower": hinge, "upper": hinge}), {}, second_order=False)
     # Both lean by the same angle, and their centres are aside by height/2 times it.
     lean = 2.0 * PLAY / (height + hinge.lj)
     assert found.axis_worst[0, :, 4].sum() == pytest.approx(lean, rel=2e-4)
     assert found.axis_worst[0, :, 2].sum() == pytest.approx(0.5 * lean, rel=2e-4)
     assert found.axis_worst[0, :, 0].sum() == pytest.approx(PLAY, rel=2e-4)
-    assert found.rest[0, :, 2].sum() == pytest.approx(-0.5 * lean, rel=1e-3)
+    assert found.rest_tool[0, 2] == pytest.approx(-0.5 * lean, rel=2e-3)
     # Alone, against a hinge without play, none can move.
     assert budget(make({"lower": hinge}), {}).worst[0] == pytest.approx(0.0, abs=1e-12)
 
@@ -176,7 +177,7 @@ def test_pins_that_lean_together_lift_the_coupler_as_far_as_the_loop_reaches(fou
     random = np.random.default_rng(2)
     d = random.normal(size=(1, 30, 3))
     d /= np.linalg.norm(d, axis=2, keepdims=True)
-    states = together.along(found.sources, d)
+    states = loop_play.along(found.sources, d)
     bound = states.value.sum(axis=0)
     reached = np.einsum("jnmk,nmk->nm", states.error[..., :3], d)
     assert (reached <= bound * (1.0 + 1e-9)).all()
@@ -205,7 +206,7 @@ def test_without_ties_the_cones_of_a_play_reach_as_far_as_its_support(seed):
     for play in plays:
         load = random.normal(size=(3, 6)) * [1, 1, 1, 0.02, 0.02, 0.02]
         cones = play.cones
-        path = together._Path(
+        path = loop_play._Path(
             [cones], [load @ cones.spread / 1e-4], [np.zeros((3, 1, cones.spread.shape[1]))]
         )
         (y,), _ = path.follow()
@@ -223,7 +224,7 @@ def test_ties_hold_whatever_the_numerics_and_the_value_is_a_bound():
         for i in range(3)
     ]
     d = np.eye(3)[None]
-    states = together.along(parts, d)
+    states = loop_play.along(parts, d)
     assert np.abs(np.einsum("jnri,jnmi->nmr", ties, states.point)).max() < 1e-10
     # Any state that fits is within the bound: random ones, put right.
     some = np.stack([play.support(random.normal(size=(2000, 6))).point for _ in range(3)])
@@ -262,7 +263,7 @@ def test_a_slider_leans_about_its_own_middle_wherever_it_is(urdf):
 def test_the_first_joints_that_determine_the_others_stand():
     mechanism = slider_crank({"piston_pin": pin_joint()})
     (q,) = poses.at_pose(mechanism, {"crank_pin": 1.0}, near=START)
-    assert closing.driven_joints(mechanism, q) == ("crank_pin",)
+    assert loops.driven_joints(mechanism, q) == ("crank_pin",)
     moved = budget(mechanism, q, driven=["guide"])
     assert moved.worst[0] == pytest.approx(0.0, abs=1e-12)  # the tool itself stands
 
@@ -279,7 +280,7 @@ def test_poses_are_closed_on_the_branch_they_begin_on():
     assert q[:, mechanism.coordinate("guide")] == pytest.approx(wanted, abs=1e-8)
     spread = poses.over_workspace(mechanism, 16, near=START)
     assert (spread[:, mechanism.coordinate("guide")] > 0.05).all()
-    assert all(closing.is_closed(mechanism, row) for row in spread)
+    assert all(loops.is_closed(mechanism, row) for row in spread)
 
 
 def test_a_position_where_the_loop_is_nearly_stretched_is_refused_with_the_pose():
@@ -334,3 +335,17 @@ def test_the_commands_take_a_scenario_with_a_loop(capsys):
     pose = ["--clearance", "0.1 mm", "--pose", "crank_pin=40 deg"]
     assert main(["budget", *order, *pose]) == 0
     assert "guide" in capsys.readouterr().out
+
+
+def test_the_table_says_that_in_loops_the_whole_play_is_taken():
+    joints = dict.fromkeys(("crank_pin", "piston_pin"), bearing())
+    mechanism = slider_crank(joints, gravity=(0.0, 0.0, -9.81))
+    found = budget(mechanism, poses.at_pose(mechanism, {"crank_pin": 1.0}, near=START))
+    text = found.table()
+    assert "where friction can hold all joints is not known" in text
+    assert "their whole play is taken" in text
+    assert "friction decides" not in text
+    assert "friction shifts" not in text
+    ends = found.rest_interval[0, :3]
+    whole = found.axis_worst[0].sum(axis=0)[:3] + found.second_order[0]
+    np.testing.assert_allclose(np.abs(ends).max(axis=1), whole, rtol=0.05, atol=1e-9)

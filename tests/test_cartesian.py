@@ -8,8 +8,7 @@ from conftest import body, joint
 import jointplay as jp
 from jointplay.joints import SphericalClearance
 from jointplay.mechanism.loop import Loop
-from jointplay.motion.arm import SINGULAR_M
-from jointplay.motion.cartesian import JUMP, cartesian_motion
+from jointplay.motion.cartesian import JUMP, SINGULAR_M, cartesian_motion
 
 TIMES = [0.0, 0.4, 1.0]
 SCARA_CONFIGURATIONS = np.array([[0.3, 0.8, -0.02, 0.1], [0.6, 0.9, -0.04, 0.4], [-0.3, 1.2, 0, 0]])

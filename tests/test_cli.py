@@ -1,21 +1,31 @@
 """The command line through its real entry point."""
 
+import pickle
 import re
 import signal
 import subprocess
 import sys
+import warnings
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from conftest import body, joint
 
-from jointplay import Result
-from jointplay.commands.flags import FLAGS
+from jointplay import JointplayError, Mechanism, Result, plots, simulate
+from jointplay.cli import main
+from jointplay.commands import MODULES
+from jointplay.commands.run import FLAGS
 from jointplay.contact import NORMAL_LAWS
+from jointplay.core import streams
+from jointplay.core.errors import MissingName
 from jointplay.kernel import Status
 from jointplay.kernel.integrators import INTEGRATORS
+from jointplay.loads import Free
+from jointplay.mechanism.gear import Gear
 from jointplay.mechanism.urdf import shipped
-from jointplay.study import CONDITIONS, output_names
+from jointplay.study import CONDITIONS, output_names, scara, study
 
 JOINTPLAY = str(Path(sys.executable).parent / "jointplay")
 SHORT = ("--duration", "0.02", "--quiet", "--no-figures")
@@ -32,6 +42,14 @@ def test_help_reads_well(command):
     assert done.returncode == 0
     assert done.stdout.startswith("usage: jointplay")
     assert not done.stderr
+
+
+@pytest.mark.parametrize("command", sorted(name.replace("_", "-") for name in MODULES))
+def test_help_says_per_cent_as_it_is_written(command, capsys):
+    """argparse formats some of its texts and not others."""
+    with pytest.raises(SystemExit):
+        main([command, "--help"])
+    assert "%%" not in capsys.readouterr().out
 
 
 def test_version():
@@ -145,8 +163,8 @@ def test_run_passes_its_options_on(tmp_path):
 def test_any_robot_by_name_moves_and_says_what_came_out(tmp_path):
     done = jointplay(
         *("run", "ur5", "--joint", "elbow_joint", "--joint", "wrist_1_joint", "--out", tmp_path),
-        *("--radial", "0.1 mm", "--set", "joints.wrist_1_joint.axial_clearance=0.3 mm", *SHORT),
-        *("--set", "integration.duration=10 ms"),
+        *("--radial", "0.1 mm", "--set", "joints.wrist_1_joint.axial_clearance=0.3 mm"),
+        *("--set", "integration.duration=10 ms", "--no-figures"),
     )
     assert done.returncode == 0, done.stderr
     assert "no motion given" in done.stderr
@@ -235,3 +253,256 @@ def test_scara_study_end_to_end(tmp_path):
         centre = result["journal_centre"].values[:, 0]
         assert np.hypot(centre[:, 0], centre[:, 1]).max() < clearance * 1.1
         assert np.abs(centre[:, 2]).max() < clearance * 1.1
+
+
+def refused(capsys, command, *arguments):
+    """The line with which a command refuses."""
+    assert main([command, *map(str, arguments)]) == 2
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert said.err.startswith(f"jointplay {command}: error: ")
+    assert said.err.count("\n") == 1
+    return said.err
+
+
+@pytest.mark.parametrize("count", ["99999999999999999999", "0", "-1"])
+def test_poses_without_end_are_refused(count, capsys):
+    error = refused(
+        capsys, "budget", "jointplay:scara.urdf", "--clearance", "1e-4", "--workspace", count
+    )
+    assert f"poses must be a whole number from 1 to 1000000, got {count}" in error
+
+
+CYCLE = """
+[robot]
+urdf = "jointplay:scara.urdf"
+[joints.joint_b]
+radial_clearance = 1e-4
+axial_clearance = 1e-4
+[motion]
+file = "jointplay:scara_motion.csv"
+[integration]
+duration = 2e-3
+"""
+NONSENSE = [
+    (["iso9283", "--cycles", "3", "--jobs", "-1"], "jobs must be a whole number >= 1, got -1"),
+    (["iso9283", "--cycles", "9" * 20], "at most 1000000 cycles"),
+    (["iso9283", "--cycles", "3", "--speed", "9" * 20], "is shorter than the step"),
+    (["shares", "--runs", "0"], "runs must be a whole number from 1 to 1000000, got 0"),
+    (["shares", "--runs", "9" * 20], "runs must be a whole number from 1 to 1000000"),
+    (["shares", "--jobs", "0"], "jobs must be a whole number >= 1, got 0"),
+    (["shares", "--sobol", "9" * 20], "samples must be a whole number from 2 to 1000000"),
+    (["shares", "--slowest", "nan"], "the slowest speed must be finite"),
+    (["shares", "--payload", "-1"], "the payload must not be negative"),
+    (["wear", "--joint", "joint_b", "--growth", "1e-6", "--runs", "9" * 20], "from 1 to 1000000"),
+    (["maintenance", "--target", "1e-3", "--blocks", "9" * 20], "from 1 to 1000000"),
+]
+
+
+@pytest.mark.parametrize(("words", "said"), NONSENSE)
+def test_numbers_that_make_no_sense_are_refused_before_anything_is_said(
+    words, said, tmp_path, capsys
+):
+    (tmp_path / "s.toml").write_text(CYCLE)
+    assert said in refused(capsys, words[0], tmp_path / "s.toml", *words[1:])
+
+
+GEARED = ["jointplay:scara.urdf", "--clearance", "1e-4", "--joint", "joint_b"]
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["budget", *GEARED, "--friction", "abc"], "--friction"),
+        (["reduce", *GEARED, "--rotor-inertia", "-1"], "no joint has one; name it by --gear"),
+        (["reduce", *GEARED, "--spread", "inf"], "--spread must be finite"),
+        (["reduce", *GEARED, "--period", "inf"], "--period"),
+    ],
+)
+def test_a_refusal_leaves_no_folder(words, said, tmp_path, capsys):
+    assert said in refused(capsys, *words, "--out", tmp_path / "a" / "b")
+    assert not list(tmp_path.iterdir())
+
+
+def test_options_without_a_value_are_refused(tmp_path, capsys):
+    for command in (["budget", *GEARED, "--out", ""], ["play", "r.nc", "--html="]):
+        with pytest.raises(SystemExit) as ended:
+            main(command)
+        assert ended.value.code == 2
+        assert "the value is empty" in capsys.readouterr().err
+    assert "the port must be a whole number" in refused(capsys, "play", "r.nc", "--port", "-1")
+
+
+def test_a_robot_that_cannot_move_is_refused(urdf, tmp_path, capsys):
+    fixed = '<joint name="f" type="fixed"><parent link="base"/><child link="one"/></joint>'
+    robot = urdf(body("one"), fixed)
+    error = refused(capsys, "run", robot, "--ideal", "--out", tmp_path / "o", "--duration", "0.01")
+    assert "nothing can move: the mechanism has no joint that is not fixed" in error
+
+
+def test_a_picture_of_no_kind_is_refused_before_anything_is_read(tmp_path, capsys):
+    out = tmp_path / "x.foo"
+    for command in (["uncertainty", "none", "m"], ["plot-sweep", "none", "x=a", "y=b"]):
+        assert "must end in .png, .pdf, .svg" in refused(capsys, *command, "--out", out)
+    scenario = ("check", "jointplay:scara.toml", "--picture", out)
+    assert "must end in .png, .pdf, .svg" in refused(capsys, *scenario)
+
+
+@pytest.mark.parametrize(
+    ("picture", "said"),
+    [
+        ('<box size="1"/>', "box size must be three finite numbers, got '1'"),
+        ('<box size="1 nan 1"/>', "box size must be three finite numbers, got '1 nan 1'"),
+        ("<box/>", "box size is missing in the URDF"),
+        ('<sphere radius="-1"/>', "sphere radius must not be negative, got '-1'"),
+        ('<cylinder radius="1" length="q"/>', "cylinder length must be a finite number, got 'q'"),
+        ('<mesh filename="a" scale="1 2"/>', "mesh scale must be three finite numbers, got '1 2'"),
+    ],
+)
+@pytest.mark.parametrize("tag", ["visual", "collision"])
+def test_shapes_that_are_none_are_refused(picture, said, tag, urdf, tmp_path, capsys):
+    shape = f"<{tag}><geometry>{picture}</geometry></{tag}></link>"
+    robot = urdf(body("one").replace("</link>", shape), joint("a", "base", "one"))
+    error = refused(capsys, "run", robot, "--joint", "a", "--out", tmp_path / "o")
+    assert f"link 'one': {said}" in error
+
+
+@pytest.mark.parametrize("colour", ["1 2", "", "nan 0 0 1", "1 2 3 4 5", "a b c d"])
+def test_colours_that_are_none_are_refused(colour, urdf, tmp_path, capsys):
+    material = f'<material name="m"><color rgba="{colour}"/></material>'
+    shape = f'<visual><geometry><box size="1 1 1"/></geometry>{material}</visual></link>'
+    own = urdf(body("one").replace("</link>", shape), joint("a", "base", "one"))
+    error = refused(capsys, "run", own, "--joint", "a", "--out", tmp_path / "o")
+    assert f"link 'one': color rgba must be four finite numbers, got {colour!r}" in error
+    shared = urdf(body("one"), joint("a", "base", "one"), material)
+    error = refused(capsys, "run", shared, "--joint", "a", "--out", tmp_path / "o")
+    assert f"material 'm': color rgba must be four finite numbers, got {colour!r}" in error
+
+
+@pytest.mark.parametrize("quoted", ['0.1,"0.2', '"0.1,0.2', '0.1,"0.2"x'])
+def test_quotes_that_are_not_closed_are_refused_with_their_line(quoted, tmp_path, capsys):
+    path = tmp_path / "m.csv"
+    path.write_text(f"# a comment\ntime [s],tool x [m]\n0.0,0.1\n{quoted}\n0.2,0.3\n")
+    robot, play = "jointplay:scara.urdf", ("--clearance", "1e-4")
+    assert f"{path}, line 4: " in refused(capsys, "identify", robot, path, *play)
+    path.write_text(f"# a comment\ntime_s,joint_a\n0.0,0.1\n{quoted}\n0.2,0.3\n")
+    assert f"{path}, line 4: " in refused(capsys, "budget", robot, *play, "--motion", path)
+
+
+def test_the_motor_of_a_gear_that_weighs_nothing_is_named(urdf):
+    robot = urdf(body("one", com="0.1 0 0"), joint("a", "base", "one"))
+    gear = Gear(play=1e-3, rotor_inertia=1e-30, stiffness=1e4)
+    with pytest.raises(JointplayError, match="the gear of 'a' must have a larger rotor_inertia"):
+        simulate(Mechanism(robot, {}, gears={"a": gear}), duration=1e-3, drive=Free())
+
+
+def test_no_name_steers_the_terminal():
+    for evil in ("\x1b[31mred", "\x9b31m", "a\rb", "a\x08b", "\u202egnp.exe"):
+        done = subprocess.run(
+            [JOINTPLAY, "check", f"{evil}.toml"], capture_output=True, text=True, check=False
+        )
+        assert done.returncode == 2
+        assert done.stderr.count("\n") == 1
+        assert done.stderr.rstrip("\n").isprintable(), done.stderr
+    code = "from jointplay.cli import main, streams\nwith streams.forgiving(): print('\\x1b[2Jx')"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.stdout == "\\x1b[2Jx\n"
+
+
+def test_errors_are_one_line_whatever_they_hold():
+    table = np.arange(3000.0).reshape(50, 60)
+    with np.printoptions(threshold=10**6):
+        error = JointplayError(f"it must be small, got {table}; give less")
+    assert "\n" not in str(error)
+    assert len(str(error)) < 300
+    assert str(error).endswith("+03]]; give less")
+    name = "n" * 100_000
+    error = MissingName("joint", name, ["one", "two"])
+    assert len(str(error)) < 500
+    assert str(error).endswith("available: one, two")
+    assert str(JointplayError("a\x1b[0mb\tc\n d")) == "a\\x1b[0mb c d"
+    again = pickle.loads(pickle.dumps(JointplayError(f"{table}", ("here",))))
+    assert str(again) == str(JointplayError(str(again)))
+    assert again.where == ("here",)
+
+
+@pytest.mark.parametrize("quiet", [[], ["--quiet"]])
+def test_nothing_stands_before_an_error(quiet, tmp_path):
+    """Not what would be said of the cycle, nor Python's and numpy's warnings."""
+    code = """
+import sys, warnings
+import numpy as np
+from jointplay import cli
+from jointplay.design import iso9283
+def check(*_):
+    warnings.warn("mine", RuntimeWarning)
+    np.array([1.0]) / np.array([0.0])
+    raise cli.JointplayError("wrong")
+iso9283.check = check
+sys.exit(cli.main(sys.argv[1:]))
+"""
+    given = ["iso9283", "jointplay:scara.toml", "--case", "ideal", "--duration", "0.01", *quiet]
+    command = [sys.executable, "-c", code, *given]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == "jointplay iso9283: error: wrong\n"
+
+
+def test_notes_are_said_once_all_goes_well(capsys):
+    for quiet, said in ((False, "one\nnote: two\n"), (True, "")):
+        with streams.noting(quiet):
+            streams.note("one")
+            for _ in range(2):
+                warnings.warn("two", RuntimeWarning, stacklevel=1)
+            assert capsys.readouterr().err == ""
+            streams.release()
+            assert capsys.readouterr().err == said
+        assert capsys.readouterr().err == ""
+    with pytest.raises(ZeroDivisionError), streams.noting(False):
+        streams.note(1 / 0 if streams.note("three") is None else "four")
+    assert capsys.readouterr().err == ""
+
+
+def test_told_to_stop_while_a_finished_run_is_saved_it_is_saved_and_done(tmp_path):
+    code = """
+import os, signal, sys
+from jointplay import Result, cli
+save = Result.save
+def told(self, *given):
+    os.kill(os.getpid(), signal.SIGTERM)
+    return save(self, *given)
+Result.save = told
+sys.exit(cli.main(sys.argv[1:]))
+"""
+    command = [sys.executable, "-c", code, "run", *SHORT, "--out", str(tmp_path / "o")]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "told to stop when all was computed: it is saved" in done.stderr
+    assert "interrupted" not in done.stderr + done.stdout
+    assert Result.load(tmp_path / "o" / "result.nc").status == Status.COMPLETED
+    # Of two cases the second has not begun: that is an interruption.
+    two = ["jointplay:scara.toml", "--case", "ideal", "--case", "0.2 mm", "--jobs", "1"]
+    command = [sys.executable, "-c", code, "run", *two, *SHORT, "--out", str(tmp_path / "p")]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 130
+    assert "interrupted; nothing of: 0.2 mm" in done.stderr
+
+
+@pytest.mark.parametrize("moment", ["errors_table", "write_errors", "plots"])
+def test_told_to_stop_while_a_finished_study_is_saved_it_is_saved_and_done(
+    moment, tmp_path, monkeypatch, capsys
+):
+    def told(*given):
+        signal.raise_signal(signal.SIGTERM)
+        return work(*given)
+
+    place, name = (plots, "save") if moment == "plots" else (study, moment)
+    work = getattr(place, name)
+    monkeypatch.setattr(place, name, told)
+    monkeypatch.setattr(study, "CASES", {"ideal": None})
+    short = replace(scara(None), duration=0.002)
+    monkeypatch.setattr(study, "run_case", lambda *_: short.run())
+    assert main(["scara", "--runs", "0", "--out", str(tmp_path / "o"), "--quiet"]) == 0
+    assert "told to stop when all was computed: it is saved" in capsys.readouterr().err
+    there = {path.name for path in (tmp_path / "o").iterdir()}
+    assert {"errors.md", "fig09.png", "fig15.pdf"} <= there

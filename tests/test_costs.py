@@ -12,10 +12,9 @@ import pytest
 from conftest import body, joint
 
 import jointplay as jp
-from jointplay import report
-from jointplay.codec import add
+from jointplay import reports
 from jointplay.contact.law import NormalForceLaw
-from jointplay.families import family_of
+from jointplay.core.schema import add, family_of
 from jointplay.joints import Clearance
 from jointplay.loads import Load
 from jointplay.loads.drive import Drive
@@ -74,7 +73,7 @@ def swing(path, bearing=None, loads=None, duration=0.1):
     return jp.simulate(
         mechanism,
         duration=duration,
-        start={"swing": 0.3},
+        state={"swing": 0.3},
         loads=loads or {},
         drive=jp.loads.Free(),
         joint_friction={},
@@ -94,7 +93,7 @@ def test_an_addition_is_one_file_and_goes_all_the_way(name, pendulum, tmp_path):
     loaded = Result.load(result.save(tmp_path / "own.nc"))
     again = loaded.simulation.run()
     assert again.dataset.drop_attrs().identical(result.dataset.drop_attrs())
-    report.write({"own": loaded}, tmp_path / "report.html", pdf=False)
+    reports.write({"own": loaded}, tmp_path / "report.html", pdf=False)
     said = (tmp_path / "report.html").read_text(encoding="utf-8")
     words = {"law": "half-damped", "joint_kind": "three-sided", "recorded": "distance"}
     assert words.get(name, "own") in said

@@ -5,8 +5,8 @@ import pytest
 from conftest import body, joint, tip
 
 from jointplay import Gear, JointplayError, Mechanism, Motion, RevoluteClearance, Simulation
-from jointplay.analysis.dynamic_budget import dynamic_budget, sensitivity
 from jointplay.cli import main
+from jointplay.design.shares import dynamic_budget, sensitivity
 from jointplay.loads import ComputedTorque
 
 

@@ -2,7 +2,9 @@
 
 import pytest
 
-from jointplay import cli
+from jointplay import JointplayError, cli
+from jointplay.core.files import MOST_TEXT
+from jointplay.nonlinear.rows import Table
 
 QUICK = ["--settle", "1", "--keep", "3", "--records", "200", "--jobs", "1", "--quiet"]
 CRANK = ["jointplay:slider_crank.toml", "--case", "0.5 mm", "--set", "integration.step=4 us"]
@@ -92,10 +94,10 @@ def test_other_mechanisms_have_sections_too(name, tmp_path, capsys):
         ("bifurcation", ["--vary", "motion.speeds.crank_pin=1:2"], "--vary must read KEY="),
         ("poincare", ["--of", "guide.acceleraton", "--of", "guide.speed"], "guide.acceleration"),
         ("poincare", ["--phase", "1.5"], "--phase must be in [0, 1) turns, got 1.5"),
-        ("turns", ["--keep", "0"], "keep must be at least 1, got 0"),
+        ("turns", ["--keep", "0"], "keep must be a whole number >= 1, got 0"),
         ("basin", ["--joint", "guide"], "piston_pin"),
         ("bifurcation", ["--vary", "motion.speeds.crnk=1:2:3 rpm"], "crnk"),
-        ("turns", ["--jobs", "0"], "at least one process is needed, got 0"),
+        ("turns", ["--jobs", "0"], "jobs must be a whole number >= 1, got 0"),
     ],
 )
 def test_wrong_input_is_one_line(kind, more, says, tmp_path, capsys):
@@ -103,3 +105,11 @@ def test_wrong_input_is_one_line(kind, more, says, tmp_path, capsys):
     error = capsys.readouterr().err
     assert says in error
     assert error.count("\n") == 1
+
+
+def test_a_giant_table_is_not_read(tmp_path):
+    path = tmp_path / "t.csv"
+    with path.open("wb") as file:
+        file.truncate(MOST_TEXT + 1)
+    with pytest.raises(JointplayError, match="at most 256 MB are read"):
+        Table(path, {}, ["x"])

@@ -8,12 +8,11 @@ from conftest import body, joint, tip
 from test_playback import browser, open_page  # noqa: F401
 
 import jointplay as jp
-from jointplay import playback
-from jointplay.analysis import together
-from jointplay.analysis.error_ellipsoid import ellipsoids
-from jointplay.analysis.levers import sources
-from jointplay.analysis.static_budget import budget
-from jointplay.playback.tracks import unpack
+from jointplay import player
+from jointplay.design import loop_play
+from jointplay.design.levers import sources
+from jointplay.design.static_budget import budget, ellipsoids
+from jointplay.player.tracks import unpack
 
 PLAY = 1e-4
 TIP = tip("one")
@@ -52,7 +51,7 @@ def test_no_place_that_the_tool_can_take_is_outside(arm):
     found = ellipsoids(parts)
     d = np.random.default_rng(0).normal(size=(1, 500, 3))
     d /= np.linalg.norm(d, axis=2, keepdims=True)
-    reach = together.along(parts, d).value.sum(axis=0)[0]
+    reach = loop_play.along(parts, d).value.sum(axis=0)[0]
     own = np.linalg.norm(d[0] @ found.root[0], axis=1)
     assert (reach <= own * 1.02).all()
     assert (own / reach).min() < 1.05  # and it touches the set
@@ -60,7 +59,7 @@ def test_no_place_that_the_tool_can_take_is_outside(arm):
 
 
 def test_the_page_holds_the_set_along_the_run_and_the_tool_rests_in_it(run):
-    _, scene = playback.page({"arm": run})
+    _, scene = player.page({"arm": run})
     case = scene.contents["cases"][0]
     block = zlib.decompress(scene.block)
     time = unpack(block, case["error"]["time"])[:, 0]
@@ -76,12 +75,12 @@ def test_the_page_holds_the_set_along_the_run_and_the_tool_rests_in_it(run):
 
 
 def test_without_a_twin_there_is_no_ellipsoid(run):
-    _, scene = playback.page({"arm": run}, ghosts=False)
+    _, scene = player.page({"arm": run}, ghosts=False)
     assert scene.contents["cases"][0]["error"] is None
 
 
 def test_the_player_draws_it_about_the_ideal_tool_and_says_what_it_is(browser, run, tmp_path):  # noqa: F811
-    path = playback.save_html({"arm": run}, tmp_path / "arm.html")
+    path = player.save_html({"arm": run}, tmp_path / "arm.html")
     tab = open_page(browser, path.as_uri())
     tab.evaluate("() => { window.jointplay.setDeviation(20); window.jointplay.seek(0.2); }")
     drawn, row, centre = tab.evaluate(

@@ -307,6 +307,7 @@ def test_pybullet_loads_it(tmp_path, name, joint):
 
 def test_command(arm, tmp_path, capsys):
     out = tmp_path / "new" / "played.urdf"
+    out.parent.mkdir()
     options = ["urdf", "--urdf", str(arm), "--joint", "shoulder", "--joint", "elbow"]
     options += ["--radial", "1e-4", "--axial", "3e-4", "--out", str(out)]
     assert main(options) == 0

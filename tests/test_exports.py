@@ -16,7 +16,8 @@ from conftest import body, joint
 import jointplay as jp
 from jointplay import JointplayError, Motion, Result, cli, exports
 from jointplay.joints import SphericalClearance
-from jointplay.result.thin import thinned
+from jointplay.motion import rosbag
+from jointplay.result.thinning import thinned
 from jointplay.study import scara
 
 
@@ -151,7 +152,7 @@ def test_sliders_give_their_way_and_balls_and_motors_nothing(urdf):
     )
     from jointplay.exports.trajectory import joint_trajectory
 
-    found = jp.simulate(mechanism, drive=jp.loads.Free(), duration=1e-3, start={"slide": 0.05})
+    found = jp.simulate(mechanism, drive=jp.loads.Free(), duration=1e-3, state={"slide": 0.05})
     trajectory = joint_trajectory(found)
     assert trajectory.joints == ("turn", "slide")
     assert trajectory.position[0].tolist() == [0.0, 0.05]
@@ -226,6 +227,16 @@ def test_bags_come_back_as_motions(result, tmp_path):
         assert motion.interpolation == "spline"
     with pytest.raises(JointplayError, match=r"topic.*'/nothing'.*/joint_states"):
         Motion.from_mcap(path, "/nothing")
+
+
+def test_a_giant_bag_is_not_read(tmp_path):
+    path = tmp_path / "r.mcap"
+    with path.open("wb") as file:
+        file.truncate(rosbag.MOST_BYTES + 1)
+    with pytest.raises(JointplayError, match=r"it has 4295 MB; at most 4294\.97 MB are read"):
+        Motion.from_mcap(path)
+    with pytest.raises(JointplayError, match="it is a folder"):
+        Motion.from_mcap(tmp_path)
 
 
 def written(path, *messages):
@@ -404,14 +415,6 @@ def test_a_missing_library_is_named_with_its_remedy(
     with pytest.raises(JointplayError, match=rf"pip install 'jointplay\[{extra}\]'"):
         result.export(tmp_path / name)
     assert not list(tmp_path.iterdir())
-
-
-def test_results_of_earlier_versions_are_written_without_the_orientation(result, tmp_path):
-    old = Result(result.dataset.drop_vars(["tool_orientation", "tool_angular_velocity"]))
-    found = bag(old.export(tmp_path / "old.mcap", every=100))
-    assert "/joint_states" in found
-    assert "/tool_pose" not in found
-    assert "tool_orientation.w" not in old.to_dataframe()
 
 
 def test_a_notebook_shows_figures_and_a_picture(result):

@@ -1,19 +1,27 @@
 """Files that are whole or not there, and results that are what was written."""
 
+import ast
 import errno
 import json
 import os
+import re
 import subprocess
 import sys
+import tempfile
+import time
+from pathlib import Path
 
+import numpy as np
 import pytest
 import xarray as xr
 
 import jointplay as jp
-from jointplay import JointplayError, codec
+from jointplay import JointplayError
+from jointplay.cli import main
 from jointplay.contact import FILM_LAWS, FRICTION_LAWS, NORMAL_LAWS, KelvinVoigt
-from jointplay.host import files
+from jointplay.core import files, hdf5, schema
 from jointplay.joints import Clearance
+from jointplay.plots.style import new_figure
 from jointplay.result import netcdf
 from jointplay.study import scara
 
@@ -74,7 +82,7 @@ def test_names_that_no_file_can_have_are_refused_in_words(name, tmp_path):
 
 def test_a_folder_is_claimed_by_one_process(tmp_path):
     files.claim(tmp_path / "o", ["r.nc"])
-    code = "import sys; from jointplay import files; files.claim(sys.argv[1], ['r.nc'])"
+    code = "import sys; from jointplay.core import files; files.claim(sys.argv[1], ['r.nc'])"
     other = [sys.executable, "-c", code, str(tmp_path / "o")]
     done = subprocess.run(other, capture_output=True, text=True, check=False)
     assert "another process is writing to" in done.stderr
@@ -101,25 +109,57 @@ def test_other_programs_read_a_sealed_file(saved, result):
 
 
 def test_files_without_checksum_still_load(result, tmp_path):
-    """Those of earlier versions, and of other programs."""
+    """Those of other programs."""
     path = tmp_path / "old.nc"
     result.dataset.to_netcdf(path, engine="h5netcdf")
     assert jp.Result.load(path).audit == result.audit
 
 
-def test_a_file_without_checksum_that_hangs_its_reader_does_not_hang_us(
-    result, tmp_path, monkeypatch
+SPINS = f"""
+import importlib.util, sys, time
+spec = importlib.util.spec_from_file_location("program", {hdf5.__file__!r})
+program = importlib.util.module_from_spec(spec)
+spec.loader.exec_module(program)
+def check(*_):
+    while True:
+        pass
+program._check = check
+program._main(*sys.argv[1:])
+"""
+WAITS = SPINS.replace("while True", "if True").replace("pass", "time.sleep(5.0)")
+
+
+@pytest.mark.parametrize("read", [jp.Result.load, jp.Result.open])
+@pytest.mark.parametrize(
+    ("program", "allowed", "words"),
+    [
+        ("import time; time.sleep(1e6)", 0.01, r"reading it did not end within \d s"),
+        (SPINS, 0.5, "within 1 s of processor time"),
+        ("import os; os.abort()", 900.0, r"a process that read it crashed \(-6\)"),
+    ],
+)
+def test_a_file_that_hangs_or_crashes_hdf5_does_so_in_another_process(
+    program, allowed, words, read, saved, tmp_path, monkeypatch
 ):
-    path = tmp_path / "old.nc"
-    result.dataset.to_netcdf(path, engine="h5netcdf")
-    monkeypatch.setattr(netcdf, "_GUARD", "import time; time.sleep(1e6)")
-    monkeypatch.setattr(netcdf, "GUARD_S", 0.1)
-    with pytest.raises(JointplayError, match="reading it did not end within"):
-        jp.Result.load(path)
-    monkeypatch.setattr(netcdf, "_GUARD", "import os; os.abort()")
-    monkeypatch.setattr(netcdf, "GUARD_S", 900.0)
-    with pytest.raises(JointplayError, match="the reader crashed"):
-        jp.Result.load(path)
+    (tmp_path / "program.py").write_text(program)
+    monkeypatch.setattr(hdf5, "__file__", str(tmp_path / "program.py"))
+    monkeypatch.setattr(hdf5, "TIME_S", allowed)
+    with pytest.raises(JointplayError, match=words):
+        read(saved)
+
+
+def test_a_file_is_read_however_busy_the_machine_is(saved, tmp_path, monkeypatch):
+    """What counts is processor time."""
+    (tmp_path / "program.py").write_text(WAITS)
+    monkeypatch.setattr(hdf5, "__file__", str(tmp_path / "program.py"))
+    monkeypatch.setattr(hdf5, "TIME_S", 4.0)
+    assert jp.Result.load(saved).message
+
+
+def test_without_a_process_to_look_at_it_a_file_is_not_read(saved, monkeypatch):
+    monkeypatch.setattr(sys, "executable", "/nowhere/python")
+    with pytest.raises(JointplayError, match="no process can be started to look at it: No such"):
+        jp.Result.load(saved)
 
 
 def test_a_result_larger_than_the_memory_is_refused(saved, monkeypatch):
@@ -195,5 +235,334 @@ def test_what_every_law_and_joint_describes_is_taken_on_load():
         ),
     ]
     for joint in joints:
-        assert codec.read(Clearance, json.loads(json.dumps(joint.describe()))) == joint
+        assert schema.read(Clearance, json.loads(json.dumps(joint.describe()))) == joint
         assert eval(repr(joint), vars(jp) | vars(jp.contact) | vars(jp.joints)) == joint
+
+
+LEAVE = """
+import os, signal
+from jointplay.core.files import temporary
+made = temporary("test")
+print(made.name, flush=True)
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+@pytest.fixture
+def left(tmp_path, monkeypatch):
+    """The folder of temporary files, with what a killed process has left there."""
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    monkeypatch.setattr(files, "_swept", set())
+    done = subprocess.run(
+        [sys.executable, "-c", LEAVE], capture_output=True, text=True, check=False
+    )
+    folder = Path(done.stdout.strip())
+    assert folder.parent == tmp_path
+    aged(folder)
+    return folder
+
+
+def aged(folder, seconds=2 * files.LEFT_S):
+    then = time.time() - seconds
+    os.utime(folder / files.MARK, (then, then))
+
+
+def claimed(folder, **owner):
+    mark = folder / files.MARK
+    mark.write_text(json.dumps(json.loads(mark.read_text()) | owner))
+    aged(folder)
+
+
+def test_what_a_killed_process_left_the_next_one_deletes(left):
+    with files.temporary() as folder:
+        assert not left.exists()
+        assert Path(folder).is_dir()
+    assert not Path(folder).exists()
+
+
+MINE = {"pid": os.getpid(), "began": files._began(os.getpid())}
+STAYS = {
+    "younger than a day": lambda folder: aged(folder, files.LEFT_S / 2),
+    "not marked": lambda folder: (folder / files.MARK).unlink(),
+    "the owner lives": lambda folder: claimed(folder, **MINE),
+    "of another machine or container": lambda folder: claimed(folder, among="elsewhere"),
+    "a mark that says nothing": lambda folder: (folder / files.MARK).write_text("[]"),
+}
+
+
+@pytest.mark.parametrize("reason", STAYS)
+def test_other_folders_stay(reason, left):
+    STAYS[reason](left)
+    if (left / files.MARK).exists() and "younger" not in reason:
+        aged(left)
+    with files.temporary():
+        assert left.is_dir()
+
+
+def test_a_number_that_is_another_process_s_since_does_not_keep_a_folder(left):
+    claimed(left, pid=os.getpid(), began="1")
+    with files.temporary():
+        assert not left.exists()
+
+
+def test_a_link_to_a_marked_folder_is_left_alone(left, tmp_path):
+    elsewhere = tmp_path / "elsewhere"
+    left.rename(elsewhere)
+    left.symlink_to(elsewhere)
+    with files.temporary():
+        assert (elsewhere / files.MARK).exists()
+
+
+def test_all_temporary_folders_are_marked():
+    """Otherwise are made: a result that found no other place, which is to outlast the process, and
+    the folder of a viewer, which its server deletes when the process ends or is killed."""
+    root = Path(__file__).parents[1]
+    others = {
+        path.name
+        for folder in (root / "src", root / "benchmarks")
+        for path in folder.rglob("*.py")
+        if re.search(r"mkdtemp|TemporaryDirectory\(|mkstemp", path.read_text(encoding="utf-8"))
+    }
+    assert others == {"files.py", "execution.py", "viewer.py"}
+
+
+WRITERS = {
+    *("savefig", "print_figure", "imsave", "imwrite", "write_text", "write_bytes", "write_html"),
+    *("write_image", "to_csv", "to_netcdf", "to_parquet", "to_zarr", "savetxt", "savez", "tofile"),
+    *("savez_compressed", "open", "fdopen", "File", "unlink", "rmtree", "rmdir", "rename"),
+    *("copyfile", "truncate", "ftruncate", "dump"),
+}
+"""Calls that can write, or delete, a file."""
+
+ELSEWHERE = {
+    "analysis/runs.py": {"np.savez_compressed(content, **vars(trace))"},  # in memory
+    "commands/schema.py": {"json.dump(schema(), sys.stdout, indent=1, ensure_ascii=False)"},
+    "exports/notebook.py": {"figure.savefig(buffer, format='png', dpi=100)"},  # in memory
+    "exports/table.py": {"block.to_csv(index=False, header=first == 0)"},  # in memory
+    "exports/trajectory.py": {"yaml.dump("},  # text
+    "core/numba_cache.py": {"file.unlink()"},  # the kernels' cache, which is numba's to write
+    "mechanism/viewer.py": {"shutil.rmtree(", "folder.rmdir()"},  # a temporary folder
+    "core/streams.py": {"os.open(os.devnull, ", "os.fdopen(number, mode, closefd=False)"},
+    "mechanism/meshes.py": {"np.savez(file, ", "scene.dump()", "file.unlink("},  # the user's cache
+    "mechanism/model.py": {"file.write_text("},  # in a temporary folder, for Pinocchio to read
+    "mechanism/visuals.py": {"file.write_text("},  # likewise
+    "player/movie.py": {"page_file.write_bytes("},  # in a temporary folder, for the browser
+    "plots/figures.py": {"pages.savefig("},  # in memory
+    "plots/style.py": {"super().savefig(", "self.savefig(drawn, "},  # in memory
+    "reports/sweep.py": {"figure.savefig(content, ", "pages.savefig(figure)"},  # in memory
+    "result/portions.py": {"first.to_netcdf(None, ", "h5py.File(self._disk, ", "h5netcdf.File("},
+    "result/netcdf.py": {"dataset.to_netcdf(None, "},  # in memory
+    "simulation/checkpoint.py": {"np.savez(out, "},  # in memory
+    "simulation/spool.py": {"path.open('r+b')", "self._file.truncate("},  # marked as ours
+    "sweeps/case.py": {"place.write_text("},  # in a temporary folder, for Pinocchio to read
+    "sweeps/journal.py": {"self._file.truncate("},  # torn lines are known by their checksums
+    "sweeps/local.py": {"pickle.dump("},  # to a process
+    "sweeps/dataset.py": {"dataset.rename("},  # names of variables
+    "sweeps/store.py": {
+        "rest.unlink(",
+        "path.unlink(",
+        "self.path.rmdir()",
+    },  # of a store, which is zarr's to write
+}
+"""What is written without `files`, by the beginnings of such calls, and why that loses nothing."""
+
+
+def writing_calls(text):
+    """Calls in a module that can write a file, as text."""
+    for node in ast.walk(ast.parse(text)):
+        if not isinstance(node, ast.Call):
+            continue
+        name = getattr(node.func, "attr", getattr(node.func, "id", ""))
+        given = [*node.args, *(k.value for k in node.keywords if k.arg == "mode")]
+        modes = [one.value for one in given if isinstance(one, ast.Constant)]
+        reads = name == "open" and not any(
+            isinstance(mode, str) and set(mode) & set("wax+") and set(mode) <= set("rwxabt+")
+            for mode in modes
+        )
+        read_only = name == "File" and modes in ([], ["r"]) and not node.keywords
+        if name in WRITERS and not read_only and (not reads or ast.unparse(node.func) == "os.open"):
+            yield ast.unparse(node)
+
+
+def test_every_output_is_written_by_one_module():
+    """So that none is there by half, and none replaces a file that is not ours."""
+    source = Path(jp.__file__).parent
+    found = set()
+    for path in source.rglob("*.py"):
+        module = path.relative_to(source).as_posix()
+        for call in writing_calls(path.read_text(encoding="utf-8")):
+            if module != "core/files.py":
+                known = [one for one in ELSEWHERE.get(module, ()) if call.startswith(one)]
+                assert known, f"{module}: {call} is to go through core/files.py"
+                found |= {(module, one) for one in known}
+    listed = {(module, one) for module, calls in ELSEWHERE.items() for one in calls}
+    assert found == listed, "listed, and no longer there"
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "figure.savefig(out / 'a.png')",
+        "open(path, 'w')",
+        "path.open(mode='ab')",
+        "os.open(path, flags)",
+        "path.write_text(text)",
+        "frame.to_csv(path)",
+        "page.write_html(path)",
+        "h5py.File(path, 'w')",
+    ],
+)
+def test_ways_to_write_are_seen(line):
+    assert list(writing_calls(line))
+    assert not list(writing_calls("open(path); path.open('rb'); open(path, encoding='utf-8')"))
+
+
+COMMAND = Path(sys.executable).parent / "jointplay"
+
+
+def test_pictures_on_a_full_disk_are_not_there_and_the_refusal_names_one(tmp_path):
+    out = tmp_path / "o"
+
+    def little():
+        import resource
+        import signal
+
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (12_000, 12_000))  # a table fits, no picture
+
+    done = subprocess.run(
+        [COMMAND, "budget", "jointplay:scara.urdf", "--joint", "joint_b=0.0002", "--out", out],
+        capture_output=True,
+        text=True,
+        check=False,
+        preexec_fn=little,
+    )
+    assert done.returncode == 2
+    assert done.stderr.count("\n") == 1
+    assert "cannot write " in done.stderr
+    assert "bars.png': File too large" in done.stderr
+    assert [path.name for path in out.iterdir()] == ["budget.csv"]
+
+
+def test_pictures_of_a_kind_that_is_not_drawn_are_refused(tmp_path):
+    with pytest.raises(JointplayError, match=r"'x\.foo' must end in \.png, \.pdf, \.svg"):
+        files.check_picture(tmp_path / "x.foo")
+    figure = new_figure(1.0, 1.0)
+    for name in ("x.foo", "x"):
+        with pytest.raises(JointplayError, match="must end in"):
+            files.picture(tmp_path / name, figure)
+    with pytest.raises(ValueError, match="foo"):
+        figure.savefig(tmp_path / "x.foo")
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("kind", files.PICTURES)
+def test_only_pictures_with_our_mark_are_replaced(kind, tmp_path):
+    figure, path = new_figure(1.0, 1.0), tmp_path / f"a.{kind}"
+    path.write_text("precious")
+    with pytest.raises(JointplayError, match="exists"):
+        files.picture(path, figure, mark="ours")
+    assert path.read_text() == "precious"
+    path.unlink()
+    first = files.picture(path, figure, mark="ours").stat().st_ino
+    assert files.picture(path, figure, mark="ours").stat().st_ino != first
+    with pytest.raises(JointplayError, match="exists"):
+        files.picture(path, figure, mark="another's")
+    figure.savefig(path)  # as matplotlib's own, but whole
+    assert len(list(tmp_path.iterdir())) == 1
+
+
+def test_a_table_that_cannot_grow_is_as_it_was(tmp_path):
+    path = tmp_path / "t.csv"
+    code = """
+import resource, signal, sys
+from pathlib import Path
+from jointplay.core import files
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+files.append(Path(sys.argv[1]), "1,2\\n")
+resource.setrlimit(resource.RLIMIT_FSIZE, (6, 6))
+files.append(Path(sys.argv[1]), "3,4\\n")
+"""
+    done = subprocess.run([sys.executable, "-c", code, path], capture_output=True, check=False)
+    assert b"cannot write" in done.stderr
+    assert path.read_text() == "1,2\n"
+
+
+@pytest.fixture(scope="module")
+def ideal():
+    made = scara(None)
+    return jp.simulate(made.mechanism, made.motion, duration=2e-3)
+
+
+def rewritten(result, path, change):
+    """A result as another program might have left it, without checksum."""
+    dataset = change(result.dataset)
+    dataset.attrs |= result.dataset.attrs
+    dataset.to_netcdf(path, engine="h5netcdf", invalid_netcdf=True)
+    return path
+
+
+def with_times(*times):
+    return lambda d: d.isel(time=slice(0, len(times))).assign_coords(time=list(times))
+
+
+@pytest.mark.parametrize(
+    ("command", "change", "said"),
+    [
+        ("play", with_times(0.0, 2e-4, 1e-4), "record 3 of 3 is at 0.0001 s behind 0.0002 s"),
+        ("report", with_times(0.0, 1e-4, 1e-4), "record 3 of 3 is at 0.0001 s behind 0.0001 s"),
+        ("export", with_times(0.0, float("nan"), 1e-4), "record 2 of 3 is at nan s"),
+        ("report", with_times(0.0, 1e-4, float("inf")), "record 3 of 3 is at inf s"),
+        ("play", lambda d: d.assign(q=d["q"] * 1j), "is no dataset"),
+        (
+            "report",
+            lambda d: d.assign(own=d["time"] * 1j),
+            "is no dataset",
+        ),
+    ],
+)
+def test_results_whose_times_or_numbers_are_none_are_refused_by_each_command(
+    command, change, said, ideal, tmp_path, capsys
+):
+    path = rewritten(ideal, tmp_path / "r.nc", change)
+    out = tmp_path / "out"
+    arguments = {
+        "report": ["report", path, "-o", out],
+        "play": ["play", path, "--html", out],
+        "export": ["export", path, "--out", tmp_path / "out.csv"],
+    }
+    assert main([str(one) for one in arguments[command]]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith(f"jointplay {command}: error: ")
+    assert error.count("\n") == 1
+    assert said in error
+    assert [one.name for one in tmp_path.iterdir()] == ["r.nc"]
+
+
+@pytest.mark.parametrize("name", ["reaction_force", "moving_joint", "coordinate_unit"])
+def test_results_of_ideal_runs_are_whole(name, ideal, tmp_path, capsys):
+    path = rewritten(ideal, tmp_path / "r.nc", lambda d: d.drop_vars(name))
+    assert main(["report", str(path), "--quiet"]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert "is damaged or not a result: it has no" in error
+
+
+@pytest.mark.parametrize("save", [np.savez, np.savez_compressed])
+def test_damaged_arrays_are_a_value_error_whatever_is_damaged(tmp_path, save):
+    path = tmp_path / "arrays.npz"
+    save(path, one=np.arange(40.0) / 7.0, other=np.zeros((5, 2), int))
+    whole = path.read_bytes()
+    assert set(files.arrays(path)) == {"one", "other"}
+    wrong = set()
+    for at in range(len(whole)):
+        for flip in (1, 8, 128):
+            path.write_bytes(whole[:at] + bytes([whole[at] ^ flip]) + whole[at + 1 :])
+            try:
+                files.arrays(path)
+            except (ValueError, OSError) as error:
+                wrong.add(str(error)[:40])
+    assert len(wrong) > 5
+    with pytest.raises(OSError, match="No such file"):
+        files.arrays(tmp_path / "none")

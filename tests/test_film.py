@@ -11,13 +11,7 @@ from hypothesis import strategies as st
 from scipy.optimize import brentq
 
 import jointplay as jp
-from jointplay.contact import (
-    CustomFilm,
-    FilmProperties,
-    PinkusSternlicht,
-    ShortBearing,
-    film_law,
-)
+from jointplay.contact import CustomFilm, FilmProperties, PinkusSternlicht, ShortBearing, film_law
 from jointplay.contact.law import compiled_law
 
 OIL = 0.03

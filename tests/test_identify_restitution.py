@@ -21,14 +21,21 @@ from jointplay import (
     loads,
     shipped,
 )
-from jointplay.analysis.identify import Measurement
-from jointplay.analysis.identify.bounces import flights
-from jointplay.analysis.identify.impacts import channels, impacts, record_noise
-from jointplay.analysis.identify.likelihood import design, estimate
-from jointplay.analysis.identify.restitution import by_simulation, delivered, nominal_of
-from jointplay.analysis.identify.verification import verify
 from jointplay.cli import main
 from jointplay.contact import LankaraniNikravesh, ZhangSharf
+from jointplay.identification import Measurement
+from jointplay.identification.restitution import (
+    by_simulation,
+    channels,
+    delivered,
+    design,
+    estimate,
+    flights,
+    impacts,
+    nominal_of,
+    record_noise,
+)
+from jointplay.identification.verification import verify
 from jointplay.scenario import Scenario
 
 RATE = 10e3

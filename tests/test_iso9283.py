@@ -2,6 +2,7 @@
 
 import os
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -11,11 +12,22 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from jointplay import JointplayError, Mechanism, Motion, RevoluteClearance, Simulation
-from jointplay.analysis import traces as traces_module
-from jointplay.analysis.iso9283 import figures, iso9283
-from jointplay.analysis.scatter import accuracy, estimate, largest, repeatability
-from jointplay.analysis.traces import Trace, traces
+from jointplay.analysis import runs as traces_module
+from jointplay.analysis.runs import Trace, traces
 from jointplay.cli import main
+from jointplay.design.iso9283 import (
+    Cycles,
+    accuracy,
+    cube_motion,
+    cube_poses,
+    drift,
+    estimate,
+    figures,
+    iso9283,
+    largest,
+    repeatability,
+    what_drifts,
+)
 
 TIME = np.linspace(0.0, 3.0, 3001)
 SQUARE = np.array([[1, 1, 0], [1, -1, 0], [-1, 1, 0], [-1, -1, 0.0]])
@@ -157,6 +169,153 @@ def test_a_tool_that_comes_to_rest_without_ringing_has_no_overshoot():
     assert found.time == 0.0
 
 
+def test_distance_figures_are_the_mean_excess_and_three_standard_deviations():
+    # Two stops a metre apart along x; the first is attained exactly, the second off along x.
+    motion, ideal = there_and_back(), course()
+    excess = 1e-4 * np.array([1.0, 2.0, 3.0, 6.0])
+    runs = []
+    for x in excess:
+        off = np.where(TIME > 0.5, x, 0.0)  # at 1 m until 2 s, and back at the start at 3 s
+        off = np.where(TIME > 2.5, 0.0, off)
+        runs.append(Trace(TIME, ideal.position + off[:, None] * [1, 0, 0], ideal.velocity))
+    (one,) = figures(runs, ideal, motion).distances
+    assert one.command == pytest.approx(1.0)
+    # From 1 m (+ excess) back to 0: the distance is 1 + excess, its x component -1 - excess.
+    assert one.ad.value == pytest.approx(3e-4)
+    spread = 3.0 * np.std(excess, ddof=1)
+    assert one.rd.value == pytest.approx(spread)
+    assert one.axes[0][0].value == pytest.approx(-3e-4)
+    assert one.axes[0][1].value == pytest.approx(spread)
+    assert one.axes[1][0].value == pytest.approx(0.0, abs=1e-15)
+    rows = figures(runs, ideal, motion).csv().splitlines()
+    assert any(row.startswith("AD_p,7.3,2 3,0.0003,") for row in rows)
+    assert "AD_p  distance accuracy       0.3 mm" in str(figures(runs, ideal, motion))
+
+
+def test_a_common_displacement_is_no_error_of_a_distance():
+    found = figures(cycles(1e-4 * SQUARE + [3e-4, 1e-4, 0]), course(), there_and_back())
+    (one,) = found.distances
+    assert one.ad.value == pytest.approx(0.0, abs=1e-12)
+    assert one.rd.value == pytest.approx(0.0, abs=1e-12)
+
+
+def around_a_corner():
+    """One metre along x in a second, at once one metre along y; its joints, and its tool."""
+    motion = Motion(["a", "b"], [0.0, 1.0, 2.0], [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0]])
+    place, speed, _ = motion(TIME)
+    still = np.zeros((len(TIME), 1))
+    return motion, Trace(TIME, np.hstack([place, still]), np.hstack([speed, still]))
+
+
+def test_a_rounded_corner_is_missed_by_what_its_arc_leaves_out():
+    motion, ideal = around_a_corner()
+    radius = 0.01
+    position = ideal.position.copy()
+    middle = np.array([1.0 - radius, radius, 0.0])
+    inside = (position[:, 0] > 1.0 - radius) & (position[:, 1] < radius)
+    towards = position[inside] - middle
+    # Points of the corner are drawn to the arc of a circle about `middle`.
+    arc = middle + radius * towards / np.linalg.norm(towards, axis=1, keepdims=True)
+    position[inside] = arc
+    (corner,) = figures([Trace(TIME, position, ideal.velocity)] * 3, ideal, motion).corners
+    assert corner.time == pytest.approx(1.0)
+    assert corner.angle == pytest.approx(np.pi / 2)
+    assert corner.cr == pytest.approx(radius * (np.sqrt(2.0) - 1.0), rel=1e-3)
+    assert corner.co == pytest.approx(0.0, abs=1e-9)  # an arc inside is no overshoot
+
+
+def test_a_tool_that_goes_on_after_a_corner_overshoots_by_as_much():
+    motion, ideal = around_a_corner()
+    after = np.clip(TIME - 1.0, 0.0, None)
+    runs = []
+    for size in (1e-4, 3e-4, 2e-4):
+        on = size * np.exp(-0.5 * ((after - 0.3) / 0.05) ** 2) * (TIME > 1.0)
+        back = -5e-4 * np.exp(-0.5 * ((after - 0.7) / 0.05) ** 2)  # on the inner side
+        wave = (on + back * (TIME > 1.0))[:, None] * [1, 0, 0]
+        runs.append(Trace(TIME, ideal.position + wave, ideal.velocity))
+    found = figures(runs, ideal, motion)
+    (corner,) = found.corners
+    assert corner.overshoot == pytest.approx([1e-4, 3e-4, 2e-4], rel=1e-3)
+    assert corner.co == pytest.approx(3e-4, rel=1e-3)
+    assert corner.cr == pytest.approx(0.0, abs=1e-9)
+    assert "CO overshoot 0.3 mm" in str(found)
+
+
+def test_a_way_back_on_itself_has_no_corner():
+    found = figures([course()] * 3, course(), there_and_back())
+    assert found.corners == ()
+    assert "no corner" in str(found)
+
+
+def test_drift_is_the_change_of_accuracy_and_repeatability():
+    square = 1e-4 * SQUARE
+    attained = np.stack([np.add(square, [3e-4, 0, 4e-4]), np.add(2 * square, [0, 0, 1e-4])])
+    found = drift([0.0, 8 * 3600.0], attained)
+    assert found.ap == pytest.approx([5e-4, 1e-4])
+    assert found.dap == pytest.approx(4e-4)
+    assert found.drp == pytest.approx(np.sqrt(2.0) * 1e-4)
+    assert found.daxes == pytest.approx([3e-4, 0.0, 3e-4])
+
+
+@pytest.mark.parametrize(
+    ("times", "shape", "says"),
+    [
+        ([0.0], (1, 4, 3), "two increasing times"),
+        ([0.0, 0.0], (2, 4, 3), "two increasing times"),
+        ([0.0, 1.0], (3, 4, 3), r"shape \(2, cycles, 3\)"),
+        ([0.0, 1.0], (2, 2, 3), "at least 3 cycles"),
+    ],
+)
+def test_a_drift_of_nothing_is_refused(times, shape, says):
+    with pytest.raises(JointplayError, match=says):
+        drift(times, np.zeros(shape))
+
+
+def test_the_standard_asks_for_other_cycles_for_each_kind_of_figure():
+    asked = Cycles()
+    assert (asked.pose, asked.path, asked.settling, asked.cornering) == (30, 10, 3, 3)
+    assert Cycles.up_to(40) == Cycles(40, 10, 3, 3)
+    assert Cycles.up_to(5) == Cycles(5, 5, 3, 3)
+    assert asked.fewer == []
+    assert Cycles.up_to(5).fewer == ["30 for pose", "10 for path"]
+    with pytest.raises(JointplayError, match="settling = 0"):
+        Cycles(settling=0)
+
+
+def test_each_figure_is_of_its_own_number_of_cycles():
+    # Later cycles are worse; path and settling figures look at the first ones only.
+    sizes = 1e-4 * np.arange(1, 7)
+    motion, ideal = there_and_back(), course()
+    after = np.clip(TIME - 1.0, 0.0, None)
+    ring = np.where(TIME >= 1.0, np.exp(-after / 0.05) * np.sin(2 * np.pi * 40 * after), 0)
+    runs = [
+        Trace(TIME, ideal.position + np.outer(ring, [s, 0, 0]) + [0, 0, s], ideal.velocity)
+        for s in sizes
+    ]
+    found = figures(runs, ideal, motion, band=1e-6, cycles=Cycles(6, 4, 2, 1))
+    assert found.poses[0].attained.shape == (6, 3)
+    assert found.poses[0].ap.value == pytest.approx(sizes.mean())
+    assert found.at.value == pytest.approx(sizes[:4].mean())
+    assert found.poses[0].settling.overshoot == pytest.approx(
+        sizes[1] * np.abs(ring).max(), rel=1e-6
+    )
+    assert "6 for poses and distances, 4 for the path, 2 for" in str(found)
+    with pytest.raises(JointplayError, match="6 cycles are asked for, and there are 3"):
+        figures(runs[:3], ideal, motion, cycles=Cycles(6, 3, 1, 1))
+
+
+def test_the_poses_of_the_test_lie_on_the_diagonals_of_a_diagonal_plane():
+    centre, edge = np.array([1.0, 2.0, 3.0]), 0.5
+    places = cube_poses(centre, edge)
+    assert places[0] == pytest.approx(centre)
+    assert np.linalg.norm(places[1:] - centre, axis=1) == pytest.approx(0.4 * np.sqrt(3.0) * edge)
+    assert np.abs(places - centre).max() < 0.5 * edge
+    assert (places[:, 0] - centre[0]) == pytest.approx(places[:, 2] - centre[2])  # one plane
+    # P2 and P4, P3 and P5 are opposite ends of diagonals.
+    assert places[1] + places[3] == pytest.approx(2 * centre)
+    assert places[2] + places[4] == pytest.approx(2 * centre)
+
+
 @given(
     shift=st.floats(-1.0, 1.0), size=st.floats(1e-6, 1e-2), seed=st.integers(0, 1000)
 )  # fmt: skip
@@ -214,7 +373,7 @@ def pendulum(arm, clearance=True, **options):
 
 def test_a_pendulum_hangs_in_its_bearing_by_its_clearance(arm):
     found = iso9283(pendulum(arm), 3)
-    stop = found.poses[-1]
+    (stop,) = found.poses  # the rest from 0.15 to 0.3 s is one stop
     # At rest the journal lies on the bore: down by the clearance, a little deeper as it gives way.
     assert stop.axes[2].value == pytest.approx(-PLAY, rel=0.15)
     assert stop.ap.value == pytest.approx(PLAY, rel=0.15)
@@ -222,7 +381,32 @@ def test_a_pendulum_hangs_in_its_bearing_by_its_clearance(arm):
     # Its axis cannot lean, and the drive holds its angle.
     assert [one.value for one in stop.orientation.accuracy] == pytest.approx([0.0] * 3, abs=1e-4)
     assert "simulated cycles" in str(found)
-    assert "asks for 30" in str(found)
+    assert "asks for 30 for pose, 10 for path" in str(found)
+    assert "conditions: load: none" in str(found)
+    assert "nothing in this model drifts" in str(found)
+
+
+def test_speed_and_load_are_conditions_of_the_test(arm):
+    found = iso9283(pendulum(arm, clearance=True), 3, speed=0.5, load=2.0)
+    assert [pose.time for pose in found.poses] == pytest.approx([0.6])  # twice as late
+    words = str(found.conditions)
+    assert "2 kg at 'tool' (taken for 100 %)" in words
+    assert "speed: 50 %" in words
+
+
+def test_a_bore_that_wears_lets_the_pose_drift(arm):
+    play = RevoluteClearance.planar(radial_clearance=PLAY, wear_rate=1e-12)
+    motion = Motion(["a"], [0.0, 0.15, 0.3], [[0.0], [0.1], [0.1]])
+    simulation = Simulation(Mechanism(arm, {"a": play}, tool="tool"), motion, record_every=50)
+    assert "wear of 'a'" in what_drifts(simulation)
+    found = iso9283(simulation, 3, drift_time=3600.0)
+    course = found.drifts[-1]
+    # It hangs in its bearing: worn, the bore lets it hang lower, and ever lower.
+    assert (np.diff(course.axes[:, 2]) < 0.0).all()
+    assert 1e-7 < course.dap <= np.linalg.norm(course.daxes)
+    assert "dAP_p" in str(found)
+    with pytest.raises(JointplayError, match="nothing in this model drifts"):
+        iso9283(pendulum(arm), 3, drift_time=3600.0)
 
 
 def test_runs_that_are_kept_are_not_done_again(arm, tmp_path, monkeypatch):
@@ -233,12 +417,17 @@ def test_runs_that_are_kept_are_not_done_again(arm, tmp_path, monkeypatch):
     assert np.array_equal(first[0].position, again[0].position)
 
 
-def test_a_damaged_kept_run_is_done_again(arm, tmp_path):
+def test_a_damaged_kept_run_is_said_and_done_again(arm, tmp_path):
     simulation = pendulum(arm, duration=0.02)
     first = traces([simulation], keep=tmp_path)
     (kept,) = tmp_path.glob("*.npz")
-    kept.write_bytes(kept.read_bytes()[:100])
-    assert np.array_equal(traces([simulation], keep=tmp_path)[0].position, first[0].position)
+    whole = kept.read_bytes()
+    for damaged in (whole[:100], whole[:200] + bytes(50) + whole[250:], b"", b"none"):
+        kept.write_bytes(damaged)
+        with pytest.warns(RuntimeWarning, match="damaged, and done again"):
+            again = traces([simulation], keep=tmp_path)
+        assert np.array_equal(again[0].position, first[0].position)
+        assert kept.read_bytes() == whole
 
 
 def test_processes_find_what_one_finds(arm):
@@ -276,6 +465,58 @@ def test_the_command_writes_table_figures_and_goes_on(arm, tmp_path, capsys):
     assert rows[0] == "figure,clause,time_s,value,low,high,unit"
     assert any(row.startswith("RT_p,8.3") for row in rows)
     assert any(row.startswith("RP_b,7.2.2") for row in rows)
+
+
+ROBOT = (
+    body("one", com="0.2 0 0"),
+    joint("a", "base", "one", axis="0 0 1", at="0 0 0.5"),
+    body("two", com="0.2 0 0"),
+    joint("b", "one", "two", axis="0 0 1", at="0.4 0 0"),
+    body("three", com="0 0 0"),
+    joint("c", "two", "three", kind="prismatic", axis="0 0 1", at="0.4 0 0"),
+    tip("three", at="0 0 0"),
+)
+
+
+def test_the_robot_of_a_cube_is_driven_to_the_limit_of_its_speed(urdf):
+    slow = [part.replace('velocity="1e3"', 'velocity="2"') for part in ROBOT]
+    mechanism = Mechanism(urdf(*slow), tool="tool")
+    motion = cube_motion(mechanism, (0.5, 0.0, 0.5), 0.2, start={"b": 1.0})
+    spans = [np.linspace(a, b, 201) for a, b in pairwise(motion.times)]
+    fastest = np.abs(motion(np.concatenate(spans))[1]).max(axis=0)
+    limits = [mechanism.description.joints[name].speed for name in motion.joints]
+    assert (fastest <= np.array(limits) * 1.0001).all()
+    assert (fastest / limits).max() == pytest.approx(1.0, rel=1e-3)
+    assert motion.positions[0] == pytest.approx(motion.positions[-1])
+
+
+@pytest.mark.parametrize(
+    ("more", "says"),
+    [
+        (["--cube", "0.1 m"], "go together"),
+        (["--speed", "0"], "--speed must be greater than zero"),
+        (["--load", "-1"], "--load must be greater than zero"),
+        (["--path-cycles", "2"], "path = 2"),
+        (["--drift", "8 h"], "nothing in this model drifts"),
+        (["--cube", "0.1 m", "--cube-centre", "1,2"], "three numbers"),
+    ],
+)
+def test_the_command_refuses_conditions_that_cannot_be(arm, capsys, more, says):
+    order = ["iso9283", str(arm), "--joint", "a", "--cycles", "3", "--quiet", "--duration", "0.1"]
+    assert main([*order, *more]) == 2
+    assert says in capsys.readouterr().err
+
+
+def test_the_command_writes_a_table_for_each_speed(arm, tmp_path, capsys):
+    motion = tmp_path / "motion.csv"
+    motion.write_text("time_s,a\n0,0\n0.05,0.02\n0.1,0.02\n")
+    out = tmp_path / "out"
+    order = ["iso9283", str(arm), "--joint", "a", "--motion", str(motion), "--cycles", "3"]
+    order += ["--out", str(out), "--jobs", "1", "--quiet", "--tool", "tool"]
+    assert main([*order, "--speed", "100", "--speed", "50"]) == 0
+    assert "speed: 50 %" in capsys.readouterr().out
+    assert {"iso9283.csv", "iso9283_50.csv", "poses_50.png"} <= set(os.listdir(out))
+    assert "speed,6.7,,0.5,,," in (out / "iso9283_50.csv").read_text().splitlines()
 
 
 def test_the_command_says_in_one_line_what_is_wrong(arm, capsys):

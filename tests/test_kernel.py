@@ -163,25 +163,25 @@ def test_parts_of_a_kernel_are_translated_to_machine_code_with_their_entry_only(
 
 def test_compiled_functions_that_call_other_files_are_stamped_with_them():
     from jointplay import geometry
-    from jointplay.host import numba_cache
-    from jointplay.mechanism import body_forces, body_motion
-    from jointplay.simulation import elastic
+    from jointplay.core import numba_cache
+    from jointplay.mechanism import tree
+    from jointplay.simulation import statics
 
     own = sorted(Path(geometry.__file__).parent.glob("*.py"))
     for function in (geometry.touch, geometry.classify_many, geometry.worn_gap, geometry.gaps):
         assert function._cache._cache_file._source_stamp == numba_cache.fingerprint(own)
-    trees = numba_cache.fingerprint((Path(body_forces.__file__), Path(body_motion.__file__)))
-    assert body_forces.react._cache._cache_file._source_stamp == trees
-    whole = numba_cache.fingerprint((*stamp.SOURCES, Path(elastic.__file__)))
+    trees = numba_cache.fingerprint((Path(tree.__file__), Path(tree.__file__)))
+    assert tree.react._cache._cache_file._source_stamp == trees
+    whole = numba_cache.fingerprint((*stamp.SOURCES, Path(statics.__file__)))
     for name in ("_wrench", "_energy", "_stiffness"):
-        assert getattr(elastic, name)._cache._cache_file._source_stamp == whole
+        assert getattr(statics, name)._cache._cache_file._source_stamp == whole
 
 
 def test_uncompiled_the_package_still_works():
     """NUMBA_DISABLE_JIT, for debuggers and mutation tests: slow, the same numbers, no kernel."""
     code = (
         "from jointplay.geometry import radial_gap, touch_cylinder\n"
-        "import jointplay as jp, jointplay.kernel.entry, jointplay.simulation.elastic\n"
+        "import jointplay as jp, jointplay.kernel.entry, jointplay.simulation.statics\n"
         "print(jp.contact.Hertz(), radial_gap.__module__, hasattr(touch_cylinder, 'py_func'))\n"
     )
     environment = os.environ | {"NUMBA_DISABLE_JIT": "1"}

@@ -1,23 +1,36 @@
 """What makes no sense, or would not end, is refused in one line that says so."""
 
+import argparse
 import dataclasses
+import math
 import os
+import shlex
 import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+import xarray as xr
 from conftest import body, joint
 
 import jointplay as jp
-from jointplay import JointplayError, codec
+from jointplay import JointplayError, player
+from jointplay.analysis import runs
+from jointplay.commands import listed
 from jointplay.commands.run_scenario import file_names
-from jointplay.host import numba_cache
+from jointplay.core import numba_cache, schema
+from jointplay.core.files import MOST_TEXT, csv_rows
+from jointplay.core.units import convert
+from jointplay.design import shares
+from jointplay.mechanism import impact
 from jointplay.mechanism.loop import closing_rows, misfit
-from jointplay.mechanism.urdf import MOST_MOVING
+from jointplay.mechanism.urdf import MOST_IN_SERIES, MOST_MOVING, as_option
+from jointplay.nonlinear import lyapunov, observables, poincare
+from jointplay.player import movie
+from jointplay.reports.sections import claim_rows
 from jointplay.study import run_study, scara
-from jointplay.units import convert
+from jointplay.sweeps import axes, uncertainty
 
 JOINTPLAY = str(Path(sys.executable).parent / "jointplay")
 
@@ -128,7 +141,7 @@ def test_a_number_without_a_unit_cannot_come_into_the_package():
         length: float
 
     with pytest.raises(TypeError, match=r"Novel.length is a number without a unit"):
-        codec.check(Novel, {"length": 1.0})
+        schema.check(Novel, {"length": 1.0})
 
 
 def scenario(line="", new="", path="study.toml"):
@@ -165,7 +178,7 @@ def test_a_long_list_over_many_lines_is_placed_quickly():
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"seed": -1}, "seed must be a whole number >= 0, got -1"),
+        ({"seed": -1}, r"seed must be a whole number from 0 to 9\.22e\+18, got -1"),
         ({"step": 1e-300}, "at most 1e\\+12 are possible"),
         ({"record_every": 10**30}, "record_every must be a whole number from 1 to"),
         ({"duration": 1e6}, "GB of memory, of which there are"),
@@ -175,6 +188,60 @@ def test_a_long_list_over_many_lines_is_placed_quickly():
 def test_runs_that_would_never_end_are_refused_before_anything_is_tabulated(changes, words):
     with pytest.raises(JointplayError, match=words):
         dataclasses.replace(scara(2e-4), **changes).prepare()
+
+
+NO_NUMBERS = (True, np.True_, math.nan, math.inf, "1")
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["duration", "step", "macro_step", "tolerance", "record_every", "seed", "settle", "judge_from"],
+)
+def test_nothing_but_numbers_passes_for_a_number_of_a_simulation(name):
+    for wrong in NO_NUMBERS:
+        with pytest.raises(JointplayError, match=name.replace("_", "[_ ]")):
+            dataclasses.replace(scara(2e-4), **{name: wrong}).prepare()
+    for wrong in NO_NUMBERS[:-1]:
+        with pytest.raises(JointplayError, match="joint_a"):
+            dataclasses.replace(scara(2e-4), state={"joint_a": wrong}).prepare()
+
+
+@pytest.mark.parametrize("wrong", NO_NUMBERS, ids=repr)
+def test_nothing_but_numbers_passes_for_a_number_of_a_function(wrong):
+    bearing = jp.RevoluteClearance(radial_clearance=1e-4, axial_clearance=1e-4)
+    motion = jp.Motion(["a"], [0.0, 1.0], [[0.0], [1.0]])
+    error = xr.DataArray(np.zeros((3, 3)), {"time": [0.0, 1.0, 2.0]}, ("time", "axis"))
+    law = bearing.normal
+    numbers = law.parameters(bearing.contact_properties(0))
+    calls = [
+        lambda: jp.Motion(["a"], [0.0, wrong], [[0.0], [1.0]]),
+        lambda: jp.Motion(["a"], [0.0, 1.0], [[0.0], [wrong]]),
+        lambda: bearing.scaled(wrong),
+        lambda: bearing.friction.scaled(wrong),
+        lambda: jp.analysis.accuracy(error, wrong),
+        lambda: jp.analysis.error_at(error, wrong),
+        lambda: jp.analysis.stops(motion, wrong),
+        lambda: impact.impact_duration(law, numbers, 1.0, wrong),
+        lambda: poincare.once_per_turn(np.zeros(9), wrong),
+        lambda: poincare.once_per_turn(np.zeros(9), 3, wrong),
+        lambda: poincare.repeats_after(np.zeros(9), wrong),
+        lambda: poincare.recurrence(np.arange(9.0), wrong),
+        lambda: poincare.determinism(np.eye(3), wrong),
+        lambda: lyapunov.exponent(np.arange(9.0), wrong),
+        lambda: lyapunov.exponent(np.arange(9.0), 1.0, wrong),
+        lambda: lyapunov.growths(lambda x: x, np.zeros(1), wrong),
+        lambda: uncertainty.estimate(np.arange(9.0), confidence=wrong),
+        lambda: axes.points("random", wrong, 2, 1),
+        lambda: movie.Shot(begin=wrong),
+        lambda: player.Server(b"", port=wrong),
+        lambda: shares.sensitivity(scara(2e-4), spread=wrong),
+        lambda: shares.sensitivity(scara(2e-4), samples=wrong),
+        lambda: runs.traces([], jobs=wrong),
+        lambda: jp.oil("ISO VG 32").viscosity(wrong),
+    ]
+    for number, call in enumerate(calls):
+        with pytest.raises(JointplayError):
+            pytest.fail(f"call {number} took {wrong!r} and gave {call()!r}")
 
 
 def test_a_run_too_large_for_the_memory_says_how_it_would_fit(monkeypatch):
@@ -271,7 +338,8 @@ def test_a_journal_may_fly_at_the_start():
     """Speeds of all three joints are given: the bearing holds its journal by contact only."""
     shipped = jp.Scenario.load(jp.shipped("four_bar.toml")).simulation("0.05 mm")
     speeds = {"crank_pin": 1.0, "coupler_pin": 0.0, "rocker_pin": 0.0}
-    run = dataclasses.replace(shipped, **FREE, start_speed=speeds).prepare()
+    state = {name: (None, speed) for name, speed in speeds.items()}
+    run = dataclasses.replace(shipped, **FREE, state=state).prepare()
     for name, speed in speeds.items():
         assert run.workspace.v[run.mechanism.coordinate(name)] == speed
     assert np.abs(closing_rows(run.mechanism, run.workspace.q) @ run.workspace.v).max() > 0.01
@@ -279,9 +347,9 @@ def test_a_journal_may_fly_at_the_start():
 
 def test_a_loop_without_clearance_is_not_torn_apart():
     ideal = jp.Scenario.load(jp.shipped("four_bar.toml")).simulation("ideal")
-    speeds = {"crank_pin": 1.0, "coupler_pin": 0.0, "rocker_pin": 0.0}
+    state = {"crank_pin": (None, 1.0), "coupler_pin": (None, 0.0), "rocker_pin": (None, 0.0)}
     with pytest.raises(JointplayError, match="given for crank_pin, coupler_pin, rocker_pin do not"):
-        dataclasses.replace(ideal, **FREE, start_speed=speeds).prepare()
+        dataclasses.replace(ideal, **FREE, state=state).prepare()
 
 
 # The surroundings
@@ -320,6 +388,19 @@ def test_runs_do_without_anyone_to_tell(closed, tmp_path):
     assert done.returncode == 0
     assert "Traceback" not in done.stderr
     assert jp.Result.load(tmp_path / "o" / "result.nc").message.startswith("completed")
+
+
+@pytest.mark.parametrize("closed", ["2>&-", "2>&- >&- <&-"])
+def test_processes_that_are_begun_without_anyone_to_tell_have_somewhere_to_write(closed, tmp_path):
+    code = """
+import subprocess, sys
+from jointplay.core import streams
+with streams.forgiving():
+    child = [sys.executable, "-c", "import os; [os.fstat(number) for number in range(3)]"]
+    sys.exit(subprocess.run(child).returncode)
+"""
+    (tmp_path / "begins.py").write_text(code)
+    assert shell(f"{sys.executable} begins.py {closed}", tmp_path).returncode == 0
 
 
 # Every content compiles the kernels anew.
@@ -394,3 +475,83 @@ def test_a_motion_that_takes_long_to_tabulate_has_a_bar(urdf, monkeypatch, capsy
     assert "tabulating the motion" in capsys.readouterr().err
     simulation.prepare()
     assert capsys.readouterr().err == ""
+
+
+SERIES = """
+import sys
+import jointplay as jp
+from jointplay.mechanism.tool import choose_tool
+robot = jp.Mechanism(sys.argv[1])
+print(choose_tool(robot.description)[0], robot.model.nv)
+"""
+
+
+@pytest.mark.parametrize(("more", "code"), [(0, 0), (1, 1), (3000, 1)])
+def test_links_in_series_are_read_up_to_a_limit_that_is_said(urdf, more, code):
+    number = MOST_IN_SERIES - 1 + more
+    chain = [body("l1"), joint("j1", "base", "l1")]
+    for k in range(2, number + 1):
+        chain += [body(f"l{k}"), joint(f"j{k}", f"l{k - 1}", f"l{k}", "fixed")]
+    call = [sys.executable, "-c", SERIES, str(urdf(*chain))]
+    done = subprocess.run(call, capture_output=True, text=True, check=False)
+    assert done.returncode == code, done.stderr[-500:]
+    if code:
+        assert f"more than {MOST_IN_SERIES} links in series, up to 'l1000'" in done.stderr
+    else:
+        assert done.stdout.split()[1] == "1"
+
+
+# Files of strangers
+
+
+def _devices(folder):
+    os.mkfifo(folder / "pipe")
+    with (folder / "giant").open("wb") as file:
+        file.truncate(10 * MOST_TEXT)
+    return [folder / "pipe", folder / "giant", Path("/dev/zero"), folder]
+
+
+READERS = {
+    "urdf": jp.Mechanism,
+    "scenario": jp.Scenario.load,
+    "motion": jp.Motion.from_csv,
+    "measurement": lambda path: csv_rows(path, "measurement"),
+    "claims": claim_rows,
+}
+
+
+@pytest.mark.parametrize("reader", READERS.values(), ids=READERS)
+def test_what_is_no_plain_file_or_a_giant_is_not_opened(reader, tmp_path):
+    """A pipe that nobody writes to would be waited for, a device read for ever."""
+    for path in _devices(tmp_path):
+        with pytest.raises(JointplayError, match=f"{path.name}.*(no plain|at most 256|folder|dir)"):
+            reader(path)
+
+
+# Options
+
+
+def test_a_link_whose_name_has_a_comma_is_named_in_quotes(urdf):
+    assert listed('a, "b,c" ,"d ""e"""') == ["a", "b,c", 'd "e"']
+    names = ["b,c", 'd "e"', "f g"]
+    assert listed(shlex.split(as_option(names))[0]) == names
+    with pytest.raises(argparse.ArgumentTypeError, match="x,"):
+        listed('x,"b')
+    links = [body(n).replace('izz="0.01"', 'izz="9.0"') for n in ("b,c", "d")]
+    path = urdf(
+        links[0].replace(",", "&#44;"), joint("pin", "base", "b,c"),
+        links[1], joint("pin2", "b,c", "d"),
+    )  # fmt: skip
+    with pytest.raises(JointplayError, match="all: --allow-unphysical '\"b,c\",d'"):
+        jp.Mechanism(path)
+    assert jp.Mechanism(path, allow_unphysical=listed('"b,c",d')).joints == ("pin", "pin2")
+
+
+def test_what_could_be_of_the_tool_or_of_a_joint_of_that_name_is_refused(urdf):
+    robot = jp.Mechanism(urdf(body("arm"), joint("tool", "base", "arm")))
+    result = jp.simulate(robot, duration=1e-3, drive=jp.loads.Free(), joint_friction={})
+    assert observables.observe(result, "tool.position").unit == "rad"
+    assert observables.observe(result, "tool.x").unit == "m"
+    for name in ("tool.speed", "tool.acceleration"):
+        with pytest.raises(JointplayError, match=f"'{name}' is a quantity of the tool and of"):
+            observables.observe(result, name)

@@ -1,6 +1,7 @@
 """Runs whose histories go to disk: the same to the last bit, in bounded memory, and continued."""
 
 import dataclasses
+import io
 import json
 import os
 import re
@@ -15,10 +16,10 @@ import xarray as xr
 
 import jointplay as jp
 from jointplay.kernel import Status
-from jointplay.loads import ComputedTorque, reference
-from jointplay.result import auditor, growing, netcdf
-from jointplay.simulation import on_disk, spool
-from jointplay.simulation.unfinished import beside
+from jointplay.loads import ComputedTorque, tables
+from jointplay.result import audit, netcdf, portions
+from jointplay.simulation import spool
+from jointplay.simulation.working_files import CHECKPOINT, working_paths
 from jointplay.study import scara
 
 JOINTPLAY = str(Path(sys.executable).parent / "jointplay")
@@ -29,11 +30,11 @@ PATIENCE_S = 900.0
 @pytest.fixture
 def small_portions(monkeypatch):
     """So little memory for records that a short run needs several portions."""
-    monkeypatch.setattr(auditor, "PORTION", 64)
+    monkeypatch.setattr(audit, "PORTION", 64)
     monkeypatch.setattr(spool, "PORTION", 64)
     monkeypatch.setattr(spool, "PORTION_BYTES", 1)
-    monkeypatch.setattr(on_disk, "RECORD_BYTES", 1)
-    monkeypatch.setattr(on_disk, "MOST_BYTES", 1)
+    monkeypatch.setattr(spool, "RECORD_BYTES", 1)
+    monkeypatch.setattr(spool, "MOST_BYTES", 1)
 
 
 def simulation(**options):
@@ -95,7 +96,7 @@ def test_a_run_is_continued_bit_for_bit_wherever_it_was_stopped(small_portions, 
     one = simulation(duration=0.06, judge_from=0.02, seed=1)
     whole = one.run_to(tmp_path / "whole.nc")
     path = tmp_path / "parts.nc"
-    records, kept = beside(path)
+    records, kept = working_paths(path)
     run = one.prepare(records=records)
     for stop in (0.013, 0.041):
         stepped(run, stop).checkpoint(kept)
@@ -108,7 +109,7 @@ def test_a_run_is_continued_bit_for_bit_wherever_it_was_stopped(small_portions, 
 
 def test_records_that_are_missing_are_said(small_portions, tmp_path):
     one = simulation(duration=0.06)
-    records, kept = beside(tmp_path / "r.nc")
+    records, kept = working_paths(tmp_path / "r.nc")
     stepped(one.prepare(records=records), 0.03).checkpoint(kept)
     os.truncate(records, 1000)
     with pytest.raises(jp.JointplayError, match="lacks records of the run: it holds 1000 bytes"):
@@ -116,7 +117,7 @@ def test_records_that_are_missing_are_said(small_portions, tmp_path):
 
 
 def test_a_checkpoint_of_another_run_is_refused_with_the_difference(tmp_path):
-    kept = beside(tmp_path / "r.nc")[1]
+    kept = working_paths(tmp_path / "r.nc")[1]
     stepped(simulation(duration=0.02).prepare(), 0.01).checkpoint(kept)
     with pytest.raises(jp.JointplayError, match=r"of another run: duration is 0.03, and was 0.02"):
         simulation(duration=0.03).run_to(tmp_path / "r.nc", resume=True)
@@ -130,7 +131,7 @@ def test_a_motion_in_blocks_drives_as_a_whole_table_does(loops, monkeypatch, tmp
     if loops:
         one = crank(False, duration=0.25, drive=ComputedTorque(), step=1e-5)
     whole = one.prepare().workspace.reference
-    monkeypatch.setattr(reference, "BLOCK_NODES", 1)
+    monkeypatch.setattr(tables, "BLOCK_NODES", 1)
     table = one.prepare()._reference
     found = [table.table]
     while table.until < 0.25:
@@ -201,7 +202,7 @@ def test_memory_does_not_grow_with_the_length_of_a_run(tmp_path):
 
 
 def test_of_the_index_of_a_long_file_little_is_in_memory(monkeypatch, tmp_path):
-    monkeypatch.setattr(growing, "CHUNK", 8)
+    monkeypatch.setattr(portions, "CHUNK", 8)
 
     def portion(k):
         names, zeros = (f"v{number}" for number in range(25)), np.zeros((8, 1, 3))
@@ -209,10 +210,10 @@ def test_of_the_index_of_a_long_file_little_is_in_memory(monkeypatch, tmp_path):
         return xr.Dataset(histories, {"time": np.arange(8.0) + 8.0 * k})
 
     with (tmp_path / "long.nc").open("w+b") as file:
-        made = growing.Growing(file, portion(0))
+        made = portions.Growing(file, portion(0))
         for k in range(1, 300):
             made.append(portion(k))
-        assert made.index_bytes <= growing.INDEX_BYTES
+        assert made.index_bytes <= portions.INDEX_BYTES
         made.finish({}, {})
     with netcdf.open_lazily(tmp_path / "long.nc") as found:
         np.testing.assert_array_equal(found["time"], np.arange(2400.0))
@@ -222,9 +223,9 @@ RUN = """
 import sys
 from pathlib import Path
 from jointplay import cli
-from jointplay.scenario import keep
+from jointplay.scenario import execution
 
-keep.SUMMARY_RECORDS = 5_000
+execution.SUMMARY_RECORDS = 5_000
 command = ["run", "--no-figures", "--quiet", "--duration", sys.argv[1], "--out", sys.argv[2]]
 status = cli.main([*command, "--record-every", "1"])
 lines = Path("/proc/self/status").read_text().splitlines()
@@ -322,10 +323,88 @@ def test_resume_goes_on_after_a_kill_and_leaves_what_is_done(tmp_path):
     (done,) = out.iterdir()
     before = done.stat().st_mtime_ns
     (other,) = set(names(tmp_path / "whole")) - {done.name}
-    records, kept = beside(out / other)
+    records, kept = working_paths(out / other)
     stepped(scenario.prepare(second, records=records), 0.05).checkpoint(kept)
     _, err, status = ended(start("run", path, *chosen, "--out", out, "--resume"))
     assert status == 0, err
     assert done.stat().st_mtime_ns == before
     assert names(out) == names(tmp_path / "whole")
     same(jp.Result.load(out / other), jp.Result.load(tmp_path / "whole" / other))
+
+
+def test_files_of_ones_own_beside_a_result_stay_and_the_run_is_refused_before_it_begins(tmp_path):
+    for suffix, what in ((".records", "file of records"), (".checkpoint", "checkpoint")):
+        out = tmp_path / suffix[1:]
+        out.mkdir()
+        mine = out / f"result{suffix}"
+        mine.write_text("precious")
+        for more in ((), ("--resume",)):
+            short = ("--duration", "0.02", "--no-figures", "--quiet")
+            said, err, status = ended(start("run", *short, "--out", out, *more))
+            assert (status, said) == (2, ""), err
+            assert f"result{suffix}' is no {what} of jointplay" in err
+            with pytest.raises(jp.JointplayError, match=f"is no {what} of jointplay"):
+                simulation(duration=0.02).run_to(out / "result.nc", resume=bool(more))
+            assert (names(out), mine.read_text()) == ([mine.name], "precious")
+
+
+def test_a_checkpoint_replaces_checkpoints_only(tmp_path):
+    run = stepped(simulation(duration=0.02).prepare(), 0.01)
+    mine = tmp_path / "mine.dat"
+    mine.write_text("precious")
+    with pytest.raises(jp.JointplayError, match="is no checkpoint of jointplay"):
+        run.checkpoint(mine)
+    assert mine.read_text() == "precious"
+    kept = run.checkpoint(tmp_path / "run.checkpoint")
+    assert jp.Simulation.resume(run.checkpoint(kept)).workspace.time == run.workspace.time
+
+
+def renamed(kept, name):
+    """A checkpoint that has its records in a file of another name."""
+    with np.load(io.BytesIO(kept.read_bytes().removeprefix(CHECKPOINT))) as opened:
+        arrays = dict(opened)
+    head = json.loads(arrays["head"].tobytes())
+    head["records"]["file"] = name
+    arrays["head"] = np.frombuffer(json.dumps(head).encode(), np.uint8)
+    out = io.BytesIO()
+    np.savez(out, **arrays)
+    kept.write_bytes(CHECKPOINT + out.getvalue())
+    return kept
+
+
+def test_no_file_is_touched_because_a_checkpoint_names_it(small_portions, tmp_path):
+    one = simulation(duration=0.06)
+    records, kept = working_paths(tmp_path / "r.nc")
+    stepped(one.prepare(records=records), 0.03).checkpoint(kept)
+    content = records.read_bytes()
+    mine = tmp_path / "precious.dat"
+    mine.write_bytes(b"precious" * len(content))
+    before = mine.read_bytes()
+    with pytest.raises(jp.JointplayError, match=r"precious\.dat' is no file of records"):
+        jp.Simulation.resume(renamed(kept, mine.name))
+    assert mine.read_bytes() == before
+    for outside in ("../precious.dat", "/etc/hostname", ""):
+        with pytest.raises(jp.JointplayError, match="damaged or no checkpoint"):
+            jp.Simulation.resume(renamed(kept, outside))
+    other, its = working_paths(tmp_path / "other.nc")
+    stepped(one.prepare(records=other), 0.04).checkpoint(its)
+    before = other.read_bytes()
+    with pytest.raises(jp.JointplayError, match=r"other\.records' holds records of another run"):
+        jp.Simulation.resume(renamed(kept, other.name))
+    assert other.read_bytes() == before
+    again = jp.Simulation.resume(renamed(kept, records.name))
+    assert again.workspace.time == pytest.approx(0.03)
+
+
+def test_a_result_that_is_no_interrupted_run_is_not_replaced_by_resuming(small_portions, tmp_path):
+    one = simulation(duration=0.03)
+    path = tmp_path / "r.nc"
+    records, kept = working_paths(path)
+    stepped(one.prepare(records=records), 0.01).checkpoint(kept)
+    path.write_text("precious")
+    with pytest.raises(jp.JointplayError, match="is not the result of an interrupted run"):
+        one.run_to(path, resume=True)
+    assert path.read_text() == "precious"
+    path.unlink()
+    assert one.run_to(path, resume=True).status == Status.COMPLETED
+    assert names(tmp_path) == ["r.nc"]

@@ -5,8 +5,8 @@ import pytest
 from conftest import body, joint
 
 import jointplay as jp
-from jointplay.analysis.maintenance import maintenance
 from jointplay.cli import main
+from jointplay.design.maintenance import maintenance
 
 PLAY = 1e-4
 

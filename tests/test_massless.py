@@ -5,7 +5,7 @@ import pytest
 from conftest import body, joint
 
 from jointplay import JointplayError, Mechanism, PrismaticClearance, RevoluteClearance, shipped
-from jointplay.mechanism.massless import require_inertia, undetermined
+from jointplay.simulation.assemble import require_inertia, undetermined
 
 PLAY = {"radial_clearance": 1e-4, "axial_clearance": 1e-4}
 CHAIN = (

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 import jointplay as jp
 from jointplay import JointplayError
-from jointplay.errors import MissingName
+from jointplay.core.errors import MissingName
 from jointplay.joints.materials import (
     Oil,
     material,

@@ -1,5 +1,7 @@
 """Surfaces of meshes: whole, joined, coloured, read once."""
 
+import os
+
 import numpy as np
 import pytest
 import trimesh
@@ -8,12 +10,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import jointplay as jp
+from jointplay import JointplayError
 from jointplay.mechanism import meshes
 from jointplay.mechanism.meshes import parts_of, surface
 from jointplay.mechanism.picture import triangles_of
 from jointplay.mechanism.robots import survey
-from jointplay.mechanism.seen import look
-from jointplay.mechanism.visuals import visuals
+from jointplay.mechanism.visuals import look, visuals
 
 
 @pytest.fixture(autouse=True)
@@ -142,3 +144,34 @@ def test_colours_of_the_urdf_count_more_than_those_of_files(urdf, tmp_path):
     seen = look(jp.Mechanism(path))
     colours = {shape.link: {c[:3] for c in shape.colours} for shape in seen.shapes}
     assert colours == {"a": {(1, 0, 0), (0, 0, 1)}, "b": {(0, 1, 0)}}
+
+
+def test_pipes_devices_and_giants_are_refused_before_they_are_read(tmp_path):
+    pipe, giant, device = (tmp_path / name for name in ("pipe.stl", "giant.stl", "device.stl"))
+    os.mkfifo(pipe)
+    device.symlink_to("/dev/zero")
+    with giant.open("wb") as file:
+        file.truncate(meshes.MOST_BYTES + 1)
+    for path, reason in (
+        (pipe, "no plain file"),
+        (device, "no plain file"),
+        (giant, "at most 200"),
+    ):
+        with pytest.raises(JointplayError, match=reason):
+            meshes.parts_of(path)
+
+
+def test_what_a_mesh_names_is_read_as_carefully(tmp_path):
+    os.mkfifo(tmp_path / "pipe.mtl")
+    (tmp_path / "zero.mtl").symlink_to("/dev/zero")
+    for name in ("pipe", "zero"):
+        path = tmp_path / f"{name}.obj"
+        path.write_text(f"mtllib {name}.mtl\nusemtl x\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+        (part,) = meshes.parts_of(path)
+        assert len(part.triangles) == 1
+
+
+def test_a_mesh_that_cannot_be_read_is_said_and_the_others_are_shown(tmp_path):
+    (tmp_path / "bad.stl").write_bytes(b"no mesh")
+    with pytest.warns(RuntimeWarning, match=r"a mesh is not shown: .*bad\.stl"):
+        assert meshes.readable(tmp_path / "bad.stl") is None

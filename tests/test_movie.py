@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import jointplay as jp
-from jointplay import playback
-from jointplay.playback import movie
-from jointplay.playback.movie import KINDS, Shot, pace, save_movie, speed_for
+from jointplay import player
+from jointplay.player import movie
+from jointplay.player.movie import KINDS, Shot, pace, save_movie, speed_for
 from jointplay.study import scara
 
 COMMAND = Path(sys.executable).parent / "jointplay"
@@ -137,7 +137,7 @@ def test_films_move_and_last_as_they_say(suffix, run, filmable, tmp_path):
 
 
 def test_views_differ(run, filmable, tmp_path):
-    content, scene = playback.page({"0.2 mm": run}, ghosts=False)
+    content, scene = player.page({"0.2 mm": run}, ghosts=False)
     images = []
     for view in ("robot", "closeup"):
         path = tmp_path / f"{view}.png"

@@ -61,10 +61,11 @@ def test_every_target_exists_and_survivors_are_explained_where_they_are():
 
 @pytest.mark.nightly
 def test_a_wrong_factor_dies_and_the_same_factor_lives():
-    text = (mutation.PACKAGE / "contact/flores.py").read_text("utf-8")
+    module = "contact/normal/flores.py"
+    text = (mutation.PACKAGE / module).read_text("utf-8")
     tests = ["tests/contact/test_restitution.py"]
-    (wrong,) = [m for m in mutation.mutants("contact/flores.py", text) if m.change == "1.6 to 3.2"]
-    same = mutation.Mutant("contact/flores.py", 0, "", "nothing", ast.unparse(ast.parse(text)))
+    (wrong,) = [m for m in mutation.mutants(module, text) if m.change == "1.6 to 3.2"]
+    same = mutation.Mutant(module, 0, "", "nothing", ast.unparse(ast.parse(text)))
     with mutation.copied() as where:
         assert mutation.survives(same, tests, where)
         assert not mutation.survives(wrong, tests, where)

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 import jointplay as jp
-from jointplay.analysis import lyapunov, nonlinear, recurrence
-from jointplay.analysis.poincare import attractors, once_per_turn, repeats_after
+from jointplay.nonlinear import lyapunov, poincare, steady_motion
+from jointplay.nonlinear.poincare import attractors, once_per_turn, repeats_after
 from jointplay.scenario import Scenario
 
 
@@ -67,7 +67,7 @@ def test_exponent_of_the_henon_map():
         return np.array([1.0 - 1.4 * x * x + y, 0.3 * x])
 
     grown = lyapunov.growths(advance, np.array([0.1, 0.1]), 20000, 1e-8)[100:]
-    assert lyapunov.exponent(grown, 1.0).value == pytest.approx(0.419, abs=0.01)  # Sprott, 2003
+    assert lyapunov.exponent(grown, 1.0).value == pytest.approx(0.419, abs=0.01)  # (Sprott, 2003)
 
 
 def test_exponent_of_a_flow_is_by_its_time():
@@ -135,23 +135,23 @@ def test_phase_beyond_the_turn_is_refused():
 
 def test_periodic_motion_recurs_along_diagonals_a_period_apart():
     angle = 2.0 * np.pi * np.arange(200) / 40
-    near = recurrence.recurrence(np.stack([np.cos(angle), np.sin(angle)], 1), 0.01)
+    near = poincare.recurrence(np.stack([np.cos(angle), np.sin(angle)], 1), 0.01)
     gaps = {int(k) for k in np.flatnonzero(near[0])}
     assert gaps == {0, 40, 80, 120, 160}
-    assert recurrence.determinism(near) == 1.0
-    assert recurrence.rate(near) == pytest.approx(2 * (160 + 120 + 80 + 40) / (200 * 199))
+    assert poincare.determinism(near) == 1.0
+    assert poincare.rate(near) == pytest.approx(2 * (160 + 120 + 80 + 40) / (200 * 199))
 
 
 def test_noise_is_less_deterministic_than_a_circle_and_chaos_between():
     random = np.random.default_rng(0)
-    noise = recurrence.recurrence(random.uniform(size=400), 0.03)
-    chaos = recurrence.recurrence(logistic(3.9, 400), 0.03)
-    assert recurrence.determinism(noise) < recurrence.determinism(chaos) < 1.0
+    noise = poincare.recurrence(random.uniform(size=400), 0.03)
+    chaos = poincare.recurrence(logistic(3.9, 400), 0.03)
+    assert poincare.determinism(noise) < poincare.determinism(chaos) < 1.0
 
 
 def test_recurrence_of_too_many_points_is_refused():
     with pytest.raises(jp.JointplayError, match="takes 2 to 4000 points, got 4001"):
-        recurrence.recurrence(np.zeros(4001))
+        poincare.recurrence(np.zeros(4001))
 
 
 @given(
@@ -161,7 +161,7 @@ def test_recurrence_of_too_many_points_is_refused():
 def test_harmonic_shows_its_amplitude_at_its_order(order, amplitude, mean, shift):
     time = np.arange(8 * 64) / 64
     values = amplitude * np.cos(2.0 * np.pi * order * time + shift)
-    at, found = nonlinear.orders(values + mean * amplitude, 8, 20.0)
+    at, found = steady_motion.orders(values + mean * amplitude, 8, 20.0)
     assert at[-1] == 20.0
     assert found[at == order] == pytest.approx(amplitude, rel=1e-6)
     assert at[found.argmax()] == order
@@ -175,11 +175,11 @@ def crank(**changes):
 
 
 def test_turn_of_a_crank_is_that_of_its_speed():
-    assert nonlinear.turn(crank().motion) == pytest.approx(60.0 / 5000.0, rel=1e-12)
+    assert steady_motion.turn(crank().motion) == pytest.approx(60.0 / 5000.0, rel=1e-12)
 
 
 def test_a_turn_has_a_whole_number_of_steps_not_longer_than_asked():
-    turning = nonlinear.Turning.of(crank(), 2, 3, records=700)
+    turning = steady_motion.Turning.of(crank(), 2, 3, records=700)
     simulation = turning.simulation
     every = simulation.record_every
     assert simulation.step <= 2e-6
@@ -190,16 +190,16 @@ def test_a_turn_has_a_whole_number_of_steps_not_longer_than_asked():
 def test_repeated_motion_goes_through_its_waypoints_each_time():
     motion = jp.Motion(["a"], [0.0, 1.0, 3.0], [[0.0], [2.0], [0.0]])
     simulation = crank()
-    twice = nonlinear.repeated(motion, 2)
+    twice = steady_motion.repeated(motion, 2)
     assert twice.duration == 6.0
     at = np.linspace(0.0, 3.0, 50)
     assert twice(at + 3.0)[0] == pytest.approx(motion(at)[0], abs=1e-12)
-    assert nonlinear.repeated(simulation.motion, 9) is simulation.motion
+    assert steady_motion.repeated(simulation.motion, 9) is simulation.motion
 
 
 def test_motion_that_does_not_return_cannot_be_repeated():
     with pytest.raises(jp.JointplayError, match="'a' ends 2 rad or m from where it began"):
-        nonlinear.turn(jp.Motion(["a"], [0.0, 1.0], [[0.0], [2.0]]))
+        steady_motion.turn(jp.Motion(["a"], [0.0, 1.0], [[0.0], [2.0]]))
 
 
 @pytest.mark.parametrize("file", ["slider_crank", "scara"])
@@ -209,7 +209,7 @@ def test_journal_begins_where_it_was_put(file):
     simulation = scenario.simulation(case, {"integration": {"start": "centred"}})
     joint = next(iter(simulation.mechanism.clearance))
     run = simulation.prepare()
-    nonlinear.placing(joint, 0.9e-4, -0.5e-4)(run)
+    steady_motion.placing(joint, 0.9e-4, -0.5e-4)(run)
     run.begin()
     centre, _ = run.moment().journal(joint)
     assert centre[:2] == pytest.approx([0.9e-4, -0.5e-4], abs=1e-9)
@@ -217,7 +217,7 @@ def test_journal_begins_where_it_was_put(file):
 
 def test_ideal_slider_crank_gives_one_point_and_the_closed_form():
     simulation = crank(joints={"piston_pin": {"ideal": True}}, integration={"integrator": "rk4"})
-    turning = nonlinear.Turning.of(simulation, 1, 3, records=400)
+    turning = steady_motion.Turning.of(simulation, 1, 3, records=400)
     kept = turning.kept(turning.run(), ["guide.acceleration", "guide.position"])
     assert repeats_after(once_per_turn(kept[:-1], 400), 1e-3 * np.ptp(kept[:, 0])) == 1
     angle = 2.0 * np.pi * np.arange(len(kept)) / 400

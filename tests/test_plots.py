@@ -7,6 +7,7 @@ import pytest
 from matplotlib.colors import to_hex
 
 from jointplay import plots
+from jointplay.plots import figures
 from jointplay.study import scara
 
 
@@ -41,6 +42,13 @@ def test_tool_histories_show_all_cases_in_the_papers_colours(cases, name):
         variable = "tool_position" if name == "tool_displacement" else "tool_velocity"
         drawn = panel.get_lines()[1].get_ydata()
         assert np.array_equal(drawn, cases["0.2 mm"][variable].sel(axis=axis))
+
+
+def test_a_run_too_short_for_a_spectrum_is_named_in_the_legend(cases):
+    short = shortened(0.2e-3, 1e-3)
+    figure = figures._spectra({"long": cases["0.2 mm"], "short": short}, None)
+    words = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert words == ["long", "short: too short for a spectrum"]
 
 
 def test_orbit_stays_near_the_clearance_circle(cases):
@@ -128,6 +136,14 @@ def test_an_ideal_run_has_no_orbit_to_plot(cases):
     assert "orbit" not in cases["ideal"].plot.available
     with pytest.raises(ValueError, match="clearance"):
         cases["ideal"].plot.orbit()
+
+
+def test_names_that_begin_with_an_underscore_stand_in_the_legend(cases):
+    named = {f"_{label}": result for label, result in cases.items()}
+    for draw in (plots.FIGURES["tool_displacement"], plots.FIGURES["overview"]):
+        texts = [text.get_text().strip() for text in draw(named).legends[0].get_texts()]
+        assert len(texts) >= 2
+        assert set(texts) <= set(named)
 
 
 @pytest.mark.parametrize("number", [2, 5, 6])

@@ -9,10 +9,9 @@ import pytest
 from conftest import body, joint
 
 from jointplay import Gear, JointplayError, Mechanism, RevoluteClearance
-from jointplay.analysis.reduce import reduce_joint
-from jointplay.analysis.reduced_files import to_json, to_sdf, to_urdf, to_yaml
-from jointplay.analysis.reduced_mjcf import follow, to_mjcf
 from jointplay.cli import main
+from jointplay.design.reduced_files import follow, to_json, to_mjcf, to_sdf, to_urdf, to_yaml
+from jointplay.design.reduction import reduce_joint
 
 GEAR = Gear(play=4e-3, rotor_inertia=0.05, stiffness=2e3, damping=2.0)
 GRAVITY = 9.81

@@ -1,6 +1,7 @@
 """What is said of the package in several places says the same."""
 
 import re
+import runpy
 import tomllib
 from importlib.resources import files
 from pathlib import Path
@@ -10,6 +11,8 @@ import yaml
 
 ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+DATA = ROOT / "benchmarks" / "validation" / "data"
+LICENCES = runpy.run_path(str(DATA / "__init__.py"))["LICENCES"]
 CONDA_NAMES = {"pin": "pinocchio", "matplotlib": "matplotlib-base", "meshcat": "meshcat-python"}
 
 
@@ -36,3 +39,43 @@ def test_github_files_are_well_formed(path):
 
 def test_the_package_says_that_it_is_typed():
     assert (files("jointplay") / "py.typed").is_file()
+
+
+def notes(path):
+    return [line[2:] for line in path.read_text().splitlines() if line.startswith("# ")]
+
+
+@pytest.mark.parametrize("path", sorted(DATA.glob("*.csv")), ids=lambda p: p.name)
+def test_data_say_whose_they_are_and_under_which_licence(path):
+    said = dict(re.findall(r"^([\w-]+): (.+)$", "\n".join(notes(path)), re.MULTILINE))
+    licence = said["SPDX-License-Identifier"]
+    table = (DATA / "README.md").read_text()
+    assert path.name in table
+    if licence == "MIT":  # made here
+        assert "Source" not in said
+        return
+    assert said["Licence"].startswith(LICENCES[licence])
+    assert re.fullmatch(r"[0-9a-f]{40}", said["Commit"])
+    assert said["Source"].startswith("github.com/")
+    assert said["SPDX-FileCopyrightText"]
+    assert "Changed" in said
+    (row,) = [line for line in table.splitlines() if f"`{path.name}`" in line]
+    assert f"[{licence}]({LICENCES[licence]})" in row
+    assert said["Commit"] in row
+    assert said["Source"].split(",")[0] in row
+
+
+def test_the_licence_of_the_source_distribution_names_all_that_it_ships():
+    found = set()
+    for path in DATA.glob("*.csv"):
+        found |= set(re.findall(r"SPDX-License-Identifier: (\S+)", path.read_text()))
+    assert set(PROJECT["license"].split(" AND ")) == found | {"MIT"}
+    for pattern in PROJECT["license-files"]:
+        assert list(ROOT.glob(pattern)), pattern
+    shipped = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["hatch"]["build"]
+    assert {"LICENSE", "LICENSES"} <= set(shipped["targets"]["sdist"]["include"])
+
+
+def test_an_extract_of_share_alike_data_stays_share_alike():
+    for path in DATA.glob("backlash_damper_*.csv"):
+        assert "SPDX-License-Identifier: CC-BY-SA-4.0" in notes(path)

@@ -10,7 +10,7 @@ import pytest
 from conftest import body, joint
 
 import jointplay as jp
-from jointplay import report
+from jointplay import reports
 from jointplay.study import scara
 
 COMMAND = Path(sys.executable).parent / "jointplay"
@@ -65,7 +65,7 @@ def test_any_mechanism_can_be_reported(tmp_path):
     for case in ("ideal", "0.2 mm"):
         simulation = scenario.simulation(case, {"integration": {"duration": "0.014 s"}})
         results[case] = simulation.run()
-    report.write(results, tmp_path / "a.html", impacts=1, pdf=False)
+    reports.write(results, tmp_path / "a.html", impacts=1, pdf=False)
     text = (tmp_path / "a.html").read_text(encoding="utf-8")
     assert "piston_pin" in text
 
@@ -84,7 +84,7 @@ def test_balls_oil_and_wear_without_a_motion(urdf, tmp_path):
     }  # fmt: skip
     robot = jp.Mechanism(path, joints, gravity=(0, -9.81, 0))
     result = jp.simulate(robot, duration=0.05, drive=jp.loads.Free(), joint_friction={}, step=5e-6)
-    report.write({"ball": result}, tmp_path / "a.html", impacts=1)
+    reports.write({"ball": result}, tmp_path / "a.html", impacts=1)
     text = (tmp_path / "a.html").read_text(encoding="utf-8")
     assert "Reynolds" in text
     assert "Archard" in text
@@ -118,6 +118,15 @@ def test_nothing_is_overwritten(page, folder):
     assert "exists" in done.stderr
 
 
+PATIENCE_MS = 900_000
+"""A deadline for pages that never get ready, not a measure of speed."""
+
+ZOOMED = """() => {
+    const [low, high] = document.getElementById("chart-contacts").layout.xaxis.range;
+    return Math.abs(low - 0.2) < 1e-9 && Math.abs(high - 0.201) < 1e-9;
+}"""
+
+
 @pytest.mark.skipif(CHROMIUM is None, reason="no chromium is installed")
 def test_page_works_in_a_browser_without_a_network(page, tmp_path):
     sync = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
@@ -127,6 +136,7 @@ def test_page_works_in_a_browser_without_a_network(page, tmp_path):
     with sync.sync_playwright() as tools:
         browser = tools.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
         tab = browser.new_page(viewport={"width": 1100, "height": 900})
+        tab.set_default_timeout(PATIENCE_MS)
         tab.on("console", lambda message: troubles.append(message.text))
         tab.on("pageerror", lambda error: troubles.append(str(error)))
         tab.on("request", lambda request: requests.append(request.url))
@@ -140,7 +150,7 @@ def test_page_works_in_a_browser_without_a_network(page, tmp_path):
             tab.locator(f"#chart-{name}").screenshot(path=shots[-1])
         # Zooming one chart in time zooms all, down to single steps.
         tab.evaluate("window.jointplayReport.show([0.2, 0.201])")
-        tab.wait_for_timeout(500)
+        tab.wait_for_function(ZOOMED)
         ranges = tab.evaluate("document.getElementById('chart-contacts').layout.xaxis.range")
         tab.locator("#chart-contacts").screenshot(path=tmp_path / "zoomed.png")
         drawn = tab.evaluate("window.jointplayReport.drawn")
@@ -183,6 +193,7 @@ def test_a_print_has_whole_words_whole_tables_and_all_charts(page, tmp_path):
     with sync.sync_playwright() as tools:
         browser = tools.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
         tab = browser.new_page(viewport={"width": 1100, "height": 900})
+        tab.set_default_timeout(PATIENCE_MS)
         tab.goto(page.as_uri())
         tab.wait_for_function("window.jointplayReport && window.jointplayReport.ready")
         tab.pdf(path=tmp_path / "at_once.pdf")  # draws what was not yet on the screen

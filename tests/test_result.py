@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from jointplay import JointplayError, Result
+from jointplay.result import FORMAT
 from jointplay.study import scara
 
 
@@ -90,6 +91,12 @@ def test_unwritable_and_unreadable_files_are_named(result, tmp_path):
     result.dataset.drop_attrs().to_netcdf(foreign, engine="h5netcdf")
     with pytest.raises(JointplayError, match="not a jointplay result"):
         Result.load(foreign)
+
+
+def test_a_result_of_another_format_is_refused_with_both_formats(result, tmp_path):
+    other = Result(result.dataset.assign_attrs(jointplay_format=FORMAT - 1)).save(tmp_path / "o.nc")
+    with pytest.raises(JointplayError, match=f"format {FORMAT - 1}; .* only format {FORMAT}:"):
+        Result.load(other)
 
 
 def test_repr_tells_what_a_user_wants_to_know(result):

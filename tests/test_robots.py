@@ -8,7 +8,7 @@ from conftest import body, joint
 
 from jointplay import JointplayError, Mechanism, Motion, RevoluteClearance, Simulation, simulate
 from jointplay.cli import main
-from jointplay.errors import MissingName
+from jointplay.core.errors import MissingName
 from jointplay.mechanism import robots
 
 STEP = 2e-6
@@ -270,15 +270,18 @@ def test_a_clearance_without_a_direction_is_both_for_joints_that_turn(tmp_path, 
 def test_a_step_that_the_impacts_of_a_robot_need_is_chosen_and_said(capsys):
     from jointplay.cli import parser
     from jointplay.commands.run import scenario_of
+    from jointplay.core import streams
 
     line = ["run", "so101", "--out", "o", "--joint", "elbow_flex",
             "--allow-unphysical", "gripper_frame_link"]  # fmt: skip
     scenario = scenario_of(parser().parse_args(line))
+    streams.release()
     said = capsys.readouterr().err
     assert "step: 2e-06 s (chosen: an impact in elbow_flex lasts" in said
     scenario.prepare()
     assert scenario.simulation().record_every == 50  # records 0.1 ms apart, as ever
     scenario = scenario_of(parser().parse_args([*line, "--step", "1e-6"]))
+    streams.release()
     assert "step:" not in capsys.readouterr().err
     assert scenario.simulation().step == 1e-6
 

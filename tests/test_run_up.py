@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import jointplay as jp
-from jointplay.analysis.run_up import RunUp
 from jointplay.cli import main
+from jointplay.nonlinear.run_up import RunUp
 
 
 def test_speed_ramps_have_the_speeds_that_were_meant_and_go_on():

@@ -95,7 +95,7 @@ def test_check_draws_the_mechanism_but_over_no_one_elses_picture(short):
     picture.write_bytes(b"mine")
     refused = jointplay("check", short)
     assert refused.returncode == 2
-    assert "exists; name another picture" in refused.stderr
+    assert "exists; choose another name (--picture" in refused.stderr
     assert picture.read_bytes() == b"mine"
 
 
@@ -176,7 +176,9 @@ def test_ctrl_c_keeps_what_was_computed(short, jobs, tmp_path):
     process = subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
     seen = ""
     while not re.search(r" \d+\.\d*[1-9]\d*/\d+.*left", seen):
-        seen += process.stderr.read(1)
+        read = process.stderr.read(1)
+        assert read, seen
+        seen += read
     process.send_signal(signal.SIGINT)
     _, errors = process.communicate(timeout=900)
     assert process.returncode == 130

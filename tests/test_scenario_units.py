@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from jointplay.units import WORDS, convert, readable
+from jointplay.core.units import WORDS, convert, readable
 
 
 @pytest.mark.parametrize(
@@ -89,7 +89,7 @@ def test_values_are_shown_with_handy_prefixes(value, unit, text):
 
 def test_usual_units_are_what_pint_says():
     """Those that need no pint give bit for bit what it gives."""
-    from jointplay import units
+    from jointplay.core import units
 
     for text, (goal, factor) in units.COMMON.items():
         unit = units.unit_of(text)

@@ -2,24 +2,35 @@
 
 import http.client
 import json
+import os
+import pickle
 import re
 import shutil
 import subprocess
 import sys
 import threading
+import time
+from functools import partial
 from html.parser import HTMLParser
 from pathlib import Path
 from xml.sax.saxutils import escape
 
+import h5py
+import numpy as np
 import pytest
 from conftest import body, joint
 
 import jointplay as jp
-from jointplay import JointplayError, playback, report
+from jointplay import JointplayError, player, reports
+from jointplay.analysis.runs import traces
+from jointplay.cli import main
 from jointplay.contact import CustomNormalForce
 from jointplay.contact.trust import trusting
+from jointplay.mechanism import viewer
+from jointplay.mechanism.impact import elastic_energy
 from jointplay.mechanism.visuals import find_mesh, mesh_folders
-from jointplay.playback.server import Server
+from jointplay.player.server import Server
+from jointplay.result import netcdf
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 COMMAND = Path(sys.executable).parent / "jointplay"
@@ -96,11 +107,11 @@ def inert(page):
 def pages(urdf, tmp_path):
     """A report and a playback of a hostile result, read from a file."""
     path = hostile_result(urdf).save(tmp_path / "evil.nc")
-    report.write(
+    reports.write(
         {EVIL: jp.Result.load(path)}, tmp_path / "report.html", title=EVIL, pdf=False, impacts=1
     )
     played = hostile_result(urdf, contacts=False).save(tmp_path / "evil2.nc")
-    playback.save_html({EVIL: jp.Result.load(played)}, tmp_path / "play.html")
+    player.save_html({EVIL: jp.Result.load(played)}, tmp_path / "play.html")
     return [tmp_path / "report.html", tmp_path / "play.html"]
 
 
@@ -131,6 +142,7 @@ def test_no_script_of_a_result_runs_in_a_browser(pages):
         ):
             said = []
             tab = browser.new_page()
+            tab.set_default_timeout(900_000)
             tab.on("console", lambda message, said=said: said.append(message.text))
             tab.goto(page.as_uri())
             while not tab.evaluate(ready):
@@ -310,6 +322,175 @@ def test_a_result_chooses_no_mesh_outside_the_folders_named(tmp_path, urdf, monk
     assert find_mesh("secret.stl", mesh_folders(robot)) == secret
 
 
+@pytest.fixture(scope="module")
+def plain(tmp_path_factory):
+    """A result, and a file here that is none of its business."""
+    from jointplay.study import scara
+
+    folder = tmp_path_factory.mktemp("plain")
+    made = scara(2e-4)
+    jp.simulate(made.mechanism, made.motion, duration=2e-3).save(folder / "r.nc")
+    np.arange(4096.0).tofile(folder / "secret")
+    return folder
+
+
+def resealed(plain, path, edit):
+    """The result after an edit by a stranger, who seals it as we do."""
+    shutil.copy(plain / "r.nc", path)
+    with h5py.File(path, "r+") as file:
+        edit(file, plain / "secret")
+    path.write_bytes(netcdf.seal(path.read_bytes()))
+    return path
+
+
+def anew(file, make, name="tool_position"):
+    """Another dataset of that name, with the dimensions and attributes of the old one."""
+    old = file[name]
+    scales = [old.dims[k][0] for k in range(old.ndim)]
+    attributes = {key: old.attrs[key] for key in ("units", "long_name", "_FillValue")}
+    shape = old.shape
+    del file[name]
+    new = make(shape)
+    for k, scale in enumerate(scales):
+        new.dims[k].attach_scale(scale)
+    new.attrs.update(attributes)
+
+
+def external(file, secret):
+    kept = [(str(secret), 0, h5py.h5f.UNLIMITED)]
+    anew(file, lambda s: file.create_dataset("tool_position", s, "f8", external=kept))
+
+
+def virtual(file, secret):
+    def make(shape):
+        layout = h5py.VirtualLayout(shape, "f8")
+        layout[:] = h5py.VirtualSource(str(secret), "x", shape)
+        return file.create_virtual_dataset("tool_position", layout)
+
+    anew(file, make)
+
+
+def linked(file, secret):
+    del file["tool_position"]
+    file["tool_position"] = h5py.ExternalLink(str(secret), "/tool_position")
+
+
+def linked_softly(file, secret):
+    file.move("tool_position", "elsewhere")
+    file["tool_position"] = h5py.SoftLink("/elsewhere")
+
+
+def filtered(file, secret):
+    def make(shape):
+        kind = h5py.h5t.NATIVE_DOUBLE
+        made = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+        made.set_chunk(shape)
+        made.set_filter(32768, h5py.h5z.FLAG_OPTIONAL)
+        made.set_fill_time(h5py.h5d.FILL_TIME_NEVER)
+        space = h5py.h5s.create_simple(shape)
+        return h5py.Dataset(h5py.h5d.create(file.id, b"tool_position", kind, space, made))
+
+    anew(file, make)
+
+
+def grouped(file, secret):
+    file.create_group("more")["x"] = h5py.ExternalLink(str(secret), "/x")
+
+
+def refers(file, secret):
+    file.attrs["to"] = file["tool_position"].regionref[:1]
+
+
+def opaque(file, secret):
+    file["tool_position"].attrs["raw"] = np.void(b"1234")
+
+
+def named(file, secret):
+    file["kind"] = np.dtype([("a", "f8"), ("b", "i4")])
+
+
+def compound(file, secret):
+    file["pairs"] = np.zeros(3, [("a", "f8"), ("b", "i4")])
+
+
+def immense(file, secret):
+    anew(file, lambda s: file.create_dataset("tool_position", (10**12, 3), "f8", chunks=(10**6, 3)),
+         "tool_position")  # fmt: skip
+
+
+STRANGE = {
+    external: "'tool_position' is stored in another file",
+    virtual: "'tool_position' is a virtual dataset",
+    linked: "'tool_position' is an external link",
+    linked_softly: "'tool_position' is a soft link",
+    filtered: "'tool_position' has the filter 32768; known are deflate, shuffle, fletcher32",
+    grouped: "'more' is no dataset",
+    refers: "the attribute 'to' of '/' holds neither numbers nor text",
+    opaque: "the attribute 'raw' of 'tool_position' holds neither numbers nor text",
+    named: "'kind' is no dataset",
+    compound: "'pairs' holds neither numbers nor text",
+    immense: "'tool_position' claims 2.4e[+]13 bytes, which the file does not hold",
+}
+
+
+@pytest.mark.parametrize("edit", STRANGE, ids=lambda edit: edit.__name__)
+@pytest.mark.parametrize("read", [jp.Result.load, jp.Result.open, partial(jp.Result.load, every=2)],
+                         ids=["load", "open", "every"])  # fmt: skip
+def test_what_a_sealed_file_takes_from_elsewhere_is_refused_by_name(edit, read, plain, tmp_path):
+    path = resealed(plain, tmp_path / "r.nc", edit)
+    with pytest.raises(JointplayError, match=STRANGE[edit]) as error:
+        read(path)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    "command",
+    [["export", "--out", "o.csv"], ["report", "--no-pdf", "-o", "o.html"], ["play", "--html", "o"]],
+    ids=lambda command: command[0],
+)
+def test_no_command_sends_on_what_a_result_takes_elsewhere(
+    command, plain, tmp_path, monkeypatch, capsys
+):
+    resealed(plain, tmp_path / "r.nc", external)
+    monkeypatch.chdir(tmp_path)
+    assert main([command[0], "r.nc", *command[1:]]) == 2
+    assert "external storage" in capsys.readouterr().err
+    assert [one.name for one in tmp_path.iterdir()] == ["r.nc"]
+
+
+@pytest.mark.parametrize("edit", [external, virtual, linked])
+def test_a_pipe_as_target_makes_no_one_wait(edit, plain, tmp_path):
+    """Whoever opens it for reading waits for a writer."""
+    (tmp_path / "place").mkdir()
+    shutil.copy(plain / "r.nc", tmp_path / "place" / "r.nc")
+    os.mkfifo(tmp_path / "place" / "secret")
+    path = resealed(tmp_path / "place", tmp_path / "r.nc", edit)
+    with pytest.raises(JointplayError, match=STRANGE[edit]):
+        jp.Result.load(path)
+
+
+def test_a_file_without_checksum_is_looked_at_in_the_same_way(plain, tmp_path):
+    path = resealed(plain, tmp_path / "r.nc", external)
+    path.write_bytes(path.read_bytes().partition(netcdf.SEAL)[0])
+    with pytest.raises(JointplayError, match="external storage"):
+        jp.Result.load(path)
+
+
+@pytest.mark.parametrize("read", [jp.Result.load, jp.Result.open, jp.Simulation.resume])
+def test_what_is_no_file_is_refused_by_its_kind_before_it_is_opened(read, tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "dangling").symlink_to(tmp_path / "nothing")
+    kinds = {
+        tmp_path / "pipe": "it is a pipe",
+        tmp_path: "it is a folder",
+        Path("/dev/zero"): "it is a device",
+        tmp_path / "dangling": "no (result file|checkpoint) '.*dangling'$",
+    }
+    for path, words in kinds.items():
+        with pytest.raises(JointplayError, match=words):
+            read(path)
+
+
 def test_no_markup_is_made_of_text_that_was_put_together():
     """`Html` and `Markup` escape nothing; what is given to them must be constant."""
     for path in (Path(jp.__file__).parent).rglob("*.py"):
@@ -318,3 +499,191 @@ def test_no_markup_is_made_of_text_that_was_put_together():
         assert not re.search(r"\|\s*safe\b", text), path
     for path in (Path(jp.__file__).parent).rglob("*.html"):
         assert not re.search(r"\|\s*safe\b", path.read_text(encoding="utf-8")), path
+
+
+SHOWING = """
+import time
+import jointplay as jp
+from jointplay.mechanism.urdf import shipped
+if __name__ == "__main__":
+    viewer = jp.Mechanism(shipped("scara.urdf")).visualizer().viewer
+    print(viewer.window.server_proc.pid, viewer.url(), viewer.window.zmq_url, flush=True)
+    time.sleep(1e6)
+"""
+
+
+@pytest.fixture
+def visualizer(tmp_path):
+    """A process that shows a mechanism; its server's process, port and folder."""
+    script = tmp_path / "show.py"
+    script.write_text(SHOWING)
+    shown = subprocess.Popen([sys.executable, script], stdout=subprocess.PIPE, text=True)
+    for line in shown.stdout:
+        if line[0].isdigit():
+            break
+    server, url, scene = line.split()
+    yield shown, int(server), int(url.rpartition(":")[2].partition("/")[0]), Path(scene[6:]).parent
+    shown.kill()
+    shown.wait()
+    shown.stdout.close()
+
+
+def listening(process):
+    """Addresses and ports at which a process listens, as Linux writes them."""
+    folder = Path(f"/proc/{process}/fd")
+    inodes = {os.readlink(one).removeprefix("socket:[").rstrip("]") for one in folder.iterdir()}
+    found = set()
+    for table in ("tcp", "tcp6"):
+        for line in Path(f"/proc/{process}/net/{table}").read_text().splitlines()[1:]:
+            parts = line.split()
+            if parts[3] == "0A" and parts[9] in inodes:
+                found.add(parts[1])
+    return found
+
+
+def answer(port, path="/", **headers):
+    """Status of what a server answers to a request with these headers and no others."""
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=30)
+    connection.putrequest("GET", path, skip_host=True, skip_accept_encoding=True)
+    for name, value in headers.items():
+        connection.putheader(name.replace("_", "-"), value)
+    connection.endheaders()
+    status = connection.getresponse().status
+    connection.close()
+    return status
+
+
+UPGRADE = {
+    "Upgrade": "websocket",
+    "Connection": "Upgrade",
+    "Sec_WebSocket_Version": "13",
+    "Sec_WebSocket_Key": "dGhlIHNhbXBsZSBub25jZQ==",
+}
+
+
+def test_the_visualizer_is_for_its_own_page_on_this_machine(visualizer):
+    _, server, port, folder = visualizer
+    if Path("/proc/net/tcp").exists():
+        assert listening(server) == {f"0100007F:{port:04X}"}  # 127.0.0.1, and nothing else
+    assert folder.stat().st_mode & 0o077 == 0
+    own, evil = f"127.0.0.1:{port}", f"evil.example:{port}"
+    assert answer(port, "/static/", Host=own) == 200
+    assert answer(port, "/static/", Host=f"localhost:{port}") == 200
+    assert answer(port, "/static/", Host=evil) == 421
+    assert answer(port, "/static/") in (400, 421)
+    assert answer(port, Host=own, Origin=f"http://{own}", **UPGRADE) == 101
+    assert answer(port, Host=own, **UPGRADE) == 403
+    for origin in (f"http://{evil}", "http://127.0.0.1:1", f"https://{own}", "null", ""):
+        assert answer(port, Host=own, Origin=origin, **UPGRADE) == 403, origin
+    # A stranger's name that leads here: origin and host agree.
+    assert answer(port, Host=evil, Origin=f"http://{evil}", **UPGRADE) == 421
+
+
+def test_the_visualizer_ends_with_a_parent_that_is_killed(visualizer):
+    shown, server, _, folder = visualizer
+    shown.kill()
+    shown.wait()
+    deadline = time.monotonic() + 300.0  # for broken code, not for slow machines
+    while folder.exists() or alive(server):
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+
+
+def alive(process):
+    """Whether a process runs; what nobody has waited for yet does not."""
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    state = Path(f"/proc/{process}/stat")
+    return not (state.exists() and state.read_text().rpartition(")")[2].split()[0] == "Z")
+
+
+def test_the_visualizer_says_why_it_does_not_start(monkeypatch, tmp_path):
+    pytest.importorskip("meshcat")  # here it is whole
+    (tmp_path / "tornado.py").write_text("raise ImportError('no tornado here')")
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(JointplayError, match="server did not start: ImportError: no tornado here"):
+        viewer.visualizer()
+
+
+OWN = """
+import {helper}
+
+def force(delta, ddelta, ddelta0, p):
+    return {helper}.STIFFNESS * delta * p[0]
+
+
+def peak(result):
+    return {helper}.STIFFNESS
+"""
+
+OWN_SCENARIO = """
+[robot]
+urdf = "jointplay:scara.urdf"
+gravity = "loaded"
+[motion]
+file = "jointplay:scara_motion.csv"
+[joints.joint_b]
+radial_clearance = "0.2 mm"
+axial_clearance = "0.2 mm"
+normal = { law = "custom", function = "namesake:force", parameters = [1.0] }
+[integration]
+duration = "1 ms"
+[sweep]
+measures = ["namesake:peak"]
+tool_error = false
+[sweep.axes]
+seed = { key = "integration.seed", values = [1, 2] }
+"""
+
+
+@pytest.fixture
+def namesakes(tmp_path):
+    """Two scenarios in folders of their own, with laws and helpers of the same names."""
+    paths = []
+    for number, stiffness in enumerate((1e6, 1e8)):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        (folder / "namesake.py").write_text(OWN.format(helper="its_helper"))
+        (folder / "its_helper.py").write_text(f"STIFFNESS = {stiffness}\n")
+        (folder / "s.toml").write_text(OWN_SCENARIO)
+        paths.append(folder / "s.toml")
+    return paths
+
+
+def test_laws_of_one_name_in_two_folders_are_two_laws(namesakes):
+    first, second = (jp.Scenario.load(path).simulation() for path in namesakes)
+    forces = []
+    for made, stiffness in ((first, 1e6), (second, 1e8)):
+        law = made.mechanism.clearance["joint_b"].normal
+        assert law.function(1e-5, 0.0, 0.0, (1.0,)) == pytest.approx(stiffness * 1e-5)
+        again = pickle.loads(pickle.dumps(law))
+        assert again.function(1e-5, 0.0, 0.0, (1.0,)) == pytest.approx(stiffness * 1e-5)
+        forces.append(elastic_energy(law, law.parameters(None), 1e-5))
+    assert forces[1] == pytest.approx(100.0 * forces[0])
+    assert "namesake" not in sys.modules
+    assert "its_helper" not in sys.modules
+
+
+def test_another_process_gets_the_law_of_its_scenario(namesakes):
+    made = [jp.Scenario.load(path).simulation() for path in namesakes]
+    alone, beside = traces(made, jobs=1), traces(made, jobs=2)
+    assert not np.array_equal(alone[0].position, alone[1].position)
+    for one, other in zip(alone, beside, strict=True):
+        assert np.array_equal(one.position, other.position)
+
+
+def test_a_law_that_is_written_anew_is_read_anew(namesakes):
+    path = namesakes[0]
+    for stiffness in (3.0, 4.0, 5.0):
+        (path.parent / "its_helper.py").write_text(f"STIFFNESS = {stiffness}\n")
+        law = jp.Scenario.load(path).simulation().mechanism.clearance["joint_b"].normal
+        assert law.function(1.0, 0.0, 0.0, (1.0,)) == stiffness
+
+
+def test_measures_of_one_name_in_two_folders_are_two_measures(namesakes, tmp_path):
+    for number, path in enumerate(namesakes):
+        found = jp.sweep(path, tmp_path / f"{number}.zarr", jobs=1)
+        assert found["peak"].values.tolist() == [(1e6, 1e8)[number]] * 2
+    assert "namesake" not in sys.modules

@@ -8,7 +8,7 @@ import pytest
 
 import jointplay as jp
 from jointplay import JointplayError, Motion
-from jointplay.fields import fields_of
+from jointplay.core.schema import fields_of
 from jointplay.kernel import Status
 from jointplay.kernel.integrators import INTEGRATORS
 from jointplay.loads import ComputedTorque

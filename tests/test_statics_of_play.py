@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from jointplay import JointplayError, PrismaticClearance, RevoluteClearance, SphericalClearance
-from jointplay.analysis.statics import BlockPlay, JournalPlay, TurnPlay, play
+from jointplay.design.levers import BlockPlay, JournalPlay, TurnPlay, play
 from jointplay.geometry import gaps, touch
 
 LENGTHS = st.floats(1e-6, 5e-4)
@@ -216,3 +216,45 @@ def test_a_worn_bore_is_as_wide_as_its_deepest_place():
     push = np.array([[1.0, 0, 0, 0, 0, 0]])
     joint = bearing(worn=depths, lock_tilt=True)
     assert play(joint).support(push).value[0] == pytest.approx(1.5e-4)
+
+
+PLAYS = {
+    "long in the bore": JournalPlay(1e-4, 3e-4, 0.04, 0.01, radius=0.01),
+    "held by its walls": JournalPlay(1e-4, 1e-4, 0.05, 0.03, radius=0.03),
+    "open": JournalPlay(1e-4, 0.0, 0.04, 0.0, radius=0.01),
+    "upright": JournalPlay(1e-4, 2e-4, np.inf, 0.0, radius=0.01),
+    "slider": BlockPlay((1e-4, 2e-4), (0.02, 0.015, 0.04), (True, True, True)),
+    "ball": SphericalClearance(bearing_radius=0.01, radial_clearance=1e-4).play(),
+}
+BORNE = {
+    "long in the bore": [0, 1, 2, 3, 4],
+    "held by its walls": [0, 1, 2, 3, 4],
+    "open": [0, 1, 3, 4],
+    "upright": [0, 1, 2],
+    "slider": [0, 1, 3, 4, 5],
+    "ball": [0, 1, 2],
+}
+
+
+@pytest.mark.parametrize("name", PLAYS)
+def test_contacts_at_rest_balance_the_load(name):
+    one, borne = PLAYS[name], BORNE[name]
+    pushes = loads(7, 300)
+    free = np.setdiff1d(np.arange(6), borne)
+    pushes[:, free] = 0.0
+    point = one.support(pushes).point
+    found = one.pressed(pushes, point)
+    left = pushes + np.einsum("nk,nkd->nd", found.force, found.normal)
+    size = np.linalg.norm(pushes * [1, 1, 1, 30, 30, 30], axis=1)
+    if name in ("long in the bore", "held by its walls"):
+        # A face that lies on its wall bears moments anywhere on it.
+        left[np.abs(point[:, 3:5]).max(axis=1) < 1e-9, 3:5] = 0.0
+    assert (
+        np.abs(left[:, borne] * np.array([1, 1, 1, 30, 30, 30])[borne]).max(1) < 1e-4 * size
+    ).all()
+    assert (found.force >= 0.0).all()
+    # Friction acts across the normal, with arms no longer than the journal.
+    forces = found.across[..., :3]
+    assert np.allclose(np.einsum("nkid,nkd->nki", forces, found.normal[..., :3]), 0.0)
+    touching = found.force > 0.0
+    assert np.allclose(np.linalg.norm(forces, axis=-1)[touching], 1.0)

@@ -8,14 +8,17 @@ import sys
 import numpy as np
 import pytest
 import xarray as xr
+from sweep_scenario import GRID, SCENARIO
 
 import jointplay as jp
+from jointplay import JointplayError
 from jointplay.cli import main
 from jointplay.sweeps import case as case_module
-from jointplay.sweeps import plan_of
+from jointplay.sweeps import plan_of, sealed
 from jointplay.sweeps.case import Bench, job
+from jointplay.sweeps.measures import about
 from jointplay.sweeps.run import probe
-from jointplay.sweeps.table import table
+from jointplay.sweeps.table import columns_of, table
 
 VARYING = "cost"
 
@@ -23,7 +26,6 @@ VARYING = "cost"
 @pytest.fixture(scope="module")
 def done(tmp_path_factory):
     """A small sweep that was run once: its store and the scenario."""
-    from sweep_scenario import GRID, SCENARIO
 
     folder = tmp_path_factory.mktemp("sweep")
     path = folder / "study.toml"
@@ -177,6 +179,15 @@ def test_a_history_that_no_result_has_is_refused_with_the_nearest_name(swept, tm
     with pytest.raises(jp.JointplayError, match=r'histor.*"tool_positon"; did you mean "tool_pos'):
         jp.sweep(path, tmp_path / "s.zarr")
     assert not (tmp_path / "s.zarr").exists()
+
+
+def test_histories_of_cases_that_all_fail_to_begin_say_why_they_fail(swept, monkeypatch):
+    def refuse(run):
+        raise jp.JointplayError("no place of rest is found")
+
+    monkeypatch.setattr("jointplay.simulation.run.Run.begin", refuse)
+    with pytest.raises(jp.JointplayError, match="no place of rest is found"):
+        probe(plan_of(swept(options='histories = ["tool_position"]')))
 
 
 @pytest.mark.parametrize("name", ["joint_force", "reaction_force", "payload_energy"])
@@ -341,6 +352,173 @@ def test_a_script_needs_no_guard_to_run_a_sweep(swept, tmp_path):
     assert done.stdout == "2\n"
 
 
+@pytest.mark.parametrize("why", ["store", "jobs"])
+def test_a_sweep_that_is_refused_prints_no_plan(why, tmp_path, capsys):
+    path, out = tmp_path / "s.toml", tmp_path / "out"
+    path.write_text(SCENARIO.format(axes=GRID, options="", duration="1 ms"))
+    if why == "store":
+        out.write_text("a file")
+    assert main(["sweep", str(path), "--out", str(out), *(["--jobs", "0"] * (why == "jobs"))]) == 2
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert said.err.count("\n") == 1
+
+
 def test_the_journal_is_empty_once_everything_is_in_the_arrays(done):
     assert (done[0] / "journal").read_bytes() == b""
     assert json.loads((done[0] / "zarr.json").read_text())["consolidated_metadata"]
+
+
+def test_going_on_empties_no_store_of_someone_else(tmp_path, capsys):
+    zarr = importlib.import_module("zarr")
+    path, scenario = tmp_path / "mine.zarr", tmp_path / "s.toml"
+    own = zarr.create_group(path).create_array("precious", shape=(3,), dtype="f8")
+    own[:] = 7.0
+    (path / "mine.partial").write_text("precious")
+    scenario.write_text(SCENARIO.format(duration="0.02 s", options="", axes=GRID))
+    assert main(["sweep", str(scenario), "--out", str(path), "--resume", "--quiet"]) == 2
+    assert "is damaged or not a sweep" in capsys.readouterr().err
+    assert list(zarr.open_group(path, mode="r")["precious"][:]) == [7.0] * 3
+    assert (path / "mine.partial").read_text() == "precious"
+
+
+def _flip(path):
+    data = bytearray(path.read_bytes())
+    data[0] ^= 255
+    path.write_bytes(data)
+
+
+DAMAGE = {
+    "chunk of a measure": lambda p: [
+        _flip(file)
+        for file in (p / "peak_force").rglob("*")
+        if file.is_file() and file.name != "zarr.json"
+    ],
+    "metadata": lambda p: (p / "zarr.json").write_text("{"),
+    "sizes": lambda p: (p / "zarr.json").write_text(
+        (p / "zarr.json").read_text().replace('"sizes": {', '"sizes": 1, "other": {')
+    ),
+}
+
+
+@pytest.mark.parametrize("how", DAMAGE)
+def test_a_damaged_store_is_one_line_to_every_command(how, tmp_path, capsys):
+    path, scenario = tmp_path / "s.zarr", tmp_path / "s.toml"
+    axis = 'clearance = { key = "joints.joint_b.radial_clearance", values = [1e-4, 2e-4] }'
+    scenario.write_text(SCENARIO.format(duration="2 ms", options="", axes=axis))
+    made = ["sweep", str(scenario), "--out", str(path), "--quiet", "--jobs", "1"]
+    assert main(made) == 0
+    capsys.readouterr()
+    DAMAGE[how](path)
+    commands = [
+        ["plot-sweep", path, "x=clearance", "y=peak_force", "--out", tmp_path / "x.png"],
+        ["report", path, "-o", tmp_path / "x.html", "--no-pdf", "--quiet"],
+    ]
+    for command in commands:
+        assert main([str(word) for word in command]) == 2, command
+        error = capsys.readouterr().err
+        assert error.count("\n") == 1, error
+        assert "is damaged" in error
+    assert not list(tmp_path.glob("x.*"))
+
+
+@pytest.mark.parametrize(
+    "axis",
+    [
+        'step = { key = "integration.step", values = ["10 us", "20 us"] }',
+        "way = { variants = { coarse = { integration = { step = 2e-5 } }, fine = {} } }",
+    ],
+)
+def test_histories_of_cases_that_are_recorded_at_other_times_are_refused(swept, tmp_path, axis):
+    path = swept(axis, 'histories = ["tool_position"]')
+    with pytest.raises(jp.JointplayError, match=r"sweep\.histories.*varies integration\.step"):
+        jp.sweep(path, tmp_path / "store.zarr", jobs=1)
+
+
+def test_a_case_whose_records_are_of_other_times_has_failed_and_says_so(swept, tmp_path):
+    axis = 'long = { key = "integration.duration", values = ["2 ms", "3 ms", "4 ms", "3.05 ms"] }'
+    path = swept(axis, 'histories = ["tool_position"]')
+    found = jp.sweep(path, tmp_path / "store.zarr", jobs=1)
+    assert found["state"].values.tolist() == [1, 1, 1, 2]
+    assert "record 32 is of t = 0.00305 s" in str(found["error"].values[3])
+    time = found["time"].values
+    kept = found["tool_position_history"]
+    assert time == pytest.approx(np.arange(41) * 1e-4)
+    for number, duration in enumerate((2e-3, 3e-3, 4e-3, None)):
+        there = ~np.isnan(kept.values[number, :, 0])
+        if duration is None:
+            assert not there.any()
+            continue
+        changes = {"integration": {"duration": duration}}
+        result = jp.Scenario.load(path).simulation(changes=changes).run()
+        assert time[there] == pytest.approx(result.time, abs=1e-12)
+        assert kept.values[number][there] == pytest.approx(result["tool_position"].values)
+
+
+NAMES = ("a/b", "_[c] <&>", "..", "né zarr.json")
+
+
+def test_measures_and_axes_may_have_any_name(swept, tmp_path):
+    """Joints have names with slashes, and measures are named after joints."""
+    lines = "\n".join(f"        {name!r}: {k}.5," for k, name in enumerate(NAMES))
+    (tmp_path / "named.py").write_text(f"def own(result):\n    return {{\n{lines}\n    }}\n")
+    axes = """
+"x/y" = { key = "joints.joint_b.radial_clearance", values = ["0.1 mm", "0.2 mm"] }
+"_<z>" = { key = "joints.joint_b.friction.mu_d", values = [0.0, 0.1] }
+"""
+    path = swept(axes, 'measures = ["named:own"]\nhistories = ["tool_position"]', "2 ms")
+    found = jp.sweep(path, tmp_path / "s", jobs=1).load()
+    assert dict(found.sizes).items() >= {"x/y": 2, "_<z>": 2}.items()
+    assert found["x/y"].values.tolist() == [1e-4, 2e-4]
+    for k, name in enumerate(NAMES):
+        assert (found[name].values == k + 0.5).all()
+    assert found["tool_position_history"].dims[:2] == ("x/y", "_<z>")
+    assert {one.parent for one in (tmp_path / "s").rglob("zarr.json")} == {
+        tmp_path / "s", *(one for one in (tmp_path / "s").iterdir() if one.is_dir())
+    }  # fmt: skip
+    axes = axes.replace('"0.2 mm"]', '"0.2 mm", "0.3 mm"]')
+    path = swept(axes, 'measures = ["named:own"]\nhistories = ["tool_position"]', "2 ms")
+    again = jp.sweep(path, tmp_path / "s", jobs=1, extend=True).load()
+    assert (again["a/b"].values == 0.5).all()
+    assert again["a/b"].shape == (3, 2)
+    assert main(["report", str(tmp_path / "s"), "--out", str(tmp_path / "r.html"), "--quiet"]) == 0
+    page = (tmp_path / "r.html").read_text()
+    assert "a/b" in page
+    assert "_&lt;z&gt;" in page
+    assert "<z>" not in page
+
+
+@pytest.mark.parametrize(
+    "name", ["", "a", "_a", "__a", "a/b", "..", "%2F", "a%b", "é ü", "[<&>]", "\0"]
+)
+def test_the_name_of_an_array_comes_back_from_its_folder(name):
+    folder = sealed.array_name(name)
+    assert sealed.plain_name(folder) == name
+    assert not set(folder) & set("/.[]<>&\0")
+    assert not folder.startswith("_")
+
+
+def test_a_measure_of_the_users_own_takes_nothing_of_those_shipped(swept, tmp_path):
+    """Neither unit and meaning for a name that begins alike, nor their places."""
+    (tmp_path / "named.py").write_text(
+        "def impacts_of_mine(result):\n    return 1.0\n"
+        "def state(result):\n    return 1.0\n"
+        "def impulse(result):\n    return 1.0\n"
+    )
+    assert about("impacts_of_mine", ["joint_b"]) is None
+    one = 'clearance = { key = "joints.joint_b.radial_clearance", values = ["0.1 mm"] }'
+    path = swept(one, 'measures = ["named:impacts_of_mine"]', "2 ms")
+    found = jp.sweep(path, tmp_path / "s", jobs=1).load()
+    assert found["impacts_of_mine"].attrs["units"] == ""
+    assert ("impacts_of_mine", "", 1.0) in columns_of(found)
+    for name in ("state", "impulse"):
+        path = swept(one, f'measures = ["named:{name}"]', "2 ms")
+        found = jp.sweep(path, tmp_path / name, jobs=1).load()
+        assert found["state"].values.tolist() == [2]
+        assert name in str(found["error"].values[0])
+
+
+def test_an_axis_with_the_name_of_a_measure_is_refused(swept, tmp_path):
+    one = 'peak_force = { key = "joints.joint_b.radial_clearance", values = ["0.1 mm"] }'
+    with pytest.raises(JointplayError, match="an axis cannot be called 'peak_force'"):
+        jp.sweep(swept(one, "", "2 ms"), tmp_path / "s", jobs=1)

@@ -6,9 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import jointplay as jp
-from jointplay.sweeps.axes import DISTRIBUTIONS, read
+from jointplay.sweeps.axes import DISTRIBUTIONS, GROWING, METHODS, points, read
 from jointplay.sweeps.keys import path_of, put, units_of
-from jointplay.sweeps.sampling import GROWING, METHODS, points
 
 MU = "joints.joint_b.friction.mu_d"
 CR = "joints.joint_b.radial_clearance"
@@ -157,7 +156,7 @@ def test_units_of_a_key_are_those_of_the_scenario(key, units):
         ('s = { key = "integration.seed", values = [1, 2] }', "repeats = 2", "repeats sets"),
         (f'sample = {{ key = "{CR}", values = [1] }}', "", "cannot be called"),
         (f'c = {{ key = "{CR}", values = [1] }}', "repeat = 2", 'did you mean "repeats"?'),
-        (f'c = {{ key = "{CR}", values = [1] }}', "repeats = 0", "at least 1"),
+        (f'c = {{ key = "{CR}", values = [1] }}', "repeats = 0", "whole number from 1"),
         (f'c = {{ key = "{CR}", values = [1] }}', 'sampling = "lhs"', "available: sobol"),
         (f'c = {{ key = "{CR}", values = [1] }}', 'case = "x"', "no case 'x'"),
         (f'c = {{ key = "{CR}", values = [1] }}', 'measures = ["a.b"]', "named module:function"),

@@ -1,5 +1,7 @@
 """The page on a sweep."""
 
+import re
+
 import numpy as np
 import pytest
 from sweep_scenario import SCENARIO
@@ -59,6 +61,28 @@ def test_the_page_of_samples_has_their_distributions(tmp_path):
     assert "peak_force: 8 samples" in source
     assert "<h2>Heat maps</h2>" not in source
     assert not (tmp_path / "u_report.pdf").exists()
+
+
+def test_samples_with_a_failed_case_lose_their_sobol_indices_alone(tmp_path, capsys):
+    axes = """
+[sweep.axes.clearance]
+key = "joints.joint_b.radial_clearance"
+distribution = "uniform"
+from = "0.1 mm"
+to = "20 mm"
+"""
+    options = 'samples = 4\nsampling = "saltelli"\nseed = 1'
+    text = SCENARIO.format(axes="", options=options, duration="0.01 s") + axes
+    (tmp_path / "u.toml").write_text(text)
+    found = jp.sweep(tmp_path / "u.toml", tmp_path / "u.zarr", jobs=1)
+    failed = int((found["state"] == 2).sum())
+    assert 0 < failed < found["state"].size
+    assert main(["report", str(tmp_path / "u.zarr"), "--quiet", "--no-pdf"]) == 0
+    assert main(["uncertainty", str(tmp_path / "u.zarr"), "peak_force"]) == 0
+    page = (tmp_path / "u_report.html").read_text(encoding="utf-8")
+    for said in (page, capsys.readouterr().out):
+        assert re.search(r"peak_force: \d+ samples", said)
+        assert f"no Sobol indices: {failed} of " in said
 
 
 def test_a_sweep_has_a_report_of_its_own(grid, tmp_path, capsys):

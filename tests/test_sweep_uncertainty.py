@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import jointplay as jp
-from jointplay.sweeps.sampling import points
+from jointplay.sweeps.axes import points
 from jointplay.sweeps.uncertainty import (
     Until,
     convergence,
@@ -89,7 +89,7 @@ def test_a_precision_is_reached_when_the_interval_is_narrow_enough():
         ({"measure": "x", "precision": 2}, "between 0 and 1"),
         ({"measure": "x", "precision": 0.1, "statistic": "median"}, "available: mean"),
         ({"measure": "x", "precisoin": 0.1}, 'did you mean "precision"'),
-        ({"measure": "x", "precision": 0.1, "most": 1}, "at least 2"),
+        ({"measure": "x", "precision": 0.1, "most": 1}, "whole number >= 2, got 1"),
     ],
 )
 def test_aims_that_make_no_sense_are_refused(given, words):

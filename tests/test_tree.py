@@ -11,7 +11,7 @@ import jointplay as jp
 from jointplay.joints import PrismaticClearance, SphericalClearance
 from jointplay.kernel import Status
 from jointplay.mechanism.loop import PROXIMAL, Loop, misfit
-from jointplay.mechanism.tree import Motion, Tree
+from jointplay.mechanism.tree import BodyMotion, Tree
 from jointplay.result.histories import histories
 
 RECORDS = 40
@@ -131,7 +131,7 @@ def test_bodies_move_as_in_pinocchio(branched, clearance):
     names = [*clearance, "j0", "j2", "j5"]
     pairs = [(mechanism.bearing_frame(n), mechanism.journal_frame(n)) for n in dict.fromkeys(names)]
     frame = model.frames[mechanism.tool_frame]
-    motion = Motion.of(RECORDS, len(pairs))
+    motion = BodyMotion.of(RECORDS, len(pairs))
     for first, end in ((0, 7), (7, RECORDS)):
         Tree(model).move(motion, first, end, q, v, (frame.parentJoint, frame.placement), pairs)
     expected = [
@@ -292,7 +292,7 @@ def test_orientations_are_right_at_any_angle_and_turn_without_jumps(urdf, rpy, a
     )
     mechanism = jp.Mechanism(path)
     q = np.linspace(-7.0, 7.0, 141)[:, None]
-    motion = Motion.of(len(q), 0)
+    motion = BodyMotion.of(len(q), 0)
     frame = mechanism.model.frames[mechanism.tool_frame]
     tool = frame.parentJoint, frame.placement
     Tree(mechanism.model).move(motion, 0, len(q), q, np.zeros_like(q), tool, [])

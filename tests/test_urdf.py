@@ -55,6 +55,14 @@ def test_frames_without_mass_are_no_bodies(urdf, frame):
     read(urdf(frame, joint("j", "base", "l", "fixed")))
 
 
+@pytest.mark.parametrize(
+    ("link", "hinge", "kind"), [("universe", "j", "link"), ("l", "universe", "joint")]
+)
+def test_what_is_called_like_the_ground_in_pinocchio_is_refused(urdf, link, hinge, kind):
+    with pytest.raises(JointplayError, match=f"a {kind} of the URDF is called 'universe'"):
+        read(urdf(body(link), joint(hinge, "base", link)))
+
+
 def test_flat_plate_is_the_limit_of_what_can_be(urdf):
     read(urdf(tensor(1.0, 2.0, 3.0), joint("j", "base", "l")))
     with pytest.raises(JointplayError, match=r"no rigid body has 3\.01 > 1 \+ 2"):
@@ -152,7 +160,7 @@ def test_transmissions_are_read(urdf):
 
 
 def test_pictures_are_not_looked_at(urdf):
-    mesh = '<visual><geometry><mesh filename="not/there.dae" scale="big"/></geometry></visual>'
+    mesh = '<visual><geometry><mesh filename="not/there.dae"/></geometry></visual>'
     path = urdf(body("l").replace("</link>", f"{mesh}</link>"), joint("j", "base", "l"))
     assert read(path).joints["j"].upper == 9.0
 

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 import jointplay as jp
 from jointplay import geometry
-from jointplay.analysis.wear import wear_life, worn_depth
+from jointplay.design.wear import wear_life, worn_depth
 
 RI, RJ, HALF = 10e-3, 9.8e-3, 15e-3
 N = 72

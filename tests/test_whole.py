@@ -5,11 +5,10 @@ import pytest
 from conftest import body, joint
 
 from jointplay import Mechanism, Motion, robot_scenario
-from jointplay.errors import JointplayError
-from jointplay.motion.whole import whole
+from jointplay.core.errors import JointplayError
 from jointplay.scenario import Scenario
+from jointplay.scenario.build import complete, whole
 from jointplay.scenario.settings import parse
-from jointplay.scenario.unnamed import complete
 
 
 def mimicking(name, parent, child, leader, multiplier=1.0, offset=0.0):

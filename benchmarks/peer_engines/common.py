@@ -109,7 +109,8 @@ class Problem:
     """R_i, R_j, L_i/2, L_j/2 [m]."""
     law: np.ndarray
     """k [N/m^1.5] and a of F = k d^1.5 (1 + a d'/d'_0); mu, v0, v1 of the friction ramp; then
-    0 if d'_0 is the largest speed since the onset, 1 if it is that at the onset (Exudyn's)."""
+    0 if d'_0 is the largest speed since the onset, 1 if it is that at the onset (Exudyn's); the
+    mass that damping at rest refers to [kg], infinite without (Exudyn's)."""
     bearing: tuple[int, tuple[float, float, float]]
     """Link of the bearing and the bearing's centre on it."""
     journal: tuple[int, tuple[float, float, float]]
@@ -140,7 +141,7 @@ class Problem:
 
     def with_onset_speed(self) -> Problem:
         """The same with Exudyn's rule for d'_0."""
-        return dataclasses.replace(self, law=np.array([*self.law[:5], 1.0]))
+        return dataclasses.replace(self, law=np.array([*self.law[:5], 1.0, np.inf]))
 
     def with_start(self, q: np.ndarray, v: np.ndarray | None = None) -> Problem:
         """The same from another state."""
@@ -176,7 +177,7 @@ def problem(simulation: jp.Simulation) -> Problem:
         tuple(links),
         planar,
         np.array([joint.ri, joint.rj, 0.5 * joint.li, 0.5 * joint.lj]),
-        np.array([*normal, *ramp, 0.0], float),
+        np.array([*normal, *ramp, 0.0, run.workspace.joints["rest_mass"][0]], float),
         sites[0],
         sites[1],
         np.array([run.workspace.q, run.workspace.v]),

@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 
 from jointplay.geometry import touch_cylinder
-from jointplay.loads.reference import REFERENCE_NODE_S
+from jointplay.loads.tables import REFERENCE_NODE_S
 
 
 @njit(cache=True)
@@ -28,13 +28,18 @@ def drive_effort(t, q, v, table, column, kp, kd, out):
 
 @njit(cache=True)
 def _forces(gap, rate, speed, law, memory, k, commit):
-    """Normal force and friction over sliding speed of one contact; `memory` has d'_0, or 0."""
+    """Normal force and friction over sliding speed of one contact; `memory` has d'_0, or 0.
+
+    Damping refers to d'_0, or to the speed at which the mass `law[6]` would have stored what the
+    contact holds, if that is more.
+    """
     approach = max(abs(rate), 1e-9, memory[k])
     if law[5] != 0.0 and memory[k] > 0.0:
         approach = memory[k]
     if commit:
         memory[k] = approach
-    normal = max(law[0] * (-gap) ** 1.5 * (1.0 + law[1] * rate / approach), 0.0)
+    reference = max(approach, math.sqrt(0.8 * law[0] * (-gap) ** 2.5 / law[6]))
+    normal = max(law[0] * (-gap) ** 1.5 * (1.0 + law[1] * rate / reference), 0.0)
     mu = law[2] * min(max((speed - law[3]) / (law[4] - law[3]), 0.0), 1.0)
     return normal, mu * normal / speed if speed > 0.0 else 0.0
 

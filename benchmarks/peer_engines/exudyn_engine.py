@@ -122,7 +122,7 @@ def run_own(
             initialCoordinates=[task.clearance, 0.0, 0.0, 0.0], numberOfDataCoordinates=4
         )
     )
-    stiffness, hysteresis, mu, _, ramp, _ = task.law
+    stiffness, hysteresis, mu, _, ramp, *_ = task.law
     contact = mbs.AddObject(
         items.ObjectContactSphereSphere(
             markerNumbers=marks,

@@ -18,7 +18,6 @@ import json
 import os
 import subprocess
 import sys
-import tempfile
 import time
 from pathlib import Path
 
@@ -46,7 +45,9 @@ def run(task, step: float, duration: float, every: int, restitution: float):
         "steps": round(duration / step),
         "every": every,
     }
-    with tempfile.TemporaryDirectory() as folder:
+    from jointplay.core.files import temporary
+
+    with temporary("siconos") as folder:
         out = Path(folder) / "trace.npz"
         subprocess.run(
             [siconos_python(), __file__, str(out)],

@@ -14,7 +14,6 @@ import math
 import os
 import subprocess
 import sys
-import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -35,9 +34,10 @@ RESTITUTION, FRICTION = 0.4, 0.01
 
 def run(step: float, duration: float, interval: float) -> np.ndarray:
     """Simulate; see `record` for the columns."""
+    from jointplay.core.files import temporary
     from peer_engines.common import siconos_python
 
-    with tempfile.TemporaryDirectory() as folder:
+    with temporary("siconos") as folder:
         out = Path(folder) / "rows.npy"
         subprocess.run(
             [siconos_python(), __file__, str(out)],

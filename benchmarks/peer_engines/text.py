@@ -17,7 +17,8 @@ TEXT = {
         "| | contact | crank | integrator |",
         "| --- | --- | --- | --- |",
         "| jointplay | Hertz with the damping of Lankarani-Nikravesh; $\\dot\\delta_0$ the "
-        "largest speed since the onset | prescribed | semi-implicit Euler; rk4 |",
+        "largest speed since the onset, with a lower bound for contacts at rest | prescribed | "
+        "multi-rate, the default; semi-implicit Euler or rk4 where named |",
         "| MuJoCo, same law | the same law, applied to both bodies from Python; MuJoCo's "
         "kinematics and MuJoCo's mapping of wrenches | 1e8 kg m² of armature | its Euler "
         "(semi-implicit) |",
@@ -63,7 +64,10 @@ TEXT = {
     "scara": [
         "Step 10 µs, computed torque and PD, friction 0.1, all four contacts. Exudyn's cost "
         "is that of a Python user function called four times per step, and MuJoCo's is that "
-        "of Python between the halves of a step: neither is the engine's speed.",
+        "of Python between the halves of a step: neither is the engine's speed. jointplay's rk4 "
+        "records the mean force of a step, Exudyn the force at its end, which is only one of those "
+        "that act in it: from the same motion the two have different mean forces, and touch in "
+        "different numbers of records.",
     ],
     "models": [
         "Each engine with the contact that it has itself, on the slider-crank, as far as "

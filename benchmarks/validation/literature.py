@@ -89,6 +89,9 @@ class Ideal:
 def _by_hand(clearance: float, duration: float, step: float) -> np.ndarray:
     """The slider-crank with clearance, integrated here: velocity, acceleration, moment by step.
 
+    The acceleration is, as the package records forces, that of the mean pin force over the step
+    that led to the state, in axes of the rod.
+
     Two coordinates, the rod's angle and the slider's position; Newton for the slider, Euler for
     the rod about the crank's pin; Hertz's stiffness with the damping of H. M. Lankarani and P. E.
     Nikravesh (1990), J. Ambrosio's friction; classical Runge-Kutta in plain numbers.
@@ -126,18 +129,20 @@ def _by_hand(clearance: float, duration: float, step: float) -> np.ndarray:
         on_rod = ROD_MASS * middle + force
         crank = (pin.conjugate() * on_rod).imag
         found = np.array([turning, v, change, force.real / SLIDER_MASS])
-        return found, (sinking if depth > 0.0 else None), crank
+        return found, (sinking if depth > 0.0 else None), crank, force / along
 
     state = np.array([0.0, CRANK + ROD, -CRANK / ROD * SPEED, 0.0])
-    fastest, kept = 0.0, []
+    fastest, kept, mean = 0.0, [], 0j
     for n in range(round(duration / step) + 1):
         time = n * step
-        first, sinking, crank = rates(time, state, fastest)
+        first, sinking, crank, push = rates(time, state, fastest)
         fastest = 0.0 if sinking is None else max(fastest, abs(sinking))
-        kept.append((state[3], first[3], crank))
-        second = rates(time + step / 2, state + step / 2 * first, fastest)[0]
-        third = rates(time + step / 2, state + step / 2 * second, fastest)[0]
-        fourth = rates(time + step, state + step * third, fastest)[0]
+        ahead = complex(math.cos(state[0]), math.sin(state[0]))
+        kept.append((state[3], (mean * ahead).real / SLIDER_MASS, crank))
+        second, _, _, push2 = rates(time + step / 2, state + step / 2 * first, fastest)
+        third, _, _, push3 = rates(time + step / 2, state + step / 2 * second, fastest)
+        fourth, _, _, push4 = rates(time + step, state + step * third, fastest)
+        mean = (push + 2 * push2 + 2 * push3 + push4) / 6
         state = state + step / 6 * (first + 2 * second + 2 * third + fourth)
     return np.array(kept)
 

@@ -6,10 +6,11 @@ import tempfile
 from pathlib import Path
 
 import jointplay as jp
+from jointplay.core.files import temporary
 
 FREE = {"drive": jp.loads.Free(), "joint_friction": {}, "start": "centred"}
 
-_folder = tempfile.TemporaryDirectory(prefix="jointplay-validation-")
+_folder = temporary("validation")
 
 BODY = """
   <link name="{name}"><inertial><origin xyz="{com}"/><mass value="{mass}"/>

@@ -17,7 +17,7 @@ from scipy import stats
 from scipy.optimize import brentq
 
 import jointplay as jp
-from jointplay.analysis.lyapunov import exponent, stretching
+from jointplay.nonlinear.lyapunov import exponent, stretching
 from validation import Outcome, case
 from validation.mechanisms import FREE, body, joint, urdf
 from validation.pendulum import ARM, GRAVITY, INERTIA, MASS, Pendulum, resting

@@ -309,7 +309,7 @@ DYS_FACTORS = {
     "herbert-mcwhannell": lambda c: 6 * (1 - c) / ((2 * c - 1) ** 2 + 3),
     "lee-wang": lambda c: 3 / 4 * (1 - c),
     "flores": lambda c: 8 * (1 - c) / (5 * c),
-    "zhiying-qishao": lambda c: 3 / 4 * (1 - c**2) * math.exp(2 * (1 - c)),
+    "qin-lu": lambda c: 3 / 4 * (1 - c**2) * math.exp(2 * (1 - c)),
     "gonthier": lambda c: (1 - c**2) / c,
     "hu-guo": lambda c: 3 / 2 * (1 - c) / (2 * c),
 }

@@ -18,11 +18,16 @@ from validation.mechanisms import FREE, body, joint, urdf
 
 MASS, INERTIA, ARM = 2.0, 1e-2, 0.1  # kg, kg m^2 about the centre of mass, m
 GRAVITY = 9.81  # m/s^2, along +x
+REST_SPEED = 0.05  # of docs/theory.md, section 5
 
 
 @dataclass(frozen=True)
 class Pendulum:
-    """Contact of the pin: F = k delta^1.5 (1 + a ddelta/ddelta0), a = 3/4 (1 - c_e^2); eq. 21."""
+    """Contact of the pin: F = k delta^1.5 (1 + a ddelta/ddelta0), a = 3/4 (1 - c_e^2); eq. 21.
+
+    ddelta0 is the largest rate of the contact, or that at which the smallest mass of the pin, over
+    REST_SPEED squared, would have stored what the contact holds, if that is more.
+    """
 
     stiffness: float = 1e10
     restitution: float = 0.9
@@ -63,7 +68,9 @@ class Pendulum:
         if approach > 0.0 and away > self.play:
             nx, nz = x / away, z / away  # outwards
             depth, rate = away - self.play, nx * vx + nz * vz
-            ratio = math.copysign(1.0, rate) if math.isinf(approach) else rate / approach
+            across = 1.0 / (1.0 / MASS + ARM**2 / INERTIA)
+            held = REST_SPEED * math.sqrt(0.8 * self.stiffness * depth**2.5 / across)
+            ratio = rate / max(abs(rate) if math.isinf(approach) else approach, held)
             slip = nx * vz - nz * vx + turning * (self.bore - self.play)
             a = 0.75 * (1.0 - self.restitution**2)
             normal = self.stiffness * depth**1.5 * (1.0 + a * ratio)

@@ -8,7 +8,6 @@ import math
 import os
 import subprocess
 import sys
-import tempfile
 from importlib.metadata import version
 from pathlib import Path
 
@@ -17,6 +16,7 @@ import xarray as xr
 from common import COLOURS, Case, new_figure
 
 import jointplay as jp
+from jointplay.core.files import temporary
 from jointplay.kernel.integrators import DEFAULT
 from validation import Outcome, case
 
@@ -76,7 +76,7 @@ def same_bits(quick: bool = False, wrong: bool = False) -> Outcome:
     notes, figure = [], None
     if wrong:
         return Outcome(float(len(different)), 0.0, rows)
-    with tempfile.TemporaryDirectory() as folder:
+    with temporary("reproducibility") as folder:
         file = first.save(Path(folder) / "first.nc")
         child = differing(first.dataset, elsewhere(file, Path(folder) / "child.nc"))
         rows.append(["from the file, in another process", f"{number}", f"{len(child)}"])
@@ -133,13 +133,13 @@ def provenance(quick: bool = False, wrong: bool = False) -> Outcome:
     del quick
     asked = Case(radial=0.5e-3, axial=0.3e-3, restitution=0.8)
     simulation = asked.simulation(7, duration=0.02)
-    with tempfile.TemporaryDirectory() as folder:
+    with temporary("reproducibility") as folder:
         file = simulation.run().save(Path(folder) / "result.nc")
         attributes = xr.load_dataset(file, engine="h5netcdf").attrs
     named, made = json.loads(attributes["versions"]), json.loads(attributes["simulation"])
     bearing = made["mechanism"]["clearance"]["joint_b"]
     expected = {
-        "file format": (attributes["jointplay_format"], 2),
+        "file format": (attributes["jointplay_format"], 3),
         "python": (named["python"], ".".join(map(str, sys.version_info[:3]))),
         "machine": (bool(named["machine"]), True),
         **{

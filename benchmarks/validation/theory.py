@@ -83,7 +83,7 @@ FACTORS = {
     "herbert-mcwhannell": lambda c: 6 * (1 - c) / ((2 * c - 1) ** 2 + 3),
     "lee-wang": lambda c: 0.75 * (1 - c),
     "gonthier": lambda c: (1 - c**2) / c,
-    "zhiying-qishao": lambda c: 0.75 * (1 - c**2) * math.exp(2 * (1 - c)),
+    "qin-lu": lambda c: 0.75 * (1 - c**2) * math.exp(2 * (1 - c)),
     "flores": lambda c: 8 * (1 - c) / (5 * c),
     "hu-guo": lambda c: 1.5 * (1 - c) / c,
     "carvalho-martins": lambda c: 1.5 * (1 - c) * (11 - c) / (1 + 9 * c),
@@ -606,9 +606,9 @@ def self_locking(quick: bool = False, wrong: bool = False) -> Outcome:
     axes[0, 0].set(xlabel="overhang relative to theory [-]", ylabel=f"slid in {duration:g} s [mm]")
     axes[0, 0].legend()
     note = (
-        "The bristles are well damped (sigma1 = 300 s/m). With 30 s/m a jammed slider's own "
-        "oscillation works it loose up to about 10 % beyond the limit of statics: a contact at "
-        "rest has next to no damping of its own, for that of eq. 14 refers to the approach speed."
+        "The bristles are well damped (sigma1 = 300 s/m). Before contacts at rest were damped, a "
+        "jammed slider's own oscillation worked it loose with 30 s/m up to about 10 % beyond the "
+        "limit of statics; that was not measured again."
     )
     return Outcome(max(errors), 0.03, rows, figure, (note,))
 

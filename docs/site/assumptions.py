@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from jointplay.report.assumptions import page_section
+from jointplay.reports.sections import page_section
 
 PAGE = Path(__file__).parents[1] / "assumptions.md"
 BEGIN, END = "<!-- begin: written by docs/site/assumptions.py -->\n", "<!-- end -->\n"

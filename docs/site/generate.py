@@ -2,6 +2,7 @@
 
 import argparse
 import inspect
+import runpy
 from pathlib import Path
 
 import mkdocs_gen_files
@@ -130,6 +131,11 @@ def law_tables():
     write("reference/law_tables.md", "\n".join(lines))
 
 
+def references():
+    script = runpy.run_path(str(Path(__file__).with_name("references.py")))
+    write("reference/references.md", script["page"]())
+
+
 def api():
     homes = {}
     offered = [getattr(jointplay, name) for name in jointplay.__all__]
@@ -142,8 +148,8 @@ def api():
     lines = [
         "# Python",
         "",
-        "What `import jointplay as jp` offers, with `jp.loads`, `jp.contact` and `jp.analysis`, by "
-        "what it is about. Units are SI.",
+        "What `import jointplay as jp` offers, with the packages it shows, by what it is about. "
+        "Units are SI.",
         "",
     ]
     for group, names in sorted(homes.items()):
@@ -156,4 +162,5 @@ copies()
 command_line()
 scenario_keys()
 law_tables()
+references()
 api()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import errno
 import importlib
 import re
 import sys
@@ -10,9 +11,9 @@ from collections.abc import Callable, Sequence
 from typing import Any, NoReturn
 
 from jointplay.commands import MODULES
-from jointplay.errors import JointplayError
-from jointplay.host import stopping, streams
-from jointplay.host.stopping import INTERRUPTED
+from jointplay.core import signals, streams
+from jointplay.core.errors import JointplayError, one_line
+from jointplay.core.signals import INTERRUPTED
 
 BAD_INPUT = 2
 STOPPED = 1
@@ -32,6 +33,8 @@ class _Parser(argparse.ArgumentParser):
     def _get_values(self, action: argparse.Action, arg_strings: list[str]) -> Any:
         if action.option_strings and action.nargs is None and arg_strings == ["--"]:
             self.error(f"argument {'/'.join(action.option_strings)}: '--' is no value")
+        if action.option_strings and any(not text.strip() for text in arg_strings):
+            self.error(f"argument {'/'.join(action.option_strings)}: the value is empty")
         return super()._get_values(action, arg_strings)  # type: ignore[misc]
 
     def format_help(self) -> str:
@@ -40,7 +43,7 @@ class _Parser(argparse.ArgumentParser):
         return super().format_help()
 
     def error(self, message: str) -> NoReturn:
-        message = " ".join(message.split())
+        message = one_line(message)
         self.exit(BAD_INPUT, f"{self.prog}: error: {message} (see {self.prog} --help)\n")
 
 
@@ -63,23 +66,29 @@ def parser() -> argparse.ArgumentParser:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit status.
 
-    0: done. 1: the simulation stopped early (kept as far as it came). 2: wrong input.
-    130: told to stop by Ctrl-C, SIGTERM or SIGHUP (likewise kept).
+    0: done, also if told to stop when all was computed: then it is saved. 1: the simulation
+    stopped early (kept as far as it came). 2: wrong input. 130: told to stop by Ctrl-C, SIGTERM or
+    SIGHUP before all was computed (likewise kept).
     """
     with streams.forgiving():
         try:
             made = parser()
             options = made.parse_args(arguments)
-            with stopping.listening():
+            with signals.listening():
                 status = _command(made, options)
             sys.stdout.flush()  # what cannot be written must show here
             return status
         except BrokenPipeError:  # the reader, such as `head`, has seen enough
             streams.silence(sys.stdout)
             return STOPPED
-        except OSError as error:  # standard output on a full disk
+        except OSError as error:  # of a file that has a name, else standard output on a full disk
+            # Files of ours say their name; what is left of a full disk is standard output.
+            full = error.errno in (errno.ENOSPC, errno.EFBIG, errno.EDQUOT)
+            what = "cannot print" if full or streams.full(sys.stdout) else "the system says"
+            if error.filename:
+                what = f"cannot use {str(error.filename)!r}"
             streams.silence(sys.stdout)
-            print(f"jointplay: error: cannot print: {error.strerror or error}", file=sys.stderr)
+            print(f"jointplay: error: {what}: {one_line(error.strerror or error)}", file=sys.stderr)
             return STOPPED
         except KeyboardInterrupt:  # once more, while ending
             return INTERRUPTED
@@ -96,13 +105,16 @@ def _command(parser: argparse.ArgumentParser, options: argparse.Namespace) -> in
         parser.print_help()
         return 0
     try:
-        return int(options.handler(options))
+        with streams.noting(getattr(options, "quiet", False)):
+            return int(options.handler(options))
     except JointplayError as error:
-        print(
-            f"jointplay {options.command}: error: {' '.join(str(error).split())}", file=sys.stderr
-        )
+        _leave_nothing()
+        print(f"jointplay {options.command}: error: {error}", file=sys.stderr)
         return BAD_INPUT
-    except ArithmeticError as error:
+    except (ArithmeticError, ValueError) as error:
+        if not _of_numbers(error):
+            raise
+        _leave_nothing()
         reason = f"one is far too large or too small: {error}"
         print(
             f"jointplay {options.command}: error: these numbers cannot be computed with, {reason}",
@@ -121,9 +133,23 @@ def _command(parser: argparse.ArgumentParser, options: argparse.Namespace) -> in
         return INTERRUPTED
 
 
+def _leave_nothing() -> None:
+    """Remove the folders that were made for results of which there are none."""
+    from jointplay.core import files
+
+    files.unmake()
+
+
+def _of_numbers(error: Exception) -> bool:
+    """Whether an error says that numbers cannot be computed with."""
+    numpy = sys.modules.get("numpy")
+    linear = () if numpy is None else (numpy.linalg.LinAlgError,)
+    return isinstance(error, (ArithmeticError, *linear))
+
+
 def _kept(lost: str) -> str:
     """What was given up, and what is there."""
-    from jointplay.host import files
+    from jointplay.core import files
 
     parts = [lost] if lost else []
     if files.written:

@@ -4,8 +4,8 @@ import math
 from dataclasses import dataclass
 from typing import ClassVar
 
-from jointplay.codec import add
 from jointplay.contact.compiled import compiled_touch
+from jointplay.core.schema import add
 from jointplay.joints import Clearance, RevoluteClearance
 
 

@@ -2,9 +2,9 @@
 
 from dataclasses import dataclass
 
-from jointplay.codec import add
 from jointplay.contact import NormalForceLaw
 from jointplay.contact.normal.hertzian import HysteresisLaw
+from jointplay.core.schema import add
 
 
 @dataclass(frozen=True)

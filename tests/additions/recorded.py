@@ -5,7 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from jointplay.codec import add
+from jointplay.core.schema import add
 from jointplay.loads import WORLD, Load
 from jointplay.loads.base import OnFrame, Series, between, frame
 

@@ -5,8 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from jointplay.codec import add
-from jointplay.fields import quantity
+from jointplay.core.schema import add, quantity
 from jointplay.loads import Load
 from jointplay.loads.base import Series, joint_site
 

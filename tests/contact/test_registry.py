@@ -17,7 +17,7 @@ from jointplay.contact import (
     normal_law,
 )
 from jointplay.contact.trust import trusting
-from jointplay.errors import MissingName
+from jointplay.core.errors import MissingName
 
 NEEDED = {"kelvin-voigt": {"damping": 30.0}, "anagnostopoulos": {"mass": 2.0}}
 EVERY = [(normal_law, name) for name in NORMAL_LAWS] + [

@@ -226,7 +226,7 @@ def test_of_a_users_law_nobody_else_knows_the_range(free_mass):
 
 
 def test_the_half_width_of_a_line_contact_is_hertzs():
-    """b = sqrt(4 F R/(pi E* l)) reaches 0.3 of the journal's radius (K. L. Johnson, 1985, 4.4)."""
+    """b = sqrt(4 F R/(pi E* l)) is 0.3 of the journal's radius (K. L. Johnson, 1985, eq. 4.43)."""
     contact = joint().radial_contact
     half = 0.3 * contact.journal_radius
     force = half**2 * math.pi * contact.modulus * contact.contact_length / (4.0 * contact.radius)

@@ -19,7 +19,7 @@ from jointplay.contact import (
 )
 from jointplay.contact.compiled import address, compiled_law, parameter_names
 from jointplay.contact.film.law import FilmProperties
-from jointplay.fields import units_of
+from jointplay.core.schema import units_of
 
 NEEDED = {
     "kelvin-voigt": {"damping": 30.0},

@@ -6,6 +6,7 @@ import socket
 import subprocess
 import sys
 from contextlib import closing
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from test_sweep_kills import AXES, descendants, grown, resume, same
 import jointplay as jp
 from jointplay.sweeps import plan_of
 from jointplay.sweeps.case import DONE, Outcome, job
+from jointplay.sweeps.cluster import ClusterWorkers
 from jointplay.sweeps.store import Store
 
 pytest.importorskip("distributed")
@@ -125,12 +127,22 @@ def test_a_scheduler_that_is_killed_loses_nothing_that_was_finished(cluster, ref
     _, err, status = end(process)
     if status:
         assert status == 2, err
-        assert "was lost; " in err
+        assert "was lost" in err
         assert "--resume goes on" in err
         assert "Traceback" not in err
     gone(pids)
     resume(path, tmp_path / "s")  # by local processes: the store does not mind
     same(tmp_path / "s", whole)
+
+
+def test_what_a_worker_that_is_at_fault_says_is_said():
+    workers = object.__new__(ClusterWorkers)
+    workers.address = "tcp://here"
+    future = SimpleNamespace(
+        status="error", exception=lambda timeout: ModuleNotFoundError("no module 'own'")
+    )
+    with pytest.raises(jp.JointplayError, match=r"was lost: ModuleNotFoundError: no module 'own'"):
+        list(workers._outcomes(future, [], None))
 
 
 def test_a_scheduler_that_does_not_answer_is_said_in_a_line(reference, tmp_path, monkeypatch):
@@ -174,7 +186,13 @@ def test_addresses_that_are_none_are_said_in_a_line(address, reference, tmp_path
 
 
 def test_a_scheduler_without_workers_is_said_in_a_line(cluster, reference, tmp_path, monkeypatch):
-    monkeypatch.setattr("jointplay.sweeps.cluster.CONNECT_S", 1)
+    check = ClusterWorkers._check
+
+    def soon(workers):  # only once the scheduler has answered, however long that took
+        monkeypatch.setattr("jointplay.sweeps.cluster.CONNECT_S", 0.5)
+        check(workers)
+
+    monkeypatch.setattr(ClusterWorkers, "_check", soon)
     with pytest.raises(jp.JointplayError, match="has no workers"):
         jp.sweep(reference[0], tmp_path / "s", scheduler=cluster.address)
 

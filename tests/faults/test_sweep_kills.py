@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from sweep_scenario import SCENARIO
-from test_kills import alive, children, end, gone, needs_proc, small_disk, start
+from test_kills import JOINTPLAY, alive, children, end, gone, needs_proc, small_disk, start
 
 import jointplay as jp
 from jointplay.sweeps import plan_of
@@ -259,6 +259,28 @@ def test_a_full_disk_loses_nothing_that_was_finished(whole, small_disk):
     same(store, reference)
 
 
+@pytest.mark.parametrize(
+    ("small_disk", "beside"),
+    [("size=60k", False), ("size=150k", True), ("nr_inodes=30", False), ("nr_inodes=30", True)],
+    indirect=["small_disk"],
+)
+def test_a_disk_without_room_or_inodes_is_said_in_a_line(small_disk, beside, whole, tmp_path):
+    """Standard output and error are on that disk, or elsewhere."""
+    place = small_disk if beside else tmp_path
+    command = ["sweep", whole[0], "--out", small_disk / "s", "--quiet", "--jobs", "1"]
+    with (place / "out").open("w") as out, (place / "err").open("w") as err:
+        status = subprocess.run(
+            [JOINTPLAY, *map(str, command)], stdout=out, stderr=err, check=False
+        ).returncode
+    said = (place / "err").read_text()
+    assert status == 2, said
+    line = (
+        r"jointplay sweep: error: cannot write '.*': No space left on device; \d+ of 60 cases are "
+        r"kept; --resume goes on\n"
+    )
+    assert re.fullmatch(line, said) or (beside and not said)
+
+
 MANY_CHUNKS = """
 import sys
 from pathlib import Path
@@ -266,7 +288,7 @@ from pathlib import Path
 import numpy as np
 import zarr
 
-from jointplay.errors import JointplayError
+from jointplay.core.errors import JointplayError
 from jointplay.sweeps.store import writing
 
 try:

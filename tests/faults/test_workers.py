@@ -11,29 +11,29 @@ from concurrent.futures import ProcessPoolExecutor
 import pytest
 from test_kills import gone, needs_proc
 
-from jointplay.host import stopping, workers
+from jointplay.core import processes, signals
 
 
 @needs_proc
 def test_a_pool_that_is_abandoned_leaves_no_process():
-    pool = ProcessPoolExecutor(2, initializer=workers.begin)
+    pool = ProcessPoolExecutor(2, initializer=processes.begin)
     for _ in range(4):
         pool.submit(time.sleep, 1e6)
-    while not workers.processes(pool):
+    while not processes.processes(pool):
         time.sleep(0.01)
-    left = [process.pid for process in workers.processes(pool)]
-    workers.abandon(pool)
+    left = [process.pid for process in processes.processes(pool)]
+    processes.abandon(pool)
     gone(left)
 
 
 PARENT = """
 import os, sys, time
 from concurrent.futures import ProcessPoolExecutor
-from jointplay.host import workers
+from jointplay.core import processes
 if sys.argv[1] == "watch":
-    workers.end_with_parent = lambda number: None
+    processes.end_with_parent = lambda number: None
 if __name__ == "__main__":
-    pool = ProcessPoolExecutor(1, initializer=workers.begin)
+    pool = ProcessPoolExecutor(1, initializer=processes.begin)
     print(pool.submit(os.getpid).result(), flush=True)
     pool.submit(time.sleep, 1e6)
     time.sleep(1e6)
@@ -55,7 +55,7 @@ def test_a_worker_ends_with_its_parent_with_and_without_the_kernels_help(way):
 def listen(say, ignored):
     if ignored:
         signal.signal(signal.SIGHUP, signal.SIG_IGN)
-    with stopping.listening():
+    with signals.listening():
         try:
             os.kill(os.getpid(), signal.SIGHUP)
             say.put("went on")

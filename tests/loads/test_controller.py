@@ -66,7 +66,7 @@ def damped(times):
 def test_a_compiled_controller_is_the_spring_and_damper_that_it_says(urdf, integrator):
     loads = {"pd": Controller(("a",), pd, (KP, KD))}
     result = jp.simulate(
-        rotor(urdf), duration=0.3, start={"a": 0.3}, loads=loads, integrator=integrator, **QUIET
+        rotor(urdf), duration=0.3, state={"a": 0.3}, loads=loads, integrator=integrator, **QUIET
     )
     at = slice(None, None, 100)
     limit = 1e-4 if integrator == "semi-implicit-euler" else 1e-7
@@ -85,7 +85,7 @@ def test_a_sampled_controller_holds_its_torque(urdf, integrator):
     result = jp.simulate(
         rotor(urdf),
         duration=n * period,
-        start={"a": 0.3},
+        state={"a": 0.3},
         loads=loads,
         integrator=integrator,
         record_every=100,
@@ -106,7 +106,7 @@ def test_a_sampled_controller_holds_its_torque(urdf, integrator):
 def test_a_sampled_controller_works_with_steps_of_their_own_choice(urdf):
     loads = {"pd": Controller(("a",), sampled_pd, (KP, KD), period=1e-3)}
     runs = [
-        jp.simulate(rotor(urdf), duration=0.05, start={"a": 0.3}, loads=loads, **QUIET, **options)
+        jp.simulate(rotor(urdf), duration=0.05, state={"a": 0.3}, loads=loads, **QUIET, **options)
         for options in ({}, {"tolerance": 1e-4})
     ]
     assert runs[1]["q"].values == pytest.approx(runs[0]["q"].values, abs=1e-4)
@@ -128,7 +128,7 @@ def test_encoders_sit_where_they_are_said_to(urdf, encoder):
     loads = {"c": Controller(("a",), seen, period=1e-3, encoder=encoder)}
     seen.what = []
     result = jp.simulate(
-        rotor(urdf, gears=gears), duration=0.02, start_speed={"a": 1.0}, loads=loads, **QUIET
+        rotor(urdf, gears=gears), duration=0.02, state={"a": (None, 1.0)}, loads=loads, **QUIET
     )
     at = {"link": ["a"], "motor": ["a.motor"], "both": ["a", "a.motor"]}[encoder]
     for k in (3, 10, 19):

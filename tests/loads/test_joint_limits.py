@@ -69,9 +69,7 @@ def test_controllers_are_cut_too(urdf):
 
 
 def test_a_position_that_the_run_reaches_is_reported(urdf):
-    result = jp.simulate(
-        rotor(urdf), drive=jp.loads.Free(), duration=0.5, start={"a": 0.0}, start_speed={"a": 3.0}
-    )
+    result = jp.simulate(rotor(urdf), drive=jp.loads.Free(), duration=0.5, state={"a": (0.0, 3.0)})
     (text,) = result.audit.limit_warnings
     assert "joint 'a' was at 1.5 rad at t = 0.5 s, beyond its limits -1 to 1 rad" in text
 
@@ -94,11 +92,3 @@ def test_a_limit_that_is_no_number_and_a_word_unknown_are_refused(urdf):
         rotor(urdf, 'effort="strong" velocity="1"')
     with pytest.raises(jp.JointplayError, match="available: report, cut, ignore"):
         jp.simulate(rotor(urdf), swing(0.5), limits="clip")
-
-
-def test_a_result_of_a_version_without_limits_runs_again_without(urdf):
-    description = jp.Simulation(rotor(urdf), swing(1.2), limits="ignore").describe()
-    del description["limits"], description["loads"]
-    again = jp.Simulation.from_description(description)
-    assert again.limits == "ignore"
-    assert again.loads == {}

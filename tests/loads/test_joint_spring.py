@@ -20,7 +20,7 @@ def rotor(urdf, inertia=0.02, kind="revolute"):
 def test_a_disc_on_a_torsion_spring_swings_as_it_must(urdf, integrator):
     loads = {"s": TorsionSpring("a", 8.0, rest=0.2)}
     result = jp.simulate(
-        rotor(urdf), duration=0.5, start={"a": 0.5}, loads=loads, integrator=integrator, **QUIET
+        rotor(urdf), duration=0.5, state={"a": 0.5}, loads=loads, integrator=integrator, **QUIET
     )
     exact = 0.2 + 0.3 * np.cos(20.0 * result.time)
     limit = 1e-4 if integrator == "semi-implicit-euler" else 1e-7
@@ -31,7 +31,7 @@ def test_a_disc_on_a_torsion_spring_swings_as_it_must(urdf, integrator):
 
 def test_a_torsion_damper_closes_the_balance(urdf):
     loads = {"s": TorsionSpring("a", 8.0, damping=0.1)}
-    result = jp.simulate(rotor(urdf), duration=0.5, start={"a": 0.5}, loads=loads, **QUIET)
+    result = jp.simulate(rotor(urdf), duration=0.5, state={"a": 0.5}, loads=loads, **QUIET)
     lost = -float(result["load_work"][-1, 0])
     assert 0.5 < lost < 1.0
     assert result.audit.relative_energy_residual < 1e-6
@@ -53,8 +53,7 @@ def test_a_disc_comes_back_from_its_stop_as_it_must(urdf, integrator, damping):
     result = jp.simulate(
         rotor(urdf, inertia),
         duration=0.15,
-        start={"a": 0.0},
-        start_speed={"a": 2.0},
+        state={"a": (0.0, 2.0)},
         loads=loads,
         integrator=integrator,
         step=2e-6,
@@ -71,7 +70,7 @@ def test_a_stop_never_pulls_and_stands_at_the_urdf_limits(urdf):
     stop = Stop("a", 500.0, 50.0)
     assert stop.ends(rotor(urdf)) == (-9.0, 9.0)
     loads = {"stop": Stop("a", 500.0, 50.0, lower=-0.1, upper=0.1)}
-    speed = {"start": {"a": 0.0}, "start_speed": {"a": 3.0}}
+    speed = {"state": {"a": (0.0, 3.0)}}
     result = jp.simulate(rotor(urdf), duration=0.5, loads=loads, **speed, **QUIET)
     torque = result["load_record"].sel(load_part="stop.torque").values
     q = result["q"].values[:, 0]
@@ -95,6 +94,6 @@ def test_a_spring_acts_at_a_joint_with_clearance(urdf):
     play = jp.RevoluteClearance(radial_clearance=1e-4, axial_clearance=1e-4)
     robot = jp.Mechanism(path, {"a": play}, gravity=(0.0, 0.0, 0.0))
     loads = {"s": TorsionSpring("a", 8.0)}
-    result = jp.simulate(robot, duration=0.2, start={"a": 0.3}, loads=loads, **QUIET)
+    result = jp.simulate(robot, duration=0.2, state={"a": 0.3}, loads=loads, **QUIET)
     yaw = result["q"].sel(coordinate="a.yaw").values
     assert yaw == pytest.approx(0.3 * np.cos(20.0 * result.time), abs=1e-6)

@@ -19,8 +19,7 @@ def test_a_sled_is_braked_by_its_weight(urdf, integrator):
     result = jp.simulate(
         jp.Mechanism(path),
         duration=0.4,
-        start={"x": 0.0},
-        start_speed={"x": 1.0},
+        state={"x": (0.0, 1.0)},
         loads=loads,
         integrator=integrator,
         **QUIET,
@@ -37,9 +36,7 @@ def test_a_wrench_presses_the_sled_down(urdf):
     path = urdf(body("sled", 2.0), joint("x", "base", "sled", "prismatic", axis="1 0 0"))
     robot = jp.Mechanism(path, gravity=(0.0, 0.0, 0.0))
     loads = {"press": Wrench("sled", force=(0, 6.0, -8.0)), "rub": LoadedFriction("x", 0.3)}
-    result = jp.simulate(
-        robot, duration=0.2, start={"x": 0.0}, start_speed={"x": 1.0}, loads=loads, **QUIET
-    )
+    result = jp.simulate(robot, duration=0.2, state={"x": (0.0, 1.0)}, loads=loads, **QUIET)
     assert float(result["v"][-1, 0]) == pytest.approx(1.0 - 0.3 * 10.0 / 2.0 * 0.2, abs=1e-4)
 
 
@@ -67,17 +64,14 @@ def test_a_pendulum_is_braked_by_what_its_pin_carries(urdf, integrator):
     result = jp.simulate(
         pendulum(urdf),
         duration=0.3,
-        start={"a": 0.0},
-        start_speed={"a": 4.0},
+        state={"a": (0.0, 4.0)},
         loads=loads,
         integrator=integrator,
         record_every=100,
         **QUIET,
     )
     exact = solve_ivp(motion, (0, 0.301), [0, 4.0], t_eval=result.time, rtol=1e-10, atol=1e-12).y[0]
-    unbraked = jp.simulate(
-        pendulum(urdf), duration=0.3, start={"a": 0.0}, start_speed={"a": 4.0}, **QUIET
-    )
+    unbraked = jp.simulate(pendulum(urdf), duration=0.3, state={"a": (0.0, 4.0)}, **QUIET)
     effect = abs(float(unbraked["q"][-1, 0]) - exact[-1])
     assert np.abs(result["q"].values[:, 0] - exact).max() < 1e-3 * effect
     assert result.audit.relative_energy_residual < 1e-6
@@ -89,8 +83,7 @@ def test_the_force_along_the_axis_rubs_on_its_own_radius(urdf):
     result = jp.simulate(
         jp.Mechanism(path),
         duration=0.1,
-        start={"a": 0.0},
-        start_speed={"a": 5.0},
+        state={"a": (0.0, 5.0)},
         loads=loads,
         **QUIET,
     )

@@ -48,7 +48,7 @@ def every_load():
 def test_energy_is_kept_with_all_loads_at_once(urdf, options, play):
     clearance = {"b": jp.RevoluteClearance(radial_clearance=1e-4, axial_clearance=1e-4)}
     robot = arm(urdf, clearance if play else None)
-    options = options | {"duration": 0.2, "start": {"a": 0.2}, **FREE}
+    options = options | {"duration": 0.2, "state": {"a": 0.2}, **FREE}
     result = jp.simulate(robot, loads=every_load(), **options)
     assert result.status.name == "COMPLETED"
     rough = play or options.get("integrator") == "semi-implicit-euler"
@@ -63,13 +63,13 @@ def test_energy_is_kept_with_springs_on_loops():
         given = scenario.simulation(case)
         loads = {"s": Spring("coupler", 200.0, 0.05, other_at=(0.1, 0.1, 0.1), damping=1.0)}
         plain = jp.Simulation(
-            given.mechanism, given.motion, drive=given.drive, start=given.start, duration=0.03
+            given.mechanism, given.motion, drive=given.drive, state=given.state, duration=0.03
         ).run()
         result = jp.Simulation(
             given.mechanism,
             given.motion,
             drive=given.drive,
-            start=given.start,
+            state=given.state,
             duration=0.03,
             loads=loads,
         ).run()
@@ -95,7 +95,7 @@ def test_prescribed_motion_takes_the_torque_that_loads_ask_for(urdf, integrator)
 def test_a_payload_may_be_picked_while_loads_act(urdf):
     payload = jp.Payload("two", 1.0, pick=0.05, release=0.1)
     result = jp.simulate(
-        arm(urdf), duration=0.15, loads=every_load(), payloads=[payload], start={"a": 0.2}, **FREE
+        arm(urdf), duration=0.15, loads=every_load(), payloads=[payload], state={"a": 0.2}, **FREE
     )
     assert result.audit.relative_energy_residual < 1e-5
 
@@ -106,7 +106,7 @@ def test_reactions_are_those_of_inverse_dynamics_with_the_loads_forces(urdf):
         "between": Spring("two", 500.0, 0.05, other="one", at=(0.2, 0, 0.1), other_at=(0, 0, 0.2)),
         "ground": Spring("two", 300.0, 0.3, at=(0.2, 0, 0), other_at=(0.3, 0.1, 0.5)),
     }
-    result = jp.simulate(robot, duration=0.05, loads=loads, start={"a": 0.2}, **FREE)
+    result = jp.simulate(robot, duration=0.05, loads=loads, state={"a": 0.2}, **FREE)
     model, data = robot.model, robot.model.createData()
     for k in (0, 200, 400):
         q, v = result["q"].values[k], result["v"].values[k]

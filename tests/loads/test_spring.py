@@ -34,7 +34,7 @@ def test_a_mass_on_a_spring_swings_as_it_must(urdf, integrator):
     result = jp.simulate(
         slider(urdf),
         duration=0.5,
-        start={"x": 0.05},
+        state={"x": 0.05},
         loads={"spring": spring},
         integrator=integrator,
         **QUIET,
@@ -52,7 +52,7 @@ def test_a_damper_takes_what_the_swing_loses(urdf):
     mass, k, c = 2.0, 800.0, 8.0
     spring = Spring("cart", k, 0.5, other_at=(-0.5, 0.0, 0.0), damping=c)
     loads = {"spring": spring}
-    result = jp.simulate(slider(urdf, mass), duration=0.5, start={"x": 0.05}, loads=loads, **QUIET)
+    result = jp.simulate(slider(urdf, mass), duration=0.5, state={"x": 0.05}, loads=loads, **QUIET)
     decay = c / (2.0 * mass)
     w = np.sqrt(k / mass - decay**2)
     t = result.time
@@ -74,7 +74,7 @@ def test_a_spring_between_two_bodies_leaves_their_centre_of_mass_alone(urdf):
     robot = jp.Mechanism(path, gravity=(0.0, 0.0, 0.0))
     spring = Spring("two", 500.0, 0.2, other="one", damping=1.0)
     start = {"a": -0.3, "b": 0.1}
-    result = jp.simulate(robot, duration=0.3, start=start, loads={"s": spring}, **QUIET)
+    result = jp.simulate(robot, duration=0.3, state=start, loads={"s": spring}, **QUIET)
     q = result["q"].values
     assert q[:, 0] + 3.0 * q[:, 1] == pytest.approx(0.0, abs=1e-9)
     assert np.ptp(q[:, 1] - q[:, 0]) > 0.1
@@ -89,7 +89,7 @@ def test_energy_is_kept_while_an_arm_swings_on_springs(urdf, integrator):
         ),
     }
     result = jp.simulate(
-        arm(urdf), duration=0.5, loads=loads, integrator=integrator, start={"a": 0.4}, **QUIET
+        arm(urdf), duration=0.5, loads=loads, integrator=integrator, state={"a": 0.4}, **QUIET
     )
     assert result.audit.relative_energy_residual < 5e-6
     assert float(result["load_work"].sel(load="up")[-1]) < -0.01
@@ -102,7 +102,7 @@ def test_the_multi_rate_method_is_of_second_order_with_springs(urdf):
 
     def end(step, **options):
         result = jp.simulate(
-            robot, duration=0.128, step=step, loads=loads, start={"a": 0.3}, **QUIET, **options
+            robot, duration=0.128, step=step, loads=loads, state={"a": 0.3}, **QUIET, **options
         )
         return result["q"].values[-1]
 
@@ -114,7 +114,7 @@ def test_the_multi_rate_method_is_of_second_order_with_springs(urdf):
 
 
 def test_a_curve_on_a_line_is_the_linear_spring(urdf):
-    robot, options = arm(urdf), {"duration": 0.1, "start": {"a": 0.4}, **QUIET}
+    robot, options = arm(urdf), {"duration": 0.1, "state": {"a": 0.4}, **QUIET}
     place = {"at": (0.2, 0.0, 0.0), "other_at": (0.3, 0.1, 0.5)}
     linear = Spring("two", 300.0, 0.3, **place)
     curve = CurveSpring("two", (0.2, 0.3, 0.9), (-30.0, 0.0, 180.0), **place)
@@ -177,7 +177,7 @@ def test_a_step_too_large_for_a_spring_is_refused(urdf):
 
 def test_loads_travel_with_the_result_and_run_again(urdf, tmp_path):
     loads = {"s": Spring("cart", 800.0, 0.5, other_at=(-0.5, 0.0, 0.0), damping=1.0)}
-    run = jp.Simulation(slider(urdf), duration=0.02, start={"x": 0.05}, loads=loads, **QUIET)
+    run = jp.Simulation(slider(urdf), duration=0.02, state={"x": 0.05}, loads=loads, **QUIET)
     result = run.run()
     result.save(tmp_path / "run.nc")
     again = jp.Result.load(tmp_path / "run.nc")
@@ -187,6 +187,6 @@ def test_loads_travel_with_the_result_and_run_again(urdf, tmp_path):
 
 def test_the_chart_of_energies_shows_what_loads_store(urdf):
     loads = {"s": Spring("cart", 800.0, 0.5, other_at=(-0.5, 0.0, 0.0), damping=1.0)}
-    result = jp.simulate(slider(urdf), duration=0.02, start={"x": 0.05}, loads=loads, **QUIET)
+    result = jp.simulate(slider(urdf), duration=0.02, state={"x": 0.05}, loads=loads, **QUIET)
     labels = [line.get_label() for line in result.plot.energy().axes[0].lines]
     assert {"stored in loads", "work of loads"} <= set(labels)

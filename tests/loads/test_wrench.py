@@ -75,8 +75,7 @@ def test_a_users_function_acts_like_a_law(urdf, integrator):
         slider(urdf),
         duration=0.5,
         loads=loads,
-        start={"x": 0.0},
-        start_speed={"x": 1.0},
+        state={"x": (0.0, 1.0)},
         integrator=integrator,
         **QUIET,
     )

@@ -11,7 +11,7 @@ import jointplay as jp
 from jointplay.kernel.integrators import INTEGRATORS
 from jointplay.loads.drive import ComputedTorque, Free, JointFriction, Prescribed, Torque
 from jointplay.mechanism.gear import Gear
-from jointplay.simulation.multi_rate import LONGEST_MACRO_STEP_S
+from jointplay.simulation.loop import LONGEST_MACRO_STEP_S
 
 FLAT = {"gravity": (0.0, 0.0, 0.0)}
 QUIET = {"joint_friction": {}}
@@ -167,7 +167,7 @@ def test_free_pendulum_has_the_period_of_the_elliptic_integral(urdf, amplitude):
     slow = np.sqrt((own + mass * length**2) / (mass * 9.81 * length))
     period = 4.0 * slow * ellipk(np.sin(amplitude / 2) ** 2)
     result = jp.simulate(
-        robot, drive={"a": Free()}, start={"a": amplitude}, duration=1.1 * period,
+        robot, drive={"a": Free()}, state={"a": amplitude}, duration=1.1 * period,
         integrator="rk4", step=1e-4, record_every=1, **QUIET,
     )  # fmt: skip
     q, t = result["q"].values[:, 0], result.time
@@ -313,7 +313,7 @@ def test_sliding_rotor_slows_by_the_stribeck_torque(urdf):
     """Speed against a quadrature of J dw/dt = -Q(w) by small steps."""
     losses = JointFriction(coulomb=0.2, viscous=0.01, static=0.3, stribeck_speed=1.0)
     result = jp.simulate(
-        rotor(urdf), drive={}, duration=0.1, start_speed={"a": 3.0}, integrator="rk4",
+        rotor(urdf), drive={}, duration=0.1, state={"a": (None, 3.0)}, integrator="rk4",
         joint_friction={"a": losses},
     )  # fmt: skip
 

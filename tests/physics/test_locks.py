@@ -7,8 +7,7 @@ import pytest
 from conftest import body, joint
 
 import jointplay as jp
-from jointplay.mechanism.lock import SHARE
-from jointplay.mechanism.loop import Loop, misfit
+from jointplay.mechanism.loop import SHARE, Loop, misfit
 
 LENGTH, REACH = 0.1, 0.3
 SLIDER = jp.PrismaticClearance(clearance=2e-4, clearance_y=3e-4, lock_tilt=True)
@@ -37,8 +36,14 @@ def cut_at_the_pin(urdf):
 
 
 def thrown(mechanism, **options):
-    options = {"state": START, "start_speed": {"crank": 5.0}, "duration": 0.05} | FREE | options
+    state = START | {"crank": (START.get("crank"), 5.0)}
+    options = {"state": state, "duration": 0.05} | FREE | options
     return jp.simulate(mechanism, **options)
+
+
+def pushed(speeds):
+    """A state of speeds alone."""
+    return {name: (None, speed) for name, speed in speeds.items()}
 
 
 def apart(one, other, name="tool_position"):
@@ -105,9 +110,9 @@ PUSHED = {"along_x": 0.06, "along_y": -0.1, "along_z": 0.04}
 )
 def test_locked_joints_of_an_arm_are_as_if_they_were_not_there(clearance, slides, turns, urdf):
     speeds = {name: speed for name, speed in PUSHED.items() if name[-1] in slides}
-    options = {"integrator": "rk4", "step": 1e-5, "duration": 0.03, "start_speed": speeds, **FREE}
     if turns:
         speeds["turn0"] = 3.0
+    options = {"integrator": "rk4", "step": 1e-5, "duration": 0.03, "state": pushed(speeds), **FREE}
     held = jp.simulate(gantry(urdf, ALL, clearance), **options)
     alone = jp.simulate(gantry(urdf, turns, clearance, slides=slides), **options)
     assert held.simulation.mechanism.locks
@@ -121,7 +126,7 @@ def test_momentum_and_energy_survive_a_frictionless_lock_in_flight(urdf):
     """No contact, no gravity: what flies with a lock keeps its momentum along all three axes."""
     wide = jp.PrismaticClearance(clearance=5e-3, lock_tilt=True)
     mechanism = gantry(urdf, ALL, wide, gravity=(0, 0, 0))
-    result = jp.simulate(mechanism, duration=0.02, integrator="rk4", start_speed=PUSHED, **FREE)
+    result = jp.simulate(mechanism, duration=0.02, integrator="rk4", state=pushed(PUSHED), **FREE)
     speed = result["tool_velocity"].values
     assert np.abs(speed - [0.06, -0.1, 0.04]).max() < 1e-9
     assert result.audit.relative_energy_residual < 1e-9
@@ -138,7 +143,7 @@ def test_a_carriage_takes_inertia_and_adds_none(urdf):
 def test_a_journal_on_the_ground_carries_the_carriage(urdf):
     """Bearing and journal change roles: without tilt, walls and faces are alike."""
     swapped = {"bearing_link": "block", "journal_link": "base"}
-    options = {"integrator": "rk4", "step": 1e-5, "duration": 0.03, "start_speed": PUSHED, **FREE}
+    options = {"integrator": "rk4", "step": 1e-5, "duration": 0.03, "state": pushed(PUSHED), **FREE}
     results = [jp.simulate(gantry(urdf, ALL, SLIDER, loop), **options) for loop in (None, swapped)]
     assert results[0].audit.impacts == results[1].audit.impacts > 0
     assert apart(*results) < 1e-9
@@ -149,7 +154,7 @@ def test_a_journal_on_the_ground_carries_the_carriage(urdf):
 
 def test_a_block_that_starts_askew_is_put_straight(urdf):
     mechanism = cut_at_the_slider(urdf)
-    run = jp.Simulation(mechanism, start={"crank": 0.7}, duration=1e-3, drive={}).prepare()
+    run = jp.Simulation(mechanism, state={"crank": 0.7}, duration=1e-3, drive={}).prepare()
     q = run.workspace.q
     assert max(np.abs(part).max() for part in misfit(mechanism, q).values()) < 1e-9
     turns = sum(q[mechanism.coordinate(name)] for name in ("crank", "rod", "wrist"))

@@ -133,7 +133,7 @@ def test_drift_is_what_the_audit_says_and_falls_with_the_step(method, limit):
 def test_loops_stay_closed_though_pinocchio_is_asked_once_in_several_steps():
     mechanism = slider_crank()
     motion = jp.Motion(["crank_pin"], [0, 0.02], [[0], [2000 * RPM * 0.02]], "constant-speed")
-    options = {"drive": {"crank_pin": Prescribed()}, "start": {"guide": R + L}, "duration": 0.02}
+    options = {"drive": {"crank_pin": Prescribed()}, "state": {"guide": R + L}, "duration": 0.02}
     run = jp.Simulation(mechanism, motion, step=1e-5, record_every=1, **options).prepare()
     result = run.execute()
     assert run.workspace.macro_steps < run.steps / 4
@@ -244,7 +244,7 @@ def test_prescribed_four_bar_follows_its_circles(urdf):
     robot = four_bar(urdf)
     motion = jp.Motion(["a"], [0, 0.5], [[0.3], [0.3 + 2 * np.pi]])
     start = {"d": four_bar_angles(0.3)[1]}
-    result = jp.simulate(robot, motion, drive={"a": Prescribed()}, start=start, integrator="rk4",
+    result = jp.simulate(robot, motion, drive={"a": Prescribed()}, state=start, integrator="rk4",
                          step=2e-5)  # fmt: skip
     theta = motion(result.time)[0][:, 0]
     coupler, rocker = four_bar_angles(theta)
@@ -305,7 +305,7 @@ def test_reactions_of_a_four_bar_fulfil_newton_and_euler(urdf, gravity):
     robot = four_bar(urdf, gravity=gravity)
     motion = jp.Motion(["a"], [0, 0.2], [[0.3], [2.3]])
     start = {"d": four_bar_angles(0.3)[1]}
-    result = jp.simulate(robot, motion, drive={"a": Prescribed()}, start=start, integrator="rk4",
+    result = jp.simulate(robot, motion, drive={"a": Prescribed()}, state=start, integrator="rk4",
                          step=2e-5, record_every=10)  # fmt: skip
     inertia = {name: robot.model.inertias[robot.model.getJointId(j)]
                for name, j in (("crank", "a"), ("coupler", "b"), ("rocker", "d"))}  # fmt: skip
@@ -326,7 +326,7 @@ def test_virtual_work_gives_the_crank_torque_of_a_four_bar(urdf):
     theta = 1.1
     motion = jp.Motion(["a"], [0, 1e-3], [[theta], [theta]])
     start = {"d": four_bar_angles(theta)[1]}
-    result = jp.simulate(robot, motion, drive={"a": Prescribed()}, start=start)
+    result = jp.simulate(robot, motion, drive={"a": Prescribed()}, state=start)
 
     def potential(angle):
         coupler, rocker = four_bar_angles(angle)
@@ -342,8 +342,8 @@ def test_virtual_work_gives_the_crank_torque_of_a_four_bar(urdf):
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 def test_free_four_bar_keeps_its_energy(urdf, integrator):
     robot = four_bar(urdf, gravity=(0.0, -9.81, 0.0))
-    start = {"a": 1.0, "d": four_bar_angles(1.0)[1]}
-    result = jp.simulate(robot, drive={}, duration=0.5, start=start, start_speed={"a": 3.0},
+    state = {"a": (1.0, 3.0), "d": four_bar_angles(1.0)[1]}
+    result = jp.simulate(robot, drive={}, duration=0.5, state=state,
                          joint_friction={}, integrator=integrator, step=2e-5)  # fmt: skip
     total = result["kinetic_energy"] + result["potential_energy"]
     limit = 1e-9 if integrator == "rk4" else 1e-3
@@ -361,7 +361,7 @@ def test_parallelogram_swings_as_one_pendulum(urdf):
     )
     robot = four_bar(urdf, frame=0.3, coupler=0.3, rocker=length, crank=length, bars=bars,
                      gravity=(0.0, -gravity, 0.0))  # fmt: skip
-    result = jp.simulate(robot, drive={}, duration=1.0, start={"a": -1.0, "d": -1.0},
+    result = jp.simulate(robot, drive={}, duration=1.0, state={"a": -1.0, "d": -1.0},
                          joint_friction={}, integrator="rk4", step=5e-5)  # fmt: skip
     q, v = result["q"].values, result["v"].values
     assert np.abs(q[:, 0] - q[:, 2]).max() < 1e-8
@@ -379,7 +379,7 @@ def test_computed_torque_leads_a_four_bar(urdf, drive):
     robot = four_bar(urdf, gravity=(0.0, -9.81, 0.0))
     motion = jp.Motion(["a"], [0, 0.1], [[0.3], [1.1]])
     start = {"d": four_bar_angles(0.3)[1]}
-    options = {"start": start, "integrator": "rk4", "step": 2e-5, "joint_friction": {}}
+    options = {"state": start, "integrator": "rk4", "step": 2e-5, "joint_friction": {}}
     led = jp.simulate(robot, motion, drive=drive, **options)
     exact = jp.simulate(robot, motion, drive={"a": Prescribed()}, **options)
     reference = motion(led.time)[0][:, 0]
@@ -393,7 +393,7 @@ def test_worn_four_bar_follows_within_its_clearance(urdf):
     worn = four_bar(urdf, jp.RevoluteClearance.planar(radial_clearance=play))
     motion = jp.Motion(["a"], [0, 0.3], [[0.3], [2.3]])
     start = {"d": four_bar_angles(0.3)[1]}
-    result = jp.simulate(worn, motion, drive={"a": Prescribed()}, start=start)
+    result = jp.simulate(worn, motion, drive={"a": Prescribed()}, state=start)
     _, rocker = four_bar_angles(result["q"].values[:, 0])
     error = np.abs(result["q"].values[:, 2] - rocker)
     assert 0.1 * play / C < error.max() < 5.0 * play / C

@@ -1,15 +1,16 @@
 """Machines that begin where they stand."""
 
 import dataclasses
-import json
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from conftest import body, joint, still
 
 import jointplay as jp
 from jointplay.joints import PrismaticClearance, SphericalClearance
 from jointplay.scenario import Scenario
+from jointplay.simulation.statics import Balance, StandingLoads, weight_curvature
 
 PIN = {"radial_clearance": 1e-4, "axial_clearance": 1e-4}
 WEIGHT = 2.0 * 9.81
@@ -79,14 +80,60 @@ def test_from_the_centre_it_falls_as_ever(urdf):
     assert fallen.start == "centred"
 
 
-def test_joints_in_series_all_rest(urdf):
+def serial(urdf):
+    """Three joints in series, all loose."""
     path = urdf(
         body("one", com="0.2 0 0"), joint("a", "base", "one", axis="0 1 0"),
         body("two", com="0.1 0.02 0"), joint("b", "one", "two", axis="0 0 1", at="0.4 0 0"),
         body("three", com="0.1 0 0.01"), joint("c", "two", "three", axis="1 0 0", at="0.2 0 0"),
     )  # fmt: skip
-    robot = jp.Mechanism(path, {name: jp.RevoluteClearance(**PIN) for name in "abc"})
-    result = standing(robot).run()
+    return jp.Mechanism(path, {name: jp.RevoluteClearance(**PIN) for name in "abc"})
+
+
+def test_gravitys_curvature_is_that_of_differences(urdf):
+    robot = serial(urdf)
+    model, data = robot.model, robot.data
+    q = 0.3 * np.random.default_rng(1).normal(size=model.nq)
+    apart = [
+        pin.computeGeneralizedGravity(model, data, q + way * step).copy()
+        for step in 1e-6 * np.eye(model.nq)
+        for way in (1.0, -1.0)
+    ]
+    differences = np.array(apart[::2]).T - np.array(apart[1::2]).T
+    found = weight_curvature(model, data, q)
+    assert found == pytest.approx(differences / 2e-6, abs=1e-5)
+    assert (found == found.T).all()
+
+
+def test_a_machine_rests_in_one_place_whatever_the_way_to_it(urdf):
+    # The first joint's axis is vertical: where it lies across costs its weight nothing.
+    path = urdf(
+        body("one", com="0.2 0 0"), joint("a", "base", "one"),
+        body("two", com="0.1 0.02 0"), joint("b", "one", "two", axis="0 1 0", at="0.4 0 0"),
+    )  # fmt: skip
+    robot = jp.Mechanism(path, {name: jp.RevoluteClearance(**PIN) for name in "ab"})
+    run = standing(robot, drive=jp.loads.Prescribed()).prepare()
+    q = np.zeros(robot.model.nq)
+    drives = dict.fromkeys("ab", jp.loads.Prescribed())
+    balance = Balance(
+        robot, robot.model, q, q, drives, (), np.zeros(0), {}, StandingLoads({}, robot, []), q
+    )
+    random, places = np.random.default_rng(2), []
+    for _ in range(5):
+        near = q.copy()
+        for name in "ab":
+            at = robot.virtual_link(name)
+            near[at : at + 3] = 6e-5 * random.uniform(-1.0, 1.0, 3)
+            near[at + 4 : at + 6] = 1e-3 * random.uniform(-1.0, 1.0, 2)
+        rest = balance.settle(near)
+        assert rest.solved
+        places.append(rest.q)
+    assert np.ptp(places, axis=0) == pytest.approx(0.0, abs=1e-8)  # play: 1e-4 m
+    assert places[0] == pytest.approx(run.rest.q, abs=1e-8)
+
+
+def test_joints_in_series_all_rest(urdf):
+    result = standing(serial(urdf)).run()
     force = np.linalg.norm(result["joint_force"].values, axis=2)
     assert force[0] == pytest.approx(WEIGHT * np.array([3.0, 2.0, 1.0]), rel=1e-3)
     assert result.audit.peak_force == pytest.approx(3.0 * WEIGHT, rel=1e-2)
@@ -173,17 +220,6 @@ def test_what_no_joint_can_bear_is_said(urdf):
     run = standing(robot).prepare()
     assert run.simulation.start == "centred"
     assert not run.rest.solved
-
-
-def test_descriptions_of_version_0_1_began_centred(urdf):
-    robot = pendulum(urdf, jp.RevoluteClearance(**PIN))
-    old = standing(robot).describe()
-    for key in ("state", "settle", "judge_from"):
-        del old[key]
-    old["start"], old["start_speed"] = {}, {}
-    again = jp.Simulation.from_description(json.loads(json.dumps(old)))
-    assert again.start == "centred"
-    assert not again.prepare().workspace.q[:3].any()
 
 
 def test_a_result_runs_again_as_it_ran(urdf):

@@ -9,6 +9,27 @@ import numpy as np
 
 HERE = Path(__file__).parent
 
+LICENCES = {
+    "Apache-2.0": "https://www.apache.org/licenses/LICENSE-2.0",
+    "BSD-3-Clause": "https://opensource.org/license/bsd-3-clause",
+    "CC-BY-4.0": "https://creativecommons.org/licenses/by/4.0/",
+    "CC-BY-SA-4.0": "https://creativecommons.org/licenses/by-sa/4.0/",
+}
+"""Of data of others: the licence's text by its SPDX name."""
+
+
+def origin(
+    repository: str, commit: str, path: str, holder: str, licence: str, more: str = ""
+) -> list[str]:
+    """What a file with data of others says on top, a line each."""
+    return [
+        f"Source: {repository}, {path}",
+        f"Commit: {commit}",
+        f"SPDX-FileCopyrightText: {holder}",
+        f"SPDX-License-Identifier: {licence}",
+        f"Licence: {LICENCES[licence]}{more}",
+    ]
+
 
 def read(name: str) -> tuple[dict[str, np.ndarray], dict[str, float]]:
     """Columns of a data file, and the numbers in its notes."""

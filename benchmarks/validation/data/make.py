@@ -18,6 +18,7 @@ import numpy as np
 
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE.parents[1]))
+from validation.data import origin  # noqa: E402
 
 DENSE_UNTIL, EVERY = 0.06, 10
 """All samples of RecurDyn up to this time [s], then each tenth."""
@@ -97,9 +98,15 @@ def recurdyn(folder: Path) -> None:
     columns.append(data["arm"]["Pos_TX"] - data["journal"]["Pos_TX"])
     notes = (
         "RecurDyn 2023 on a revolute joint with clearance, and on the ideal joint [s, m, m/s^2].",
-        "Copyright (c) 2026, W-Moorer; github.com/W-Moorer/sdf-nsc, assets/rev_joint_clearance;",
-        "BSD 3-Clause License, see recurdyn_revolute.LICENSE. Samples and columns left out by",
-        "make.py; y is up, x the bearing's axis.",
+        *origin(
+            "github.com/W-Moorer/sdf-nsc",
+            "b01316190241bdbd6528cf58500836099ed20aba",
+            "assets/rev_joint_clearance",
+            "(c) 2026, W-Moorer",
+            "BSD-3-Clause",
+            " (recurdyn_revolute.LICENSE)",
+        ),
+        "Changed: samples and columns left out by make.py; y is up, x the bearing's axis.",
         f"mesh_gap = {drop(folder):.6g}",
     )
     write(HERE / "recurdyn_revolute.csv", notes, names, np.column_stack(columns)[kept])
@@ -131,9 +138,16 @@ def siconos(folder: Path) -> None:
     notes = (
         f"Siconos {siconos_engine.version()}, Moreau-Jean, at five steps, run by",
         "benchmarks/peer_engines/siconos_guide.py; `limit` is the straight line through them at",
-        "h = 0. `direct` and `combined`: the reference results of Siconos's own example at 0.1 ms,",
-        "github.com/siconos/siconos-tutorials, examples/mechanics/SliderCrank, Copyright INRIA,",
-        "Apache License 2.0; of each tenth row what follows.",
+        "h = 0. `direct` and `combined`: the reference results of Siconos's own example at 0.1 ms.",
+        *origin(
+            "github.com/siconos/siconos-tutorials",
+            "b6c9bfd1940a69dae512a3e39cf5f1a951e3eebe",
+            "examples/mechanics/SliderCrank (of `direct` and `combined`)",
+            "2021 INRIA",
+            "Apache-2.0",
+            " (LICENSES/Apache-2.0.txt)",
+        ),
+        "Changed: of each tenth row what follows.",
         "time [s], crank's turns, its speed [rad/s], slider's y over the clearance, energy [J].",
     )
     write(HERE / "siconos_guide.csv", notes, names, np.column_stack(columns))
@@ -160,6 +174,7 @@ def engines() -> None:
         f"MuJoCo {mujoco_engine.VERSION} (law of jointplay applied, damped, friction 0.01, Euler)",
         "on the shipped slider-crank with 0.2 mm of clearance, run by benchmarks/peer_engines at",
         "steps of 20 ns: journal's centre in the bearing over the clearance; time [s].",
+        "SPDX-License-Identifier: MIT",
     )
     write(HERE / "engines_slider_crank.csv", notes, names, np.column_stack(columns))
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from jointplay.errors import MissingName
+from jointplay.core.errors import MissingName, require_finite
 from jointplay.geometry import Form, Mode
 from jointplay.result.result import Result
 
@@ -47,7 +47,7 @@ def contacts(result: Result, start: float | None = None) -> list[Contacts]:
     time = result.time
     if not result.joints:
         return []
-    start = result.judge_from if start is None else start
+    start = result.judge_from if start is None else require_finite("start", start, "s")
     later = np.diff(time, prepend=time[0])
     judged = time >= start
     statistics = []
@@ -85,7 +85,7 @@ def number(result: Result, start: float | None = None) -> int:
     """
     if not result.joints:
         return 0
-    start = result.judge_from if start is None else start
+    start = result.judge_from if start is None else require_finite("start", start, "s")
     touching = result["normal_force_peak"].values > 0.0
     began = touching.copy()
     began[1:] &= ~touching[:-1]
@@ -112,7 +112,7 @@ def shares(
     kinds: dict[str, Any] = {"mode": Mode, "form": Form}
     if of not in kinds:
         raise MissingName("state", of, kinds)
-    start = result.judge_from if start is None else start
+    start = result.judge_from if start is None else require_finite("start", start, "s")
     values = result[of].sel(joint=joint).values[result.time >= start]
     if len(values) and values.min() < 0:
         return {}

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import warnings
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from jointplay.analysis.contact_statistics import number
 from jointplay.analysis.tool_error import accuracy, deviation, error_at, stops
 from jointplay.analysis.twins import has_play, ideal_simulation, tool_motion
-from jointplay.errors import JointplayError
+from jointplay.core.errors import JointplayError
 from jointplay.motion.reference import GOES_ON
 from jointplay.result.result import Result
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 HISTORIES = ("tool_position", "tool_velocity", "joint_force_peak", "normal_force_peak")
 """What `headline` looks at, in the run and in the ideal mechanism's."""
@@ -21,13 +27,16 @@ MOST_STOPS = 6
 def reference(result: Result, progress: bool = False) -> Result | None:
     """The ideal mechanism's run against which the tool's error is measured, simulated now.
 
-    None where the result has no play, or its ideal mechanism cannot be simulated.
+    None where the result has no play; with a warning, where the ideal mechanism cannot be
+    simulated.
     """
     if not has_play(result) or len(result.time) < 2:
         return None
     try:
         return tool_motion(ideal_simulation(result), progress)
-    except JointplayError:
+    except JointplayError as error:
+        text = f"no tool error is known: the ideal mechanism cannot be simulated ({error})"
+        warnings.warn(text, RuntimeWarning, stacklevel=2)
         return None
 
 
@@ -42,16 +51,7 @@ def headline(result: Result, ideal: Result | None, start: float = 0.0) -> list[s
     since = f" from {start:g} s on" if start > 0.0 else ""
     lines = []
     if ideal is not None:
-        error = deviation(result, ideal)
-        kept = error.sel(time=error["time"] >= start)
-        sizes = np.linalg.norm(kept.values, axis=1)
-        at = float(kept["time"][int(sizes.argmax())])
-        rms = accuracy(error, start).rms[-1]
-        lines.append(
-            f"tool error{since} peak {_mm(sizes.max())} at t = {at:.4g} s, RMS {_mm(rms)}"
-            " (against the ideal mechanism)"
-        )
-        lines += _at_stops(result, error, start)
+        lines += _tool(result, deviation(result, ideal), start, since)
     if result.joints:
         lines += [_force(result, joint, start) for joint in result.joints]
         # The audit has counted each; records take those that follow each other at once for one.
@@ -64,15 +64,30 @@ def headline(result: Result, ideal: Result | None, start: float = 0.0) -> list[s
     return lines
 
 
-def _at_stops(result: Result, error: object, start: float) -> list[str]:
+def _tool(result: Result, error: xr.DataArray, start: float, since: str) -> list[str]:
+    kept = error.sel(time=error["time"] >= start)
+    last = float(error["time"][-1])
+    # Records of another step may end a little earlier.
+    early = last < 0.999 * result.time[-1]
+    ended = f", whose run ends at {last:.4g} s" if early else ""
+    if not len(kept):
+        return [f"no tool error{since} is known against the ideal mechanism{ended}"]
+    sizes = np.linalg.norm(kept.values, axis=1)
+    at = float(kept["time"][int(sizes.argmax())])
+    rms = accuracy(error, start).rms[-1]
+    peak = f"tool error{since} peak {_mm(sizes.max())} at t = {at:.4g} s, RMS {_mm(rms)}"
+    return [f"{peak} (against the ideal mechanism{ended})", *_at_stops(result, error, start)]
+
+
+def _at_stops(result: Result, error: xr.DataArray, start: float) -> list[str]:
     motion = result.simulation.motion
     if motion is None or motion.interpolation in GOES_ON:
         return []
-    times = [stop.end for stop in stops(motion, float(result.time[-1])) if stop.at_rest]
+    times = [stop.end for stop in stops(motion, float(error["time"][-1])) if stop.at_rest]
     times = [time for time in times if time >= start and time > 0.0]
     if not times:
         return []
-    sizes = [float(error_at(error, time)[-1]) for time in times]  # type: ignore[arg-type]
+    sizes = [float(error_at(error, time)[-1]) for time in times]
     if len(times) > MOST_STOPS:
         worst = int(np.argmax(sizes))
         return [

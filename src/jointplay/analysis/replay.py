@@ -14,7 +14,7 @@ import numpy as np
 import xarray as xr
 
 from jointplay.analysis import Contacts, contacts
-from jointplay.errors import JointplayError
+from jointplay.core.errors import JointplayError, require_whole
 from jointplay.kernel import Status
 from jointplay.result.histories import histories
 from jointplay.result.result import Result
@@ -46,6 +46,7 @@ def largest_impacts(result: Result, number: int) -> list[tuple[Contacts, int]]:
     Returns:
         Pairs of the place's contacts and the index among them, largest first.
     """
+    number = require_whole("number", number)
     step = result.audit.step
     ranked = sorted(
         ((place.peak[i], place, i) for place in contacts(result) for i in range(len(place.peak))),

@@ -7,12 +7,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 import xarray as xr
 
-from jointplay.errors import JointplayError, MissingName
+from jointplay.core.errors import JointplayError, MissingName, require_finite, require_whole
 from jointplay.result.result import Result
 
 if TYPE_CHECKING:
     pass
 from jointplay.analysis.tool_error import COMPONENTS, deviation
+
+
+class TooShort(JointplayError):
+    """A run of too few records for a spectrum."""
 
 
 def spectrum(
@@ -57,7 +61,8 @@ def spectrum(
         signal = deviation(result, ideal, "tool_velocity")
     else:
         signal = result["tool_velocity"]
-    start = result.judge_from if start is None else start
+    segment = require_whole("segment", segment, 2)
+    start = result.judge_from if start is None else require_finite("start", start, "s")
     signal = signal.sel(time=signal["time"] >= start)
     time = signal["time"].values
     if len(time) > 2 and not np.isclose(time[-1] - time[-2], time[1] - time[0], rtol=1e-6):
@@ -66,9 +71,7 @@ def spectrum(
     if len(time) > 1 and of == "acceleration":
         values = np.diff(values, axis=0) / np.diff(time)[:, None]
     if len(values) < 16:
-        raise JointplayError(
-            f"a spectrum needs at least 17 records from {start:g} s on, got {len(time)}"
-        )
+        raise TooShort(f"a spectrum needs at least 17 records from {start:g} s on, got {len(time)}")
     interval = float(time[-1] - time[0]) / (len(time) - 1)
     length = min(segment, len(values))
     frequency, density = welch(

@@ -14,7 +14,7 @@ import numpy as np
 import xarray as xr
 
 from jointplay.analysis.twins import has_play, is_twin
-from jointplay.errors import JointplayError, MissingName
+from jointplay.core.errors import JointplayError, MissingName, require_finite
 from jointplay.motion.reference import Motion
 from jointplay.result.result import AXES, Result
 
@@ -46,15 +46,10 @@ def deviation(result: Result, ideal: Result, of: str = "tool_position") -> xr.Da
         (time, axis), for the time that both runs cover.
 
     Raises:
-        JointplayError: `ideal` is not the result's twin, or one of the two comes from a version
-            that did not record it.
+        JointplayError: `ideal` is not the result's twin.
     """
     if of not in TOOL_MOTIONS:
         raise MissingName("tool motion", of, TOOL_MOTIONS)
-    if of not in result.dataset or of not in ideal.dataset:
-        raise JointplayError(
-            f"a result of an earlier version has no {of}; result.simulation.run() makes it again"
-        )
     if not is_twin(result, ideal):
         reason = (
             f"has clearance in {', '.join(ideal.joints)}"
@@ -141,7 +136,8 @@ def accuracy(error: xr.DataArray, start: float | None = None) -> Accuracy:
     Raises:
         JointplayError: nothing was recorded from `start` on.
     """
-    start = float(error.attrs.get("judge_from", 0.0)) if start is None else start
+    begin = error.attrs.get("judge_from", 0.0) if start is None else start
+    start = require_finite("start", begin, "s")
     kept = error.sel(time=error["time"] >= start).values
     if not len(kept):
         raise JointplayError(
@@ -176,15 +172,16 @@ def stops(motion: Motion, end: float) -> list[Stop]:
     A tool picks and places while the reference dwells: what its error is at the end of a dwell is
     what the process gets.
     """
-    times = motion.times
-    position, velocity, _ = motion(times)
+    times, end = motion.times, require_finite("end", end, "s")
+    velocity = motion(times)[1]
     fastest = np.abs(motion(np.linspace(times[0], times[-1], 1001))[1]).max()
     limit = 1e-9 * fastest
 
     def still(first: int) -> bool:
         inside = np.linspace(times[first], times[first + 1], 7)
-        moved = position[first] != position[first + 1]
-        return not moved.any() and bool((np.abs(motion(inside)[1]) <= limit).all())
+        # Of the waypoints as given: the curve's own values differ by rounding.
+        same = np.allclose(motion.positions[first], motion.positions[first + 1], 0.0, 1e-12)
+        return same and bool((np.abs(motion(inside)[1]) <= limit).all())
 
     rest = (np.abs(velocity) <= limit).all(axis=1)
     waypoints: list[Stop] = []
@@ -205,4 +202,5 @@ def stops(motion: Motion, end: float) -> list[Stop]:
 
 def error_at(error: xr.DataArray, time: float) -> np.ndarray:
     """Tool error along x, y, z and in all at the record nearest to `time` [s]: (4,) [m]."""
+    time = require_finite("time", time, "s")
     return _with_total(error.sel(time=[time], method="nearest").values)[0]

@@ -8,17 +8,17 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from jointplay.errors import MissingName
-from jointplay.joints import VIRTUAL_LINK
+from jointplay.core.errors import MissingName
+from jointplay.joints import VIRTUAL_LINK, class_of
 from jointplay.result.result import Result
-from jointplay.result.stored import given_state
+from jointplay.result.stored import stored_coordinates
 
 if TYPE_CHECKING:
     from jointplay.simulation.simulation import Simulation
 
 _MAY_DIFFER = (
     *("mechanism", "duration", "step", "integrator", "macro_step", "tolerance"),
-    *("record_every", "seed", "start", "start_speed", "settle", "judge_from"),
+    *("record_every", "seed", "start", "settle", "judge_from"),
 )
 """Inputs in which a run and the ideal run that it is measured against may differ."""
 
@@ -84,9 +84,27 @@ def task(result: Result) -> dict[str, Any]:
 
 
 def _state(given: dict[str, Any]) -> dict[str, list[float | None]]:
-    """What is given of the state at the start, but for journals."""
-    own = tuple(f".{part}" for part in VIRTUAL_LINK)
-    return {name: at for name, at in given_state(given).items() if not name.endswith(own)}
+    """What is given of the state at the start, as the ideal mechanism has it.
+
+    What only play has is left out: journals aside of their bearings, carriages, and motors turned
+    against their joints. The coordinate that a joint has without clearance too is the joint's.
+    """
+    mechanism = given["mechanism"]
+    known = stored_coordinates(mechanism)
+    state: dict[str, list[float | None]] = {}
+    for name, at in given["state"].items():
+        coordinate = known.get(name)
+        if coordinate is not None:
+            joint, part = coordinate.joint, coordinate.part
+            kind = class_of(mechanism["clearance"][joint]) if part in VIRTUAL_LINK else None
+            if kind is None or joint in (mechanism.get("loops") or {}):
+                continue
+            if part not in kind.ideal_freedoms:
+                continue
+            name = name if kind.compound() else joint
+        before = state.get(name, [None, None])
+        state[name] = [old if new is None else new for old, new in zip(before, at, strict=True)]
+    return state
 
 
 def has_play(result: Result) -> bool:
@@ -135,6 +153,11 @@ def tool_motion(simulation: Simulation, progress: bool = False) -> Result:
     return run.result(status, message, reactions=False, only=("tool_position", "tool_velocity"))
 
 
+def state_without_play(simulation: Simulation) -> dict[str, tuple[float | None, float | None]]:
+    """What `simulation` gives of the state at the start, as its ideal mechanism has it."""
+    return {name: (at[0], at[1]) for name, at in _state(simulation.describe()).items()}
+
+
 def ideal_simulation(result: Result) -> Simulation:
     """The simulation that `twin` runs."""
     simulation = result.simulation
@@ -149,6 +172,6 @@ def ideal_simulation(result: Result) -> Simulation:
         start=None,
         settle=None,
         judge_from=None,
-        state={name: (at[0], at[1]) for name, at in _state(simulation.describe()).items()},
+        state=state_without_play(simulation),
         **fixed,
     )

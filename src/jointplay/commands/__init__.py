@@ -6,6 +6,12 @@ status. To keep `jointplay --help` quick, modules import what they need inside `
 
 from __future__ import annotations
 
+import argparse
+import csv
+import json
+import re
+from collections.abc import Collection
+from contextlib import suppress
 from typing import Any
 
 MODULES = (
@@ -74,6 +80,37 @@ def add_unphysical(parser: Any) -> None:
     )
 
 
+def name_and_value(text: str, names: Collection[str] = ()) -> tuple[str, str | None]:
+    """Name and number of ``NAME=NUMBER``; None if there is no number.
+
+    Names may have signs of equality of their own: the number comes after the last one. A name that
+    would be mistaken may stand in double quotes.
+
+    Args:
+        text: of the option.
+        names: those that there are, if they are known.
+    """
+    quoted = re.fullmatch(r'("(?:[^"\\]|\\.)*")(?:=(.*))?', text)
+    if text in names:
+        return text, None
+    if quoted:
+        with suppress(ValueError):
+            return str(json.loads(quoted[1])), quoted[2]
+    name, equals, value = text.rpartition("=")
+    if equals and (name in names or re.match(r"\s*[+-]?\.?\d", value)):
+        return name, value
+    return text, None
+
+
 def listed(text: str) -> list[str]:
-    """Names of an option that takes several, joined by commas."""
-    return [name.strip() for name in text.split(",") if name.strip()]
+    """Names of an option that takes several, joined by commas; one with commas in double quotes.
+
+    Raises:
+        ArgumentTypeError: a quote that is not closed.
+    """
+    parts = re.sub(r'(^|,|")\s+(?=$|,|")', r"\1", text)  # blanks around quotes
+    try:
+        names = next(csv.reader([parts], skipinitialspace=True, strict=True), [])
+    except csv.Error as error:
+        raise argparse.ArgumentTypeError(f"{text!r}: {error}") from None
+    return [name.strip() for name in names if name.strip()]

@@ -5,9 +5,9 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from jointplay.commands import add_quiet
-from jointplay.commands.playing import add_poses, add_robot, quantity, task
-from jointplay.errors import JointplayError
+from jointplay.commands import add_quiet, name_and_value
+from jointplay.commands.mechanism import add_poses, add_robot, quantity, task
+from jointplay.core.errors import JointplayError
 
 FILES = ("allocation.csv", "allocation.png")
 
@@ -60,11 +60,11 @@ def add(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Allocate, verify, print."""
-    from jointplay.host import files
+    from jointplay.core import files
 
     if options.out:  # before anything is loaded that takes time
         files.refuse_present(options.out, FILES)
-    from jointplay.analysis import allocation as module
+    from jointplay.design import allocation as module
 
     if options.clearance is None and not str(options.robot).endswith(".toml"):
         options.clearance = options.axial or "0.1 mm"  # sizes are what is sought
@@ -78,8 +78,8 @@ def run(options: argparse.Namespace) -> int:
     }
     weights = {}
     for text in options.weight:
-        name, equals, value = text.partition("=")
-        if not equals:
+        name, value = name_and_value(text)
+        if value is None:
             raise JointplayError(f"--weight must read JOINT=X, got {text!r}")
         weights[name] = quantity(value, "", f"--weight {name}")
     out = files.claim(options.out, FILES) if options.out else None
@@ -100,7 +100,7 @@ def run(options: argparse.Namespace) -> int:
     print(f"at: {work.poses}")
     print(allotment)
     if options.verify is not None:
-        from jointplay.analysis.verify import dynamic_error
+        from jointplay.design.verify import dynamic_error
 
         assert work.motion is not None
         seen = dynamic_error(
@@ -114,10 +114,10 @@ def run(options: argparse.Namespace) -> int:
         kept = "keeps" if peak <= allotment.target else "exceeds"
         print(f"{seen}; {kept} the target ({peak / allotment.target:.2f} of it)")
     if out is not None:
-        from jointplay.plots.allocate import allocation
+        from jointplay.plots.design import allocation
 
         files.write(out / "allocation.csv", _csv(allotment))
-        allocation(allotment).savefig(out / "allocation.png")
+        files.picture(out / "allocation.png", allocation(allotment))
         print(f"written to {options.out}: allocation.csv, allocation.png")
     return 0
 

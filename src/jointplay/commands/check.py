@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import argparse
-import io
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from jointplay.commands import add_trust
-from jointplay.errors import JointplayError
-from jointplay.host import files
+from jointplay.core import files
+from jointplay.core.errors import JointplayError
 
 if TYPE_CHECKING:
     from jointplay.mechanism.mechanism import Mechanism
@@ -67,21 +68,28 @@ def _place(options: argparse.Namespace, scenario: Scenario) -> tuple[Path, bool]
     Raises:
         JointplayError: another file is there.
     """
-    from jointplay.scenario.sources import SHIPPED
+    from jointplay.scenario.places import SHIPPED
 
     beside = scenario.path.with_suffix(".png")
     if options.file.startswith(SHIPPED):  # not into the package
         beside = Path(beside.name)
     path = Path(options.picture or beside)
-    replaced = False
-    if path.exists():
-        # What an earlier check drew is of no value once the scenario has changed.
-        replaced = options.picture is None and MARK.encode() in path.read_bytes()[:4096]
-        if not replaced:
-            raise JointplayError(
-                f"{str(path)!r} exists; name another picture (--picture PNG, or --no-picture)"
-            )
+    # What an earlier check drew is of no value once the scenario has changed.
+    replaced = options.picture is None and files.holds(path, MARK)
+    if not replaced:
+        with _or_another():
+            files.check_picture(path)
     return path, replaced
+
+
+@contextmanager
+def _or_another() -> Iterator[None]:
+    """Say of errors in the block what else can be asked for."""
+    try:
+        yield
+    except JointplayError as error:
+        other = "--picture PNG chooses another, --no-picture none"
+        raise JointplayError(f"{error} ({other})") from None
 
 
 def _draw(path: Path, replaced: bool, title: str, mechanism: Mechanism, q: Any) -> str:
@@ -89,10 +97,6 @@ def _draw(path: Path, replaced: bool, title: str, mechanism: Mechanism, q: Any) 
     from jointplay.mechanism.picture import picture
 
     figure = picture(mechanism, q, title=title)
-    drawn = io.BytesIO()
-    figure.savefig(drawn, format="png", metadata={"Software": MARK})
-    try:
-        files.write(path, drawn.getvalue(), overwrite=replaced)
-    except JointplayError as error:
-        raise JointplayError(f"{error} (--picture PNG chooses another)") from None
+    with _or_another():
+        files.picture(path, figure, mark=MARK)
     return f"picture: {path}{' (replaced)' if replaced else ''}"

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 from dataclasses import replace
 from typing import Any
 
-from jointplay.commands.playing import add_robot, quantity, task
-from jointplay.errors import JointplayError
+from jointplay.commands.mechanism import add_robot, quantity, task
+from jointplay.core.errors import JointplayError
 
 REFERENCES = ("place", "frame", "ideal")
+DRIFT = 3
 RUNS = 40
 VERIFYING = 6
 """Runs by which restitution is sought, and with which a measurement is compared."""
@@ -62,8 +64,25 @@ def add(commands: Any) -> None:
         "--also",
         action="append",
         default=[],
-        choices=("compliance", "friction"),
-        help="identify the compliance of the gears' teeth, or the dry friction behind them, too",
+        choices=("friction",),
+        help="identify the dry friction behind all gears, not only where the scenario has some",
+    )
+    group.add_argument(
+        "--stiffness",
+        action="append",
+        default=[],
+        metavar="PART=X[+-Y%]",
+        help='of what is known, such as "elbow=1e5 N*m/rad" (about its axis, of the gear if there '
+        'is one), "elbow radial=2e8 N/m +- 20 %%", "tool=1e6 N/m", "elbow=inf" (rigid), "all=inf" '
+        "(but gears); what is not given is unknown (repeatable)",
+    )
+    group.add_argument(
+        "--drift",
+        type=int,
+        default=DRIFT,
+        metavar="N",
+        help="degree of the polynomial in time by which readings may drift (default "
+        f"{DRIFT}; 0: they do not)",
     )
     _add_simulated(parser)
     _add_plan(parser)
@@ -116,7 +135,7 @@ def _add_plan(parser: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Identify or plan, print, draw."""
-    from jointplay.host import files
+    from jointplay.core import files
 
     if options.plan and options.data is not None:
         raise JointplayError("give --plan or a measurement, not both")
@@ -134,37 +153,41 @@ def run(options: argparse.Namespace) -> int:
         raise JointplayError(f"{option} needs a scenario (.toml) with the measured motion")
     noise = _noise(options.noise)
     out = files.claim(options.out, names) if options.out else None
-    for note in work.notes:
-        print(note)
     if options.plan:
         text = str(_plan(options, work, noise))
-        print(text)
+        print("\n".join([*work.notes, text]))
         if out is not None:
             files.write(out / "plan.txt", text + "\n")
     else:
         fit = _identify(options, work, noise)
-        print(fit)
+        notes = list(work.notes)
+        if options.gear and work.simulation is None:
+            notes.append(
+                "note: gears of --gear have no stiffness of their own; unless --stiffness gives "
+                "it, it is sought from 1e+04 N m/rad on"
+            )
+        print("\n".join([*notes, str(fit)]))
         found = fit.describe()
         if options.verify and work.simulation is not None:
-            from jointplay.analysis.identify.verification import verify
+            from jointplay.identification.verification import verify
 
             checked = verify(work.simulation, fit, progress=not options.quiet, runs=options.verify)
             print(checked)
             found["verification"] = checked.describe()
         if out is not None:
-            from jointplay.plots.identify import identification
+            from jointplay.plots.design import identification
 
             files.write(out / "identified.csv", fit.csv())
             files.write(out / "identified.json", json.dumps(found, indent=1) + "\n")
-            identification(fit).savefig(out / "identified.png")
+            files.picture(out / "identified.png", identification(fit))
     if out is not None:
         print(f"written to {options.out}: {', '.join(names)}")
     return 0
 
 
 def _plan(options: argparse.Namespace, work: Any, noise: dict[str, float]) -> Any:
-    from jointplay.analysis.identify import plan_measurement
-    from jointplay.analysis.identify.planning import PUSH_N
+    from jointplay.identification import plan_measurement
+    from jointplay.identification.planning import PUSH_N
 
     friction = None if work.simulation is None else work.simulation.joint_friction
     return plan_measurement(
@@ -176,11 +199,12 @@ def _plan(options: argparse.Namespace, work: Any, noise: dict[str, float]) -> An
         joint_friction=friction,
         also=options.also,
         known=options.known,
+        stiffness=_stiffness(options.stiffness),
     )
 
 
 def _identify(options: argparse.Namespace, work: Any, noise: dict[str, float]) -> Any:
-    from jointplay.analysis.identify import identify
+    from jointplay.identification import identify
 
     machine = work.mechanism
     if work.simulation is not None:
@@ -193,15 +217,39 @@ def _identify(options: argparse.Namespace, work: Any, noise: dict[str, float]) -
         noise=noise,
         also=options.also,
         known=options.known,
+        stiffness=_stiffness(options.stiffness),
+        drift=options.drift,
         runs=options.restitution,
         jobs=options.jobs,
         progress=not options.quiet,
     )
 
 
+def _stiffness(entries: list[str]) -> dict[str, tuple[float, float]]:
+    """Stiffness by label and its relative standard deviation [SI]."""
+    given = {}
+    for text in entries:
+        label, equals, value = (part.strip() for part in text.partition("="))
+        value, plus, part = (one.strip() for one in value.partition("+-"))
+        try:
+            deviation = float(part.removesuffix("%")) / 100.0 if plus else 0.0
+        except ValueError:
+            equals = ""
+        if not equals or (plus and not part.endswith("%")):
+            raise JointplayError(
+                f'--stiffness must read PART=X or "PART=X +- Y %", such as "elbow=1e5 N*m/rad", '
+                f"got {text!r}"
+            )
+        lengthwise = label.endswith((" radial", " axial")) or label == "tool"
+        unit = "N/m" if lengthwise else "N*m/rad"
+        size = math.inf if value == "inf" else quantity(value, unit, f"--stiffness {label}")
+        given[label] = (size, deviation)
+    return given
+
+
 def _noise(entries: list[str]) -> dict[str, float]:
     """Standard deviations by kind of signal [SI]."""
-    from jointplay.analysis.identify.reading import JOINT_UNITS, TOOL_UNITS
+    from jointplay.identification.measurement import JOINT_UNITS, TOOL_UNITS
 
     units = {**TOOL_UNITS, **{kind: units[0] for kind, units in JOINT_UNITS.items()}}
     deviations = {}

@@ -6,8 +6,8 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from jointplay.errors import JointplayError
-from jointplay.host import files
+from jointplay.core import files
+from jointplay.core.errors import JointplayError
 
 TEMPLATE = Path(__file__).parents[1] / "scenario" / "template.toml"
 

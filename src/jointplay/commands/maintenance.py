@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from jointplay.commands.playing import quantity
+from jointplay.commands.mechanism import quantity
 from jointplay.commands.wear import add_cycles
 
 INTERRUPTED = 130
@@ -38,14 +38,14 @@ def add(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Estimate, print, draw."""
-    from jointplay.host import files
+    from jointplay.core import files
     from jointplay.scenario import Scenario
 
     target = quantity(options.target, "m", "--target")
     names = ["maintenance.csv", "maintenance.png"]
     if options.out:  # before anything is loaded that takes time
         files.refuse_present(options.out, names)
-    from jointplay.analysis.maintenance import maintenance
+    from jointplay.design.maintenance import maintenance
 
     simulation = Scenario.load(options.file, options.trust).simulation(options.case)
     out = files.claim(options.out, names) if options.out else None
@@ -61,9 +61,9 @@ def run(options: argparse.Namespace) -> int:
     print(f"tool: {simulation.mechanism.tool!r}")
     print(estimate)
     if out is not None:
-        from jointplay.plots.maintenance import course
+        from jointplay.plots.design import wear_course
 
         files.write(out / "maintenance.csv", estimate.csv())
-        course(estimate).savefig(out / "maintenance.png")
+        files.picture(out / "maintenance.png", wear_course(estimate))
         print(f"written to {options.out}: {', '.join(names)}")
     return 0 if estimate.reached else INTERRUPTED

@@ -7,6 +7,7 @@ import sys
 from typing import Any
 
 from jointplay.commands import add_quiet, add_trust
+from jointplay.core import streams
 
 
 def add(commands: Any) -> None:
@@ -80,9 +81,10 @@ def run(options: argparse.Namespace) -> int:
 def _play(options: argparse.Namespace) -> int:
     from pathlib import Path
 
-    from jointplay.errors import JointplayError
-    from jointplay.host.files import check_new, is_file
+    from jointplay.core.errors import JointplayError, require_whole
+    from jointplay.core.files import check_new, is_file
 
+    require_whole("the port", options.port, 0, 65535)
     for name in options.results:  # before anything is loaded that takes time
         if not is_file(Path(name)):
             raise JointplayError(f"no result file {name!r}")
@@ -92,11 +94,11 @@ def _play(options: argparse.Namespace) -> int:
     if options.html is not None:
         check_new(Path(options.html))
     elif options.movie is not None:
-        from jointplay.playback import movie
+        from jointplay.player import movie
 
         movie.check(options.movie)
     else:
-        from jointplay.playback.server import Server
+        from jointplay.player.server import Server
 
         Server(b"", options.host, 0).server_close()
     return _made(options, shot)
@@ -106,10 +108,11 @@ def _made(options: argparse.Namespace, shot: Any) -> int:
     """Make the page; serve, write or film it."""
     from pathlib import Path
 
-    from jointplay import playback
+    from jointplay import player
+    from jointplay.player.pages import write
 
-    content, scene = playback.page(
-        playback.load(options.results, options.trust),
+    content, scene = player.page(
+        player.load(options.results, options.trust),
         joint=options.joint,
         magnification=options.magnify,
         meshes=options.meshes,
@@ -117,19 +120,18 @@ def _made(options: argparse.Namespace, shot: Any) -> int:
         progress=not options.quiet,
     )
     if options.html is None and options.movie is None:
-        playback.serve(
-            content, scene.notes, options.host, options.port, not options.no_browser, _say
-        )
+        player.serve(content, scene.notes, options.host, options.port, not options.no_browser, _say)
         return 0
     for note in scene.notes:
-        _say(f"note: {note}", sys.stderr)
+        streams.note(f"note: {note}")
+    streams.release()
     if options.movie is not None:
-        from jointplay.playback import movie
+        from jointplay.player import movie
 
         path = Path(options.movie)
         _say(str(movie.film(content, scene.contents, path, shot, not options.quiet)))
         return 0
-    path = playback.write(content, options.html)
+    path = write(content, options.html)
     _say(f"{path}: {len(content) / 1e6:.1f} MB")
     return 0
 
@@ -140,7 +142,7 @@ def _shot(options: argparse.Namespace) -> Any:
     Raises:
         JointplayError: options of films without one, or numbers that make no sense.
     """
-    from jointplay.errors import JointplayError
+    from jointplay.core.errors import JointplayError
 
     given = {
         field: getattr(options, name)
@@ -155,7 +157,7 @@ def _shot(options: argparse.Namespace) -> Any:
             names = ", ".join(f"--{'fps' if name[:3] == 'fra' else name}" for name in given)
             raise JointplayError(f"{names} needs --movie FILE")
         return None
-    from jointplay.playback.movie import Shot
+    from jointplay.player.movie import Shot
 
     if "size" in given:
         width, cross, height = given["size"].lower().partition("x")

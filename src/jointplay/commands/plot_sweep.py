@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from jointplay.errors import JointplayError
+from jointplay.core.errors import JointplayError
 
 WORDS = ("x", "y", "hue", "z")
 
@@ -16,7 +16,7 @@ def add(commands: Any) -> None:
     parser = commands.add_parser(
         "plot-sweep",
         help="draw the results of a sweep",
-        description="Draw a measure over a dimension of a sweep, as lines with 95 %% confidence "
+        description="Draw a measure over a dimension of a sweep, as lines with 95 % confidence "
         "bands of the mean over repeats and samples; or over two, as a heat map.",
         epilog="Examples: jointplay plot-sweep S x=clearance y=peak_force hue=friction; "
         "jointplay plot-sweep S x=clearance y=friction z=tool_error_rms_total",
@@ -35,7 +35,7 @@ def add(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Draw, say where."""
-    from jointplay.host import files
+    from jointplay.core import files
 
     given: dict[str, str] = {}
     for word in options.words:
@@ -52,14 +52,13 @@ def run(options: argparse.Namespace) -> int:
     roles = {name: given.pop(name) for name in WORDS if name in given}
     store = Path(options.store)
     default = f"{store.name.removesuffix('.zarr')}_{roles.get('z', roles['y'])}.png"
-    out = files.check_new(options.out or store.parent / default)
+    out = files.check_picture(options.out or store.parent / default)
     from jointplay.plots.sweep import draw  # what comes now takes long to import
     from jointplay.sweeps import open_sweep
+    from jointplay.sweeps.dataset import reading
 
-    figure = draw(open_sweep(store), **roles, only=given)
-    try:
-        figure.savefig(out)
-    except ValueError as error:
-        raise JointplayError(f"cannot draw {str(out)!r}: {error}") from None
+    with reading(store):
+        figure = draw(open_sweep(store), **roles, only=given)
+    files.picture(out, figure)
     print(out)
     return 0

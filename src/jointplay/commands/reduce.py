@@ -7,9 +7,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
-from jointplay.commands import add_quiet
-from jointplay.commands.playing import add_robot, quantity, task
-from jointplay.errors import JointplayError
+from jointplay.commands import add_quiet, name_and_value
+from jointplay.commands.mechanism import add_robot, quantity, task
+from jointplay.core.errors import JointplayError, require_non_negative
 
 FORMATS = ("mjcf", "sdf", "urdf", "json")
 
@@ -61,17 +61,17 @@ def add(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Fit, print, write."""
-    from jointplay.host import files
+    from jointplay.core import files
 
     if len(options.joint) != 1:
         raise JointplayError(f"--joint must name one joint, got {len(options.joint)}")
     scenario = str(options.robot).endswith(".toml")
-    joint = options.joint[0].partition("=")[0]
-    files_out = _names(joint, options.format)
+    joint = name_and_value(options.joint[0])[0]
+    files_out = [*_names(joint, options.format), "reversals.png"]
     files.refuse_present(options.out, files_out)  # before anything is loaded that takes time
-    from jointplay.analysis import reduced_files, reduced_mjcf
-    from jointplay.analysis.poses import middle
-    from jointplay.analysis.reduce import AMPLITUDE, PERIOD, reduce_joint
+    from jointplay.design import reduced_files
+    from jointplay.design.poses import middle
+    from jointplay.design.reduction import AMPLITUDE, PERIOD, reduce_joint
 
     if scenario and options.clearance is None and "=" not in options.joint[0]:
         options.joint = []  # the scenario says which play it has
@@ -86,10 +86,9 @@ def run(options: argparse.Namespace) -> int:
             raise JointplayError(
                 "--clearance is missing, or --gear: without play nothing is reduced"
             )
+    require_non_negative("--spread", options.spread, "")
     mechanism = _with_gear(options, work.mechanism, scenario)
-    out = files.claim(options.out, [*files_out, "reversals.png"])
-    for note in work.notes:
-        print(note)
+    out = files.claim(options.out, files_out)
     pose = {**middle(mechanism), **_pose(mechanism, work.q)}
     model = reduce_joint(
         mechanism,
@@ -101,14 +100,14 @@ def run(options: argparse.Namespace) -> int:
         period=quantity(options.period, "s", "--period") if options.period else PERIOD,
         progress=not options.quiet,
     )
-    print(model)
+    print("\n".join([*work.notes, str(model)]))
     if options.tilt and model.tilt_error > model.tilt > 0.0:
         print(
             "note: the error of the lean exceeds its dead band: its load does not turn the journal "
             "to the rim (a side force presses both rims to one side, or nothing does); leave "
             "--tilt out"
         )
-    mjcf = reduced_mjcf.to_mjcf(mechanism, model, encoder=options.encoder, tilt=options.tilt)
+    mjcf = reduced_files.to_mjcf(mechanism, model, encoder=options.encoder, tilt=options.tilt)
     makers: dict[str, Callable[[], str]] = {
         ".xml": lambda: mjcf,
         ".sdf": lambda: reduced_files.to_sdf(mechanism, model),
@@ -116,22 +115,22 @@ def run(options: argparse.Namespace) -> int:
         ".yaml": lambda: reduced_files.to_yaml(model, options.encoder),
         ".json": lambda: reduced_files.to_json(model, options.encoder, options.spread),
     }
-    for name in files_out:
+    for name in files_out[:-1]:
         files.write(out / name, makers[name[name.rindex(".") :]]())
-    from jointplay.plots.reduce import reversals
+    from jointplay.plots.design import reversals
 
-    reversals(model).savefig(out / "reversals.png")
+    files.picture(out / "reversals.png", reversals(model))
     if options.check:
         _compare(mjcf, model)
-    print(f"written to {options.out}: {', '.join([*files_out, 'reversals.png'])}")
+    print(f"written to {options.out}: {', '.join(files_out)}")
     return 0
 
 
 def _compare(mjcf: str, model: Any) -> None:
     """Run the MJCF in MuJoCo, and print how it differs from the full model."""
-    from jointplay.analysis import reduced_mjcf
+    from jointplay.design import reduced_files
 
-    seen = reduced_mjcf.follow(mjcf, model)
+    seen = reduced_files.follow(mjcf, model)
     kept = "within" if seen.error <= model.angle_error else "beyond"
     print(
         f"MuJoCo: link's angle off by up to {1e6 * seen.error:.4g} urad, {kept} the stated "
@@ -159,7 +158,7 @@ def _names(joint: str, formats: Sequence[str] | None) -> list[str]:
 
 
 def _pose(mechanism: Any, q: Any) -> dict[str, float]:
-    from jointplay.analysis.poses import moving
+    from jointplay.design.poses import moving
 
     return {name: float(q[0, mechanism.coordinate(name)]) for name in moving(mechanism)}
 
@@ -176,6 +175,9 @@ def _with_gear(options: argparse.Namespace, mechanism: Any, scenario: bool) -> A
         for name, (text, unit, option) in given.items()
         if text is not None
     }
+    if values and not mechanism.gears:
+        option = given[next(iter(values))][2]
+        raise JointplayError(f"{option} is of a gear, and no joint has one; name it by --gear")
     if options.gear and not scenario:
         for name in ("stiffness", "rotor_inertia"):
             if name not in values:

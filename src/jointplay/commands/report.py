@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from jointplay.commands import add_trust
-from jointplay.errors import JointplayError
+from jointplay.core.errors import JointplayError
 
 
 def add(commands: Any) -> None:
@@ -69,8 +69,8 @@ def _is_sweep(path: Path) -> bool:
 
 def run(options: argparse.Namespace) -> int:
     """Read the results, write the report, say where."""
-    from jointplay.errors import JointplayError
-    from jointplay.host.files import check_new
+    from jointplay.core.errors import JointplayError
+    from jointplay.core.files import check_new
 
     paths = [Path(name) for name in options.results]
     if any(_is_sweep(path) for path in paths):
@@ -82,19 +82,19 @@ def run(options: argparse.Namespace) -> int:
     out = Path(options.out) if options.out else home / "report.html"
     for target in [out] if options.no_pdf else [out, out.with_suffix(".pdf")]:
         check_new(target)
-    from jointplay import report
+    from jointplay import reports
 
-    results = report.load(paths, options.label, options.trust)
+    results = reports.load(paths, options.label, options.trust)
     claims = Path(options.claims) if options.claims else None
     if claims is None:
         beside = [path / "claims.csv" for path in paths if path.is_dir()]
         claims = next((path for path in beside if path.is_file()), None)
-    written = report.write(
+    written = reports.write(
         results,
         out,
         title=options.title or f"jointplay: {', '.join(results)}",
         claims=claims,
-        impacts=report.IMPACTS if options.impacts is None else options.impacts,
+        impacts=reports.IMPACTS if options.impacts is None else options.impacts,
         pdf=not options.no_pdf,
         say=(lambda text: None) if options.quiet else _say,
     )
@@ -105,7 +105,8 @@ def run(options: argparse.Namespace) -> int:
 
 def _sweep(paths: list[Path], options: argparse.Namespace) -> int:
     """Write the report of a sweep."""
-    from jointplay.report import sweep
+    from jointplay.reports import sweep
+    from jointplay.sweeps.dataset import reading
 
     if len(paths) > 1:
         raise JointplayError("a sweep has a report of its own; give its store alone")
@@ -114,13 +115,14 @@ def _sweep(paths: list[Path], options: argparse.Namespace) -> int:
             raise JointplayError(f"--{name} is for results; {str(paths[0])!r} is a sweep")
     store = paths[0]
     default = store.parent / f"{store.name.removesuffix('.zarr')}_report.html"
-    written = sweep.write(
-        store,
-        Path(options.out) if options.out else default,
-        title=options.title,
-        pdf=not options.no_pdf,
-        say=(lambda text: None) if options.quiet else _say,
-    )
+    with reading(store):
+        written = sweep.write(
+            store,
+            Path(options.out) if options.out else default,
+            title=options.title,
+            pdf=not options.no_pdf,
+            say=(lambda text: None) if options.quiet else _say,
+        )
     for path in written:
         print(path)
     return 0

@@ -59,6 +59,8 @@ def _wrapped(text: str) -> str:
 
 
 def _detail(survey: Survey) -> str:
+    from jointplay.mechanism.urdf import as_option
+
     lines = [f"{survey.name}: {survey.path}"]
     if survey.mechanism is None:
         lines += [f"    {joint}  {kind}" for joint, kind in survey.moving.items()]
@@ -72,7 +74,7 @@ def _detail(survey: Survey) -> str:
         )
     lines += [_wrapped(f"! {remark}") for remark in remarks]
     if survey.unphysical:
-        lines.append(f"    option: --allow-unphysical {','.join(survey.unphysical)}")
+        lines.append(f"    option: --allow-unphysical {as_option(survey.unphysical)}")
     return "\n".join(lines)
 
 

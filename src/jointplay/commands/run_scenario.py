@@ -4,25 +4,23 @@ from __future__ import annotations
 
 import argparse
 import ctypes
+import json
 import multiprocessing
 import os
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import (
-    FIRST_COMPLETED,
-    Future,
-    ProcessPoolExecutor,
-    wait,
-)
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from jointplay.errors import JointplayError, MissingName
-from jointplay.host import stopping, workers
-from jointplay.host.stopping import INTERRUPTED
+from jointplay.core import processes, signals, streams
+from jointplay.core.errors import JointplayError, MissingName, require_whole
+from jointplay.core.files import refuse_present
+from jointplay.core.signals import INTERRUPTED
+from jointplay.simulation.working_files import check_own, working_paths
 
 if TYPE_CHECKING:
     from jointplay.kernel import Status
@@ -30,6 +28,7 @@ if TYPE_CHECKING:
     from jointplay.scenario import Scenario
     from jointplay.scenario.settings import Setting
     from jointplay.simulation.simulation import Run
+
 
 STOPPED = 1
 
@@ -42,8 +41,8 @@ _LOOK_S = 0.2
 
 def run(scenario: Scenario, options: argparse.Namespace) -> int:
     """Run the cases, draw the figures, say how each ended and what came out."""
-    from jointplay.commands import resuming
-    from jointplay.host.files import claim
+    from jointplay.core.files import claim, holds
+    from jointplay.plots.names import MARK
 
     cases = _chosen(scenario, options.case)
     jobs = _jobs(options.jobs, len(cases))
@@ -51,12 +50,12 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
     figures = scenario.figures and not options.no_figures
     drawn = _figures(scenario, cases) if figures else []
     if not options.resume:
-        resuming.refuse(Path(options.out), files, drawn)
+        refuse(Path(options.out), files, drawn)
     from jointplay import plots  # what comes now takes long to import
     from jointplay.analysis.certification import further_runs
     from jointplay.analysis.headline import HISTORIES
     from jointplay.kernel import Status
-    from jointplay.scenario.keep import load_some
+    from jointplay.scenario.execution import load_some
 
     certified = {
         case for case in cases if options.certify or scenario.model(case).integration.certify
@@ -64,31 +63,32 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
     out, total = Path(options.out), 0.0
     given = {}
     for case in cases:  # before anything is written
-        records = resuming.records(out / files[case], case in certified)
+        records = records_needed(out / files[case], case in certified)
         run = scenario.prepare(case, not options.quiet, records)
         given[case] = run.simulation.describe()
         runs = 1 + (further_runs(run.simulation) if case in certified else 0)
         total += runs * run.steps * run.simulation.step
         del run  # and its arrays
     for line in scenario.notes:
-        print(line, file=sys.stderr)
+        streams.note(line)
     if options.resume:
         claim(out, ())
-        done = resuming.finished(out, files, given)
-        for name in drawn:
-            (out / name).unlink(missing_ok=True)
+        done = finished(out, files, given)
+        for path in (out / name for name in drawn):
+            if path.exists() and not holds(path, MARK):
+                raise JointplayError(f"{str(path)!r} is no figure of a run; name another folder")
     else:
-        resuming.refuse_interrupted(out, files)
+        refuse_interrupted(out, files)
         done = []
         claim(out, [*files.values(), *drawn])
+    streams.release()
     left = {case: name for case, name in files.items() if case not in done}
     progress = not options.quiet
-    if not left:
-        interrupted = False
-    elif jobs == 1 or len(left) == 1:
-        interrupted = _one_by_one(scenario, left, certified, out, progress)
+    told = False
+    if jobs == 1 or len(left) <= 1:
+        told = _one_by_one(scenario, left, certified, out, progress)
     else:
-        interrupted = _side_by_side(scenario, left, certified, out, jobs, total, progress)
+        told = _side_by_side(scenario, left, certified, out, jobs, total, progress)
     saved = {case: out / name for case, name in files.items() if (out / name).exists()}
     # A long run's histories fill memory; where nothing is drawn, few of them are looked at.
     only = None if figures else HISTORIES
@@ -100,12 +100,16 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
     if figures and drawable:
         plots.save(drawable, out)
     print(f"\nresults in {out}")
-    if interrupted or any(r.status == Status.INTERRUPTED for r in results.values()):
-        missing = [case for case in cases if case not in results]
+    missing = [case for case in cases if case not in results]
+    bare = [case for case in results if case in certified and not results[case].certificate]
+    if any(r.status == Status.INTERRUPTED for r in results.values()) or (told and missing + bare):
         there = f"; there is {', '.join(path.name for path in saved.values())}" if saved else ""
+        there += f"; not certified: {', '.join(bare)}" if bare else ""
         note = f"; nothing of: {', '.join(missing)}" if missing else there
         print(f"interrupted{note}; the same command with --resume goes on", file=sys.stderr)
         return INTERRUPTED
+    if told:
+        print(signals.SAVED, file=sys.stderr)
     return 0 if all(r.status == Status.COMPLETED for r in results.values()) else STOPPED
 
 
@@ -133,8 +137,8 @@ def _chosen(scenario: Scenario, wanted: Sequence[str]) -> list[str]:
 
 
 def _jobs(wanted: int | None, cases: int) -> int:
-    if wanted is not None and wanted < 1:
-        raise JointplayError(f"at least one process is needed, got {wanted}")
+    if wanted is not None:
+        require_whole("jobs", wanted, 1)
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     return min(wanted or cores or 1, cases)
 
@@ -175,8 +179,7 @@ def _execute(
     Returns:
         How it ended.
     """
-    from jointplay.commands import resuming
-    from jointplay.scenario.keep import add_certificate, run_and_save
+    from jointplay.scenario.execution import add_certificate, run_and_save
     from jointplay.scenario.settings import words
 
     notes = {
@@ -188,7 +191,7 @@ def _execute(
     if scenario.settings:
         notes["settings"] = "\n".join(words(scenario.settings))
     begin(run)
-    resumed = resuming.go_on(run, path)
+    resumed = go_on(run, path)
     status, result = run_and_save(run, path, progress, notes, overwrite=resumed)
     if certified:
         assert result is not None  # such runs stay in memory
@@ -202,22 +205,21 @@ def _one_by_one(
     """Run all in this process; returns whether it was told to stop."""
     from tqdm import tqdm
 
-    from jointplay.commands import resuming
     from jointplay.kernel import Status
 
     for case, name in files.items():
         try:
-            records = resuming.records(out / name, case in certified)
+            records = records_needed(out / name, case in certified)
             prepared = scenario.prepare(case, progress, records)
             if progress:
                 tqdm.write(f"case {case}:", file=sys.stderr)
             status = _execute(scenario, case, prepared, out / name, case in certified, progress)
-        except stopping.GivenUp as error:
-            stopping.say(str(error))
+        except signals.GivenUp as error:
+            signals.say(str(error))
             return True
         except KeyboardInterrupt:
             return True
-        if status == Status.INTERRUPTED or stopping.told():
+        if status == Status.INTERRUPTED or signals.stop_requested():
             return True
     return False
 
@@ -239,7 +241,7 @@ def _side_by_side(
     futures: dict[Future[None], str] = {}
     layout = "{percentage:3.0f}%|{bar}| {n:.3f}/{total:.3f} s simulated{postfix}, {remaining} left"
     bar = tqdm(total=total, disable=not progress, bar_format=layout, mininterval=_LOOK_S)
-    processes = workers.pool(
+    executor = processes.pool(
         jobs,
         f"what is complete is in {str(out)!r}",
         _begin,
@@ -247,7 +249,7 @@ def _side_by_side(
         lambda pool: _wind_up(pool, futures),
     )
     try:
-        with bar, processes as pool:
+        with bar, executor as pool:
             for index, (case, name) in enumerate(files.items()):
                 trust, source = scenario.trust, str(scenario.path)
                 target = out / name
@@ -279,9 +281,9 @@ def _side_by_side(
 
 def _wind_up(pool: ProcessPoolExecutor, futures: dict[Future[None], str]) -> None:
     """Have the processes save their runs as far as they came; told to stop again, end them."""
-    ending = workers.processes(pool)
-    if stopping.told():
-        stopping.say("stopping; saving what was computed (once more gives it up)")
+    ending = processes.processes(pool)
+    if signals.stop_requested():
+        signals.say("stopping; saving what was computed (once more gives it up)")
     try:
         for process in ending:
             process.terminate()  # which ends a run as Ctrl-C does
@@ -290,7 +292,7 @@ def _wind_up(pool: ProcessPoolExecutor, futures: dict[Future[None], str]) -> Non
         for process in ending:
             process.kill()
         lost = [case for future, case in futures.items() if not future.done()]
-        stopping.say(f"gave up what was not saved: {', '.join(lost) or 'nothing'}")
+        signals.say(f"gave up what was not saved: {', '.join(lost) or 'nothing'}")
         with suppress(KeyboardInterrupt):
             pool.shutdown(cancel_futures=True)
 
@@ -307,7 +309,7 @@ def _begin(clocks: Any, begun: Any) -> None:
     global _clocks, _begun
     _clocks, _begun = clocks, begun
     signal.signal(signal.SIGTERM, _end)
-    workers.begin(_save_and_end)
+    processes.begin(_save_and_end)
 
 
 def _save_and_end() -> None:
@@ -332,14 +334,13 @@ def _work(
     index: int,
 ) -> None:
     """Run a case in this process and save it; then certify it."""
-    from jointplay.commands import resuming
     from jointplay.scenario import Scenario
 
     with _idle:
         if _ending:
             return
         scenario = Scenario(text, path, trust, settings)
-        prepared = scenario.prepare(case, records=resuming.records(target, certified))
+        prepared = scenario.prepare(case, records=records_needed(target, certified))
         with _ticking(index) as begin:
             _execute(scenario, case, prepared, target, certified, False, begin)
 
@@ -383,3 +384,97 @@ def _not_after_the_end() -> Iterator[None]:
     if _ending:
         raise KeyboardInterrupt
     yield
+
+
+# `jointplay run --resume`: which runs in a folder are finished, and going on with the others.
+
+
+def records_needed(path: Path, certified: bool) -> Path | None:
+    """Where the records of a run go whose result is `path`; certified, they stay in memory."""
+    return None if certified else working_paths(path)[0]
+
+
+def refuse_interrupted(out: Path, files: Mapping[str, str]) -> None:
+    """Refuse a folder with an interrupted run, which would be lost.
+
+    Raises:
+        JointplayError: there is one, or another file where one would be kept.
+    """
+    for name in files.values():
+        check_own(out / name)
+        kept = working_paths(out / name)[1]
+        if kept.exists():
+            raise JointplayError(
+                f"{str(out)!r} holds an interrupted run ({kept.name}); --resume goes on with it, "
+                "or name another folder"
+            )
+
+
+def refuse(out: Path, files: Mapping[str, str], drawn: Iterable[str] = ()) -> None:
+    """Refuse a folder that holds results of a run, or an interrupted one of it.
+
+    Args:
+        out: the folder.
+        files: names of the results by case.
+        drawn: names of the figures.
+
+    Raises:
+        JointplayError: there is one; of an interrupted run it says how to go on.
+    """
+    try:
+        refuse_present(out, [*files.values(), *drawn])
+    except JointplayError:
+        refuse_interrupted(out, files)
+        raise
+
+
+def finished(out: Path, files: Mapping[str, str], given: Mapping[str, Any]) -> list[str]:
+    """Cases whose results are there and whole.
+
+    Args:
+        out: the folder.
+        files: their names by case.
+        given: the simulations as they are now, as plain data, by case.
+
+    Raises:
+        JointplayError: a result is of another simulation, or was interrupted and left no
+            checkpoint.
+    """
+    from jointplay.kernel import Status
+    from jointplay.result.result import Result
+    from jointplay.simulation.checkpoint import differing
+
+    cases = []
+    for case, name in files.items():
+        path = out / name
+        check_own(path)
+        if working_paths(path)[1].exists() or not path.exists():
+            continue
+        result = Result.open(path)
+        with result.dataset as dataset:
+            was = json.loads(dataset.attrs["simulation"])
+        now = json.loads(json.dumps(given[case]))
+        if was != now:
+            raise JointplayError(
+                f"{str(path)!r} is of another run: {differing(was, now)}; name another folder, or "
+                "change it back"
+            )
+        if result.status == Status.INTERRUPTED:
+            raise JointplayError(
+                f"{str(path)!r} was interrupted and has no checkpoint; delete it to begin anew, or "
+                "name another folder"
+            )
+        cases.append(case)
+    return cases
+
+
+def go_on(run: Run, path: Path) -> bool:
+    """Bring a run to its checkpoint, if there is one; returns whether there is."""
+    kept = working_paths(path)[1]
+    if not kept.exists():
+        return False
+    from jointplay.simulation.checkpoint import check_replaceable, continue_run
+
+    check_replaceable(path)
+    continue_run(run, kept)
+    return True

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import argparse
+import sys
 import time
 from typing import Any
 
 from jointplay.commands import add_jobs, add_quiet
+from jointplay.core import signals
 
 
 def add(commands: Any) -> None:
@@ -38,7 +40,7 @@ def add(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run the study and print its tables."""
-    from jointplay.study.asked import folder
+    from jointplay.study.outputs import folder
 
     folder(options.out, options.runs, options.jobs)  # before anything is loaded that takes time
     from jointplay import study
@@ -54,4 +56,6 @@ def run(options: argparse.Namespace) -> int:
         print(f"\nThe paper's claims on {options.runs} runs each; numbers in claims.md:\n")
         print(study.summary(verdicts))
     print(f"\nresults in {options.out}, {time.perf_counter() - started:.0f} s")
+    if signals.stop_requested():
+        print(signals.SAVED, file=sys.stderr)
     return 0

@@ -7,7 +7,7 @@ from typing import Any
 
 from jointplay.commands import run as run_command
 from jointplay.commands.iso9283 import simulation_of
-from jointplay.commands.playing import quantity
+from jointplay.commands.mechanism import quantity
 
 
 def add(commands: Any) -> None:
@@ -60,14 +60,17 @@ def add(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run, print, draw."""
-    from jointplay.host import files
+    from jointplay.core import files, streams
 
     names = ["shares.csv", "shares.png"]
     if options.out:  # before anything is loaded that takes time
         files.refuse_present(options.out, names)
-    from jointplay.analysis.dynamic_budget import dynamic_budget, sensitivity
+    from jointplay.analysis.runs import check_numbers
+    from jointplay.design.shares import check, dynamic_budget, sensitivity
 
     payload = 0.0 if options.payload is None else quantity(options.payload, "kg", "--payload")
+    check_numbers(options.runs, options.jobs)
+    check(options.sobol, options.spread, options.slowest, payload)
     simulation = simulation_of(options)
     out = files.claim(options.out, names) if options.out else None
     kept = None if out is None else out / "runs"
@@ -76,14 +79,15 @@ def run(options: argparse.Namespace) -> int:
         "keep": kept,
         "progress": not options.quiet,
     }
+    streams.release()
     budget = dynamic_budget(simulation, options.runs, **some)
     print(f"tool: {simulation.mechanism.tool!r}")
     print(budget)
     if out is not None:
-        from jointplay.plots.shares import bars
+        from jointplay.plots.design import share_bars
 
         files.write(out / "shares.csv", budget.csv())
-        bars(budget).savefig(out / "shares.png")
+        files.picture(out / "shares.png", share_bars(budget))
         print(f"written to {options.out}: {', '.join(names)}; runs in {options.out}/runs")
     if options.sobol is not None:
         print(

@@ -53,11 +53,11 @@ def run(options: argparse.Namespace) -> int:
     import numpy as np
 
     from jointplay.sweeps import open_sweep, plan_of, run_plan
+    from jointplay.sweeps.dataset import reading
     from jointplay.sweeps.table import table
 
     made = plan_of(options.file, trust=options.trust)
-    if not options.quiet:
-        print(f"{made.scenario.path}: {made.words}", flush=True)
+    words = f"{made.scenario.path}: {made.words}"
     run_plan(
         made,
         options.out,
@@ -67,9 +67,11 @@ def run(options: argparse.Namespace) -> int:
         extend=options.extend,
         yes=options.yes,
         progress=not options.quiet,
+        begin=None if options.quiet else lambda: print(words, flush=True),
     )
     dataset = open_sweep(options.out)
-    print(table(dataset, options.rows))
+    with reading(options.out):
+        print(table(dataset, options.rows))
     failed = int(np.count_nonzero(dataset["state"].values == 2))
     print(f"\nresults in {options.out}")
     return FAILED if failed == dataset["state"].size else 0

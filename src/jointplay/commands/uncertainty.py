@@ -13,7 +13,7 @@ def add(commands: Any) -> None:
         "uncertainty",
         help="quantiles, Sobol indices and convergence of a sweep's samples",
         description="What the samples of a sweep say of a measure: mean, standard deviation and "
-        "quantiles with 95 %% confidence, how many runs were enough, and, of a saltelli design, "
+        "quantiles with 95 % confidence, how many runs were enough, and, of a saltelli design, "
         "what causes the variance (Sobol indices).",
     )
     parser.add_argument("store", metavar="STORE", help="of jointplay sweep")
@@ -31,16 +31,18 @@ def add(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Print the statements; draw how they converged."""
-    from jointplay.host import files
+    from jointplay.core import files
 
-    out = files.check_new(options.out) if options.out else None
+    out = files.check_picture(options.out) if options.out else None
     from jointplay.plots.sweep import draw_convergence  # what comes now takes long to import
     from jointplay.sweeps import open_sweep
-    from jointplay.sweeps.statements import statements
+    from jointplay.sweeps.dataset import reading
+    from jointplay.sweeps.table import statements
 
     dataset = open_sweep(Path(options.store))
-    print(statements(dataset, options.measure, options.precision))
+    with reading(options.store):
+        print(statements(dataset, options.measure, options.precision))
     if out is not None:
-        draw_convergence(dataset, options.measure, options.precision).savefig(out)
+        files.picture(out, draw_convergence(dataset, options.measure, options.precision))
         print(out)
     return 0

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from jointplay.commands import add_unphysical
-from jointplay.host import files
+from jointplay.core import files
 
 
 def add(commands: Any) -> None:
@@ -56,10 +56,6 @@ def run(options: argparse.Namespace) -> int:
     from jointplay.mechanism.robots import resolve
 
     out = Path(options.out)
-    try:
-        out.parent.mkdir(parents=True, exist_ok=True)
-    except (OSError, ValueError) as error:
-        raise files.cannot_write(out, error) from None
     files.check_new(out)
     bearing = RevoluteClearance(
         bearing_radius=options.bearing_radius,

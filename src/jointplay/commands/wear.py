@@ -6,7 +6,7 @@ import argparse
 from typing import Any
 
 from jointplay.commands import add_case, add_quiet, add_trust
-from jointplay.commands.playing import quantity
+from jointplay.commands.mechanism import quantity
 
 INTERRUPTED = 130
 
@@ -50,8 +50,8 @@ def add_cycles(parser: Any, blocks: int, runs: int) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Estimate, print, write."""
-    from jointplay.analysis.wear import wear_life
-    from jointplay.host import files
+    from jointplay.core import files
+    from jointplay.design.wear import wear_life
     from jointplay.scenario import Scenario
 
     growth = quantity(options.growth, "m", "--growth")

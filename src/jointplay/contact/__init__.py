@@ -5,13 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from jointplay.codec import Family, read, register
-from jointplay.contact.custom import (
-    CustomBristle,
-    CustomFilm,
-    CustomFriction,
-    CustomNormalForce,
-)
+from jointplay.contact.custom import CustomBristle, CustomFilm, CustomFriction, CustomNormalForce
 from jointplay.contact.film.law import FilmForce, FilmLaw, FilmProperties
 from jointplay.contact.film.pinkus_sternlicht import PinkusSternlicht
 from jointplay.contact.film.short_bearing import ShortBearing
@@ -24,11 +18,7 @@ from jointplay.contact.friction.dahl import Dahl
 from jointplay.contact.friction.gonthier_friction import GonthierFriction
 from jointplay.contact.friction.lugre import LuGre
 from jointplay.contact.friction.threlfall import Threlfall
-from jointplay.contact.law import (
-    ContactProperties,
-    FrictionLaw,
-    NormalForceLaw,
-)
+from jointplay.contact.law import ContactProperties, FrictionLaw, NormalForceLaw
 from jointplay.contact.normal.anagnostopoulos import Anagnostopoulos
 from jointplay.contact.normal.carvalho_martins import CarvalhoMartins
 from jointplay.contact.normal.dubowsky_freudenstein import DubowskyFreudenstein
@@ -49,9 +39,10 @@ from jointplay.contact.normal.lee_wang import LeeWang
 from jointplay.contact.normal.linear_spring import LinearSpring
 from jointplay.contact.normal.liu import Liu
 from jointplay.contact.normal.pereira import Pereira
+from jointplay.contact.normal.qin_lu import QinLu
 from jointplay.contact.normal.radzimovsky import Radzimovsky
 from jointplay.contact.normal.zhang_sharf import ZhangSharf
-from jointplay.contact.normal.zhiying_qishao import ZhiyingQishao
+from jointplay.core.schema import Family, read, register
 
 NORMAL_LAWS: dict[str, type[NormalForceLaw]] = {
     law.name: law
@@ -67,7 +58,7 @@ NORMAL_LAWS: dict[str, type[NormalForceLaw]] = {
         LeeWang,
         Gonthier,
         ZhangSharf,
-        ZhiyingQishao,
+        QinLu,
         Flores,
         HuGuo,
         CarvalhoMartins,
@@ -186,11 +177,11 @@ __all__ = [
     "NormalForceLaw",
     "Pereira",
     "PinkusSternlicht",
+    "QinLu",
     "Radzimovsky",
     "ShortBearing",
     "Threlfall",
     "ZhangSharf",
-    "ZhiyingQishao",
     "film_law",
     "friction_law",
     "normal_law",

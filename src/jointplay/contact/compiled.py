@@ -15,7 +15,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from jointplay.contact.trust import Absent
-from jointplay.errors import JointplayError
+from jointplay.core.errors import JointplayError
 
 if TYPE_CHECKING:
     from jointplay.contact.law import Law
@@ -111,14 +111,15 @@ def compiled_touch(function: Callable[..., Any]) -> int:
 
     Args:
         function: of (k, pose) and then the joint's dimensions by name: index of the contact and
-            pose of the journal (`geometry.own`). It returns the seven numbers of `geometry.touch`.
+            pose of the journal (`geometry.contacts`). It returns the seven numbers of
+            `geometry.touch`.
 
     Raises:
         JointplayError: numba cannot compile it; the message carries numba's reason.
     """
     from numba import types
 
-    from jointplay.geometry.own import ANSWER
+    from jointplay.geometry.contacts import ANSWER
 
     array = types.CPointer(types.float64)
     signature = types.void(types.int64, array, array, array)

@@ -19,25 +19,22 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any, Self
 
-from jointplay.contact.compiled import (
-    check_parameters,
-    check_signature,
-    parameter_names,
-)
+from jointplay.contact.compiled import check_parameters, check_signature, parameter_names
 from jointplay.contact.film.law import FilmLaw, FilmProperties
 from jointplay.contact.friction.bristle import BristleLaw
 from jointplay.contact.law import ContactProperties, FrictionLaw, Law, NormalForceLaw
 from jointplay.contact.trust import (
     Absent,
+    Place,
     function_or_absent,
-    imported,
     know,
     named,
     path_of,
+    resolved_function,
     source_of,
 )
-from jointplay.errors import JointplayError
-from jointplay.fields import quantity
+from jointplay.core.errors import JointplayError
+from jointplay.core.schema import quantity
 
 Parameters = Sequence[float] | Mapping[str, float]
 """Parameters of a law in the order of its arguments, or by name."""
@@ -47,7 +44,7 @@ _DEPTHS, _SPEEDS = (1e-7, 1e-5), (1e-3, 1.0, 3.0)
 
 
 @dataclass(frozen=True)
-class Written:
+class LawDescription:
     """A law of one's own as files have it; see docs/laws.md."""
 
     function: str
@@ -59,7 +56,7 @@ class Written:
 
 
 @dataclass(frozen=True)
-class WrittenFilm(Written):
+class WrittenFilm(LawDescription):
     """A film law of one's own as files have it; see docs/lubrication.md."""
 
     viscosity: float = quantity("Pa*s", default=1.0)
@@ -76,7 +73,7 @@ class WrittenFilm(Written):
 class Custom(Law):
     """What the user's own laws of all kinds have in common."""
 
-    written = Written
+    written = LawDescription
 
     reference = "the user"
     validity = "what its author says"
@@ -326,8 +323,8 @@ def _in_order(
 
 
 def _restored(
-    kind: type[Custom], place: str | Absent, values: tuple[float, ...], rest: dict[str, Any]
+    kind: type[Custom], place: Place | Absent, values: tuple[float, ...], rest: dict[str, Any]
 ) -> Any:
     """Build a user's own law again from the name of its function."""
-    function: Any = place if isinstance(place, Absent) else imported(place)
+    function: Any = place if isinstance(place, Absent) else resolved_function(place)
     return kind(function, values, **rest)

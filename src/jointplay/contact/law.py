@@ -28,7 +28,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from typing import Any, ClassVar, NamedTuple, Self
 
-from jointplay.codec import Described
 from jointplay.contact.compiled import (
     MAX_PARAMETERS,
     address,
@@ -36,8 +35,8 @@ from jointplay.contact.compiled import (
     compiled_law,
     parameter_names,
 )
-from jointplay.errors import JointplayError
-from jointplay.fields import check_fields
+from jointplay.core.errors import JointplayError, require_non_negative
+from jointplay.core.schema import Described, check_fields
 
 BRISTLE_NUMBERS = 8
 """What a friction law with bristles tells; see `bristle.Bristles`."""
@@ -51,8 +50,8 @@ RESTITUTION_MARGIN = 0.05
 WAVE_FRACTION = 1e-5
 """Fraction of the waves' speed up to which an impact counts as quasi-static.
 
-A. E. H. Love, A Treatise on the Mathematical Theory of Elasticity; the criterion that Lankarani
-and Nikravesh (1990) quote.
+A. E. H. Love, A Treatise on the Mathematical Theory of Elasticity (1944); the criterion that
+Lankarani and Nikravesh (1990) quote.
 """
 
 
@@ -201,6 +200,7 @@ class FrictionLaw(Law):
 
     def scaled(self, factor: float) -> Self:
         """The law with all its coefficients of friction multiplied."""
+        factor = require_non_negative("factor", factor, "")
         changes: dict[str, Any] = {name: factor * mu for name, mu in self.coefficients.items()}
         return replace(self, **changes) if changes else self
 

@@ -4,27 +4,44 @@ A result names such a law as ``module:function``. To import a module is to run i
 looked up among the laws that this process has made itself; else its module must have been named by
 the user: ``--trust MODULE`` on the command line, ``trust=`` in Python, or lying beside the
 scenario that is run.
+
+Modules beside a scenario are known by their file and what it says, not by their name: of two
+scenarios in different folders each has its own ``my_laws``. They are not in `sys.modules`.
 """
 
 from __future__ import annotations
 
+import hashlib
 import importlib
 import inspect
+import linecache
 import sys
 import textwrap
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
 from pathlib import Path
+from types import ModuleType
 from typing import Any
+from weakref import WeakKeyDictionary
 
-from jointplay.errors import JointplayError
+from jointplay.core.errors import JointplayError
+from jointplay.core.files import is_file
 
 Function = Callable[..., Any]
 
-_known: dict[str, Function] = {}
-"""Functions of which this process has made a law, by ``module:function``."""
+_known: dict[str, dict[str | None, Function]] = {}
+"""Functions of which this process has made a law, by ``module:function`` and by their text; the
+last one made comes last."""
+
+_loaded: dict[tuple[Path, str], tuple[dict[Path, bytes], dict[str, ModuleType]]] = {}
+"""By folder and module: digests of the files that were read, and the modules that they made."""
+
+_beside: WeakKeyDictionary[Any, tuple[Path, str | None, dict[Path, bytes]]] = WeakKeyDictionary()
+"""Of functions that lie beside a scenario folder, text, and digests of the files that were read."""
+
+_folder: ContextVar[Path | None] = ContextVar("folder", default=None)
 
 _showing: ContextVar[bool] = ContextVar("showing", default=False)
 
@@ -62,6 +79,8 @@ def source_of(function: Function | Absent) -> str | None:
     """Text of a law's function; None where Python does not know it."""
     if isinstance(function, Absent):
         return function.source
+    if function in _beside:
+        return _beside[function][1]
     try:
         return textwrap.dedent(inspect.getsource(function))
     except (OSError, TypeError):
@@ -72,7 +91,10 @@ def know(function: Function) -> Function:
     """Remember a function of which a law is made here; returns it."""
     path = path_of(function)
     if "<" not in path:  # lambdas and nested functions share their names
-        _known[path] = function
+        known = _known.setdefault(path, {})
+        source = source_of(function)
+        known.pop(source, None)
+        known[source] = function
     return function
 
 
@@ -84,6 +106,16 @@ def trusting(modules: Collection[str]) -> Iterator[None]:
         yield
     finally:
         _trusted.reset(token)
+
+
+@contextmanager
+def looking_in(folder: Path) -> Iterator[None]:
+    """Let the block take laws from modules in `folder` first, where a scenario lies."""
+    token = _folder.set(folder.resolve())
+    try:
+        yield
+    finally:
+        _folder.reset(token)
 
 
 @contextmanager
@@ -103,15 +135,18 @@ def function_or_absent(path: str, source: str | None) -> Function | Absent:
         JointplayError: see `function_at`.
     """
     try:
-        return function_at(path)
+        return function_at(path, source)
     except JointplayError as error:
         if not _showing.get():
             raise
         return Absent(path, source, str(error))
 
 
-def function_at(path: str) -> Function:
+def function_at(path: str, source: str | None = None) -> Function:
     """The function that ``module:function`` names, if it is known or its module trusted.
+
+    Of several known ones of that name, in modules of different folders, the one with the text
+    `source`, else the last that was made a law.
 
     Raises:
         JointplayError: it is neither, or cannot be imported here.
@@ -120,8 +155,12 @@ def function_at(path: str) -> Function:
     parts = module.split(".")
     if not all(part.isidentifier() for part in (*parts, *name.split("."))):
         raise JointplayError(f"a law of one's own is named module:function, got {path!r}")
-    if path in _known:
-        return _known[path]
+    folder = _folder.get()
+    if folder is not None and is_beside(folder, module):
+        return function_in_folder(folder, path)
+    known = _known.get(path)
+    if known:
+        return known[source] if source in known else list(known.values())[-1]
     if module == "__main__":
         raise JointplayError(
             f"the law {path!r} was typed in a script or a notebook that is not this one; to run it "
@@ -136,13 +175,127 @@ def function_at(path: str) -> Function:
     return imported(path)
 
 
-def named(function: Function) -> str:
-    """Return ``module:function``, by which another process finds the function.
+def is_beside(folder: Path, module: str) -> bool:
+    """Whether a module, or the package that it is of, lies in a folder."""
+    top = module.partition(".")[0]
+    places = (folder / f"{top}.py", folder / top / "__init__.py")
+    return top.isidentifier() and any(is_file(place) for place in places)
+
+
+def function_in_folder(folder: Path, path: str) -> Function:
+    """The function that ``module:function`` names in a folder, as its files are now.
+
+    Raises:
+        JointplayError: it cannot be imported.
+    """
+    folder = folder.resolve()
+    module, _, name = path.partition(":")
+    made = _loaded.get((folder, module))
+    if made is None or any(_digest(file) != digest for file, digest in made[0].items()):
+        made = _loaded[folder, module] = _load(folder, module, path)
+    try:
+        function: Function = getattr(made[1][module], name)
+    except AttributeError as error:
+        raise JointplayError(f"the law {path!r} cannot be imported here: {error}") from None
+    if function not in _beside:
+        with _installed(made[1]):
+            _beside[function] = folder, source_of(function), made[0]
+    return function
+
+
+def files_of(function: Any) -> dict[str, str]:
+    """Files that a function beside a scenario was read from, and digests of what they said."""
+    if not callable(function) or function not in _beside:
+        return {}
+    return {str(file): digest.hex() for file, digest in _beside[function][2].items()}
+
+
+def _digest(file: Path) -> bytes | None:
+    """Of what a file says; None if there is none any more."""
+    try:
+        return hashlib.sha256(file.read_bytes()).digest()
+    except OSError:
+        return None
+
+
+def _load(folder: Path, module: str, path: str) -> tuple[dict[Path, bytes], dict[str, ModuleType]]:
+    """Import a module and what it takes from its folder, for nobody else to find."""
+    here, own = str(folder), folder.iterdir()
+    mine = {file.stem for file in own if file.suffix == ".py" or (file / "__init__.py").is_file()}
+    mine -= {"jointplay", *sys.stdlib_module_names}
+    aside = {
+        name: one
+        for name, one in sys.modules.items()
+        if name.partition(".")[0] in mine and not _installed_for_all(one)
+    }
+    for name in aside:
+        del sys.modules[name]
+    linecache.checkcache()
+    importlib.invalidate_caches()
+    sys.path.insert(0, here)
+    before, writes = set(sys.modules), sys.dont_write_bytecode
+    sys.dont_write_bytecode = True  # a file changed within a second would pass for old
+    try:
+        importlib.import_module(module)
+    except Exception as error:  # a module of the user's own can raise anything
+        words = " ".join(str(error).split()) or type(error).__name__
+        raise JointplayError(f"the law {path!r} cannot be imported here: {words}") from error
+    finally:
+        sys.dont_write_bytecode = writes
+        sys.path.remove(here)
+        made = {
+            name: sys.modules.pop(name)
+            for name in set(sys.modules) - before
+            if Path(getattr(sys.modules[name], "__file__", None) or "/").is_relative_to(folder)
+        }
+        sys.modules.update(aside)
+    files = (Path(str(one.__file__)) for one in made.values())
+    return {file: _digest(file) or b"" for file in files}, made
+
+
+def _installed_for_all(module: ModuleType) -> bool:
+    """Whether a module belongs to Python or to its installed packages."""
+    file = getattr(module, "__file__", None)
+    return file is None or Path(file).is_relative_to(Path(inspect.__file__).parent)
+
+
+@contextmanager
+def _installed(modules: Mapping[str, ModuleType]) -> Iterator[None]:
+    """Have modules where Python looks for them, for the time of the block."""
+    before = {name: sys.modules.get(name) for name in modules}
+    sys.modules.update(modules)
+    try:
+        yield
+    finally:
+        for name, one in before.items():
+            sys.modules.pop(name)
+            if one is not None:
+                sys.modules[name] = one
+
+
+Place = tuple[str | None, str]
+"""Folder of a function beside a scenario, None for another one, and ``module:function``."""
+
+
+def resolved_function(place: Place) -> Function:
+    """The function that `named` told of in another process.
+
+    Raises:
+        JointplayError: it cannot be imported here.
+    """
+    folder, path = place
+    return imported(path) if folder is None else function_in_folder(Path(folder), path)
+
+
+def named(function: Function) -> Place:
+    """By what another process finds the function.
 
     Raises:
         JointplayError: it would not find it: a lambda, a nested function, one typed at a prompt.
     """
     path = path_of(function)
+    if function in _beside:
+        return str(_beside[function][0]), path
     try:
         there: Any = imported(path)
     except JointplayError:
@@ -152,7 +305,7 @@ def named(function: Function) -> str:
             f"law {path!r} cannot be sent to another process: define it with def, at module level "
             "of an importable file"
         )
-    return path
+    return None, path
 
 
 def imported(path: str) -> Function:

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from jointplay.errors import JointplayError, MissingName
-from jointplay.host import files
-from jointplay.host.late import late
+from jointplay.core import files
+from jointplay.core.errors import JointplayError, MissingName
+from jointplay.core.imports import load_object
 
 if TYPE_CHECKING:
     from jointplay.result.result import Result
@@ -78,9 +78,9 @@ def export(
             library of an extra is missing.
     """
     kind = check(path, to, overwrite)
-    from jointplay.result.thin import thinned
+    from jointplay.result.thinning import thinned
 
-    maker: Maker = late(KINDS[kind].maker)
+    maker: Maker = load_object(KINDS[kind].maker)
     content = maker(thinned(result, every), Path(path).suffix.lower(), progress)
     return files.write(path, content, overwrite=overwrite)
 

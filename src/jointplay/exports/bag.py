@@ -16,8 +16,7 @@ import numpy as np
 from tqdm import tqdm
 
 from jointplay import exports
-from jointplay.errors import JointplayError
-from jointplay.exports.trajectory import joint_trajectory, message, stamp
+from jointplay.exports.trajectory import encoders, joint_trajectory, message, stamp
 from jointplay.result.result import AXES, Result
 
 _TIME = "int32 sec\nuint32 nanosec"
@@ -85,10 +84,7 @@ def mcap(result: Result, suffix: str, progress: bool) -> bytes:
 def _messages(result: Result) -> Iterator[tuple[str, str, float, dict[str, Any]]]:
     """Topic, kind, time [s] and content of all messages, by time."""
     topics = _topics(result)
-    try:
-        motion = joint_trajectory(result)
-    except JointplayError:  # only ball joints
-        motion = None
+    motion = joint_trajectory(result) if encoders(result) else None
     names = list(motion.joints) if motion is not None else []
     if motion is not None:
         yield "/joint_trajectory", "trajectory_msgs/msg/JointTrajectory", 0.0, message(motion)
@@ -112,20 +108,18 @@ def _messages(result: Result) -> Iterator[tuple[str, str, float, dict[str, Any]]
 
 def _topics(result: Result) -> list[tuple[str, str, str, str, Any]]:
     """Topic, kind, frame, key and histories of what is sent at each record."""
-    topics: list[tuple[str, str, str, str, Any]] = []
-    if "tool_orientation" in result.dataset:
-        pose = {
-            "position": _vector(result["tool_position"].values),
-            "orientation": _vector(result["tool_orientation"].values, "wxyz"),
-        }
-        twist = {
-            "linear": _vector(result["tool_velocity"].values),
-            "angular": _vector(result["tool_angular_velocity"].values),
-        }
-        topics = [
-            ("/tool_pose", "geometry_msgs/msg/PoseStamped", "world", "pose", pose),
-            ("/tool_twist", "geometry_msgs/msg/TwistStamped", "world", "twist", twist),
-        ]
+    pose = {
+        "position": _vector(result["tool_position"].values),
+        "orientation": _vector(result["tool_orientation"].values, "wxyz"),
+    }
+    twist = {
+        "linear": _vector(result["tool_velocity"].values),
+        "angular": _vector(result["tool_angular_velocity"].values),
+    }
+    topics: list[tuple[str, str, str, str, Any]] = [
+        ("/tool_pose", "geometry_msgs/msg/PoseStamped", "world", "pose", pose),
+        ("/tool_twist", "geometry_msgs/msg/TwistStamped", "world", "twist", twist),
+    ]
     kind = "geometry_msgs/msg/Vector3Stamped"
     for joint in result.joints:
         place = f"/clearance/{re.sub(r'[^A-Za-z0-9_]', '_', joint)}"

@@ -9,9 +9,9 @@ import io
 import numpy as np
 from matplotlib.figure import Figure
 
+from jointplay.core.units import readable
 from jointplay.plots.style import new_figure, style
 from jointplay.result.result import Result
-from jointplay.units import readable
 
 _WIDTH, _HEIGHT = 6.6, 2.2
 """Of the picture [inches]."""

@@ -17,7 +17,7 @@ from tqdm import tqdm
 
 from jointplay import exports
 from jointplay.result.result import Result
-from jointplay.result.thin import thinned
+from jointplay.result.thinning import thinned
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -58,7 +58,7 @@ def dataframe(result: Result, every: int = 1) -> pd.DataFrame:
 
     Args:
         result: the run.
-        every: only each n-th record and the last (`thin.thinned`).
+        every: only each n-th record and the last (`result.thinning`).
 
     Returns:
         The time [s] is a column. ``attrs["units"]`` has the units by column, ``attrs["message"]``

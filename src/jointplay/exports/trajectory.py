@@ -18,9 +18,10 @@ from tqdm import tqdm
 
 from jointplay import exports
 from jointplay.analysis.twins import inputs
-from jointplay.errors import JointplayError
-from jointplay.joints import JOINT_WORDS, UNNAMED_KIND, VIRTUAL_LINK
+from jointplay.core.errors import JointplayError
+from jointplay.joints import MOTOR, Coordinate, class_of
 from jointplay.result.result import Result
+from jointplay.result.stored import stored_coordinates
 
 _NANO = 1_000_000_000
 _BLOCK = 500
@@ -45,10 +46,21 @@ class Trajectory:
 
 def _seen(description: Mapping[str, Any]) -> str | None:
     """The one coordinate that a joint with clearance would have without; None if it has several."""
-    kind = JOINT_WORDS.get(description.get("kind", UNNAMED_KIND.kind))
-    if not isinstance(kind, type) or kind.compound():
-        return None
-    return kind.ideal_freedoms[0]
+    kind = class_of(description)
+    return None if kind.compound() else kind.ideal_freedoms[0]
+
+
+def encoders(result: Result) -> dict[str, int]:
+    """Joints that have a single coordinate, each with its index in q; ball joints have none."""
+    given = inputs(result)["mechanism"]
+    known = stored_coordinates(given)
+    at: dict[str, int] = {}
+    for index, name in enumerate(result["coordinate"].values.tolist()):
+        coordinate = known.get(name, Coordinate(name))
+        joint, part = coordinate.joint, coordinate.part
+        if not part or (part != MOTOR and part == _seen(given["clearance"][joint])):
+            at[joint] = index
+    return at
 
 
 def joint_trajectory(result: Result) -> Trajectory:
@@ -57,14 +69,7 @@ def joint_trajectory(result: Result) -> Trajectory:
     Raises:
         JointplayError: no joint has a single coordinate.
     """
-    given = inputs(result)["mechanism"]
-    parts = {f"{j}.{p}": (j, p) for j in given["clearance"] for p in VIRTUAL_LINK}
-    motors = {f"{joint}.motor" for joint in given.get("gears", {})}
-    at: dict[str, int] = {}
-    for index, name in enumerate(result["coordinate"].values.tolist()):
-        joint, part = parts.get(name, (name, ""))
-        if name not in motors and (not part or part == _seen(given["clearance"][joint])):
-            at[joint] = index
+    at = encoders(result)
     if not at:
         raise JointplayError("no joint of this result has one coordinate: there is no trajectory")
     columns = list(at.values())

@@ -17,56 +17,6 @@ work that the change of the gap implies.
 Compiled functions (`kernels`) are imported with the first of them that is used.
 """
 
-from typing import TYPE_CHECKING
+import lazy_loader
 
-from jointplay.geometry.shapes import (
-    CONTACT_TOLERANCE_M,
-    CONTACTS,
-    EDGE_ROUNDING_M,
-    Form,
-    Mode,
-    Shape,
-)
-from jointplay.host.late import offering
-
-if TYPE_CHECKING:
-    from jointplay.geometry.kernels import axial_gap as axial_gap
-    from jointplay.geometry.kernels import classify_form as classify_form
-    from jointplay.geometry.kernels import classify_many as classify_many
-    from jointplay.geometry.kernels import classify_mode as classify_mode
-    from jointplay.geometry.kernels import deepest_rim_direction as deepest_rim_direction
-    from jointplay.geometry.kernels import gaps as gaps
-    from jointplay.geometry.kernels import journal_axis as journal_axis
-    from jointplay.geometry.kernels import radial_gap as radial_gap
-    from jointplay.geometry.kernels import touch as touch
-    from jointplay.geometry.kernels import touch_cylinder as touch_cylinder
-    from jointplay.geometry.kernels import worn_bore as worn_bore
-    from jointplay.geometry.kernels import worn_gap as worn_gap
-
-_COMPILED = (
-    *("axial_gap", "classify_form", "classify_many", "classify_mode", "deepest_rim_direction"),
-    *("gaps", "journal_axis", "radial_gap", "touch", "touch_cylinder", "worn_bore", "worn_gap"),
-)
-
-__getattr__ = offering(__name__, dict.fromkeys(_COMPILED, "kernels"))
-
-__all__ = [
-    "CONTACTS",
-    "CONTACT_TOLERANCE_M",
-    "EDGE_ROUNDING_M",
-    "Form",
-    "Mode",
-    "Shape",
-    "axial_gap",
-    "classify_form",
-    "classify_many",
-    "classify_mode",
-    "deepest_rim_direction",
-    "gaps",
-    "journal_axis",
-    "radial_gap",
-    "touch",
-    "touch_cylinder",
-    "worn_bore",
-    "worn_gap",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

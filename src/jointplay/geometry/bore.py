@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
+from jointplay.core.numba_cache import njit
 from jointplay.geometry.shapes import _WORN_NODE
-from jointplay.host.numba_cache import njit
 
 
 def worn_bore(depths: np.ndarray) -> tuple[float, ...]:

@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
+from jointplay.core.numba_cache import njit
 from jointplay.geometry.shapes import EDGE_ROUNDING_M
-from jointplay.host.numba_cache import njit
 
 
 @njit(cache=True, error_model="numpy")

@@ -7,7 +7,15 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from jointplay.core.numba_cache import stamp
 from jointplay.geometry.bore import worn_bore, worn_gap
+from jointplay.geometry.contacts import (
+    classify_form,
+    classify_many,
+    classify_mode,
+    journal_axis,
+    touch,
+)
 from jointplay.geometry.cylinder import (
     axial_gap,
     deepest_rim_direction,
@@ -15,9 +23,6 @@ from jointplay.geometry.cylinder import (
     radial_gap,
     touch_cylinder,
 )
-from jointplay.geometry.forms import classify_form, classify_many, classify_mode, journal_axis
-from jointplay.geometry.touching import touch
-from jointplay.host.numba_cache import stamp
 
 __all__ = [
     "axial_gap",

@@ -25,7 +25,7 @@ class Shape(IntEnum):
     WORN_ALIGNED_CYLINDER  as ALIGNED_CYLINDER, then `worn_bore`
 
     Where a shape is asked for, a kind of joint may give the address of its own function instead
-    (`own`): all numbers above the last of these are taken for one.
+    (`contacts`): all numbers above the last of these are taken for one.
     """
 
     CYLINDER = 0

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from jointplay import moved
-from jointplay.codec import Family, Preset, read, register
-from jointplay.joints.base import RELATIVE, VIRTUAL_LINK, Clearance, Material
+from jointplay.core.schema import Family, Preset, read, register
+from jointplay.joints.base import MOTOR, RELATIVE, VIRTUAL_LINK, Clearance, Coordinate, Material
 from jointplay.joints.cylindrical import CylindricalClearance
 from jointplay.joints.prismatic import PrismaticClearance
 from jointplay.joints.revolute import RevoluteClearance
@@ -34,6 +33,12 @@ register(
 )
 
 
+def class_of(description: Mapping[str, Any]) -> type[Clearance]:
+    """Class of the joint that `Clearance.describe` described."""
+    made = JOINT_WORDS[description.get("kind", UNNAMED_KIND.kind)]
+    return made.kind if isinstance(made, Preset) else made
+
+
 def replacing(entry: str) -> list[str]:
     """Kinds of joint that can take the place of a URDF joint of the type `entry`."""
     return [name for name, kind in JOINT_KINDS.items() if entry in kind.replaces]
@@ -49,24 +54,21 @@ def joint_from_description(description: Mapping[str, Any]) -> Clearance:
     return joint
 
 
-def __getattr__(name: str) -> Any:
-    if name in moved.KINDS:
-        return moved.found("jointplay.joints", name)
-    raise AttributeError(f"module 'jointplay.joints' has no attribute {name!r}")
-
-
 __all__ = [
     "JOINT_KINDS",
     "JOINT_WORDS",
+    "MOTOR",
     "RELATIVE",
     "UNNAMED_KIND",
     "VIRTUAL_LINK",
     "Clearance",
+    "Coordinate",
     "CylindricalClearance",
     "Material",
     "PrismaticClearance",
     "RevoluteClearance",
     "SphericalClearance",
+    "class_of",
     "joint_from_description",
     "replacing",
 ]

@@ -1,16 +1,15 @@
-"""What all joints with clearance have in common: materials, laws, and what a joint must tell."""
+"""What joints with clearance have in common, and what a kind of joint must tell."""
 
 from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
 
-from jointplay.codec import Described
 from jointplay.contact import (
     Ambrosio,
     ContactProperties,
@@ -20,14 +19,88 @@ from jointplay.contact import (
     LankaraniNikravesh,
     NormalForceLaw,
 )
-from jointplay.errors import JointplayError
-from jointplay.fields import check_fields, quantity
-from jointplay.joints.abilities import BoreWear, Hinge
+from jointplay.core.errors import JointplayError, require_non_negative, require_positive
+from jointplay.core.schema import Described, check_fields, quantity
+from jointplay.core.units import readable
 from jointplay.joints.play import Play
-from jointplay.units import readable
+
+# What some joints can do and others cannot: stand for a hinge, wear.
+#
+# Each is a property of `Clearance`, None where the joint cannot. Whoever needs it asks for it,
+# and for no kind of joint by name.
+
+
+@dataclass(frozen=True)
+class Hinge:
+    """A journal that turns about one axis, as one needs to know it who puts a hinge in its place.
+
+    The axis is the bearing's z.
+    """
+
+    radius: float
+    """Of the journal, at which friction about the axis acts [m]."""
+    length: float
+    """Of the journal [m]."""
+    leans: bool
+    """Whether it can tilt; it then touches at both ends."""
+    lateral: float
+    """How far it can be aside, either way [m]."""
+    axial: float
+    """How far it can go along the axis, either way [m]; zero where it cannot or nothing ends it."""
+
+
+@dataclass(frozen=True)
+class BoreWear:
+    """How a bore wears, by contact from the first on: one for the whole journal, or one an end."""
+
+    rate: float
+    """Specific wear rate K/H [m^3/(N m)]."""
+    radius: float
+    """Of the bore [m]."""
+    journal_radius: float
+    """[m]."""
+    widths: tuple[float, ...]
+    """Length of the bore that each contact wears [m]."""
+    profile: np.ndarray | None
+    """Depth so far by contact, at equal azimuths from the bearing's x axis, (contacts, n) [m]."""
+
+
+# What all joints with clearance have in common: materials, laws, and what a joint must tell.
+
 
 VIRTUAL_LINK = ("x", "y", "z", "yaw", "pitch", "roll")
 """The six coordinates of a clearance joint, in their order in q."""
+
+MOTOR = "motor"
+"""What the coordinate of a geared joint's motor is called."""
+
+
+class Coordinate(str):
+    """Name of a coordinate, ``joint`` or ``joint.part``: it knows its parts.
+
+    The name of a joint may have dots of its own, so that nobody can tell the two from the text.
+    """
+
+    joint: str
+    """Whose it is."""
+    part: str
+    """One of `VIRTUAL_LINK`, or `MOTOR`; empty for a joint's only one."""
+
+    def __new__(cls, joint: str, part: str = "") -> Coordinate:
+        """Name the coordinate."""
+        self = super().__new__(cls, f"{joint}.{part}" if part else joint)
+        self.joint, self.part = joint, part
+        return self
+
+    def __getnewargs__(self) -> tuple[str, str]:  # type: ignore[override]
+        """Go to other processes whole."""
+        return self.joint, self.part
+
+    @property
+    def length(self) -> bool:
+        """Whether it is a part that is measured in metres."""
+        return self.part in VIRTUAL_LINK[:3]
+
 
 RELATIVE = ("x", "y", "z", "roll", "pitch", "yaw")
 """The same in the order of a twist: velocity, then angular velocity."""
@@ -239,6 +312,7 @@ class Clearance(Described, ABC):
 
     def scaled(self, factor: float) -> Self:
         """The joint with all its clearances multiplied, in the same bearing."""
+        factor = require_non_negative("factor", factor, "")
         return self.with_clearances({name: factor * c for name, c in self.clearances.items()})
 
     def arm(self, centre: np.ndarray) -> float:
@@ -367,3 +441,190 @@ class Clearance(Described, ABC):
     def hertz(self, radius: float) -> float:
         """Stiffness of eq. 11 for an effective radius R [m], in N/m^1.5."""
         return 4.0 / (3.0 * math.pi * self.combined_compliance) * math.sqrt(radius)
+
+
+# Dimensions that belong together: a clearance, and what it leaves of bearing and journal.
+
+
+def close(a: float, b: float) -> bool:
+    """Whether two lengths [m] agree but for rounding."""
+    return math.isclose(a, b, rel_tol=1e-6, abs_tol=1e-9)
+
+
+def complete(
+    play: float | None, outer: float, inner: float | None, factor: float, words: tuple[str, str]
+) -> tuple[float, float]:
+    """Derive clearance from dimensions or dimensions from clearance: outer - inner = factor play.
+
+    Args:
+        play: clearance [m], or None.
+        outer: dimension of the bearing [m].
+        inner: dimension of the journal [m], or None.
+        factor: clearances between outer and inner.
+        words: names of the clearance and of the dimension, for errors.
+
+    Returns:
+        play and inner [m].
+
+    Raises:
+        JointplayError: neither given, or values that are not positive or contradict each other.
+    """
+    clearance, dimension = words
+    at_play, at_inner = (f"{clearance}_clearance",), (f"journal_{dimension}",)
+    if play is None and inner is None:
+        raise JointplayError(f"give the {clearance} clearance or the journal {dimension}")
+    if play is not None:
+        require_positive(f"{clearance} clearance", play, "m", at_play)
+    if inner is not None:
+        require_positive(f"journal {dimension}", inner, "m", at_inner)
+        if inner >= outer:
+            raise JointplayError(
+                f"journal {dimension} {inner:g} m does not fit into the bearing's {outer:g} m",
+                where=at_inner,
+            )
+        if play is not None and not close(outer - inner, factor * play):
+            raise JointplayError(
+                f"{clearance} clearance {play:g} m contradicts the dimensions: bearing "
+                f"{outer:g} m and journal {inner:g} m give {(outer - inner) / factor:g} m",
+                where=at_play,
+            )
+    if play is None:
+        assert inner is not None
+        play = (outer - inner) / factor
+    if inner is None:
+        inner = outer - factor * play
+    if inner <= 0.0:
+        raise JointplayError(
+            f"{clearance} clearance {play:g} m leaves no journal in a bearing of "
+            f"{dimension} {outer:g} m",
+            where=at_play,
+        )
+    return float(play), float(inner)
+
+
+# What joints have in common whose journal and bearing are round: one radial clearance.
+
+
+SAMPLES = 72
+"""Azimuths at which contact directions are sampled."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RoundClearance(Clearance):
+    """A round journal of radius R_j in a round bearing of radius R_i (eqs 1, 11-13).
+
+    Raises:
+        JointplayError: a radius that is missing, not positive, contradictory or impossible.
+    """
+
+    in_the_bearing: ClassVar[Mapping[str, str]] = {"radial_clearance": "journal_radius"}
+
+    bearing_radius: float = quantity("m", default=10e-3, above=0.0, words="bearing radius")
+    """R_i [m]; the standard of the clearance literature, the paper gives none."""
+    radial_clearance: float | None = quantity("m", default=None, words="radial clearance")
+    """C_r, radial, not diametral [m]."""
+    journal_radius: float | None = quantity("m", default=None, words="journal radius")
+    """R_j [m]."""
+
+    def __post_init__(self) -> None:
+        """Derive what is missing and refuse what cannot be."""
+        super().__post_init__()
+        play, radius = complete(
+            self.radial_clearance,
+            self.bearing_radius,
+            self.journal_radius,
+            1.0,
+            ("radial", "radius"),
+        )
+        object.__setattr__(self, "radial_clearance", play)
+        object.__setattr__(self, "journal_radius", radius)
+
+    @property
+    def ri(self) -> float:
+        """R_i [m]."""
+        return self.bearing_radius
+
+    @property
+    def rj(self) -> float:
+        """R_j [m]."""
+        assert self.journal_radius is not None
+        return self.journal_radius
+
+    @property
+    def cr(self) -> float:
+        """C_r [m] (eq. 1)."""
+        assert self.radial_clearance is not None
+        return self.radial_clearance
+
+    @property
+    def freedoms(self) -> tuple[str, ...]:
+        """All six."""
+        return VIRTUAL_LINK
+
+    @property
+    def drive_coordinate(self) -> str:
+        """Yaw."""
+        return "yaw"
+
+    @property
+    def radial_room(self) -> float:
+        """C_r [m]."""
+        return self.cr
+
+    @property
+    def half_width(self) -> float:
+        """R_i [m]."""
+        return self.ri
+
+    @property
+    def depth_limit(self) -> float:
+        """A tenth of the journal's radius: far beyond what any contact law means."""
+        return 0.1 * self.rj
+
+    @property
+    def hertz_stiffness(self) -> float:
+        """k of eqs 11-13, or the given `stiffness` [N/m^1.5]."""
+        if self.stiffness is not None:
+            return self.stiffness
+        return self.hertz(self.ri * self.rj / self.cr)
+
+    @property
+    def clearances(self) -> dict[str, float]:
+        """C_r [m]."""
+        return {"radial_clearance": self.cr}
+
+    def round_contact(self, stiffness: float | None = None, **lengths: float) -> ContactProperties:
+        """Properties of a contact of the journal in its bearing.
+
+        Args:
+            stiffness: Hertz's [N/m^1.5]; None takes the joint's.
+            lengths: what `ContactProperties` has of lengths [m].
+        """
+        return self.contact(
+            stiffness or self.hertz_stiffness,
+            bearing_radius=self.ri,
+            journal_radius=self.rj,
+            clearance=self.cr,
+            **lengths,
+        )
+
+
+def azimuths() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Cosine, sine and zero at `SAMPLES` azimuths."""
+    phi = np.linspace(0.0, 2.0 * np.pi, SAMPLES, endpoint=False)
+    return np.cos(phi), np.sin(phi), np.zeros(SAMPLES)
+
+
+def radial_directions(heights: Sequence[float]) -> np.ndarray:
+    """Unit forces across the axis at these heights [m], and their moments, shape (n, 6)."""
+    c, s, zero = azimuths()
+    return np.concatenate([np.column_stack([c, s, zero, -h * s, h * c, zero]) for h in heights])
+
+
+def upright(rotation: np.ndarray) -> np.ndarray:
+    """The rotation (3, 3) with its axis turned back to z by the shortest way."""
+    import pinocchio as pin  # not needed to check a scenario
+
+    swing = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), rotation[:, 2])
+    turned: np.ndarray = swing.toRotationMatrix().T @ rotation
+    return turned

@@ -1,7 +1,7 @@
 """The cylindrical joint with clearance: a rod that turns and slides in a bushing.
 
 A rod longer than its bushing touches it with its side, and the bushing with the edges of its bore:
-the touch of this kind, called by address (`geometry.own`).
+the touch of this kind, called by address (`geometry.contacts`).
 """
 
 from __future__ import annotations
@@ -15,11 +15,10 @@ import numpy as np
 
 from jointplay.contact import ContactProperties
 from jointplay.contact.compiled import compiled_touch
-from jointplay.errors import JointplayError
-from jointplay.fields import quantity
-from jointplay.joints.base import Outline
+from jointplay.core.errors import JointplayError
+from jointplay.core.schema import quantity
+from jointplay.joints.base import Outline, RoundClearance, radial_directions, upright
 from jointplay.joints.play import JournalPlay
-from jointplay.joints.round import RoundClearance, radial_directions, upright
 
 _NEAR = 0.1
 """Tilt counts so little beside the offset that Newton's method finds the nearest point."""
@@ -161,7 +160,7 @@ class CylindricalClearance(RoundClearance):
 
     def play(self, second_order: bool = True) -> JournalPlay:
         """A disc at each end, of the axis; leaning leaves it less room, so no order widens it."""
-        return JournalPlay(self.cr, 0.0, self.bearing_length, 0.0)
+        return JournalPlay(self.cr, 0.0, self.bearing_length, 0.0, radius=self.rj)
 
     def arm(self, centre: np.ndarray) -> float:
         """From the rod's centre to the farther end of the bushing, at most [m]."""

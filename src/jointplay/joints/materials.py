@@ -13,7 +13,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from jointplay.errors import JointplayError, MissingName, require_finite, require_positive
+from jointplay.core.errors import JointplayError, MissingName, require_finite, require_positive
 from jointplay.joints import Material
 
 _DATA = Path(__file__).parent / "data"
@@ -170,6 +170,7 @@ class Oil:
 
     def density(self, celsius: float) -> float:
         """Return rho at a temperature, linear about 40 C [kg/m^3]."""
+        celsius = require_finite("temperature", celsius, "C")
         return self.density_40 * (1.0 - self.expansion * (celsius - 40.0))
 
     def viscosity(self, celsius: float) -> float:

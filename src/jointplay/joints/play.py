@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from jointplay.errors import JointplayError
+from jointplay.core.errors import JointplayError
 
 _GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
 _SEARCHES = 34
@@ -52,6 +52,25 @@ class Cones(NamedTuple):
     """The coordinates are parts of their clearances: y = 0 lies inside of all."""
 
 
+class Pressed(NamedTuple):
+    """The k contacts that hold a journal against a load, n of them; about the bearing's centre."""
+
+    contact: tuple[int, ...]
+    """Which of the joint's `contacts` each is, for its stiffness, length k."""
+    force: np.ndarray
+    """Normal forces, zero where nothing touches, shape (n, k) [N]."""
+    normal: np.ndarray
+    """Force and moment on the journal of a unit normal force, shape (n, k, 6) [1, m]."""
+    across: np.ndarray
+    """The same of unit friction forces along two tangents, shape (n, k, 2, 6)."""
+    touching: np.ndarray
+    """Which of them touch, if only with no force, shape (n, k)."""
+    patch: np.ndarray
+    """Radius about the axis within which one may push, of a face that lies flat, (n, k) [m]."""
+    borne: tuple[int, ...]
+    """Components of a load that nothing but the contacts bears."""
+
+
 class Play(ABC):
     """The set of small displacements that a joint's play allows; it contains zero."""
 
@@ -74,6 +93,13 @@ class Play(ABC):
         raise JointplayError(
             f"{type(self).__name__} does not say which cones bound it, which a closed loop asks for"
         )
+
+    def pressed(self, loads: np.ndarray, point: np.ndarray) -> Pressed | None:
+        """The contacts at the points (n, 6) where `support` has the journal under loads (n, 6).
+
+        None for a kind of play that does not say: then friction can hold its journal anywhere.
+        """
+        return None
 
     @property
     def excess(self) -> float:
@@ -100,6 +126,8 @@ class JournalPlay(Play):
     """R_j [m]; zero if nothing limits the lean but the bore."""
     widening: float = 0.0
     """Part of the clearances by which they were widened."""
+    radius: float = 0.0
+    """R_j again, the arm of friction along the axis, which acts without walls too [m]."""
 
     @property
     def reach(self) -> tuple[float, float]:
@@ -171,6 +199,96 @@ class JournalPlay(Play):
         point[:, 3], point[:, 4] = -lean[:, 1], lean[:, 0]
         return Support(np.einsum("ij,ij->i", loads, point), point)
 
+    def pressed(self, loads: np.ndarray, point: np.ndarray) -> Pressed:
+        """Rims A and B on the bore, then the walls at ends A and B; see `Play.pressed`.
+
+        Of the multipliers of `support`: near = N_A u_A + h s, far = N_B u_B - h s, s being the
+        lean's direction, and h L / R the sum of the walls' forces.
+        """
+        loads = np.asarray(loads, float).reshape(-1, 6)
+        n, touches = len(loads), 1.0 - 1e-6
+        e_z = np.array([0.0, 0.0, 1.0])
+        walled = 0.0 < self.along < math.inf
+        up = np.maximum(loads[:, 2], 0.0) * walled
+        down = np.maximum(-loads[:, 2], 0.0) * walled
+        if math.isinf(self.length):
+            way = _unit(loads[:, :2])
+            forces = [np.linalg.norm(loads[:, :2], axis=1), up, down]
+            radial = [(way, 0.0)]
+            lean, arm = np.zeros((n, 2)), 0.0
+            sideways, flat = [forces[0] > 0.0], np.zeros(n, bool)
+        else:
+            half, bend = loads[:, :2] / 2.0, np.column_stack([loads[:, 4], -loads[:, 3]])
+            near, far = half + bend / self.length, half - bend / self.length
+            slope = 0.5 * self.length * np.column_stack([point[:, 4], -point[:, 3]])
+            p, q = point[:, :2] + slope, point[:, :2] - slope
+            u_a, u_b = (
+                np.where(np.linalg.norm(r, axis=1, keepdims=True) >= touches * self.across, r, 0.0)
+                / self.across
+                for r in (p, q)
+            )
+            apart = np.linalg.norm(p - q, axis=1)
+            lean = np.where(apart[:, None] > 1e-9 * self.across, _unit(p - q), 0.0)
+            hold = (up + down) * self.rim / self.length
+            widest = self.length * self.along / self.rim if walled and self.rim > 0.0 else math.inf
+            (most,) = np.nonzero(apart >= touches * widest)
+            if len(most):  # both walls hold the lean: least squares find their share
+                zero = np.zeros((len(most), 2))
+                columns = np.stack(
+                    [
+                        np.hstack([lean[most], -lean[most]]),
+                        np.hstack([u_a[most], zero]),
+                        np.hstack([zero, u_b[most]]),
+                    ],
+                    axis=2,
+                )
+                right = np.hstack([near[most], far[most]])[..., None]
+                found = (np.linalg.pinv(columns, rcond=1e-9) @ right)[:, 0, 0]
+                hold[most] = np.maximum(found, hold[most])
+                both = hold[most] * self.length / self.rim
+                up[most], down[most] = (0.5 * (both + k * loads[most, 2]) for k in (1.0, -1.0))
+            on_a = np.maximum(((near - hold[:, None] * lean) * u_a).sum(axis=1), 0.0)
+            on_b = np.maximum(((far + hold[:, None] * lean) * u_b).sum(axis=1), 0.0)
+            flat = apart <= 1e-9 * self.across
+            whole = ((near + far) * u_a).sum(axis=1)
+            on_a = np.where(flat, np.minimum(on_a, np.maximum(whole, 0.0)), on_a)
+            on_b = np.where(flat, np.maximum(whole - on_a, 0.0), on_b)
+            forces = [on_a, on_b, up, down]
+            sideways = [np.abs(u).max(axis=1) > 0.0 for u in (u_a, u_b)]
+            radial = [(u_a, 0.5 * self.length), (u_b, -0.5 * self.length)]
+            arm = 0.5 * self.length
+        normal, across = np.zeros((n, len(forces), 6)), np.zeros((n, len(forces), 2, 6))
+        for k, (way, height) in enumerate(radial):
+            out = np.column_stack([way, np.zeros(n)])
+            round_ = np.cross(e_z, out)
+            normal[:, k, :3], normal[:, k, 3:] = -out, -height * round_
+            across[:, k, 0, :3], across[:, k, 0, 3:] = round_, -height * out
+            across[:, k, 1, :3], across[:, k, 1, 3:] = e_z, -self.radius * round_
+        outer = self.rim * np.column_stack([lean, np.zeros(n)])
+        for k, side in ((len(radial), 1.0), (len(radial) + 1, -1.0)):
+            normal[:, k, 2] = -side
+            normal[:, k, 3:] = np.cross(outer, e_z)
+            for i, axis in enumerate(np.eye(3)[:2]):
+                across[:, k, i, :3] = axis
+                across[:, k, i, 3:] = side * arm * np.cross(e_z, axis)
+        steep = self.rim * np.hypot(point[:, 3], point[:, 4])
+        walls = [
+            (side * point[:, 2] >= (self.along - steep) - 1e-6 * self.along) & walled
+            for side in (1.0, -1.0)
+        ]
+        patch = np.zeros((n, len(forces)))
+        patch[:, len(radial) :] = np.where(flat, self.rim, 0.0)[:, None]
+        tilts = not math.isinf(self.length)
+        return Pressed(
+            tuple(range(len(forces))),
+            np.column_stack(forces),
+            normal,
+            across,
+            np.column_stack([*sideways, *walls]),
+            patch,
+            (0, 1) + (2,) * walled + (3, 4) * tilts,
+        )
+
     def _rims(self, near: np.ndarray, far: np.ndarray, hold: np.ndarray) -> tuple:
         """Centres of both rims that maximise near . p + far . q - hold |p - q|, each (n, 2)."""
         radius = self.across
@@ -228,6 +346,18 @@ class BallPlay(Play):
         point = np.zeros((len(loads), 6))
         point[:, :3] = self.radius * _unit(loads[:, :3])
         return Support(np.einsum("ij,ij->i", loads, point), point)
+
+    def pressed(self, loads: np.ndarray, point: np.ndarray) -> Pressed:
+        """One contact, in the direction of the force; see `Play.pressed`."""
+        loads = np.asarray(loads, float).reshape(-1, 6)
+        out = _unit(loads[:, :3])
+        some = np.eye(3)[np.abs(out).argmin(axis=1)]
+        one = _unit(np.cross(out, some))
+        normal, across = np.zeros((len(loads), 1, 6)), np.zeros((len(loads), 1, 2, 6))
+        normal[:, 0, :3] = -out
+        across[:, 0, 0, :3], across[:, 0, 1, :3] = one, np.cross(out, one)
+        force = np.linalg.norm(loads[:, :3], axis=1)[:, None]
+        return Pressed((0,), force, normal, across, force > 0.0, np.zeros_like(force), (0, 1, 2))
 
 
 @dataclass(frozen=True)
@@ -309,6 +439,43 @@ class BlockPlay(Play):
                 np.where(better[:, None], point, best.point),
             )
         return best
+
+    def pressed(self, loads: np.ndarray, point: np.ndarray) -> Pressed:
+        """Corners on walls, their forces by least squares; see `Play.pressed`."""
+        from scipy.optimize import nnls  # takes long to import
+
+        loads = np.asarray(loads, float).reshape(-1, 6)
+        normal, across, rooms = [], [], []
+        for axis in (0, 1):
+            for side, end, other in product((1.0, -1.0), repeat=3):
+                if self.clearances[axis] == 0.0:
+                    continue
+                place = np.zeros(3)
+                place[1 - axis], place[2] = other * self.arms[1 - axis], end * self.arms[2]
+                forces = np.eye(3)[[axis, 1 - axis, 2]] * [[-side], [1.0], [1.0]]
+                wrenches = np.hstack([forces, np.cross(place, forces)])
+                normal.append(wrenches[0])
+                across.append(wrenches[1:])
+                rooms.append(self.clearances[axis])
+        normals, room = np.array(normal), np.array(rooms)
+        close = -point @ normals.T >= room - 1e-6 * room.max()
+        # What nothing but the walls bears; angles on arms.
+        bears = np.array([size > 0.0 for size in self.clearances] + [False] + [*self.turns])
+        weight = np.where(bears, [1.0] * 3 + [1.0 / self.arms[2]] * 3, 0.0)
+        force = np.zeros((len(loads), len(normals)))
+        for row, active, load in zip(force, close, loads * weight, strict=True):
+            if active.any():
+                row[active] = nnls(-(normals[active] * weight).T, load)[0]
+        shape = len(loads), len(normals)
+        return Pressed(
+            (0,) * len(normals),
+            force,
+            np.broadcast_to(normals, (*shape, 6)),
+            np.broadcast_to(np.array(across), (*shape, 2, 6)),
+            close,
+            np.zeros(shape),
+            tuple(map(int, np.flatnonzero(bears))),
+        )
 
 
 def _unit(vectors: np.ndarray) -> np.ndarray:

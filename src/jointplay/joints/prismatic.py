@@ -11,8 +11,8 @@ from typing import ClassVar, Self
 import numpy as np
 
 from jointplay.contact import ContactProperties
-from jointplay.errors import JointplayError
-from jointplay.fields import quantity
+from jointplay.core.errors import JointplayError
+from jointplay.core.schema import quantity
 from jointplay.geometry import Shape
 from jointplay.joints.base import VIRTUAL_LINK, Clearance, Outline
 from jointplay.joints.play import BlockPlay

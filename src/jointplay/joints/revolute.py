@@ -10,21 +10,23 @@ from typing import ClassVar, Self
 import numpy as np
 
 from jointplay.contact import ContactProperties, FilmLaw, FilmProperties
-from jointplay.errors import JointplayError, require_positive, within
-from jointplay.fields import quantity
+from jointplay.core.errors import JointplayError, require_numbers, require_positive, within
+from jointplay.core.schema import quantity
+from jointplay.core.units import readable
 from jointplay.geometry import EDGE_ROUNDING_M, Shape
-from jointplay.joints.abilities import BoreWear, Hinge
-from jointplay.joints.base import VIRTUAL_LINK, Outline
-from jointplay.joints.dimensions import complete
-from jointplay.joints.play import JournalPlay
-from jointplay.joints.round import (
+from jointplay.joints.base import (
     SAMPLES,
+    VIRTUAL_LINK,
+    BoreWear,
+    Hinge,
+    Outline,
     RoundClearance,
     azimuths,
+    complete,
     radial_directions,
     upright,
 )
-from jointplay.units import readable
+from jointplay.joints.play import JournalPlay
 
 LEAST_AZIMUTHS = 16
 """A worn profile must have at least this many azimuths."""
@@ -130,10 +132,7 @@ class RevoluteClearance(RoundClearance):
     def _profile(self, worn: object) -> tuple[tuple[float, ...], ...]:
         """The worn profile, checked: one row if the journal cannot tilt, else two."""
         rows = 1 if self.lock_tilt else 2
-        try:
-            depths = np.atleast_2d(np.array(worn, float))
-        except (TypeError, ValueError) as error:
-            raise JointplayError(f"the worn profile must be numbers: {error}") from None
+        depths = np.atleast_2d(require_numbers("the worn profile", worn))
         if depths.ndim != 2 or len(depths) not in (1, rows) or depths.shape[1] < LEAST_AZIMUTHS:
             raise JointplayError(
                 f"the worn profile has the shape {depths.shape}; it must be (n,)"
@@ -304,10 +303,10 @@ class RevoluteClearance(RoundClearance):
         across = self.cr + (0.0 if self.worn is None else float(np.max(self.worn)))
         along = self.ca if self.walls else 0.0 if self.lock_axial else math.inf
         if self.lock_tilt:
-            return JournalPlay(across, along, math.inf, 0.0)
+            return JournalPlay(across, along, math.inf, 0.0, radius=self.rj)
         rim = self.rj if self.walls else 0.0
         if not second_order:
-            return JournalPlay(across, along, self.lj, rim)
+            return JournalPlay(across, along, self.lj, rim, radius=self.rj)
         wide, way = across, along
         steepest = math.sqrt(2.0 * across / self.rj)  # docs/theory.md, uniqueness
         for _ in range(40):
@@ -316,7 +315,7 @@ class RevoluteClearance(RoundClearance):
             wide = across + self.rj * shorter
             way = along + 0.5 * self.lj * shorter + EDGE_ROUNDING_M if self.walls else along
         excess = max(wide / across, way / along if self.walls else 1.0) - 1.0
-        return JournalPlay(wide, way, self.lj, rim, excess)
+        return JournalPlay(wide, way, self.lj, rim, excess, self.rj)
 
     @property
     def clearances(self) -> dict[str, float]:

@@ -11,9 +11,8 @@ import numpy as np
 
 from jointplay.contact import ContactProperties
 from jointplay.geometry import Shape
-from jointplay.joints.base import VIRTUAL_LINK, Outline
+from jointplay.joints.base import VIRTUAL_LINK, Outline, RoundClearance
 from jointplay.joints.play import BallPlay
-from jointplay.joints.round import RoundClearance
 
 _NUMBER = 200
 

@@ -70,7 +70,7 @@ def matrix(at, rows, columns):
 
 
 @internal
-def wholes(at, size):
+def integers(at, size):
     """Array of `size` whole numbers at an address."""
     return carray(_whole(at), (size,))
 

@@ -10,8 +10,8 @@ from __future__ import annotations
 import math
 
 from jointplay.kernel.access import bodies, floats
+from jointplay.kernel.frames import add, along, cross, put, scale, vector
 from jointplay.kernel.parts import internal
-from jointplay.kernel.vectors import add, along, cross, put, scale, vector
 
 
 @internal

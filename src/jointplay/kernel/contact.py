@@ -13,13 +13,9 @@ from jointplay.contact.calls import call_bristle, call_friction, call_normal, po
 from jointplay.geometry import Shape, touch_cylinder
 from jointplay.geometry import touch as touch_shape
 from jointplay.kernel.access import address_of, contacts, fail, matrix
-from jointplay.kernel.layout import (
-    FRICTION,
-    MIN_APPROACH_SPEED,
-    NORMAL,
-)
+from jointplay.kernel.frames import add, along, cross, dot, length, put, scale, vector
+from jointplay.kernel.layout import FRICTION, MIN_APPROACH_SPEED, NORMAL, STORED
 from jointplay.kernel.parts import internal
-from jointplay.kernel.vectors import add, along, cross, dot, length, put, scale, vector
 from jointplay.kernel.words import AZIMUTHS, WELL_RESOLVED_STEPS, Status
 
 _CYLINDER = int(Shape.CYLINDER)
@@ -91,18 +87,26 @@ def _meet(joint, contact):
 
 @internal
 def _normal_force(joint, contact, rate):
-    """Normal force, and the approach speed that belongs to it.
+    """Normal force, the approach speed, and the speed that damping is referred to.
 
     The approach speed is the largest since the contact began. For an impact that is the speed at
-    its onset (eq. 14), for |ddelta| only falls from there; a contact that began slowly cannot make
-    the damping of eq. 19 grow without bound when it is loaded later.
+    its onset (eq. 14), for |ddelta| only falls from there. Damping is referred to it, or to the
+    speed at which `rest_mass` would have stored the energy that the contact holds, if that is
+    more. `rest_mass` is far larger than what impacts meet, and an impact never holds more energy
+    than it came with: nothing changes for it. A contact that began at rest and bears a load is a
+    damper that depends smoothly on depth and rate; one that refers to its own smallest rates would
+    be a brake, which no explicit step follows.
     """
     approach = max(abs(rate), MIN_APPROACH_SPEED)
     if contact.steps > 0.0:
         approach = max(approach, contact.ddelta0)
+    reference = approach
+    energy = STORED * contact.elastic * -contact.gap
+    if energy > 0.5 * joint.rest_mass * approach * approach:
+        reference = math.sqrt(2.0 * energy / joint.rest_mass)
     law = address_of(contact.parameters)
-    force = call_normal(joint.normal_law, -contact.gap, rate, approach, law)
-    return max(force, 0.0), approach  # a dry contact never pulls
+    force = call_normal(joint.normal_law, -contact.gap, rate, reference, law)
+    return max(force, 0.0), approach, reference  # a dry contact never pulls
 
 
 @internal
@@ -129,7 +133,7 @@ def bend(run, j, joint, elapsed):
         if contact.touching == 0:
             continue
         rate, slip, speed = _meet(joint, contact)
-        normal, _ = _normal_force(joint, contact, rate)
+        normal, _, _ = _normal_force(joint, contact, rate)
         _ask_bristles(run, joint, contact, speed, normal, contact.dwell)
         out = run.law_numbers
         contact.dwell_now = out[6] + (contact.dwell - out[6]) * math.exp(-out[7] * elapsed)
@@ -209,7 +213,7 @@ def _stiffen(joint, contact, b):
 
 
 @internal
-def steepen(run, j, joint):
+def add_stiffness(run, j, joint):
     """Add how the contacts' answer changes with the joint's twist to `stiff`; after `respond`."""
     for k in range(joint.count):
         contact = contacts(run, j)[k]
@@ -222,8 +226,8 @@ def steepen(run, j, joint):
         else:
             t, b, fall = _rub_slope(joint, contact, slip)
             mu = contact.mu
-        more = contact.approach * _DIFFERENCE
-        higher, _ = _normal_force(joint, contact, rate + more)
+        more = contact.reference * _DIFFERENCE
+        higher, _, _ = _normal_force(joint, contact, rate + more)
         damping = (higher - contact.normal_now) / more
         n = vector(contact.direction, 0)
         a = along(scale(-damping, n), mu * damping, t)
@@ -246,8 +250,9 @@ def respond(run, j, joint):
         if contact.touching == 0:
             continue
         rate, slip, speed = _meet(joint, contact)
-        normal, approach = _normal_force(joint, contact, rate)
-        contact.rate, contact.speed, contact.approach = rate, speed, approach
+        normal, approach, reference = _normal_force(joint, contact, rate)
+        contact.rate, contact.speed = rate, speed
+        contact.approach, contact.reference = approach, reference
         if joint.bristles != 0:
             friction, _ = _bristles_hold(run, joint, contact, normal, slip, speed)
         else:
@@ -266,7 +271,7 @@ def respond(run, j, joint):
 
 
 @internal
-def lose(run, j, joint):
+def add_dissipation(run, j, joint):
     """Add what the contacts of joint j lose to the powers, and stop where a law has failed."""
     for k in range(joint.count):
         contact = contacts(run, j)[k]
@@ -280,40 +285,71 @@ def lose(run, j, joint):
 
 
 @internal
+def gather(joint, contact_rows, stage, part):
+    """Add the forces at a stage to the means over a step, of which it stands for a `part`."""
+    mean, film = joint.mean_force, joint.mean_film_force
+    for r in range(3):
+        mean[r] = part * joint.wrench[r] + (mean[r] if stage > 0 else 0.0)
+        film[r] = part * joint.film_wrench[r] + (film[r] if stage > 0 else 0.0)
+    for k in range(joint.count):
+        contact = contact_rows[k]
+        if stage == 0:
+            contact.mean_normal = 0.0
+            put(contact.mean_friction, 0, (0.0, 0.0, 0.0))
+        if contact.touching != 0:
+            contact.mean_normal += part * contact.normal_now
+            friction = along(
+                vector(contact.force, 0), -contact.normal_now, vector(contact.direction, 0)
+            )
+            put(contact.mean_friction, 0, along(vector(contact.mean_friction, 0), part, friction))
+
+
+@internal
 def remember(run, j, joint, duration):
-    """Make the contacts' state one of the trajectory, that lasts for `duration` [s]."""
+    """Make the contacts' state one of the trajectory, whose forces act for `duration` [s].
+
+    What is kept for record and audit is a force that acted: that of the state, or, where a step
+    has stages, their mean over the step that led to the state.
+    """
+    averaged = run.averaged != 0
     for k in range(joint.count):
         contact = contacts(run, j)[k]
         contact.gap_min = min(contact.gap_min, contact.gap)
         contact.deepest = min(contact.deepest, contact.gap)
-        if contact.touching == 0:
+        if averaged:
+            contact.normal = contact.mean_normal
+            contact.tangential = length(vector(contact.mean_friction, 0))
+        elif contact.touching != 0:
+            contact.normal, contact.tangential = contact.normal_now, contact.tangential_now
+        else:
             contact.normal = contact.tangential = 0.0
+        impulse = contact.normal * duration
+        contact.impulse += impulse
+        contact.normal_peak = max(contact.normal_peak, contact.normal)
+        if contact.touching == 0:
             if contact.gap >= 0.0 and contact.steps > 0.0:
                 run.events += 1
+                contact.own_impulse += impulse
                 _end(contact)
             continue
         if contact.steps == 0.0:
             run.events += 1
             contact.onsets += 1.0
             contact.own_impulse = 0.0
-        impulse = contact.normal_now * duration
         contact.ddelta0 = contact.approach
         contact.steps += 1.0
         contact.own_impulse += impulse
-        contact.impulse += impulse
-        contact.normal = contact.normal_now
-        contact.tangential = contact.tangential_now
-        contact.normal_peak = max(contact.normal_peak, contact.normal)
         if joint.bristles != 0:
             put(contact.bend, 0, vector(contact.bent, 0))
             contact.dwell = contact.dwell_now
         if k < joint.wearing:
             _count_sliding(joint, k, vector(contact.direction, 0), impulse * contact.speed)
-    wrench, peak = joint.wrench, joint.peak
-    square = wrench[0] * wrench[0] + wrench[1] * wrench[1] + wrench[2] * wrench[2]
+    force = vector(joint.mean_force, 0) if averaged else vector(joint.wrench, 0)
+    put(joint.impulse, 0, along(vector(joint.impulse, 0), duration, force))
+    square = dot(force, force)
     if square > joint.peak_square:
         joint.peak_square = square
-        put(peak, 0, vector(wrench, 0))
+        put(joint.peak, 0, force)
 
 
 @internal

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from jointplay.kernel.access import drives, floats, frictions, gears, matrix, wholes
+from jointplay.kernel.access import drives, floats, frictions, gears, integers, matrix
 from jointplay.kernel.layout import DRIVE, GEAR, JOINT_FRICTION
 from jointplay.kernel.parts import internal
 from jointplay.kernel.words import JOINT_FRICTION_SPEED
@@ -95,7 +95,7 @@ def _joint_friction(row, speed):
 
 
 @internal
-def rub_joints(run, v, tau):
+def apply_joint_friction(run, v, tau):
     """Subtract the joints' own friction from tau."""
     for row in frictions(run):
         i = row.coordinate
@@ -128,7 +128,7 @@ def turn_gears(run, q, v, tau):
 @internal
 def steepen_joints(run, q, v):
     """Add how joint friction and gears change with the velocity to the run's slope."""
-    slope, place = matrix(run.slope, run.active, run.active), wholes(run.place, run.nv)
+    slope, place = matrix(run.slope, run.active, run.active), integers(run.place, run.nv)
     for row in frictions(run):
         i = place[row.coordinate]
         _, rise = _joint_friction(row, v[row.coordinate])

@@ -10,8 +10,8 @@ from __future__ import annotations
 from functools import cache
 from typing import Any
 
-from jointplay.host.numba_cache import njit
-from jointplay.kernel import multirate, path, singlerate
+from jointplay.core.numba_cache import njit
+from jointplay.kernel import multirate, singlerate
 from jointplay.kernel import record as records
 from jointplay.kernel.access import TABLE
 from jointplay.kernel.sources import stamp
@@ -36,11 +36,11 @@ def enter(table, command) -> int:
         if run.status == 0 and run.step >= run.until:
             return THERE
     elif command == _TAKE_MIDDLE:
-        path.judge(run)
+        multirate.judge(run)
     elif command == _SETTLE_MACRO:
         multirate.settle_macro(run)
     elif command == _PLAN:
-        path.plan(run)
+        multirate.plan(run)
     elif command == _RESTART:
         multirate.restart(run)
     elif command == _SET_OFF:
@@ -56,7 +56,7 @@ def enter_adaptive(table, command) -> int:
     run = table[0]
     if command == _ADAPTIVE_STEP:
         multirate.adaptive_step(run)
-        path.leave(run)
+        multirate.leave(run)
     return run.status
 
 

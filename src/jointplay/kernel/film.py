@@ -6,9 +6,9 @@ import math
 
 from jointplay.contact.calls import call_film
 from jointplay.kernel.access import address_of, fail
+from jointplay.kernel.frames import add, along, cross, scale, vector
 from jointplay.kernel.layout import FILM
 from jointplay.kernel.parts import internal
-from jointplay.kernel.vectors import add, along, cross, scale, vector
 from jointplay.kernel.words import Status
 
 _BAD_FORCE = int(Status.BAD_FORCE)

@@ -14,9 +14,66 @@ from __future__ import annotations
 
 import math
 
-from jointplay.kernel.access import floats, matrix, wholes
+from jointplay.core.numba_cache import njit
+from jointplay.kernel.access import floats, integers, matrix
 from jointplay.kernel.parts import internal
-from jointplay.kernel.vectors import add, along, cross, put, scale, vector
+
+# Vectors of three numbers as tuples: what compiled code reckons with. All are inlined.
+
+
+inlined = njit(inline="always", error_model="numpy")
+
+
+@inlined
+def vector(array, at):
+    """Three numbers of an array, from index `at` on."""
+    return array[at], array[at + 1], array[at + 2]
+
+
+@inlined
+def put(array, at, a):
+    """Write a vector into an array, from index `at` on."""
+    array[at], array[at + 1], array[at + 2] = a
+
+
+@inlined
+def add(a, b):
+    """a + b."""
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+
+
+@inlined
+def scale(s, a):
+    """S times a."""
+    return s * a[0], s * a[1], s * a[2]
+
+
+@inlined
+def along(a, s, b):
+    """a + s b."""
+    return a[0] + s * b[0], a[1] + s * b[1], a[2] + s * b[2]
+
+
+@inlined
+def dot(a, b):
+    """a . b."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@inlined
+def cross(a, b):
+    """A x b."""
+    return (
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    )
+
+
+@inlined
+def length(a):
+    """|a|."""
+    return math.sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])
 
 
 @internal
@@ -89,7 +146,7 @@ def pose_of_frames(run, joint, pose, reach):
         put(pose, 3 + 3 * i, row)
     n = joint.nsupport
     columns = floats(run.jacobian, 6 * run.nv)
-    support, signs = wholes(joint.support, n), wholes(joint.signs, n)
+    support, signs = integers(joint.support, n), integers(joint.signs, n)
     for k in range(n):
         i = 6 * support[k]
         turning = scale(1.0 * signs[k], vector(columns, i + 3))
@@ -104,7 +161,7 @@ def pose_of_frames(run, joint, pose, reach):
 def twist_by(joint, reach, v, out):
     """Motion (6) of what `reach` moves at velocities v."""
     n = joint.nsupport
-    support = wholes(joint.support, n)
+    support = integers(joint.support, n)
     for r in range(6):
         total = 0.0
         for k in range(n):
@@ -134,7 +191,7 @@ def push(joint, tau):
     wrench = joint.wrench
     if joint.first < 0:
         n = joint.nsupport
-        reach, support = floats(joint.reach, 6 * n), wholes(joint.support, n)
+        reach, support = floats(joint.reach, 6 * n), integers(joint.support, n)
         for k in range(n):
             total = 0.0
             for r in range(6):
@@ -155,7 +212,7 @@ def push(joint, tau):
 def slope_of_frames(one, place, slope):
     """Project the slope of a wrench between frames on the coordinates: slope += J^T K J."""
     n, stiff = one.nsupport, one.stiff
-    reach, support = matrix(one.reach, 6, n), wholes(one.support, n)
+    reach, support = matrix(one.reach, 6, n), integers(one.support, n)
     for k in range(n):
         for r in range(6):
             total = 0.0
@@ -170,7 +227,7 @@ def slope_of_frames(one, place, slope):
 def push_slope(run, joint):
     """Project the slope of the joint's wrench on the coordinates: slope += J^T K J."""
     slope, stiff = matrix(run.slope, run.active, run.active), joint.stiff
-    place = wholes(run.place, run.nv)
+    place = integers(run.place, run.nv)
     if joint.first < 0:
         slope_of_frames(joint, place, slope)
         return

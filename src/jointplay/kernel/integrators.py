@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from jointplay.errors import MissingName
+from jointplay.core.errors import MissingName
 from jointplay.kernel import Command
 
 

@@ -19,7 +19,10 @@ DRIVE, NORMAL, FRICTION, JOINT_FRICTION, GEAR, FILM = range(len(POWERS))
 """Places of the powers in `RUN`'s arrays."""
 
 MIN_APPROACH_SPEED = 1e-9
-"""Keeps ddelta/ddelta0 defined for a contact that begins at rest [m/s]."""
+"""Keeps ddelta/ddelta0 defined where a contact begins with no depth and no speed [m/s]."""
+
+STORED = 0.4
+"""Energy stored in a contact over its elastic force times its depth: Hertz's, 1/(1 + 3/2)."""
 
 SPEED_LIMIT = 1e4
 """Generalised speed at which a run has run away [m/s or rad/s]."""
@@ -140,6 +143,7 @@ RUN = _record(
     active=_INT,  # coordinates of the velocity solve
     events=_INT,  # contacts that have begun or ended in this macro step
     factored=_INT,
+    averaged=_INT,  # whether a step has stages, whose mean forces are recorded
     unsolved=_INT,  # velocity solves that did not converge
     iterations=_INT,
     solves=_INT,
@@ -187,6 +191,7 @@ JOINT = _record(
     wearing=_INT,
     sections=_INT,  # of the film; 0 for none
     limit=_FLOAT,  # gap at which the journal has broken out [m]
+    rest_mass=_FLOAT,  # whose impacts damping at rest is referred to [kg]
     friction_parameters=(_FLOAT, (MAX_PARAMETERS,)),
     bearing_placement=(_FLOAT, (12,)),  # rotation row by row, translation
     journal_placement=(_FLOAT, (12,)),
@@ -206,6 +211,10 @@ JOINT = _record(
     wrench=(_FLOAT, (6,)),  # force and moment about the journal's centre, in the bearing frame
     film_wrench=(_FLOAT, (6,)),  # its part that is the film's
     stiff=(_FLOAT, (6, 6)),  # d(wrench)/d(twist)
+    # For record and audit.
+    mean_force=(_FLOAT, (3,)),  # over the stages of the last step, where there are stages
+    mean_film_force=(_FLOAT, (3,)),
+    impulse=(_FLOAT, (3,)),
     peak=(_FLOAT, (3,)),
     peak_square=_FLOAT,
 )
@@ -227,6 +236,7 @@ CONTACT = _record(
     mu=_FLOAT,
     force=(_FLOAT, (3,)),
     approach=_FLOAT,
+    reference=_FLOAT,  # speed that damping is referred to, at least `approach` [m/s]
     # Bristles now.
     bent=(_FLOAT, (3,)),
     dwell_now=_FLOAT,
@@ -237,6 +247,8 @@ CONTACT = _record(
     bend=(_FLOAT, (3,)),
     dwell=_FLOAT,
     # For record and audit.
+    mean_normal=_FLOAT,  # over the stages of the last step, where there are stages
+    mean_friction=(_FLOAT, (3,)),
     normal=_FLOAT,
     tangential=_FLOAT,
     normal_peak=_FLOAT,

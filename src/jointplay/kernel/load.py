@@ -25,7 +25,7 @@ from numba import types
 from numba.extending import intrinsic
 
 from jointplay.contact.calls import pointer
-from jointplay.kernel.access import fail, floats, loads, matrix, wholes
+from jointplay.kernel.access import fail, floats, integers, loads, matrix
 from jointplay.kernel.frames import pose_of_frames, slope_of_frames, twist_by
 from jointplay.kernel.parts import internal
 from jointplay.kernel.words import ALWAYS, IF_PRESSED, Status
@@ -80,7 +80,7 @@ def _ask(load, time):
 @internal
 def _see_places(load, q):
     """Put the coordinates that a load sees into its x."""
-    seen, place = wholes(load.seen, load.nseen), floats(load.place, load.nseen)
+    seen, place = integers(load.seen, load.nseen), floats(load.place, load.nseen)
     for k in range(load.nseen):
         place[k] = q[seen[k]]
 
@@ -91,7 +91,7 @@ def _see_rates(load, v):
     if load.frames != 0:
         twist_by(load, floats(load.reach, 6 * load.nsupport), v, load.twist)
         return
-    seen, rate = wholes(load.seen, load.nseen), floats(load.rate, load.nseen)
+    seen, rate = integers(load.seen, load.nseen), floats(load.rate, load.nseen)
     for k in range(load.nseen):
         rate[k] = v[seen[k]]
 
@@ -114,14 +114,14 @@ def _push(load, sign, forces, tau):
     """Add the generalised forces of `forces`, times `sign`, to tau."""
     if load.frames != 0:
         n = load.nsupport
-        reach, support = floats(load.reach, 6 * n), wholes(load.support, n)
+        reach, support = floats(load.reach, 6 * n), integers(load.support, n)
         for k in range(n):
             total = 0.0
             for r in range(6):
                 total += reach[r * n + k] * forces[r]
             tau[support[k]] += sign * total
         return
-    pushed = wholes(load.pushed, load.npushed)
+    pushed = integers(load.pushed, load.npushed)
     for k in range(load.npushed):
         tau[pushed[k]] += sign * forces[k]
 
@@ -158,7 +158,7 @@ def find_loads(run, q, v, marks):
         load.active = 1
         frames = load.frames != 0
         n = load.nsupport if frames else load.npushed
-        moved = wholes(load.support if frames else load.pushed, n)
+        moved = integers(load.support if frames else load.pushed, n)
         for k in range(n):
             marks[moved[k]] = 1.0
 
@@ -193,7 +193,7 @@ def damp_loads(run, v, tau):
 @internal
 def steepen_loads(run):
     """Add how the loads' answer changes with the velocity to the slope, after `damp_loads`."""
-    slope, place = matrix(run.slope, run.active, run.active), wholes(run.place, run.nv)
+    slope, place = matrix(run.slope, run.active, run.active), integers(run.place, run.nv)
     for load in loads(run):
         if load.active == 0:
             continue
@@ -214,7 +214,7 @@ def steepen_loads(run):
                 if frames:
                     load.stiff[r, c] = rise
                 elif rise != 0.0:
-                    i, k = wholes(load.pushed, m)[r], wholes(load.seen, n)[c]
+                    i, k = integers(load.pushed, m)[r], integers(load.seen, n)[c]
                     slope[place[i], place[k]] += rise
         for i in range(m):
             out[i] = kept[i]
@@ -233,7 +233,7 @@ def find_load_powers(run, v):
         if load.stores != 0 and load.implicit != 0 and load.active == 0:
             for i in range(n):
                 out[i] = elastic[i]
-        pushed = wholes(load.pushed, load.npushed)
+        pushed = integers(load.pushed, load.npushed)
         total, finite = 0.0, True
         for i in range(n):
             finite = finite and math.isfinite(out[i])

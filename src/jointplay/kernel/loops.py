@@ -13,8 +13,8 @@ from __future__ import annotations
 
 from jointplay.kernel.access import bodies, floats, holds, matrix
 from jointplay.kernel.bodies import lifted, place_bodies, swing_bodies, times
+from jointplay.kernel.frames import add, cross, vector
 from jointplay.kernel.parts import internal
-from jointplay.kernel.vectors import add, cross, vector
 
 REDUNDANT = 1e-10
 """Rows of less inverse mass than this, relative to the first one's, hold nothing any more."""

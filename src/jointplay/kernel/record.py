@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from jointplay.kernel.access import contacts, floats, joints, matrix
 from jointplay.kernel.drive import work_of_prescribed
-from jointplay.kernel.layout import POWERS
 from jointplay.kernel.load import record_loads, settle_loads
 from jointplay.kernel.parts import internal
+from jointplay.kernel.sites import LoadSite
+from jointplay.kernel.words import POWERS
 
 _NP = len(POWERS)
 
@@ -62,10 +65,12 @@ def record(run):
     at += _NP
     for j in range(nj):
         joint = joints(run)[j]
+        averaged = run.averaged != 0
         for i in range(3):
-            row[at + 3 * j + i] = joint.wrench[i]
+            row[at + 3 * j + i] = joint.mean_force[i] if averaged else joint.wrench[i]
             row[at + 3 * nj + 3 * j + i] = joint.peak[i]
-            row[at + 6 * nj + 3 * j + i] = joint.film_wrench[i]
+            film = joint.mean_film_force[i] if averaged else joint.film_wrench[i]
+            row[at + 6 * nj + 3 * j + i] = film
             joint.peak[i] = 0.0
         joint.peak_square = 0.0
         for k in range(width):
@@ -79,3 +84,60 @@ def record(run):
             contact.gap_min = np.inf
     record_loads(run, row, at + 9 * nj + 4 * width * nj)
     run.row += 1
+
+
+# Where each quantity stands in what the kernels write.
+
+
+def columns_of(
+    nv: int, nj: int, width: int, loads: Sequence[LoadSite]
+) -> tuple[dict[str, slice], int]:
+    """Columns of a record by name, and their number.
+
+    Args:
+        nv: number of coordinates.
+        nj: number of joints with clearance.
+        width: contacts of a joint at most.
+        loads: what else acts.
+    """
+    widths = {
+        "time": 1,
+        "q": nv,
+        "v": nv,
+        "drive": nv,
+        "work": len(POWERS),
+        "force": 3 * nj,
+        "force_peak": 3 * nj,
+        "film_force": 3 * nj,
+        "normal": width * nj,
+        "tangential": width * nj,
+        "normal_peak": width * nj,
+        "gap_min": width * nj,
+        "load_force": sum(load.size for load in loads),
+        "load_work": len(loads),
+    }
+    fields, at = {}, 0
+    for name, size in widths.items():
+        fields[name] = slice(at, at + size)
+        at += size
+    return fields, at
+
+
+def statistics_of(contacts: np.ndarray) -> dict[str, np.ndarray]:
+    """What records of contacts (nj, width) have counted, of the same shape.
+
+    Counts, steps, impulses [N s], smallest gap [m], fastest approach [m/s].
+    """
+    names = {
+        "onsets": "onsets",
+        "ended": "ended",
+        "shortest_steps": "shortest",
+        "under_resolved": "under",
+        "impulse": "impulse",
+        "under_resolved_impulse": "impulse_under",
+        "smallest_gap": "deepest",
+    }
+    statistics = {name: contacts[field].copy() for name, field in names.items()}
+    # A contact that has not ended keeps its approach to itself.
+    fastest = np.maximum(contacts["fastest"], contacts["ddelta0"])
+    return statistics | {"fastest_approach": fastest}

@@ -10,13 +10,13 @@ Where joints are reached through frames, Pinocchio's Jacobians come between, and
 
 from __future__ import annotations
 
-from jointplay.kernel.access import fail, floats, joints
-from jointplay.kernel.contact import bend, lose, remember, respond, touch
+from jointplay.kernel.access import contacts, fail, floats, joints
+from jointplay.kernel.contact import add_dissipation, bend, gather, remember, respond, touch
 from jointplay.kernel.drive import (
+    apply_joint_friction,
     drive,
     lose_in_joints,
     prescribe,
-    rub_joints,
     turn_gears,
     work_of_drives,
 )
@@ -55,7 +55,7 @@ def _contact(run, j, q, v, tau, elapsed):
     if joint.bristles != 0:
         bend(run, j, joint, elapsed)
     respond(run, j, joint)
-    lose(run, j, joint)
+    add_dissipation(run, j, joint)
     push(joint, tau)
 
 
@@ -76,7 +76,7 @@ def _load(run, q, v, time):
         run.power[i] = 0.0
     drive(run, q, v, time, tau)
     work_of_drives(run, v)
-    rub_joints(run, v, tau)
+    apply_joint_friction(run, v, tau)
     turn_gears(run, q, v, tau)
     lose_in_joints(run, q, v)
     load_now(run, q, v, time, tau)
@@ -87,7 +87,7 @@ def _load(run, q, v, time):
     for j in range(run.nj):
         _contact(run, j, q, v, tau, elapsed)
         if committed:
-            remember(run, j, joints(run)[j], run.dt)
+            remember(run, j, joints(run)[j], run.dt if run.step > 0 else 0.0)
             if joints(run)[j].sections > 0:
                 remember_film(run, joints(run)[j])
 
@@ -137,7 +137,8 @@ def semi_implicit_euler(run):
 def runge_kutta_4(run):
     """One stage of the classical Runge-Kutta method.
 
-    The works are integrated with the state, as further components.
+    The works are integrated with the state, as further components, and so is the impulse of each
+    force: what is recorded is its mean over the step that led to the state.
     """
     nv = run.nv
     q, v, a = floats(run.q, nv), floats(run.v, nv), floats(run.a, nv)
@@ -152,6 +153,8 @@ def runge_kutta_4(run):
         done = 0.0 if stage == 0 else scratch[4 * nv + i]
         scratch[4 * nv + i] = done + weight * run.power[i]
     gather_works(run, stage, weight)
+    for j in range(run.nj):
+        gather(joints(run)[j], contacts(run, j), stage, weight / dt)
     ahead = dt if stage == 2 else 0.5 * dt
     for i in range(nv):
         if stage == 0:
@@ -172,6 +175,7 @@ def runge_kutta_4(run):
         _evaluate(run, q, v, run.time + ahead, False)
         return
     run.stage = 0
+    run.averaged = 1
     for i in range(_NP):
         run.work[i] += scratch[4 * nv + i]
     run.step += 1

@@ -12,19 +12,20 @@ on those coordinates that tau_c moves, for the rims of one journal couple strong
 
 Where laws fall with speed the step is shortened until the error falls. Reference for friction
 as one implicit problem in velocity: M. Anitescu, F. Potra, Int. J. Numer. Meth. Engng 55 (2002)
-753-784; V. Vasan Kurtz, A. Castro, arXiv 2312.03908.
+753-784; A. Castro, X. Han, J. Masterjohn, Irrotational Contact Fields, arXiv 2312.03908 (2023).
 """
 
 from __future__ import annotations
 
 import math
 
-from jointplay.kernel.access import floats, frictions, gears, joints, matrix, wholes
+from jointplay.kernel.access import floats, frictions, gears, integers, joints, matrix
 from jointplay.kernel.bodies import place_bodies
-from jointplay.kernel.contact import bend, respond, steepen, touch
-from jointplay.kernel.drive import rub_joints, steepen_joints, turn_gears
+from jointplay.kernel.contact import add_stiffness, bend, respond, touch
+from jointplay.kernel.drive import apply_joint_friction, steepen_joints, turn_gears
 from jointplay.kernel.film import carry, steepen_film
 from jointplay.kernel.frames import (
+    inlined,
     pose_of_frames,
     pose_of_virtual_link,
     push,
@@ -33,7 +34,6 @@ from jointplay.kernel.frames import (
 )
 from jointplay.kernel.load import damp_loads, find_loads, steepen_loads
 from jointplay.kernel.parts import internal
-from jointplay.kernel.vectors import inlined
 
 TOLERANCE = 1e-9
 """Error of the velocity solve, as the root of twice its kinetic energy [kg^0.5 m/s]."""
@@ -72,7 +72,7 @@ def find_pose(run, joint, q):
 def find_touching(run, q, half):
     """Find what depends on the velocity at q, and list the coordinates that it moves."""
     nv = run.nv
-    touched, place = wholes(run.touched, nv), wholes(run.place, nv)
+    touched, place = integers(run.touched, nv), integers(run.place, nv)
     marks = matrix(run.trial, TRIALS, nv)[MARKS]
     for i in range(nv):
         marks[i] = 0.0
@@ -91,7 +91,7 @@ def find_touching(run, q, half):
         if joint.bristles != 0:
             twist(joint, half)
             bend(run, j, joint, run.dt_before)
-        support = wholes(joint.support, joint.nsupport)
+        support = integers(joint.support, joint.nsupport)
         for k in range(joint.nsupport):
             marks[support[k]] = 1.0
     for row in frictions(run):
@@ -127,7 +127,7 @@ def answer(run, q, v):
             carry(run, joint, False)
         respond(run, j, joint)
         push(joint, tau)
-    rub_joints(run, v, tau)
+    apply_joint_friction(run, v, tau)
     turn_gears(run, q, v, tau)
     if run.nl > 0:
         damp_loads(run, v, tau)
@@ -148,7 +148,7 @@ def _slopes(run, q, v):
                 joint.stiff[r, c] = 0.0
         if joint.sections > 0:
             steepen_film(run, joint)
-        steepen(run, j, joint)
+        add_stiffness(run, j, joint)
         push_slope(run, joint)
     steepen_joints(run, q, v)
     if run.nl > 0:
@@ -173,7 +173,7 @@ def _misfit(run, h, n):
 @internal
 def _try(run, q, v, h):
     """Evaluate tau_c at the velocities in `trial`; returns the error squared."""
-    n, touched = run.active, wholes(run.touched, run.nv)
+    n, touched = run.active, integers(run.touched, run.nv)
     trial, tau = matrix(run.trial, TRIALS, run.nv), floats(run.contact_push, run.nv)
     for a in range(n):
         v[touched[a]] = trial[SPEED, a]
@@ -235,7 +235,7 @@ def _aim(run, n):
 @internal
 def _start(run, base, h):
     """Begin with the forces of the last step; returns the error squared that is good enough."""
-    n, touched = run.active, wholes(run.touched, run.nv)
+    n, touched = run.active, integers(run.touched, run.nv)
     minv, compliance = matrix(run.minv, run.nv, run.nv), matrix(run.compliance, n, n)
     trial, tau = matrix(run.trial, TRIALS, run.nv), floats(run.contact_push, run.nv)
     least = 0.0

@@ -10,22 +10,15 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from jointplay.host import numba_cache
+from jointplay.core import numba_cache
 
 _PACKAGE = Path(__file__).parent
-_PLAIN = (
-    "columns.py",
-    "integrators.py",
-    "pointed.py",
-    "sites.py",
-    "tables.py",
-    "workspace.py",
-)
+_PLAIN = ("integrators.py", "sites.py", "workspace.py")
 """Modules of the package without compiled code."""
 
 SOURCES = (
     *sorted(path for path in _PACKAGE.glob("*.py") if path.name not in _PLAIN),
-    _PACKAGE.parent / "host" / "numba_cache.py",
+    _PACKAGE.parent / "core" / "numba_cache.py",
     *sorted((_PACKAGE.parent / "geometry").glob("*.py")),
     _PACKAGE.parent / "contact" / "calls.py",
     _PACKAGE.parent / "contact" / "compiled.py",

@@ -2,19 +2,131 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 import pinocchio as pin
 
-from jointplay.errors import JointplayError
+from jointplay.core.errors import JointplayError
 from jointplay.kernel import Command, Status, compiled, layout
-from jointplay.kernel.columns import columns_of, statistics_of
-from jointplay.kernel.path import MIDDLE, MIDDLE_SPEED, ROWS
-from jointplay.kernel.pointed import Pointed
-from jointplay.kernel.sites import PARTS, CarriedFrame, Carriers, ContactSite, LoadSite
-from jointplay.kernel.tables import Tables
+from jointplay.kernel.multirate import MIDDLE, MIDDLE_SPEED, ROWS
+from jointplay.kernel.record import columns_of, statistics_of
+from jointplay.kernel.sites import (
+    PARTS,
+    CarriedFrame,
+    Carriers,
+    ContactSite,
+    CoordinateTables,
+    LoadSite,
+)
 from jointplay.kernel.words import AZIMUTHS, POWERS
+
+# A record of addresses, and the arrays to which it points: made, kept alive, and copied.
+
+
+LEFT_OUT = "reference"
+"""Array that a simulation makes again and no copy needs."""
+
+
+class Pointed:
+    """A record that points to arrays.
+
+    Args:
+        kind: of the record.
+        rows: names of arrays of records, in which there are addresses, too.
+
+    Attributes:
+        run: the record, an array of one.
+    """
+
+    def __init__(self, kind: np.dtype, rows: Collection[str]) -> None:
+        """Have the record, all zero."""
+        self.run = np.zeros(1, kind)
+        self._kept: list[np.ndarray] = []  # what the record points to must live as long
+        self._arrays: dict[str, np.ndarray] = {}  # the same by name, but for Pinocchio's frames
+        self._changing: list[np.ndarray] = []  # those that a macro step changes
+        self._addresses: dict[str, set[str]] = {"run": set(), **{name: set() for name in rows}}
+
+    def _set(self, **fields: float) -> None:
+        for name, value in fields.items():
+            self.run[name] = value
+
+    def _point(self, name: str, array: np.ndarray) -> np.ndarray:
+        """Let the record's field `name` point to an array."""
+        self.run[name] = array.ctypes.data
+        self._kept.append(array)
+        self._arrays[name] = array
+        self._addresses["run"].add(name)
+        return array
+
+    def _room(self, name: str, *shape: int) -> np.ndarray:
+        """Let the record's field `name` point to an array of zeros."""
+        return self._point(name, np.zeros(shape))
+
+    def _point_row(self, row: np.ndarray, arrays: Mapping[str, np.ndarray], called: str) -> None:
+        """Let fields of one of an array of records point to arrays, to be `called` so."""
+        for name, array in arrays.items():
+            row[name] = array.ctypes.data
+            self._kept.append(array)
+            self._arrays[called.format(name)] = array
+
+    def _own(self) -> dict[str, np.ndarray]:
+        own = {name: array for name, array in self._arrays.items() if name != LEFT_OUT}
+        return own | {"run": self.run}
+
+    def _taken(self) -> dict[str, np.ndarray]:
+        """Copies of all arrays by name, without `LEFT_OUT`; addresses are zero."""
+        copies = {name: array.copy() for name, array in self._own().items()}
+        for name, fields in self._addresses.items():
+            for field in fields:
+                copies[name][field] = 0
+        return copies
+
+    def _put_back(
+        self,
+        kept: Mapping[str, np.ndarray],
+        state: Mapping[str, Mapping[str, float]],
+        fixed: Collection[str],
+    ) -> None:
+        """Write what `_taken` found into the arrays.
+
+        Sizes, places and addresses are not taken from it: it can come from a file, and compiled
+        code goes by them wherever they lead.
+
+        Args:
+            kept: copies by name.
+            state: whole numbers that steps change, each with its largest value: by name of the
+                array, its fields by name; an array that has none, as "". No other whole number is
+                written.
+            fixed: floats that are not written either: arrays, and fields of the record.
+
+        Raises:
+            JointplayError: it is that of another simulation, or no step leads to it; nothing is
+                written then.
+        """
+        own = self._own()
+        for name, array in own.items():
+            given = kept.get(name)
+            if given is None or given.shape != array.shape or given.dtype != array.dtype:
+                raise JointplayError(f"the state of {name!r} is not that of this simulation")
+        writes = []
+        for name, array in own.items():
+            for field in array.dtype.names or ("",):
+                if field in self._addresses.get(name, ()) or (field or name.split(".")[0]) in fixed:
+                    continue
+                source, target = kept[name], array
+                if field:
+                    source, target = source[field], target[field]
+                if target.dtype.kind == "i":
+                    most = state.get(name, {}).get(field)
+                    if most is None:
+                        continue
+                    if source.size and not (source.min() >= 0 and source.max() <= most):
+                        raise JointplayError(f"{field or name!r} has a value that no run has")
+                writes.append((target, source))
+        for target, source in writes:
+            np.copyto(target, source)
 
 
 class Workspace(Pointed):
@@ -45,7 +157,7 @@ class Workspace(Pointed):
         data: pin.Data,
         nv: int,
         sites: Sequence[ContactSite],
-        tables: Tables,
+        tables: CoordinateTables,
         dt: float,
         every: int,
         rows: int,
@@ -55,6 +167,7 @@ class Workspace(Pointed):
         """Allocate, and fill in the record."""
         width = max((len(site.parameters) for site in sites), default=0)
         super().__init__(layout.RUN, ("joints", "loads"))
+        self._own_acceleration = own_acceleration
         self._addresses["run"] |= {"record", "windows"}
         self.fields, columns = columns_of(nv, len(sites), width, loads)
         # Views of single fields: to look a field up costs more than to read it.
@@ -133,7 +246,7 @@ class Workspace(Pointed):
         else:
             self.acceleration = self._point("a", data.ddq)
 
-    def _make_tables(self, tables: Tables, nv: int) -> None:
+    def _make_tables(self, tables: CoordinateTables, nv: int) -> None:
         """Let the kernels read what acts on single coordinates."""
         self.drives = self._point("drives", tables.drives)
         self.turning = self._room("turning", nv)
@@ -184,6 +297,7 @@ class Workspace(Pointed):
         joint["normal_law"], joint["friction_law"] = site.normal, site.friction
         joint["bristles"], joint["count"] = int(site.bristles), len(site.parameters)
         joint["limit"], joint["wearing"] = -site.depth_limit, site.wearing
+        joint["rest_mass"] = site.rest_mass
         joint["must_not_touch"] = site.must_not_touch
         if site.film is not None:
             joint["film_law"] = site.film.law
@@ -307,11 +421,47 @@ class Workspace(Pointed):
             raise JointplayError("the records are not those of this simulation")
         if len(written) > len(self.record):
             raise JointplayError("there are more records than this simulation makes")
-        self._put_back(kept)
-        self.kept_elsewhere = int(kept["kept_elsewhere"])
+        elsewhere, now = int(kept["kept_elsewhere"]), kept["run"][0]
+        if elsewhere < 0 or int(now["row"]) != elsewhere + len(written):
+            raise JointplayError("its records are not as many as it says")
+        dt, longest = float(self.run["dt"][0]), int(self.run["longest"][0])
+        near = {"time": int(now["step"]) * dt}
+        if self._own_acceleration:
+            near |= {"path_start": near["time"], "path_span": 0.0}
+        for name, about in near.items():
+            if not abs(float(now[name]) - about) <= (longest + 1) * dt:
+                raise JointplayError(f"{name!r} is not that of its step")
+        self._put_back(kept, self._state_numbers(), ("dimensions", "dt", "reference_interval"))
+        self.kept_elsewhere = elsewhere
         self._set(nwindows=len(self.windows), nref=self._nodes)
         self._place_records()
         self.record[: len(written)] = written
+
+    def _state_numbers(self) -> dict[str, dict[str, float]]:
+        """Whole numbers that steps change, each with the largest value that it can have."""
+        last, longest, spots = len(self.q) - 1, float(self.run["longest"][0]), self.contacts.size
+        flags = ("fresh", "pending", "commit", "refused", "averaged")
+        counts = (
+            *("until", "step", "row", "macros", "micro", "touching", "events", "unsolved"),
+            *("iterations", "solves"),
+        )
+        run = {
+            **dict.fromkeys(flags, 1.0),
+            **dict.fromkeys(counts, math.inf),
+            **dict.fromkeys(("active", "factored"), last + 1.0),
+            **dict.fromkeys(("known_middles", "known_free", "stage"), 3.0),
+            **dict.fromkeys(("wish", "macro"), max(longest, 1.0)),
+            "status": float(max(Status)),
+            "bad_contact": float(max(spots - 1, 0)),
+        }
+        return {
+            "run": run,
+            "joints": {"touching": 1.0},
+            "contacts": {"touching": 1.0},
+            "loads": {"active": 1.0},
+            "touched": {"": float(last)},
+            "place": {"": float(last)},
+        }
 
     def make_room(self, rows: int) -> None:
         """Have room for `rows` records, before the first of them is written."""
@@ -396,5 +546,5 @@ class Workspace(Pointed):
         return self.record[: self.rows - self.kept_elsewhere, self.fields[name]]
 
     def contact_statistics(self) -> dict[str, np.ndarray]:
-        """Per joint and contact, (nj, width): see `columns.statistics_of`."""
+        """Per joint and contact, (nj, width): see `record.statistics_of`."""
         return statistics_of(self.contacts)

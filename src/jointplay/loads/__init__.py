@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from jointplay.codec import Family, read, register
+from jointplay.core.schema import Family, read, register
 from jointplay.loads.base import WORLD, Load
 from jointplay.loads.controller import Controller
 from jointplay.loads.drive import ComputedTorque, Drive, Free, JointFriction, Prescribed, Torque
-from jointplay.loads.joint_spring import Stop, TorsionSpring
-from jointplay.loads.loaded_friction import LoadedFriction
-from jointplay.loads.spring import CurveSpring, Spring
+from jointplay.loads.friction import LoadedFriction
+from jointplay.loads.spring import CurveSpring, Spring, Stop, TorsionSpring
 from jointplay.loads.wrench import Wrench, WrenchFunction, WrenchOverTime
 
 LOADS: dict[str, type[Load]] = {

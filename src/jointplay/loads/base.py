@@ -22,11 +22,16 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from jointplay.codec import Described
 from jointplay.contact.compiled import compiled_function
 from jointplay.contact.trust import Absent
-from jointplay.errors import JointplayError, MissingName, Where, require_finite, require_vector
-from jointplay.fields import quantity
+from jointplay.core.errors import (
+    JointplayError,
+    MissingName,
+    Where,
+    require_finite,
+    require_vector,
+)
+from jointplay.core.schema import Described, quantity
 from jointplay.kernel.words import NEVER
 
 if TYPE_CHECKING:
@@ -67,8 +72,8 @@ class Site:
 class Load(Described, ABC):
     """Something that pushes on a mechanism. Subclasses are frozen dataclasses.
 
-    Their numbers are fields with units (`fields.quantity`), of revolute and of prismatic joints
-    where these depend on the joint that the load's `joint` names.
+    Their numbers are fields with units (`core.schema.quantity`), of revolute and of prismatic
+    joints where these depend on the joint that the load's `joint` names.
     """
 
     selector = ("kind", "kind")

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from jointplay.contact.trust import Absent, path_of
-from jointplay.errors import JointplayError, MissingName, require_positive
-from jointplay.fields import choice, quantity
+from jointplay.core.errors import JointplayError, MissingName, require_positive
+from jointplay.core.schema import choice, quantity
 from jointplay.loads.base import Series, Site
-from jointplay.loads.function import OfFunction, WrittenFunction
+from jointplay.loads.wrench import OfFunction, WrittenFunction
 
 if TYPE_CHECKING:
     from jointplay.mechanism.mechanism import Mechanism

@@ -14,13 +14,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from jointplay import kernel
-from jointplay.codec import Described, Family, read, register
-from jointplay.errors import (
-    JointplayError,
-    MissingName,
-    require_finite,
-)
-from jointplay.fields import check_fields, quantity
+from jointplay.core.errors import JointplayError, MissingName, require_finite
+from jointplay.core.schema import Described, Family, check_fields, quantity, read, register
 
 if TYPE_CHECKING:
     from jointplay.mechanism.mechanism import Mechanism

@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from jointplay.errors import JointplayError, MissingName
+from jointplay.core.errors import JointplayError, MissingName
 
 if TYPE_CHECKING:
-    from jointplay.mechanism.entry import JointEntry
     from jointplay.mechanism.mechanism import Mechanism
+    from jointplay.mechanism.urdf import JointEntry
     from jointplay.motion.reference import Motion
 
 LIMITS = ("report", "cut", "ignore")

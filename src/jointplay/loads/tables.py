@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from jointplay.kernel import layout
-from jointplay.kernel.tables import Tables, drive_row, friction_row, gear_row, stacked
+from jointplay.kernel.sites import CoordinateTables, drive_row, friction_row, gear_row, stacked
 from jointplay.loads.drive import (
     PRESCRIBED_ARMATURE,
     ComputedTorque,
@@ -20,10 +20,131 @@ from jointplay.loads.drive import (
     Prescribed,
     Torque,
 )
-from jointplay.loads.reference import REFERENCE_NODE_S, Efforts, Reference, nodes_ahead
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.motion.ideal import IdealMotion
 from jointplay.motion.reference import Motion
+
+# What drives are to do, tabulated for the kernels: of a long run a few blocks at a time.
+
+
+REFERENCE_NODE_S = 1e-4
+"""Interval at which the reference is tabulated; between nodes it is linear [s].
+
+At 30 rad/s^2 the tabulated position is within 4e-8 rad of the curve. Prescribed motion is
+interpolated by cubics.
+"""
+
+Efforts = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
+
+BLOCK_NODES = 25_000
+"""Nodes that are tabulated at once, if there are more than twice as many."""
+
+
+class Reference:
+    """Position, velocity and feed-forward effort of the driven coordinates over time.
+
+    A node has the same numbers whichever blocks are in memory, so that a run does not depend on
+    when it goes on to the next ones.
+
+    Args:
+        columns: by driven coordinate, in the order of the drives' rows: either the samples of a
+            torque over time, or the place of a joint in `follows`.
+        nodes: of the whole table.
+        follows: the joints that follow `motion`.
+        motion: their reference.
+        ideal: gives the efforts of those that are fed forward.
+        efforts: of those that are fed forward, by place in `follows`: the drive's effort, from the
+            ideal mechanism's, velocity and acceleration.
+        ahead: nodes that must be in memory beyond the present time.
+        progress: show a bar on standard error while the first blocks are made, if that takes long.
+
+    Attributes:
+        nodes: of the whole table.
+        first: node with which the table in memory begins.
+        table: rows of q, v and effort of the driven coordinates, shape (n, 3 nu).
+    """
+
+    def __init__(
+        self,
+        columns: list[Any],
+        nodes: int,
+        follows: list[str],
+        motion: Motion | None,
+        ideal: IdealMotion | None,
+        efforts: Mapping[int, Efforts],
+        ahead: int,
+        progress: bool,
+    ) -> None:
+        """Tabulate the first blocks."""
+        self._columns, self.nodes, self._motion, self._ideal = columns, nodes, motion, ideal
+        self._order = [] if motion is None else [motion.joints.index(name) for name in follows]
+        self._efforts = efforts
+        self._block = max(BLOCK_NODES, ahead)
+        if nodes <= 2 * self._block:
+            self._block = nodes
+        self._at = 0
+        self._blocks = {0: self._make(0, progress)}
+        self._take(0)
+
+    @property
+    def until(self) -> float:
+        """Time at which the table in memory must give way to the next [s]; inf if it need not."""
+        last = (self._at + 2) * self._block >= self.nodes
+        return math.inf if last else (self._at + 1) * self._block * REFERENCE_NODE_S
+
+    def go_to(self, time: float) -> bool:
+        """Have the blocks in memory that hold `time` [s]; returns whether that changed them."""
+        at = min(int(time / REFERENCE_NODE_S) // self._block, max(self._count - 2, 0))
+        if at == self._at:
+            return False
+        self._take(at)
+        return True
+
+    def memory(self) -> dict[str, Any]:
+        """What a checkpoint holds: how the ideal mechanism's loops are closed."""
+        return {} if self._ideal is None else self._ideal.memory()
+
+    def recall(self, memory: Mapping[str, Any]) -> None:
+        """Go on as the one that had this memory."""
+        if self._ideal is not None and memory:
+            self._ideal.recall(memory)
+
+    @property
+    def _count(self) -> int:
+        return -(-self.nodes // self._block)
+
+    def _take(self, at: int) -> None:
+        wanted = [k for k in (at, at + 1) if k < self._count]
+        self._blocks = {k: self._blocks[k] if k in self._blocks else self._make(k) for k in wanted}
+        self._at, self.first = at, at * self._block
+        parts = [self._blocks[k] for k in wanted]
+        self.table = parts[0] if len(parts) == 1 else np.concatenate(parts)
+
+    def _make(self, block: int, progress: bool = False) -> np.ndarray:
+        first = block * self._block
+        times = np.arange(first, min(first + self._block, self.nodes)) * REFERENCE_NODE_S
+        table = np.zeros((3, len(times), max(len(self._columns), 1)))
+        if self._order:
+            assert self._motion is not None
+            position, velocity, acceleration = (
+                values[:, self._order] for values in self._motion(times)
+            )
+        if self._ideal is not None:
+            effort = self._ideal.efforts(times, progress)
+        for u, column in enumerate(self._columns):
+            if not isinstance(column, int):
+                table[2, :, u] = np.interp(times, *column)
+                continue
+            table[0, :, u], table[1, :, u] = position[:, column], velocity[:, column]
+            if column in self._efforts:
+                states = (values[:, column] for values in (effort, velocity, acceleration))
+                table[2, :, u] = self._efforts[column](*states)
+        return np.hstack(list(table))
+
+
+def nodes_ahead(seconds: float) -> int:
+    """Nodes that a stretch of so many seconds may need beyond its start."""
+    return math.ceil(seconds / REFERENCE_NODE_S) + 4
 
 
 def table_nodes(motion: Motion | None, drives: Mapping[str, Drive], duration: float) -> int:
@@ -52,7 +173,7 @@ def tabulate(
     progress: bool = False,
     bounds: Mapping[str, float] | None = None,
     ahead: float = 0.0,
-) -> tuple[Tables, dict[int, float], Reference]:
+) -> tuple[CoordinateTables, dict[int, float], Reference]:
     """Tabulate all drives.
 
     Args:
@@ -109,10 +230,10 @@ def tabulate(
     reference = Reference(
         columns, nodes, follows, motion, ideal, efforts, nodes_ahead(ahead), progress
     )
-    tables = Tables(
+    tables = CoordinateTables(
         stacked(rows, layout.DRIVE_ROW),
         _friction_rows(mechanism, friction),
-        _gear_rows(mechanism),
+        gear_rows(mechanism),
         reference.table,
         REFERENCE_NODE_S,
         nodes,
@@ -148,7 +269,7 @@ def _friction_rows(mechanism: Mechanism, friction: Mapping[str, JointFriction]) 
     return stacked(rows, layout.FRICTION_ROW)
 
 
-def _gear_rows(mechanism: Mechanism) -> np.ndarray:
+def gear_rows(mechanism: Mechanism) -> np.ndarray:
     """Records of the gears."""
     rows = [
         gear_row(

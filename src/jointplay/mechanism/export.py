@@ -13,7 +13,7 @@ from xml.parsers import expat
 import numpy as np
 import pinocchio as pin
 
-from jointplay.errors import JointplayError
+from jointplay.core.errors import JointplayError
 from jointplay.joints import VIRTUAL_LINK
 from jointplay.mechanism.mechanism import Mechanism
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from jointplay.codec import Described
-from jointplay.fields import check_fields, quantity
+from jointplay.core.schema import Described, check_fields, quantity
 
 
 @dataclass(frozen=True)

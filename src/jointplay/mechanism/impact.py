@@ -13,8 +13,8 @@ from jointplay.contact.calls import call_normal, pointer
 from jointplay.contact.compiled import MAX_PARAMETERS, address, compiled_law
 from jointplay.contact.friction.bristle import BristleLaw
 from jointplay.contact.law import FrictionLaw, NormalForceLaw
-from jointplay.errors import JointplayError
-from jointplay.host.numba_cache import njit
+from jointplay.core.errors import JointplayError, require_non_negative, require_positive
+from jointplay.core.numba_cache import njit
 from jointplay.mechanism.mechanism import Mechanism
 
 REFERENCE_SPEED = 0.1
@@ -63,6 +63,8 @@ def impact_depth(
     Raises:
         JointplayError: the law returns something that is not finite.
     """
+    mass = require_non_negative("mass", mass, "kg")
+    speed = require_non_negative("speed", speed, "m/s")
     energy = 0.5 * mass * speed**2
     if not np.isfinite(elastic_energy(law, parameters, REFERENCE_DEPTH)):
         name = getattr(law.function, "__name__", law.name)
@@ -88,7 +90,8 @@ def impact_duration(
 
     Exactly 2.94 for Hertz (Goldsmith, Impact, 1960) and pi for a linear spring.
     """
-    return 3.0 * impact_depth(law, parameters, mass, speed) / speed
+    depth = impact_depth(law, parameters, mass, require_positive("speed", speed, "m/s"))
+    return 3.0 * depth / speed
 
 
 def effective_mass(mechanism: Mechanism, joint: str, q: np.ndarray) -> float:

@@ -9,26 +9,51 @@ A loop is cut at a joint with clearance and needs no coordinates at all.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
 
-from jointplay.codec import Described, plain
-from jointplay.errors import JointplayError, MissingName, require_finite, within
-from jointplay.fields import quantity
-from jointplay.joints import RELATIVE, VIRTUAL_LINK, Clearance
+from jointplay.core.errors import JointplayError, MissingName, require_finite, within
+from jointplay.core.imports import load_object
+from jointplay.core.schema import Described, plain, quantity
+from jointplay.joints import MOTOR, RELATIVE, UNNAMED_KIND, VIRTUAL_LINK, Clearance, Coordinate
 from jointplay.mechanism import urdf
 from jointplay.mechanism.gear import Gear
-from jointplay.mechanism.gravity import STANDARD_GRAVITY
-from jointplay.mechanism.lock import Lock
-from jointplay.mechanism.loop import Loop, refuse_name
+from jointplay.mechanism.loop import Lock, Loop, refuse_name
 from jointplay.mechanism.model import build, parse
-from jointplay.mechanism.placed import Placed
-from jointplay.mechanism.shown import Shown
+from jointplay.mechanism.urdf import STANDARD_GRAVITY
+
+if TYPE_CHECKING:
+    from jointplay.mechanism.visuals import Visuals
+
+
+# What Pinocchio's users expect of a mechanism besides its model: shapes and a visualizer.
+
+
+# Where bearing and journal of joints are, how they move, and what holds loops together.
+
+
+_AXIS_ARM_M = 0.05
+"""Distance of the two points that hold the axis of an ideal revolute joint in a loop."""
+
+Frame = tuple[int, pin.SE3]
+"""A Pinocchio joint, and a frame's placement in it."""
+
+
+def signs_between(model: pin.Model, first: int, second: int) -> np.ndarray:
+    """+1 for coordinates that move the second joint only, -1 the first only, 0 else, (nv,)."""
+    signs = np.zeros(model.nv)
+    for index, sign in ((second, 1.0), (first, -1.0)):
+        while index > 0:
+            member = model.joints[index]
+            signs[member.idx_v : member.idx_v + member.nv] += sign
+            index = model.parents[index]
+    return signs
 
 
 def frame_index(model: pin.Model, name: str) -> int:
@@ -40,9 +65,7 @@ def frame_index(model: pin.Model, name: str) -> int:
 
 @dataclass(frozen=True, kw_only=True)
 class WrittenMechanism:
-    """A mechanism as result files have it; keys that a later version adds are let through."""
-
-    lets_through: ClassVar[bool] = True
+    """A mechanism as result files have it."""
 
     urdf: str
     """Name of the file."""
@@ -56,7 +79,7 @@ class WrittenMechanism:
     gears: dict[str, Gear] = field(default_factory=dict)
 
 
-class Mechanism(Described, Shown, Placed):
+class Mechanism(Described):
     """A robot or linkage from a URDF, ideal or with clearance in some of its joints.
 
     Args:
@@ -75,7 +98,7 @@ class Mechanism(Described, Shown, Placed):
         clearance: those of the joints that have clearance.
         loops, gears: as given.
         locks: by loop whose joint locks what nothing else in the loop does: frames of the carriage
-            and of what is fixed to it (`mechanism.lock`).
+            and of what is fixed to it (`mechanism.loop`).
 
     Raises:
         JointplayError: see `urdf.read`; also a joint or link that does not exist, a joint of a kind
@@ -229,7 +252,7 @@ class Mechanism(Described, Shown, Placed):
     @property
     def joints(self) -> tuple[str, ...]:
         """Names of the URDF's moving joints, in the order of the ideal robot's coordinates."""
-        names = (c.split(".")[0] for c in self.coordinates)
+        names = (coordinate.joint for coordinate in self.coordinates)
         return tuple(name for name in dict.fromkeys(names) if name not in self.loops)
 
     def coordinate(self, joint: str) -> int:
@@ -239,9 +262,9 @@ class Mechanism(Described, Shown, Placed):
             MissingName: no such joint.
         """
         given = self._joints.get(joint)
-        name = joint
+        name = Coordinate(joint)
         if given is not None and (joint in self.clearance or given.compound()):
-            name = f"{joint}.{given.drive_coordinate}"
+            name = Coordinate(joint, given.drive_coordinate)
         if name not in self.coordinates or joint in self.loops:
             raise MissingName("moving joint", joint, self.joints)
         return self.coordinates.index(name)
@@ -249,13 +272,13 @@ class Mechanism(Described, Shown, Placed):
     def motor(self, joint: str) -> int:
         """Index in q of the coordinate that a drive of `joint` acts on: the motor's, if geared."""
         if joint in self.gears:
-            return self.coordinates.index(f"{joint}.motor")
+            return self.coordinates.index(Coordinate(joint, MOTOR))
         return self.coordinate(joint)
 
     def plays(self, index: int) -> bool:
         """Whether coordinate `index` is one of a joint's virtual link."""
-        joint, _, part = self.coordinates[index].partition(".")
-        return part in VIRTUAL_LINK and joint in self.clearance
+        coordinate = self.coordinates[index]
+        return coordinate.part in VIRTUAL_LINK and coordinate.joint in self.clearance
 
     def has_virtual_link(self, joint: str) -> bool:
         """Whether the pose of the journal is that of six coordinates of the tree."""
@@ -265,12 +288,12 @@ class Mechanism(Described, Shown, Placed):
     def virtual_link(self, joint: str) -> int:
         """Index in q of the first of the coordinates of the joint's virtual link."""
         first = self.clearance[joint].freedoms[0]
-        return self.coordinates.index(f"{joint}.{first}")
+        return self.coordinates.index(Coordinate(joint, first))
 
     def carriage(self, loop: str) -> list[int]:
         """Indices in q of the carriage of a lock."""
         parts = self.clearance[loop].freedoms
-        return [self.coordinates.index(f"{loop}.{part}") for part in parts]
+        return [self.coordinates.index(Coordinate(loop, part)) for part in parts]
 
     def ideal(self) -> Mechanism:
         """The same mechanism without clearance and without play in its gears."""
@@ -362,3 +385,165 @@ class Mechanism(Described, Shown, Placed):
         }
         parts += [f"{name}={value!r}" for name, value in given.items() if value]
         return f"Mechanism({', '.join(parts)})"
+
+    @cached_property
+    def visual_model(self) -> pin.GeometryModel:
+        """Shapes as the URDF has them, for `model`; stand-ins where it has none."""
+        look: Visuals = load_object("mechanism.visuals:visuals")(self)
+        return look.geometry
+
+    @cached_property
+    def collision_model(self) -> pin.GeometryModel:
+        """Collision shapes as the URDF has them, for `model`, with no pairs of them chosen."""
+        look: Visuals = load_object("mechanism.visuals:collisions")(self)
+        return look.geometry
+
+    def visualizer(self, meshes: Sequence[str | Path] = (), open: bool = False) -> Any:
+        """Pinocchio's MeshcatVisualizer, ready: it plays `Result.q`, in a notebook too.
+
+            viz = mechanism.visualizer()  # its viz.viewer.jupyter_cell() is for a notebook
+            viz.play(result.q[::10], 1e-3)
+
+        Args:
+            meshes: folders where meshes may be, too.
+            open: whether to open a window of the browser.
+
+        Raises:
+            JointplayError: a given folder does not exist, or loops cannot be closed.
+        """
+        return load_object("mechanism.visuals:visualizer")(self, meshes, open)
+
+    def owner(self, index: int) -> str | None:
+        """Name of the joint whose coordinates Pinocchio's joint `index` has; None of the ground."""
+        return self.coordinates[self.model.joints[index].idx_v].joint if index > 0 else None
+
+    def loop_kind(self, name: str) -> str:
+        """Kind of joint that closes the loop `name`."""
+        return self.loop_class(name).kind
+
+    def loop_class(self, name: str) -> type[Clearance]:
+        """Class of the joint that closes the loop `name`."""
+        return type(self._joints[name]) if name in self._joints else UNNAMED_KIND
+
+    def bearing_frame(self, joint: str) -> Frame:
+        """Pinocchio joint that carries the bearing, and the bearing frame's placement in it."""
+        return self._frames(joint)[0]
+
+    def journal_frame(self, joint: str) -> Frame:
+        """Pinocchio joint that carries the journal, and the journal frame's placement in it."""
+        return self._frames(joint)[1]
+
+    def _frames(self, name: str) -> tuple[Frame, Frame]:
+        model = self.model
+        if name in self.loops:
+            loop = self.loops[name]
+            sides = []
+            for link, placement in (
+                (loop.bearing_link, loop.bearing),
+                (loop.journal_link, loop.journal),
+            ):
+                frame = model.frames[model.getFrameId(link, pin.FrameType.BODY)]
+                sides.append((int(frame.parentJoint), frame.placement * placement))
+            bearing, journal = sides
+        else:
+            last = int(model.getJointId(name))
+            first = last
+            while self.owner(model.parents[first]) == name:
+                first = model.parents[first]
+            bearing = (int(model.parents[first]), model.jointPlacements[first])
+            journal = (last, pin.SE3.Identity())
+        given = self._joints.get(name)
+        return (journal, bearing) if given is not None and given.exchanged else (bearing, journal)
+
+    def journal_pose(self, joint: str) -> pin.SE3:
+        """Journal frame in the bearing frame, after `pin.forwardKinematics`."""
+        (i, bearing), (j, journal) = self._frames(joint)
+        return (self.data.oMi[i] * bearing).actInv(self.data.oMi[j] * journal)
+
+    def lock_pose(self, joint: str) -> pin.SE3:
+        """What a lock holds in its carriage's frame, after `pin.forwardKinematics`."""
+        (i, carriage), (j, held) = self.locks[joint]
+        return (self.data.oMi[i] * carriage).actInv(self.data.oMi[j] * held)
+
+    def signs(self, joint: str) -> np.ndarray:
+        """+1 for coordinates that move the journal only, -1 the bearing only, 0 else, (nv,)."""
+        return self._signs(*self._frames(joint))
+
+    def _signs(self, first: Frame, second: Frame) -> np.ndarray:
+        """The same for any two frames, the second in the journal's place."""
+        return signs_between(self.model, first[0], second[0])
+
+    def relative_jacobian(self, joint: str, q: np.ndarray) -> np.ndarray:
+        """Motion of the journal relative to the bearing, shape (6, nv).
+
+        Velocity of the journal's centre and angular velocity, both in the bearing frame, per
+        generalised velocity in configuration q.
+        """
+        return self._relative(*self._frames(joint), q)
+
+    def lock_jacobian(self, joint: str, q: np.ndarray) -> np.ndarray:
+        """Motion of what a lock holds relative to its carriage, shape (6, nv); none is allowed."""
+        return self._relative(*self.locks[joint], q)
+
+    def _relative(self, first: Frame, second: Frame, q: np.ndarray) -> np.ndarray:
+        """`relative_jacobian` of any two frames."""
+        pin.computeJointJacobians(self.model, self.data, q)
+        (i, bearing), (j, journal) = first, second
+        turn = (self.data.oMi[i] * bearing).rotation
+        centre = (self.data.oMi[j] * journal).translation
+        columns = self.data.J.reshape(6, self.model.nv) * self._signs(first, second)
+        linear = columns[:3] + np.cross(columns[3:], centre, axisa=0, axisc=0)
+        return np.concatenate([turn.T @ linear, turn.T @ columns[3:]])
+
+    def constraints(self, q: np.ndarray, frequency: float) -> list[pin.RigidConstraintModel]:
+        """Pinocchio's constraints for the loops without clearance, and for locks.
+
+        A ball needs its centre held; a revolute joint a second point on its axis, unless the
+        mechanism keeps the axes parallel by itself (as planar ones do).
+
+        Args:
+            q: an assembled configuration, shape (nq,).
+            frequency: of Baumgarte's stabilisation, critically damped [rad/s].
+        """
+        constraints = []
+        for name in self.loops:
+            if name in self.clearance:
+                continue
+            (i, bearing), (j, journal) = self._frames(name)
+            points = [0.0]
+            if self.loop_class(name).holds_axis():
+                jacobian = self.relative_jacobian(name, q)
+                held = [np.linalg.matrix_rank(jacobian[:n], tol=1e-9) for n in (3, 5)]
+                points += [_AXIS_ARM_M] if held[1] > held[0] else []
+            for height in points:
+                point = np.array([0.0, 0.0, height])
+                constraints.append(self._pinned(name, (j, journal), (i, bearing), point, frequency))
+        for name, ((i, carriage), (j, held)) in self.locks.items():
+            for point in (np.zeros(3), *(_AXIS_ARM_M * np.eye(3)[:2])):  # three hold a frame
+                constraints.append(self._pinned(name, (j, held), (i, carriage), point, frequency))
+        return constraints
+
+    def _pinned(
+        self,
+        name: str,
+        first: Frame,
+        second: Frame,
+        point: np.ndarray,
+        frequency: float,
+    ) -> pin.RigidConstraintModel:
+        """Constraint that holds a point of two frames together; see `constraints`."""
+        at = pin.SE3(np.eye(3), point)
+        (i, one), (j, other) = first, second
+        constraint = pin.RigidConstraintModel(
+            pin.ContactType.CONTACT_3D,
+            self.model,
+            i,
+            one * at,
+            j,
+            other * at,
+            pin.ReferenceFrame.LOCAL,
+        )
+        constraint.name = name
+        constraint.m_baumgarte_parameters.Kp = frequency**2
+        constraint.m_baumgarte_parameters.Kd = 2.0 * frequency
+        return constraint

@@ -11,6 +11,7 @@ import hashlib
 import io
 import os
 import re
+import warnings
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
@@ -19,11 +20,14 @@ from typing import Any
 
 import numpy as np
 
-from jointplay.errors import JointplayError
-from jointplay.host import files
+from jointplay.core import files
+from jointplay.core.errors import JointplayError
 
 FORMATS = (".dae", ".obj", ".stl")
 """Mesh files that are read."""
+
+MOST_BYTES = 200_000_000
+"""Largest mesh file that is read; those of robots have a few megabytes."""
 
 _VERSION = b"jointplay surfaces 1"
 """Part of the key under which a surface is kept: another reading has another key."""
@@ -37,7 +41,7 @@ Colour = tuple[float, float, float, float]
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
+class Surface:
     """A surface of one colour.
 
     Points are in the order in which triangles use them first, none twice.
@@ -55,7 +59,7 @@ class Part:
         return self.points[self.triangles]
 
 
-Parts = tuple[Part, ...]
+Parts = tuple[Surface, ...]
 
 
 def cache_folder() -> Path:
@@ -78,10 +82,23 @@ def parts_of(path: Path) -> Parts:
             f"mesh {str(path)!r} is no {', '.join(FORMATS)} file: no other format is read"
         )
     try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise JointplayError(f"cannot read {str(path)!r}: {error.strerror or error}") from None
+        data = files.read_plain(path, MOST_BYTES)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise JointplayError(f"cannot read {str(path)!r}: {reason}") from None
     return _parts(path, _key(path, data))
+
+
+def readable(path: Path) -> Parts | None:
+    """All surfaces of a mesh file; None, with a warning that says why, if it cannot be read.
+
+    One broken file must not stop the picture of all others.
+    """
+    try:
+        return parts_of(path)
+    except JointplayError as error:
+        warnings.warn(f"a mesh is not shown: {error}", RuntimeWarning, stacklevel=2)
+        return None
 
 
 def _key(path: Path, data: bytes) -> str:
@@ -90,21 +107,20 @@ def _key(path: Path, data: bytes) -> str:
     if path.suffix.lower() == ".obj":
         for name in re.findall(rb"(?m)^mtllib\s+(.+?)\s*$", data):
             with suppress(OSError, ValueError):
-                digest.update((path.parent / os.fsdecode(name)).read_bytes())
+                digest.update(files.read_plain(path.parent / os.fsdecode(name), MOST_BYTES))
     return digest.hexdigest()
 
 
 @lru_cache(maxsize=256)
 def _parts(path: Path, key: str) -> Parts:
     kept = cache_folder() / f"{key}.npz"
-    with suppress(Exception):  # a damaged file is no file, whatever numpy says of it
+    with suppress(OSError, ValueError, LookupError):  # a damaged file is no file
         return _unpacked(kept)
     parts = _read(path)
     with suppress(OSError, RuntimeError, JointplayError):  # no place to keep it
         kept.parent.mkdir(parents=True, exist_ok=True)
         _forget(kept.parent)
-        files.write(kept, _packed(parts), overwrite=True)
-        files.written.remove(kept)  # nothing that the user asked for
+        files.write(kept, _packed(parts), overwrite=True, announced=False)
     return parts
 
 
@@ -128,15 +144,14 @@ def _packed(parts: Parts) -> bytes:
 
 
 def _unpacked(path: Path) -> Parts:
-    with np.load(path, allow_pickle=False) as kept:
-        parts = []
-        for number in range(len(kept.files) // 3):
-            colour = kept[f"colour{number}"]
-            points = kept[f"points{number}"].astype(float)
-            triangles = kept[f"triangles{number}"].astype(np.int64)
-            if triangles.max() >= len(points):
-                raise ValueError("damaged")
-            parts.append(Part(points, triangles, tuple(colour) if len(colour) else None))
+    kept, parts = files.arrays(path), []
+    for number in range(len(kept) // 3):
+        colour = kept[f"colour{number}"]
+        points = kept[f"points{number}"].astype(float)
+        triangles = kept[f"triangles{number}"].astype(np.int64)
+        if triangles.max() >= len(points):
+            raise ValueError("damaged")
+        parts.append(Surface(points, triangles, tuple(colour) if len(colour) else None))
     if not parts:
         raise ValueError("empty")
     return tuple(parts)
@@ -145,8 +160,16 @@ def _unpacked(path: Path) -> Parts:
 def _read(path: Path) -> Parts:
     import trimesh
 
+    class Beside(trimesh.resolvers.FilePathResolver):
+        """Materials and pictures that a mesh names, read as carefully as itself."""
+
+        def get(self, name: str) -> bytes:
+            return files.read_plain(Path(self.parent) / name.strip(), MOST_BYTES)
+
     try:
-        scene: Any = trimesh.load_scene(path)
+        data = io.BytesIO(files.read_plain(path, MOST_BYTES))
+        kind = path.suffix.lower().removeprefix(".")
+        scene: Any = trimesh.load_scene(data, file_type=kind, resolver=Beside(path))
         bodies = scene.dump()
         size = _metres(scene)
     except Exception as error:  # trimesh and what it calls raise whatever they like
@@ -190,14 +213,14 @@ def _colour(body: Any) -> Colour | None:
     return red, green, blue, opacity if opacity > 0.0 else 1.0
 
 
-def surface(points: np.ndarray, triangles: np.ndarray, colour: Colour | None = None) -> Part:
+def surface(points: np.ndarray, triangles: np.ndarray, colour: Colour | None = None) -> Surface:
     """A part of `points` (n, 3) [m] and `triangles` (m, 3): equal points joined, unused ones gone.
 
     Triangles that joining makes lines are left out.
     """
     used = np.asarray(points, float)[np.asarray(triangles, np.int64).reshape(-1)]
     if not len(used):
-        return Part(np.zeros((0, 3)), np.zeros((0, 3), np.int64), colour)
+        return Surface(np.zeros((0, 3)), np.zeros((0, 3), np.int64), colour)
     grid = _WELD * float(np.ptp(used, axis=0).max()) or 1.0
     _, first, number = np.unique(
         np.round(used / grid).astype(np.int64), axis=0, return_index=True, return_inverse=True
@@ -209,4 +232,4 @@ def surface(points: np.ndarray, triangles: np.ndarray, colour: Colour | None = N
     rank[np.argsort(seen)] = np.arange(len(names))
     ordered = np.empty((len(names), 3))
     ordered[rank] = used[first[names]]
-    return Part(ordered, rank[order.reshape(-1)].reshape(-1, 3), colour)
+    return Surface(ordered, rank[order.reshape(-1)].reshape(-1, 3), colour)

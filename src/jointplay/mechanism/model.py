@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -11,11 +10,12 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from jointplay.errors import JointplayError
-from jointplay.host.streams import caught_stderr
-from jointplay.joints import VIRTUAL_LINK, Clearance, replacing
+from jointplay.core.errors import JointplayError
+from jointplay.core.files import temporary
+from jointplay.core.streams import caught_stderr
+from jointplay.joints import MOTOR, VIRTUAL_LINK, Clearance, Coordinate, replacing
 from jointplay.mechanism.gear import Gear
-from jointplay.mechanism.lock import Lock
+from jointplay.mechanism.loop import Lock
 from jointplay.mechanism.urdf import Description
 
 _REVOLUTE = ("JointModelR", "JointModelRevolute")
@@ -46,7 +46,7 @@ def parse(description: Description) -> pin.Model:
 
 @lru_cache(maxsize=32)
 def _parsed(text: str, path: str) -> pin.Model:
-    with tempfile.TemporaryDirectory() as folder:
+    with temporary("urdf") as folder:
         file = Path(folder) / "robot.urdf"
         noise: list[str] = []
         try:
@@ -65,7 +65,7 @@ def build(
     joints: Mapping[str, Clearance],
     gears: Mapping[str, Gear],
     locks: Mapping[str, Lock],
-) -> tuple[pin.Model, tuple[str, ...]]:
+) -> tuple[pin.Model, tuple[Coordinate, ...]]:
     """Copy `source` joint by joint, those with clearance as virtual links; append the motors.
 
     A bearing frame is turned so that its z is the joint's axis. The bodies, frames and joints
@@ -75,11 +75,11 @@ def build(
     of a branch side by side.
 
     Returns:
-        The model, and the names of its coordinates: the joint's own name, or with what follows the
-        dot for virtual links (`VIRTUAL_LINK`) and motors.
+        The model, and the names of its coordinates.
 
     Raises:
-        JointplayError: a joint of a kind that has no single coordinate.
+        JointplayError: a joint of a kind that has no single coordinate, or two coordinates of one
+            name.
     """
     model = pin.Model()
     model.name = source.name
@@ -87,13 +87,13 @@ def build(
     pin.computeJointJacobians(source, data, pin.neutral(source))
     moved = {0: 0}
     turned = {0: pin.SE3.Identity()}  # old joint frame as seen from the new one
-    coordinates: list[str] = []
+    coordinates: list[Coordinate] = []
 
     def carriages(carrier: int) -> None:
         for loop, lock in locks.items():
             if lock.carrier == model.names[carrier]:
                 _virtual_link(model, carrier, lock.placement, loop, lock.freedoms)
-                coordinates.extend(f"{loop}.{freedom}" for freedom in lock.freedoms)
+                coordinates.extend(Coordinate(loop, freedom) for freedom in lock.freedoms)
 
     carriages(0)
     for old in range(1, source.njoints):
@@ -107,12 +107,12 @@ def build(
             turn = pin.SE3(z_to(axis), np.zeros(3))
             freedoms = given.ideal_freedoms if given.ideal else given.freedoms
             new = _virtual_link(model, parent, placement * turn, name, freedoms)
-            coordinates += [f"{name}.{coordinate}" for coordinate in freedoms]
+            coordinates += [Coordinate(name, freedom) for freedom in freedoms]
             turned[old] = turn.inverse()
         else:
             single = pin.JointModelPrismaticUnaligned(axis) if slides else _revolute(axis)
             new = model.addJoint(parent, single, placement, name)
-            coordinates.append(name)
+            coordinates.append(Coordinate(name))
         moved[old] = new
         model.appendBodyToJoint(new, turned[old].act(source.inertias[old]), pin.SE3.Identity())
         model.addJointFrame(new)
@@ -126,10 +126,24 @@ def build(
         )
     for name, gear in gears.items():
         rotor = pin.Inertia(0.0, np.zeros(3), np.diag([0.0, 0.0, gear.rotor_inertia]))
-        motor = model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), f"{name}.motor")
+        motor = model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), f"{name}\t{MOTOR}")
         model.appendBodyToJoint(motor, rotor, pin.SE3.Identity())
-        coordinates.append(f"{name}.motor")
+        coordinates.append(Coordinate(name, MOTOR))
+    _check_names(coordinates)
     return model, tuple(coordinates)
+
+
+def _check_names(coordinates: Sequence[Coordinate]) -> None:
+    """Refuse a joint that is called like a coordinate of another, for results name them so."""
+    seen: dict[str, Coordinate] = {}
+    for one in coordinates:
+        other = seen.setdefault(one, one)
+        if other is not one:
+            plain, part = (other, one) if not other.part else (one, other)
+            raise JointplayError(
+                f"the joint {plain.joint!r} is called like the coordinate {part.part!r} of the "
+                f"joint {part.joint!r}; give one of them another name"
+            )
 
 
 def _axis(
@@ -169,9 +183,10 @@ def _virtual_link(
             parts.append(("centre" if group[0] == "x" else "turn", joint()))
         else:
             parts += [(freedom, _SINGLE[freedom]()) for freedom in free]
-    for position, (part, joint) in enumerate(parts):
+    for position, (_, joint) in enumerate(parts):
         last = position == len(parts) - 1
-        parent = model.addJoint(parent, joint, placement, name if last else f"{name}.{part}")
+        # Nobody looks these up, and Pinocchio refuses a name that is taken; no joint has a tab.
+        parent = model.addJoint(parent, joint, placement, name if last else f"{name}\t{position}")
         placement = pin.SE3.Identity()
     return int(parent)
 

@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from jointplay.codec import Described
-from jointplay.errors import JointplayError, require_vector
-from jointplay.fields import check_fields, quantity
+from jointplay.core.errors import JointplayError, require_vector
+from jointplay.core.schema import Described, check_fields, quantity
 
 if TYPE_CHECKING:
     import pinocchio as pin

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import coal
+import matplotlib as mpl
 import numpy as np
 import pinocchio as pin
 import trimesh
@@ -16,11 +17,11 @@ from matplotlib.patheffects import withStroke
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from mpl_toolkits.mplot3d.proj3d import proj_transform
 
-from jointplay.errors import JointplayError
+from jointplay.core.errors import JointplayError
+from jointplay.core.units import readable
 from jointplay.mechanism.loop import assemble
 from jointplay.mechanism.mechanism import Mechanism
-from jointplay.mechanism.seen import Look, look
-from jointplay.units import readable
+from jointplay.mechanism.visuals import Look, look
 
 _LIGHT = np.array([0.35, -0.6, 0.72])
 """Towards the light, in world axes."""
@@ -45,6 +46,7 @@ _FLAT = 0.4
 """Height relative to the largest extent below which a mechanism is flat."""
 
 
+@mpl.rc_context({"text.parse_math": False})  # names stand as they are, $ and all
 def picture(
     mechanism: Mechanism,
     q: np.ndarray | None = None,
@@ -134,10 +136,10 @@ def _placed(
     for shape in looks.shapes:
         frame = model.getFrameId(shape.link, pin.FrameType.BODY)
         place = mechanism.data.oMf[frame].homogeneous @ shape.placement
-        carrier = model.names[model.frames[frame].parentJoint].split(".")[0]
+        carrier = mechanism.owner(model.frames[frame].parentJoint)
         for part, colour in zip(shape.parts, shape.colours, strict=True):
             bodies.append(part.corners() @ place[:3, :3].T + place[:3, 3])
-            own = None if colours is None else _rgb(colours.get(carrier, _OTHERS))
+            own = None if colours is None else _rgb(colours.get(carrier or "", _OTHERS))
             paints.append(np.array(colour[:3]) if own is None else own)
     return bodies, paints
 

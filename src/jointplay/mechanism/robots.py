@@ -17,8 +17,8 @@ from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from jointplay.errors import JointplayError, MissingName
-from jointplay.host.files import is_file
+from jointplay.core.errors import JointplayError, MissingName
+from jointplay.core.files import is_file
 
 if TYPE_CHECKING:
     from jointplay.mechanism.mechanism import Mechanism

@@ -9,8 +9,7 @@ from __future__ import annotations
 import re
 from collections import defaultdict
 
-from jointplay.mechanism.entry import JointEntry
-from jointplay.mechanism.urdf import Description
+from jointplay.mechanism.urdf import Description, JointEntry
 
 _NAMED = re.compile(
     r"(^|_)(tool0|tool|tcp|tool_?frame|ee_link|ee|eef|end_?effector|flange|gripper_frame_link|foot|suction_?\w*|vacuum_?\w*|nozzle|spindle|torch|needle|pen)$",
@@ -65,16 +64,19 @@ def _chain(root: str, children: dict[str, list[JointEntry]], fingers: bool) -> t
 
     def moving(link: str) -> list[tuple[str, str]]:
         """Moving joints next to a link, and the links they move, with all that is fixed to it."""
-        pairs = []
-        for joint in children[link]:
-            if joint.kind == "fixed":
-                pairs += moving(joint.child)
-            elif fingers or not _FINGER.search(joint.name):
-                pairs.append((joint.name, joint.child))
-        return pairs
+        joints = (joint for one in _fixed(link, children) for joint in children[one])
+        return [
+            (joint.name, joint.child)
+            for joint in joints
+            if joint.kind != "fixed" and (fingers or not _FINGER.search(joint.name))
+        ]
 
     def depth(link: str) -> int:
-        return max((1 + depth(child) for _, child in moving(link)), default=0)
+        """Moving joints in series behind a link, at most."""
+        deepest, level = -1, [link]
+        while level:
+            deepest, level = deepest + 1, [child for one in level for _, child in moving(one)]
+        return deepest
 
     link, passed, last = root, 0, ""
     while branches := moving(link):
@@ -88,10 +90,12 @@ def _chain(root: str, children: dict[str, list[JointEntry]], fingers: bool) -> t
 
 def _fixed(link: str, children: dict[str, list[JointEntry]]) -> list[str]:
     """A link, and all that is fixed to it."""
-    links = [link]
-    for joint in children[link]:
-        if joint.kind == "fixed":
-            links += _fixed(joint.child, children)
+    links, open_ones = [], [link]
+    while open_ones:  # as deep as the URDF is, which may be deeper than Python's stack
+        here = open_ones.pop()
+        links.append(here)
+        fixed = [joint.child for joint in children[here] if joint.kind == "fixed"]
+        open_ones += reversed(fixed)
     return links
 
 

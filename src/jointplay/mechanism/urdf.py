@@ -1,18 +1,229 @@
-"""Reading a URDF: what ships with the package, and whether a file describes a possible robot."""
+"""Reading a URDF: the file, its joints as declared, and whether it describes a possible robot."""
 
 from __future__ import annotations
 
+import csv
+import io
+import shlex
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Collection, Iterable, Sequence
-from dataclasses import dataclass
-from functools import lru_cache
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
 from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from jointplay.errors import JointplayError, MissingName
-from jointplay.mechanism.declared import Declared, Transmission
-from jointplay.mechanism.entry import JointEntry
+from jointplay.core.errors import JointplayError, MissingName
+from jointplay.core.files import read_text
+
+if TYPE_CHECKING:
+    import yourdfpy
+
+
+# What a URDF says of its joints beyond the tree: limits, mimicry, transmissions.
+#
+# yourdfpy reads it, from the URDF without its pictures: no mesh is looked for, no file opened. It
+# is slow to import and comes with the first question.
+
+
+_PICTURES = ("visual", "collision")
+SHAPES = {
+    "box": ("size",),
+    "cylinder": ("radius", "length"),
+    "sphere": ("radius",),
+    "mesh": ("scale",),
+}
+"""Geometries of pictures that are drawn, and their numbers; others are left out."""
+_READ = ("link", "joint")
+"""Elements of a robot that are read."""
+_SEEN = ("link", "joint", "material")
+"""Elements of a robot that its pictures need."""
+
+
+def _shapeless(element: ElementTree.Element) -> bool:
+    """Whether it is a picture without a shape, or with one that only other programs know."""
+    geometry = element.find("geometry")
+    known = geometry is not None and any(one.tag in SHAPES for one in geometry)
+    return element.tag in _PICTURES and not known
+
+
+class Limits(NamedTuple):
+    """Limits of a joint; None where there are none."""
+
+    lower: float | None = None
+    upper: float | None = None
+    speed: float | None = None
+    effort: float | None = None
+
+
+class Mimic(NamedTuple):
+    """A joint follows another: its position is multiplier * that of the leader + offset."""
+
+    leader: str
+    multiplier: float
+    """[1, or rad/m or m/rad where one of them slides]."""
+    offset: float
+    """[rad or m]."""
+
+    def formula(self) -> str:
+        """Its position, as one would write it."""
+        factor = "" if self.multiplier == 1.0 else f"{self.multiplier:g} "
+        sign = "+" if self.offset > 0.0 else "-"
+        return f"{factor}{self.leader}" + (f" {sign} {abs(self.offset):g}" if self.offset else "")
+
+
+@dataclass(frozen=True)
+class Transmission:
+    """What stands between a motor and a joint."""
+
+    name: str
+    reduction: float | None
+    """Turns of the motor for one of the joint; None if it is not given."""
+
+
+class Declared:
+    """All that a URDF declares, read when it is asked for.
+
+    Args:
+        text: the URDF, whose names and numbers have been checked.
+    """
+
+    def __init__(self, text: str) -> None:
+        """Keep the text."""
+        self._text = text
+
+    @cached_property
+    def robot(self) -> yourdfpy.urdf.Robot:
+        """yourdfpy's reading: links with inertials only, joints with all they have.
+
+        Raises:
+            JointplayError: yourdfpy cannot read it.
+        """
+        return self._read(_READ, _PICTURES, "the URDF")
+
+    @cached_property
+    def pictured(self) -> yourdfpy.urdf.Robot:
+        """yourdfpy's reading of the links with their visuals, meshes unread.
+
+        Raises:
+            JointplayError: yourdfpy cannot read it.
+        """
+        return self._read(_SEEN, (), "the URDF's visuals")
+
+    def _read(self, read: Collection[str], left_out: Collection[str], of: str) -> Any:
+        """Read some elements of the robot, their links without others."""
+        import yourdfpy
+
+        root = ElementTree.fromstring(self._text)
+        part = ElementTree.Element("robot", {"name": root.get("name", "robot")})
+        part.extend(element for element in root if element.tag in read)
+        for link in part.findall("link"):
+            for element in [one for one in link if one.tag in left_out or _shapeless(one)]:
+                link.remove(element)
+        text = io.BytesIO(ElementTree.tostring(part))
+        try:
+            return yourdfpy.URDF.load(text, build_scene_graph=False, load_meshes=False).robot
+        except (ValueError, TypeError, KeyError, AttributeError, IndexError) as error:
+            raise JointplayError(f"yourdfpy cannot read {of}: {error}") from None
+
+    @cached_property
+    def _joints(self) -> dict[str, Any]:
+        return {joint.name: joint for joint in self.robot.joints}
+
+    def limits(self, name: str) -> Limits:
+        """Limits of a joint; exporters write zeros, or twice the same, where they know none."""
+        joint = self._joints[name]
+        limit = joint.limit
+        if limit is None or joint.type in ("fixed", "floating", "ball"):
+            return Limits()
+        lower, upper = limit.lower or 0.0, limit.upper or 0.0
+        speed, effort = limit.velocity or None, limit.effort or None
+        if not lower < upper or joint.type == "continuous":
+            return Limits(None, None, speed, effort)
+        return Limits(lower, upper, speed, effort)
+
+    def mimic(self, name: str) -> Mimic | None:
+        """What a joint follows; None if nothing."""
+        mimic = self._joints[name].mimic
+        return None if mimic is None else Mimic(mimic.joint, mimic.multiplier, mimic.offset)
+
+    @cached_property
+    def transmissions(self) -> dict[str, Transmission]:
+        """By joint. yourdfpy (0.0.60) leaves them out."""
+        transmissions = {}
+        for element in ElementTree.fromstring(self._text).findall("transmission"):
+            texts = [one.text for one in element.iter("mechanicalReduction")]
+            try:
+                reduction = float(texts[0]) if texts and texts[0] else None
+            except ValueError:
+                reduction = None
+            for joint in element.findall("joint"):
+                transmissions[joint.get("name", "")] = Transmission(
+                    element.get("name", ""), reduction
+                )
+        return transmissions
+
+
+# A joint as the URDF declares it.
+
+
+@dataclass(frozen=True)
+class JointEntry:
+    """A joint as the URDF declares it."""
+
+    name: str
+    kind: str
+    """URDF type: revolute, continuous, prismatic, fixed, ..."""
+    parent: str
+    child: str
+    friction: float
+    """Dry friction torque [N m or N]."""
+    damping: float
+    """Viscous friction [N m s/rad or N s/m]."""
+    mimics: bool
+    """Whether it follows another joint that exists, see `mimic`."""
+    declared: Declared = field(compare=False, repr=False)
+    """Where the rest of what the URDF says is read."""
+
+    @property
+    def turns(self) -> bool:
+        """Whether it turns about an axis."""
+        return self.kind in ("revolute", "continuous")
+
+    @property
+    def slides(self) -> bool:
+        """Whether it is measured in metres, and its effort in newtons; else it turns."""
+        return self.kind == "prismatic"
+
+    @property
+    def lower(self) -> float | None:
+        """Lower limit of its position [rad or m]; None where there is none, or `upper`'s."""
+        return self.declared.limits(self.name).lower
+
+    @property
+    def upper(self) -> float | None:
+        """Upper limit of its position [rad or m]; likewise."""
+        return self.declared.limits(self.name).upper
+
+    @property
+    def speed(self) -> float | None:
+        """Limit of its speed [rad/s or m/s]; None where there is none, or 0."""
+        return self.declared.limits(self.name).speed
+
+    @property
+    def effort(self) -> float | None:
+        """Limit of its effort [N m or N]; likewise."""
+        return self.declared.limits(self.name).effort
+
+    @property
+    def mimic(self) -> Mimic | None:
+        """The joint that it follows, and how; None if it follows none."""
+        return self.declared.mimic(self.name) if self.mimics else None
+
+
+# Reading a URDF: what ships with the package, and whether a file describes a possible robot.
+
 
 _INSTALLED = Path(__file__).parents[1] / "shipped"
 _CHECKOUT = Path(__file__).parents[3] / "urdf"
@@ -20,8 +231,15 @@ _CHECKOUT = Path(__file__).parents[3] / "urdf"
 MOST_LINKS, MOST_MOVING = 5000, 250
 """Most links and moving joints of a robot: to set up its equations grows with their cube."""
 
+MOST_IN_SERIES = 1000
+"""Most links one behind the other: Pinocchio's reader calls itself for each, and at some 4,000 of
+them ends the process with 8 MB of stack."""
+
 MOST_LETTERS = 200
 """Longest name of a link or joint."""
+
+GROUND = "universe"
+"""Pinocchio's own frame and joint: what is called like it would be taken for the ground."""
 
 _NO_AXIS = ("fixed", "floating", "ball")
 """Types of joint whose axis means nothing; exporters write zeros there."""
@@ -78,15 +296,7 @@ def read(path: str | Path, allow_unphysical: Collection[str] = ()) -> Descriptio
             link's inertia is impossible (the message names the link and its principal moments).
     """
     path = Path(path)
-    return parse(_text(path), path, allow_unphysical)
-
-
-def _text(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8")
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise JointplayError(f"cannot read the URDF {str(path)!r}: {reason}") from None
+    return parse(read_text(path, "URDF"), path, allow_unphysical)
 
 
 def elements(path: Path) -> ElementTree.Element:
@@ -95,7 +305,7 @@ def elements(path: Path) -> ElementTree.Element:
     Raises:
         JointplayError: the file cannot be read, or is no URDF.
     """
-    return _root(_text(path), path)
+    return _root(read_text(path, "URDF"), path)
 
 
 def _root(text: str, path: Path) -> ElementTree.Element:
@@ -106,6 +316,13 @@ def _root(text: str, path: Path) -> ElementTree.Element:
     if root.tag != "robot":
         raise JointplayError(f"the URDF {str(path)!r} has the root <{root.tag}>, expected <robot>")
     return root
+
+
+def as_option(names: Sequence[str]) -> str:
+    """Names as ``--allow-unphysical`` takes them in a shell: with commas, quoted if need be."""
+    written = io.StringIO()
+    csv.writer(written, lineterminator="").writerow(names)
+    return shlex.quote(written.getvalue())
 
 
 def parse(text: str, path: Path, allow_unphysical: Collection[str] = ()) -> Description:
@@ -135,13 +352,14 @@ def _parsed(text: str, path: Path, allow_unphysical: tuple[str, ...]) -> Descrip
     for kind in ("link", "joint"):
         _check_names(kind, [one.get("name", "") for one in root.findall(kind)])
     _check_placements(root)
+    _check_pictures(root)
     for name in allow_unphysical:
         if name not in links:
             raise MissingName("link", name, links)
     faults = impossible_inertias(root)
     wrong = [name for name in faults if name not in allow_unphysical]
     if wrong:
-        flag = f"--allow-unphysical {','.join(wrong)}"
+        flag = f"--allow-unphysical {as_option(wrong)}"
         rest = f" (impossible too: {', '.join(wrong[1:])}; all: {flag})" if wrong[1:] else ""
         raise JointplayError(faults[wrong[0]] + rest)
     joints = {}
@@ -216,6 +434,10 @@ def _check_names(kind: str, names: Sequence[str]) -> None:
             raise JointplayError(
                 f"the {kind} {shown!r}: a name has at most {MOST_LETTERS} printable characters"
             )
+        if name == GROUND:
+            raise JointplayError(
+                f"a {kind} of the URDF is called {name!r}, the name of the ground in Pinocchio"
+            )
         if name in seen:
             raise JointplayError(f"two {kind}s of the URDF are called {name!r}")
         seen.add(name)
@@ -240,19 +462,53 @@ def _check_placements(root: ElementTree.Element) -> None:
             )
 
 
+def _check_pictures(root: ElementTree.Element) -> None:
+    """Refuse shapes whose sizes, and colours whose components, are not the numbers they must be."""
+    for link in root.findall("link"):
+        owner = f"link {link.get('name', '')!r}"
+        for geometry in link.findall("visual/geometry") + link.findall("collision/geometry"):
+            for shape in geometry:
+                for key in SHAPES.get(shape.tag, ()):
+                    _check_size(shape, key, f"{owner}: {shape.tag} {key}")
+        for colour in link.findall("visual/material/color"):
+            _numbers(colour, "rgba", f"{owner}: color rgba", 4, "1 1 1 1")
+    for material in root.findall("material"):
+        for colour in material.findall("color"):
+            owner = f"material {material.get('name', '')!r}"
+            _numbers(colour, "rgba", f"{owner}: color rgba", 4, "1 1 1 1")
+
+
+def _check_size(shape: ElementTree.Element, key: str, what: str) -> None:
+    if key == "scale":  # can mirror; one number is for all axes
+        text = shape.get(key, "1 1 1")
+        _numbers(shape, key, what, 1 if len(text.split()) == 1 else 3, text)
+    elif min(_numbers(shape, key, what, 3 if key == "size" else 1)) < 0.0:
+        raise JointplayError(f"{what} must not be negative, got {shape.get(key)!r}")
+
+
 def _check_origin(origin: ElementTree.Element, owner: str) -> None:
     for key in ("xyz", "rpy"):
         _three(origin, key, f"{owner}: origin {key}", "0 0 0")
 
 
 def _three(element: ElementTree.Element, key: str, what: str, default: str) -> list[float]:
+    return _numbers(element, key, what, 3, default)
+
+
+def _numbers(
+    element: ElementTree.Element, key: str, what: str, count: int, default: str | None = None
+) -> list[float]:
+    """So many numbers of an attribute, which must be there if it has no `default`."""
     text = element.get(key, default)
+    if text is None:
+        raise JointplayError(f"{what} is missing in the URDF")
     try:
         values = [float(part) for part in text.split()]
     except ValueError:
         values = []
-    if len(values) != 3 or not np.isfinite(values).all():
-        raise JointplayError(f"{what} must be three finite numbers, got {text!r}")
+    if len(values) != count or not np.isfinite(values).all():
+        words = {1: "a finite number", 3: "three finite numbers", 4: "four finite numbers"}
+        raise JointplayError(f"{what} must be {words[count]}, got {text!r}")
     return values
 
 
@@ -294,7 +550,7 @@ def _check_tree(path: Path, links: Collection[str], joints: Iterable[JointEntry]
             f"the URDF {str(path)!r} falls apart: {', '.join(map(repr, roots))} have no parent; "
             "exactly one link must have none"
         )
-    good: set[str] = set(roots)
+    good: dict[str, int] = dict.fromkeys(roots, 1)
     for link in links:
         way = [link]
         while way[-1] not in good:
@@ -305,7 +561,13 @@ def _check_tree(path: Path, links: Collection[str], joints: Iterable[JointEntry]
                     f"the URDF {str(path)!r} is cyclic: {ring}; describe one of these joints as a "
                     "loop instead"
                 )
-        good.update(way)
+        for one in reversed(way[:-1]):
+            good[one] = good[above[one].parent] + 1
+            if good[one] > MOST_IN_SERIES:
+                raise JointplayError(
+                    f"the URDF {str(path)!r} has more than {MOST_IN_SERIES} links in series, up "
+                    f"to {one!r}; at most {MOST_IN_SERIES} are possible"
+                )
 
 
 def _number(
@@ -346,3 +608,10 @@ def _check_inertia(name: str, inertial: ElementTree.Element) -> None:
         raise JointplayError(
             f"{owner} has {moments}: no rigid body has {high:.4g} > {low:.4g} + {middle:.4g}{hint}"
         )
+
+
+# Gravity, unless told otherwise.
+
+
+STANDARD_GRAVITY = (0.0, 0.0, -9.81)
+"""In world axes [m/s^2]."""

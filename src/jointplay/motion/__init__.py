@@ -1,13 +1,5 @@
 """Motions to follow: waypoints, paths of the tool, and how an ideal mechanism moves."""
 
-from typing import TYPE_CHECKING
+import lazy_loader
 
-from jointplay.host.late import offering
-from jointplay.motion.reference import INTERPOLATIONS, Motion
-
-if TYPE_CHECKING:
-    from jointplay.motion.cartesian import cartesian_motion as cartesian_motion
-
-__all__ = ["INTERPOLATIONS", "Motion", "cartesian_motion"]
-
-__getattr__ = offering(__name__, {"cartesian_motion": "cartesian"})
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

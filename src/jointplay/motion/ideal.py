@@ -9,7 +9,8 @@ import numpy as np
 import pinocchio as pin
 from tqdm import tqdm
 
-from jointplay.errors import JointplayError
+from jointplay.core.errors import JointplayError
+from jointplay.joints import Coordinate
 from jointplay.mechanism.loop import assemble, closing_rows, follow
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.motion.reference import Motion
@@ -182,7 +183,7 @@ def _ideal_configuration(mechanism: Mechanism, ideal: Mechanism, q: np.ndarray) 
             configuration[ideal.coordinates.index(name)] = q[mechanism.coordinate(name)]
         else:  # a ball
             for part in ("yaw", "pitch", "roll"):
-                coordinate = f"{name}.{part}"
+                coordinate = Coordinate(name, part)
                 configuration[ideal.coordinates.index(coordinate)] = q[
                     mechanism.coordinates.index(coordinate)
                 ]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from jointplay.codec import Described
-from jointplay.errors import JointplayError, MissingName
-from jointplay.fields import quantity
+from jointplay.core import files
+from jointplay.core.errors import JointplayError, MissingName, require_numbers, require_positive
+from jointplay.core.schema import Described, quantity
 
 INTERPOLATIONS = ("rest-to-rest", "spline", "constant-speed", "speed-ramps")
 
@@ -71,10 +70,7 @@ class Motion(Described):
         object.__setattr__(self, "joints", tuple(joints))
         object.__setattr__(self, "interpolation", interpolation)
         for name, given in (("times", times), ("positions", positions)):
-            try:
-                values = np.array(given, float)
-            except (TypeError, ValueError) as error:
-                raise JointplayError(f"waypoints must be numbers: {error}", (name,)) from None
+            values = require_numbers("waypoints", given, (name,))
             values.flags.writeable = False
             object.__setattr__(self, name, values)
         self._check()
@@ -188,6 +184,15 @@ class Motion(Described):
             np.where(moving, acceleration(held), 0.0),
         )
 
+    def at_speed(self, factor: float) -> Motion:
+        """The same way at `factor` times the speed.
+
+        Raises:
+            JointplayError: a factor that is not positive and finite.
+        """
+        require_positive("factor of the speed", factor, "")
+        return Motion(self.joints, self.times / factor, self.positions, self.interpolation)
+
     @classmethod
     def from_csv(cls, path: str | Path, interpolation: str = "rest-to-rest") -> Motion:
         """Read waypoints from a CSV file whose header is ``time_s,<joint>,<joint>,...``.
@@ -199,36 +204,15 @@ class Motion(Described):
                 line and column), or waypoints that make no motion.
         """
         path = Path(path)
-        try:
-            text = path.read_text(encoding="utf-8-sig")
-        except (OSError, ValueError) as error:
-            reason = getattr(error, "strerror", None) or error
-            raise JointplayError(f"cannot read the motion {str(path)!r}: {reason}") from None
-        numbered = [
-            (number, line)
-            for number, line in enumerate(text.splitlines(), 1)
-            if line.strip() and not line.lstrip().startswith("#")
-        ]
-        if not numbered:
-            raise JointplayError(f"the motion {str(path)!r} is empty")
-        rows = []
-        for number, line in numbered:
-            try:
-                rows.append(next(csv.reader([line], strict=True)))
-            except csv.Error as error:
-                raise JointplayError(f"{path}, line {number}: {error}") from None
-        header = [cell.strip() for cell in rows[0]]
+        rows = files.csv_rows(path, "motion")
+        header = [cell.strip() for cell in rows[0][1]]
         if header[0] != "time_s" or len(header) < 2:
             raise JointplayError(
-                f"{path}, line {numbered[0][0]}: the header must be time_s,<joint>,..., "
+                f"{path}, line {rows[0][0]}: the header must be time_s,<joint>,..., "
                 f"got {','.join(header)!r}"
             )
         values = []
-        for (number, _), row in zip(numbered[1:], rows[1:], strict=True):
-            if len(row) != len(header):
-                raise JointplayError(
-                    f"{path}, line {number}: {len(header)} cells expected, got {len(row)}"
-                )
+        for number, row in rows[1:]:
             cells = []
             for name, cell in zip(header, row, strict=True):
                 try:

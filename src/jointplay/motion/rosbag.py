@@ -13,11 +13,14 @@ from typing import Any
 
 import numpy as np
 
-from jointplay.errors import JointplayError, MissingName
-from jointplay.host.files import is_file
+from jointplay.core import files
+from jointplay.core.errors import JointplayError, MissingName
 
 _TRAJECTORY = "trajectory_msgs/msg/JointTrajectory"
 _STATE = "sensor_msgs/msg/JointState"
+
+MOST_BYTES = 1 << 32
+"""Size of a bag that is read, at most [bytes]."""
 
 
 def read(path: str | Path, topic: str | None = None) -> tuple[list[str], np.ndarray, np.ndarray]:
@@ -45,9 +48,10 @@ def read(path: str | Path, topic: str | None = None) -> tuple[list[str], np.ndar
             f"reading {path.name!r} needs mcap-ros2-support ({error}); install it with "
             "pip install 'jointplay[ros]'"
         ) from None
-    if not is_file(path):
-        raise JointplayError(f"no bag {str(path)!r}")
+    if not files.is_file(path):
+        raise files.absent(path, "bag")
     try:
+        files.check_plain(path, MOST_BYTES)
         with path.open("rb") as file, redirect_stderr(io.StringIO()):  # which the parser prints to
             factories = [DecoderFactory()]
             reader = make_reader(file, validate_crcs=True, decoder_factories=factories)

@@ -13,12 +13,12 @@ from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
 
 from jointplay import analysis
-from jointplay.errors import JointplayError
-from jointplay.host import files
+from jointplay.analysis.spectra import TooShort
+from jointplay.core import files
 from jointplay.mechanism.mechanism import Mechanism
-from jointplay.plots.names import PAPER, is_paper_robot
+from jointplay.plots.names import MARK, PAPER, is_paper_robot
 from jointplay.plots.palette import Cases, colours, reference
-from jointplay.plots.style import new_figure, style
+from jointplay.plots.style import listed, new_figure, style
 from jointplay.result.result import AXES, Result
 
 _LEGEND_COLUMNS = 3
@@ -80,7 +80,7 @@ def _tool_history(cases: Cases, of: str) -> Figure:
     for row, axis in enumerate(AXES):
         for label, result, colour in coloured(cases):
             draw = result.plot.displacement if of == "tool_position" else result.plot.velocity
-            draw(axis, ax=panels[row, 0], color=colour, label=label)
+            draw(axis, ax=panels[row, 0], color=colour, label=listed(label))
         for _, result, colour, ideal in pairs:
             result.plot.deviation(axis, ideal, of=of, ax=panels[row, 1], color=colour)
         if pairs:
@@ -112,7 +112,7 @@ def tool_path(cases: Cases) -> Figure:
     figure, panels = _figure(9.0 if pairs else 5.0, 4.4, 1, 2 if pairs else 1)
     for label, result, colour in coloured(cases):
         for panel in panels[0]:
-            result.plot.path(plane, ax=panel, color=colour, label=label)
+            result.plot.path(plane, ax=panel, color=colour, label=listed(label))
     worst, spot = 0.0, np.zeros(2)
     for _, result, _, ideal in pairs:
         error = analysis.deviation(result, ideal)
@@ -230,17 +230,17 @@ def overview(cases: Cases) -> Figure:
         result.plot.path(plane, ax=plan, color=colour, lw=1.0, label="_")
     plan.set_title(f"{plane} plane, with the tool's path", fontsize=9)
     for label, result, colour, ideal in reversed(pairs):
-        result.plot.deviation("total", ideal, ax=error, color=colour, label=label)
+        result.plot.deviation("total", ideal, ax=error, color=colour, label=listed(label))
     for label, result, colour in reversed(shown):
         if not pairs:
-            result.plot.tilt(ax=error, color=colour, label=label)
-        result.plot.forces("total", ax=force, color=colour, label=label)
+            result.plot.tilt(ax=error, color=colour, label=listed(label))
+        result.plot.forces("total", ax=force, color=colour, label=listed(label))
     if pairs:
         error.set_ylabel("tool error [mm]")
     error.set_xlabel("")
     force.set_ylabel("contact force [N]")
     for label, _, colour in shown:  # drawn from the last case on, named from the first
-        plan.plot([], [], color=colour, label=label)
+        plan.plot([], [], color=colour, label=listed(label))
     ordered_legend(figure, plan)
     label, result, colour = shown[-1]
     result.plot.orbit(ax=orbit, color=colour)
@@ -276,10 +276,13 @@ def _drawn(cases: Cases) -> Iterator[tuple[str, Figure]]:
 def save(cases: Cases, folder: str | Path) -> list[Path]:
     """Draw all figures into `folder`, each as PNG and PDF; the paper's under their numbers.
 
-    Orbits and overview are left out if no case has clearance.
+    Orbits and overview are left out if no case has clearance. Figures drawn earlier are replaced.
 
     Returns:
         The files written.
+
+    Raises:
+        JointplayError: another file has the name of one, or it cannot be written.
     """
     written = []
     paper = is_paper(cases)
@@ -287,11 +290,9 @@ def save(cases: Cases, folder: str | Path) -> list[Path]:
         for shown, figure in _drawn(cases):
             name = PAPER.get(shown, shown) if paper else shown
             for kind in ("png", "pdf"):
-                drawn = io.BytesIO()
-                figure.savefig(drawn, format=kind)
-                figure.set_layout_engine("none")  # laid out by now; again costs a third more
                 path = Path(folder) / f"{name}.{kind}"
-                written.append(files.write(path, drawn.getvalue(), overwrite=True))
+                written.append(files.picture(path, figure, mark=MARK))
+                figure.set_layout_engine("none")  # laid out by now; again costs a third more
     return written
 
 
@@ -328,9 +329,10 @@ def _spectra(cases: Cases, start: float | None) -> Figure:
     for panel, axis in zip(panels[:, 0], AXES, strict=True):
         for label, result, colour in coloured(cases):
             try:
-                result.plot.spectrum(axis, start=start, ax=panel, color=colour, label=label)
-            except JointplayError:  # too short a run has no spectrum
-                continue
+                result.plot.spectrum(axis, start=start, ax=panel, color=colour, label=listed(label))
+            except TooShort:
+                reason = f"{listed(label)}: too short for a spectrum"
+                panel.plot([], [], color=colour, label=reason)
         panel.set_xlabel("")
     panels[-1, 0].set_xlabel("frequency [Hz]")
     if panels[0, 0].get_lines():

@@ -6,6 +6,9 @@ from pathlib import Path
 
 PAPER_ROBOTS = ("scara.urdf", "scara_as_printed.urdf")
 
+MARK = "jointplay figures"
+"""In the files' metadata: pictures that may be replaced."""
+
 NAMES = (
     *("tool_displacement", "tool_velocity", "tool_path", "journal_orbit"),
     *("force_x", "force_y", "force_z", "overview"),

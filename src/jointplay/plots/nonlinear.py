@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
-from jointplay.analysis.lyapunov import Exponent
+from jointplay.nonlinear.lyapunov import Exponent
 from jointplay.plots.style import COLOURS, new_figure, style
 
 

@@ -1,18 +1,30 @@
-"""One look and one palette for every figure, on screen and in print."""
+"""One look and one palette for every figure, and the panels they are drawn into."""
 
 from __future__ import annotations
 
 import io
+import os
+import re
 import textwrap
-from collections.abc import Iterator
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogFormatterSciNotation
 
-from jointplay.errors import MissingName
+from jointplay.core import files
+from jointplay.core.errors import JointplayError, MissingName
 from jointplay.plots.palette import AXIS_COLOURS, COLOURS, MODE_COLOURS
+from jointplay.result.result import AXES, Result
+
+# One look and one palette for every figure, on screen and in print.
+
 
 __all__ = [
     "AXIS_COLOURS",
@@ -22,6 +34,9 @@ __all__ = [
     "STYLES",
     "StyledFigure",
     "footnote",
+    "listed",
+    "literal",
+    "logarithmic",
     "new_figure",
     "style",
 ]
@@ -43,6 +58,7 @@ _SCREEN = {
     "pdf.fonttype": 42,
     "figure.constrained_layout.use": True,
     "axes.formatter.useoffset": False,
+    "text.parse_math": False,  # names of joints and cases stand as they are, $ and all
 }
 
 STYLES: dict[str, dict[str, Any]] = {
@@ -99,7 +115,17 @@ class StyledFigure(Figure):
             super().draw(renderer)
 
     def savefig(self, fname: Any, **options: Any) -> None:  # type: ignore[override]
-        """Write in the figure's style; options as `matplotlib.figure.Figure.savefig`."""
+        """Write in the figure's style; options as `matplotlib.figure.Figure.savefig`.
+
+        A file is written whole or not at all; as matplotlib's, it replaces an older one.
+        """
+        if isinstance(fname, str | os.PathLike):
+            path, drawn = Path(fname), io.BytesIO()
+            kind = options.pop("format", None) or path.suffix[1:] or mpl.rcParams["savefig.format"]
+            self.savefig(drawn, format=kind, **options)
+            whole = path if path.suffix else path.with_name(f"{path.name}.{kind}")
+            files.write(whole, drawn.getvalue(), overwrite=True)
+            return
         with style(self.look), self._laid_out(options):
             super().savefig(fname, **options)
 
@@ -131,6 +157,41 @@ class StyledFigure(Figure):
         return buffer.getvalue()
 
 
+class Decades(LogFormatterSciNotation):
+    """Labels of a logarithmic axis as plain text, 10⁻³: text here is not parsed for formulas."""
+
+    def __call__(self, x: float, pos: int | None = None) -> str:
+        """Label of the tick at `x`."""
+        formula = super().__call__(x, pos)
+        raised = re.sub(r"\^\{(.*?)\}", lambda found: found[1].translate(_RAISED), formula)
+        return re.sub(r"\$|\\mathdefault|[{}]", "", raised).replace(r"\times", "·")
+
+
+_RAISED = str.maketrans("-−0123456789", "⁻⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def logarithmic(panel: Axes, axes: str) -> None:
+    """Make axes logarithmic, ``x``, ``y`` or ``xy``."""
+    for name in axes:
+        getattr(panel, f"set_{name}scale")("log")
+        axis = getattr(panel, f"{name}axis")
+        axis.set_major_formatter(Decades())
+        axis.set_minor_formatter(Decades(minor_thresholds=(1.0, 0.4)))
+
+
+def literal(panel: Axes) -> None:
+    """Let the texts of axes, also of the user's own, stand as they are, $ and all."""
+    texts = [panel.title, panel.xaxis.label, panel.yaxis.label, *panel.texts]
+    made = panel.get_legend()
+    for text in texts + ([] if made is None else made.get_texts()):
+        text.set_parse_math(False)
+
+
+def listed(name: str) -> str:
+    """A user's name as a legend lists it: matplotlib leaves out those that begin with _."""
+    return f" {name}" if name.startswith("_") else name
+
+
 def new_figure(width: float, height: float, look: str = "screen") -> StyledFigure:
     """An empty figure, its size [inches] being that on screen; call it within `style`."""
     return StyledFigure(figsize=(width * SIZES[look], height * SIZES[look]), look=look)
@@ -141,3 +202,139 @@ def footnote(figure: Figure, text: str) -> None:
     across = int(_LETTERS_AN_INCH * figure.get_figwidth())
     lines = [textwrap.fill(line, across) for line in text.splitlines()]
     figure.supxlabel("\n".join(lines), fontsize=_SMALL_PRINT, x=0.01, ha="left")
+
+
+# Panels: axes to draw into, their legends and timelines, and what is drawn of vectors.
+
+
+COMPONENTS = (*AXES, "total")
+
+MODE_NAMES = ("free flight", "continuous contact", "pseudo-penetration")
+CONTACT_COLOURS = (COLOURS[1], COLOURS[5], COLOURS[0], COLOURS[4], COLOURS[3], COLOURS[2], "0.5")
+_DASHES = ("-", "--", ":")
+"""Tell contacts apart that share a colour: a slider has up to sixteen."""
+MARKERS = "o^sDvP*"
+
+
+class Drawing(ABC):
+    """What all plots of a result have in common.
+
+    `available` says which it has.
+    """
+
+    def __init__(self, result: Result) -> None:
+        """Draw `result`."""
+        self.result = result
+
+    @contextmanager
+    def _axes(
+        self, ax: Axes | None, look: str, width: float = 6.0, height: float = 3.2
+    ) -> Iterator[Axes]:
+        if ax is not None:
+            yield ax
+            literal(ax)
+            return
+        with style(look):
+            yield new_figure(width, height, look).subplots()
+
+    def _joint(self, plot: str, joint: str | None) -> str:
+        joints = self.result.joints
+        if not joints:
+            raise JointplayError(
+                f"plot {plot!r} needs a clearance joint, and this run has none; it can plot "
+                f"{', '.join(self.available)}"
+            )
+        if joint is None:
+            return joints[0]
+        if joint not in joints:
+            raise MissingName("clearance joint", joint, joints)
+        return joint
+
+    def _components(
+        self,
+        ax: Axes,
+        time: np.ndarray,
+        vectors: np.ndarray,
+        axis: str | None,
+        symbol: str,
+        unit: str,
+        options: dict[str, Any],
+    ) -> None:
+        """One component of vectors (n, 3), or all three of them in the colours of the axes."""
+        if axis is not None and axis not in COMPONENTS:
+            raise MissingName("axis", axis, COMPONENTS)
+        for name in AXES if axis is None else (axis,):
+            values = (
+                np.linalg.norm(vectors, axis=1) if name == "total" else vectors[:, AXES.index(name)]
+            )
+            line = {"color": AXIS_COLOURS[name], **({"label": name} if axis is None else {})}
+            ax.plot(time, values, **(line | options))
+        if axis is None:
+            legend(ax, 3)
+        part = {None: "", "total": ", total"}.get(axis, f" {axis}")
+        ax.set_ylabel(f"{symbol}{part} [{unit}]")
+        ax.set_xlabel("time [s]")
+
+    @property
+    @abstractmethod
+    def available(self) -> tuple[str, ...]:
+        """Names of the plots that have a meaning for this result."""
+
+
+def figure_of(panel: Axes) -> Figure:
+    """The figure that axes belong to."""
+    figure = panel.get_figure(root=True)
+    assert isinstance(figure, Figure)
+    return figure
+
+
+def contact_line(index: int) -> dict[str, Any]:
+    """Colour and dashes of a joint's contact."""
+    round_, at = divmod(index, len(CONTACT_COLOURS))
+    return {"color": CONTACT_COLOURS[at], "ls": _DASHES[round_ % len(_DASHES)]}
+
+
+def narrow(panel: Axes) -> bool:
+    """Whether the figure is as wide as a column of a journal, or less."""
+    return bool(figure_of(panel).get_figwidth() < 4.5)
+
+
+def legend(panel: Axes, columns: int) -> None:
+    """Above the axes, in fewer columns on a narrow figure."""
+    if narrow(panel) and columns > 3:
+        columns = 2
+    made = panel.legend(
+        loc="lower left",
+        bbox_to_anchor=(0.0, 1.0),
+        ncols=columns,
+        borderaxespad=0.2,
+        handlelength=1.3,
+        columnspacing=1.2,
+    )
+    for line in made.get_lines():
+        line.set_linewidth(max(line.get_linewidth(), 1.6))
+
+
+def timeline(
+    panel: Axes,
+    time: np.ndarray,
+    values: np.ndarray,
+    members: Sequence[int],
+    rows: Sequence[str],
+    colours: Sequence[str],
+    options: dict[str, Any],
+) -> None:
+    """A row for each of `members`, filled while `values` equals it."""
+    ends = np.append(time[1:], time[-1])
+    for row, (member, colour) in enumerate(zip(members, colours, strict=False)):
+        edges = np.diff(np.concatenate([[False], values == member, [False]]).astype(int))
+        first, last = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1) - 1
+        spans = np.column_stack([time[first], ends[last] - time[first]])
+        drawn: dict[str, Any] = {"facecolors": colour, "linewidth": 0.0} | options
+        panel.broken_barh(spans.tolist(), (row - 0.4, 0.8), **drawn)
+    panel.set_yticks(range(len(rows)), rows)
+    panel.set_ylim(len(rows) - 0.5, -0.5)
+    panel.set_xlim(time[0], time[-1])
+    panel.grid(axis="y", visible=False)
+    panel.tick_params(axis="y", length=0)
+    panel.set_xlabel("time [s]")

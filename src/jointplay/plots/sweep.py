@@ -8,11 +8,10 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from jointplay.errors import JointplayError, MissingName
-from jointplay.plots.style import COLOURS, StyledFigure, new_figure, style
+from jointplay.core.errors import JointplayError, MissingName
+from jointplay.plots.style import COLOURS, StyledFigure, listed, logarithmic, new_figure, style
 from jointplay.sweeps.plan import SAMPLE
-from jointplay.sweeps.statements import samples_of
-from jointplay.sweeps.table import label, measured, scale, select, shown
+from jointplay.sweeps.table import coordinate_text, label, measured, samples_of, scale, select
 from jointplay.sweeps.uncertainty import convergence, enough, estimate
 
 MOST_LINES = 12
@@ -76,7 +75,7 @@ def _lines(
         axes = figure.subplots()
         for number, k in enumerate(groups):
             part = values if k is None else values.isel({hue: k})
-            text = None if k is None or hue is None else shown(dataset, hue, k)
+            text = None if k is None or hue is None else listed(coordinate_text(dataset, hue, k))
             options: dict[str, Any] = {"color": COLOURS[number % len(COLOURS)], "label": text}
             if number >= len(COLOURS):
                 options["linestyle"] = "--"
@@ -101,7 +100,7 @@ def _log_where_spaced_so(axes: Any, dataset: xr.Dataset, x: str) -> None:
     if len(values) > 3 and (values > 0.0).all():
         ratios = values[1:] / values[:-1]
         if np.ptp(ratios) < 1e-6 * ratios.mean() and ratios[0] > 1.05:
-            axes.set_xscale("log")
+            logarithmic(axes, "x")
 
 
 def _line(
@@ -114,7 +113,7 @@ def _line(
     words = x not in dataset.coords or dataset[x].dtype.kind not in "fi"
     at = np.arange(len(estimates)) if words else dataset[x].values * scale(dataset, x)[0]
     if words:
-        axes.set_xticks(at, [shown(dataset, x, k) for k in range(len(estimates))])
+        axes.set_xticks(at, [coordinate_text(dataset, x, k) for k in range(len(estimates))])
     order = np.argsort(at)
     middle = factor * np.array([one.value for one in estimates])
     low = factor * np.array([one.low for one in estimates])
@@ -156,7 +155,7 @@ def _heat_map(dataset: xr.Dataset, x: str, y: str, z: str, look: str) -> StyledF
         for name, ticks in ((x, axes.set_xticks), (y, axes.set_yticks)):
             size = values.sizes[name]
             at = np.unique(np.linspace(0, size - 1, min(size, 9)).round().astype(int))
-            ticks(at, [shown(dataset, name, k) for k in at])
+            ticks(at, [coordinate_text(dataset, name, k) for k in at])
         axes.set_xlabel(label(dataset, x))
         axes.set_ylabel(label(dataset, y))
         if table.size <= 120:
@@ -199,7 +198,7 @@ def draw_convergence(
             if done is not None:
                 axes.axvline(done, color=colour, ls=":",
                              label=f"{text}: {done} runs give {100 * precision:g} %")  # fmt: skip
-        axes.set_xscale("log")
+        logarithmic(axes, "x")
         axes.set_xlabel("runs")
         axes.set_ylabel(label(dataset, measure))
         axes.legend()

@@ -3,24 +3,29 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
 
-from jointplay.codec import Described
 from jointplay.contact import ContactProperties
-from jointplay.fields import quantity
+from jointplay.core.schema import Described, quantity
 from jointplay.kernel import WELL_RESOLVED_STEPS
-from jointplay.kernel.integrators import DEFAULT
+from jointplay.kernel.integrators import DEFAULT, integrator
+from jointplay.kernel.layout import FRICTION
+from jointplay.kernel.workspace import Workspace
+from jointplay.loads.limits import beyond, worst
+from jointplay.mechanism.impact import friction_step_limit, tooth_duration
 from jointplay.mechanism.mechanism import Mechanism
+from jointplay.result.variables import Records
 
 DRIFT_WARNING_M = 1e-6
 """Gap of an ideal loop above which a run warns."""
 
 NOTHING_EXCHANGED = 1e-6
-"""Part of the kinetic energy below which its variation counts as none."""
+"""Part of the kinetic and elastic energy below which variations count as none."""
 
 ENERGY_WARNING = 0.01
 """Relative energy residual above which a run warns."""
@@ -34,6 +39,9 @@ STEP_WARNING = 0.01
 FEW_UNSOLVED = 10
 """So many steps whose velocities are known to less than the solve's tolerance are not worth a word:
 a first step from rest, or a corner of a friction law hit exactly."""
+
+IMPULSE_WARNING = 0.01
+"""Part of a joint's impulse that its recorded forces may miss before a run warns."""
 
 FED_WARNING = 0.01
 """What friction may give back, relative to the energy exchanged, before a run warns."""
@@ -68,7 +76,8 @@ class Audit(Described):
     energy_exchanged: float = _figure("J")
     """Total variation of the kinetic or potential energy or of any force's work, the largest [J].
 
-    At least a millionth of the kinetic energy, for rounding is not worth a warning.
+    At least a millionth of the kinetic energy and of what springs and contacts store, for rounding
+    is not worth a warning.
     """
     impacts: int
     """Contacts that began, at all places of all joints."""
@@ -92,6 +101,12 @@ class Audit(Described):
     """Steps whose velocity solve did not converge."""
     unresolved: int = 0
     """Macro steps in which the shortest micro steps did not reach the tolerance."""
+    impulse_missed: float = _figure("", default=0.0)
+    """Part of a joint's impulse that its recorded forces miss, the largest; see `Auditor`.
+
+    The impulse is that of all steps, which is what changed the momentum. Forces that alternate from
+    step to step stand in the records with one of their sides only.
+    """
     friction_fed: float = _figure("J", default=0.0)
     """Largest fall of the energy that friction has taken up: what bristles gave back [J]."""
     step_error: float | None = _figure("m", default=None)
@@ -114,8 +129,8 @@ class Audit(Described):
     """Largest force that the search for the place of rest left unbalanced [N]; None: no search."""
     start_load: float | None = _figure("N", default=None)
     """Largest force of a joint there [N]."""
-    judged_from: float | None = _figure("s", default=None)
-    """When figures begin to be judged [s]; None in results of version 0.1."""
+    judged_from: float = _figure("s", default=0.0)
+    """When figures begin to be judged [s]."""
     judged_impacts: int | None = None
     """Contacts that began from then on."""
     judged_impulse: float | None = _figure("N*s", default=None)
@@ -173,6 +188,12 @@ class Audit(Described):
             worries.append(
                 f"{self.unresolved} macro steps did not reach the tolerance with the shortest "
                 "micro steps: raise it"
+            )
+        if self.impulse_missed > IMPULSE_WARNING:
+            worries.append(
+                f"the recorded forces of a joint miss {100 * self.impulse_missed:.2g} % of its "
+                "impulse: they alternate from step to step, and records show one side; reduce the "
+                "step, or set record_every to 1"
             )
         if self.friction_fed > FED_WARNING * self.energy_exchanged:
             worries.append(
@@ -277,3 +298,249 @@ def out_of_range(mechanism: Mechanism, statistics: Mapping[str, np.ndarray]) -> 
             for text in law.warnings(film, thinnest=thinnest):
                 lines[f"joint {name!r}: {text}"] = None
     return tuple(lines)
+
+
+# Figures of the audit that histories tell, gathered portion by portion while they pass.
+
+
+PORTION = 4096
+"""Records of a portion.
+
+Sums are over portions, so that it makes no difference how many of them are in memory at once: what
+passes at a time must begin at a multiple of this.
+"""
+
+
+MISSED = 5.0
+"""Standard errors by which the impulse of a joint's records must miss that of all steps to count.
+
+Between two records a force is unknown by no more than it is seen to vary there, its peak included;
+over many intervals these errors add up as independent ones do, unless records and force keep step.
+"""
+
+MOST_WORST = 64
+"""Portions whose worst records are kept apart."""
+
+
+class Auditor:
+    """Watches the histories of a run pass.
+
+    Args:
+        mechanism: what was simulated.
+        simulation: the whole simulation as plain data.
+        judged_from: when judging begins [s].
+    """
+
+    def __init__(
+        self, mechanism: Mechanism, simulation: Mapping[str, Any], judged_from: float
+    ) -> None:
+        """Nothing has passed yet."""
+        self._mechanism, self._simulation = mechanism, simulation
+        self._judged_from = judged_from
+        self._start: np.ndarray | None = None
+        self._last: np.ndarray | None = None
+        self._variations: Any = 0.0
+        self._held = self._residual = self._drift = self._fed = 0.0
+        self._rubbed = -math.inf
+        self._peaks = np.zeros(len(mechanism.clearance))
+        self._late = self._early = 0.0
+        self._before: tuple[np.ndarray, np.ndarray] | None = None
+        self._sampled: Any = 0.0
+        self._pressed: Any = 0.0
+        self._unknown: Any = 0.0
+        self._twists = dict.fromkeys(mechanism.gears, 0.0)
+        self._worst: list[tuple[np.ndarray, ...]] = []
+
+    def watch(
+        self,
+        records: Records,
+        energies: Sequence[np.ndarray],
+        work: np.ndarray,
+        residual: np.ndarray,
+        drift: np.ndarray,
+        effort: np.ndarray,
+        elastic: np.ndarray,
+    ) -> None:
+        """Look at the next histories.
+
+        Args:
+            records: the next records.
+            energies: kinetic and potential [J].
+            work: of all that does work (n, forces) [J].
+            residual: of the energy balance [J].
+            drift: of ideal loops (n, loops) [m].
+            effort: of drives and controllers (n, nv).
+            elastic: energy stored in contacts, gears and loads [J].
+        """
+        for begin in range(0, records.rows, PORTION):
+            at = slice(begin, begin + PORTION)
+            self._look(
+                records.part(begin, begin + PORTION),
+                [values[at] for values in energies],
+                work[at],
+                residual[at],
+                drift[at] if len(drift) else drift,
+                effort[at],
+                elastic[at],
+            )
+
+    def _look(
+        self,
+        records: Records,
+        energies: Sequence[np.ndarray],
+        work: np.ndarray,
+        residual: np.ndarray,
+        drift: np.ndarray,
+        effort: np.ndarray,
+        elastic: np.ndarray,
+    ) -> None:
+        q = records.recorded("q")
+        if self._start is None:
+            self._start = q[0].copy()
+        moved = np.column_stack([*energies, work])
+        before = moved[:1] if self._last is None else self._last
+        self._variations += np.abs(np.diff(np.vstack([before, moved]), axis=0)).sum(axis=0)
+        self._last = moved[-1:].copy()
+        self._held = _larger(self._held, energies[0] + elastic)
+        self._residual = _larger(self._residual, np.abs(residual))
+        self._drift = _larger(self._drift, drift)
+        rubbed = np.maximum.accumulate(np.concatenate([[self._rubbed], work[:, FRICTION]]))
+        self._fed = _larger(self._fed, rubbed[1:] - work[:, FRICTION])
+        self._rubbed = float(rubbed[-1])
+        self._forces(records)
+        for name in self._twists:
+            motor, link = self._mechanism.motor(name), self._mechanism.coordinate(name)
+            self._twists[name] = _larger(self._twists[name], np.abs(q[:, motor] - q[:, link]))
+        if self._simulation["limits"] != "ignore":
+            time, v = records.recorded("time")[:, 0], records.recorded("v")
+            self._worst.append(self._of_worst(time, q, v, effort))
+            if len(self._worst) > MOST_WORST:  # memory must not grow with the length of a run
+                self._worst = [self._of_worst(*map(np.concatenate, zip(*self._worst, strict=True)))]
+
+    def _of_worst(
+        self, time: np.ndarray, q: np.ndarray, v: np.ndarray, effort: np.ndarray
+    ) -> tuple[np.ndarray, ...]:
+        """The records that say all about limits."""
+        rows = worst(self._mechanism, q, v, effort)
+        return time[rows], q[rows], v[rows], effort[rows]
+
+    def _forces(self, records: Records) -> None:
+        if not len(self._peaks):
+            return
+        peaks = records.recorded("normal_peak").reshape(records.rows, -1, records.width)
+        self._peaks = np.maximum(self._peaks, peaks.max(axis=(0, 2)))
+        vectors = records.recorded("force_peak").reshape(records.rows, -1, 3)
+        sizes = np.linalg.norm(vectors, axis=2).max(axis=1)
+        late = records.recorded("time")[:, 0] >= self._judged_from
+        self._late = _larger(self._late, sizes[late])
+        self._early = _larger(self._early, sizes[~late])
+        self._impulses(records, vectors)
+
+    def _impulses(self, records: Records, peaks: np.ndarray) -> None:
+        """Add the impulses of the recorded forces, by the trapezium rule, and how sure they are."""
+        time = records.recorded("time")[:, 0]
+        force = records.recorded("force").reshape(records.rows, -1, 3)
+        if self._before is not None:
+            time = np.concatenate([self._before[0], time])
+            force = np.concatenate([self._before[1], force])
+            peaks = np.concatenate([peaks[:1], peaks])
+        self._before = time[-1:].copy(), force[-1:].copy()
+        interval, one, other, peak = np.diff(time)[:, None], force[:-1], force[1:], peaks[1:]
+        self._sampled += 0.5 * (interval[..., None] * (one + other)).sum(axis=0)
+        sizes = np.linalg.norm(force, axis=2)
+        self._pressed += 0.5 * (interval * (sizes[:-1] + sizes[1:])).sum(axis=0)
+        varies = np.stack([one - other, one - peak, other - peak])
+        widest = np.linalg.norm(varies, axis=3).max(axis=0)
+        self._unknown += ((interval * widest) ** 2).sum(axis=0)
+
+    def audit(self, workspace: Workspace, judgement: Judgement) -> Audit:
+        """What it comes to, with what the kernels counted in `workspace`."""
+        mechanism, simulation = self._mechanism, self._simulation
+        statistics = workspace.contact_statistics()
+        shortest = float(np.min(statistics["shortest_steps"], initial=np.inf))
+        impulse = float(statistics["impulse"].sum())
+        depth, relative = 0.0, 0.0
+        for name, gaps in zip(mechanism.clearance, statistics["smallest_gap"], strict=True):
+            for gap, room in zip(gaps, mechanism.clearance[name].rooms, strict=False):
+                depth, relative = max(depth, -gap), max(relative, -gap / room)
+        moved = np.max(self._variations, initial=0.0)
+        return Audit(
+            energy_residual=self._residual,
+            energy_exchanged=max(float(moved), NOTHING_EXCHANGED * self._held),
+            impacts=int(statistics["onsets"].sum()),
+            shortest_contact_steps=int(shortest) if math.isfinite(shortest) else 0,
+            under_resolved=int(statistics["under_resolved"].sum()),
+            under_resolved_impulse=float(statistics["under_resolved_impulse"].sum()) / impulse
+            if impulse
+            else 0.0,
+            normal_impulse=impulse,
+            largest_penetration=float(depth),
+            penetration_over_clearance=float(relative),
+            step=float(simulation["step"]),
+            friction_step_limit=self._friction_step_limit(),
+            unsolved=int(workspace.run["unsolved"][0]),
+            unresolved=workspace.unresolved,
+            impulse_missed=self._impulse_missed(workspace),
+            friction_fed=self._fed,
+            tooth_steps=self._tooth_steps(),
+            loop_drift=self._drift,
+            law_warnings=out_of_range(mechanism, statistics),
+            limit_warnings=self._beyond_limits(),
+            **self._judged(statistics, judgement),
+        )
+
+    def _impulse_missed(self, workspace: Workspace) -> float:
+        """See `Audit.impulse_missed`."""
+        if self._before is None:
+            return 0.0
+        impulse = workspace.joints["impulse"]
+        missed = np.linalg.norm(self._sampled - impulse, axis=1) - MISSED * np.sqrt(self._unknown)
+        whole = np.maximum(self._pressed, np.linalg.norm(impulse, axis=1))
+        return float(np.max(missed[whole > 0.0] / whole[whole > 0.0], initial=0.0))
+
+    def _friction_step_limit(self) -> float:
+        limit = math.inf
+        explicit = integrator(self._simulation["integrator"]).single_rate
+        if explicit and self._start is not None:
+            for name, force in zip(self._mechanism.clearance, self._peaks, strict=True):
+                step = friction_step_limit(self._mechanism, name, self._start, float(force))
+                limit = min(limit, step)
+        return limit
+
+    def _tooth_steps(self) -> float:
+        """See `Audit.tooth_steps`."""
+        steps = math.inf
+        if self._start is None or self._simulation["tolerance"] is not None:
+            return steps
+        for name, gear in self._mechanism.gears.items():
+            if self._twists[name] > gear.play / 2.0:
+                duration = tooth_duration(self._mechanism, name, self._start)
+                steps = min(steps, duration / float(self._simulation["step"]))
+        return steps
+
+    def _beyond_limits(self) -> tuple[str, ...]:
+        if not self._worst:
+            return ()
+        return beyond(self._mechanism, *map(np.concatenate, zip(*self._worst, strict=True)))
+
+    def _judged(self, statistics: Mapping[str, np.ndarray], judgement: Judgement) -> dict[str, Any]:
+        """Headlines of the part of a run that is judged."""
+        before = judgement.before or {name: np.zeros(1) for name in ("onsets", "impulse")}
+        headlines: dict[str, Any] = {
+            "start": judgement.start,
+            "start_residual": judgement.residual,
+            "start_load": judgement.load,
+            "judged_from": judgement.judged_from,
+            "judged_impacts": int((statistics["onsets"] - before["onsets"]).sum()),
+            "judged_impulse": float((statistics["impulse"] - before["impulse"]).sum()),
+        }
+        if self._mechanism.clearance:
+            headlines["peak_force"] = self._late
+            if judgement.judged_from > 0.0:
+                headlines["peak_force_before"] = self._early
+        return headlines
+
+
+def _larger(before: float, values: np.ndarray) -> float:
+    """The largest of all; not a number if one of them is not."""
+    return float(np.maximum(before, values.max(initial=0.0)))

@@ -7,9 +7,8 @@ import math
 from dataclasses import dataclass
 from typing import Any, ClassVar, Self
 
-from jointplay.codec import Described
-from jointplay.errors import MissingName, require_non_negative
-from jointplay.fields import quantity
+from jointplay.core.errors import MissingName, require_non_negative
+from jointplay.core.schema import Described, quantity
 
 MARKED = 0.05
 """A figure whose relative error exceeds this is marked where it stands."""

@@ -17,14 +17,13 @@ from jointplay.loads.drive import JointFriction
 from jointplay.loads.terms import TERMS
 from jointplay.mechanism.loop import locked
 from jointplay.mechanism.mechanism import Mechanism
-from jointplay.result.audit import Judgement
-from jointplay.result.auditor import PORTION, Auditor
-from jointplay.result.loads import Acting
-from jointplay.result.provenance import versions
-from jointplay.result.records import Records
+from jointplay.result.audit import PORTION, Auditor, Judgement
 from jointplay.result.result import AXES, FORMAT, Result
+from jointplay.result.stored import versions
 from jointplay.result.variables import (
+    Acting,
     Phase,
+    Records,
     Variables,
     contact_names,
     contact_variables,
@@ -50,10 +49,10 @@ CONVENTION = (
 )
 
 
-class Histories:
+class HistoryBuilder:
     """Makes the histories of a run, all at once or portion by portion.
 
-    Portions follow one another, and begin at multiples of `auditor.PORTION`; it makes no difference
+    Portions follow one another, and begin at multiples of `audit.PORTION`; it makes no difference
     to the histories how many there are.
 
     Args:
@@ -138,7 +137,7 @@ class Histories:
         variables["energy_residual"] = (("time",), residual, "J", "error of the energy balance")
         energies = (body["kinetic"], body["potential"])
         effort = records.recorded("drive") + acting.driven(records)
-        self._auditor.watch(records, energies, work, residual, drift, effort)
+        self._auditor.watch(records, energies, work, residual, drift, effort, elastic)
         return _dataset(variables, coordinates | self._coordinates(records))
 
     def _turn(self, orientation: np.ndarray) -> None:
@@ -251,7 +250,7 @@ def histories(
     `only`: histories that are wanted; memory then holds the others a portion at a time.
     """
     judged_from = (judgement or Judgement()).judged_from
-    made = Histories(mechanism, simulation, friction, judged_from, loads, reactions)
+    made = HistoryBuilder(mechanism, simulation, friction, judged_from, loads, reactions)
     records = records_of(workspace)
     if only is None:
         dataset = made.portion(records, phases)

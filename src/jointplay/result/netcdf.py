@@ -3,7 +3,8 @@
 HDF5 ends the process if it closes a file on a full disk, and a file with a flipped bit can keep it
 busy for ever. So it writes to memory only, and the bytes then go to disk like those of any file
 (`files.write`). Behind them stands a line with their SHA-256: NetCDF readers do not see it, and
-`load` does not show HDF5 anything that has changed since.
+HDF5 is not shown anything that has changed since. Nor is it shown anything here that another
+process has not read before (`hdf5.examined`): a stranger seals what he likes.
 """
 
 from __future__ import annotations
@@ -12,12 +13,11 @@ import hashlib
 import io
 import math
 import os
-import subprocess
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
-from jointplay.errors import JointplayError
+from jointplay.core.errors import JointplayError
+from jointplay.core.hdf5 import MEMORY_SHARE, damaged, examined, memory
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -31,15 +31,6 @@ _PIECE = 1 << 20
 """Bytes that are read at once for a checksum."""
 
 _SEALED = len(SEAL) + 64 + 1
-
-GUARD_S = 60.0
-"""Longest time that reading a file without checksum may take, and 1 s for each megabyte [s]."""
-
-MEMORY_SHARE = 0.8
-"""Part of this machine's memory that a result may fill."""
-
-_GUARD = "import sys, xarray; xarray.load_dataset(sys.argv[1], engine='h5netcdf')"
-"""What a process of its own does with a file that may hang or crash it."""
 
 
 def pack(dataset: xr.Dataset) -> bytes:
@@ -90,24 +81,27 @@ def open_lazily(path: Path, indexed: bool = True) -> xr.Dataset:
             sealed = file.read()
             file.seek(0)
             if size < 0 or not sealed.startswith(SEAL):
-                raise _damaged(path, "it has no checksum, so that it must be loaded whole")
+                raise damaged(path, "it has no checksum, so that it must be loaded whole")
             if sealed != SEAL + digest(file, size) + b"\n":
-                raise _damaged(path, _CHANGED)
+                raise damaged(path, _CHANGED)
     except JointplayError:
         raise
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise JointplayError(f"cannot read {str(path)!r}: {reason}") from None
     try:
-        import xarray as xr
+        with examined(path):
+            import xarray as xr
 
         return xr.open_dataset(path, engine="h5netcdf", cache=False, create_default_indexes=indexed)
+    except JointplayError:
+        raise
     except Exception as error:  # HDF5 raises whatever it stumbles over
-        raise _damaged(path, error) from None
+        raise damaged(path, error) from None
 
 
 def load(path: Path) -> xr.Dataset:
-    """Read a file that `pack` made, or an earlier version, or another program.
+    """Read a file that `pack` made, or another program.
 
     Raises:
         JointplayError: damaged, no NetCDF file, or larger than this machine's memory.
@@ -120,12 +114,11 @@ def load(path: Path) -> xr.Dataset:
     body, sealed = content[:-_SEALED], content[-_SEALED:]
     if sealed.startswith(SEAL):
         if sealed != seal(body)[-_SEALED:]:
-            raise _damaged(path, _CHANGED)
+            raise damaged(path, _CHANGED)
         content = body
-    else:
-        _guarded(path, len(content))
     try:
-        import xarray as xr
+        with examined(path):
+            import xarray as xr
 
         with xr.open_dataset(io.BytesIO(content), engine="h5netcdf") as dataset:
             _check_size(path, dataset)
@@ -133,12 +126,7 @@ def load(path: Path) -> xr.Dataset:
     except JointplayError:
         raise
     except Exception as error:  # HDF5 raises whatever it stumbles over
-        raise _damaged(path, error) from None
-
-
-def _damaged(path: Path, reason: object) -> JointplayError:
-    words = " ".join(str(reason).split()) or type(reason).__name__
-    return JointplayError(f"{str(path)!r} is damaged or not a result: {words}")
+        raise damaged(path, error) from None
 
 
 def _check_size(path: Path, dataset: xr.Dataset) -> None:
@@ -149,30 +137,3 @@ def _check_size(path: Path, dataset: xr.Dataset) -> None:
             f"{str(path)!r} holds {dataset.nbytes / 1e9:.3g} GB, more than the {largest / 1e9:.3g} "
             "GB that this machine has for it"
         )
-
-
-def memory() -> float:
-    """Memory of this machine [bytes]; infinite if it does not tell."""
-    try:
-        return float(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
-    except (AttributeError, OSError, ValueError):
-        return float("inf")
-
-
-def _guarded(path: Path, size: int) -> None:
-    """Have another process read the file first: if it hangs or crashes, it does so there.
-
-    Raises:
-        JointplayError: it did.
-    """
-    allowed = GUARD_S + size / 1e6
-    command = [sys.executable, "-P", "-c", _GUARD, str(path.absolute())]
-    try:
-        done = subprocess.run(command, capture_output=True, timeout=allowed, check=False)
-    except subprocess.TimeoutExpired:
-        raise _damaged(path, f"reading it did not end within {allowed:.0f} s") from None
-    except OSError:  # no process to be had: it must do without
-        return
-    if done.returncode:
-        last = done.stderr.decode("utf-8", "replace").strip().splitlines()
-        raise _damaged(path, last[-1] if last else f"the reader crashed ({done.returncode})")

@@ -11,13 +11,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from jointplay.contact.trust import showing, trusting
-from jointplay.errors import JointplayError
-from jointplay.host import files
-from jointplay.host.late import late
+from jointplay.core import files
+from jointplay.core.errors import JointplayError, require_whole
+from jointplay.core.imports import load_object
 from jointplay.kernel import Status
 from jointplay.result import netcdf
 from jointplay.result.audit import Audit
-from jointplay.result.judging import after_start_up
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -27,7 +26,7 @@ if TYPE_CHECKING:
     from jointplay.result.certificate import Certificate
     from jointplay.simulation.simulation import Simulation
 
-FORMAT = 2
+FORMAT = 3
 """Version of the file format."""
 
 AXES = ("x", "y", "z")
@@ -71,10 +70,7 @@ class Result:
         0 for a run that was interrupted before: then all there is is judged.
         """
         start = self.audit.judged_from
-        if start is not None:
-            return start if len(self.time) and self.time[-1] > start else 0.0
-        # Version 0.1, where every journal fell from the centre.
-        return after_start_up(float(self.time[-1]), bool(self.joints)) if len(self.time) else 0.0
+        return start if len(self.time) and self.time[-1] > start else 0.0
 
     @property
     def judgement(self) -> str:
@@ -131,7 +127,7 @@ class Result:
     @property
     def plot(self) -> Plots:
         """Figures of this result: `result.plot.orbit()`, `.forces()`, `.deviation()` ..."""
-        plots: Plots = late("plots:Plots")(self)
+        plots: Plots = load_object("plots:Plots")(self)
         return plots
 
     @property
@@ -150,7 +146,7 @@ class Result:
         Columns are called ``tool_position.x``, ``q.joint_b.yaw``; ``attrs["units"]`` has their
         units. `every`: only each n-th record and the last; peaks cover what lies between.
         """
-        frame: pd.DataFrame = late("exports.table:dataframe")(self, every)
+        frame: pd.DataFrame = load_object("exports.table:dataframe")(self, every)
         return frame
 
     def to_csv(self, path: str | Path, every: int = 1, overwrite: bool = False) -> Path:
@@ -181,12 +177,12 @@ class Result:
         Raises:
             JointplayError: see there.
         """
-        written: Path = late("exports:export")(self, path, to, **options)
+        written: Path = load_object("exports:export")(self, path, to, **options)
         return written
 
     def _repr_html_(self) -> str:
         """What a notebook shows: how the run ended, its figures, a small picture."""
-        page: str = late("exports.notebook:page")(self)
+        page: str = load_object("exports.notebook:page")(self)
         return page
 
     @property
@@ -200,7 +196,7 @@ class Result:
         Raises:
             JointplayError: its inputs make no simulation.
         """
-        kind: type[Simulation] = late("simulation:Simulation")
+        kind: type[Simulation] = load_object("simulation:Simulation")
         with trusting(self.trust), showing():
             try:
                 return kind.from_description(json.loads(self.dataset.attrs["simulation"]))
@@ -241,9 +237,9 @@ class Result:
         Raises:
             JointplayError: no such file, damaged, or not a jointplay result.
         """
-        if every == 1:
+        if require_whole("every", every, 1) == 1:
             return cls.read(path, trust, netcdf.load)
-        loaded: Result = late("result.thin:load")(path, trust, every)
+        loaded: Result = load_object("result.thinning:load")(path, trust, every)
         return loaded
 
     @classmethod
@@ -272,12 +268,15 @@ class Result:
 
         path = Path(path)
         if not files.is_file(path):
-            raise JointplayError(f"no result file {str(path)!r}")
+            raise files.absent(path, "result file")
         dataset = reader(path)
-        if dataset.attrs.get("jointplay_format") != FORMAT:
+        found = dataset.attrs.get("jointplay_format")
+        if found is None:
+            raise JointplayError(f"{str(path)!r} is not a jointplay result")
+        if found != FORMAT:
             raise JointplayError(
-                f"{str(path)!r} is not a jointplay result of format {FORMAT} "
-                f"(found {dataset.attrs.get('jointplay_format')!r})"
+                f"{str(path)!r} is a result of format {found}; this version reads only "
+                f"format {FORMAT}: run it again"
             )
         check(dataset, path)
         return cls(dataset, trust)

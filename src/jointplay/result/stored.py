@@ -9,12 +9,16 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any
 
-from jointplay import codec
-from jointplay.errors import JointplayError
-from jointplay.fields import choice, quantity
+import numpy as np
+
+from jointplay.core import schema
+from jointplay.core.errors import JointplayError
+from jointplay.core.schema import choice, quantity
+from jointplay.joints import MOTOR, VIRTUAL_LINK, Coordinate
 from jointplay.kernel import Status
 from jointplay.loads import Load
 from jointplay.loads.drive import Drive, JointFriction
@@ -28,6 +32,7 @@ from jointplay.result.certificate import Certificate
 if TYPE_CHECKING:
     import xarray as xr
 
+
 _AXES = ["x", "y", "z"]
 
 _HISTORIES = {
@@ -36,6 +41,8 @@ _HISTORIES = {
     "drive": ("time", "coordinate"),
     "tool_position": ("time", "axis"),
     "tool_velocity": ("time", "axis"),
+    "tool_orientation": ("time", "quaternion"),
+    "tool_angular_velocity": ("time", "axis"),
     "energy_residual": ("time",),
 }
 """Variables that every result has, and their dimensions."""
@@ -55,20 +62,19 @@ _WITH_PLAY = {
 }
 """Those of results with clearance."""
 
-_MAY_HAVE = {
-    "tool_orientation": ("time", "quaternion"),
-    "tool_angular_velocity": ("time", "axis"),
-}
-"""Those that earlier versions did not write."""
+_WITHOUT_PLAY = {"reaction_force": ("time", "moving_joint", "axis")}
+"""Those of results without."""
 
 _TEXTS = ("status", "message", "audit", "simulation")
 
 
+_AT_ONCE = 1 << 16
+"""Times that are looked at together."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Inputs:
-    """The inputs of a run as result files have them; keys that a later version adds pass."""
-
-    lets_through: ClassVar[bool] = True
+    """The inputs of a run as result files have them."""
 
     mechanism: Mechanism
     motion: Motion | None = None
@@ -83,23 +89,23 @@ class Inputs:
     joint_friction: dict[str, JointFriction] | None = None
     seed: int | None = None
     payloads: tuple[Payload, ...] = ()
-    start: dict[str, float] | str | None = quantity("", default=None)
+    start: str | None = None
     state: dict[str, list[float | None]] = quantity("", default_factory=dict)
     settle: float | str | None = quantity("s", default=None)
     judge_from: float | None = quantity("s", default=None)
-    start_speed: dict[str, float] = quantity("", default_factory=dict)
     loads: dict[str, Load] = field(default_factory=dict)
-    limits: str = choice("way with limits", LIMITS, default="ignore")
-    """Versions that knew of none ignored them."""
+    limits: str = choice("way with limits", LIMITS)
 
 
-def given_state(inputs: Mapping[str, Any]) -> dict[str, list[float | None]]:
-    """Positions and speeds at the start, of a run's inputs; version 0.1 had them in two places."""
-    state: dict[str, list[float | None]] | None = inputs.get("state")
-    if state is not None:
-        return state
-    places, speeds = inputs.get("start") or {}, inputs.get("start_speed") or {}
-    return {name: [places.get(name), speeds.get(name)] for name in {**places, **speeds}}
+def stored_coordinates(mechanism: Mapping[str, Any]) -> dict[str, Coordinate]:
+    """Coordinates of virtual links, carriages and motors that a described mechanism can have.
+
+    By their names in results; what is not among them is a joint's own.
+    """
+    links = [(joint, part) for joint in mechanism["clearance"] for part in VIRTUAL_LINK]
+    motors = [(joint, MOTOR) for joint in mechanism.get("gears") or {}]
+    named = [Coordinate(joint, part) for joint, part in (*links, *motors)]
+    return {str(one): one for one in named}
 
 
 def check(dataset: xr.Dataset, path: Path) -> None:
@@ -161,7 +167,7 @@ def _checked(path: Path, dataset: xr.Dataset, name: str, kind: type) -> Any:
     """An attribute as plain data, which describe a `kind`; nothing is made of them here."""
     given = _json(path, name, dataset.attrs[name])
     try:
-        codec.check(kind, given)
+        schema.check(kind, given)
     except JointplayError as error:
         place = "".join(f"{part}: " for part in (".".join(map(str, error.where)),) if part)
         raise _wrong(path, f"{name}: {place}{error}") from None
@@ -179,31 +185,55 @@ def _check_histories(dataset: xr.Dataset, path: Path, given: Any) -> None:
             if joint not in names:
                 raise _wrong(path, f"it has histories of the joint {_short(joint)}, not its inputs")
         _names(dataset, path, "contact")
-    wanted |= {name: dims for name, dims in _MAY_HAVE.items() if name in dataset.data_vars}
+    else:
+        wanted |= _WITHOUT_PLAY
     for name, dims in wanted.items():
         if name not in dataset.data_vars:
             raise _wrong(path, f"it has no variable {name!r}")
         if dataset[name].dims != dims:
             own = ", ".join(map(str, dataset[name].dims))
             raise _wrong(path, f"{name} has the dimensions ({own}), not ({', '.join(dims)})")
-        if dataset[name].dtype.kind not in "fiu":
-            raise _wrong(path, f"{name} holds {dataset[name].dtype}, not numbers")
-    if "time" not in dataset.coords or dataset["time"].dtype.kind != "f":
-        raise _wrong(path, "it has no times")
+    for variable, values in dataset.data_vars.items():
+        if values.dtype.kind not in "fiu":
+            raise _wrong(path, f"{variable} holds {values.dtype}, not real numbers")
+    _check_times(dataset, path)
     _names(dataset, path, "coordinate")
+    _names(dataset, path, "coordinate_unit", "coordinate")
     if _names(dataset, path, "axis") != _AXES:
         raise _wrong(path, f"its axes are {_short(_names(dataset, path, 'axis'))}, not x, y, z")
-    if "quaternion" in dataset.dims and _names(dataset, path, "quaternion") != [*"wxyz"]:
+    if _names(dataset, path, "quaternion") != [*"wxyz"]:
         order = _short(_names(dataset, path, "quaternion"))
         raise _wrong(path, f"its quaternions are {order}, not w, x, y, z")
     if "moving_joint" in dataset.dims:
         _names(dataset, path, "moving_joint")
 
 
-def _names(dataset: xr.Dataset, path: Path, dimension: str) -> list[str]:
-    if dimension not in dataset.coords or dataset[dimension].ndim != 1:
-        raise _wrong(path, f"it has no names along {dimension!r}")
-    values = dataset[dimension].values.tolist()
+def _check_times(dataset: xr.Dataset, path: Path) -> None:
+    """Times must increase; of a file opened lazily a piece is in memory at a time."""
+    if "time" not in dataset.coords or dataset["time"].dtype.kind != "f":
+        raise _wrong(path, "it has no times")
+    time, before = dataset.variables["time"], -np.inf
+    for first in range(0, time.size, _AT_ONCE):
+        values = np.append(before, time[first : first + _AT_ONCE].values)
+        late = np.flatnonzero(~(np.diff(values) > 0.0))
+        if late.size or not np.isfinite(values[-1]):
+            at = int(late[0]) if late.size else len(values) - 2
+            raise _wrong(
+                path,
+                f"its times must increase, but record {first + at + 1} of {time.size} is at "
+                f"{values[at + 1]:g} s behind {values[at]:g} s",
+            )
+        before = values[-1]
+
+
+def _names(dataset: xr.Dataset, path: Path, name: str, dimension: str = "") -> list[str]:
+    """The texts of the coordinate `name`, which is the dimension itself unless one is given."""
+    dimension = dimension or name
+    if name not in dataset.coords or dataset[name].dims != (dimension,):
+        raise _wrong(path, f"it has no {name!r} along {dimension!r}")
+    values = dataset[name].values.tolist()
+    if not values and dimension != "contact":
+        raise _wrong(path, f"it has nothing along {dimension!r}")
     if not all(isinstance(value, str) and _writable(value) for value in values):
         raise _wrong(path, f"names along {dimension!r} are no text: {_short(values)}")
     return values
@@ -224,3 +254,26 @@ def _short(value: Any) -> str:
 
 def _wrong(path: Path, what: str) -> JointplayError:
     return JointplayError(f"{str(path)!r} is damaged or not a result: {' '.join(what.split())}")
+
+
+# With what a result was made.
+
+
+def versions() -> dict[str, str]:
+    """Versions of this package, Python and the libraries that enter a result."""
+    return dict(_versions())
+
+
+@cache
+def _versions() -> dict[str, str]:
+    """The same, looked up once: that takes milliseconds."""
+    import platform
+    from importlib.metadata import PackageNotFoundError, version
+
+    software = {"python": platform.python_version(), "machine": platform.machine()}
+    for name in ("jointplay", "pin", "numpy", "numba", "scipy"):
+        try:
+            software[name] = version(name)
+        except PackageNotFoundError:  # run from a source tree that is not installed
+            software[name] = "unknown"
+    return software

@@ -1,8 +1,8 @@
-"""What histories are made of: motion of the bodies, contacts, forces of ideal joints."""
+"""What histories are made of: motion of the bodies, contacts, loads, forces of ideal joints."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,17 +10,162 @@ import numpy as np
 import pinocchio as pin
 
 from jointplay.geometry import classify_many
-from jointplay.joints import VIRTUAL_LINK
+from jointplay.joints import VIRTUAL_LINK, Coordinate
 from jointplay.kernel import AZIMUTHS
 from jointplay.kernel.workspace import Workspace
+from jointplay.loads.base import Load
 from jointplay.loads.drive import JointFriction
 from jointplay.mechanism.impact import elastic_energy
 from jointplay.mechanism.loop import ANGLE_ARM_M, locked
 from jointplay.mechanism.mechanism import Mechanism
-from jointplay.mechanism.tree import Frame, Motion, Tree
-from jointplay.result.loads import Pushes
-from jointplay.result.records import Records
-from jointplay.result.result import AXES
+from jointplay.mechanism.tree import BodyMotion, Frame, Tree
+
+# Records that a run left, whole or a portion of them, wherever they are kept.
+
+
+@dataclass(frozen=True)
+class Records:
+    """Some consecutive records.
+
+    `Workspace.recorded` says what their columns are.
+    """
+
+    rows_of: np.ndarray
+    """A record each, shape (n, columns)."""
+    fields: Mapping[str, slice]
+    """Columns by name."""
+    width: int
+    """Places for contacts of each joint."""
+    first: int = 0
+    """Records of the run that come before."""
+
+    @property
+    def rows(self) -> int:
+        """How many there are."""
+        return len(self.rows_of)
+
+    def recorded(self, name: str) -> np.ndarray:
+        """Columns `name`, shape (n, width of it)."""
+        return self.rows_of[:, self.fields[name]]
+
+    def part(self, begin: int, end: int) -> Records:
+        """Those from `begin` to `end`, counted from the first one here."""
+        return Records(self.rows_of[begin:end], self.fields, self.width, self.first + begin)
+
+    def parts(self, size: int) -> Iterator[Records]:
+        """All of them, `size` at a time; at least one part."""
+        for begin in range(0, max(self.rows, 1), size):
+            yield self.part(begin, begin + size)
+
+
+# What loads did in a run: their energies, works and records, and what they pushed on.
+
+
+Variables = dict[str, tuple[tuple[str, ...], np.ndarray, str, str]]
+
+
+@dataclass(frozen=True)
+class Pushes:
+    """What loads pushed on, by record."""
+
+    efforts: np.ndarray
+    """On the coordinates (n, nv) [N m or N]."""
+    bodies: tuple[int, ...]
+    """Pinocchio joints that carry bodies on which wrenches acted."""
+    wrenches: np.ndarray
+    """Force [N] and moment about the world's origin [N m], world axes (n, bodies, 6)."""
+
+
+class Acting:
+    """The loads of a run, bound to its mechanism.
+
+    Attributes:
+        pairs: frames whose poses are needed, by a key: those of each load between frames, and its
+            second one in the world.
+    """
+
+    def __init__(self, mechanism: Mechanism, loads: Mapping[str, Load]) -> None:
+        """Find where they act."""
+        self.mechanism, self.loads = mechanism, loads
+        self._sites = {name: load.site(mechanism) for name, load in loads.items()}
+        self.pairs: dict[Any, tuple[Frame, Frame]] = {}
+        for name, site in self._sites.items():
+            if site.frames is not None:
+                self.pairs["load", name] = site.frames
+                self.pairs["world", name] = ((0, pin.SE3.Identity()), site.frames[1])
+
+    def _answers(self, records: Records) -> dict[str, np.ndarray]:
+        """What each load's law gave, (n, size)."""
+        recorded, answers, at = records.recorded("load_force"), {}, 0
+        for name, site in self._sites.items():
+            size = len(site.pushed) if site.frames is None else 6
+            answers[name] = recorded[:, at : at + size]
+            at += size
+        return answers
+
+    def histories(
+        self, q: np.ndarray, body: Mapping[str, Any], records: Records
+    ) -> tuple[Variables, dict[str, Any]]:
+        """Variables of a result, and their coordinates.
+
+        Args:
+            q: of all records (n, nq).
+            body: has under "poses" those of `pairs` (n, 12), by key.
+            records: these.
+        """
+        n, names = len(q), list(self.loads)
+        energy, answers = np.zeros((n, len(names))), self._answers(records)
+        parts, values, units = [], [], []
+        for i, (name, load) in enumerate(self.loads.items()):
+            site = self._sites[name]
+            x = q[:, list(site.seen)] if site.frames is None else body["poses"]["load", name]
+            energy[:, i] = load.energy(x, load.numbers(self.mechanism))
+            for series in load.record(x, answers[name]):
+                parts.append(f"{name}.{series.name}")
+                values.append(series.values)
+                units.append(series.unit)
+        work = records.recorded("load_work").copy()
+        each, part = ("time", "load"), ("time", "load_part")
+        text = "brought in by the load since t = 0, beyond what it stores"
+        variables: Variables = {
+            "load_energy": (each, energy, "J", "stored in the load"),
+            "load_work": (each, work, "J", text),
+            "load_record": (part, np.stack(values, axis=1), "", "what loads record of themselves"),
+        }
+        units_of_parts = ("load_part", units)
+        return variables, {"load": names, "load_part": parts, "load_part_unit": units_of_parts}
+
+    def driven(self, records: Records) -> np.ndarray:
+        """Efforts of those loads that are actuators of joints, (n, nv) [N m or N]."""
+        efforts = np.zeros((records.rows, self.mechanism.model.nv))
+        for name, answers in self._answers(records).items():
+            if self.loads[name].driven():
+                efforts[:, list(self._sites[name].pushed)] += answers
+        return efforts
+
+    def pushes(self, body: Mapping[str, Any], records: Records) -> Pushes:
+        """What the loads pushed on; arguments as in `histories`."""
+        n = records.rows
+        efforts = np.zeros((n, self.mechanism.model.nv))
+        bodies: list[int] = []
+        wrenches = []
+        for name, answers in self._answers(records).items():
+            site = self._sites[name]
+            if site.frames is None:
+                efforts[:, list(site.pushed)] += answers
+                continue
+            turn = body["bearings"]["load", name]
+            force = np.einsum("nik,nk->ni", turn, answers[:, :3])
+            moment = np.einsum("nik,nk->ni", turn, answers[:, 3:])
+            moment = moment + np.cross(body["poses"]["world", name][:, :3], force)
+            whole = np.hstack([force, moment])
+            bodies += [site.frames[0][0], site.frames[1][0]]
+            wrenches += [-whole, whole]
+        given = np.stack(wrenches, axis=1) if wrenches else np.zeros((n, 0, 6))
+        return Pushes(efforts, tuple(bodies), given)
+
+
+# What histories are made of: motion of the bodies, contacts, forces of ideal joints.
 
 
 @dataclass(frozen=True)
@@ -32,10 +177,6 @@ class Phase:
     model: pin.Model
     energy: float = 0.0
     """What payloads have brought in since the start, when they were picked and released [J]."""
-
-
-Variables = dict[str, tuple[tuple[str, ...], np.ndarray, str, str]]
-"""By name: dimensions, values, unit, long name."""
 
 
 def motion(
@@ -74,12 +215,11 @@ def contact_names(mechanism: Mechanism) -> list[str]:
     return list(dict.fromkeys(names))
 
 
-def unit_of(mechanism: Mechanism, coordinate: str) -> str:
+def unit_of(mechanism: Mechanism, coordinate: Coordinate) -> str:
     """``m`` or ``rad``."""
-    joint, _, part = coordinate.partition(".")
-    if part in VIRTUAL_LINK:
-        return "m" if part in AXES else "rad"
-    return "m" if mechanism.description.joints[joint].slides else "rad"
+    if coordinate.part in VIRTUAL_LINK:
+        return "m" if coordinate.length else "rad"
+    return "m" if mechanism.description.joints[coordinate.joint].slides else "rad"
 
 
 def stretches_of(phases: Sequence[Phase], first: int, n: int) -> list[tuple[int, int, Phase]]:
@@ -118,7 +258,7 @@ def kinematics(
     pairs += more.values()
     frame = mechanism.model.frames[mechanism.tool_frame]
     tool = int(frame.parentJoint), frame.placement
-    motion, n = Motion.of(len(q), len(pairs)), len(q)
+    motion, n = BodyMotion.of(len(q), len(pairs)), len(q)
     for first, end, phase in stretches:
         Tree(phase.model).move(motion, first, end, q, v, tool, pairs)
     return {

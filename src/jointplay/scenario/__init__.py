@@ -1,5 +1,5 @@
 """Scenario files: what to simulate, in TOML, with units."""
 
-from jointplay.scenario.load import Scenario
+import lazy_loader
 
-__all__ = ["Scenario"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,25 +1,463 @@
-"""From a checked scenario to the simulation that it describes."""
+"""From a checked scenario to the simulation that it describes: motion, drives, loads, payloads."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from jointplay.codec import Draft, Preset
-from jointplay.errors import JointplayError, MissingName, within
+import numpy as np
+
+from jointplay.contact import trust
+from jointplay.core.errors import JointplayError, MissingName, require_positive, within
+from jointplay.core.schema import Draft, Preset, fields_of, unknown_key
+from jointplay.core.units import WORDS, Measured, expected, toml_text
 from jointplay.joints import JOINT_WORDS, Clearance
+from jointplay.loads import Load
+from jointplay.loads.drive import ComputedTorque, Drive, JointFriction, Torque
 from jointplay.mechanism.loop import Loop, refuse_name
 from jointplay.mechanism.mechanism import Mechanism
-from jointplay.mechanism.urdf import read
-from jointplay.scenario.acting import drive_of, friction_of, loads_of, payloads_of
-from jointplay.scenario.fitting import beside, drafts, fit
-from jointplay.scenario.model import ANGLE, ANGULAR_SPEED, Model
-from jointplay.scenario.motions import motion_of
-from jointplay.scenario.sources import locate
-from jointplay.scenario.unnamed import complete
+from jointplay.mechanism.payload import Payload
+from jointplay.mechanism.urdf import Mimic, read
+from jointplay.motion.cartesian import cartesian_motion
+from jointplay.motion.reference import INTERPOLATIONS, Motion
+from jointplay.scenario.model import ANGLE, ANGULAR_SPEED, PATHS, Model
+from jointplay.scenario.places import MOTION_SOURCES, locate
 from jointplay.simulation.simulation import Simulation
+
+# What builders of scenarios share: laws beside the file, units of a joint's values.
+
+
+def drafts(table: Any) -> dict[str, Draft]:
+    """Objects that the file describes, checked but not yet made, by name."""
+    drafts: dict[str, Draft] = dict(table)
+    return drafts
+
+
+@contextmanager
+def laws_in_folder(folder: Path, function: str) -> Iterator[None]:
+    """Let a law of the user's own be found beside the scenario that names it."""
+    if trust.is_beside(folder, function.partition(":")[0]):
+        with trust.looking_in(folder):
+            yield
+    else:
+        yield
+
+
+def fit(
+    mechanism: Mechanism,
+    joint: str,
+    value: float,
+    units: tuple[str, str],
+    path: tuple[str | int, ...],
+) -> float:
+    """`value` as float, if its unit is one for this joint: units are (revolute's, prismatic's)."""
+    kind = f"a {path[0]} of a journal"
+    if joint in mechanism.joints:
+        entry = mechanism.description.joints[joint]
+        kind, unit = entry.kind, units[entry.slides]
+    elif path[0] in ("start", "start_speed") and joint in mechanism.coordinates:
+        unit = units[mechanism.coordinates[mechanism.coordinates.index(joint)].length]
+    else:
+        raise MissingName("moving joint", joint, mechanism.joints, where=path)
+    if isinstance(value, Measured) and value.unit not in ("", unit):
+        raise JointplayError(
+            f"{toml_text(value.text)} is no {WORDS[unit][0]}, but joint {joint!r} is {kind}; "
+            f"expected {expected(unit)}",
+            where=path,
+        )
+    return float(value)
+
+
+# What acts in a scenario: drives, friction, loads, payloads.
+
+
+def drive_of(
+    model: Model, mechanism: Mechanism, motion: Motion | None
+) -> Drive | Mapping[str, Drive]:
+    """Drives of all joints, or by joint.
+
+    Raises:
+        JointplayError: no such joint, or a drive that cannot be; `where` has the key.
+    """
+    common: Drive = ComputedTorque()
+    shared: Any = model.drive
+    if shared is not None:
+        if shared.kind is Torque:
+            raise JointplayError(
+                "a torque acts on one joint; give [drives.JOINT]", where=("drive", "kind")
+            )
+        common = _one_drive(shared, ("drive",))
+    if motion is not None and not model.drives:
+        return common
+    drives: dict[str, Drive] = {}
+    if motion is not None and common.follows:
+        drives = dict.fromkeys(motion.joints, common)
+    for name, draft in drafts(model.drives).items():
+        path = ("drives", name)
+        if name not in mechanism.joints:
+            raise MissingName("moving joint", name, mechanism.joints, where=path)
+        fitted = {}
+        if draft.kind is Torque:
+            revolute, prismatic = fields_of(Torque)["values"].units
+            fitted["values"] = tuple(
+                fit(mechanism, name, value, (revolute, prismatic), (*path, "values"))
+                for value in draft.fields["values"]
+            )
+        drives[name] = _one_drive(draft, path, **fitted)
+        if drives[name].follows and (motion is None or name not in motion.joints):
+            kind = drives[name].kind
+            raise JointplayError(
+                f"a {kind} drive follows a motion, and [motion] has none for it", where=path
+            )
+    return drives
+
+
+def _one_drive(draft: Draft, path: tuple[str, ...], **fitted: Any) -> Drive:
+    with within(*path):
+        drive: Drive = Draft(draft.kind, draft.word, {**draft.fields, **fitted}).make()
+        return drive
+
+
+def friction_of(model: Model, mechanism: Mechanism) -> dict[str, JointFriction] | None:
+    """Friction of all moving joints, where the scenario says anything of it."""
+    if not model.joint_friction:
+        return None
+    entries = mechanism.description.joints
+    friction = {
+        name: JointFriction(entries[name].friction, entries[name].damping)
+        for name in mechanism.joints
+    }
+    for name, draft in drafts(model.joint_friction).items():
+        path = ("joint_friction", name)
+        fields = {}
+        for key, value in draft.fields.items():
+            revolute, prismatic = fields_of(JointFriction)[key].units
+            fields[key] = fit(mechanism, name, value, (revolute, prismatic), (*path, key))
+        if name not in friction:
+            raise MissingName("moving joint", name, mechanism.joints, where=path)
+        with within(*path):
+            friction[name] = JointFriction(**fields)
+    return friction
+
+
+def loads_of(model: Model, mechanism: Mechanism, folder: Path) -> dict[str, Load]:
+    """Springs, wrenches and the like, by name; each is tried on the mechanism."""
+    loads: dict[str, Load] = {}
+    for name, draft in drafts(model.loads).items():
+        fitted = {}
+        for key, value in draft.fields.items():
+            units = fields_of(draft.kind)[key].units
+            if len(units) == 2 and value is not None:
+                at = ("loads", name, key)
+                fitted[key] = fit(mechanism, draft.fields["joint"], value, (units[0], units[1]), at)
+        with (
+            within("loads", name),
+            laws_in_folder(folder, str(draft.fields.get("function", ""))),
+        ):
+            load = Draft(draft.kind, draft.word, {**draft.fields, **fitted}).make()
+            load.site(mechanism)
+            load.numbers(mechanism)
+        loads[name] = load
+    return loads
+
+
+def payloads_of(model: Model, mechanism: Mechanism) -> tuple[Payload, ...]:
+    """Payloads, held by the tool if nothing else is said."""
+    payloads = []
+    drafts: list[Any] = list(model.payloads)
+    for index, draft in enumerate(drafts):
+        with within("payloads", index):
+            payload = Payload(**{"frame": mechanism.tool, **draft.fields})
+            if not mechanism.model.existFrame(payload.frame):
+                names = [f.name for f in mechanism.model.frames if f.name != "universe"]
+                raise MissingName("frame", payload.frame, names, where=("frame",))
+            payloads.append(payload)
+    return tuple(payloads)
+
+
+# The motion that a scenario gives: of a file, of joints, of the tool.
+
+
+@contextmanager
+def _renamed(**names: str) -> Iterator[None]:
+    """Say of errors in the block at one of these arguments that they are at its key."""
+    try:
+        yield
+    except JointplayError as error:
+        error.where = tuple(names.get(str(part), part) for part in error.where)
+        raise
+
+
+def motion_of(
+    model: Model, mechanism: Mechanism, folder: Path, start: dict[str, float]
+) -> Motion | None:
+    """The reference; takes out of `start` what it uses."""
+    if model.motion is None:
+        return None
+    motion = _as_given(model, model.motion, mechanism, folder, start)
+    if model.motion.faster is None:
+        return motion
+    with within("motion", "faster"):
+        faster = require_positive("faster", model.motion.faster, "")
+        return motion.at_speed(faster)
+
+
+def _as_given(
+    model: Model, table: Any, mechanism: Mechanism, folder: Path, start: dict[str, float]
+) -> Motion:
+    """The reference at the speed that the scenario gives it."""
+    given = table.given()
+    interpolation = table.interpolation or INTERPOLATIONS[0]
+    sources = [key for key in MOTION_SOURCES if key in given]
+    if len(sources) != 1:
+        raise JointplayError(
+            f"the motion needs one of {', '.join(MOTION_SOURCES)}; "
+            f"got {' and '.join(sources) or 'none'}",
+            where=("motion", *sources[1:2]),
+        )
+    (source,) = sources
+    for key in given:
+        if key not in (source, *MOTION_SOURCES[source]):
+            keys = (source, *MOTION_SOURCES[source])
+            raise JointplayError(
+                unknown_key(key, keys) + f" (with {source})", where=("motion", key)
+            )
+    if source == "file":
+        with within("motion", "file"):
+            return _from_file(locate(given["file"], folder), table.interpolation)
+    if source == "speeds":
+        return _turning(model, mechanism, start)
+    if table.times is None:
+        raise JointplayError(f"the key times is missing; {source} needs it", where=("motion",))
+    if source == "tool_position":
+        return _cartesian(table, mechanism, start)
+    columns = []
+    for name, values in given["joints"].items():
+        path = ("motion", "joints", name)
+        if len(values) != len(table.times):
+            raise JointplayError(
+                f"{len(values)} positions for {len(table.times)} times; give one for each",
+                where=path,
+            )
+        columns.append([fit(mechanism, name, value, ANGLE, path) for value in values])
+    with within("motion"):
+        positions = np.array(columns).reshape(len(columns), len(table.times)).T
+        return Motion(list(given["joints"]), table.times, positions, interpolation)
+
+
+def _from_file(path: Path, interpolation: str | None) -> Motion:
+    """Motion of a file, which is read again only once it has changed."""
+    try:
+        stamp = path.stat()
+    except (OSError, ValueError):  # which those who read put into words
+        return _read(path, interpolation)
+    return _read_once(path, interpolation, (stamp.st_mtime_ns, stamp.st_size, stamp.st_ino))
+
+
+@lru_cache(maxsize=16)
+def _read_once(path: Path, interpolation: str | None, stamp: tuple[int, ...]) -> Motion:
+    return _read(path, interpolation)
+
+
+def _read(path: Path, interpolation: str | None) -> Motion:
+    if path.suffix.lower() == ".mcap":  # recorded, and dense
+        return Motion.from_mcap(path, interpolation=interpolation or "spline")
+    return Motion.from_csv(path, interpolation or INTERPOLATIONS[0])
+
+
+def _turning(model: Model, mechanism: Mechanism, start: dict[str, float]) -> Motion:
+    """Joints at constant speed."""
+    assert model.motion is not None
+    assert model.motion.speeds is not None
+    duration = model.integration.duration
+    if duration is None:
+        raise JointplayError(
+            "constant speeds have no end; give duration in [integration]",
+            where=("motion", "speeds"),
+        )
+    names = list(model.motion.speeds)
+    speeds = [
+        fit(mechanism, name, speed, ANGULAR_SPEED, ("motion", "speeds", name))
+        for name, speed in model.motion.speeds.items()
+    ]
+    begin = np.array([start.pop(name, 0.0) for name in names])
+    with within("motion", "speeds"):
+        positions = [begin, begin + np.array(speeds) * duration]
+        return Motion(names, [0.0, duration], np.array(positions), "constant-speed")
+
+
+def _cartesian(table: Any, mechanism: Mechanism, start: dict[str, float]) -> Motion:
+    """Joints that move a frame as asked."""
+    for key in ("tool_position", "tool_rpy"):
+        rows = getattr(table, key)
+        if rows is not None and len(rows) != len(table.times):
+            raise JointplayError(
+                f"{len(rows)} waypoints for {len(table.times)} times; give one for each",
+                where=("motion", key),
+            )
+    with _renamed(positions="tool_position", orientations="tool_rpy"), within("motion"):
+        motion: Motion = cartesian_motion(
+            mechanism.ideal(),
+            np.array(table.times),
+            np.array(table.tool_position).reshape(-1, 3),
+            None if table.tool_rpy is None else np.array(table.tool_rpy).reshape(-1, 3),
+            frame=table.frame,
+            path=table.path or PATHS[0],
+            start=dict(start) or None,
+        )
+    for name in motion.joints:
+        start.pop(name, None)
+    return motion
+
+
+# A motion that names some joints of a robot, made one of all: the others are held, or follow.
+#
+# Joints that mimic others in the URDF follow them; the rest stand where they start. Where loops
+# close, what a motion does not name follows from the loops and is left alone.
+
+
+_SINGLE = ("revolute", "continuous", "prismatic")
+"""Kinds of joint whose one coordinate can be held."""
+
+
+@dataclass(frozen=True)
+class Whole:
+    """A motion, and what was added to it."""
+
+    motion: Motion
+    held: Mapping[str, float]
+    """Position of each joint that stands where it starts [rad or m]."""
+    following: Mapping[str, Mimic]
+    """What each joint follows that mimics another."""
+
+    def told(self) -> list[str]:
+        """What was added in words, a line for each kind."""
+        lines = []
+        if self.held:
+            places: dict[float, list[str]] = {}
+            for name, position in self.held.items():
+                places.setdefault(position, []).append(name)
+            words = [f"{', '.join(names)} at {at:g}" for at, names in places.items()]
+            lines.append(
+                f"held, for the motion does not name them: {'; '.join(words)} [rad or m]; "
+                '[start] says where, [drives] NAME = "free" lets one go'
+            )
+        if self.following:
+            words = [f"{name} = {mimic.formula()}" for name, mimic in self.following.items()]
+            lines.append(f"joints that mimic others follow: {', '.join(words)}")
+        return lines
+
+
+def whole(
+    mechanism: Mechanism,
+    motion: Motion,
+    start: Mapping[str, float] | None = None,
+    alone: Collection[str] = (),
+) -> Whole:
+    """Add to `motion` the moving joints of an open tree that it does not name.
+
+    Args:
+        mechanism: with loops, nothing is added.
+        motion: of some of its joints.
+        start: where joints stand [rad or m]; the others at 0, or the limit next to it.
+        alone: joints that are left as they are.
+    """
+    start = start or {}
+    entries = mechanism.description.joints
+    missing = [
+        name
+        for name in mechanism.joints
+        if name not in motion.joints and name not in alone and entries[name].kind in _SINGLE
+    ]
+    if mechanism.loops or not missing:
+        return Whole(motion, {}, {})
+    held: dict[str, float] = {}
+    columns = dict(zip(motion.joints, motion.positions.T, strict=True))
+    following: dict[str, Mimic] = {}
+    for name in missing:
+        if not entries[name].mimics or name in start:
+            held[name] = start.get(name, _nearest(mechanism, name))
+            columns[name] = np.full(len(motion.times), held[name])
+    for name in missing:
+        if name not in held:
+            _follow(mechanism, name, columns, following, len(motion.times))
+    if len(columns) > len(motion.joints):
+        table = np.array(list(columns.values())).T
+        motion = Motion(list(columns), motion.times, table, motion.interpolation)
+    return Whole(motion, held, following)
+
+
+def _nearest(mechanism: Mechanism, name: str) -> float:
+    """The position within the limits of a joint that is nearest to 0."""
+    entry = mechanism.description.joints[name]
+    low = -np.inf if entry.lower is None else entry.lower
+    high = np.inf if entry.upper is None else entry.upper
+    return float(np.clip(0.0, low, high))
+
+
+def _follow(
+    mechanism: Mechanism,
+    name: str,
+    columns: dict[str, np.ndarray],
+    following: dict[str, Mimic],
+    count: int,
+) -> None:
+    """Add the positions of a joint that mimics another, after those of its leader.
+
+    One whose leader moves freely, or under a torque, moves freely too.
+    """
+    mimic = mechanism.description.joints[name].mimic
+    assert mimic is not None
+    leader = mechanism.description.joints[mimic.leader]
+    if mimic.leader not in mechanism.joints:  # it is fixed
+        ahead = np.zeros(count)
+    else:
+        if mimic.leader not in columns and leader.mimics and leader.kind in _SINGLE:
+            _follow(mechanism, mimic.leader, columns, following, count)
+        if mimic.leader not in columns:
+            return
+        ahead = columns[mimic.leader]
+    columns[name] = mimic.multiplier * ahead + mimic.offset
+    following[name] = mimic
+
+
+# What becomes of the joints that a scenario's motion does not name.
+
+
+def complete(
+    model: Model, mechanism: Mechanism, motion: Motion, start: dict[str, float]
+) -> tuple[Motion, list[str]]:
+    """The motion with what it does not name held, or following; takes out of `start` what it uses.
+
+    Joints of which [drives], a controller in [loads] or [start_speed] says something are left
+    alone, and, where there are [drives] at all, those of which [start] does: they were meant to
+    move.
+    """
+    shared: Any = model.drive
+    if shared is not None and not shared.kind.follows:
+        return motion, []
+    entries = mechanism.description.joints
+    drives: dict[str, Any] = dict(model.drives)
+    followers = {name for name, entry in entries.items() if entry.mimics}
+    alone = {
+        name for name, draft in drives.items() if name not in followers or not draft.kind.follows
+    } | set(model.start_speed)
+    loads: dict[str, Any] = dict(model.loads)
+    for load in loads.values():
+        alone |= set(load.fields.get("joints", ()))  # a controller's
+    if drives:
+        alone |= set(start)
+    added = whole(mechanism, motion, start, alone)
+    for name in added.held:
+        start.pop(name, None)
+    return added.motion, added.told()
+
+
+# From a checked scenario to the simulation that it describes.
 
 
 def build(model: Model, folder: Path) -> tuple[Simulation, list[str]]:
@@ -133,6 +571,6 @@ def _joint(draft: Draft, folder: Path) -> Clearance:
     functions = [str(law.fields["function"]) for law in laws if "function" in law.fields]
     with ExitStack() as stack:
         for function in functions:
-            stack.enter_context(beside(folder, function))
+            stack.enter_context(laws_in_folder(folder, function))
         joint: Clearance = draft.make()
         return joint

@@ -10,15 +10,14 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from jointplay.codec import check, make, unknown_key
 from jointplay.contact.trust import trusting
-from jointplay.errors import JointplayError, MissingName
-from jointplay.fields import fields_of
+from jointplay.core.errors import JointplayError, MissingName
+from jointplay.core.files import read_text
+from jointplay.core.schema import check, fields_of, make, unknown_key
+from jointplay.core.units import toml_text
 from jointplay.scenario.model import NOT_IN_A_CASE, Integration, Model, Output
-from jointplay.scenario.places import Key, dotted, line_of, lines
+from jointplay.scenario.places import MOTION_SOURCES, SHIPPED, Key, dotted, line_of, lines, locate
 from jointplay.scenario.settings import Setting, given_by, tree
-from jointplay.scenario.sources import MOTION_SOURCES, SHIPPED, locate
-from jointplay.units import shown
 
 if TYPE_CHECKING:
     from jointplay.simulation.simulation import Run, Simulation
@@ -127,12 +126,7 @@ class Scenario:
         """
         if str(path).startswith(SHIPPED):
             path = locate(str(path), Path())
-        try:
-            text = Path(path).read_text(encoding="utf-8-sig")
-        except (OSError, ValueError) as error:
-            reason = getattr(error, "strerror", None) or error
-            raise JointplayError(f"cannot read the scenario {str(path)!r}: {reason}") from None
-        return cls(text, path, trust, settings)
+        return cls(read_text(Path(path), "scenario"), path, trust, settings)
 
     def simulation(
         self, case: str | None = None, changes: Mapping[str, Any] | None = None
@@ -207,7 +201,7 @@ class Scenario:
 
     def _table(self, value: Any, path: Key) -> Mapping[str, Any]:
         if not isinstance(value, Mapping):
-            raise self._error(path, f"{shown(value)} is no table")
+            raise self._error(path, f"{toml_text(value)} is no table")
         return value
 
     @cached_property
@@ -241,7 +235,7 @@ class Scenario:
         words += [] if line is None else [f"line {line}"]
         words += [dotted(place)] if place else []
         if built and self._named and place[:1] != ("cases",):
-            words.append(f"case {shown(case)}")
+            words.append(f"case {toml_text(case)}")
         return JointplayError(f"{', '.join(words)}: {' '.join(message.split())}")
 
 

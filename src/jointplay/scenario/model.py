@@ -1,6 +1,6 @@
 """What a scenario file can say: its tables, their keys, and the units of their values.
 
-`codec` reads them; joints, laws, gears, drives and payloads are tables of their own classes.
+`core.schema` reads them; joints, laws, gears, drives and payloads are tables of their own classes.
 """
 
 from __future__ import annotations
@@ -8,8 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, fields
 from typing import Any, ClassVar
 
-from jointplay.codec import register_names
-from jointplay.fields import choice, quantity
+from jointplay.core.schema import choice, quantity, register_names
 from jointplay.joints import Clearance, Material
 from jointplay.joints.materials import material, materials
 from jointplay.kernel.integrators import DEFAULT, INTEGRATORS
@@ -17,8 +16,8 @@ from jointplay.loads import Load
 from jointplay.loads.drive import Drive, JointFriction
 from jointplay.loads.limits import LIMITS
 from jointplay.mechanism.gear import Gear
-from jointplay.mechanism.gravity import STANDARD_GRAVITY
 from jointplay.mechanism.payload import Payload, Vector
+from jointplay.mechanism.urdf import STANDARD_GRAVITY
 from jointplay.motion.reference import INTERPOLATIONS
 from jointplay.result.judging import STARTS
 

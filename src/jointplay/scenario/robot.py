@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from jointplay.errors import JointplayError, MissingName
-from jointplay.host import files
+from jointplay.core import files
+from jointplay.core.errors import JointplayError, MissingName
 from jointplay.mechanism.robots import PREFIX, robot_urdf
 from jointplay.mechanism.tool import choose_tool
 from jointplay.mechanism.urdf import Description, read
 from jointplay.scenario.load import Scenario
+from jointplay.scenario.places import SHIPPED, locate
 from jointplay.scenario.settings import Setting, tree
-from jointplay.scenario.sources import SHIPPED, locate
 
 if TYPE_CHECKING:
     from jointplay.mechanism.mechanism import Mechanism
@@ -78,7 +78,7 @@ def is_robot(place: str) -> bool:
         return False
     try:
         robot_urdf(place)
-    except JointplayError:
+    except JointplayError:  # who then finds no file either says what this says
         return False
     return True
 

@@ -7,8 +7,16 @@ import types
 from collections.abc import Mapping
 from typing import Any, Literal, Union, get_args, get_origin
 
-from jointplay import codec
-from jointplay.fields import Field, explanations, fields_of
+from jointplay.core.schema import (
+    Family,
+    Field,
+    Preset,
+    explanations,
+    family_of,
+    fields_of,
+    is_word,
+    names_of,
+)
 from jointplay.scenario.model import NOT_IN_A_CASE, Model
 
 CASE = "Case"
@@ -22,7 +30,7 @@ def schema() -> dict[str, Any]:
     What is missing it does not say: any case can give what the file's own tables leave out, and
     only both together must be complete. `jointplay check` tells.
     """
-    tables = Tables()
+    tables = SchemaTables()
     own = tables.properties(Model)
     definitions = tables.definitions
     definitions[CASE] = {
@@ -51,8 +59,8 @@ def schema() -> dict[str, Any]:
     }
 
 
-class Tables:
-    """Schemas of types as `codec.check` takes them; those of tables are put aside by name."""
+class SchemaTables:
+    """Schemas of types as `check` takes them; those of tables are put aside by name."""
 
     def __init__(self) -> None:
         """Begin without definitions."""
@@ -72,7 +80,7 @@ class Tables:
         said = self.of(field.hint)
         if field.choices is not None:
             words = {"enum": list(field.choices[1])}
-            said = words if codec.is_word(field.hint) else {"anyOf": [words, said]}
+            said = words if is_word(field.hint) else {"anyOf": [words, said]}
         if field.units != ("",) and "[" not in text:
             text = f"{text} [{' or '.join(field.units)}]".strip()
         return {**said, "description": text} if text else said
@@ -91,11 +99,11 @@ class Tables:
             return {"type": ["number", "string"]}
         if kind in _TYPES:
             return {"type": _TYPES[kind]}
-        family = codec.family_of(kind)
+        family = family_of(kind)
         if family is not None:
             return self.family(family)
         table = self.table(kind, kind.__name__)
-        names = list(codec.names_of(kind))
+        names = list(names_of(kind))
         return {"anyOf": [{"enum": names}, table]} if names else table
 
     def collection(self, origin: Any, parts: tuple[Any, ...]) -> dict[str, Any]:
@@ -107,11 +115,11 @@ class Tables:
             array |= {"minItems": len(parts), "maxItems": len(parts)}
         return array
 
-    def family(self, family: codec.Family) -> dict[str, Any]:
+    def family(self, family: Family) -> dict[str, Any]:
         """Schema of what a word chooses: tables, and bare words for those that need no more."""
         tables, bare = [], []
         for word, member in family.members.items():
-            preset = member if isinstance(member, codec.Preset) else codec.Preset(member, "", {})
+            preset = member if isinstance(member, Preset) else Preset(member, "", {})
             title = preset.title or preset.kind.__name__
             tables.append(self.table(preset.kind, title, (family.key, word), preset.given))
             if not any(field.required for field in fields_of(preset.kind).values()):

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import copy
 import json
+import re
 import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from jointplay.errors import JointplayError
+from jointplay.core.errors import JointplayError
+from jointplay.core.units import toml_text
 from jointplay.scenario.places import Key, dotted
-from jointplay.units import shown
 
 
 @dataclass(frozen=True)
@@ -32,10 +33,10 @@ def parse(text: str) -> Setting:
     Raises:
         JointplayError: there is no key, or no value.
     """
-    name, equals, value = text.partition("=")
+    name, equals, value = divided(text)
     if "\n" in name or not equals or not name.strip() or not value.strip():
         raise JointplayError(
-            f"--set {shown(text)}: give KEY=VALUE, such as "
+            f"--set {toml_text(text)}: give KEY=VALUE, such as "
             'joints.joint_b.radial_clearance="0.3 mm" or integration.step=5e-6'
         )
     name, value = name.strip(), value.strip()
@@ -43,8 +44,8 @@ def parse(text: str) -> Setting:
         table = tomllib.loads(f"{name} = 0")
     except (tomllib.TOMLDecodeError, RecursionError):
         raise JointplayError(
-            f"--set {shown(text)}: {shown(name)} is no key; parts are joined by dots, and quoted "
-            "where they have other signs than letters, digits, - and _"
+            f"--set {toml_text(text)}: {toml_text(name)} is no key; parts are joined by dots, and "
+            "quoted where they have other signs than letters, digits, - and _"
         ) from None
     key = []
     here: Any = table
@@ -52,6 +53,16 @@ def parse(text: str) -> Setting:
         ((part, here),) = here.items()
         key.append(part)
     return Setting(tuple(key), _value(value), f"--set {name}")
+
+
+_KEY = re.compile(r"""(?:"(?:[^"\\]|\\.)*"|'[^']*'|[^="'])*""")
+
+
+def divided(text: str) -> tuple[str, str, str]:
+    """Key, sign and value of ``KEY=VALUE``; what is quoted in the key may have such a sign."""
+    found = _KEY.match(text)
+    end = 0 if found is None else found.end()
+    return (text[:end], "=", text[end + 1 :]) if text[end : end + 1] == "=" else text.partition("=")
 
 
 def _value(text: str) -> Any:

@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from jointplay.contact.law import Law
-from jointplay.fields import fields_of
+from jointplay.core.schema import fields_of
+from jointplay.core.units import readable
 from jointplay.loads import Load
 from jointplay.loads.drive import assign
 from jointplay.loads.limits import LIMITS
@@ -14,7 +15,6 @@ from jointplay.mechanism.impact import contact_duration
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.scenario.load import Scenario
 from jointplay.simulation.simulation import Run
-from jointplay.units import readable
 
 
 def summary(scenario: Scenario, runs: Mapping[str, Run]) -> str:

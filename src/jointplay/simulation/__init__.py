@@ -1,15 +1,5 @@
 """Simulations: inputs, initial state and the loop through time."""
 
-from typing import TYPE_CHECKING
+import lazy_loader
 
-from jointplay.host.late import offering
-
-if TYPE_CHECKING:
-    from jointplay.simulation.simulation import PERTURBATION as PERTURBATION
-    from jointplay.simulation.simulation import Run as Run
-    from jointplay.simulation.simulation import Simulation as Simulation
-    from jointplay.simulation.simulation import simulate as simulate
-
-__all__ = ["PERTURBATION", "Run", "Simulation", "simulate"]
-
-__getattr__ = offering(__name__, dict.fromkeys(__all__, "simulation"))
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

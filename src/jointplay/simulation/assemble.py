@@ -5,10 +5,11 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 
 from jointplay import kernel
 from jointplay.contact.compiled import address, check_parameters
-from jointplay.errors import JointplayError
+from jointplay.core.errors import JointplayError
 from jointplay.kernel.sites import ContactSite, FilmSite
 from jointplay.mechanism.impact import (
     REFERENCE_SPEED,
@@ -31,6 +32,15 @@ NO_MASS = 1e-9
 FILM_LAG = 0.5
 """Part of the effective mass that a film's lag reckons with: it may fall on the way."""
 
+REST_SPEED = 0.05
+"""Part of the speed of an impact that would store what a contact at rest stores, to which its
+damping is referred.
+
+Smaller, and explicit steps cannot follow the damper that a resting contact is; larger, and it
+reaches into what moves: the restitution of an impact is left as it is while the mass that it meets
+is below 1/REST_SPEED^2 = 400 times the smallest one of the start (docs/theory.md, section 5).
+"""
+
 
 def contact_site(mechanism: Mechanism, name: str, q: np.ndarray) -> ContactSite:
     """What the kernels must know of the joint with clearance `name`.
@@ -46,6 +56,7 @@ def contact_site(mechanism: Mechanism, name: str, q: np.ndarray) -> ContactSite:
         for k in range(len(joint.contacts))
     ]
     rubbing = check_parameters(joint.friction.parameters(), joint.friction.name)
+    mass = effective_mass(mechanism, name, q)
     first = mechanism.virtual_link(name) if mechanism.has_virtual_link(name) else None
     reach: dict[str, Any] = {}
     if first is None:
@@ -62,7 +73,7 @@ def contact_site(mechanism: Mechanism, name: str, q: np.ndarray) -> ContactSite:
             properties.clearance,
             law.thickest(properties.clearance),
             law.transition,
-            FILM_LAG * effective_mass(mechanism, name, q),
+            FILM_LAG * mass,
             check_parameters(law.parameters(properties), law.name),
         )
         reach["must_not_touch"] = 0 if law.hybrid else properties.contacts
@@ -76,6 +87,7 @@ def contact_site(mechanism: Mechanism, name: str, q: np.ndarray) -> ContactSite:
         joint.friction.bristles,
         parameters,
         rubbing,
+        mass / REST_SPEED**2,
         first,
         **reach,
     )
@@ -124,3 +136,81 @@ def _require_short(step: float, duration: float, impact: str) -> None:
             f"{duration / kernel.WELL_RESOLVED_STEPS:.2g} s",
             where=("step",),
         )
+
+
+# Links that joints move and that nothing gives inertia: their motion is undetermined.
+
+
+_NO_INERTIA = 1e-12
+"""An entry on the mass matrix's diagonal that is no larger is none [kg m^2 or kg]."""
+_SINGULAR = 1e-13
+"""Eigenvalue of the mass matrix, its diagonal scaled to 1, that counts as zero."""
+_STILL = 1e-6
+"""Motion that passes for none, relative to the fastest coordinate [1, m or 1/m]."""
+
+
+def undetermined(mechanism: Mechanism, q: np.ndarray) -> np.ndarray:
+    """Motions that cost no energy, one a column, shape (nv, n); none in a sound mechanism.
+
+    Args:
+        mechanism: whose inertias are looked at.
+        q: configuration, shape (nq,).
+    """
+    model = mechanism.model
+    if not model.nv:
+        raise JointplayError("nothing can move: the mechanism has no joint that is not fixed")
+    mass = pin.crba(model, mechanism.data, q).reshape(model.nv, model.nv)
+    mass = np.triu(mass) + np.triu(mass, 1).T
+    diagonal = mass.diagonal()
+    bare = diagonal <= _NO_INERTIA
+    scale = np.where(bare, 0.0, 1.0 / np.sqrt(np.where(bare, 1.0, diagonal)))
+    values, vectors = np.linalg.eigh(mass * np.outer(scale, scale) + np.diag(bare * 1.0))
+    motions = [scale * vector for vector in vectors.T[values <= _SINGULAR]]
+    motions += list(np.eye(model.nv)[bare])
+    return np.array([one / np.abs(one).max() for one in motions]).reshape(-1, model.nv).T
+
+
+def require_inertia(mechanism: Mechanism, q: np.ndarray) -> None:
+    """Raise if joints move links that nothing gives inertia; all of them are named.
+
+    Args:
+        mechanism: what shall be simulated.
+        q: configuration, shape (nq,).
+    """
+    motions = undetermined(mechanism, q)
+    if not motions.size:
+        return
+    model, data = mechanism.model, mechanism.data
+    pin.computeJointJacobians(model, data, q)
+    links = {}
+    for name, entry in mechanism.description.joints.items():
+        if not model.existJointName(name):
+            continue
+        local = pin.getJointJacobian(model, data, model.getJointId(name), pin.ReferenceFrame.LOCAL)
+        if np.abs(local.reshape(6, model.nv) @ motions).max() > _STILL:
+            links[entry.child] = name
+    moving = np.flatnonzero(np.abs(motions).max(axis=1) > _STILL)
+    parts = [mechanism.coordinates[i].joint for i in moving]
+    play = [name for name in mechanism.clearance if name in parts]
+    if not links:  # such as motions of which no joint of the URDF has more than a trace
+        names = [mechanism.coordinates[i] for i in moving] or list(mechanism.coordinates)
+        motors = [name.removesuffix(".motor") for name in names if name.endswith(".motor")]
+        if motors:
+            raise JointplayError(
+                f"{'the gear' if len(motors) == 1 else 'the gears'} of "
+                f"{', '.join(map(repr, motors))} must have a larger rotor_inertia, got "
+                f"{', '.join(f'{mechanism.gears[one].rotor_inertia:g}' for one in motors)} kg m2"
+            )
+        raise JointplayError(
+            f"nothing that moves along {', '.join(names)} has mass or inertia to speak of beside "
+            "the rest, so nothing says how it moves: give its links an <inertial> of their size"
+        )
+    one = len(links) == 1
+    when = f" when {', '.join(map(repr, play))} has clearance" if play else ""
+    raise JointplayError(
+        f"{'link' if one else 'links'} {', '.join(map(repr, links))} moved by joints "
+        f"{'has' if one else 'have'} no mass or inertia to speak of, so nothing says how "
+        f"{'it moves' if one else 'they move'}{when}: give {'it' if one else 'each'} an <inertial> "
+        f"in the URDF, or make {'its joint' if one else 'their joints'} "
+        f"({', '.join(map(repr, links.values()))}) fixed"
+    )

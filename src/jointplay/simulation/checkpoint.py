@@ -8,48 +8,50 @@ from __future__ import annotations
 
 import io
 import json
-import zipfile
+import os
 from collections.abc import Collection, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from jointplay.contact.trust import trusting
-from jointplay.errors import JointplayError
-from jointplay.host import files
+from jointplay.core import files
+from jointplay.core.errors import JointplayError
 from jointplay.kernel.sources import fingerprint
-from jointplay.result.provenance import versions
+from jointplay.result.stored import versions
+from jointplay.simulation.working_files import CHECKPOINT
 
 if TYPE_CHECKING:
     from jointplay.simulation.run import Run
 
-FORMAT = "jointplay checkpoint 2"
 _STATISTICS = "unjudged."
 
 
 def save(run: Run, path: Path) -> Path:
     """See `Run.checkpoint`."""
+    files.check_own(path, CHECKPOINT, "checkpoint")
     memory = run.memory()
     on_disk = run.on_disk if run.on_disk is not None and run.on_disk.needed else None
+    records = None
     if on_disk is not None:
-        on_disk.spill(sync=True)
+        records = {"file": on_disk.path.name, "run": on_disk.spill(sync=True).name}
     arrays = run.workspace.snapshot()
     for name, values in (memory.pop("unjudged") or {}).items():
         arrays[_STATISTICS + name] = values
     head = {
-        "format": FORMAT,
         "simulation": run.simulation.describe(),
         "versions": versions(),
         "kernels": fingerprint(),
         "memory": memory,
-        "records": None if on_disk is None else on_disk.path.name,
+        "records": records,
     }
     arrays["head"] = np.frombuffer(json.dumps(head).encode(), np.uint8)
     out = io.BytesIO()
+    out.write(CHECKPOINT)
     np.savez(out, **arrays)  # type: ignore[arg-type]
-    return files.write(path, out.getvalue(), overwrite=True)
+    return files.write(path, out.getvalue(), overwrite=True, announced=False)
 
 
 def resume(path: Path, trust: Collection[str]) -> Run:
@@ -58,11 +60,34 @@ def resume(path: Path, trust: Collection[str]) -> Run:
 
     arrays, head = read(path)
     with _telling(path):
-        records = None if head["records"] is None else path.with_name(head["records"])
+        # It names a file beside it, which must hold records of this very run: nothing else is read,
+        # written or deleted because a checkpoint says so.
+        records = None if head["records"] is None else path.with_name(head["records"]["file"])
         with trusting(trust):
             run = Simulation.from_description(head["simulation"]).prepare(records=records)
         _restore(run, arrays, head)
     return run
+
+
+def check_replaceable(path: Path) -> None:
+    """Refuse a result that a continued run would replace, but for its own so far.
+
+    Raises:
+        JointplayError: another file is there.
+    """
+    from jointplay.kernel import Status
+    from jointplay.result.result import Result
+
+    if not os.path.lexists(path):
+        return
+    with suppress(JointplayError):
+        found = Result.open(path)
+        found.dataset.close()
+        if found.status == Status.INTERRUPTED:
+            return
+    raise JointplayError(
+        f"{str(path)!r} is not the result of an interrupted run, which would be replaced; move it"
+    )
 
 
 def continue_run(run: Run, path: Path) -> None:
@@ -111,6 +136,7 @@ def _restore(run: Run, arrays: dict[str, np.ndarray], head: dict[str, Any]) -> N
     if run.workspace.kept_elsewhere:
         if run.on_disk is None:
             raise JointplayError("its records are on disk")
+        run.on_disk.name = head["records"]["run"]
         run.on_disk.spill()
     run.recall(head["memory"] | {"unjudged": unjudged or None})
 
@@ -146,15 +172,17 @@ def read(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
 
 def _read(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
     if not files.is_file(path):
-        raise JointplayError(f"no checkpoint {str(path)!r}")
+        raise files.absent(path, "checkpoint")
     try:
-        with np.load(path, allow_pickle=False) as opened:
-            arrays = {name: opened[name] for name in opened.files}
+        with path.open("rb") as file:
+            if file.read(len(CHECKPOINT)) != CHECKPOINT:
+                raise ValueError(f"it does not begin with {CHECKPOINT.decode().strip()!r}")
+            arrays = files.arrays(file)
         head = json.loads(arrays.pop("head").tobytes())
-    except (OSError, ValueError, LookupError, EOFError, zipfile.BadZipFile) as error:
+    except (OSError, ValueError, LookupError, RecursionError) as error:
         raise _damaged(path, error) from None
-    if not isinstance(head, dict) or head.get("format") != FORMAT:
-        raise _damaged(path, ValueError(f"its format is not {FORMAT!r}"))
+    if not isinstance(head, dict):
+        raise _damaged(path, ValueError("its head is no table"))
     return arrays, head
 
 

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pinocchio as pin
 
-from jointplay.errors import JointplayError, MissingName, require_finite
-from jointplay.joints import VIRTUAL_LINK
+from jointplay.core.errors import JointplayError, MissingName, require_finite
+from jointplay.joints import VIRTUAL_LINK, Coordinate
 from jointplay.loads.drive import Drive, JointFriction
 from jointplay.mechanism.loop import (
     ASSEMBLY_TOLERANCE_M,
@@ -20,8 +20,14 @@ from jointplay.mechanism.loop import (
     misfit,
 )
 from jointplay.mechanism.mechanism import Mechanism
-from jointplay.simulation.standing import StandingLoads
-from jointplay.simulation.statics import Balance, Rest, limited
+from jointplay.simulation.statics import (
+    Balance,
+    ElasticJoint,
+    Rest,
+    StandingLoads,
+    limited,
+    relative_pose,
+)
 
 if TYPE_CHECKING:
     from jointplay.kernel.workspace import Workspace
@@ -101,14 +107,14 @@ class Start:
                 continue
             for part, target in zip(VIRTUAL_LINK[:3], push * rooms, strict=True):
                 if part in joint.freedoms:
-                    i = mechanism.coordinates.index(f"{name}.{part}")
+                    i = mechanism.coordinates.index(Coordinate(name, part))
                     shift = target - self.q[i] if at_rest and i not in self.given else target
                     limits = joint.room_to_start.get(part, 0.0) > 0.0
                     if limits:
                         self.q[i] += PERTURBATION * shift if at_rest else shift
             if at_rest:
                 for part in set(limited(joint)).intersection(VIRTUAL_LINK[3:]):
-                    i = mechanism.coordinates.index(f"{name}.{part}")
+                    i = mechanism.coordinates.index(Coordinate(name, part))
                     self.q[i] -= PERTURBATION * self.q[i] if i not in self.given else 0.0
         self.q = assemble(mechanism, self.q, self.led, offsets)
 
@@ -127,12 +133,9 @@ class Start:
         if not self.mechanism.loops or not (self.v.any() or along.any()):
             return along
         later = self.motion_speed + _AHEAD_S * along
-        try:
-            v = consistent_velocity(
-                self.mechanism, self.q + _AHEAD_S * self.v, later, self.moving, self.led
-            )
-        except JointplayError:
-            return along
+        v = consistent_velocity(
+            self.mechanism, self.q + _AHEAD_S * self.v, later, self.moving, self.led
+        )
         return (v - self.v) / _AHEAD_S
 
 
@@ -143,7 +146,7 @@ def _named(mechanism: Mechanism, name: str, followed: Sequence[str]) -> list[int
     elif name in mechanism.coordinates:
         indices = [mechanism.coordinates.index(name)]
     else:
-        parts = [c for c in mechanism.coordinates if "." in c]
+        parts = [c for c in mechanism.coordinates if c.part]
         raise MissingName("moving joint or coordinate", name, [*mechanism.joints, *parts])
     for joint in followed:
         if {mechanism.coordinate(joint), mechanism.motor(joint)} & set(indices):
@@ -226,8 +229,11 @@ def rest(
     balance = Balance(
         mechanism,
         bodies,
-        workspace,
+        workspace.q,
+        workspace.v,
         drives,
+        workspace.drives,
+        workspace.reference[0],
         friction,
         loads,
         start.acceleration(along),
@@ -236,15 +242,36 @@ def rest(
     return balance.settle()
 
 
-def displace(mechanism: Mechanism, q: np.ndarray, distance: float) -> None:
-    """Move every journal aside by `distance` along each axis [m]."""
+HELD = 0.05
+"""Part of the largest stiffness above which contacts hold a journal in a direction."""
+
+HELD_ASIDE_M = 1e-9
+"""How far a journal is moved into contacts that hold it, at most [m]."""
+
+
+def displace(mechanism: Mechanism, q: np.ndarray, distance: Sequence[float]) -> None:
+    """Move every journal aside by `distance` along x, y and z of its bearing [m].
+
+    Where contacts hold it, by no more than `HELD_ASIDE_M`: pressed further into them, a machine at
+    rest would ring, and that is another start rather than the same one a little aside.
+    """
+    pin.forwardKinematics(mechanism.model, mechanism.data, q)
+    aside = {}
+    for name, joint in mechanism.clearance.items():
+        frames = mechanism.bearing_frame(name), mechanism.journal_frame(name)
+        stiff = ElasticJoint(joint).stiffness(relative_pose(mechanism.data, frames))[:3, :3]
+        stiffness, directions = np.linalg.eigh(0.5 * (stiff + stiff.T))
+        parts = directions.T @ np.asarray(distance)
+        held = stiffness > HELD * max(stiffness[-1], 0.0)
+        parts[held] = np.clip(parts[held], -HELD_ASIDE_M, HELD_ASIDE_M)
+        aside[name] = directions @ parts
     for name, joint in mechanism.clearance.items():
         if mechanism.has_virtual_link(name):
-            for part in VIRTUAL_LINK[:3]:
+            for part, away in zip(VIRTUAL_LINK[:3], aside[name], strict=True):
                 if part in joint.freedoms:
-                    q[mechanism.coordinates.index(f"{name}.{part}")] += distance
+                    q[mechanism.coordinates.index(Coordinate(name, part))] += away
         else:
             moves = mechanism.relative_jacobian(name, q)[:3]
             strict = closing_rows(mechanism, q, set(mechanism.loops) - set(mechanism.clearance))
-            aside = np.concatenate([np.full(3, distance), np.zeros(len(strict))])
-            q += np.linalg.pinv(np.concatenate([moves, strict])) @ aside
+            wanted = np.concatenate([aside[name], np.zeros(len(strict))])
+            q += np.linalg.pinv(np.concatenate([moves, strict])) @ wanted

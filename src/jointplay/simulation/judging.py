@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from jointplay.errors import JointplayError, require_non_negative
+from jointplay.core.errors import JointplayError, require_non_negative
 from jointplay.motion.reference import Motion
 from jointplay.result.judging import after_start_up
 

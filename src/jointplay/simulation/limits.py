@@ -1,4 +1,4 @@
-"""How large a run may be, and what its joints may be called: found out before anything is made."""
+"""How large a run may be: found out before anything is made."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import warnings
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from jointplay.errors import JointplayError, MissingName, require_positive
+from jointplay.core.errors import JointplayError, MissingName, require_positive, require_whole
 from jointplay.kernel.integrators import DEFAULT, Integrator
 from jointplay.loads import limits as limits_of_joints
 from jointplay.loads.drive import JointFriction
@@ -28,6 +28,9 @@ def numbers(simulation: Simulation, method: Integrator) -> tuple[float, float, i
         require_positive("macro step", simulation.macro_step, "s", ("macro_step",))
     if simulation.tolerance is not None:
         require_positive("tolerance", simulation.tolerance, "", ("tolerance",))
+        if simulation.tolerance > 1.0:
+            said = f"tolerance is relative, at most 1, got {simulation.tolerance:g}"
+            raise JointplayError(said, ("tolerance",))
     for option in ("macro_step", "tolerance"):
         value = getattr(simulation, option)
         if value is not None and method.single_rate:
@@ -82,13 +85,9 @@ def bounds(simulation: Simulation, followed: Sequence[str]) -> dict[str, float]:
 
 def check_numbers(step: float, duration: float, every: object, seed: object) -> None:
     """Refuse numbers that no run can have: steps without end, records and seeds that are none."""
-    if not isinstance(every, int) or isinstance(every, bool) or not 1 <= every <= MOST_STEPS:
-        raise JointplayError(
-            f"record_every must be a whole number from 1 to {MOST_STEPS:.0e}, got {every!r:.60}",
-            where=("record_every",),
-        )
-    if seed is not None and (not isinstance(seed, int) or not 0 <= seed < 2**63):
-        raise JointplayError(f"seed must be a whole number >= 0, got {seed!r:.60}", ("seed",))
+    require_whole("record_every", every, 1, MOST_STEPS, ("record_every",))
+    if seed is not None:
+        require_whole("seed", seed, 0, 2**63 - 1, ("seed",))
     if duration / step > MOST_STEPS:
         raise JointplayError(
             f"duration {duration:g} s is {duration / step:.3g} steps of {step:g} s; "
@@ -118,13 +117,3 @@ def check_memory(mechanism: Mechanism, duration: float, steps: int, every: int, 
             f"{needed / 1e9:.3g} GB of memory, of which there are {most / 1e9:.3g}; {advice}",
             where=("duration",),
         )
-
-
-def check_names(mechanism: Mechanism) -> None:
-    """Refuse names that coordinates cannot be told by: what follows a dot is a part of a joint."""
-    for joint in mechanism.description.joints.values():
-        if joint.kind != "fixed" and "." in joint.name:
-            raise JointplayError(
-                f"the joint {joint.name!r} has a dot in its name, which stands before the parts of "
-                "a joint with clearance; give it another name to simulate it"
-            )

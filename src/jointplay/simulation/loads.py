@@ -1,4 +1,4 @@
-"""From the loads of a simulation to what the kernels know of them, and who samples when."""
+"""From the loads of a simulation to what the kernels know; what is sampled between steps."""
 
 from __future__ import annotations
 
@@ -9,14 +9,21 @@ from typing import Any, cast
 import numpy as np
 import pinocchio as pin
 
-from jointplay.errors import JointplayError
+from jointplay.core.errors import JointplayError, MissingName
 from jointplay.kernel.sites import LoadSite
 from jointplay.kernel.workspace import Workspace
 from jointplay.loads.base import Load, Site, address
 from jointplay.loads.controller import Controller, hold
-from jointplay.mechanism.mechanism import Mechanism
-from jointplay.mechanism.placed import signs_between
+from jointplay.loads.friction import LEVEL, RATE, TIME, LoadedFriction
+from jointplay.mechanism.loop import closing_rows
+from jointplay.mechanism.mechanism import Mechanism, frame_index, signs_between
+from jointplay.mechanism.payload import Payload, velocity_after_pick
 from jointplay.mechanism.urdf import MOST_LETTERS
+from jointplay.result.variables import Phase
+from jointplay.simulation.loop import TimeLoop
+
+# From the loads of a simulation to what the kernels know of them, and who samples when.
+
 
 LARGEST_STEP_TURN = 1.0
 """Step times natural frequency of springs above which it is refused: 6 steps a period [rad]."""
@@ -183,3 +190,313 @@ class Sampling:
                 seen = list(site.seen)
                 torques = load.torques(sampler, w.time, q[seen].copy(), v[seen].copy())
                 hold(site.numbers, w.time, torques, jumps)
+
+
+# What happens to the bodies during a run: payloads are picked up and released.
+
+
+class Events:
+    """Picks and releases in the order of the steps at which they happen.
+
+    Args:
+        mechanism: the mechanism.
+        model: the run's own, whose inertias change.
+        payloads: what is picked up and released.
+        step: time step [s].
+        record_every: steps between records.
+
+    Attributes:
+        phases: the stretches so far in which the bodies keep their inertias.
+
+    Raises:
+        MissingName: a payload at a frame that does not exist.
+    """
+
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        model: pin.Model,
+        payloads: Sequence[Payload],
+        step: float,
+        record_every: int,
+    ) -> None:
+        """Sort what will happen."""
+        self._mechanism, self._model, self._every = mechanism, model, record_every
+        self.phases = [Phase(0, mechanism.model.copy())]
+        planned: list[tuple[int, Payload, bool]] = []
+        for payload in payloads:
+            if not model.existFrame(payload.frame):
+                names = [frame.name for frame in model.frames if frame.name != "universe"]
+                raise MissingName("frame for a payload", payload.frame, names)
+            times = [(payload.pick, True)]
+            times += [] if payload.release is None else [(payload.release, False)]
+            planned += [(round(time / step), payload, picked) for time, picked in times]
+        self._planned = sorted(planned, key=lambda event: event[0], reverse=True)
+
+    @property
+    def next_step(self) -> int | None:
+        """Step before which something happens; None if nothing will."""
+        return self._planned[-1][0] if self._planned else None
+
+    def happen(self, w: Workspace) -> None:
+        """Pick and release what is due in the state of a workspace."""
+        while self._planned and self._planned[-1][0] <= w.steps:
+            _, payload, picked = self._planned.pop()
+            self._exchange(w, payload, picked)
+
+    def memory(self) -> list[tuple[int, float]]:
+        """Row and energy of each phase so far, for a checkpoint."""
+        return [(phase.row, phase.energy) for phase in self.phases]
+
+    def recall(self, memory: Sequence[Sequence[float]]) -> None:
+        """Let what happened before a checkpoint have happened."""
+        for row, energy in list(memory)[len(self.phases) :]:
+            _, payload, picked = self._planned.pop()
+            bodies = self._change(payload, picked)
+            self.phases.append(Phase(int(row), bodies, float(energy)))
+
+    def _change(self, payload: Payload, picked: bool) -> pin.Model:
+        """Change the inertias of the run's model; returns the bodies that then are."""
+        bodies = self.phases[-1].model.copy()  # without the armature of prescribed motion
+        frame = bodies.frames[frame_index(bodies, payload.frame)]
+        body = frame.placement.act(payload.body)
+        for model in (self._model, bodies):
+            held = model.inertias[frame.parentJoint]
+            model.inertias[frame.parentJoint] = held + body if picked else held - body
+        return bodies
+
+    def _exchange(self, w: Workspace, payload: Payload, picked: bool) -> None:
+        last, driven, speed = self.phases[-1], self._model.copy(), w.v.copy()
+        bodies = self._change(payload, picked)
+        brought = last.energy
+        if w.steps > 0:
+            if picked:
+                ideal = set(self._mechanism.loops) - set(self._mechanism.clearance)
+                rows = closing_rows(self._mechanism, w.q, ideal)
+                w.v[:] = velocity_after_pick(driven, self._model, w.q, speed, rows)
+            brought += _energy(bodies, w.q, w.v) - _energy(last.model, w.q, speed)
+        row = -(-w.steps // self._every)
+        self.phases.append(Phase(row, bodies, brought))
+
+
+def _energy(model: pin.Model, q: np.ndarray, v: np.ndarray) -> float:
+    """Kinetic and potential energy [J]."""
+    data = model.createData()
+    kinetic = pin.computeKineticEnergy(model, data, q, v)
+    return float(kinetic + pin.computePotentialEnergy(model, data, q))
+
+
+# Forces that joints transmit, for friction that grows with them: means over short intervals.
+
+
+REACTION_S = 2e-4
+"""Interval over which a transmitted force is a mean [s]."""
+
+
+class Reactions:
+    """The loads of a run that follow the force that their joint transmits.
+
+    Args:
+        loads: all loads, by name.
+        sites: what the kernels know of them.
+        mechanism: where they act.
+        workspace: of the run.
+        step: time step [s].
+    """
+
+    def __init__(
+        self,
+        loads: Mapping[str, Load],
+        sites: Sequence[LoadSite],
+        mechanism: Mechanism,
+        workspace: Workspace,
+        step: float,
+    ) -> None:
+        """Find the joints and their axes."""
+        self._workspace = workspace
+        self.every = max(round(REACTION_S / step), 1)
+        self._members = []
+        self._pushers: list[tuple[int, Site]] = []
+        for index, (load, site) in enumerate(zip(loads.values(), sites, strict=True)):
+            if isinstance(load, LoadedFriction):
+                self._members.append((load, site.numbers, *_axis(mechanism, load.joint)))
+            elif site.carriers is not None:
+                self._pushers.append((index, load.site(mechanism)))
+        self._data: pin.Data | None = None
+        self._none = pin.StdVec_Force()
+        self._none.extend([pin.Force.Zero()] * mechanism.model.njoints)
+        self._before: tuple[float, np.ndarray, np.ndarray] | None = None
+
+    def __bool__(self) -> bool:
+        """Whether there are any."""
+        return bool(self._members)
+
+    def until_next(self, step: int) -> int | None:
+        """Steps from `step` until they are found again; None if never."""
+        return self.every - step % self.every if self._members else None
+
+    def due(self, step: int) -> bool:
+        """Whether they are found at `step`."""
+        return bool(self._members) and step % self.every == 0
+
+    def memory(self) -> list[Any] | None:
+        """Time and state of the last look, for a checkpoint."""
+        if self._before is None:
+            return None
+        time, q, v = self._before
+        return [time, q.tolist(), v.tolist()]
+
+    def recall(self, memory: Sequence[Any] | None) -> None:
+        """Go on from that look."""
+        if memory is not None:
+            time, q, v = memory
+            self._before = float(time), np.array(q, float), np.array(v, float)
+
+    def begin(self, model: pin.Model, v: np.ndarray, acceleration: np.ndarray) -> None:
+        """Take the forces of the first instant, which no friction has changed yet."""
+        w = self._workspace
+        for (_, numbers, *_rest), level in zip(
+            self._members, self._friction(model, w.q, v, acceleration), strict=True
+        ):
+            numbers[TIME], numbers[LEVEL], numbers[RATE] = w.time, level, 0.0
+        self._before = (w.time, w.q.copy(), v.copy())
+
+    def follow(self, model: pin.Model, v: np.ndarray) -> None:
+        """Take the mean forces since the last time, and draw them on along a line."""
+        w = self._workspace
+        assert self._before is not None
+        time, q, speed = self._before
+        span = w.time - time
+        if span <= 0.0:
+            return
+        middle = 0.5 * (w.q + q), (w.q - q) / span, (v - speed) / span
+        for (_, numbers, *_rest), level in zip(
+            self._members, self._friction(model, *middle), strict=True
+        ):
+            now = time + 0.5 * span
+            apart = now - numbers[TIME]
+            rate = (level - numbers[LEVEL]) / apart if apart > 0.0 else 0.0
+            numbers[TIME], numbers[LEVEL], numbers[RATE] = now, level, rate
+        self._before = (w.time, w.q.copy(), v.copy())
+
+    def _friction(
+        self, model: pin.Model, q: np.ndarray, v: np.ndarray, a: np.ndarray
+    ) -> list[float]:
+        if self._data is None:
+            self._data = model.createData()
+        data = self._data
+        pin.rnea(model, data, q, v, a, self._external(model, data, q))
+        return [
+            load.friction(data.f[joint].linear, axis, slides)
+            for load, _, joint, axis, slides in self._members
+        ]
+
+    def _external(self, model: pin.Model, data: pin.Data, q: np.ndarray) -> pin.StdVec_Force:
+        """Wrenches of loads between frames, on the bodies and in their joints' frames."""
+        if not self._pushers:
+            return self._none
+        forces = pin.StdVec_Force()
+        forces.extend([pin.Force.Zero()] * model.njoints)
+        pin.forwardKinematics(model, data, q)
+        for index, site in self._pushers:
+            assert site.frames is not None
+            (i, first), (j, second) = site.frames
+            wrench = self._workspace.loads["wrench"][index]
+            turn = (data.oMi[i] * first).rotation
+            at = (data.oMi[j] * second).translation
+            acting = pin.SE3(np.eye(3), at).act(pin.Force(turn @ wrench[:3], turn @ wrench[3:]))
+            forces[j] = forces[j] + data.oMi[j].actInv(acting)
+            forces[i] = forces[i] - data.oMi[i].actInv(acting)
+        return forces
+
+
+def _axis(mechanism: Mechanism, name: str) -> tuple[int, np.ndarray, bool]:
+    """Pinocchio joint, its axis in its own frame, and whether it slides."""
+    model = mechanism.model
+    index = int(model.getJointId(name))
+    slides = mechanism.description.joints[name].slides
+    if name in mechanism.clearance:
+        return index, np.array([0.0, 0.0, 1.0]), slides
+    data = model.createData()
+    pin.computeJointJacobians(model, data, pin.neutral(model))
+    local = pin.getJointJacobian(model, data, index, pin.ReferenceFrame.LOCAL)
+    column = local.reshape(6, model.nv)[:, model.joints[index].idx_v]
+    return index, column[:3] if slides else column[3:], slides
+
+
+# What looks at a run between its steps: sampled controllers, friction that follows forces.
+
+
+class Watch:
+    """The loads of a run that look at its state, and when.
+
+    Args:
+        loads: all loads, by name.
+        sites: what the kernels know of them.
+        mechanism: where they act.
+        model: the run's own, payloads in hand.
+        workspace: of the run.
+        step: time step [s].
+
+    Raises:
+        JointplayError: a controller's period that is no multiple of the step.
+    """
+
+    def __init__(
+        self,
+        loads: Mapping[str, Load],
+        sites: Sequence[LoadSite],
+        mechanism: Mechanism,
+        model: pin.Model,
+        workspace: Workspace,
+        step: float,
+    ) -> None:
+        """Find them."""
+        self._workspace, self._model = workspace, model
+        self._sampling = Sampling(loads, sites, workspace, step)
+        self._reactions = Reactions(loads, sites, mechanism, workspace, step)
+
+    def until_next(self, step: int) -> int | None:
+        """Steps from `step` until one of them looks again; None if none ever does."""
+        waits = (self._sampling.until_next(step), self._reactions.until_next(step))
+        return min((due for due in waits if due is not None), default=None)
+
+    def due(self, step: int) -> bool:
+        """Whether one of them looks at `step`."""
+        return self._sampling.due(step) or self._reactions.due(step)
+
+    def set_off(self, loop: TimeLoop) -> None:
+        """Let a loop begin, once more when the forces that joints transmit are known."""
+        w = self._workspace
+        self._sampling.sample(w.q, w.v, jumps=False)
+        loop.begin()
+        if self._reactions:
+            self._reactions.begin(self._model, w.v, w.acceleration)
+            loop.begin()
+
+    def look(self, loop: TimeLoop, last: bool) -> None:
+        """Let those look at the state whose time it is; no controller samples the last one."""
+        w = self._workspace
+        if self._reactions.due(w.steps):
+            self._reactions.follow(self._model, loop.velocity())
+        if last or not self._sampling.due(w.steps):
+            return
+        if loop.method.single_rate:
+            loop.settle()
+            self._sampling.sample(w.q, w.v, jumps=False)
+            loop.begin()
+        else:
+            self._sampling.sample(w.q, loop.velocity(), jumps=True)
+
+    def memory(self) -> dict[str, Any]:
+        """What a checkpoint holds; the numbers of the loads are the workspace's.
+
+        Raises:
+            JointplayError: a controller that cannot say its state.
+        """
+        return {"sampling": self._sampling.memory(), "reactions": self._reactions.memory()}
+
+    def recall(self, memory: Mapping[str, Any]) -> None:
+        """Go on as those that had this memory."""
+        self._sampling.recall(memory["sampling"])
+        self._reactions.recall(memory["reactions"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -9,12 +10,15 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from jointplay.kernel import Command, compiled, entry_of, layout
+from jointplay.kernel import THERE, Command, compiled, entry_of, layout
 from jointplay.kernel.integrators import Integrator
-from jointplay.kernel.sites import CarriedFrame
+from jointplay.kernel.sites import CarriedFrame, ContactSite, LoadSite
 from jointplay.kernel.workspace import Workspace
 from jointplay.mechanism.loop import PROXIMAL
 from jointplay.mechanism.tree import Frame, Tree
+
+# The time loop between two events: who calls Pinocchio when, and the kernels in between.
+
 
 LOOP_CORRECTION = 0.1
 """Frequency of Baumgarte's stabilisation of ideal loops, times the step; of single-rate methods."""
@@ -52,7 +56,7 @@ def moving_bodies(
     return rows, [(numbers[int(b)], place) for b, place in zip(carriers, places, strict=True)]
 
 
-class Loop(ABC):
+class TimeLoop(ABC):
     """Steps a run from one event to the next.
 
     Args:
@@ -144,3 +148,296 @@ class Loop(ABC):
     @abstractmethod
     def finish(self) -> None:
         """Record the last state."""
+
+
+# The multi-rate methods: Pinocchio once a macro step, the micro steps in compiled code.
+
+
+LONGEST_MACRO_STEP_S = 2e-4
+"""Macro steps that an error estimate chooses are no longer than this [s]."""
+
+MACRO_TOLERANCE = 1e-3
+"""Error of the acceleration drawn along a line through two macro steps, relative: what the third
+says differs from it by no more, or the next macro step is shorter.
+
+The error between the middles is a small part of that. Measured: docs/integrators.md.
+"""
+
+LARGEST_DEPARTURE = 3.0
+"""Angle by which the state may leave the path that was predicted for a macro step, over the micro
+step [rad/s]: in proportion, so that smaller micro steps bring this error down with their own."""
+
+LOOP_TOLERANCE = 3e-5
+"""`MACRO_TOLERANCE` with ideal loops, which drift apart by what the parabola is off."""
+
+SHORTEST_MICRO_STEP_S = 2e-8
+"""Adaptive micro steps are halved down to this [s]."""
+
+_aba, _inverse, _WORLD = pin.aba, pin.computeMinverse, pin.Convention.WORLD
+
+_ADVANCE, _PLAN = int(Command.ADVANCE), int(Command.PLAN)
+
+
+class MultiRate(TimeLoop):
+    """Pinocchio once a macro step; the micro steps in compiled code.
+
+    Args:
+        macro_step: length of macro steps [s]; None lets an error estimate choose.
+    """
+
+    def __init__(self, *args: Any, macro_step: float | None = None) -> None:
+        """Prepare the calls."""
+        super().__init__(*args)
+        w, run = self.workspace, self.workspace.run
+        self._dt = float(run["dt"][0])
+        self._middle = w.middle
+        self._zero = np.zeros(self.model.nv)
+        self._until = run["until"]
+        for joint in self.model.joints[1:]:
+            if joint.nv == 1 and "P" not in joint.shortname()[len("JointModel") :][:1]:
+                w.turning[joint.idx_v] = 1.0
+            if joint.shortname() == "JointModelSphericalZYX":
+                w.turning[joint.idx_v : joint.idx_v + 3] = 1.0
+        self._planned_on = False
+        fixed = macro_step is not None
+        run["fixed"], run["unit"] = fixed, 1
+        run["departure_limit"] = np.inf if fixed else LARGEST_DEPARTURE * self._dt
+        longest = LONGEST_MACRO_STEP_S if macro_step is None else macro_step
+        run["longest"] = max(round(longest / self._dt), 1)
+        run["wish"] = run["longest"] if fixed else max(int(run["longest"][0]) // 10, 1)
+        run["tolerance"] = LOOP_TOLERANCE if len(self._models) else MACRO_TOLERANCE
+        if w.needs_jacobians or len(self._models):
+            self._place_bodies()
+
+    def _place_bodies(self) -> None:
+        """Let the kernels know the bodies that joints and loops without clearance are reached by.
+
+        Where they are must be known at every micro step: no call of Pinocchio is cheap enough.
+        """
+        w = self.workspace
+        sites: list[ContactSite | LoadSite] = [*w.sites, *w.load_sites]
+        reached = [frame for site in sites for frame in site.carriers or ()]
+        held = [
+            frame
+            for one in self._models
+            for frame in (
+                (one.joint1_id, one.joint1_placement),
+                (one.joint2_id, one.joint2_placement),
+            )
+        ]
+        bodies, carried = moving_bodies(self.model, [*reached, *held])
+        w.place(bodies, carried[: len(reached)])
+        if held:
+            pairs = zip(carried[len(reached) :: 2], carried[len(reached) + 1 :: 2], strict=True)
+            points = [(i, j, one[9:], other[9:]) for (i, one), (j, other) in pairs]
+            w.hold(np.array(points, layout.HOLD))
+
+    def _ask(self, q: np.ndarray, v: np.ndarray) -> None:
+        """Have Pinocchio find inverse mass matrix, and acceleration without forces, of a state."""
+        _aba(self.model, self.data, q, v, self._zero, self._none, _WORLD)
+        _inverse(self.model, self.data)
+
+    def begin(self) -> None:
+        """Evaluate forces and acceleration, and set off half a step before."""
+        w, self._planned_on = self.workspace, False
+        w.do(Command.RESTART)
+        self._ask(w.q, w.v)
+        w.do(Command.SET_OFF)
+
+    def settle(self) -> None:
+        """Find the velocity at the present instant."""
+        self.workspace.do(Command.SETTLE_MACRO)
+
+    def velocity(self) -> np.ndarray:
+        """From those half a step ago, with the last acceleration."""
+        w = self.workspace
+        velocity: np.ndarray = w.half + 0.5 * float(w.run["dt_before"][0]) * w.acceleration
+        return velocity
+
+    def look(self) -> None:
+        """Find the velocity at the present instant, for a moment."""
+        if not self.workspace.run["fresh"][0]:
+            self.settle()
+
+    def memory(self) -> dict[str, float]:
+        """Whether the next macro step is planned already."""
+        return {"planned_on": float(self._planned_on)}
+
+    def recall(self, memory: Mapping[str, float]) -> None:
+        """Go on with the macro step that was planned."""
+        self._planned_on = bool(memory["planned_on"])
+
+    def stretch(self, steps: int, pause: int | None = None) -> bool:
+        """Do `steps` steps, or fewer; a stretch that paused is taken up again first."""
+        run, enter, (q, v) = self.workspace.run, compiled(), self._middle
+        model, data, zero, none = self.model, self.data, self._zero, self._none
+        if not self._planned_on:
+            self._until[0] = self.workspace.steps + steps
+            enter(run, _PLAN)
+        self._planned_on = False
+        state = 0
+        while state == 0:
+            _aba(model, data, q, v, zero, none, _WORLD)
+            _inverse(model, data)
+            state = enter(run, _ADVANCE)
+            if state == 0 and pause is not None and self.workspace.steps >= pause:
+                self._planned_on = True
+                return True
+        return bool(state == THERE)
+
+    def finish(self) -> None:
+        """Record the last state."""
+        self.workspace.do(Command.FINISH)
+
+
+class Adaptive(MultiRate):
+    """The multi-rate method with micro steps of its own choice.
+
+    A macro step is done twice, the second time with micro steps half as long, until both agree: no
+    call of Pinocchio is repeated. Steps are divided at the onsets of contacts.
+
+    Args:
+        macro_step: see `MultiRate`.
+        tolerance: difference of the momenta at the end of the macro step, relative to what contacts
+            and inertia have moved in it; likewise of the positions.
+    """
+
+    def __init__(self, *args: Any, macro_step: float | None, tolerance: float) -> None:
+        """Prepare the calls, and the room for states to come back to."""
+        super().__init__(*args, macro_step=macro_step)
+        w = self.workspace
+        self._tolerated = tolerance
+        self._state = w.state()
+        self._kept = [array.copy() for array in self._state]
+        self._every, longest = int(w.run["every"][0]), int(w.run["longest"][0])
+        # Macro steps go from record to record, or divide the way between them.
+        fitting = (n for n in range(min(self._every, longest), 0, -1) if self._every % n == 0)
+        w.run["unit"] = next(fitting)
+        self._planned, self._refused = w.run["macro"], w.run["refused"]
+        self._micro_step = self._dt
+
+    @property
+    def commands(self) -> tuple[Command, ...]:
+        """One of each compiled entry that the loop calls."""
+        return (*super().commands, Command.ADAPTIVE_STEP)
+
+    def memory(self) -> dict[str, float]:
+        """Length of the next macro and micro steps."""
+        return super().memory() | {"micro_step": self._micro_step}
+
+    def recall(self, memory: Mapping[str, float]) -> None:
+        """Take the lengths of the next steps."""
+        super().recall(memory)
+        self._micro_step = float(memory["micro_step"])
+
+    def stretch(self, steps: int, pause: int | None = None) -> bool:
+        """Do one macro step, of no more than `steps` steps, as finely as it needs."""
+        self._until[0] = self.workspace.steps + steps
+        self.workspace.do(Command.PLAN)
+        self._refused[0] = 1
+        while self._refused.item():
+            self._ask(*self._middle)
+            self.workspace.do(Command.TAKE_MIDDLE)
+        macro = self._planned.item()
+        span = macro * self._dt
+        for kept, array in zip(self._kept, self._state, strict=True):
+            np.copyto(kept, array)
+        self._begun = self.workspace.half.copy()
+        records = macro // self._every if macro % self._every == 0 else 1
+        halvings = math.ceil(math.log2(max(0.5 * span / (self._micro_step * records), 1.0)) - 1e-9)
+        micro = records * 2**halvings
+        coarse = self._try(micro)
+        while True:
+            for kept, array in zip(self._kept, self._state, strict=True):
+                np.copyto(array, kept)
+            micro *= 2
+            fine = self._try(micro)
+            error = self._difference(coarse, fine, span)
+            if not error > self._tolerated:
+                break
+            if 0.5 * span / micro < SHORTEST_MICRO_STEP_S:
+                self.workspace.unresolved += 1
+                break
+            coarse = fine
+        # The error falls by four when steps are halved; less where a contact begins or ends.
+        self._micro_step = span / micro * (2.0 if error < 0.1 * self._tolerated else 1.0)
+        return not self.workspace.failed
+
+    def _try(self, micro: int) -> tuple[np.ndarray, np.ndarray]:
+        """Do the macro step with so many micro steps; returns q and v at its end."""
+        w = self.workspace
+        w.run["micro"] = micro
+        w.do(Command.ADAPTIVE_STEP)
+        return w.q.copy(), self.velocity()
+
+    def _difference(
+        self, one: tuple[np.ndarray, np.ndarray], other: tuple[np.ndarray, np.ndarray], span: float
+    ) -> float:
+        """Difference of two ends, relative to what was moved in the macro step; 0 if it failed."""
+        w = self.workspace
+        if w.failed:
+            return 0.0
+        mass = 1.0 / np.maximum(w.inverse_mass.diagonal(), 1e-300)
+
+        def size(v: np.ndarray) -> float:
+            return float(np.sqrt(mass @ (v * v)))
+
+        moved = float(w.run["pushed"][0]) + size(other[1] - self._begun)
+        if moved == 0.0:
+            return 0.0
+        return max(size(one[1] - other[1]), size(one[0] - other[0]) / span) / moved
+
+
+# Explicit methods: Pinocchio at every stage.
+
+
+class SingleRate(TimeLoop):
+    """Explicit methods: Pinocchio at every stage."""
+
+    def __init__(self, *args: Any) -> None:
+        """Prepare the calls."""
+        super().__init__(*args)
+        w = self.workspace
+        self._call = self._dynamics(w.q, w.v, w.tau)
+        self._begun = False
+
+    def begin(self) -> None:
+        """Evaluate forces and acceleration."""
+        self.workspace.do(Command.REFRESH if self._begun else Command.BEGIN)
+        self._begun = True
+        if self.workspace.needs_jacobians:
+            pin.computeJointJacobians(self.model, self.data, self.workspace.q)
+            self.workspace.do(Command.LOAD)
+        dynamics, state = self._call
+        dynamics(*state)
+
+    def settle(self) -> None:
+        """Complete the work of the last step."""
+        self.workspace.do(Command.SETTLE)
+
+    def recall(self, memory: Mapping[str, float]) -> None:
+        """Do not begin from the start again."""
+        self._begun = True
+
+    def stretch(self, steps: int, pause: int | None = None) -> bool:
+        """Do `steps` steps, or fewer."""
+        if pause is not None:
+            steps = min(steps, max(pause - self.workspace.steps, 1))
+        enter, run = compiled(self.method.command), self.workspace.run
+        command, load = int(self.method.command), int(Command.LOAD)
+        dynamics, state = self._call
+        jacobians, place = pin.computeJointJacobians, (self.model, self.data, self.workspace.q)
+        through_frames = self.workspace.needs_jacobians
+        for _ in range(steps * self.method.stages):
+            if enter(run, command):
+                return False
+            if through_frames:
+                jacobians(*place)
+                if enter(run, load):
+                    return False
+            dynamics(*state)
+        return True
+
+    def finish(self) -> None:
+        """Record the last state."""
+        self.workspace.do(Command.RECORD)

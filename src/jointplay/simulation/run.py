@@ -6,39 +6,357 @@ import math
 import sys
 import time
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, ExitStack
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pinocchio as pin
 from tqdm import tqdm
 
-from jointplay.errors import JointplayError, require_positive
-from jointplay.host import stopping
+from jointplay.core import signals
+from jointplay.core.errors import (
+    JointplayError,
+    MissingName,
+    require_positive,
+    require_vector,
+    require_whole,
+)
+from jointplay.joints import Coordinate
 from jointplay.kernel import Status
+from jointplay.kernel.integrators import Integrator, integrator
+from jointplay.kernel.sites import LoadSite
+from jointplay.kernel.workspace import Workspace
+from jointplay.loads.drive import Drive, assign
+from jointplay.loads.tables import table_nodes, tabulate
+from jointplay.mechanism.mechanism import Mechanism
 from jointplay.result.audit import Judgement
 from jointplay.result.histories import histories
 from jointplay.result.variables import Phase
-from jointplay.simulation import checkpoint, ending, initial, step_check
-from jointplay.simulation.moment import Moment, moment_of
-from jointplay.simulation.prepare import CHUNK, Prepared
+from jointplay.simulation import checkpoint, initial, limits, step_check
+from jointplay.simulation import loads as acting
+from jointplay.simulation.assemble import check_step, contact_site, require_inertia
+from jointplay.simulation.loads import Events, Watch
+from jointplay.simulation.loop import (
+    LONGEST_MACRO_STEP_S,
+    LOOP_CORRECTION,
+    Adaptive,
+    MultiRate,
+    SingleRate,
+    TimeLoop,
+)
 from jointplay.simulation.progress import Bar
+from jointplay.simulation.spool import OnDisk
+from jointplay.simulation.statics import StandingLoads
 
 if TYPE_CHECKING:
     from jointplay.result.result import Result
+    from jointplay.simulation.simulation import Simulation
 
 
-class Run(Prepared):
+# A simulation made ready to step.
+
+
+CHUNK = 2000
+"""Steps between two looks at the clock and the keyboard, at most."""
+
+
+# How a run ended, in words.
+
+
+def message(
+    mechanism: Mechanism, workspace: Workspace, status: Status, loads: Sequence[str] = ()
+) -> str:
+    """One line on how a run ended; `loads` are their names."""
+    at = f"at t = {workspace.time:.6g} s (step {workspace.steps})"
+    if status == Status.COMPLETED:
+        return f"completed {workspace.time:g} s in {workspace.steps} steps"
+    if status == Status.INTERRUPTED:
+        return f"interrupted {at}; {workspace.rows} records kept"
+    state = ", ".join(
+        f"{name} = {q:.6g} ({v:.4g}/s)"
+        for name, q, v in zip(mechanism.coordinates, workspace.q, workspace.v, strict=True)
+    )
+    joint, contact = workspace.bad_contact
+    if status == Status.BAD_LOAD:
+        what, remedy = f"the load {loads[joint]!r} gave a non-finite value", "correct it"
+    elif status == Status.RUN_AWAY:
+        what = "the state ran away or is not a number"
+        remedy = "reduce the step or the drive's bandwidth"
+    else:
+        name = list(mechanism.clearance)[joint]
+        law = mechanism.clearance[name]
+        place = law.contacts[contact]
+        if status == Status.BROKE_OUT:
+            what = f"the journal of {name!r} broke out of its bearing ({place})"
+            remedy = "reduce the step or check stiffness and loads"
+        elif status == Status.FILM_BROKE:
+            what = f"the journal of {name!r} touched its bore through the film ({place})"
+            remedy = "let the film be hybrid, or take a more viscous oil"
+        else:
+            laws = [law.normal, law.friction] + ([law.film[0]] if law.film else [])
+            what = (
+                f"law {' or '.join(repr(one.name) for one in laws)} of {name!r} "
+                f"returned a non-finite value ({place})"
+            )
+            remedy = "correct the law"
+    return f"stopped {at}: {what}; {remedy}. State: {state}"
+
+
+# One instant of a run, to be read.
+
+
+@dataclass(frozen=True)
+class Moment:
+    """State and contact forces at one instant; arrays are copies, the run goes on without them."""
+
+    time: float
+    """[s]."""
+    step: int
+    """Steps done."""
+    q: np.ndarray
+    """Generalised coordinates, in the order of `coordinates`, shape (nq,) [rad or m]."""
+    v: np.ndarray
+    """Their velocities, shape (nv,)."""
+    mechanism: Mechanism
+    poses: np.ndarray
+    """By joint with clearance: centre of the journal (3) [m], then its orientation row by row (9),
+    in the bearing frame; shape (nj, 12)."""
+    wrenches: np.ndarray
+    """Force on the journal (3) [N] and moment about its centre (3) [N m], bearing axes, (nj, 6)."""
+    normal_forces: np.ndarray
+    """By joint and contact, 0 where nothing touches, shape (nj, contacts) [N]."""
+
+    @property
+    def coordinates(self) -> tuple[Coordinate, ...]:
+        """Names of the coordinates."""
+        return tuple(self.mechanism.coordinates)
+
+    def position(self, name: str) -> float:
+        """Of a joint or of a single coordinate such as ``joint.x`` [rad or m].
+
+        Raises:
+            MissingName: no such joint or coordinate.
+        """
+        return float(self.q[self._index(name)])
+
+    def speed(self, name: str) -> float:
+        """Of a joint or of a single coordinate [rad/s or m/s].
+
+        Raises:
+            MissingName: no such joint or coordinate.
+        """
+        return float(self.v[self._index(name)])
+
+    def journal(self, joint: str) -> tuple[np.ndarray, np.ndarray]:
+        """Centre (3,) [m] and orientation (3, 3) of a journal in its bearing frame.
+
+        Raises:
+            MissingName: no such joint with clearance.
+        """
+        pose = self.poses[self._joint(joint)]
+        return pose[:3], pose[3:].reshape(3, 3)
+
+    def force(self, joint: str) -> np.ndarray:
+        """Force on a journal in the axes of its bearing, shape (3,) [N].
+
+        Raises:
+            MissingName: no such joint with clearance.
+        """
+        return self.wrenches[self._joint(joint), :3]
+
+    def contacts(self, joint: str) -> dict[str, float]:
+        """Normal force by the name of the contact [N].
+
+        Raises:
+            MissingName: no such joint with clearance.
+        """
+        at = self._joint(joint)
+        names = self.mechanism.clearance[joint].contacts
+        return {name: float(self.normal_forces[at, k]) for k, name in enumerate(names)}
+
+    def _index(self, name: str) -> int:
+        if name in self.mechanism.joints:
+            return self.mechanism.coordinate(name)
+        if name not in self.mechanism.coordinates:
+            choices = [*self.mechanism.joints, *(c for c in self.coordinates if c.part)]
+            raise MissingName("moving joint or coordinate", name, choices)
+        return self.mechanism.coordinates.index(name)
+
+    def _joint(self, name: str) -> int:
+        joints = list(self.mechanism.clearance)
+        if name not in joints:
+            raise MissingName("joint with clearance", name, joints)
+        return joints.index(name)
+
+
+def moment_of(
+    workspace: Workspace, loop: TimeLoop, mechanism: Mechanism, single_rate: bool
+) -> Moment:
+    """The present instant of a run, which goes on as if nobody had looked."""
+    kept = [array.copy() for array in workspace.state()]
+    loop.look()
+    touching = workspace.contacts["touching"] > 0
+    if not single_rate:
+        touching &= (workspace.joints["touching"] > 0)[:, None]
+    moment = Moment(
+        workspace.time,
+        workspace.steps,
+        workspace.q.copy(),
+        workspace.v.copy(),
+        mechanism,
+        workspace.joints["pose"].copy(),
+        workspace.joints["wrench"].copy(),
+        np.where(touching, workspace.contacts["normal_now"], 0.0),
+    )
+    for array, values in zip(workspace.state(), kept, strict=True):
+        np.copyto(array, values)
+    return moment
+
+
+# A run: a simulation made ready to step, that one can hold, watch and continue.
+
+
+class Run:
     """A simulation made ready to step: its workspace, and the initial state in it."""
+
+    def __init__(
+        self, simulation: Simulation, progress: bool = False, records: Path | None = None
+    ) -> None:
+        """Check the numbers, place the journals, tabulate the drives; see `Simulation.prepare`."""
+        self.simulation = simulation
+        self.label = ""  # what the progress bar calls the run
+        self.mechanism = mechanism = simulation.mechanism
+        self.method: Integrator = integrator(simulation.integrator)
+        step, duration, self.steps = limits.numbers(simulation, self.method)
+        acting.check(simulation.loads)
+        drives = assign(mechanism, simulation.motion, simulation.drive)
+        every = simulation.record_every
+        if records is None:
+            nodes = table_nodes(simulation.motion, drives, duration)
+            limits.check_memory(mechanism, duration, self.steps, every, nodes)
+        self.friction = limits.friction(simulation)
+        followed = [name for name, drive in drives.items() if drive.follows]
+        bounds = limits.bounds(simulation, followed)
+        start = initial.place(simulation, mechanism, followed)
+        require_inertia(mechanism, start.q)
+        if simulation.seed is not None and not simulation.stands:
+            start.perturb(simulation.seed, at_rest=False)
+        macro = simulation.macro_step or LONGEST_MACRO_STEP_S
+        tables, armature, self._reference = tabulate(
+            mechanism,
+            simulation.motion,
+            drives,
+            duration,
+            self.friction,
+            start.q,
+            progress,
+            bounds,
+            ahead=2.0 * (CHUNK * step + macro),
+        )
+        start.move()
+        # The run's own, for payloads and prescribed motion change its inertias.
+        self.model = mechanism.model.copy()
+        for at, value in armature.items():
+            self.model.armature[at] = value
+        self.data = self.model.createData()
+        sites = [acting.load_site(load, mechanism, bounds) for load in simulation.loads.values()]
+        self.workspace = w = Workspace(
+            self.data,
+            self.model.nv,
+            [contact_site(mechanism, name, start.q) for name in mechanism.clearance],
+            tables,
+            step,
+            every,
+            self.steps // every + 2 if records is None else 1,
+            own_acceleration=not self.method.single_rate,
+            loads=sites,
+        )
+        self.on_disk = None if records is None else self._written(records, macro)
+        """Where records go that memory has no room for."""
+        self._watch = Watch(simulation.loads, sites, mechanism, self.model, w, step)
+        w.q[:], w.v[:] = start.q, start.v
+        self._events = Events(
+            mechanism, self.model, simulation.payloads, step, simulation.record_every
+        )
+        check_step(mechanism, pin.computeTotalMass(self.model), step, start.q)
+        acting.check_step(simulation.loads, mechanism, step, start.q)
+        self.rest: initial.Rest | None = None
+        """Where the search for the place of rest ended; None if journals start centred."""
+        if simulation.stands and (mechanism.clearance or mechanism.gears):
+            self._stand(start, drives, sites)
+        self.judged_from = simulation.judged_from
+        """When figures begin to be judged [s]."""
+        self._unjudged: dict[str, np.ndarray] | None = None
+        self._begun = self._finished = False
+        self._elapsed = 0.0
+        self._since: float | None = None
+        self._origin: tuple[np.ndarray, np.ndarray] | None = None
+        self.guards: list[Callable[[], AbstractContextManager[object]]] = []
+        """Contexts in which the time loop runs, such as one that takes signals."""
+        self.between: list[Callable[[], bool]] = []
+        """Called between stretches; the run stops, to be continued or not, if one says True."""
+        self._loop = self._make_loop(mechanism.constraints(w.q, LOOP_CORRECTION / step))
+
+    def _written(self, records: Path, macro: float) -> OnDisk:
+        """Have the records written to a file as they are made."""
+        step, every = self.simulation.step, self.simulation.record_every
+        most = CHUNK + math.ceil(macro / step) + 2
+        return OnDisk(records, self.workspace, self.steps // every + 2, most)
+
+    def _stand(
+        self, start: initial.Start, drives: Mapping[str, Drive], sites: Sequence[LoadSite]
+    ) -> None:
+        """Let the journals begin where they rest, if they do."""
+        simulation, w = self.simulation, self.workspace
+        self._events.happen(w)  # what is picked at 0 weighs from the first
+        bodies = self._events.phases[-1].model
+        pushing = StandingLoads(simulation.loads, self.mechanism, sites)
+        rest = initial.rest(simulation, start, bodies, w, drives, self.friction, pushing)
+        self.rest = rest
+        if not rest.solved:
+            if simulation.start == "rest":
+                what = (
+                    f"after {rest.trials} trials {rest.residual:.3g} N of {rest.load:.3g} N are "
+                    "not balanced"
+                    if rest.inside
+                    else "a journal would break out of its bearing"
+                )
+                raise JointplayError(
+                    f"no place of rest was found: {what}; start 'centred', or give a state in "
+                    "which the drives hold the machine"
+                )
+            # As the result says: to run it again is to run it like this.
+            self.simulation = replace(simulation, start="centred")
+            if simulation.seed is not None:
+                start.perturb(simulation.seed, at_rest=False)
+        else:
+            self.simulation = replace(simulation, start="rest")
+            start.q = rest.q
+            if simulation.seed is not None:
+                start.perturb(simulation.seed, at_rest=True)
+        start.move()
+        self.workspace.q[:], self.workspace.v[:] = start.q, start.v
+
+    def _make_loop(self, constraints: list[pin.RigidConstraintModel]) -> TimeLoop:
+        simulation = self.simulation
+        parts = (self.model, self.data, self.workspace, self.method, constraints)
+        if self.method.single_rate:
+            return SingleRate(*parts)
+        if simulation.tolerance is None:
+            return MultiRate(*parts, macro_step=simulation.macro_step)
+        return Adaptive(*parts, macro_step=simulation.macro_step, tolerance=simulation.tolerance)
 
     @property
     def phases(self) -> list[Phase]:
         """The stretches so far in which the bodies keep their inertias."""
         return self._events.phases
 
-    def displace(self, distance: float) -> None:
-        """Move every journal aside by `distance` along each axis [m], before the run begins."""
+    def displace(self, distance: Sequence[float]) -> None:
+        """Move every journal aside before the run begins, by `distance` along x, y and z [m]."""
+        distance = require_vector("distance", distance, "m")
         initial.displace(self.mechanism, self.workspace.q, distance)
 
     def execute(self, progress: bool = False, check_step: bool = True) -> Result:
@@ -54,12 +372,18 @@ class Run(Prepared):
             The result. Interrupted by Ctrl-C, or stopped because the state ran away, it holds
             everything up to there and says so in `Result.status` and `Result.message`; a run that
             stopped also warns.
+
+        Raises:
+            JointplayError: the run is at its end already; see `result`.
         """
+        self._check_unfinished()
         if self.on_disk is not None and self.on_disk.needed:
             raise JointplayError("the histories of this run go to a file: save it")
         status, message = self.complete(progress)
         result = self.result(status, message)
-        check_step = check_step and self._origin is not None and step_check.wanted(self.simulation)
+        check_step = (
+            check_step and self._origin is not None and step_check.is_needed(self.simulation)
+        )
         if check_step and status == Status.COMPLETED:
             assert self._origin is not None
             error = step_check.step_error(self, result, self._origin, progress)
@@ -72,7 +396,11 @@ class Run(Prepared):
 
         Args:
             progress: see `execute`.
+
+        Raises:
+            JointplayError: see `execute`.
         """
+        self._check_unfinished()
         if not self._begun:
             self._origin = self.workspace.q.copy(), self.workspace.v.copy()
         status = self.loop(progress)
@@ -97,12 +425,15 @@ class Run(Prepared):
         """What was recorded so far, as a result.
 
         Args:
-            status, message: how the run ended; if not given, as interrupted here.
+            status, message: how the run ended; if not given, as it did: at its end, by a failure,
+                or interrupted here.
             reactions: whether a mechanism without clearance gets the forces in its joints; who
                 asks only where it goes can do without.
             only: histories that are wanted; None: all.
         """
-        status = Status.INTERRUPTED if status is None else status
+        if status is None:
+            failed = self.workspace.status != Status.COMPLETED
+            status = self.workspace.status if self._finished or failed else Status.INTERRUPTED
         return histories(
             self.mechanism,
             self.simulation.describe(),
@@ -148,7 +479,7 @@ class Run(Prepared):
                     bar.update(now)
                     if [told for told in self.between if told()]:
                         return Status.INTERRUPTED
-            except stopping.GivenUp:
+            except signals.GivenUp:
                 raise
             except KeyboardInterrupt:
                 return Status.INTERRUPTED
@@ -167,7 +498,12 @@ class Run(Prepared):
 
         Args:
             pause: steps of a stretch; the multi-rate method stops at the macro step that passes it.
+
+        Raises:
+            JointplayError: see `execute`.
         """
+        self._check_unfinished()
+        pause = require_whole("pause", pause, 1)
         if not self._begun:
             self.begin()
         while self.workspace.steps < self.steps:
@@ -186,8 +522,9 @@ class Run(Prepared):
                 [s]; None: one after every macro step.
 
         Raises:
-            JointplayError: `every` is not positive.
+            JointplayError: `every` is not positive; see `execute`.
         """
+        self._check_unfinished()
         if every is not None:
             require_positive("every", every, "s")
         self._loop.compile()
@@ -220,17 +557,31 @@ class Run(Prepared):
         self._loop.settle()
 
     def finish(self) -> None:
-        """Record the last state."""
+        """Record the last state: the run is at its end.
+
+        Raises:
+            JointplayError: see `execute`.
+        """
+        self._check_unfinished()
         self._loop.finish()
+        self._finished = True
+
+    def _check_unfinished(self) -> None:
+        """Refuse to go on with a run that has ended: its last state would be recorded twice."""
+        if self._finished or self.workspace.status != Status.COMPLETED:
+            raise JointplayError(
+                f"this run ended at t = {self.workspace.time:g} s and cannot be run again: "
+                "run.result() is its result, simulation.prepare() makes another run"
+            )
 
     def checkpoint(self, path: str | Path) -> Path:
         """Write the run as it stands; `Simulation.resume` continues it bit for bit.
 
-        Between stretches or moments, or after Ctrl-C within them. An older file of that name is
-        replaced, at once or not at all.
+        Between stretches or moments, or after Ctrl-C within them. An older checkpoint of that name
+        is replaced, at once or not at all.
 
         Raises:
-            JointplayError: the file cannot be written.
+            JointplayError: the file cannot be written, or one is there that is no checkpoint.
         """
         return checkpoint.save(self, Path(path))
 
@@ -238,6 +589,7 @@ class Run(Prepared):
         """What a checkpoint holds beside the workspace."""
         return {
             "begun": self._begun,
+            "finished": self._finished,
             "elapsed": self.elapsed,
             "origin": None if self._origin is None else [x.tolist() for x in self._origin],
             "reference": self._reference.memory(),
@@ -254,6 +606,7 @@ class Run(Prepared):
         if memory["begun"]:
             self._loop.recall(memory["loop"])
         self._begun, self._elapsed = bool(memory["begun"]), float(memory["elapsed"])
+        self._finished = bool(memory["finished"])
         if memory["origin"] is not None:
             q, v = memory["origin"]
             self._origin = np.array(q, float), np.array(v, float)
@@ -313,7 +666,7 @@ class Run(Prepared):
 
     def advance(self, steps: int) -> bool:
         """Do `steps` steps, or fewer if the run fails; returns whether all is well."""
-        end = self.workspace.steps + steps
+        end = self.workspace.steps + require_whole("steps", steps)
         while self.workspace.steps < end:
             if not self.stretch(end - self.workspace.steps):
                 return False
@@ -321,4 +674,4 @@ class Run(Prepared):
 
     def message(self, status: Status) -> str:
         """One line on how the run ended."""
-        return ending.message(self.mechanism, self.workspace, status, list(self.simulation.loads))
+        return message(self.mechanism, self.workspace, status, list(self.simulation.loads))

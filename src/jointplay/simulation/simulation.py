@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
-from jointplay.codec import Described, unknown_key
-from jointplay.errors import JointplayError, MissingName
-from jointplay.host.late import late
+from jointplay.core.errors import JointplayError, MissingName
+from jointplay.core.imports import load_object
+from jointplay.core.schema import Described, unknown_key
 from jointplay.kernel.integrators import DEFAULT
 from jointplay.loads import Load
 from jointplay.loads.drive import ComputedTorque, Drive, JointFriction
@@ -21,12 +21,11 @@ from jointplay.mechanism.mechanism import Mechanism
 from jointplay.mechanism.payload import Payload
 from jointplay.motion.reference import Motion
 from jointplay.result.judging import STARTS
-from jointplay.result.stored import Inputs, given_state
+from jointplay.result.stored import Inputs
 from jointplay.simulation import checkpoint, judging
 from jointplay.simulation.initial import PERTURBATION, pair
-from jointplay.simulation.moment import Moment
-from jointplay.simulation.on_disk import run_to
-from jointplay.simulation.run import Run
+from jointplay.simulation.run import Moment, Run
+from jointplay.simulation.spool import run_to
 
 if TYPE_CHECKING:
     from jointplay.result.result import Result
@@ -68,14 +67,10 @@ class Simulation(Described):
     seed: int | None = None
     """Displaces each journal at the start by a random vector of up to half its clearances."""
     payloads: Sequence[Payload] = ()
-    start: str | Mapping[str, float] | None = None
+    start: str | None = None
     """``"rest"``: journals begin where they lie under gravity and drives; ``"centred"``: in the
     middle of their bearings. None: at rest where gravity acts or the reference moves from the
-    first, if there is a place of rest; centred where a film that is not hybrid must not break.
-
-    A mapping is the older way to give the positions of `state`."""
-    start_speed: Mapping[str, float] = field(default_factory=dict)
-    """The older way to give the speeds of `state`."""
+    first, if there is a place of rest; centred where a film that is not hybrid must not break."""
     state: Mapping[str, float | tuple[float | None, float | None]] = field(default_factory=dict)
     """Position [rad or m], or position and speed, at the start, by name of a joint without
     reference or of any coordinate: ``joint.x`` and so on are the journal's own. None leaves
@@ -92,17 +87,7 @@ class Simulation(Described):
     efforts, ``cut`` also cuts the efforts of drives and controllers, ``ignore`` checks nothing."""
 
     def __post_init__(self) -> None:
-        """Bring the older ways to give a state into `state`."""
-        if isinstance(self.start, Mapping) or self.start_speed:
-            places = dict(self.start) if isinstance(self.start, Mapping) else {}
-            speeds = dict(self.start_speed)
-            state: dict[str, Any] = {
-                name: (places.get(name), speeds.get(name)) for name in {**places, **speeds}
-            }
-            object.__setattr__(self, "state", {**state, **self.state})
-            object.__setattr__(self, "start_speed", {})
-            if isinstance(self.start, Mapping):
-                object.__setattr__(self, "start", None)
+        """Refuse a start that there is not."""
         if self.start is not None and self.start not in STARTS:
             raise MissingName("start", str(self.start), STARTS)
 
@@ -136,7 +121,6 @@ class Simulation(Described):
     def describe(self) -> dict[str, Any]:
         """All inputs as plain data; `from_description` reads it back."""
         description = super().describe()
-        del description["start_speed"]
         if isinstance(self.drive, Drive):
             description["drive"] = [description["drive"]]
         description["state"] = {name: list(pair(name, value)) for name, value in self.state.items()}
@@ -158,14 +142,8 @@ class Simulation(Described):
 
     @classmethod
     def from_fields(cls, fields: dict[str, Any]) -> Self:
-        """Build the simulation from its inputs as files have them.
-
-        Version 0.1 said nothing of how journals start: they began centred. None of its keys for
-        limits: they were ignored.
-        """
-        given = {"limits": "ignore", **fields}
-        if "state" not in given:
-            given |= {"state": given_state(given), "start": "centred", "start_speed": {}}
+        """Build the simulation from its inputs as files have them."""
+        given = dict(fields)
         given["state"] = {name: tuple(at) for name, at in given["state"].items()}
         drive = given["drive"]
         if isinstance(drive, list):
@@ -249,7 +227,7 @@ class Simulation(Described):
         """
         result = self.prepare(progress).execute(progress, check_step)
         if certify:
-            find_errors = late("analysis.certification:certify")
+            find_errors = load_object("analysis.certification:certify")
             try:
                 result.certificate = find_errors(result, simulation=self, progress=progress)
             except KeyboardInterrupt:
@@ -275,8 +253,7 @@ def simulate(
     joint_friction: Mapping[str, JointFriction] | None = None,
     seed: int | None = None,
     payloads: Sequence[Payload] = (),
-    start: str | Mapping[str, float] | None = None,
-    start_speed: Mapping[str, float] | None = None,
+    start: str | None = None,
     state: Mapping[str, float | tuple[float | None, float | None]] | None = None,
     settle: float | str | None = None,
     judge_from: float | None = None,
@@ -307,7 +284,6 @@ def simulate(
         seed=seed,
         payloads=payloads,
         start=start,
-        start_speed=start_speed or {},
         state=state or {},
         settle=settle,
         judge_from=judge_from,

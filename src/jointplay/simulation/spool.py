@@ -1,21 +1,43 @@
-"""Records of a run on disk, one after the other as they are made.
+"""Runs of any length in bounded memory: their records go to disk while they run.
 
-A plain file of numbers: what a killed process has left can be cut to what a checkpoint knows of.
+The result file is made of them at the end, portion by portion. Until then they are plain numbers:
+a NetCDF file that its process was killed over cannot be read any more.
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
-from contextlib import suppress
+import secrets
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import closing, suppress
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from jointplay.errors import JointplayError
-from jointplay.host.files import cannot_write
-from jointplay.result.auditor import PORTION
-from jointplay.result.records import Records
+from jointplay.core import files, signals
+from jointplay.core.errors import JointplayError
+from jointplay.kernel import Status
+from jointplay.kernel.workspace import Workspace
+from jointplay.result.audit import PORTION
+from jointplay.result.histories import HistoryBuilder
+from jointplay.result.result import Result
+from jointplay.result.variables import Records
+from jointplay.simulation import checkpoint, working_files
+from jointplay.simulation.progress import Writing
+from jointplay.simulation.working_files import RECORDS, working_paths
+
+if TYPE_CHECKING:
+    from jointplay.simulation.run import Run
+    from jointplay.simulation.simulation import Simulation
+
+
+# Records of a run on disk, one after the other as they are made.
+#
+# A plain file of numbers behind one line that says whose it is: what a killed process has left
+# can be cut to what a checkpoint knows of, and no other file is ever taken for it.
+
 
 PORTION_BYTES = 2 << 20
 """Records that are in memory at once when histories are made of them [bytes]."""
@@ -25,26 +47,39 @@ class Spool:
     """A file of records.
 
     Args:
-        path: the file; what it holds beyond `rows` is cut off.
+        path: the file; what it holds beyond `rows` is cut off. Another run's records are replaced.
         columns: numbers of a record.
         rows: records that it holds, of an earlier process.
+        name: of the run, if it was begun by an earlier process.
+
+    Attributes:
+        name: of the run; no other has it.
 
     Raises:
-        JointplayError: it cannot be written, or holds fewer records.
+        JointplayError: the file is not of this kind, or of another run than `name`; it cannot be
+            written, or holds fewer records.
     """
 
-    def __init__(self, path: Path, columns: int, rows: int = 0) -> None:
+    def __init__(self, path: Path, columns: int, rows: int = 0, name: str | None = None) -> None:
         """Open the file."""
         self.path, self._columns, self.rows = path, columns, rows
-        size = rows * columns * 8
+        self.name = name or secrets.token_hex(8)
+        self._head = head = RECORDS + self.name.encode() + b"\n"
+        size = len(head) + rows * columns * 8
+        files.check_own(path, RECORDS, "file of records")
+        if name is not None and files.is_file(path) and not files.begins(path, head):
+            raise JointplayError(f"{str(path)!r} holds records of another run")
+        if not files.begins(path, head) and not rows:
+            # Gets its name with the mark in it: a file without is never one of ours.
+            files.write(path, head, overwrite=files.begins(path, RECORDS), announced=False)
         try:
-            self._file = path.open("r+b" if rows else "w+b")
+            self._file = path.open("r+b")
             length = self._file.seek(0, os.SEEK_END)
             if length >= size:
                 self._file.truncate(size)
                 self._file.seek(size)
         except (OSError, ValueError) as error:
-            raise cannot_write(path, error) from None
+            raise files.cannot_write(path, error) from None
         if length < size:
             self._file.close()
             raise JointplayError(
@@ -62,8 +97,8 @@ class Spool:
             self._file.flush()
         except OSError as error:
             with suppress(OSError):
-                self._file.truncate(self.rows * self._columns * 8)
-            raise cannot_write(self.path, error) from None
+                self._file.truncate(len(self._head) + self.rows * self._columns * 8)
+            raise files.cannot_write(self.path, error) from None
         self.rows += len(records)
 
     def sync(self) -> None:
@@ -78,11 +113,11 @@ class Spool:
             fields, width: see `Records`.
         """
         rows = max(PORTION_BYTES // (8 * self._columns) // PORTION, 1) * PORTION
-        with self.path.open("rb") as file:
-            for first in range(0, self.rows, rows):
-                count = min(rows, self.rows - first)
-                numbers = np.fromfile(file, np.float64, count * self._columns)
-                yield Records(numbers.reshape(count, self._columns), fields, width, first)
+        self._file.seek(len(self._head))
+        for first in range(0, self.rows, rows):
+            count = min(rows, self.rows - first)
+            numbers = np.fromfile(self._file, np.float64, count * self._columns)
+            yield Records(numbers.reshape(count, self._columns), fields, width, first)
 
     def close(self) -> None:
         """Let go of the file."""
@@ -92,4 +127,161 @@ class Spool:
     def remove(self) -> None:
         """Delete the file."""
         self.close()
-        self.path.unlink(missing_ok=True)
+        files.remove_own(self.path, self._head)
+
+
+MOST_BYTES = 32 << 20
+"""A run whose records take more has them on disk, if it may [bytes]."""
+
+RECORD_BYTES = 4 << 20
+"""Of such a run so much is in memory [bytes]."""
+
+CHECKPOINT_S = 60.0
+"""Interval between the checkpoints of a run whose records go to disk [s]."""
+
+
+class OnDisk:
+    """Where a run's records go when memory has no more room for them.
+
+    Args:
+        path: a file for them; it is made when the first ones go there.
+        workspace: of the run.
+        records: that the whole run makes.
+        most: records of a stretch, at most.
+
+    Attributes:
+        path: as given.
+        name: of the run in its file of records, if an earlier process has begun it.
+
+    Raises:
+        JointplayError: another file than one of records is there.
+    """
+
+    def __init__(self, path: Path, workspace: Workspace, records: int, most: int) -> None:
+        """Make room in memory for some."""
+        files.check_own(path, RECORDS, "file of records")
+        self.path, self._workspace, self._most = path, workspace, most
+        self.name: str | None = None
+        self._spool: Spool | None = None
+        size = workspace.record.strides[0]
+        room = max(RECORD_BYTES // size, 2 * most)
+        self.needed = records * size > MOST_BYTES and records > room
+        """Whether the run makes more than memory is to hold."""
+        workspace.make_room(room if self.needed else records)
+
+    def before_stretch(self) -> None:
+        """Make room for the records of a stretch."""
+        w = self._workspace
+        if self.needed and int(w.run["rows"][0]) - w.rows < self._most:
+            self.spill()
+
+    def spill(self, sync: bool = False) -> Spool:
+        """Put all records on disk; `sync`: so that they survive a power failure.
+
+        Raises:
+            JointplayError: they cannot be written.
+        """
+        w = self._workspace
+        if self._spool is None:
+            self._spool = Spool(self.path, w.record.shape[1], w.kept_elsewhere, self.name)
+        if w.rows > w.kept_elsewhere:
+            self._spool.take(w.record[: w.rows - w.kept_elsewhere])
+            w.give_records()
+        if sync:
+            self._spool.sync()
+        return self._spool
+
+    def remove(self) -> None:
+        """Delete the records on disk."""
+        if self._spool is not None:
+            self._spool.remove()
+        self._spool = None
+
+
+def checkpoints(run: Run, path: Path) -> Callable[[], bool]:
+    """What writes a checkpoint now and then, to be called between the stretches of a run."""
+    last = time.monotonic()
+
+    def look() -> bool:
+        nonlocal last
+        if time.monotonic() - last >= CHECKPOINT_S:
+            run.checkpoint(path)
+            last = time.monotonic()
+        return False
+
+    return look
+
+
+def run_to(simulation: Simulation, path: Path, progress: bool, resume: bool) -> Result:
+    """See `Simulation.run_to`."""
+    records, kept = working_paths(path)
+    working_files.check_own(path)
+    resume = resume and kept.exists()
+    if not resume:
+        files.check_new(path)
+        files.check_new(kept)
+    else:
+        checkpoint.check_replaceable(path)
+    run = simulation.prepare(progress, records)
+    if resume:
+        checkpoint.continue_run(run, kept)
+    run.between.append(checkpoints(run, kept))
+    with signals.listening(), signals.keeping(str(path)):
+        status, message = signals.stoppable(run).complete(progress)
+        if status == Status.INTERRUPTED:
+            run.checkpoint(kept)
+        save(run, path, status, message, overwrite=resume, progress=progress)
+    if status != Status.INTERRUPTED:
+        forget(run, path)
+    return Result.open(path)
+
+
+def forget(run: Run, path: Path) -> None:
+    """Delete what was kept to continue the run whose result is in `path`."""
+    assert run.on_disk is not None
+    run.on_disk.remove()
+    working_files.remove(path)
+
+
+def save(
+    run: Run,
+    path: Path,
+    status: Status,
+    message: str,
+    notes: Mapping[str, Any] | None = None,
+    overwrite: bool = False,
+    progress: bool = False,
+) -> None:
+    """Write the result of a run whose records are on disk, a portion in memory at a time.
+
+    Args:
+        run: to its end, or as far as it came.
+        path: the file.
+        status, message: what `Run.complete` said.
+        notes: further attributes of the file.
+        overwrite: whether a file of that name is replaced.
+        progress: show a bar.
+
+    Raises:
+        JointplayError: it cannot be written.
+    """
+    assert run.on_disk is not None
+    w, loads = run.workspace, run.simulation.loads
+    on_disk = run.on_disk.spill()
+    made = HistoryBuilder(
+        run.mechanism, run.simulation.describe(), run.friction, run.judged_from, loads
+    )
+    portions = on_disk.portions(w.fields, w.contacts.shape[1])
+    bar = Writing(on_disk.rows, progress)
+    with closing(bar), files.writing(path, overwrite=overwrite) as file:
+        whole, records = made.whole(w), next(portions)
+        first = made.portion(records, run.phases).assign(whole)
+        bar.update(records.rows)
+        from jointplay.result.portions import Growing  # takes long to import
+
+        with closing(Growing(file, first)) as growing:
+            for records in portions:
+                growing.append(made.portion(records, run.phases))
+                bar.update(records.rows)
+            end = (status, message, run.elapsed, run.judgement())
+            growing.finish({**made.attributes(w, *end), **(notes or {})}, whole)

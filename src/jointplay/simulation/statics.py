@@ -1,26 +1,376 @@
-"""Where a machine stands: the equilibrium of all journals under gravity and drives.
-
-The potential energy of gravity, drives (springs about their reference), gears, loads and contacts
-is made as small as can be by Newton's method in a trust region; docs/statics.md says what is
-solved, and what rest means where the start moves.
-"""
+"""Where a machine stands: the equilibrium of all journals under gravity, drives and loads."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+import ctypes
+import math
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
 
+import eigenpy
 import numpy as np
 import pinocchio as pin
 
-from jointplay.joints import VIRTUAL_LINK, Clearance
-from jointplay.kernel.workspace import Workspace
+from jointplay.contact.calls import call_normal, pointer
+from jointplay.contact.compiled import MAX_PARAMETERS, address
+from jointplay.core.numba_cache import njit
+from jointplay.geometry import classify_many, touch
+from jointplay.joints import VIRTUAL_LINK, Clearance, Coordinate
+from jointplay.kernel.sites import Carriers, LoadSite
+from jointplay.kernel.sources import stamp
+from jointplay.loads.base import Load, compiled_law
 from jointplay.loads.drive import Drive, JointFriction
+from jointplay.loads.tables import gear_rows
+from jointplay.mechanism.impact import elastic_energy
 from jointplay.mechanism.loop import ANGLE_ARM_M, closing_rows, misfit
 from jointplay.mechanism.mechanism import Mechanism
-from jointplay.simulation.descent import Place, step_within
-from jointplay.simulation.elastic import ElasticJoint
-from jointplay.simulation.standing import StandingLoads, relative_motion, relative_pose
+
+# Downhill in a few coordinates: where a potential with corners is lowest.
+
+
+_ROUNDING = 1e-14
+"""Part of an energy that rounding blurs."""
+
+
+@dataclass(frozen=True)
+class Place:
+    """A state that was tried, in the coordinates of the search."""
+
+    q: np.ndarray
+    height: float
+    slope: np.ndarray
+    bend: np.ndarray
+    load: float
+
+    def gain(self, other: Place, expected: float) -> float:
+        """Part of the expected gain that another place brings.
+
+        Where the gain drowns in rounding, 1 if it is less steep there, else 0.
+        """
+        if expected < _ROUNDING * max(abs(self.height), expected):
+            return float(np.linalg.norm(other.slope) < np.linalg.norm(self.slope))
+        return (self.height - other.height) / expected
+
+
+def step_within(slope: np.ndarray, bend: np.ndarray, radius: float) -> tuple[np.ndarray, float]:
+    """Step to the lowest point of a quadratic within a ball, and how much lower that is."""
+    step = lowest(slope, bend, radius)
+    return step, -float(slope @ step + 0.5 * step @ bend @ step)
+
+
+def lowest(slope: np.ndarray, bend: np.ndarray, radius: float) -> np.ndarray:
+    """Where a quadratic is lowest within a ball about the origin."""
+    # Eigen's, for on a busy machine the threads of numpy's wait for each other.
+    spectrum = eigenpy.SelfAdjointEigenSolver(0.5 * (bend + bend.T))
+    sizes, axes = spectrum.eigenvalues(), spectrum.eigenvectors()
+    along = axes.T @ slope
+    least = 1e-13 * max(float(np.abs(sizes).max()), 1e-30)
+    low = max(0.0, -float(sizes.min())) + least
+    if sizes.min() > least and np.linalg.norm(along / sizes) <= radius:
+        return -axes @ (along / sizes)
+    if np.linalg.norm(along / (sizes + low)) <= radius:
+        return -axes @ (along / (sizes + low))
+    high = low + float(np.linalg.norm(along)) / radius
+    for _ in range(100):
+        middle = np.sqrt(low * high)
+        if np.linalg.norm(along / (sizes + middle)) > radius:
+            low = middle
+        else:
+            high = middle
+        if high < 1.01 * low:
+            break
+    return -axes @ (along / (sizes + high))
+
+
+# Contact of one joint at rest: what its surfaces store, push with, and how stiff they are.
+
+
+_SHIFT_M = 1e-9
+"""Displacement by which wrenches are differentiated [m]."""
+
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
+
+
+@njit(cache=True, error_model="numpy")
+def _wrench(shape, dimensions, count, law, parameters, pose, out):
+    """Force and moment about the journal's centre of the elastic contacts at a pose, into `out`.
+
+    `shape` is a `Shape` or the address of a touch, as for `geometry.touch`.
+    """
+    for i in range(6):
+        out[i] = 0.0
+    for k in range(count):
+        gap, rx, ry, rz, nx, ny, nz = touch(
+            shape, dimensions, 0, k, pose[0], pose[1], pose[2], pose, 3
+        )
+        if gap >= 0.0:
+            continue
+        own = pointer(parameters[k].ctypes.data)
+        force = max(call_normal(law, -gap, 0.0, 1.0, own), 0.0)
+        fx, fy, fz = force * nx, force * ny, force * nz
+        out[0] += fx
+        out[1] += fy
+        out[2] += fz
+        out[3] += ry * fz - rz * fy
+        out[4] += rz * fx - rx * fz
+        out[5] += rx * fy - ry * fx
+
+
+@njit(cache=True, error_model="numpy")
+def _energy(shape, dimensions, count, law, parameters, pose, nodes, weights):
+    """Energy that the contacts store at a pose [J]."""
+    total = 0.0
+    for k in range(count):
+        gap = touch(shape, dimensions, 0, k, pose[0], pose[1], pose[2], pose, 3)[0]
+        depth = max(-gap, 0.0)
+        if depth > 0.0:
+            own = pointer(parameters[k].ctypes.data)
+            for n in range(nodes.size):
+                force = call_normal(law, 0.5 * depth * (1.0 + nodes[n]), 0.0, 1.0, own)
+                total += 0.5 * depth * weights[n] * force
+    return total
+
+
+@njit(cache=True, error_model="numpy")
+def _stiffness(shape, dimensions, count, law, parameters, pose, shift, turn):
+    """Fall of the wrench per displacement and turn of the journal, in bearing axes, (6, 6).
+
+    By central differences: the error of one-sided ones exceeds what says where a journal rests
+    whose load leaves that nearly open.
+    """
+    here, there = np.zeros(6), np.zeros(6)
+    moved = np.zeros(12)
+    stiffness = np.zeros((6, 6))
+    for axis in range(6):
+        size = shift if axis < 3 else turn
+        for side in range(2):
+            out, way = (here, -size) if side == 0 else (there, size)
+            for k in range(12):  # a slice would cost a first start a second more
+                moved[k] = pose[k]
+            if axis < 3:
+                moved[axis] += way
+            else:
+                u, w = (axis - 2) % 3, (axis - 1) % 3  # rows that turn into each other
+                c, s = math.cos(way), math.sin(way)
+                for k in range(3):
+                    a, b = pose[3 + 3 * u + k], pose[3 + 3 * w + k]
+                    moved[3 + 3 * u + k] = c * a - s * b
+                    moved[3 + 3 * w + k] = s * a + c * b
+            _wrench(shape, dimensions, count, law, parameters, moved, out)
+        for r in range(6):
+            stiffness[r, axis] = (here[r] - there[r]) / (2.0 * size)
+    return stiffness
+
+
+@lru_cache(maxsize=256)
+def _springs(joint: Clearance, contact: int) -> tuple[np.ndarray, np.ndarray]:
+    """Forces [N] and depths [m] of a contact."""
+    parameters = joint.normal.parameters(joint.contact_properties(contact))
+    depths = np.geomspace(1e-10, joint.depth_limit, 600)
+    forces = np.gradient(elastic_energy(joint.normal, parameters, depths), depths)
+    return np.maximum.accumulate(forces), depths
+
+
+def depths(joint: Clearance, contact: int, force: np.ndarray) -> np.ndarray:
+    """How far a contact of a joint gives way to normal forces [N], their shape [m]."""
+    return np.asarray(np.interp(force, *_springs(joint, contact)))
+
+
+class ElasticJoint:
+    """The elastic contacts of one joint, without friction and damping.
+
+    Args:
+        joint: the joint.
+    """
+
+    def __init__(self, joint: Clearance) -> None:
+        """Gather what the compiled functions need."""
+        count = len(joint.contacts)
+        parameters = np.zeros((count, MAX_PARAMETERS))
+        for k in range(count):
+            values = joint.normal.parameters(joint.contact_properties(k))
+            parameters[k, : len(values)] = values
+        dimensions = np.array([*joint.dimensions, *(0.0,) * 4])
+        self._of = (int(joint.shape), dimensions, count, address(joint.normal), parameters)
+        self.reach = float(np.linalg.norm(joint.outline.size))
+        """Farthest point of the journal from its centre [m]."""
+
+    def energy(self, pose: np.ndarray) -> float:
+        """Energy stored at a pose (12,) of the journal in its bearing [J]."""
+        return float(_energy(*self._of, pose, _NODES, _WEIGHTS))
+
+    def smallest_gap(self, pose: np.ndarray) -> float:
+        """At a pose (12,) of the journal in its bearing; negative in penetration [m]."""
+        shape, dimensions, count, *_ = self._of
+        gaps, _, _ = classify_many(shape, dimensions, count, pose[None])
+        return float(gaps.min())
+
+    def wrench(self, pose: np.ndarray) -> np.ndarray:
+        """Force on the journal and moment about its centre, bearing axes, (6,) [N, N m]."""
+        out = np.zeros(6)
+        _wrench(*self._of, pose, out)
+        return out
+
+    def stiffness(self, pose: np.ndarray) -> np.ndarray:
+        """Fall of the wrench per displacement [m] and turn [rad] of the journal, (6, 6)."""
+        stiffness: np.ndarray = _stiffness(*self._of, pose, _SHIFT_M, _SHIFT_M / self.reach)
+        return stiffness
+
+
+for _compiled in (_wrench, _energy, _stiffness):
+    stamp(_compiled, Path(__file__))
+
+
+# What loads do to a machine that stands: energies of springs and stops, and given forces.
+
+
+_MOTION = 1e-6
+"""Displacement by which stiffnesses are found [m or rad]."""
+
+_NUMBERS = ctypes.POINTER(ctypes.c_double)
+
+
+def relative_pose(data: pin.Data, frames: Carriers) -> np.ndarray:
+    """Pose of the second frame in the first: origin, then rotation row by row, (12,)."""
+    (i, first), (j, second) = frames
+    pose = (data.oMi[i] * first).actInv(data.oMi[j] * second)
+    return np.concatenate([pose.translation, pose.rotation.ravel()])
+
+
+def relative_motion(data: pin.Data, frames: Carriers, signs: np.ndarray) -> np.ndarray:
+    """Motion of the second frame's origin in axes of the first, per velocity, (6, nv)."""
+    (i, first), (j, second) = frames
+    turn = (data.oMi[i] * first).rotation
+    centre = (data.oMi[j] * second).translation
+    columns = data.J.reshape(6, -1) * signs
+    linear = columns[:3] + np.cross(columns[3:], centre, axisa=0, axisc=0)
+    return np.concatenate([turn.T @ linear, turn.T @ columns[3:]])
+
+
+class StandingLoads:
+    """The loads of a machine at time 0.
+
+    What a load stores energy for has a potential; anything else, such as a wrench, a damper at a
+    moving start or a compiled controller, is a given force. What sampled controllers will give is
+    not known yet and not counted, nor is friction that grows with a joint's load.
+
+    Args:
+        loads: by name.
+        mechanism: on which they act.
+        sites: what the kernels know of them.
+    """
+
+    def __init__(
+        self, loads: Mapping[str, Load], mechanism: Mechanism, sites: Sequence[LoadSite]
+    ) -> None:
+        """Find where they act."""
+        self._members = [
+            _Standing(load, site, mechanism.model.nv)
+            for load, site in zip(loads.values(), sites, strict=True)
+        ]
+
+    def given(self, model: pin.Model, data: pin.Data, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """Generalised forces of what is no potential, (nv,)."""
+        pin.computeJointJacobians(model, data, q)
+        forces = np.zeros(model.nv)
+        for one in self._members:
+            x, moves = one.place(data, q), one.moves(data)
+            answer = one.answer(x, moves @ v)
+            if one.load.stores:
+                answer = answer - one.answer(x, np.zeros(len(moves)))
+            forces += one.pushes(data).T @ np.nan_to_num(answer, posinf=0.0, neginf=0.0)
+        return forces
+
+    def energy(self, data: pin.Data, q: np.ndarray) -> float:
+        """Energy that they store [J]; data has the bodies' places."""
+        return float(
+            sum(
+                one.load.energy(one.place(data, q)[None], one.site.numbers)[0]
+                for one in self._members
+                if one.load.stores
+            )
+        )
+
+    def slopes(self, data: pin.Data, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Gradient (nv,) and curvature (nv, nv) of the energy; data has the joints' Jacobians."""
+        gradient, curvature = np.zeros(len(q)), np.zeros((len(q), len(q)))
+        for one in self._members:
+            if one.load.stores:
+                x, moves, pushes = one.place(data, q), one.moves(data), one.pushes(data)
+                gradient -= pushes.T @ one.answer(x, np.zeros(len(moves)))
+                curvature += pushes.T @ one.stiffness(x) @ moves
+        return gradient, curvature
+
+
+class _Standing:
+    """One load."""
+
+    def __init__(self, load: Load, site: LoadSite, nv: int) -> None:
+        self.load, self.site = load, site
+        self._law = ctypes.CFUNCTYPE(None, ctypes.c_double, *(_NUMBERS,) * 4)(
+            compiled_law(load).address
+        )
+        self._every = np.eye(nv)
+
+    def place(self, data: pin.Data, q: np.ndarray) -> np.ndarray:
+        """What its law sees."""
+        if self.site.carriers is None:
+            return q[list(self.site.seen)]
+        return relative_pose(data, self.site.carriers)
+
+    def moves(self, data: pin.Data) -> np.ndarray:
+        """Rates that its law sees, per velocity."""
+        if self.site.carriers is None:
+            return self._every[list(self.site.seen)]
+        assert self.site.signs is not None
+        return relative_motion(data, self.site.carriers, self.site.signs)
+
+    def pushes(self, data: pin.Data) -> np.ndarray:
+        """What its law's answer acts on."""
+        if self.site.carriers is None:
+            return self._every[list(self.site.pushed)]
+        return self.moves(data)
+
+    def answer(self, x: np.ndarray, rate: np.ndarray) -> np.ndarray:
+        """Its law's, at time 0."""
+        out = np.zeros(self.site.size)
+        given = [np.ascontiguousarray(one, float) for one in (x, rate, self.site.numbers)]
+        self._law(0.0, *(one.ctypes.data_as(_NUMBERS) for one in (*given, out)))
+        if self.site.bounds:
+            out = np.clip(out, -np.array(self.site.bounds), self.site.bounds)
+        return out
+
+    def stiffness(self, x: np.ndarray) -> np.ndarray:
+        """How its answer at rest falls with what it sees, by differences."""
+        rate = np.zeros(6 if self.site.carriers else len(x))
+        columns = []
+        for k in range(len(rate)):
+            ends = [
+                self.answer(_moved(x, k, way, bool(self.site.carriers)), rate) for way in (1, -1)
+            ]
+            columns.append((ends[1] - ends[0]) / (2.0 * _MOTION))
+        return np.stack(columns, axis=1)
+
+
+def _moved(x: np.ndarray, k: int, way: int, frames: bool) -> np.ndarray:
+    x = x.copy()
+    if not frames or k < 3:
+        x[k] += way * _MOTION
+        return x
+    turn = pin.exp3(way * _MOTION * np.eye(3)[k - 3])
+    x[3:] = (turn @ x[3:].reshape(3, 3)).ravel()
+    return x
+
+
+# Where a machine stands: the equilibrium of all journals under gravity and drives.
+#
+# The potential energy of gravity, drives (springs about their reference), gears, loads and
+# contacts is made as small as can be by Newton's method in a trust region; docs/statics.md says
+# what is solved, and what rest means where the start moves. A run that begins at rest and an
+# error budget (`analysis.rest`) both ask here.
+
 
 TOLERANCE = 1e-4
 """Unbalanced force, relative to the largest force of a joint, below which a state is at rest."""
@@ -28,11 +378,20 @@ TOLERANCE = 1e-4
 SOLVED = 1e-10
 """The same at which the search ends."""
 
+BALANCED = 1e-7
+"""The same at which it is not begun anew."""
+
 MOST_TRIALS = 100
 """States tried of all joints together, before the search goes on joint by joint or is given up."""
 
 MOST_LOCAL = 150
 """States tried of one joint."""
+
+MOST_ROUNDS = 10
+"""How often forces that are no potential are reckoned anew where the machine then rests."""
+
+TOWARDS_MIDDLE = 1e-5
+"""Stiffness towards the start in the first search, relative to the weight per clearance."""
 
 _ANGLE = 1e-3
 """Displacement by which a joint is asked what its ideal twin would follow [m or rad]."""
@@ -75,14 +434,29 @@ def limited(joint: Clearance) -> list[str]:
     return freedoms
 
 
+def weight_curvature(model: pin.Model, data: pin.Data, q: np.ndarray) -> np.ndarray:
+    """Second derivatives of gravity's potential, shape (nv, nv), of a model of simple joints.
+
+    Above the diagonal Pinocchio 4.1 gives other numbers than differences of its own gravity
+    (`tests/physics/test_rest.py`), so those below are taken for both.
+    """
+    given = pin.computeGeneralizedGravityDerivatives(model, data, q)
+    lower = np.tril(np.array(given).reshape(model.nv, model.nv))
+    return np.asarray(lower + np.tril(lower, -1).T)
+
+
 class Balance:
     """Potential energy of a machine that stands, and its slopes.
 
     Args:
         mechanism: with clearance, or gears with play.
         bodies: its model, payloads in hand.
-        workspace: has drives, gears and the state that the search begins with.
+        q: journals centred, or where they are given, shape (nq,).
+        v: speeds of the start, shape (nv,).
         drives: of every moving joint.
+        rows: what the kernels know of the drives; what follows a motion without one of finite
+            stiffness is held where `q` has it.
+        reference: positions, speeds and torques of the drives' columns at time 0.
         friction: by joint.
         loads: what else acts.
         acceleration: of the reference, journals at rest in their bearings, shape (nv,).
@@ -93,8 +467,11 @@ class Balance:
         self,
         mechanism: Mechanism,
         bodies: pin.Model,
-        workspace: Workspace,
+        q: np.ndarray,
+        v: np.ndarray,
         drives: Mapping[str, Drive],
+        rows: np.ndarray | Sequence[np.void],
+        reference: np.ndarray,
         friction: Mapping[str, JointFriction],
         loads: StandingLoads,
         acceleration: np.ndarray,
@@ -102,7 +479,7 @@ class Balance:
     ) -> None:
         """Find what may move, and what acts on it."""
         self._mechanism, self._model, self._data = mechanism, bodies, bodies.createData()
-        self._start, self._speed = workspace.q.copy(), workspace.v.copy()
+        self._start, self._speed = q.copy(), v.copy()
         self._acceleration, self._loads = acceleration, loads
         nv = bodies.nv
         self._elastic = {name: ElasticJoint(one) for name, one in mechanism.clearance.items()}
@@ -113,9 +490,10 @@ class Balance:
         self._signs = {name: mechanism.signs(name) for name in mechanism.clearance}
         self._springs, self._constant = np.zeros(nv), np.zeros(nv)
         self._rest = self._start.copy()
-        self._gears = list(workspace.gears)
+        self._gears = list(gear_rows(mechanism))
         self._trailing: dict[int, int] = {}  # motors whose encoder sees the link
-        sprung = self._drives(workspace, drives)
+        self._pull = 0.0
+        sprung = self._drives(rows, reference, drives)
         for name, losses in friction.items():
             at = mechanism.coordinate(name)
             self._constant[at] -= float(losses.torque(self._speed[at : at + 1])[0])
@@ -125,13 +503,18 @@ class Balance:
         self.basis = self._find_basis(sprung, drives, set(given))
         self.scale, self._room = self._scales()
 
-    def _drives(self, workspace: Workspace, drives: Mapping[str, Drive]) -> set[int]:
+    def _drives(
+        self,
+        rows: np.ndarray | Sequence[np.void],
+        reference: np.ndarray,
+        drives: Mapping[str, Drive],
+    ) -> set[int]:
         """Make springs of the drives; returns the coordinates that they hold."""
-        mechanism, reference = self._mechanism, workspace.reference[0]
+        mechanism = self._mechanism
         nu = len(reference) // 3
         sprung: set[int] = set()
         followed = {mechanism.motor(n): n for n, one in drives.items() if one.follows}
-        for row in workspace.drives:
+        for row in rows:
             at, seen = int(row["coordinate"]), int(row["seen"])
             if at not in followed or row["armature"] > 0.0:
                 continue
@@ -162,7 +545,7 @@ class Balance:
             if name in mechanism.loops:
                 continue
             members = {
-                part: mechanism.coordinates.index(f"{name}.{part}") for part in joint.freedoms
+                part: mechanism.coordinates.index(Coordinate(name, part)) for part in joint.freedoms
             }
             own |= set(members.values())
             film = joint.film is not None and not joint.film[0].hybrid
@@ -238,12 +621,13 @@ class Balance:
             if int(row["motor"]) not in self._trailing:
                 depth = abs(q[row["motor"]] - q[row["link"]]) - row["half_play"]
                 total += 0.5 * row["stiffness"] * max(depth, 0.0) ** 2
+        if self._pull > 0.0:
+            total += 0.5 * self._pull * float(np.sum((away @ self.basis / self.scale) ** 2))
         return float(total) if np.isfinite(total) else np.inf
 
     def slopes(self, q: np.ndarray, names: Collection[str]) -> tuple[np.ndarray, np.ndarray, float]:
         """Gradient (nv,) and curvature (nv, nv) of the energy, and the largest joint force [N]."""
-        curvature = pin.computeGeneralizedGravityDerivatives(self._model, self._data, q)
-        curvature = np.array(curvature).reshape(len(q), len(q)) + np.diag(self._springs)
+        curvature = weight_curvature(self._model, self._data, q) + np.diag(self._springs)
         gradient = pin.computeGeneralizedGravity(self._model, self._data, q).copy()
         gradient += self._inertia - self._constant - self._springs * (self._rest - q)
         pin.computeJointJacobians(self._model, self._data, q)
@@ -267,6 +651,10 @@ class Balance:
                 gradient[k] -= torque
                 curvature[[m, k], [m, k]] += row["stiffness"]
                 curvature[[m, k], [k, m]] -= row["stiffness"]
+        if self._pull > 0.0:
+            parts = self.basis / self.scale
+            gradient += self._pull * (parts @ ((q - self._start) @ parts))
+            curvature += self._pull * parts @ parts.T
         return gradient, curvature, load
 
     def close(self, q: np.ndarray) -> np.ndarray:
@@ -300,18 +688,37 @@ class Balance:
         gravity = float(np.linalg.norm(self._model.gravity.linear))
         return gravity * float(pin.computeTotalMass(self._model))
 
-    def settle(self) -> Rest:
-        """Search for the equilibrium next to the start, downhill."""
-        q, trials, residual, load = self._start.copy(), 0, 0.0, 0.0
-        moving = self._speed.any() or self._acceleration.any()
-        for _ in range(3 if moving else 2):
-            self.refresh(q)
-            # Joint by joint first: what the others do to its load is of second order.
+    def settle(self, near: np.ndarray | None = None) -> Rest:
+        """Search downhill for the equilibrium.
+
+        Where loads leave open where a journal rests (one whose axis is vertical, pressed to its
+        bore by a moment alone), all states of a whole set are equilibria; a soft spring towards
+        the start, taken away in the end, leads to the one nearest to it whatever the way.
+
+        Args:
+            near: a configuration (nq,) not far from it; None: joint by joint from the start, for
+                what the others do to a joint's load is of second order.
+        """
+        self.refresh(self._start)
+        self._pull = TOWARDS_MIDDLE * self.weight() * self._room
+        q, trials, residual, load = self._start, 0, np.inf, 1.0
+        if near is not None:
+            q, residual, load, trials = self._descend(near, MOST_TRIALS)
+        if residual > BALANCED * load:
+            q = self._start
             for name, at in self._blocks.items():
                 q, *_ = self._descend(q, MOST_LOCAL, {name}, at)
+            q, _, _, tried = self._descend(q, MOST_TRIALS)
+            trials += tried
+        self._pull = 0.0
+        for _ in range(MOST_ROUNDS):
             q, residual, load, tried = self._descend(q, MOST_TRIALS)
             trials += tried
-            if residual <= SOLVED * load and not moving:
+            # Inertia and what is no potential, where the machine rests.
+            self.refresh(q)
+            slope = self.slopes(q, self._elastic)[0] @ self.basis * self.scale
+            residual = float(np.abs(slope).max(initial=0.0)) / self._room
+            if residual <= BALANCED * load:
                 break
         q = self.close(q)
         return Rest(self.trail(q), residual, load or self.weight(), trials, self._inside(q))

@@ -18,12 +18,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pinocchio as pin
 
-from jointplay.errors import JointplayError
-from jointplay.host import stopping
+from jointplay.core import signals
+from jointplay.core.errors import JointplayError
 from jointplay.kernel import Status
 from jointplay.kernel.integrators import integrator
 from jointplay.result.audit import STEP_WARNING
-from jointplay.simulation.multi_rate import LONGEST_MACRO_STEP_S
+from jointplay.simulation.loop import LONGEST_MACRO_STEP_S
 
 if TYPE_CHECKING:
     from jointplay.result.result import Result
@@ -53,7 +53,7 @@ class StepError:
 _UNBOUNDED = StepError(math.inf, math.inf)
 
 
-def wanted(simulation: Simulation) -> bool:
+def is_needed(simulation: Simulation) -> bool:
     """Whether nothing else judges the step.
 
     The multi-rate method does, by the error of its macro steps, but for gears and where the step is
@@ -70,7 +70,7 @@ def wanted(simulation: Simulation) -> bool:
 def step_error(
     run: Run, result: Result, start: tuple[np.ndarray, np.ndarray], progress: bool
 ) -> StepError | None:
-    """Error of a completed run, estimated; None if told to stop or if it cannot be found.
+    """Error of a completed run, estimated; None if told to stop, or with a warning if it cannot be.
 
     A method of the order p is off by d / (2^p - 1) if twice the step changes it by d. Here p is 1,
     or what the changes by twice and half the step say, at most 4: rattling gears have no order.
@@ -86,11 +86,12 @@ def step_error(
         if coarse.relative <= _DOUBTED:
             return coarse
         fine = _difference(run, result, start, 0.5, progress)
-    except stopping.GivenUp:
+    except signals.GivenUp:
         raise
     except KeyboardInterrupt:
         return None
-    except JointplayError:  # no memory, or too many steps
+    except JointplayError as error:  # no memory, or too many steps
+        warnings.warn(f"the step was not checked: {error}", RuntimeWarning, stacklevel=2)
         return None
     fall = coarse.relative / fine.relative if fine.relative > 0.0 else math.inf
     fall = min(max(fall, 2.0), 16.0)

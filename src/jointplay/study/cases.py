@@ -12,17 +12,17 @@ from tqdm import tqdm
 
 from jointplay.analysis.certification import figures
 from jointplay.analysis.claims import Measures, measure
-from jointplay.errors import JointplayError
-from jointplay.host import stopping
+from jointplay.core import signals
+from jointplay.core.errors import JointplayError
 from jointplay.kernel import Status
 from jointplay.mechanism.urdf import shipped
 from jointplay.result.result import Result
 from jointplay.scenario import Scenario
-from jointplay.scenario.keep import add_certificate, run_and_save
+from jointplay.scenario.execution import add_certificate, run_and_save
 from jointplay.scenario.model import GRAVITY as GRAVITY
 from jointplay.simulation.simulation import Simulation
-from jointplay.study.asked import FILES as FILES
-from jointplay.study.asked import JOINT as JOINT
+from jointplay.study.outputs import FILES as FILES
+from jointplay.study.outputs import JOINT as JOINT
 
 
 @cache
@@ -117,10 +117,10 @@ def run_case(label: str, out: Path, progress: bool) -> Result:
     simulation = scara(CASES[label])
     _, result = run_and_save(simulation.prepare(progress), out / FILES[label], progress)
     assert result is not None  # it is no long run
-    if result.status == Status.INTERRUPTED or stopping.told():
+    if result.status == Status.INTERRUPTED or signals.stop_requested():
         raise KeyboardInterrupt
     add_certificate(result, out / FILES[label], simulation, progress)
-    if stopping.told():
+    if signals.stop_requested():
         raise KeyboardInterrupt
     return result
 

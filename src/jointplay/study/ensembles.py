@@ -1,4 +1,4 @@
-"""Ensembles of perturbed runs, kept on disk, for the claims."""
+"""Ensembles of perturbed runs, kept on disk, and what they say of the paper's claims."""
 
 from __future__ import annotations
 
@@ -14,10 +14,15 @@ from typing import Any
 
 from tqdm import tqdm
 
-from jointplay.analysis.claims import Measures, Verdict, judge
-from jointplay.errors import JointplayError
-from jointplay.host import files, workers
-from jointplay.study.cases import CASES, CONDITIONS, Condition, explicit, perturbed
+from jointplay.analysis.claims import ISOLATED, START_UP, Measures, Verdict, judge
+from jointplay.core import files, processes
+from jointplay.core.errors import JointplayError
+from jointplay.result.stored import versions
+from jointplay.scenario.model import GRAVITY
+from jointplay.simulation.simulation import PERTURBATION
+from jointplay.study.cases import CASES, CONDITIONS, VARIANTS, Condition, explicit, perturbed
+
+# Ensembles of perturbed runs, kept on disk, for the claims.
 
 
 class Ensembles:
@@ -62,7 +67,7 @@ class Ensembles:
             The perturbed runs, and the explicit ones by case.
         """
         futures = []
-        with workers.pool(self.jobs, f"the runs so far are in {str(self.table)!r}") as pool:
+        with processes.pool(self.jobs, f"the runs so far are in {str(self.table)!r}") as pool:
             beside = {label: pool.submit(explicit, label) for label in others}
             for key in self.plan:
                 future = pool.submit(perturbed, *key)
@@ -84,10 +89,9 @@ class Ensembles:
         writer.writerow(row)
         self.measures[key] = measures
         try:
-            with self.table.open("ab", buffering=0) as file:
-                file.write(text.getvalue().encode())  # at once: no kill leaves half a row
-        except OSError as error:
-            self.unwritten = files.cannot_write(self.table, error)
+            files.append(self.table, text.getvalue())
+        except JointplayError as error:
+            self.unwritten = error
 
     def wait(self, futures: Sequence[Future[Any]], progress: bool) -> None:
         """Wait for the runs, those by the explicit method among them.
@@ -134,3 +138,56 @@ def _found(
 
 def _cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+# The paper's claims as judged, in tables.
+
+
+HEADER = ("claim", "statement", "condition", "holds", "0.2 mm → 0.5 mm")
+
+
+def write_claims(verdicts: Sequence[Verdict], ensembles: Ensembles, out: Path) -> None:
+    """Write ``claims.csv`` and ``claims.md``."""
+    table = io.StringIO(newline="")
+    csv.writer(table).writerows([HEADER, *(verdict.row() for verdict in verdicts)])
+    files.write(out / "claims.csv", table.getvalue())
+    done, planned = len(ensembles.measures), len(ensembles.plan)
+    made_with = ", ".join(f"{name} {version}" for name, version in versions().items())
+    lines = [
+        "# The paper's claims",
+        "",
+        "Wang et al., Appl. Sci. 2023, 13(4), 2211, Section 5: joint B with "
+        "C_r = C_a = 0.2 mm and 0.5 mm.",
+        "",
+        f"Each row compares {ensembles.runs} runs at either clearance, the journal starting up to "
+        f"{100 * PERTURBATION:.0f} % of its clearance off centre; mean ± standard deviation. A "
+        "comparison holds (yes) if the 95 % confidence interval of the difference (Welch) lies on "
+        "its side of zero, fails (no) if it lies on the other, and is undecided otherwise; claim 4 "
+        "holds if every run visits every mode; peaks are isolated if they fill less than "
+        f"{100 * ISOLATED:.0f} % of the time. The first "
+        f"{START_UP:g} s, in which the journal falls into its bearing, are not judged. *Balanced* "
+        "is without gravity, *loaded* with it; *consistent* and *as printed* are the two inertia "
+        "variants (docs/assumptions.md). Numerical errors of the numbers, of one run: errors.md.",
+        "",
+        *([f"**Incomplete: {done} of {planned} runs.**", ""] if done < planned else []),
+        "| " + " | ".join(HEADER) + " |",
+        "|" + " --- |" * len(HEADER),
+        *("| " + " | ".join(cell.replace("|", "\\|") for cell in v.row()) + " |" for v in verdicts),
+        "",
+        f"Made with {made_with}.",
+        "",
+    ]
+    files.write(out / "claims.md", "\n".join(lines))
+
+
+def summary(verdicts: Sequence[Verdict]) -> str:
+    """Claims against conditions, for the terminal."""
+    lines = [
+        " " * 16 + "".join(f"{gravity:<24}" for gravity in GRAVITY),
+        " " * 16 + "".join(f"{variant:<12}" for _ in GRAVITY for variant in VARIANTS),
+    ]
+    for number, subject in sorted({(v.claim, v.subject) for v in verdicts}):
+        answers = {v.condition: v.holds for v in verdicts if v.claim == number}
+        cells = "".join(f"{answers.get(str(condition), '-'):<12}" for condition in CONDITIONS)
+        lines.append(f"{number} {subject:<14}{cells}")
+    return "\n".join(line.rstrip() for line in lines)

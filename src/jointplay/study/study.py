@@ -2,17 +2,118 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Future
 from pathlib import Path
 
 from jointplay.analysis.claims import Verdict
-from jointplay.host import stopping
+from jointplay.core import files, signals
 from jointplay.result.result import Result
-from jointplay.study.asked import folder
-from jointplay.study.cases import CASES, run_case
-from jointplay.study.ensembles import Ensembles, _found
-from jointplay.study.error_tables import errors_table, measures_table, write_errors
-from jointplay.study.verdicts import write_claims
+from jointplay.result.stored import versions
+from jointplay.study.cases import BESIDE, CASES, DIFFERS, EXPLICIT, EXPLICIT_STEP_S, run_case
+from jointplay.study.ensembles import Ensembles, _found, write_claims
+from jointplay.study.outputs import folder
+
+# The study's figures with their numerical errors, and the explicit method beside.
+
+
+def errors_table(
+    cases: Mapping[str, Result], others: Mapping[str, Mapping[str, float]]
+) -> list[tuple[str, ...]]:
+    """Certified figures of the cases, and the explicit method's where they differ.
+
+    Args:
+        cases: results by label.
+        others: what `explicit` found, by label.
+
+    Returns:
+        Rows of case, figure, value ± error and unit, mark, the explicit method's value or nothing.
+    """
+    rows: list[tuple[str, ...]] = []
+    for label, result in cases.items():
+        certificate = result.certificate
+        for figure in certificate.headline if certificate else ():
+            other = others.get(label, {}).get(figure.name)
+            beside = ""
+            if other is not None and figure.name in BESIDE:
+                change = other / figure.value - 1.0 if figure.value else 0.0
+                if abs(other - figure.value) > max(figure.error, DIFFERS * abs(figure.value)):
+                    beside = f"{other:.4g} {figure.unit} ({100 * change:+.1f} %)"
+                else:
+                    beside = "the same"
+            mark = "above 5 %" if figure.marked else ""
+            rows.append((label, figure.name, str(figure), mark, beside))
+    return rows
+
+
+ERRORS_HEADER = (
+    "case",
+    "figure",
+    "value ± numerical error",
+    "error",
+    f"{EXPLICIT}, {1e6 * EXPLICIT_STEP_S:g} µs",
+)
+
+
+def measures_table(cases: Mapping[str, Result]) -> list[tuple[str, ...]]:
+    """What the claims use, a row for each measure and a column for each case that has it."""
+    columns = {
+        label: {one.name: one for one in certificate.figures if one not in certificate.headline}
+        for label, result in cases.items()
+        if (certificate := result.certificate) is not None
+    }
+    played = {label: measures for label, measures in columns.items() if measures}
+    names = dict.fromkeys(name for measures in played.values() for name in measures)
+    head = ("measure", *played)
+    rows = []
+    for name in names:
+        figures = [measures[name] for measures in played.values()]
+        rows.append((name, *(f"{one}{' (above 5 %)' if one.marked else ''}" for one in figures)))
+    return [head, *rows]
+
+
+def write_errors(
+    rows: Sequence[tuple[str, ...]], measures: Sequence[tuple[str, ...]], out: Path
+) -> None:
+    """Write ``errors.md``."""
+    made_with = ", ".join(f"{name} {version}" for name, version in versions().items())
+    done = len({label for label, *_ in rows})
+    used = [
+        "What the claims use, of these runs, by the names in ensemble.csv:",
+        "",
+        *("| " + " | ".join(row) + " |" for row in (measures[0], ["---"] * len(measures[0]))),
+        *("| " + " | ".join(row) + " |" for row in measures[1:]),
+        "",
+    ]
+    if len(measures) == 1:
+        used = []
+    lines = [
+        "# The study's figures with their numerical errors",
+        "",
+        "Each case was run again more finely (docs/certificates.md); errors above 5 % are marked. "
+        f"The last column is the explicit integration with a fixed step ({EXPLICIT}, "
+        f"{1e6 * EXPLICIT_STEP_S:g} µs) of the same case: its value where it differs by more than "
+        f"{100 * DIFFERS:g} % and the error.",
+        "",
+        *([f"**Incomplete: {done} of {len(CASES)} cases.**", ""] if done < len(CASES) else []),
+        *("| " + " | ".join(row) + " |" for row in (ERRORS_HEADER, ["---"] * len(ERRORS_HEADER))),
+        *("| " + " | ".join(row) + " |" for row in rows),
+        "",
+        *used,
+        f"Made with {made_with}.",
+        "",
+    ]
+    files.write(out / "errors.md", "\n".join(lines))
+
+
+def errors_text(rows: Sequence[tuple[str, ...]]) -> str:
+    """The same table for the terminal."""
+    table = [ERRORS_HEADER, *rows]
+    widths = [max(len(row[k]) for row in table) for k in range(len(ERRORS_HEADER))]
+    return "\n".join(
+        "  ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)).rstrip()
+        for row in table
+    )
 
 
 def run_study(
@@ -49,12 +150,12 @@ def run_study(
                 cases[label] = run_case(label, out, progress)
             ensembles.wait([*beside.values(), *futures], progress)
     finally:  # whatever happens, what was found is written
-        rows = errors_table(cases, _found(beside))
-        verdicts = ensembles.verdicts()
-        with stopping.keeping(str(out / "errors.md")):
+        with signals.keeping(f"the tables in {out}"):
+            rows = errors_table(cases, _found(beside))
+            verdicts = ensembles.verdicts()
             write_errors(rows, measures_table(cases), out)
-        if runs:
-            with stopping.keeping(str(out / "claims.md")):
+            if runs:
                 write_claims(verdicts, ensembles, out)
-    plots.save(cases, out)  # last: whatever happens to figures, the numbers are there
+    with signals.keeping(f"the figures in {out}"):
+        plots.save(cases, out)  # last: whatever happens to figures, the numbers are there
     return cases, rows, verdicts

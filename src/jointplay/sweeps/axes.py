@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from jointplay.codec import closest, one_of, unknown_key
-from jointplay.errors import JointplayError
+from jointplay.core.errors import JointplayError, require_whole
+from jointplay.core.schema import closest, one_of, unknown_key
+from jointplay.core.units import convert, toml_text
 from jointplay.scenario.places import Key, dotted
 from jointplay.sweeps.keys import is_whole, kinds, path_of, units_of
-from jointplay.units import convert, shown
 
 SPACINGS = ("linear", "log")
 _KEYS = ("key", "keys")
@@ -75,7 +76,7 @@ def read(name: str, given: Any) -> Axis:
     if isinstance(given, Sequence) and not isinstance(given, str):
         given = {"values": list(given)}
     if not isinstance(given, Mapping):
-        raise JointplayError(f"{shown(given)} is no axis; give a list of values or a table")
+        raise JointplayError(f"{toml_text(given)} is no axis; give a list of values or a table")
     words = [*_KEYS, *dict.fromkeys(w for s, more in _SOURCES.items() for w in (s, *more))]
     for word in given:
         if word not in words:
@@ -101,7 +102,8 @@ def read(name: str, given: Any) -> Axis:
             raise JointplayError(
                 f"{dotted(key)} and {dotted(keys[0])} take values of different kinds"
             )
-    label = dotted(keys[0][-1:]) if "." in name or "[" in name else name
+    own = any(word in given for word in _KEYS)
+    label = name if own else dotted(keys[0][-1:])
     if source == "values":
         return _list(label, keys, given["values"], units)
     if units is None and not (source == "from" and is_whole(keys[0])):
@@ -118,7 +120,7 @@ def _keys(name: str, given: Mapping[str, Any]) -> tuple[Key, ...]:
     texts = given.get("keys", given.get("key", name))
     texts = [texts] if isinstance(texts, str) else texts
     if not isinstance(texts, Sequence) or not texts:
-        raise JointplayError(f"{shown(texts)} are no keys; give a list of dotted names")
+        raise JointplayError(f"{toml_text(texts)} are no keys; give a list of dotted names")
     paths = tuple(path_of(text) for text in texts)
     for path in paths:
         if len(path) == 1 and "key" not in given and "keys" not in given:
@@ -137,10 +139,14 @@ def _variants(name: str, given: Mapping[str, Any]) -> Axis:
         raise JointplayError("variants change what they name themselves; leave out key")
     tables = given["variants"]
     if not isinstance(tables, Mapping) or not tables:
-        raise JointplayError(f"{shown(tables)} are no variants; give a table of changes by label")
+        raise JointplayError(
+            f"{toml_text(tables)} are no variants; give a table of changes by label"
+        )
     for label, changes in tables.items():
         if not isinstance(changes, Mapping):
-            raise JointplayError(f"variant {shown(label)}: {shown(changes)} is no table of changes")
+            raise JointplayError(
+                f"variant {toml_text(label)}: {toml_text(changes)} is no table of changes"
+            )
         for key in changes:
             kinds((key,))
     labels = np.array(list(tables), dtype=object).astype(str)
@@ -149,14 +155,14 @@ def _variants(name: str, given: Mapping[str, Any]) -> Axis:
 
 def _list(name: str, keys: tuple[Key, ...], values: Any, units: tuple[str, ...] | None) -> Axis:
     if not isinstance(values, Sequence) or isinstance(values, str) or not len(values):
-        raise JointplayError(f"{shown(values)} are no values; give a list of at least one")
+        raise JointplayError(f"{toml_text(values)} are no values; give a list of at least one")
     if len(values) > MOST_VALUES:
         raise JointplayError(f"{len(values)} values; at most {MOST_VALUES} are possible")
     coordinate, unit = _coordinate(values, units)
     if len(np.unique(coordinate)) < len(values):
         _, first = np.unique(coordinate, return_index=True)
         twice = values[int(np.setdiff1d(np.arange(len(values)), first)[0])]
-        raise JointplayError(f"the value {shown(twice)} is given twice")
+        raise JointplayError(f"the value {toml_text(twice)} is given twice")
     return Axis(name, keys, tuple(values), coordinate, unit)
 
 
@@ -184,7 +190,7 @@ def shown_whole(value: Any) -> str:
     """A value of a list as a label: tables too are told apart."""
     if isinstance(value, Mapping):
         return "{" + ", ".join(f"{k} = {shown_whole(v)}" for k, v in value.items()) + "}"
-    return shown(value)
+    return toml_text(value)
 
 
 def _number(given: Mapping[str, Any], word: str, units: tuple[str, ...] | None) -> float:
@@ -208,16 +214,12 @@ def _range(
     name: str, keys: tuple[Key, ...], given: Mapping[str, Any], units: tuple[str, ...] | None
 ) -> Axis:
     low, high = _number(given, "from", units), _number(given, "to", units)
-    number = given.get("number")
-    if not isinstance(number, int) or isinstance(number, bool) or not 2 <= number <= MOST_VALUES:
-        raise JointplayError(
-            f"number must be a whole number from 2 to {MOST_VALUES}, got {shown(number)}"
-        )
+    number = require_whole("number", given.get("number"), 2, MOST_VALUES)
     spacing = given.get("spacing", SPACINGS[0])
     if spacing not in SPACINGS:
         raise JointplayError(one_of("spacing", spacing, SPACINGS))
     if low == high:
-        raise JointplayError(f"from and to are both {shown(given['from'])}")
+        raise JointplayError(f"from and to are both {toml_text(given['from'])}")
     if spacing == "log" and not (low > 0.0 and high > 0.0):
         raise JointplayError("spacing log needs from and to greater than zero")
     values = np.geomspace(low, high, number) if spacing == "log" else np.linspace(low, high, number)
@@ -281,3 +283,64 @@ def _frozen(kind: str, at: Mapping[str, float]) -> Any:
     low, high = (at.get(word, sign * np.inf) for word, sign in (("from", -1.0), ("to", 1.0)))
     ends = [(end - at["mean"]) / at["std"] for end in (low, high)]
     return stats.truncnorm(*ends, loc=at["mean"], scale=at["std"])
+
+
+# Points of the unit cube that samples of distributions are made of.
+
+
+METHODS = ("sobol", "latin-hypercube", "random", "saltelli")
+"""`saltelli` is the design that Sobol indices are reckoned from: n (d + 2) points."""
+
+GROWING = ("sobol", "random", "saltelli")
+"""Methods whose first points stay when more are asked for."""
+
+MOST_SAMPLES = 10_000_000
+
+_INSIDE = 1e-12
+"""No point is nearer to a face of the cube, where a normal distribution is infinite."""
+
+
+def points(method: str, samples: int, dimensions: int, seed: int) -> np.ndarray:
+    """Points in the unit cube, shape (rows, dimensions); the same for the same arguments.
+
+    Args:
+        method: see `METHODS`.
+        samples: how many; of `saltelli`, of its base sample.
+        dimensions: of the cube.
+        seed: of the random numbers.
+
+    Raises:
+        JointplayError: no such method, or a number of samples that makes no sense.
+    """
+    if method not in METHODS:
+        raise JointplayError(one_of("sampling", method, METHODS))
+    samples = require_whole("samples", samples, 1, MOST_SAMPLES)
+    seed = require_whole("seed", seed)
+    from scipy.stats import qmc  # which takes half a second that workers need not spend
+
+    if method == "saltelli":
+        design = _saltelli(samples, dimensions, seed)
+    elif method == "random":
+        design = np.random.default_rng(seed).random((samples, dimensions))
+    elif method == "latin-hypercube":
+        design = qmc.LatinHypercube(dimensions, seed=seed).random(samples)
+    else:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # of numbers that are no powers of two
+            design = qmc.Sobol(dimensions, seed=seed).random(samples)
+    return np.clip(design, _INSIDE, 1.0 - _INSIDE)
+
+
+def _saltelli(samples: int, dimensions: int, seed: int) -> np.ndarray:
+    """Blocks of d + 2 points: one of A, d with a column of B, one of B (Saltelli et al. 2010)."""
+    if samples & (samples - 1):
+        raise JointplayError(f"samples must be a power of two with saltelli, got {samples}")
+    from scipy.stats import qmc
+
+    design = qmc.Sobol(2 * dimensions, seed=seed).random(samples)
+    a, b = design[:, :dimensions], design[:, dimensions:]
+    blocks = np.repeat(a[:, None], dimensions + 2, axis=1)
+    for k in range(dimensions):
+        blocks[:, k + 1, k] = b[:, k]
+    blocks[:, -1] = b
+    return blocks.reshape(-1, dimensions)

@@ -17,17 +17,24 @@ from typing import Any
 import numpy as np
 
 from jointplay.analysis.twins import ideal_simulation, task, tool_motion
-from jointplay.errors import JointplayError
+from jointplay.core.errors import JointplayError
+from jointplay.core.files import temporary
 from jointplay.kernel import Status
 from jointplay.motion.reference import Motion
-from jointplay.result.provenance import versions
 from jointplay.result.result import Result
+from jointplay.result.stored import versions
 from jointplay.scenario import Scenario
+from jointplay.scenario.places import PREFIX, SHIPPED
 from jointplay.scenario.settings import Setting
-from jointplay.scenario.sources import PREFIX, SHIPPED
 from jointplay.simulation.simulation import Simulation
-from jointplay.sweeps.measures import COST, measure, own, rests_of
-from jointplay.sweeps.own_measures import measure_function
+from jointplay.sweeps.measures import (
+    COST,
+    NUMERICAL_ERROR,
+    measure,
+    measure_function,
+    own_measures,
+    rests_of,
+)
 from jointplay.sweeps.plan import Index, Plan
 
 DONE, FAILED = 1, 2
@@ -124,7 +131,7 @@ class Bench:
         path, text = Path(work.path), work.text
         self._names: dict[str, str] = {}
         if work.inputs is not None:
-            self._folder = tempfile.TemporaryDirectory(prefix="jointplay-sweep-")
+            self._folder = temporary("sweep")
             path = self._unpack(work.inputs, Path(self._folder.name)) / path.name
         self.scenario = Scenario(text, path, work.trust, work.settings)
         self.measures = {
@@ -206,7 +213,11 @@ class Bench:
         rests = self._rests_of(simulation.motion, float(result.time[-1])) if ideal else ()
         values = measure(result, ideal, self.job.joints, rests)
         for name, function in self.measures.items():
-            values |= own(name, function(result))
+            found = own_measures(name, function(result))
+            for other in found:
+                if other in values or other == COST or other.startswith(NUMERICAL_ERROR):
+                    raise JointplayError(f"{name} returns {other!r}, a name of another measure")
+            values |= found
         return values, {name: _history(result, name) for name in self.job.histories}
 
     def _certified(self, changes: Mapping[str, Any]) -> bool:

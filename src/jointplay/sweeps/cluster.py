@@ -10,8 +10,8 @@ from contextlib import suppress
 from itertools import islice
 from typing import Any
 
-from jointplay.errors import JointplayError
-from jointplay.result.provenance import versions
+from jointplay.core.errors import JointplayError, one_line
+from jointplay.result.stored import versions
 from jointplay.sweeps.case import COST, FAILED, Job, Outcome, run_cases
 from jointplay.sweeps.plan import Index
 
@@ -56,9 +56,9 @@ class ClusterWorkers:
         """Connect, and ask every worker for its version."""
         try:
             from distributed import Client
-        except ImportError:
+        except ImportError as error:
             raise JointplayError(
-                "a cluster needs dask.distributed: pip install 'jointplay[cluster]'"
+                f"a cluster needs dask.distributed ({error}): pip install 'jointplay[cluster]'"
             ) from None
         for name in _LOGGERS:  # what they log is said here in a line, or is of no consequence
             logging.getLogger(name).setLevel(logging.CRITICAL + 1)
@@ -135,8 +135,9 @@ class ClusterWorkers:
             yield from self._outcomes(kept.pop(key), pending.pop(key), submit)
             feed()
 
-    def _lost(self) -> JointplayError:
-        return JointplayError(f"the scheduler at {self.address!r} was lost")
+    def _lost(self, error: BaseException | None = None) -> JointplayError:
+        reason = f": {type(error).__name__}: {one_line(error)}" if error is not None else ""
+        return JointplayError(f"the scheduler at {self.address!r} was lost{reason}")
 
     def _outcomes(self, future: Any, batch: list[Case], submit: Any) -> Iterator[Outcome]:
         """What a task gave; one that took its workers with it is taken apart."""
@@ -144,7 +145,7 @@ class ClusterWorkers:
             try:
                 outcomes = future.result()
             except Exception as error:
-                raise self._lost() from error
+                raise self._lost(error) from error
             future.release()
             for outcome in outcomes:
                 self._done += 1
@@ -155,7 +156,7 @@ class ClusterWorkers:
         if isinstance(cause, JointplayError):  # not of a case: of the sweep
             raise cause
         if type(cause).__name__ != "KilledWorker":
-            raise self._lost() from cause
+            raise self._lost(cause) from cause
         if len(batch) > 1:
             for case in batch:
                 submit([case])

@@ -1,7 +1,7 @@
 """What has been finished, line by line, on disk before anyone is told: the memory of a sweep.
 
 Each line has a checksum. A process that is killed leaves at most one line torn, the last; a full
-disk likewise, and it is cut off.
+disk likewise, and it is cut off. A line that has changed since is passed over: its case runs again.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from jointplay.errors import JointplayError
-from jointplay.host.files import cannot_write, is_folder
+from jointplay.core.errors import JointplayError
+from jointplay.core.files import cannot_write, is_file, is_folder
 
 JOURNAL = "journal"
 """Name of the journal within the store."""
@@ -34,7 +34,7 @@ def is_there(store: Path, go_on: bool) -> bool:
     Raises:
         JointplayError: it is and may not be, or the folder has other things in it.
     """
-    there = (store / "zarr.json").is_file()
+    there = is_file(store / "zarr.json")
     if there and not go_on:
         raise JointplayError(
             f"{str(store)!r} exists; go on with it by --resume, or choose another name"
@@ -56,13 +56,15 @@ def line(entry: Any) -> bytes:
 
 
 def entries(content: bytes) -> Iterator[tuple[Any, int]]:
-    """Entries of a journal and where each ends, up to the first that is not whole."""
+    """Entries of a journal that are whole, and where each ends; what they say is not judged."""
     at = 0
     while (end := content.find(b"\n", at)) >= 0:
         checksum, _, text = content[at:end].partition(b" ")
-        if checksum != b"%08x" % zlib.crc32(text):
-            return
-        yield json.loads(text), end + 1
+        if checksum == b"%08x" % zlib.crc32(text):
+            try:
+                yield json.loads(text), end + 1
+            except (ValueError, RecursionError):  # no entry of ours
+                yield None, end + 1
         at = end + 1
 
 
@@ -79,10 +81,11 @@ class Journal:
         self.found: list[Any] = []
         self._end = 0
         try:
-            self._file = os.open(path, os.O_RDWR | os.O_CREAT | getattr(os, "O_CLOEXEC", 0), 0o644)
+            # Not appended to: it is cut where it ends. Closed twice, it closes no one else's file.
+            self._file = open(path, "r+b" if path.exists() else "x+b", buffering=0)  # noqa: SIM115
             for entry, self._end in entries(path.read_bytes()):
                 self.found.append(entry)
-            os.ftruncate(self._file, self._end)
+            self._file.truncate(self._end)
         except OSError as error:
             raise cannot_write(path, error) from None
 
@@ -96,26 +99,26 @@ class Journal:
         try:
             done = 0
             while done < len(data):
-                done += os.pwrite(self._file, data[done:], self._end + done)
+                done += os.pwrite(self._file.fileno(), data[done:], self._end + done)
         except OSError as error:
             with suppress(OSError):
-                os.ftruncate(self._file, self._end)
+                self._file.truncate(self._end)
             raise cannot_write(self.path, error) from None
         self._end += len(data)
 
     def sync(self) -> None:
         """Have all entries survive a power failure."""
         with suppress(OSError):
-            os.fsync(self._file)
+            os.fsync(self._file.fileno())
 
     def clear(self) -> None:
         """Forget all entries, which are safe elsewhere."""
         with suppress(OSError):
-            os.ftruncate(self._file, 0)
-            os.fsync(self._file)
+            self._file.truncate(0)
+            os.fsync(self._file.fileno())
         self._end = 0
         self.found = []
 
     def close(self) -> None:
         """Let go of the file."""
-        os.close(self._file)
+        self._file.close()

@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import re
+import tomllib
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from functools import cache
 from typing import Any
 
-from jointplay.codec import unknown_key
-from jointplay.errors import JointplayError
-from jointplay.fields import Field
+from jointplay.core.errors import JointplayError
+from jointplay.core.schema import Field, unknown_key
+from jointplay.core.units import toml_text
 from jointplay.scenario.model import Model
 from jointplay.scenario.places import Key, dotted
-from jointplay.scenario.schema import Tables
-from jointplay.units import shown
+from jointplay.scenario.schema import SchemaTables
 
-_PART = re.compile(r'"([^"]*)"|\[(\d+)\]|([^."\[\]]+)')
+_PART = re.compile(
+    r"""(?P<quoted>"(?:[^"\\]|\\.)*"|'[^']*')|\[(?P<number>\d+)\]|(?P<word>[^."'\[\]]+)"""
+)
+"""A part of a key, quoted as in TOML where it has other signs than a word."""
 
 _CLEARANCES = ("radial_clearance", "clearance")
 """Keys of a joint that are 0 in an ideal one."""
@@ -39,19 +42,23 @@ def path_of(name: str) -> Key:
         if part is None:
             break
         quoted, number, word = part.groups()
-        parts.append(max(int(number) - 1, 0) if number else word.strip() if word else quoted)
+        try:
+            name = tomllib.loads(f"name = {quoted}")["name"] if quoted else (word or "").strip()
+        except tomllib.TOMLDecodeError:  # an escape that TOML has not
+            break
+        parts.append(max(int(number) - 1, 0) if number else name)
         at = part.end()
         if at < len(text) and text[at] == ".":
             at += 1
     if not parts or at < len(text):
         raise JointplayError(
-            f"{shown(name)} names no key of a scenario; write it like "
+            f"{toml_text(name)} names no key of a scenario; write it like "
             '"joints.joint_b.radial_clearance" or "payloads[1].mass"'
         )
     return tuple(parts)
 
 
-class _Units(Tables):
+class _Units(SchemaTables):
     """The schema of scenarios, with the units of its numbers where programs find them."""
 
     def field(self, field: Field, text: str) -> dict[str, Any]:

@@ -18,8 +18,8 @@ from contextlib import suppress
 from multiprocessing.connection import Connection, wait
 from typing import Any, cast
 
-from jointplay.errors import JointplayError
-from jointplay.host import workers
+from jointplay.core import processes
+from jointplay.core.errors import JointplayError
 from jointplay.sweeps.case import COST, FAILED, Job, Outcome
 from jointplay.sweeps.plan import Index
 
@@ -163,7 +163,7 @@ def nursery() -> None:
         connections, job = pickle.load(sys.stdin.buffer)
     except EOFError:  # the sweep is over before it began
         return
-    workers.begin()
+    processes.begin()
     from jointplay import kernel
 
     with suppress(Exception):
@@ -188,7 +188,7 @@ def _serve(connection: Connection[Any, Any], job: Job) -> None:
     """Run the cases that come, one after the other."""
     from jointplay.sweeps.case import run_cases
 
-    workers.begin()
+    processes.begin()
     with suppress(EOFError, BrokenPipeError, ConnectionResetError):
         while True:
             case = connection.recv()

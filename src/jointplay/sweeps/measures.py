@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from jointplay.analysis.tool_error import COMPONENTS, deviation, stops
+from jointplay.contact.trust import function_in_folder, imported, is_beside
+from jointplay.core.errors import JointplayError
 from jointplay.geometry import Mode
 from jointplay.loads.terms import LOSSES
 from jointplay.motion.reference import Motion
@@ -17,41 +19,66 @@ from jointplay.result.result import Result
 COST = "cost"
 """Name of the measure that no two runs share: seconds of processor time."""
 
-ABOUT: dict[str, tuple[str, str]] = {
-    "tool_error_peak": ("m", "largest distance from the ideal mechanism's tool along {part}"),
-    "tool_error_rms": ("m", "RMS distance from the ideal mechanism's tool along {part}"),
-    "tool_error_stops": ("m", "largest tool error along {part} where the reference stands still"),
-    "peak_force": ("N", "largest joint force{part}"),
-    "rms_force": ("N", "RMS joint force{part}"),
-    "impacts": ("1", "contacts that began"),
-    "impulse": ("N s", "normal impulse of all contacts"),
-    "dissipated_energy": ("J", "lost in contacts, films, joints, gears and loads"),
-    **{name: ("J", name.replace("_", " ")) for name in LOSSES},
-    "share": ("1", "share of the time in mode {part}"),
-    "penetration": ("m", "deepest penetration"),
-    "energy_error": ("1", "error of the energy balance over the energy exchanged"),
-    "under_resolved": ("1", "share of the normal impulse in contacts of too few steps"),
-    "warnings": ("1", "warnings of the run's audit"),
-    "numerical_error": ("", "numerical error of the {part}, from refined runs"),
-    COST: ("s", "processor time of the case, its checks and its measures included"),
-}
-"""Unit and meaning of the measures, by what their names begin with."""
+USER = "user"
+"""Origin of the measures that a user's own functions return."""
+
+NUMERICAL_ERROR = "numerical_error_"
+"""What the names begin with of measures that say how far off a certified figure may be."""
 
 _JOINT_FORCE = {"peak": "joint_force_peak", "rms": "joint_force"}
 
 
-def about(name: str) -> tuple[str, str]:
-    """Unit and meaning of a measure; of a user's own, nothing is known but its name."""
-    for begin in sorted(ABOUT, key=len, reverse=True):
-        if name == begin or name.startswith(f"{begin}_"):
-            unit, text = ABOUT[begin]
-            part = name[len(begin) + 1 :].replace("_", " ")
-            if begin.endswith("_force"):
-                part = f" at {name[len(begin) + 1 :]}" if part else ""
-            if begin.startswith("tool_error"):
-                part = "all axes" if part == "total" else part
-            return unit, text.format(part=part)
-    return "", name.replace("_", " ")
+def shipped(joints: Sequence[str]) -> dict[str, tuple[str, str]]:
+    """Unit and meaning of all that `measure` can return but `NUMERICAL_ERROR`, by name.
+
+    Args:
+        joints: see `measure`.
+    """
+    found = {COST: ("s", "processor time of the case, its checks and its measures included")}
+    for part in COMPONENTS:
+        along = "all axes" if part == "total" else part
+        off = f"distance from the ideal mechanism's tool along {along}"
+        found[f"tool_error_peak_{part}"] = "m", f"largest {off}"
+        found[f"tool_error_rms_{part}"] = "m", f"RMS {off}"
+        rests = f"largest tool error along {along} where the reference stands still"
+        found[f"tool_error_stops_{part}"] = "m", rests
+    for how, what in (("peak", "largest"), ("rms", "RMS")):
+        found[f"{how}_force"] = "N", f"{what} joint force"
+        found |= {f"{how}_force_{j}": ("N", f"{what} joint force at {j}") for j in joints}
+    for mode in (mode.name.lower() for mode in Mode):
+        text = f"share of the time in mode {mode.replace('_', ' ')}"
+        found[f"share_{mode}"] = "1", text
+        found |= {f"share_{mode}_{joint}": ("1", f"{text}, at {joint}") for joint in joints}
+    found |= {
+        "impacts": ("1", "contacts that began"),
+        "impulse": ("N s", "normal impulse of all contacts"),
+        "dissipated_energy": ("J", "lost in contacts, films, joints, gears and loads"),
+        **{name: ("J", name.replace("_", " ")) for name in LOSSES},
+        "penetration": ("m", "deepest penetration"),
+        "energy_error": ("1", "error of the energy balance over the energy exchanged"),
+        "under_resolved": ("1", "share of the normal impulse in contacts of too few steps"),
+        "warnings": ("1", "warnings of the run's audit"),
+    }
+    return found
+
+
+def about(name: str, joints: Sequence[str]) -> tuple[str, str] | None:
+    """Unit and meaning of a measure; None if it is a user's own.
+
+    Args:
+        name: of the measure.
+        joints: see `measure`.
+    """
+    if name.startswith(NUMERICAL_ERROR):
+        figure = name.removeprefix(NUMERICAL_ERROR).replace("_", " ")
+        return "", f"numerical error of the {figure}, from refined runs"
+    return shipped(joints).get(name)
+
+
+def _of_figure(name: str) -> str:
+    """Name of the measure that says the numerical error of a certified figure."""
+    figure, _, joint = name.partition(", ")
+    return f"{NUMERICAL_ERROR}{figure.lower().replace(' ', '_')}{joint and f'_{joint}'}"
 
 
 def measure(
@@ -60,7 +87,7 @@ def measure(
     joints: Sequence[str],
     rests: Sequence[float] = (),
 ) -> dict[str, float]:
-    """Measures of a run, by name; `ABOUT` has their units.
+    """Measures of a run, by name; `shipped` has their units.
 
     What is before `Result.judge_from` is left out, but of what the run says of its own quality.
 
@@ -97,8 +124,7 @@ def measure(
     measures["warnings"] = float(len(audit.warnings))
     if result.certificate is not None:
         for figure in result.certificate.headline:
-            name = re.sub(r"\W+", "_", figure.name.lower()).strip("_")
-            measures[f"numerical_error_{name}"] = figure.error
+            measures[_of_figure(figure.name)] = figure.error
     return measures
 
 
@@ -170,7 +196,7 @@ def _forces(result: Result, joints: Sequence[str], kept: np.ndarray) -> Iterator
                 yield f"{how}_force_{label}", value
 
 
-def own(name: str, returned: Any) -> dict[str, float]:
+def own_measures(name: str, returned: Any) -> dict[str, float]:
     """Numbers that a user's measure returned, by name.
 
     Args:
@@ -183,3 +209,27 @@ def own(name: str, returned: Any) -> dict[str, float]:
     function = name.rpartition(":")[2]
     several = returned if isinstance(returned, dict) else {function: returned}
     return {str(key): float(value) for key, value in several.items()}
+
+
+# Measures of a user's own: functions of a result, named ``module:function``.
+
+
+def measure_function(name: str, folder: Path, trust: Collection[str]) -> Any:
+    """The function that ``module:function`` names: beside the scenario, or of a trusted module.
+
+    Raises:
+        JointplayError: it is neither, or cannot be imported.
+    """
+    module = name.partition(":")[0]
+    try:
+        if is_beside(folder, module):
+            return function_in_folder(folder, name)
+        ways = {".".join(module.split(".")[:n]) for n in range(1, module.count(".") + 2)}
+        if not ways.isdisjoint(trust):
+            return imported(name)
+    except JointplayError as error:
+        raise JointplayError(str(error).replace("the law", "the measure", 1)) from None
+    raise JointplayError(
+        f"the measure {name!r} is no module beside the scenario; if you trust it: "
+        f"--trust {module}, or trust=[{module!r}] in Python"
+    )

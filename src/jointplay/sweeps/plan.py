@@ -12,14 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from jointplay.errors import JointplayError
-from jointplay.host.files import is_file
+from jointplay.core.files import is_file, read_text
 from jointplay.scenario import Scenario
 from jointplay.scenario.load import merge
-from jointplay.scenario.places import Key, dotted
-from jointplay.scenario.sources import locate
-from jointplay.sweeps import sampling
-from jointplay.sweeps.axes import Axis
+from jointplay.scenario.places import Key, dotted, locate
+from jointplay.sweeps.axes import METHODS, Axis, points
 from jointplay.sweeps.keys import put
 from jointplay.sweeps.uncertainty import Until
 
@@ -54,7 +51,7 @@ class Plan:
     case: str
     axes: tuple[Axis, ...] = ()
     drawn: tuple[Axis, ...] = ()
-    sampling: str = sampling.METHODS[0]
+    sampling: str = METHODS[0]
     samples: int = 0
     seed: int = 0
     repeats: int = 1
@@ -68,7 +65,7 @@ class Plan:
     @cached_property
     def points(self) -> np.ndarray:
         """Samples in the unit cube, shape (rows, drawn axes)."""
-        return sampling.points(self.sampling, self.samples, len(self.drawn), self.seed)
+        return points(self.sampling, self.samples, len(self.drawn), self.seed)
 
     @cached_property
     def drawn_values(self) -> np.ndarray:
@@ -179,14 +176,10 @@ class Plan:
                 module = name.partition(":")[0].partition(".")[0]
                 beside = folder / f"{module}.py"
                 if is_file(beside):
-                    texts[beside.name] = beside.read_text(encoding="utf-8")
+                    texts[beside.name] = read_text(beside, "module")
                 continue
             path = locate(name, folder)
-            try:
-                texts[name] = path.read_text(encoding="utf-8")
-            except (OSError, ValueError) as error:
-                reason = getattr(error, "strerror", None) or error
-                raise JointplayError(f"cannot read {str(path)!r}: {reason}") from None
+            texts[name] = read_text(path, "file")
         return texts
 
 

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Iterator, Mapping
+import time
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import suppress
+from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
 from typing import Any, Protocol
@@ -13,15 +15,91 @@ import numpy as np
 import xarray as xr
 from tqdm import tqdm
 
-from jointplay.codec import one_of
-from jointplay.errors import JointplayError
+from jointplay.core.errors import JointplayError, require_whole
+from jointplay.core.schema import one_of
 from jointplay.scenario import Scenario
 from jointplay.sweeps.case import FAILED, Bench, Outcome, job, joints
-from jointplay.sweeps.estimate import MANY, estimate
-from jointplay.sweeps.opened import open_sweep
+from jointplay.sweeps.dataset import open_sweep
+from jointplay.sweeps.declaration import plan_of
+from jointplay.sweeps.measures import shipped
 from jointplay.sweeps.plan import REPEAT, SAMPLE, Index, Plan
-from jointplay.sweeps.store import Store
-from jointplay.sweeps.table_read import plan_of
+from jointplay.sweeps.sealed import METADATA, ROOT, metadata
+from jointplay.sweeps.store import Store, of_sweep, sweep_of_states
+
+# What a sweep would take, found by running the beginning of one of its cases.
+
+
+MANY = 20_000
+"""Cases above which a sweep asks whether it is meant."""
+
+PATIENCE_S = 2.0
+"""How long a case is tried [s]."""
+
+MEASURES_BYTES = 300
+"""What the measures of a case take in the store [bytes]."""
+
+
+@dataclass(frozen=True)
+class SweepCost:
+    """What a sweep takes."""
+
+    seconds: float
+    """On so many processes."""
+    processes: int
+    bytes: float
+
+    @property
+    def words(self) -> str:
+        """Time and size in words."""
+        return (
+            f"about {_time(self.seconds)} on {self.processes} processes and "
+            f"{_size(self.bytes)} of results"
+        )
+
+
+def estimate(made: Plan, bench: Bench, processes: int) -> SweepCost:
+    """Run the beginning of a case, and reckon from its pace."""
+    reason: JointplayError | None = None
+    for index in made.indices():
+        try:
+            started = time.perf_counter()
+            run = bench.simulation(made.changes(index)).prepare()
+            ready = time.perf_counter() - started
+            break
+        except JointplayError as error:  # another case may be possible
+            reason = reason or error
+    else:
+        raise JointplayError(f"no case of the sweep can be run; the first: {reason}")
+    run.begin()
+    started = time.perf_counter()
+    while run.workspace.steps < run.steps and time.perf_counter() - started < PATIENCE_S:
+        if not run.stretch():
+            break
+    share = max(run.workspace.steps, 1) / run.steps
+    seconds = ready + (time.perf_counter() - started) / share
+    records = run.steps / run.simulation.record_every
+    kept = 8.0 * 3.0 * records * len(made.histories)
+    return SweepCost(
+        made.count * seconds / processes, processes, made.count * (MEASURES_BYTES + kept)
+    )
+
+
+def _time(seconds: float) -> str:
+    for size, name in ((86400.0, "days"), (3600.0, "hours"), (60.0, "minutes")):
+        if seconds >= 2.0 * size:
+            return _rounded(seconds / size, name)
+    return f"{seconds:.0f} seconds"
+
+
+def _rounded(value: float, unit: str) -> str:
+    return f"{value:.2g} {unit}" if value < 100.0 else f"{value:.0f} {unit}"
+
+
+def _size(size: float) -> str:
+    for factor, name in ((1e12, "TB"), (1e9, "GB"), (1e6, "MB")):
+        if size >= factor:
+            return _rounded(size / factor, name)
+    return f"{size / 1e3:.0f} kB"
 
 
 class Workers(Protocol):
@@ -98,14 +176,26 @@ def run_plan(
     extend: bool = False,
     yes: bool = False,
     progress: bool = False,
+    begin: Callable[[], None] | None = None,
 ) -> Plan:
     """Run what is planned; see `sweep`.
+
+    Args:
+        made: the plan.
+        path: of the store.
+        jobs: see `sweep`, as for what follows.
+        scheduler: of Dask.
+        resume: go on.
+        extend: become larger.
+        yes: run what is very large.
+        progress: show a bar.
+        begin: called when nothing stands against it, before the first case.
 
     Returns:
         The plan as it was run: with `until` it may have more samples than it began with.
     """
-    if jobs is not None and jobs < 1:
-        raise JointplayError(f"at least one process is needed, got {jobs}")
+    if jobs is not None:
+        require_whole("jobs", jobs, 1)
     first = probe(made)
     number = jobs or cores()
     if made.count > MANY and not yes:
@@ -120,6 +210,9 @@ def run_plan(
             left = int(np.count_nonzero(store.state == 0))
             if left and workers is None:
                 workers = _begun(store, number if made.until else min(number, left), scheduler)
+            if begin is not None:
+                begin()
+                begin = None
             if workers is not None:
                 _run_all(store, workers, left, progress)
             if _enough(made, store):
@@ -181,7 +274,7 @@ def _run_all(store: Store, workers: Workers, left: int, progress: bool) -> None:
         bar.refresh()
         for outcome in workers.run(cases):
             store.keep(outcome)
-            failed += outcome.state == FAILED
+            failed += int(store.state[outcome.index]) == FAILED
             if failed:
                 bar.set_postfix_str(f", {failed} failed", refresh=False)
             bar.update()
@@ -203,15 +296,21 @@ def _enough(made: Plan, store: Store) -> bool:
 
 def _largest_so_far(made: Plan, path: Path) -> Plan:
     """The plan with as many samples as the store has, where `until` has added some."""
-    if made.until is None or not (path / "zarr.json").is_file():
+    if made.until is None or not (path / METADATA).is_file():
         return made
-    attrs = open_sweep(path).attrs
-    given = attrs["identity"].get("sweep.samples", "0")
-    samples = int(given) if given.isdigit() else 0
+    is_it: Callable[[Plan], bool]
+    try:
+        given = metadata(path, ROOT)["attributes"].get("identity", {}).get("sweep.samples", "0")
+        is_it = lambda plan: str(plan.samples) == given  # noqa: E731
+    except (OSError, ValueError):  # damaged; the store tells by its states which sweep it is of
+        known = sweep_of_states(path)
+        is_it = lambda plan: of_sweep(plan) == known  # noqa: E731
     larger = made
-    while larger.samples < samples and 2 * larger.samples <= made.until.most:
+    while not is_it(larger):
+        if 2 * larger.samples > made.until.most:
+            return made
         larger = larger.with_samples(2 * larger.samples)
-    return larger if larger.samples == samples else made
+    return larger
 
 
 def _give_up(store: Store, error: BaseException) -> None:
@@ -237,6 +336,11 @@ def probe(made: Plan) -> Bench:
     """
     bench = Bench(job(made))
     _check_joints(made, bench)
+    measured = shipped(joints(made))
+    for axis in (*made.axes, *made.drawn):
+        if axis.name in measured:
+            said = f"an axis cannot be called {axis.name!r}, as a measure is"
+            raise JointplayError(f"{made.scenario.path}, sweep: {said}")
     first: JointplayError | None = None
     for index in _some(made):
         try:
@@ -258,26 +362,50 @@ def _some(made: Plan) -> Iterator[Index]:
 
 
 def _check_histories(made: Plan, bench: Bench) -> None:
-    """Refuse histories that no result has, be it of a few cases or of any variant."""
+    """Refuse histories that no result has, be it of a few cases or of any variant.
+
+    And those of a sweep that varies when records are made: its cases would have no time in common.
+    """
+    if made.histories:
+        _check_times(made)
     variants = (
         tuple(k if number == which else 0 for number in range(len(made.shape)))
         for which, axis in enumerate(made.axes)
         for k in range(0 if axis.keys else len(axis.values))
     )
     known: set[str] = set()
+    first: JointplayError | None = None
     for index in chain(_some(made), variants):
         if known.issuperset(made.histories):
             return
-        with suppress(JointplayError):
+        try:
             run = bench.simulation(made.changes(index)).prepare()
             run.begin()
             run.finish()
             known |= {str(name) for name in run.result().dataset.data_vars}
             known |= {"payload_energy"} if run.simulation.payloads else set()  # once one comes
+        except JointplayError as error:  # another case may be possible
+            first = first or error
+    if not known and first is not None:
+        raise first
     for name in made.histories:
         if name not in known:
             text = one_of("history", name, sorted(known))
             raise made.scenario.error(("sweep", "histories"), text)
+
+
+def _check_times(made: Plan) -> None:
+    """Refuse axes over what sets the times of records."""
+    for axis in (*made.axes, *made.drawn):
+        changes = () if axis.keys else axis.values
+        if ("integration", "step") in axis.keys or any(
+            "step" in change.get("integration", {}) for change in changes
+        ):
+            raise made.scenario.error(
+                ("sweep", "histories"),
+                f"the axis {axis.name!r} varies integration.step, so that cases are recorded at "
+                "different times, and histories have one time axis; leave one of the two out",
+            )
 
 
 def _check_joints(made: Plan, bench: Bench) -> None:

@@ -1,36 +1,185 @@
-"""The store of a sweep: labelled Zarr arrays over its dimensions, and a journal of what is done.
-
-A finished case is one line of the journal. The arrays are filled from it now and then, and at the
-end; filled again, they are what they were. So whatever is killed, and whenever, nothing that was
-finished is lost: the journal is emptied only when all that it says is in the arrays and on disk.
-"""
+"""The store of a sweep: labelled Zarr arrays over its dimensions, and a journal of what is done."""
 
 from __future__ import annotations
 
 import asyncio
+import hashlib
 import json
 import os
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import zarr
 from zarr.core.sync import sync
+from zarr.dtype import parse_dtype
 
-from jointplay.errors import JointplayError
-from jointplay.host import files
-from jointplay.result.provenance import versions
+from jointplay.core import files
+from jointplay.core.errors import JointplayError
+from jointplay.result.stored import versions
 from jointplay.scenario.places import dotted
-from jointplay.sweeps import histories
-from jointplay.sweeps.case import Outcome
-from jointplay.sweeps.differences import differences, grown
-from jointplay.sweeps.journal import JOURNAL, SYNC_S, Journal, is_there
-from jointplay.sweeps.measures import about
-from jointplay.sweeps.opened import FORMAT, check_format, quiet
+from jointplay.sweeps import sealed
+from jointplay.sweeps.axes import GROWING
+from jointplay.sweeps.case import DONE, FAILED, History, Outcome, joints
+from jointplay.sweeps.dataset import FORMAT, check_format, quiet, reading
+from jointplay.sweeps.journal import JOURNAL, SYNC_S, Journal, entries, is_there, line
+from jointplay.sweeps.measures import USER, about
 from jointplay.sweeps.plan import REPEAT, SAMPLE, Index, Plan
+from jointplay.sweeps.sealed import (
+    BEGUN,
+    COMPRESSORS,
+    METADATA,
+    PARTIAL,
+    ROOT,
+    WRITTEN,
+    SealedStore,
+    array_name,
+    plain_name,
+)
+
+# In what two sweeps differ: whether an old store is of this one, or of this one made larger.
+
+
+GROWS = ("samples", "repeats")
+"""Keys of a sweep that may grow."""
+
+
+def differences(old: Mapping[str, str], new: Mapping[str, str]) -> list[Any]:
+    """In what two sweeps differ: key, and a few words."""
+    changes = []
+    for key in dict.fromkeys((*old, *new)):
+        was, now = old.get(key, "not given"), new.get(key, "not given")
+        if was != now:
+            if key.startswith("file ") and "not given" not in (was, now):
+                changes.append((key, f"{key} has changed"))
+            else:
+                changes.append((key, f"{key} is {_short(now)}, and was {_short(was)}"))
+    return changes
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= 80 else f"{text[:60]}...{text[-15:]}"
+
+
+def grown(attrs: Mapping[str, Any], plan: Plan) -> set[str]:
+    """Keys in which the plan is the old one made larger."""
+    old, new = attrs["identity"], plan.identity
+    keys = set()
+    for word in GROWS:
+        key = f"sweep.{word}"
+        grows = word != "samples" or plan.sampling in GROWING
+        if grows and json.loads(new.get(key, "0")) >= json.loads(old.get(key, "1")):
+            keys.add(key)
+    for key in new:
+        if key.startswith("sweep.axes.") and key in old:
+            was, now = json.loads(old[key]), json.loads(new[key])
+            if isinstance(was, list) and isinstance(now, list) and now[: len(was)] == was:
+                keys.add(key)
+    same_dims = list(attrs["sizes"]) == list(plan.sizes)
+    return keys if same_dims else set()
+
+
+# Time histories in the store of a sweep: arrays over its dimensions, the time, and axes or
+# joints.
+#
+# Cases can differ in length and in joints: an array grows as needed, and what a case has not is
+# NaN. All cases share one time axis: what was recorded at other times than those of the cases
+# before is refused, for it would be labelled with times that are not its own.
+
+
+ROUNDING = 1e-9
+"""Times that differ by less than this, relative to the last of them, are the same."""
+
+SUFFIX = "_history"
+"""What the names of the arrays end with."""
+
+
+def write_histories(store: Store, outcome: Outcome) -> Outcome:
+    """Write the histories of a case; where they do not fit to the others, the case has failed."""
+    try:
+        for name, history in outcome.histories.items():
+            write(store, name, outcome.index, history)
+    except JointplayError as error:
+        return replace(outcome, state=FAILED, error=str(error))
+    return outcome
+
+
+def write(store: Store, name: str, index: Index, history: History) -> None:
+    """Write a variable of a case's result.
+
+    Raises:
+        JointplayError: it was recorded at other times than those of the cases before.
+
+    A chunk is one case, so that writing it again, after a kill, gives what it was.
+
+    Args:
+        store: where.
+        name: of the variable.
+        index: the case.
+        history: its values; without attributes if the case does not have the variable.
+    """
+    if not history.attrs:
+        return
+    key, group = name + SUFFIX, store.group
+    values = np.asarray(history.values, float)
+    if key not in group:
+        tail = dict(zip(history.dims, values.shape, strict=True))
+        unit, text = (str(history.attrs.get(word, "")) for word in ("units", "long_name"))
+        store.array(key, "float64", np.nan, text, unit, tail)
+    array = group[key]
+    places = [_places(store, d, history) for d in history.dims]
+    sizes = array.shape[len(index) :]
+    needed = [max(int(p.max(initial=-1)) + 1, size) for p, size in zip(places, sizes, strict=True)]
+    if tuple(needed) != tuple(sizes):
+        array.resize((*array.shape[: len(index)], *needed))
+    block = np.full(needed, np.nan)
+    block[np.ix_(*places)] = values
+    array[index] = block
+
+
+def _places(store: Store, dimension: str, history: History) -> np.ndarray:
+    """Positions of a case's labels along a dimension, to which new ones are added."""
+    own: list[Any] = np.asarray(history.labels[dimension]).tolist()
+    known: list[Any] = []
+    if dimension in store.group:
+        known = np.asarray(store.group[dimension][...]).tolist()
+        while (known and known[-1] in ("", None)) or (known and known[-1] != known[-1]):
+            known.pop()  # there was no room to write it
+    if dimension == "time":  # the longest case has the times of all
+        shared = min(len(own), len(known))
+        ours, theirs = np.array(own[:shared], float), np.array(known[:shared], float)
+        other = np.flatnonzero(np.abs(ours - theirs) > ROUNDING * theirs.max(initial=0.0))
+        if other.size:
+            k = int(other[0])
+            raise JointplayError(
+                f"its record {k + 1} is of t = {ours[k]:.6g} s, that of the cases before of "
+                f"{theirs[k]:.6g} s: histories of a sweep have one time axis; let all cases "
+                "end at one of their times, or leave histories out"
+            )
+        if len(own) > len(known):
+            store.labels(dimension, dimension, np.asarray(own), {"units": "s"})
+        return np.arange(len(own))
+    new = [label for label in own if label not in known]
+    if new:
+        known += new
+        store.labels(dimension, dimension, np.asarray(known), {})
+    return np.array([known.index(label) for label in own], int)
+
+
+# The store of a sweep: labelled Zarr arrays over its dimensions, and a journal of what is done.
+#
+# A finished case is one line of the journal. The arrays are filled from it now and then, and at
+# the end; filled again, they are what they were. So whatever is killed, and whenever, nothing
+# that was finished is lost: the journal is emptied only when all that it says is in the arrays
+# and on disk.
+#
+# What has changed since it was written is found by its checksum, what is gone by the list of
+# chunks that the sweep has left, and runs again.
+
 
 CHUNK = 4096
 """Cases in a chunk, at most."""
@@ -81,7 +230,8 @@ class Store:
             self._synced = self._flushed = time.monotonic()
             with writing(self.path):
                 if there:
-                    self._reopen(extend)
+                    with reading(self.path):
+                        self._reopen(extend)
                 else:
                     self._make()
                 self.journal = Journal(self.path / JOURNAL)
@@ -92,30 +242,27 @@ class Store:
             raise
 
     def _make(self) -> None:
-        plan = self.plan
         files.empty(self.path)  # by zarr the folder itself would go, and with it its lock
-        self.group = zarr.create_group(self.path, zarr_format=3)
+        store = SealedStore(self.path)
+        self.group = zarr.create_group(store, attributes={BEGUN: FORMAT}, zarr_format=3)
         self.array("state", "int8", 0, "0: not run, 1: done, 2: failed", "1")
+        self.group["state"].update_attributes({"sweep": of_sweep(self.plan)})
         self.array("error", "string", "", "what went wrong with the case", "")
         self._coordinates()
         # With these attributes it is a store; without, the rest of one that was not made.
-        self.group.update_attributes(
-            self._about()
-            | {
-                "jointplay_sweep": FORMAT,
-                "case": plan.case,
-                "sampling": plan.sampling,
-                "sampled": [axis.name for axis in plan.drawn],
-                "inputs": plan.inputs,
-                "versions": versions(),
-            }
-        )
+        self.group.attrs.put(self._about())
         self._consolidate()
 
     def _about(self) -> dict[str, Any]:
-        """What of the attributes changes as the sweep grows."""
+        """Attributes of the store: which sweep it is of."""
         plan = self.plan
         return {
+            "jointplay_sweep": FORMAT,
+            "case": plan.case,
+            "sampling": plan.sampling,
+            "sampled": [axis.name for axis in plan.drawn],
+            "inputs": plan.inputs,
+            "versions": versions(),
             "identity": plan.identity,
             "sizes": plan.sizes,
             "title": plan.scenario.title,
@@ -130,12 +277,14 @@ class Store:
         Raises:
             JointplayError: it is of another sweep.
         """
-        for rest in self.path.rglob("*.partial"):  # of a process that was killed
-            rest.unlink(missing_ok=True)
-        self.group = zarr.open_group(self.path, mode="r+", use_consolidated=False)
-        attrs = dict(self.group.attrs)
-        if "jointplay_sweep" not in attrs:  # killed while it was made
-            self._make()
+        hurt = list(sealed.survey(self.path))
+        if (ROOT, None) in hurt:
+            self._identify_again()
+        attrs = sealed.metadata(self.path, ROOT)["attributes"]
+        if "jointplay_sweep" not in attrs:
+            if BEGUN not in attrs:  # a store of someone else, which making ours would empty
+                check_format(attrs, self.path)
+            self._make()  # killed while it was made
             return
         check_format(attrs, self.path)
         changes = differences(attrs["identity"], self.plan.identity)
@@ -154,20 +303,131 @@ class Store:
                 f"{str(self.path)!r} is of another sweep: {'; '.join(shown)}"
                 f"{f'; and {more} more' if more > 0 else ''}; {advice}"
             )
+        for rest in self.path.rglob(f"*{PARTIAL}"):  # of a process that was killed
+            rest.unlink(missing_ok=True)
+        if not self._mend(hurt, attrs):
+            self._make()
+            return
+        self.group = zarr.open_group(SealedStore(self.path), mode="r+", use_consolidated=False)
         if tuple(attrs["sizes"].values()) != self.plan.shape:
             self.grow(self.plan)
         self.state = np.asarray(self.group["state"][...], np.int8).copy()
 
-    def _take_up(self) -> None:
-        """Fill the arrays with what the journal has."""
-        for entry in self.journal.found:
-            self._pending.append(
-                Outcome(tuple(entry["i"]), entry["s"], entry["v"], entry.get("e", ""))
+    def _identify_again(self) -> None:
+        """Write the metadata of the whole again, if the states are of the same sweep.
+
+        Raises:
+            JointplayError: they are not, or nothing tells.
+        """
+        if sweep_of_states(self.path) != of_sweep(self.plan):
+            raise sealed.damaged(
+                self.path,
+                f"metadata of the whole {sealed.CHANGED}, and its states are not known to be of "
+                "this sweep; go on with the same scenario, or choose another name",
             )
+        about = {"attributes": self._about(), "zarr_format": 3, "node_type": "group"}
+        files.write(self.path / METADATA, sealed.write_metadata(about), overwrite=True)
+        self.group = zarr.open_group(SealedStore(self.path), mode="r+", use_consolidated=False)
+        with suppress(JointplayError):  # metadata of an array are damaged as well
+            self._consolidate()
+
+    def _mend(self, hurt: Sequence[tuple[str, str | None]], attrs: Mapping[str, Any]) -> bool:
+        """Have what is damaged written again, or the cases run again whose numbers it held.
+
+        Killed at any moment it is done again: what is damaged goes only when the states on disk
+        and the journal say that its cases have not been run.
+
+        Args:
+            hurt: what `sealed.survey` has found.
+            attrs: of the store.
+
+        Returns:
+            Whether that can be; otherwise all has to be made anew.
+        """
+        root = sealed.metadata(self.path, ROOT)
+        arrays = (root.get("consolidated_metadata") or {}).get("metadata", {})
+        journal = self.path / JOURNAL
+        under_way = files.is_file(journal) and journal.stat().st_size > 0
+        again = np.zeros(tuple(attrs["sizes"].values()), bool)
+        coordinates = False
+        gone = []
+        for name, key in hurt:
+            if name == ROOT:
+                continue
+            if name not in arrays:
+                return False
+            array = arrays[name]
+            kind = sealed.kind(name, array, attrs)
+            if key is None:
+                if kind == "labels" or (under_way and len(array["shape"]) > again.ndim):
+                    return False  # they may have grown since
+                (self.path / name).mkdir(exist_ok=True)
+                content = sealed.write_metadata(array)
+                files.write(self.path / name / METADATA, content, overwrite=True)
+            elif kind == "labels":
+                return False
+            else:
+                gone.append((name != "state", name != "error", self.path / key))
+                coordinates |= kind == "coordinate"
+                if kind == "cases":
+                    again[_region(key, name, array, again.ndim)] = True
+        if gone:
+            self._forget(again, [path for *_, path in sorted(gone)], journal)
+        self.group = zarr.open_group(SealedStore(self.path), mode="r+", use_consolidated=False)
+        if gone:  # which chunks there are is listed again at the end
+            self.group.update_attributes({WRITTEN: {}})
+            self._consolidate()
+        if coordinates:
+            self._coordinates()
+        return True
+
+    def _forget(self, again: np.ndarray, gone: Sequence[Path], journal: Path) -> None:
+        """Have cases count as not run, then delete the chunks in which they are damaged.
+
+        Args:
+            again: which cases.
+            gone: the chunks; those of the states first, then those of the errors.
+            journal: in which they may stand too.
+        """
+        if files.is_file(journal):
+            found = [e for e, _ in entries(journal.read_bytes())]
+            kept = [e for e in found if (o := outcome_of(e, again.shape)) and not again[o.index]]
+            files.write(journal, b"".join(map(line, kept)), overwrite=True)
+        cells = list(zip(*np.nonzero(again), strict=True))
+        group: Any = zarr.open_group(SealedStore(self.path), mode="r+", use_consolidated=False)
+        for name, nothing in (("state", 0), ("error", "")):
+            for path in gone:
+                if path.is_relative_to(self.path / name):
+                    path.unlink(missing_ok=True)
+            if cells:
+                _set(group[name], [(cell, nothing) for cell in cells])
+            os.sync()
+        for path in gone:
+            path.unlink(missing_ok=True)
+
+    def _take_up(self) -> None:
+        """Fill the arrays with what the journal has; entries that are none are as good as changed.
+
+        A checksum is no seal: a stranger's line can have the right one.
+        """
+        room = {n for n, a in self._arrays().items() if not self._of_measure(a)}
+        room |= self._reserved()
+        for entry in self.journal.found:
+            outcome = outcome_of(entry, self.state.shape)
+            if outcome is not None and not room & set(outcome.values):
+                self._pending.append(outcome)
         for outcome in self._pending:
             self.state[outcome.index] = outcome.state
         if self._pending:
             self.flush()
+
+    def _reserved(self) -> set[str]:
+        """Names that arrays have which are no measures."""
+        return {"state", "error", *self.plan.sizes, *(axis.name for axis in self.plan.drawn)}
+
+    def _of_measure(self, array: Any) -> bool:
+        """Whether an array has room for a number of each case."""
+        return bool(array.shape == self.state.shape and array.dtype == np.float64)
 
     def grow(self, plan: Plan) -> None:
         """Make room for the cases of a larger plan; those there are stay what they are.
@@ -179,13 +439,14 @@ class Store:
         self.plan = plan
         self.state = np.zeros(plan.shape, np.int8)
         self.state[tuple(slice(0, size) for size in before.shape)] = before
-        dims = list(plan.sizes)
+        dims = list(map(array_name, plan.sizes))
         with writing(self.path):
             for array in self._arrays().values():
                 names = array.metadata.dimension_names or ()
                 if tuple(names[: len(dims)]) == tuple(dims):
                     array.resize((*plan.shape, *array.shape[len(dims) :]))
             self._coordinates()
+            self.group["state"].update_attributes({"sweep": of_sweep(plan)})
             self.group.update_attributes(self._about())
             self._consolidate()
 
@@ -195,8 +456,9 @@ class Store:
             zarr.consolidate_metadata(self.group.store)
 
     def _arrays(self) -> dict[str, Any]:
+        """All arrays by their names."""
         with quiet():
-            return dict(self.group.arrays())
+            return {plain_name(folder): array for folder, array in self.group.arrays()}
 
     def array(
         self,
@@ -206,19 +468,22 @@ class Store:
         text: str,
         unit: str,
         tail: Mapping[str, int] | None = None,
+        origin: str = "",
     ) -> zarr.Array[Any]:
         """Make an array over the dimensions of the sweep and those of `tail`."""
         tail = tail or {}
         chunks = _chunks(self.plan.shape) if not tail else (1,) * len(self.plan.shape)
         with quiet():
             return self.group.create_array(
-                name,
+                array_name(name),
                 shape=(*self.plan.shape, *tail.values()),
                 chunks=(*chunks, *(max(size, 1) for size in tail.values())),
                 dtype=dtype,
                 fill_value=fill,
-                dimension_names=[*self.plan.sizes, *tail],
-                attributes={"units": unit, "long_name": text},
+                compressors=COMPRESSORS,
+                dimension_names=[array_name(one) for one in (*self.plan.sizes, *tail)],
+                attributes={"units": unit, "long_name": text}
+                | ({"origin": origin} if origin else {}),
                 overwrite=True,
             )
 
@@ -241,18 +506,31 @@ class Store:
     def labels(
         self, name: str, dimension: str, values: np.ndarray, attrs: Mapping[str, Any]
     ) -> None:
-        """Write the coordinate of a dimension."""
+        """Write the coordinate of a dimension.
+
+        One that is there grows in place: whenever that ends, all its values are there, but for
+        those that are new, which are NaN or empty until they are written.
+        """
         whole = values.astype(object) if values.dtype.kind in "UO" else values
+        kind: Any = "string" if values.dtype.kind in "UO" else values.dtype
         with quiet():
-            array = self.group.create_array(
-                name,
-                shape=values.shape,
-                chunks=(max(len(values), 1),),
-                dtype="string" if values.dtype.kind in "UO" else values.dtype,
-                dimension_names=[dimension],
-                attributes=dict(attrs),
-                overwrite=True,
-            )
+            array = self._arrays().get(name)
+            if array is not None and array.metadata.data_type == parse_dtype(kind, zarr_format=3):
+                if array.shape != values.shape:
+                    array.resize(values.shape)
+                array.update_attributes(dict(attrs))
+            else:
+                array = self.group.create_array(
+                    array_name(name),
+                    shape=values.shape,
+                    chunks=(max(len(values), 1),),
+                    dtype=kind,
+                    fill_value=np.nan if values.dtype.kind == "f" else None,
+                    compressors=COMPRESSORS,
+                    dimension_names=[array_name(dimension)],
+                    attributes=dict(attrs),
+                    overwrite=True,
+                )
             array[:] = whole
 
     def keep(self, outcome: Outcome) -> None:
@@ -261,9 +539,13 @@ class Store:
         Raises:
             JointplayError: the disk is full; the cases before are kept.
         """
+        taken = sorted(self._reserved() & set(outcome.values))
+        if taken:
+            values = {n: v for n, v in outcome.values.items() if n not in taken}
+            said = f"a measure cannot be called {taken[0]!r}: the sweep has another of that name"
+            outcome = Outcome(outcome.index, FAILED, values, said)
         with writing(self.path):
-            for name, history in outcome.histories.items():
-                histories.write(self, name, outcome.index, history)
+            outcome = write_histories(self, outcome)
         entry = {"i": list(map(int, outcome.index)), "s": outcome.state, "v": outcome.values}
         self.journal.add(entry | ({"e": outcome.error} if outcome.error else {}))
         self.state[outcome.index] = outcome.state
@@ -296,8 +578,10 @@ class Store:
         before = len(known)
         for name, cells in columns.items():
             if name not in known:
-                unit, text = about(name)
-                known[name] = self.array(name, "float64", np.nan, text, unit)
+                meaning = about(name, joints(self.plan))
+                unit, text = meaning or ("", name.replace("_", " "))
+                origin = "" if meaning else USER
+                known[name] = self.array(name, "float64", np.nan, text, unit, origin=origin)
             _set(known[name], cells)
         texts = [(outcome.index, outcome.error) for outcome in outcomes if outcome.error]
         if texts:
@@ -314,10 +598,11 @@ class Store:
             JointplayError: no case has it.
         """
         self.flush()
-        if name not in self.group:
-            known = [n for n, a in self._arrays().items() if a.dtype.kind == "f"]
-            raise JointplayError(f"no case has the measure {name!r}; there are: {', '.join(known)}")
-        return np.asarray(self.group[name][...], float)
+        arrays = {n: a for n, a in self._arrays().items() if self._of_measure(a)}
+        if name not in arrays:
+            listed = ", ".join(arrays)
+            raise JointplayError(f"no case has the measure {name!r}; there are: {listed}")
+        return np.asarray(arrays[name][...], float)
 
     def close(self, whole: bool = True) -> None:
         """Bring the arrays up to date and let go of the store.
@@ -333,6 +618,8 @@ class Store:
             self.flush()
             if whole:
                 with writing(self.path):
+                    listed = {n: sorted(sealed.chunks(self.path, n)) for n in self.group}
+                    self.group.update_attributes({WRITTEN: listed})
                     self._consolidate()
                 os.sync()
                 self.journal.clear()
@@ -351,12 +638,52 @@ class Store:
         files.release(self.path)
 
 
+def outcome_of(entry: Any, shape: Index) -> Outcome | None:
+    """A case of a sweep of this shape, as an entry of its journal says it; None if it is none."""
+    if not isinstance(entry, dict) or not entry.keys() <= {"i", "s", "v", "e"}:
+        return None
+    index, state, values, error = (entry.get(k) for k in "isve")
+    if not isinstance(index, list) or len(index) != len(shape):
+        return None
+    if not all(type(k) is int and 0 <= k < size for k, size in zip(index, shape, strict=True)):
+        return None
+    if type(state) is not int or state not in (DONE, FAILED):
+        return None
+    if not isinstance(values, dict) or not all(n and type(v) is float for n, v in values.items()):
+        return None
+    if not isinstance(error, str | None):
+        return None
+    return Outcome(tuple(index), state, values, error or "")
+
+
 def _set(array: zarr.Array[Any], cells: Sequence[tuple[Index, Any]]) -> None:
     """Put values at their places."""
     at = tuple(np.array([index[k] for index, _ in cells]) for k in range(array.ndim))
     values = [value for _, value in cells]
     text = values and isinstance(values[0], str)
     array.vindex[at] = np.array(values, dtype=object if text else array.dtype)
+
+
+def of_sweep(plan: Plan) -> str:
+    """What tells that states are of this sweep, should the metadata of the store be damaged."""
+    text = json.dumps([plan.identity, plan.sizes, versions()["jointplay"]], sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def sweep_of_states(path: Path) -> str | None:
+    """The same of the sweep that the states in a store are of; None if they do not tell."""
+    try:
+        found: str | None = sealed.metadata(path, "state")["attributes"].get("sweep")
+    except (OSError, ValueError):
+        return None
+    return found
+
+
+def _region(key: str, name: str, array: Mapping[str, Any], dims: int) -> tuple[slice, ...]:
+    """Cases of a chunk."""
+    sizes = array["chunk_grid"]["configuration"]["chunk_shape"]
+    places = map(int, key.removeprefix(f"{name}/c/").split("/")[:dims])
+    return tuple(slice(k * size, (k + 1) * size) for k, size in zip(places, sizes, strict=False))
 
 
 def _chunks(shape: Index) -> Index:

@@ -8,9 +8,17 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from jointplay.errors import JointplayError, MissingName
+from jointplay.core.errors import JointplayError, MissingName, require_share
 from jointplay.sweeps.case import FAILED
 from jointplay.sweeps.plan import REPEAT, SAMPLE
+from jointplay.sweeps.uncertainty import (
+    Estimate,
+    SobolIndices,
+    convergence,
+    enough,
+    estimate,
+    sobol_indices,
+)
 
 SHOWN = (
     ("tool_error_rms_total", "µm", 1e6),
@@ -42,7 +50,7 @@ def table(dataset: xr.Dataset, rows: int = 20) -> str:
     shape = tuple(dataset.sizes[d] for d in dims)
     count = int(np.prod(shape)) if shape else 1
     for index in list(np.ndindex(*shape))[:rows]:
-        where = [shown(dataset, d, k) for d, k in zip(dims, index, strict=True)]
+        where = [coordinate_text(dataset, d, k) for d, k in zip(dims, index, strict=True)]
         lines.append([*where, *(_text(float(v[index])) for v in values)])
     text = _aligned([header, *lines])
     if over and count:
@@ -66,7 +74,7 @@ def columns_of(dataset: xr.Dataset) -> list[tuple[str, str, float]]:
 
 def _own(dataset: xr.Dataset) -> list[str]:
     """Measures of the user's own."""
-    from jointplay.sweeps.measures import ABOUT
+    from jointplay.sweeps.measures import USER
 
     dims = set(dataset.attrs["sizes"])
     return [
@@ -74,7 +82,7 @@ def _own(dataset: xr.Dataset) -> list[str]:
         for name, variable in dataset.data_vars.items()
         if set(variable.dims) == dims
         and variable.dtype.kind == "f"
-        and not any(str(name) == one or str(name).startswith(f"{one}_") for one in ABOUT)
+        and variable.attrs.get("origin") == USER
     ]
 
 
@@ -127,7 +135,7 @@ def _head(name: str, unit: str) -> str:
     return f"{plain} [{unit}]" if unit and unit != "1" else plain
 
 
-def shown(dataset: xr.Dataset, name: str, index: int) -> str:
+def coordinate_text(dataset: xr.Dataset, name: str, index: int) -> str:
     """A value of a coordinate as text."""
     if name not in dataset.coords:
         return str(index)
@@ -155,7 +163,7 @@ def select(dataset: xr.Dataset, only: Mapping[str, str]) -> xr.Dataset:
     Raises:
         JointplayError: no such dimension or value.
     """
-    from jointplay.units import convert
+    from jointplay.core.units import convert
 
     for name, text in only.items():
         if name not in dataset.sizes or name not in dataset.attrs["sizes"]:
@@ -188,3 +196,97 @@ def _index(text: str, size: int) -> int:
     if not text.isdigit() or int(text) >= size:
         raise JointplayError(f"expected a whole number below {size}, got {text!r}")
     return int(text)
+
+
+# What the samples of a sweep say of a measure, in words.
+
+
+QUANTILES = (0.05, 0.5, 0.95, 0.99)
+
+
+def samples_of(dataset: xr.Dataset, measure: str) -> tuple[np.ndarray, int]:
+    """Values of a measure in the order of the samples, and how many of them are independent.
+
+    Of a saltelli design only the base sample's points are; repeats are averaged, for runs of the
+    same point are not independent samples.
+
+    Raises:
+        JointplayError: no such measure, or nothing is sampled; a grid besides the samples.
+    """
+    values = measured(dataset, measure)
+    grid = [d for d in values.dims if d not in (SAMPLE, REPEAT)]
+    if any(values.sizes[d] > 1 for d in grid):
+        raise JointplayError(
+            f"the sweep has a grid as well ({', '.join(map(str, grid))}); take one point of it "
+            "with jointplay.open_sweep(...).isel(...)"
+        )
+    if SAMPLE not in values.dims and REPEAT not in values.dims:
+        raise JointplayError("nothing is sampled in this sweep, and nothing repeated")
+    if SAMPLE in values.dims and REPEAT in values.dims:
+        values = values.mean(REPEAT)
+    flat = values.values.ravel()
+    if dataset.attrs["sampling"] == "saltelli" and dataset.attrs["sampled"]:
+        block = len(dataset.attrs["sampled"]) + 2
+        return flat.reshape(-1, block)[:, [0, -1]].ravel(), len(flat)
+    return flat, len(flat)
+
+
+def indices_of(dataset: xr.Dataset, measure: str) -> SobolIndices | None:
+    """Sobol indices of a measure; None where the design is not one for them.
+
+    Raises:
+        JointplayError: a case has no value, or SALib is not installed.
+    """
+    if dataset.attrs["sampling"] != "saltelli" or not dataset.attrs["sampled"]:
+        return None
+    values = measured(dataset, measure)
+    if REPEAT in values.dims:
+        values = values.mean(REPEAT)
+    return sobol_indices(values.values.ravel(), tuple(dataset.attrs["sampled"]))
+
+
+def statements(dataset: xr.Dataset, measure: str, precision: float) -> str:
+    """Mean, standard deviation, quantiles, how many runs are enough, Sobol indices: in lines.
+
+    Args:
+        dataset: of `open_sweep`.
+        measure: its name.
+        precision: relative half width of a confidence interval that is enough.
+
+    Raises:
+        JointplayError: see `samples_of`.
+    """
+    precision = require_share("precision", precision)
+    values, _ = samples_of(dataset, measure)
+    factor, unit = scale(dataset, measure)
+    known = int(np.isfinite(values).sum())
+    lines = [f"{measure}: {known} samples" + (f", {len(values) - known} without a value"
+             if known < len(values) else "")]  # fmt: skip
+    lines += [_line(estimate(values, name), factor, unit) for name in ("mean", "std")]
+    lines += [_line(estimate(values, "quantile", p), factor, unit) for p in QUANTILES]
+    for name, probability in (("mean", 0.5), ("quantile", 0.95)):
+        runs = enough(convergence(values, name, probability), precision)
+        what = "mean" if name == "mean" else f"{100 * probability:g} % quantile"
+        lines.append(
+            f"  {what} within {100 * precision:g} %: "
+            + (f"{runs} runs were enough" if runs else f"{known} runs are not enough")
+        )
+    try:
+        indices = indices_of(dataset, measure)
+    except JointplayError as error:
+        return "\n".join([*lines, f"  no Sobol indices: {error}"])
+    if indices is not None:
+        lines.append("  Sobol indices (share of the variance): alone, with all others")
+        for k, name in enumerate(indices.names):
+            alone = f"{indices.first[k]:.2f} ± {indices.first_confidence[k]:.2f}"
+            total = f"{indices.total[k]:.2f} ± {indices.total_confidence[k]:.2f}"
+            lines.append(f"    {name:<24} {alone}   {total}")
+    return "\n".join(lines)
+
+
+def _line(statistic: Estimate, factor: float, unit: str) -> str:
+    low, high = (f"{factor * end:.4g}" if np.isfinite(end) else "unknown"
+                 for end in (statistic.low, statistic.high))  # fmt: skip
+    unit = "" if unit == "1" else unit
+    text = f"  {statistic.name:<5} {factor * statistic.value:.4g} {unit} (95 %: {low} to {high})"
+    return text.rstrip()

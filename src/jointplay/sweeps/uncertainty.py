@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from jointplay.codec import one_of, unknown_key
-from jointplay.errors import JointplayError
-from jointplay.units import shown
+from jointplay.core.errors import JointplayError, require_share, require_whole
+from jointplay.core.schema import one_of, unknown_key
+from jointplay.core.units import toml_text
 
 STATISTICS = ("mean", "quantile", "std")
 CONFIDENCE = 0.95
@@ -66,7 +66,7 @@ def read_until(given: Any) -> Until:
     """
     words = list(Until.__dataclass_fields__)
     if not isinstance(given, Mapping):
-        raise JointplayError(f"{shown(given)} is no table; its keys are: {', '.join(words)}")
+        raise JointplayError(f"{toml_text(given)} is no table; its keys are: {', '.join(words)}")
     for word in given:
         if word not in words:
             raise JointplayError(unknown_key(str(word), words))
@@ -75,15 +75,12 @@ def read_until(given: Any) -> Until:
             raise JointplayError(f"the key {word} is missing")
     made = Until(**given)
     if not isinstance(made.measure, str):
-        raise JointplayError(f"measure must be a name, got {shown(made.measure)}")
+        raise JointplayError(f"measure must be a name, got {toml_text(made.measure)}")
     if made.statistic not in STATISTICS:
         raise JointplayError(one_of("statistic", made.statistic, STATISTICS))
     for word in ("precision", "probability", "confidence"):
-        value = getattr(made, word)
-        if not isinstance(value, int | float) or isinstance(value, bool) or not 0.0 < value < 1.0:
-            raise JointplayError(f"{word} must lie between 0 and 1, got {shown(value)}")
-    if not isinstance(made.most, int) or made.most < 2:
-        raise JointplayError(f"most must be a whole number of at least 2, got {shown(made.most)}")
+        require_share(word, getattr(made, word))
+    require_whole("most", made.most, 2)
     return made
 
 
@@ -108,10 +105,12 @@ def estimate(
         confidence: of the interval.
 
     Raises:
-        JointplayError: no such statistic.
+        JointplayError: no such statistic, a probability that is none.
     """
     if statistic not in STATISTICS:
         raise JointplayError(one_of("statistic", statistic, STATISTICS))
+    probability = require_share("probability", probability)
+    confidence = require_share("confidence", confidence)
     x = np.sort(np.asarray(values, float).ravel())
     x = x[np.isfinite(x)]
     n = len(x)
@@ -199,9 +198,9 @@ def sobol_indices(values: np.ndarray, names: tuple[str, ...]) -> SobolIndices:
     """
     try:
         from SALib.analyze import sobol
-    except ImportError:
+    except ImportError as error:
         raise JointplayError(
-            "Sobol indices need SALib: pip install 'jointplay[sensitivity]'"
+            f"Sobol indices need SALib ({error}): pip install 'jointplay[sensitivity]'"
         ) from None
     y = np.asarray(values, float).ravel()
     missing = int(np.count_nonzero(~np.isfinite(y)))

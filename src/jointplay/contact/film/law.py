@@ -23,8 +23,8 @@ from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
 from jointplay.contact.law import FILM_NUMBERS, Law
-from jointplay.errors import JointplayError
-from jointplay.fields import quantity
+from jointplay.core.errors import JointplayError
+from jointplay.core.schema import quantity
 
 
 class FilmForce(NamedTuple):

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from jointplay.contact.film.law import FilmForce, FilmLaw, FilmProperties
-from jointplay.errors import MissingName
+from jointplay.core.errors import MissingName
 
 CAVITATION = ("gumbel", "sommerfeld")
 
@@ -83,7 +83,7 @@ class ShortBearing(FilmLaw):
     function = staticmethod(_film)
 
     cavitation: str = "gumbel"
-    """``gumbel`` lets only positive pressure act (L. Gumbel); ``sommerfeld`` lets the oil pull."""
+    """``gumbel`` lets only positive pressure act; ``sommerfeld`` lets the oil pull."""
 
     def __post_init__(self) -> None:
         """Check the parameters."""

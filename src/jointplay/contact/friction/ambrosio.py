@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from jointplay.contact.law import FrictionLaw
-from jointplay.errors import JointplayError
-from jointplay.fields import quantity
+from jointplay.core.errors import JointplayError
+from jointplay.core.schema import quantity
 
 
 @dataclass(frozen=True)
@@ -20,7 +20,10 @@ class Ambrosio(FrictionLaw):
     formula = (
         r"\mu = 0\ (|v_t|\le v_0),\quad \mu_d\frac{|v_t|-v_0}{v_1-v_0},\quad \mu_d\ (|v_t|\ge v_1)"
     )
-    reference = "J. A. C. Ambrosio, Proc. Euromech 447 (2003)"
+    reference = (
+        "J. A. C. Ambrosio, in Schiehlen, Valasek (eds), Virtual Nonlinear Multibody Systems, "
+        "Kluwer, 2003, 57-81"
+    )
     validity = "sliding; no sticking: a resting contact creeps below v1, freely below v0"
 
     mu_d: float = quantity("", default=0.1, least=0.0, words="friction coefficient")

@@ -17,7 +17,7 @@ from typing import ClassVar, NamedTuple
 
 from jointplay.contact.compiled import MAX_PARAMETERS, compiled_law
 from jointplay.contact.law import BRISTLE_NUMBERS, FrictionLaw, require_static
-from jointplay.fields import quantity
+from jointplay.core.schema import quantity
 
 
 class Bristles(NamedTuple):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from jointplay.contact.law import FrictionLaw
-from jointplay.fields import quantity
+from jointplay.core.schema import quantity
 
 
 @dataclass(frozen=True)

@@ -21,8 +21,9 @@ class LuGre(StribeckBristles):
         (sigma1 + sigma2) v^2 - sigma1 v^2 w/g + w^2 v/g,
 
     is not negative, for w <= mu_s and g >= mu_d. (N. Barabanov, R. Ortega, IEEE Trans. Automatic
-    Control 45 (2000), show that it is necessary as well: from memory, not seen.) The defaults are
-    not passive: at speeds far above v_s their bristles can feed energy while they let go.
+    Control 45 (2000) 830-832, show that it is necessary as well, by its title; not seen.) The
+    defaults are not passive: at speeds far above v_s their bristles can feed energy while they let
+    go.
 
     Raises:
         JointplayError: a value out of range.

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from jointplay.contact.law import FrictionLaw
-from jointplay.fields import quantity
+from jointplay.core.schema import quantity
 
 
 @dataclass(frozen=True)

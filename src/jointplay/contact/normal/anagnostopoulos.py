@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 from jointplay.contact.law import ContactProperties, NormalForceLaw
 from jointplay.contact.normal.linear_spring import linear_stiffness, spring_and_dashpot
-from jointplay.errors import JointplayError
-from jointplay.fields import quantity
+from jointplay.core.errors import JointplayError
+from jointplay.core.schema import quantity
 
 
 def damping_ratio(restitution: float) -> float:

@@ -21,7 +21,8 @@ class CarvalhoMartins(HysteresisLaw):
         r"\frac{\dot\delta}{\dot\delta_0}\right]"
     )
     reference = (
-        "A. S. Carvalho, J. M. Martins, Mech. Mach. Theory 139 (2019), as Exudyn's manual has it"
+        "A. S. Carvalho, J. M. Martins, Mech. Mach. Theory 139 (2019) 174-194, as Exudyn's manual "
+        "has it"
     )
     validity = "c_e above 1/3, within 0.003; too elastic below; exact to first order as c_e -> 1"
 

@@ -9,8 +9,8 @@ from jointplay.contact.law import ContactProperties, NormalForceLaw
 from jointplay.contact.normal.hertzian import hertz_warnings
 from jointplay.contact.normal.linear_spring import REFERENCE_PENETRATION_M
 from jointplay.contact.normal.restitution import effective_restitution
-from jointplay.errors import JointplayError
-from jointplay.fields import quantity
+from jointplay.core.errors import JointplayError
+from jointplay.core.schema import quantity
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from jointplay.contact.law import ContactProperties, NormalForceLaw
 from jointplay.contact.normal.linear_spring import linear_stiffness, spring_and_dashpot
-from jointplay.fields import quantity
+from jointplay.core.schema import quantity
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from jointplay.contact.law import ContactProperties, NormalForceLaw
-from jointplay.fields import quantity
+from jointplay.core.schema import quantity
 
 REFERENCE_PENETRATION_M = 1e-5
 """Depth at which a derived linear stiffness stores the energy of Hertz's law."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from jointplay.contact.law import ContactProperties
 from jointplay.contact.normal.hertzian import HysteresisLaw
 from jointplay.contact.normal.line_contact import line_warnings
-from jointplay.errors import JointplayError
+from jointplay.core.errors import JointplayError
 
 NARROWEST_M, CHANGE_M, WIDEST_M = 0.005e-3, 0.34954e-3, 10e-3
 """Radial clearances between which the fit holds, and at which it changes its branch [m]."""

@@ -26,7 +26,7 @@ class Radzimovsky(LineContactLaw):
     )
     reference = (
         "E. I. Radzimovsky, Univ. of Illinois Eng. Exp. Station Bulletin 408 (1953); "
-        "W. C. Young, Roark's Formulas for Stress and Strain"
+        "W. C. Young, Roark's Formulas for Stress and Strain (1989)"
     )
     validity = "depth up to 0.52 C_r, parallel axes; continued along its tangent above"
 

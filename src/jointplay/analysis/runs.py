@@ -1,0 +1,189 @@
+"""Runs of which an analysis needs the end."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import io
+import json
+import os
+import warnings
+from collections.abc import Sequence
+from concurrent.futures import as_completed
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from tqdm import tqdm
+
+from jointplay.contact.trust import files_of
+from jointplay.core import files, processes
+from jointplay.core.errors import JointplayError, require_whole
+from jointplay.result.result import Result
+from jointplay.simulation.simulation import Simulation
+
+
+def run_to_the_end(simulation: Simulation, words: str) -> Result:
+    """Simulate; what stops a run is said in the error, not in a warning before it.
+
+    Args:
+        simulation: what is run, without a check of its step.
+        words: what it is called where it fails.
+
+    Raises:
+        KeyboardInterrupt: it was interrupted.
+        JointplayError: it stopped early: why.
+    """
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)
+        result = simulation.run(check_step=False)
+    return result.completed(words)
+
+
+# Many runs in processes side by side, of which only the tool's course is kept.
+
+
+@dataclass(frozen=True)
+class Trace:
+    """The tool's course in one run, world axes."""
+
+    time: np.ndarray
+    """Of the records, shape (n,) [s]."""
+    position: np.ndarray
+    """Shape (n, 3) [m]."""
+    velocity: np.ndarray
+    """Shape (n, 3) [m/s]."""
+    orientation: np.ndarray | None = None
+    """Unit quaternions, scalar first, shape (n, 4); None if they are not known."""
+
+
+MOST_RUNS = 1_000_000
+"""Runs at a time, at most."""
+
+
+def check_numbers(runs: int, jobs: int | None) -> None:
+    """Raise a JointplayError on a number of runs or of processes that makes no sense."""
+    require_whole("runs", runs, 1, MOST_RUNS)
+    if jobs is not None:
+        require_whole("jobs", jobs, 1)
+
+
+def cores() -> int:
+    """Processors that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def traces(
+    simulations: Sequence[Simulation],
+    *,
+    jobs: int | None = None,
+    keep: Path | None = None,
+    progress: bool = False,
+    what: str = "runs",
+) -> list[Trace]:
+    """Run all simulations.
+
+    Args:
+        simulations: what is run; equal ones are run once.
+        jobs: processes; None takes one for each core, 1 runs in this one.
+        keep: folder in which each run is kept as soon as it is done; runs that are there already
+            are not done again, if all their inputs and the version are the same.
+        progress: show a bar on standard error.
+        what: name of the runs at the bar.
+
+    Raises:
+        JointplayError: a run that did not complete; no process; `keep` cannot be written to.
+    """
+    check_numbers(max(len(simulations), 1), jobs)
+    keys = [_key(one) for one in simulations]
+    runs: dict[str, Trace] = {}
+    if keep is not None:
+        _make(keep)
+        for key in dict.fromkeys(keys):
+            there = _read(keep / f"{key}.npz")
+            if there is not None:
+                runs[key] = there
+    todo = {k: s for k, s in zip(keys, simulations, strict=True) if k not in runs}
+    number = min(jobs or cores(), max(len(todo), 1))
+    bar = tqdm(
+        total=len(todo) + len(runs),
+        initial=len(runs),
+        disable=not progress,
+        desc=what,
+        unit="run",
+    )
+    with bar:
+        if number == 1:
+            for key, one in todo.items():
+                runs[key] = _run(one)
+                _write(keep, key, runs[key])
+                bar.update()
+        else:
+            kept = f"the runs so far are in {str(keep)!r}" if keep else "nothing was kept"
+            with processes.pool(number, kept) as pool:
+                futures = {pool.submit(_run, one): key for key, one in todo.items()}
+                for future in as_completed(futures):
+                    key = futures[future]
+                    runs[key] = future.result()
+                    _write(keep, key, runs[key])
+                    bar.update()
+    return [runs[key] for key in keys]
+
+
+def _run(simulation: Simulation) -> Trace:
+    seed = "" if simulation.seed is None else f" with seed {simulation.seed}"
+    result = run_to_the_end(simulation, f"a run{seed}")
+    return Trace(
+        np.asarray(result.time),
+        result["tool_position"].values.copy(),
+        result["tool_velocity"].values.copy(),
+        result["tool_orientation"].values.copy(),
+    )
+
+
+def _key(simulation: Simulation) -> str:
+    inputs = json.dumps(
+        [simulation.describe(), _own_files(simulation)], sort_keys=True, default=str
+    )
+    return hashlib.sha256(f"{version('jointplay')} {inputs}".encode()).hexdigest()[:20]
+
+
+def _own_files(simulation: Simulation) -> list[dict[str, str]]:
+    """What the files of the user's own laws say, of which the description has one function only."""
+    acting: list[Any] = [*simulation.loads.values()]
+    for joint in simulation.mechanism.clearance.values():
+        acting += [getattr(joint, field.name) for field in dataclasses.fields(joint)]
+    return [files_of(getattr(one, "function", None)) for one in acting]
+
+
+def _make(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise JointplayError(
+            f"cannot keep runs in {str(folder)!r}: {error.strerror or error}"
+        ) from None
+
+
+def _read(path: Path) -> Trace | None:
+    """A run that was kept; None if there is none, or it is damaged, which is said."""
+    try:
+        return Trace(**files.arrays(path))
+    except FileNotFoundError:
+        return None
+    except (OSError, ValueError, TypeError) as error:  # TypeError: other arrays
+        text = f"the run kept in {str(path)!r} is damaged, and done again: {error}"
+        warnings.warn(text, RuntimeWarning, stacklevel=3)
+        return None
+
+
+def _write(keep: Path | None, key: str, trace: Trace) -> None:
+    if keep is None:
+        return
+    content = io.BytesIO()
+    np.savez_compressed(content, **vars(trace))
+    files.write(keep / f"{key}.npz", content.getvalue(), overwrite=True, announced=False)

@@ -1,0 +1,329 @@
+"""What the commands that reckon with play have in common: which robot, which play, which poses."""
+
+from __future__ import annotations
+
+import argparse
+import re
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from jointplay.commands import add_case, add_unphysical, name_and_value
+from jointplay.core.errors import JointplayError
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from jointplay.joints import Clearance
+    from jointplay.mechanism.mechanism import Mechanism
+    from jointplay.motion.reference import Motion
+    from jointplay.simulation.simulation import Simulation
+
+
+@dataclass(frozen=True)
+class Task:
+    """A robot with play, and the poses to look at."""
+
+    mechanism: Mechanism
+    q: np.ndarray
+    """Configurations, (n, nq)."""
+    poses: str
+    """Which they are, in words."""
+    kind: str
+    """``pose``, ``motion`` or ``workspace``."""
+    motion: Motion | None
+    simulation: Simulation | None
+    """Of the scenario, if one was given."""
+    driven: tuple[str, ...] | None
+    """Joints of closed loops that stand; None without loops."""
+    notes: tuple[str, ...]
+    """What was chosen for the user, a line each."""
+
+
+def add_robot(parser: Any) -> None:
+    """Add the options that say which robot has which play."""
+    parser.add_argument(
+        "robot",
+        metavar="ROBOT",
+        help="URDF, name of a robot of example-robot-data (jointplay robots), or scenario (.toml)",
+    )
+    add_case(parser)
+    group = parser.add_argument_group("play")
+    group.add_argument(
+        "--clearance", metavar="LENGTH", help='radial clearance, "0.1 mm" or [m]; of all --joint'
+    )
+    group.add_argument(
+        "--joint",
+        action="append",
+        default=[],
+        metavar="NAME[=LENGTH]",
+        help="joint with clearance, and its own (repeatable; default: all that move the tool)",
+    )
+    group.add_argument("--axial", metavar="LENGTH", help="axial clearance (default: the radial)")
+    group.add_argument("--bearing-radius", metavar="LENGTH", help="R_i (default 10 mm)")
+    group.add_argument("--bearing-length", metavar="LENGTH", help="L_i (default 40 mm)")
+    group.add_argument(
+        "--gear",
+        action="append",
+        default=[],
+        metavar="NAME=ANGLE",
+        help='whole play of a joint\'s gear, such as elbow="2 arcmin" (repeatable)',
+    )
+    group = parser.add_argument_group("robot")
+    group.add_argument("--tool", metavar="FRAME", help="frame whose error counts")
+    add_unphysical(group)
+
+
+def add_poses(parser: Any) -> None:
+    """Add the options that say at which poses."""
+    group = parser.add_argument_group("poses (default: along the scenario's motion, or one pose)")
+    group.add_argument(
+        "--pose",
+        metavar="JOINT=X,...",
+        help="joint positions [rad or m, or with a unit]; the others zero or mid-way",
+    )
+    group.add_argument("--motion", metavar="CSV", help="waypoints, header time_s,<joint>,...")
+    group.add_argument("--workspace", type=int, metavar="N", help="N poses over all joints' limits")
+
+
+def quantity(text: str, unit: str, option: str) -> float:
+    """A number in SI of text such as ``0.1 mm``; errors name the option."""
+    from jointplay.core.units import convert
+
+    try:
+        value: float | str = float(text)
+    except ValueError:
+        value = text
+    try:
+        return float(convert(value, unit))
+    except ValueError as error:
+        raise JointplayError(f"{option}: {error}") from None
+
+
+def task(options: argparse.Namespace) -> Task:
+    """Build what the options say.
+
+    Raises:
+        JointplayError: what cannot be, in one line.
+    """
+    from jointplay.design import poses
+
+    mechanism, simulation, notes = _mechanism(options)
+    given = [name for name in ("pose", "motion", "workspace") if getattr(options, name) is not None]
+    if len(given) > 1:
+        raise JointplayError(f"give one of --{' and --'.join(given)}")
+    motion = simulation.motion if simulation is not None else None
+    if options.motion is not None:
+        from jointplay.motion.reference import Motion
+
+        motion = Motion.from_csv(options.motion)
+    driven, near = None, {}
+    if mechanism.loops:
+        near = {} if simulation is None else poses.start_of(simulation)
+        driven = _driven(mechanism, motion, near)
+        notes.append(_loops(mechanism, driven))
+    if options.workspace is not None:
+        q = poses.over_workspace(mechanism, options.workspace, driven=driven, near=near)
+        kind, words = "workspace", f"{len(q)} poses over the workspace"
+        if len(q) < options.workspace:
+            words += (
+                f" ({options.workspace - len(q)} more, in which the loops do not close, left out)"
+            )
+    elif motion is not None and options.pose is None:
+        q, kind = poses.along_motion(mechanism, motion, near=near), "motion"
+        words = f"{len(q)} poses along the motion"
+    else:
+        asked = _positions(mechanism, options.pose)
+        q, kind = poses.at_pose(mechanism, asked, driven, near), "pose"
+        chosen = {**poses.middle(mechanism), **asked}
+        chain = mechanism.model.supports[mechanism.model.frames[mechanism.tool_frame].parentJoint]
+        moving = set(driven or (mechanism.model.names[i] for i in chain))
+        shown = [f"{name} {value:.4g}" for name, value in chosen.items() if name in moving]
+        words = "pose " + ", ".join(shown)
+        if options.pose is None:
+            words += " (chosen: zero, or the middle of the limits; see --pose, --motion)"
+    return Task(mechanism, q, words, kind, motion, simulation, driven, tuple(notes))
+
+
+def _loops(mechanism: Mechanism, driven: tuple[str, ...]) -> str:
+    """Which joints of the loops stand and which follow, a line."""
+    from jointplay.design import loops, poses
+
+    passive = loops.passive_coordinates(mechanism, driven)
+    follow = [name for name in poses.moving(mechanism) if mechanism.coordinate(name) in passive]
+    return f"loops: driven {', '.join(driven) or 'none'}; following {', '.join(follow) or 'none'}"
+
+
+def _driven(mechanism: Mechanism, motion: Motion | None, near: dict[str, float]) -> tuple[str, ...]:
+    """Joints of loops that stand: those that the motion moves, or the first that are enough."""
+    from jointplay.design import loops, poses
+
+    if motion is not None:
+        return tuple(name for name in motion.joints if name in poses.moving(mechanism))
+    return loops.driven_joints(mechanism, poses.at_pose(mechanism, {}, None, near)[0])
+
+
+def _mechanism(
+    options: argparse.Namespace,
+) -> tuple[Mechanism, Simulation | None, list[str]]:
+    from jointplay.mechanism.mechanism import Mechanism
+    from jointplay.mechanism.tool import choose_tool
+
+    simulation, notes = None, []
+    if str(options.robot).endswith(".toml"):
+        from jointplay.scenario import Scenario
+
+        scenario = Scenario.load(options.robot)
+        simulation = scenario.simulation(options.case)
+        named = scenario.model(options.case or scenario.cases[0]).robot.tool
+        description = simulation.mechanism.description
+        allowed = simulation.mechanism.allow_unphysical
+        plain = simulation.mechanism.ideal()
+    elif options.case is not None:
+        raise JointplayError("--case needs a scenario (.toml)")
+    else:
+        allowed, named = options.allow_unphysical, None
+        plain = Mechanism(_urdf(options.robot), allow_unphysical=allowed)
+        description = plain.description
+    tool = options.tool or named
+    if tool is None:
+        tool, reason = choose_tool(description)
+        notes.append(f"tool: {tool!r} (chosen: {reason}; see --tool)")
+    elif not plain.model.existFrame(tool):
+        Mechanism(description.path, tool=tool, allow_unphysical=allowed)  # says which there are
+    given = plain.given_joints
+    if simulation is not None and options.clearance is None and not options.joint:
+        clearance = dict(simulation.mechanism.clearance)
+    else:
+        clearance = _clearance(options, plain, tool, notes, simulation)
+    gears = dict(simulation.mechanism.gears) if simulation is not None else {}
+    gears |= _gears(options, gears)
+    loops = simulation.mechanism.loops if simulation is not None else {}
+    gravity = plain.gravity
+    mechanism = Mechanism(
+        description.path,
+        {**given, **clearance},
+        loops=loops,
+        gears=gears,
+        gravity=gravity,
+        tool=tool,
+        allow_unphysical=allowed,
+    )
+    return mechanism, simulation, notes
+
+
+def _urdf(place: str) -> Path:
+    """URDF of a path, a name of example-robot-data, or one that ships."""
+    from jointplay.mechanism.robots import PREFIX, resolve, robot_urdf
+    from jointplay.mechanism.urdf import shipped
+
+    if place.startswith("jointplay:"):
+        return shipped(place.removeprefix("jointplay:"))
+    if place.startswith(PREFIX) or Path(place).suffix or Path(place).is_file():
+        return resolve(place)
+    return robot_urdf(place)
+
+
+def _clearance(
+    options: argparse.Namespace,
+    plain: Mechanism,
+    tool: str,
+    notes: list[str],
+    simulation: Simulation | None,
+) -> dict[str, Clearance]:
+    """Joints with clearance that the options name, or all that move the tool.
+
+    With loops, those are all joints; one that closes a loop keeps its kind and its bearing.
+    """
+    from jointplay.mechanism.mechanism import frame_index
+
+    entries = plain.description.joints
+    able = {"revolute", "continuous", "prismatic", "floating"}
+    frame = plain.model.frames[frame_index(plain.model, tool)]
+    chain = [plain.model.names[i] for i in plain.model.supports[frame.parentJoint] if i > 0]
+    chain = [name for name in chain if name in entries and entries[name].kind in able]
+    if plain.loops:
+        chain = [name for name, entry in entries.items() if entry.kind in able] + [*plain.loops]
+    own: dict[str, str | None] = {}
+    for text in options.joint:
+        name, length = name_and_value(text, [*entries, *plain.loops])
+        if name not in plain.loops and (name not in entries or entries[name].kind not in able):
+            choices = [n for n, e in entries.items() if e.kind in able] + [*plain.loops]
+            raise JointplayError(
+                f"no joint {name!r} that can have play; available: {', '.join(choices) or 'none'}"
+            )
+        if name not in chain:
+            notes.append(f"note: {name} does not move {tool!r}: it adds nothing to the error")
+        own[name] = length
+    if not own and options.clearance is not None:
+        own = dict.fromkeys(chain)
+    if None in own.values() and options.clearance is None:
+        raise JointplayError('--clearance is missing: the radial clearance, such as "0.1 mm"')
+    clearances = {}
+    for name, length in own.items():
+        option = "--clearance" if length is None else f"--joint {name}"
+        radial = quantity(options.clearance if length is None else length, "m", option)
+        known = simulation.mechanism.clearance.get(name) if simulation is not None else None
+        if name in plain.loops and known is not None:
+            clearances[name] = known.scaled(radial / known.radial_room)
+        elif name in plain.loops:
+            clearances[name] = _bearing(options, plain.loop_class(name), radial)
+        else:
+            clearances[name] = _bearing(options, _kind_for(entries[name].kind), radial)
+    if clearances:
+        notes.append(f"play: {_words(clearances)}")
+    return clearances
+
+
+def _kind_for(entry: str) -> type[Clearance]:
+    """Kind of joint with clearance in place of a URDF joint."""
+    from jointplay.joints import JOINT_KINDS, replacing
+
+    return JOINT_KINDS[replacing(entry)[0]]
+
+
+def _bearing(options: argparse.Namespace, kind: type[Clearance], radial: float) -> Clearance:
+    sizes: dict[str, float] = {
+        name: quantity(getattr(options, name), "m", f"--{name.replace('_', '-')}")
+        for name in ("bearing_radius", "bearing_length")
+        if getattr(options, name) is not None
+    }
+    axial = radial if options.axial is None else quantity(options.axial, "m", "--axial")
+    return kind.of_room(radial, axial, sizes)
+
+
+def _words(joints: dict[str, Clearance]) -> str:
+    parts: dict[str, list[str]] = {}
+    for name, joint in joints.items():
+        parts.setdefault(joint.words, []).append(name)
+    return "; ".join(f"{', '.join(names)} ({words})" for words, names in parts.items())
+
+
+def _gears(options: argparse.Namespace, present: dict[str, Any]) -> dict[str, Any]:
+    from jointplay.mechanism.gear import Gear
+
+    gears = {}
+    for text in options.gear:
+        name, angle = name_and_value(text)
+        if angle is None:
+            raise JointplayError(f"--gear must read JOINT=ANGLE, got {text!r}")
+        whole = quantity(angle, "rad", f"--gear {name}")
+        # Statics need the play only; a scenario's gear keeps the rest.
+        gears[name] = replace(present.get(name, Gear(0.0, 0.1, 1e4)), play=whole)
+    return gears
+
+
+def _positions(mechanism: Mechanism, text: str | None) -> dict[str, float]:
+    positions = {}
+    names = mechanism.description.joints
+    longest = sorted(map(re.escape, names), key=len, reverse=True)
+    ahead = f"(?=\\s*(?:{'|'.join(longest)})\\s*=)"  # a name may have commas of its own
+    for part in re.split(f",{ahead}", text) if text else ():
+        name, value = name_and_value(part.strip(), names)
+        name = name if name in names else name.strip()
+        if value is None:
+            raise JointplayError(f"--pose must read JOINT=X,JOINT=X,..., got {part!r}")
+        entry = mechanism.description.joints.get(name)
+        unit = "m" if entry is not None and entry.slides else "rad"
+        positions[name] = quantity(value, unit, f"--pose {name}")
+    return positions

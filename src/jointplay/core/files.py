@@ -1,0 +1,589 @@
+"""Files that are there whole or not at all: written beside their name, synced, then renamed.
+
+A process that is killed leaves at most ``.NAME.PID.part``, which blocks nothing and may be deleted.
+"""
+
+from __future__ import annotations
+
+import csv
+import errno
+import io
+import json
+import os
+import secrets
+import shutil
+import socket
+import stat
+import tempfile
+import time
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, BinaryIO
+
+from jointplay.core.errors import JointplayError
+
+if TYPE_CHECKING:
+    import numpy as np
+
+written: list[Path] = []
+"""Files that this process has written, in order: what a message may truly say is kept."""
+
+_claimed: dict[Path, int] = {}
+"""Folders that this process writes to, each with the descriptor that holds its lock."""
+
+_made: list[Path] = []
+"""Folders that this process has made to write into, in order."""
+
+_NO_LINKS = {errno.EPERM, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS, errno.EMLINK}
+"""What file systems without hard links say."""
+
+
+MARK = ".jointplay-owner"
+"""Name of the file in a temporary folder of ours that says whose it is."""
+
+LEFT_S = 86400.0
+"""Temporary folders whose owner is dead are deleted when they are older [s]."""
+
+_swept: set[str] = set()
+"""Places in which this process has looked for them."""
+
+MOST_TEXT = 256_000_000
+"""Size of a text that is read: URDF, scenario, table [bytes]."""
+
+_HDF5 = b"\x89HDF"
+"""How results begin."""
+
+PICTURES = {"png": "Software", "pdf": "Creator", "svg": "Creator"}
+"""Formats of pictures, each with the entry of its metadata that names the program."""
+
+
+def write(
+    path: str | Path, content: str | bytes, *, overwrite: bool = False, announced: bool = True
+) -> Path:
+    """Write a file whole: after a crash, a kill or a full disk it is there complete, or not at all.
+
+    Args:
+        path: the file; its folder exists.
+        content: text is written as UTF-8, line ends as they are.
+        overwrite: whether a file of that name is replaced.
+        announced: whether the user asked for it, and is told of it after an interruption.
+
+    Raises:
+        JointplayError: the file exists (and `overwrite` is false) or cannot be written.
+    """
+    with writing(path, overwrite=overwrite, announced=announced) as file:
+        file.write(content.encode("utf-8") if isinstance(content, str) else content)
+    return Path(path)
+
+
+def picture(
+    path: str | Path, figure: Any, *, overwrite: bool = False, mark: str = "", **options: Any
+) -> Path:
+    """Draw a matplotlib figure into a file, whole or not at all.
+
+    Args:
+        path: the file; its suffix says the format, one of `PICTURES`.
+        figure: what has matplotlib's `savefig`.
+        overwrite: whether a file of that name is replaced.
+        mark: stands in the picture's metadata; a picture that holds it is replaced.
+        options: of `savefig`.
+
+    Raises:
+        JointplayError: no such format, the file exists, or it cannot be written.
+    """
+    path = Path(path)
+    kind = picture_format(path)
+    if mark:
+        overwrite = overwrite or holds(path, mark)
+        options["metadata"] = {PICTURES[kind]: mark}
+    drawn = io.BytesIO()
+    figure.savefig(drawn, format=kind, **options)
+    return write(path, drawn.getvalue(), overwrite=overwrite)
+
+
+def picture_format(path: Path) -> str:
+    """Format of a picture by the suffix of its file.
+
+    Raises:
+        JointplayError: none that can be drawn.
+    """
+    kind = path.suffix.lower().removeprefix(".")
+    if kind not in PICTURES:
+        choices = ", ".join(f".{one}" for one in PICTURES)
+        raise JointplayError(f"{path.name!r} must end in {choices}: no other picture is drawn")
+    return kind
+
+
+def check_picture(path: str | Path) -> Path:
+    """Refuse a picture that cannot be drawn anew, before any work is done.
+
+    Raises:
+        JointplayError: it exists, its folder cannot be written to, or no such format.
+    """
+    path = check_new(path)
+    picture_format(path)
+    return path
+
+
+def holds(path: Path, mark: str) -> bool:
+    """Whether a file is there and holds a mark: a picture drawn earlier by who marks so."""
+    return is_file(path) and mark.encode() in path.read_bytes()
+
+
+def begins(path: Path, mark: bytes) -> bool:
+    """Whether a file is there and begins with a mark: a working file of who marks so."""
+    if not is_file(path):
+        return False
+    with path.open("rb") as file:
+        return file.read(len(mark)) == mark
+
+
+def check_own(path: Path, mark: bytes, what: str) -> None:
+    """Refuse a working file in whose place another file is, before any work is done.
+
+    Raises:
+        JointplayError: a file is there that does not begin with `mark`, or cannot be read.
+    """
+    try:
+        if not os.path.lexists(path) or begins(path, mark):
+            return
+    except OSError as error:
+        raise cannot_write(path, error) from None
+    raise JointplayError(
+        f"{str(path)!r} is no {what} of jointplay, which would be written there; move it, or name "
+        "another file or folder for the results"
+    )
+
+
+def remove_own(path: Path, mark: bytes) -> None:
+    """Delete a working file, if it is one: other files of that name stay."""
+    with suppress(OSError):
+        if begins(path, mark):
+            path.unlink()
+
+
+def append(path: Path, text: str) -> None:
+    """Append to a table of ours at once, so that no kill leaves half a row.
+
+    Raises:
+        JointplayError: it cannot be written; the file is as it was.
+    """
+    try:
+        with path.open("ab", buffering=0) as file:
+            length = file.seek(0, os.SEEK_END)
+            content = text.encode()
+            try:
+                if file.write(content) != len(content):  # a disk that is full takes a part
+                    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+            except OSError:
+                file.truncate(length)
+                raise
+    except OSError as error:
+        raise cannot_write(path, error) from None
+
+
+@contextmanager
+def writing(
+    path: str | Path, *, overwrite: bool = False, announced: bool = True
+) -> Iterator[BinaryIO]:
+    """A file to be written, and read, in the block; it gets its name when all is on disk.
+
+    Args:
+        path: the file; its folder exists.
+        overwrite: whether a file of that name is replaced.
+        announced: see `write`.
+
+    Raises:
+        JointplayError: the file exists (and `overwrite` is false) or cannot be written.
+    """
+    path = Path(path)
+    if not path.name:
+        raise JointplayError(f"{str(path)!r} is a folder; name a file")
+    part = path.with_name(f".{path.name[:40]}.{os.getpid()}-{secrets.token_hex(4)}.part")
+    try:
+        if not overwrite and os.path.lexists(path):
+            raise FileExistsError
+        with part.open("w+b") as file:
+            yield file
+            file.flush()
+            os.fsync(file.fileno())
+        if overwrite:
+            part.replace(path)
+        else:
+            _name(part, path)
+        _sync(path.parent)
+    except JointplayError:
+        raise
+    except FileExistsError:
+        raise exists(path) from None
+    except (OSError, ValueError) as error:  # ValueError: a name that no file can have
+        raise cannot_write(path, error) from None
+    finally:
+        with suppress(OSError, ValueError):
+            part.unlink()
+    if announced and path not in written:
+        written.append(path)
+
+
+def _name(part: Path, path: Path) -> None:
+    """Give the finished file its name, unless another has it."""
+    try:
+        os.link(part, path)  # fails if the name is taken, which a rename does not
+    except OSError as error:
+        if error.errno not in _NO_LINKS:
+            raise
+        if os.path.lexists(path):
+            raise FileExistsError from None
+        part.rename(path)
+
+
+def _sync(folder: Path) -> None:
+    """Have the new name survive a power failure, where the system can do that."""
+    with suppress(OSError):
+        descriptor = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)
+
+
+def exists(path: Path) -> JointplayError:
+    """What to say of a file that is there already."""
+    return JointplayError(f"{str(path)!r} exists; choose another name")
+
+
+def cannot_write(path: Path, error: Exception) -> JointplayError:
+    """What to say of a file that cannot be written."""
+    reason = getattr(error, "strerror", None) or error
+    return JointplayError(f"cannot write {str(path)!r}: {reason}")
+
+
+def temporary(what: str = "files") -> tempfile.TemporaryDirectory[str]:
+    """A folder that goes with the block or with this process; killed, with a later one.
+
+    Folders that processes left which are dead are deleted first: older than a day, and marked as
+    ours. Without the mark nothing is.
+
+    Args:
+        what: is part of its name.
+    """
+    place = tempfile.gettempdir()
+    if place not in _swept:
+        _swept.add(place)
+        _sweep(Path(place))
+    made = tempfile.TemporaryDirectory(
+        prefix=f"jointplay-{what}-{os.getpid()}-", ignore_cleanup_errors=True
+    )
+    owner = {"pid": os.getpid(), "began": _began(os.getpid()), "among": _processes()}
+    (Path(made.name) / MARK).write_text(json.dumps(owner), encoding="utf-8")
+    return made
+
+
+def _sweep(place: Path) -> None:
+    """Delete the temporary folders of dead processes."""
+    for folder in place.glob("jointplay-*"):
+        with suppress(OSError, ValueError, TypeError, KeyError):
+            mark = (folder / MARK).lstat()
+            if not stat.S_ISREG(mark.st_mode) or folder.is_symlink():
+                continue
+            if mark.st_uid != folder.lstat().st_uid or mark.st_uid != os.getuid():
+                continue
+            owner = json.loads((folder / MARK).read_text(encoding="utf-8"))
+            known = owner["among"] == _processes()
+            if known and time.time() - mark.st_mtime > LEFT_S and not _lives(owner):
+                shutil.rmtree(folder, ignore_errors=True)
+
+
+def _lives(owner: Mapping[str, Any]) -> bool:
+    """Whether the process that made a folder lives; its number may be another's since."""
+    try:
+        os.kill(int(owner["pid"]), 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:  # another user's, whose folder this is not
+        return False
+    return bool(owner["began"] == _began(int(owner["pid"])))
+
+
+def _began(pid: int) -> str:
+    """When a process began, where the system says so."""
+    try:
+        text = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8", errors="replace")
+        return text.rpartition(")")[2].split()[19]
+    except (OSError, IndexError):
+        return ""
+
+
+def _processes() -> str:
+    """Among which processes this one's number means it: machine, container."""
+    inside = ""
+    with suppress(OSError):
+        inside = os.readlink("/proc/self/ns/pid")
+    return f"{socket.gethostname()} {inside}"
+
+
+def is_file(path: Path) -> bool:
+    """Whether there is such a file; False also for names that none can have."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False
+
+
+def absent(path: Path, what: str) -> JointplayError:
+    """What to say where a file to be read is none: there is nothing, or another kind of thing."""
+    kinds = {"folder": stat.S_ISDIR, "pipe": stat.S_ISFIFO, "socket": stat.S_ISSOCK,
+             "device": lambda mode: stat.S_ISCHR(mode) or stat.S_ISBLK(mode)}  # fmt: skip
+    with suppress(OSError, ValueError):
+        mode = path.stat().st_mode
+        for kind, is_one in kinds.items():
+            if is_one(mode):
+                return JointplayError(f"no {what} {str(path)!r}: it is a {kind}")
+    return JointplayError(f"no {what} {str(path)!r}")
+
+
+def arrays(path: Path | BinaryIO) -> dict[str, np.ndarray]:
+    """All arrays of an ``.npz`` file, by its name or open, none of which may hold objects.
+
+    Raises:
+        OSError: it cannot be read.
+        ValueError: it is damaged, or another kind of file.
+    """
+    import numpy as np
+
+    try:
+        with np.load(path, allow_pickle=False) as kept:
+            return {name: kept[name] for name in kept.files}
+    except OSError:
+        raise
+    except Exception as error:  # zipfile, zlib and numpy raise whatever damaged bytes make them do
+        raise ValueError(" ".join(str(error).split()) or type(error).__name__) from None
+
+
+def check_plain(path: Path, most: int) -> None:
+    """Refuse what is no plain file of at most `most` bytes, before it is opened.
+
+    Raises:
+        OSError: it cannot be looked at.
+        ValueError: it is of another kind, or larger.
+    """
+    found = path.stat()
+    if not stat.S_ISREG(found.st_mode):
+        raise ValueError("it is no plain file")
+    if found.st_size > most:
+        raise ValueError(f"it has {found.st_size / 1e6:.4g} MB; at most {most / 1e6:g} MB are read")
+
+
+def read_plain(path: Path, most: int) -> bytes:
+    """What a plain file of at most `most` bytes says; devices, pipes and giants are not opened.
+
+    Raises:
+        OSError: it cannot be read.
+        ValueError: it is of another kind, or larger.
+    """
+    check_plain(path, most)
+    with path.open("rb") as file:
+        data = file.read(most + 1)  # what grows meanwhile, or says nothing of its size
+    if len(data) > most:
+        raise ValueError(f"it has more than {most / 1e6:g} MB")
+    return data
+
+
+def read_text(path: Path, what: str, most: int = MOST_TEXT) -> str:
+    """The text of a plain file of at most `most` bytes, in UTF-8.
+
+    Args:
+        path: the file.
+        what: it is, for messages.
+        most: bytes that are read.
+
+    Raises:
+        JointplayError: it cannot be read, is another kind of thing, larger, or other text.
+    """
+    try:
+        return read_plain(path, most).decode("utf-8-sig")
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise JointplayError(f"cannot read the {what} {str(path)!r}: {reason}") from None
+
+
+def is_folder(path: Path) -> bool:
+    """Whether there is such a folder; False also for names that none can have."""
+    try:
+        return path.is_dir()
+    except (OSError, ValueError):
+        return False
+
+
+def csv_rows(path: Path, what: str) -> list[tuple[int, list[str]]]:
+    """Rows of a CSV file, each with the number of its line; lines beginning with # are comments.
+
+    Args:
+        path: the file; a row is a line of it, the first the header.
+        what: the file is, for messages.
+
+    Raises:
+        JointplayError: it cannot be read, is empty, a quote is not closed, or a row has not as many
+            cells as the header.
+    """
+    text = read_text(path, what)
+    rows: list[tuple[int, list[str]]] = []
+    for number, line in enumerate(text.splitlines(), 1):
+        if not line.strip() or line.lstrip().startswith("#"):
+            continue
+        try:
+            cells = next(csv.reader([line], strict=True))
+        except csv.Error as error:
+            raise JointplayError(f"{path}, line {number}: {error}") from None
+        if rows and len(cells) != len(rows[0][1]):
+            raise JointplayError(
+                f"{path}, line {number}: {len(rows[0][1])} cells expected, got {len(cells)}"
+            )
+        rows.append((number, cells))
+    if not rows:
+        raise JointplayError(f"the {what} {str(path)!r} is empty")
+    return rows
+
+
+def check_new(path: str | Path) -> Path:
+    """Refuse a file that cannot be written anew, before any work is done.
+
+    Raises:
+        JointplayError: it exists, or its folder does not or cannot be written to.
+    """
+    path = Path(path)
+    try:
+        with suppress(FileNotFoundError, NotADirectoryError):
+            path.lstat()  # which refuses names that no file can have
+            raise exists(path)
+        if not path.parent.is_dir():
+            raise JointplayError(f"cannot write {str(path)!r}: no folder {str(path.parent)!r}")
+        with tempfile.TemporaryFile(dir=path.parent):
+            pass
+    except (OSError, ValueError) as error:
+        if isinstance(error, JointplayError):
+            raise
+        raise cannot_write(path, error) from None
+    return path
+
+
+def refuse_present(folder: str | Path, names: Iterable[str]) -> None:
+    """Refuse a folder that holds one of the files already, before any work is done.
+
+    Raises:
+        JointplayError: it does.
+    """
+    for name in names:
+        if os.path.lexists(Path(folder) / name):
+            raise JointplayError(_present(Path(folder), name))
+
+
+def claim(folder: str | Path, names: Iterable[str]) -> Path:
+    """Make `folder`, sure that `names` can be written there, nothing is overwritten, and no one
+    else writes there: of two processes with one folder the second learns it here.
+
+    The claim ends with the process, however it ends.
+
+    Raises:
+        JointplayError: the folder holds one of the files already, another process has claimed it,
+            or it cannot be written to.
+    """
+    folder = Path(folder)
+    try:
+        for one in [p for p in (*reversed(folder.parents), folder) if not p.exists()]:
+            with suppress(FileExistsError):
+                one.mkdir()
+                _made.append(one)
+        if not folder.is_dir():
+            raise JointplayError(f"{str(folder)!r} is a file; name a folder for the results")
+        _lock(folder)
+        refuse_present(folder, names)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except (OSError, ValueError) as error:
+        if isinstance(error, JointplayError):
+            raise
+        reason = getattr(error, "strerror", None) or error
+        raise JointplayError(f"cannot write to {str(folder)!r}: {reason}") from None
+    return folder
+
+
+def _lock(folder: Path) -> None:
+    """Hold an advisory lock on the folder itself until this process ends."""
+    try:
+        import fcntl
+    except ImportError:  # not on this system
+        return
+    place = folder.resolve()
+    if place in _claimed:
+        return
+    descriptor = os.open(folder, os.O_RDONLY | getattr(os, "O_CLOEXEC", 0))
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        os.close(descriptor)
+        raise JointplayError(
+            f"another process is writing to {str(folder)!r}; name another folder"
+        ) from None
+    except OSError:  # a file system that locks no folders
+        os.close(descriptor)
+        return
+    _claimed[place] = descriptor
+
+
+def unmake() -> None:
+    """Remove the folders that `claim` has made, as far as nothing is in them."""
+    while _made:
+        with suppress(OSError):
+            _made.pop().rmdir()
+
+
+def empty(folder: Path) -> None:
+    """Delete all that is in a folder, which stays, and so does a claim of it.
+
+    Raises:
+        OSError: something cannot be deleted.
+    """
+    for one in folder.iterdir():
+        if one.is_dir() and not one.is_symlink():
+            shutil.rmtree(one)
+        else:
+            one.unlink()
+
+
+def release(folder: str | Path) -> None:
+    """End a claim of this process."""
+    descriptor = _claimed.pop(Path(folder).resolve(), None)
+    if descriptor is not None:
+        os.close(descriptor)
+
+
+def _present(folder: Path, name: str) -> str:
+    """What to say of a file that is in the way: whether it is whole, or the rest of a run."""
+    path = folder / name
+    what = ""
+    if is_file(path):
+        with path.open("rb") as file:
+            begin = file.read(len(_HDF5))
+        if not begin:
+            what = "empty"
+        elif begin == _HDF5 and not _loads(path):
+            what = "broken"
+    if what:
+        return (
+            f"{str(path)!r} is {what}, left by a run that was killed or damaged since; delete it, "
+            "or name another folder"
+        )
+    return f"{str(folder)!r} already holds results ({name}); name another folder"
+
+
+def _loads(path: Path) -> bool:
+    """Whether it is whole as far as HDF5 goes."""
+    from jointplay.core import hdf5
+
+    try:
+        with hdf5.examined(path):
+            return True
+    except JointplayError:
+        return False

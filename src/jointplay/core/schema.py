@@ -1,0 +1,602 @@
+"""What inputs are made of: fields with units and ranges, families of classes, plain data and back.
+
+@dataclass(frozen=True)
+class LinearSpring:
+    stiffness: float | None = quantity("N/m", default=None, above=0.0)
+
+    def __post_init__(self):
+        check_fields(self)
+"""
+
+from __future__ import annotations
+
+import ast
+import dataclasses
+import difflib
+import inspect
+import math
+import textwrap
+import types
+from collections.abc import Callable, Collection, Iterable, Mapping, MutableMapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from itertools import pairwise
+from typing import (
+    Any,
+    ClassVar,
+    Literal,
+    Self,
+    TypeVar,
+    Union,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
+
+import numpy as np
+
+from jointplay.core.errors import (
+    JointplayError,
+    MissingName,
+    Where,
+    require_finite,
+    require_non_negative,
+    require_positive,
+    within,
+)
+from jointplay.core.units import convert, expected, toml_text
+
+# Fields of values: each number has its unit, and the range that it must lie in, beside it.
+
+
+UNITS = "units"
+CHOICES = "choices"
+FINITE = "finite"
+_RANGE = "range"
+_WORDS = "words"
+
+_SINGLE = ("float", "float | None")
+"""Types of fields that hold a single number."""
+
+
+def quantity(
+    *units: str,
+    default: Any = dataclasses.MISSING,
+    default_factory: Any = dataclasses.MISSING,
+    choices: tuple[str, Mapping[str, Any]] | None = None,
+    above: float | None = None,
+    least: float | None = None,
+    words: str = "",
+    finite: bool = True,
+) -> Any:
+    """Field of a dataclass that holds a number, or several, in an SI unit.
+
+    Args:
+        units: of which one it has; ``""`` for pure numbers. Two where it depends on the joint:
+            that of revolute and that of prismatic joints.
+        default, default_factory: of the field; without one it must be given.
+        choices: what words are called that stand for a value, and these.
+        above: 0.0 if the number must be positive, as `check_fields` demands.
+        least: 0.0 if it must not be negative.
+        words: what errors call it; the field's name, if not given.
+        finite: without, files may have infinity or no number (NaN) here.
+
+    Raises:
+        TypeError: a unit is no text, such as a default without its name.
+        ValueError: a range that begins elsewhere.
+    """
+    if not units or not all(isinstance(unit, str) for unit in units):
+        raise TypeError(f'units are text, "" for pure numbers, got {units!r}; see default=')
+    if above not in (None, 0.0) or least not in (None, 0.0):
+        raise ValueError("a range begins at zero, or the class checks it itself")
+    check = require_positive if above == 0.0 else require_non_negative
+    check = require_finite if above is None and least is None else check
+    metadata = {UNITS: units, _RANGE: check, _WORDS: words, FINITE: finite}
+    metadata |= {} if choices is None else {CHOICES: choices}
+    if default_factory is not dataclasses.MISSING:
+        return dataclasses.field(default_factory=default_factory, metadata=metadata)
+    return dataclasses.field(default=default, metadata=metadata)
+
+
+def choice(
+    noun: str, choices: Collection[str] | Mapping[str, Any], *, default: Any = dataclasses.MISSING
+) -> Any:
+    """Field of a dataclass that holds one of several words.
+
+    Args:
+        noun: what one is called.
+        choices: the words; a mapping has the values for which they stand.
+        default: of the field; without one it must be given.
+    """
+    return dataclasses.field(default=default, metadata={CHOICES: (noun, choices)})
+
+
+def units_of(field: dataclasses.Field[Any]) -> tuple[str, ...] | None:
+    """Units that a field of a dataclass can have; None if none is said."""
+    units: tuple[str, ...] | None = field.metadata.get(UNITS)
+    return units
+
+
+def check_fields(value: Any) -> None:
+    """Make floats of all single numbers of a dataclass that have a unit; they must be in range.
+
+    Fields that hold several numbers the class checks itself.
+
+    Raises:
+        JointplayError: a number that is not finite or out of its range, with the field's name as
+            its place.
+    """
+    for field in dataclasses.fields(value):
+        units, given = units_of(field), getattr(value, field.name)
+        kind = "float" if field.type is float else str(field.type)
+        if units is None or kind not in _SINGLE or (given is None and field.default is None):
+            continue
+        words = field.metadata[_WORDS] or field.name
+        where: Where = (field.name,)
+        number = field.metadata[_RANGE](words, given, units[0].replace("*", " "), where)
+        object.__setattr__(value, field.name, number)
+
+
+@dataclasses.dataclass(frozen=True)
+class Field:
+    """What a class says of one of its fields."""
+
+    name: str
+    hint: Any
+    units: tuple[str, ...]
+    """SI units that its numbers can have; ``("",)`` for pure numbers."""
+    required: bool
+    choices: tuple[str, Collection[str] | Mapping[str, Any]] | None = None
+    """What its words are called, and these; a mapping has the values they stand for."""
+    finite: bool = True
+    """Whether its number must be finite."""
+
+
+@cache
+def fields_of(kind: type) -> dict[str, Field]:
+    """The fields of a class as they are written, by name.
+
+    Raises:
+        TypeError: one that holds a number has no unit.
+    """
+    written = getattr(kind, "written", None) or kind
+    hints = get_type_hints(written)
+    fields = {}
+    for one in dataclasses.fields(written):
+        hint, units = hints[one.name], units_of(one)
+        if units is None and CHOICES not in one.metadata and _measures(hint):
+            raise TypeError(
+                f"{kind.__name__}.{one.name} is a number without a unit; see `quantity`"
+            )
+        missing = dataclasses.MISSING
+        required = one.default is missing and one.default_factory is missing
+        choices = one.metadata.get(CHOICES)
+        finite = one.metadata.get(FINITE, True)
+        fields[one.name] = Field(one.name, hint, units or ("",), required, choices, finite)
+    return fields
+
+
+def _measures(hint: Any) -> bool:
+    """Whether a type holds numbers that can have a unit."""
+    if isinstance(hint, type) and dataclasses.is_dataclass(hint):
+        return False
+    return hint is float or any(_measures(part) for part in get_args(hint))
+
+
+@cache
+def explanations(kind: type) -> dict[str, str]:
+    """What a class says below its fields as they are written, and its bases below theirs."""
+    texts: dict[str, str] = {}
+    owner = getattr(kind, "written", None) or kind
+    for base in reversed(owner.__mro__):
+        if "__dataclass_fields__" not in vars(base):
+            continue
+        try:
+            (body,) = ast.parse(textwrap.dedent(inspect.getsource(base))).body
+        except (OSError, SyntaxError, TypeError):  # made where no file is
+            continue
+        assert isinstance(body, ast.ClassDef)
+        for field, text in pairwise(body.body):
+            match field, text:
+                case ast.AnnAssign(target=ast.Name(name)), ast.Expr(ast.Constant(str(said))):
+                    texts[name] = said
+    return {name: " ".join(text.split()) for name, text in texts.items()}
+
+
+# Families of classes of which a word in a file chooses one: laws, joints, drives, loads.
+
+
+@dataclass(frozen=True)
+class Preset:
+    """A kind with some of its fields set."""
+
+    kind: type
+    title: str
+    given: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Family:
+    """Classes of which a word chooses one."""
+
+    key: str
+    """Key that has the word: ``law``, ``kind``."""
+    noun: str
+    """What one is called: ``friction law``."""
+    members: MutableMapping[str, Any]
+    """Classes and presets by word; `add` writes into it."""
+    default: str | None = None
+    """Word that is taken where there is none."""
+    bare: bool = True
+    """Whether the bare word stands for a table with nothing else in it."""
+
+
+_families: dict[type, Family] = {}
+_names: dict[type, tuple[Callable[[str], Any], Sequence[str]]] = {}
+
+
+def register(base: type, family: Family) -> None:
+    """Let `base` be read as one of a family."""
+    _families[base] = family
+
+
+def add(base: type, kind: type) -> None:
+    """Let files name a class of one's own, by the word that it has: one of a family's, from now on.
+
+    Args:
+        base: `Load`, `Drive`, `Clearance`, `NormalForceLaw`, `FrictionLaw` or `FilmLaw`.
+        kind: its subclass.
+
+    Raises:
+        JointplayError: no such family, or the word is taken.
+    """
+    family = _families.get(base)
+    if family is None or not issubclass(kind, base) or base.selector is None:  # type: ignore[attr-defined]
+        raise JointplayError(f"{kind.__name__} cannot be added to {base.__name__}")
+    word = getattr(kind, base.selector[1])  # type: ignore[attr-defined]
+    if family.members.get(word, kind) is not kind:
+        raise JointplayError(f"there is a {family.noun} {word!r} already")
+    family.members[word] = kind
+
+
+def register_names(kind: type, find: Callable[[str], Any], names: Sequence[str]) -> None:
+    """Let a `kind` be given by name; `find` gives that of one of `names`."""
+    _names[kind] = find, names
+
+
+def family_of(kind: Any) -> Family | None:
+    """The family whose base `kind` is, if it is one."""
+    return _families.get(kind)
+
+
+def names_of(kind: Any) -> Sequence[str]:
+    """Names by which a `kind` can be given."""
+    return _names[kind][1] if kind in _names else ()
+
+
+def named(kind: type, name: str) -> Any:
+    """The `kind` of this name, one of `names_of`."""
+    return _names[kind][0](name)
+
+
+# Objects to plain data and back, from the type hints of their fields.
+#
+# Result files and scenario files are both read and written by what is here: a class says its
+# fields once, with their types, units and explanations.
+#
+#     codec.plain(joint)                      # {"kind": "revolute", "bearing_radius": 0.01, ...}
+#     codec.read(Clearance, data)             # the joint, or a JointplayError that knows its place
+#     codec.check(Clearance, data).make()     # the same in two steps: all checks first
+#
+# Numbers may be text with a unit, ``"0.2 mm"``. A class whose kinds are chosen by a word (laws by
+# ``law``, joints and drives by ``kind``) is a `Family`.
+
+
+T = TypeVar("T")
+
+
+class Described:
+    """A value that knows itself as plain data."""
+
+    selector: ClassVar[tuple[str, str] | None] = None
+    """Key of the word that selects the class, and attribute that has it."""
+    written: ClassVar[type | None] = None
+    """Dataclass of the fields as they are written; None: those of the class."""
+
+    def describe(self) -> dict[str, Any]:
+        """All fields as plain data, for result files; `from_description` reads it back."""
+        word = {} if self.selector is None else {self.selector[0]: getattr(self, self.selector[1])}
+        return {**word, **_fields(self)}
+
+    @classmethod
+    def from_description(cls, description: Any) -> Self:
+        """Build the value that `describe` described; the word that selects it may be left out.
+
+        Raises:
+            JointplayError: an unknown or missing key, or a value that cannot be; `where` has its
+                place.
+        """
+        made: Self = read(cls, description)
+        return made
+
+    @classmethod
+    def from_fields(cls, fields: dict[str, Any]) -> Self:
+        """Build the value from its fields as they are written, already read."""
+        return cls(**fields)
+
+
+def plain(value: Any) -> Any:
+    """A value as plain data: numbers, text, lists and dictionaries."""
+    if isinstance(value, Described):
+        return value.describe()
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return _fields(value)
+    if isinstance(value, Mapping):
+        return {key: plain(one) for key, one in value.items()}
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    if isinstance(value, list | tuple):
+        return [plain(one) for one in value]
+    return value
+
+
+def _fields(value: Any) -> dict[str, Any]:
+    return {field.name: plain(getattr(value, field.name)) for field in dataclasses.fields(value)}
+
+
+@dataclass(frozen=True)
+class Draft:
+    """A value that has been checked, and not yet been made."""
+
+    kind: type
+    word: str | None
+    """The word that chose the kind, where one did."""
+    fields: Mapping[str, Any]
+
+    def make(self, objects: bool = True) -> Any:
+        """The value itself; `objects` as in the function `make`.
+
+        Raises:
+            JointplayError: fields that do not go together; `where` has the place.
+        """
+        given = {}
+        for name, one in self.fields.items():
+            with within(name):
+                given[name] = make(one, objects)
+        if issubclass(self.kind, Described):
+            return self.kind.from_fields(given)
+        return self.kind(**given)
+
+
+def make(checked: Any, objects: bool = True) -> Any:
+    """The value of what `check` gave, drafts within it made.
+
+    Args:
+        checked: drafts, and lists and dictionaries of them.
+        objects: without, drafts of the package's objects (`Described`) are left.
+    """
+    if isinstance(checked, Draft):
+        left = not objects and issubclass(checked.kind, Described)
+        return checked if left else checked.make(objects)
+    if isinstance(checked, dict):
+        made = {}
+        for key, one in checked.items():
+            with within(key):
+                made[key] = make(one, objects)
+        return made
+    if isinstance(checked, list | tuple):
+        several = []
+        for index, one in enumerate(checked):
+            with within(index):
+                several.append(make(one, objects))
+        return type(checked)(several)
+    return checked
+
+
+def read(kind: type[T] | Any, data: Any) -> Any:
+    """The value that plain data describe.
+
+    Args:
+        kind: a class or a type hint.
+        data: numbers, text, lists and dictionaries.
+
+    Raises:
+        JointplayError: what cannot be; `where` has its place in the data.
+    """
+    return make(check(kind, data))
+
+
+def check(kind: Any, data: Any, units: tuple[str, ...] = ("",)) -> Any:
+    """What `data` say, checked against a type but not yet made: `Draft` for objects.
+
+    Args:
+        kind: a class or a type hint.
+        data: numbers, text, lists and dictionaries.
+        units: that numbers can have. A number of which there are several possible ones remembers
+            its own (`units.Measured`).
+
+    Raises:
+        JointplayError: what cannot be; `where` has its place in the data.
+    """
+    names = names_of(kind)
+    if names and isinstance(data, str):
+        try:
+            return named(kind, data)
+        except MissingName:
+            raise JointplayError(one_of(kind.__name__.lower(), data, names)) from None
+    family = family_of(kind)
+    if family is not None:
+        return _chosen(family, data)
+    origin, parts = get_origin(kind), get_args(kind)
+    if origin in (Union, types.UnionType):
+        return _one_of_several(data, parts, units)
+    if (
+        isinstance(kind, type)
+        and origin is None
+        and (dataclasses.is_dataclass(kind) or getattr(kind, "written", None))
+    ):
+        return _table(kind, data, None, {})
+    if origin is not None and origin is not Literal:
+        return _collection(origin, parts, data, units)
+    return _simple(kind, data, units)
+
+
+def _chosen(family: Family, data: Any) -> Draft:
+    key, noun, members = family.key, family.noun, family.members
+    place = (key,) if isinstance(data, Mapping) else ()
+    if family.bare and isinstance(data, str):
+        data = {key: data}
+    if not isinstance(data, Mapping):
+        raise JointplayError(
+            f"{toml_text(data)} is no table; a {noun} is a table with the key {key}"
+        )
+    word = data.get(key, family.default)
+    if word is None:
+        raise JointplayError(f"the key {key} is missing; available: {', '.join(members)}")
+    if not isinstance(word, str) or word not in members:
+        raise JointplayError(one_of(noun, word, members), where=place)
+    member = members[word]
+    if isinstance(member, Preset):
+        return _table(member.kind, data, (key, word), member.given)
+    return _table(member, data, (key, word), {})
+
+
+def _table(
+    kind: type,
+    data: Any,
+    word: tuple[str, str] | None,
+    preset: Mapping[str, Any],
+) -> Draft:
+    """A dataclass from a table of its fields."""
+    fields = {name: one for name, one in fields_of(kind).items() if name not in preset}
+    selector = getattr(kind, "selector", None)
+    if word is None and selector is not None and isinstance(data, Mapping) and selector[0] in data:
+        word = (selector[0], getattr(kind, selector[1]))
+        if data[word[0]] != word[1]:
+            raise JointplayError(
+                f"{toml_text(data[word[0]])} is not {toml_text(word[1])}", (word[0],)
+            )
+    form = getattr(kind, "written", None) or kind
+    keys = [*([word[0]] if word else []), *fields, *getattr(form, "further_keys", ())]
+    if not isinstance(data, Mapping):
+        raise JointplayError(f"{toml_text(data)} is no table; its keys are: {', '.join(keys)}")
+    for key in data:
+        if key not in keys:
+            whose = f" of the {word[0]} {word[1]}" if word else ""
+            raise JointplayError(unknown_key(key, keys, whose), where=(key,))
+    values = dict(preset)
+    for name in data:  # in its order, so that the first error is the first in a file
+        if name in fields:
+            with within(name):
+                values[name] = _field(fields[name], data[name])
+    for name, field in fields.items():
+        if field.required and name not in data:
+            raise JointplayError(f"the key {name} is missing")
+    return Draft(kind, word[1] if word else None, values)
+
+
+def _field(field: Field, data: Any) -> Any:
+    """Value of a field: one of its words, or what its type takes."""
+    if not field.finite and isinstance(data, float) and not math.isfinite(data):
+        return data
+    if field.choices is None or data is None:
+        return check(field.hint, data, field.units)
+    noun, words = field.choices
+    if (isinstance(data, str) or is_word(field.hint)) and data not in words:
+        raise JointplayError(one_of(noun, data, words))
+    if isinstance(words, Mapping) and not is_word(field.hint) and isinstance(data, str):
+        return words[data]
+    return check(field.hint, data, field.units)
+
+
+def is_word(hint: Any) -> bool:
+    """Whether a field's choices are its values, not words that stand for others."""
+    return hint in (str, str | None)
+
+
+def _one_of_several(data: Any, parts: Sequence[Any], units: tuple[str, ...]) -> Any:
+    """A union: nothing where that is possible, else the first type that takes the data."""
+    if data is None and type(None) in parts:
+        return None
+    first: JointplayError | None = None
+    for part in parts:
+        if part is type(None):
+            continue
+        try:
+            return check(part, data, units)
+        except JointplayError as error:
+            first = first or error
+    assert first is not None
+    raise first
+
+
+def _collection(origin: Any, parts: Sequence[Any], data: Any, units: tuple[str, ...]) -> Any:
+    """A mapping by name, a list, or a tuple."""
+    if issubclass(origin, Mapping):
+        if not isinstance(data, Mapping):
+            raise JointplayError(f"expected a table, got {toml_text(data)}")
+        table = {}
+        for key, one in data.items():
+            with within(key):
+                table[key] = check(parts[1], one, units)
+        return table
+    fixed = origin is tuple and parts[-1] is not Ellipsis
+    if not isinstance(data, list | tuple) or (fixed and len(data) != len(parts)):
+        if fixed and len(parts) == 3:
+            raise JointplayError(
+                f"{toml_text(data)} are not three components; give each as {expected(*units)}"
+            )
+        raise JointplayError(f"expected a list in brackets, got {toml_text(data)}")
+    several = []
+    for index, one in enumerate(data):
+        with within(*(() if fixed else (index,))):
+            several.append(check(parts[index] if fixed else parts[0], one, units))
+    return tuple(several) if origin is tuple else several
+
+
+_EXPECTED = {
+    bool: "true or false",
+    int: "a whole number",
+    str: "text in quotes",
+    list: "a list in brackets",
+    dict: "a table",
+}
+
+
+def _simple(kind: Any, data: Any, units: tuple[str, ...]) -> Any:
+    """A number with a unit, a whole number, text, a choice, yes or no."""
+    if kind is float:
+        try:
+            measured = convert(data, *units)
+        except ValueError as error:
+            raise JointplayError(str(error)) from None
+        return measured if len(units) > 1 else float(measured)
+    if get_origin(kind) is Literal:
+        if data not in get_args(kind):
+            raise JointplayError(one_of("choice", data, get_args(kind)))
+        return data
+    if kind in _EXPECTED and (
+        not isinstance(data, kind) or (kind is int and isinstance(data, bool))
+    ):
+        raise JointplayError(f"expected {_EXPECTED[kind]}, got {toml_text(data)}")
+    return data
+
+
+def unknown_key(key: str, keys: Iterable[str], whose: str = "") -> str:
+    """What to say of a key that does not exist."""
+    keys = list(keys)
+    return f'unknown key "{key}"{whose}; {closest(key, keys)}valid keys: {", ".join(keys)}'
+
+
+def one_of(kind: str, value: Any, choices: Iterable[str]) -> str:
+    """What to say of a choice that does not exist."""
+    choices = list(choices)
+    return f"no {kind} {toml_text(value)}; {closest(value, choices)}available: {', '.join(choices)}"
+
+
+def closest(word: Any, choices: Iterable[str]) -> str:
+    """Question after the one of `choices` that `word` resembles; empty if none does."""
+    plain_words = {choice.lower().replace("-", "_"): choice for choice in choices}
+    given = str(word).lower().replace("-", "_")
+    near = difflib.get_close_matches(given, plain_words, 1)
+    return f'did you mean "{plain_words[near[0]]}"? ' if near else ""

@@ -1,0 +1,122 @@
+"""Being told to stop: Ctrl-C, SIGTERM and SIGHUP do the same, and a second time gives up.
+
+The first time, what was computed is saved and what is being saved is finished. The second time
+gives up what is not yet saved, and says so.
+"""
+
+from __future__ import annotations
+
+import signal
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from jointplay.simulation.simulation import Run
+
+INTERRUPTED = 130
+"""Exit status after being told to stop."""
+
+SAVED = "told to stop when all was computed: it is saved"
+"""What is said where that comes too late to stop anything."""
+
+SIGNALS = tuple(
+    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
+)
+
+
+class GivenUp(KeyboardInterrupt):
+    """Told to stop again before all was saved; the message says what is lost."""
+
+
+class _State:
+    """What this process is doing, for the handler of signals."""
+
+    told = 0
+    """How often it has been told to stop."""
+    keeping = ""
+    """What is to be saved, if anything."""
+
+
+_state = _State()
+
+
+@contextmanager
+def listening() -> Iterator[None]:
+    """Take SIGTERM and SIGHUP for Ctrl-C within the block, and count."""
+    if threading.current_thread() is not threading.main_thread():
+        yield  # only the main thread can listen
+        return
+    before = {number: signal.getsignal(number) for number in SIGNALS}
+    ignored = {n for n, handler in before.items() if handler is signal.SIG_IGN}  # such as by nohup
+    for number in set(SIGNALS) - ignored:
+        signal.signal(number, _told)
+    _state.told = 0
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler if handler is not None else signal.SIG_DFL)
+        _state.told = 0
+
+
+def _told(*_: Any) -> None:
+    _state.told += 1
+    if not _state.keeping:
+        raise KeyboardInterrupt
+    if _state.told > 1:
+        raise GivenUp(f"gave up {_state.keeping}")
+    say(f"stopping; saving {_state.keeping} (once more gives it up)")
+
+
+def say(text: str) -> None:
+    """Tell the user, if there is anyone to be told."""
+    with suppress(OSError, ValueError, AttributeError):  # closed, full, or none
+        print(f"\n{text}", file=sys.stderr, flush=True)
+
+
+@contextmanager
+def keeping(what: str) -> Iterator[None]:
+    """Compute and save `what` in the block: being told to stop once does not lose it.
+
+    Ask `told` afterwards.
+
+    Raises:
+        GivenUp: told to stop twice, or before there was anything to save.
+    """
+    outer = _state.keeping
+    _state.keeping = what
+    try:
+        yield
+    except GivenUp:
+        raise
+    except KeyboardInterrupt:
+        early = _state.told == 1
+        raise GivenUp(
+            f"nothing of {what} was computed yet" if early else f"gave up {what}"
+        ) from None
+    finally:
+        _state.keeping = outer
+
+
+def stop_requested() -> bool:
+    """Whether this process has been told to stop."""
+    return _state.told > 0
+
+
+def stoppable(run: Run) -> Run:
+    """Have `run` stop between two stretches when this process is told to; returns it."""
+
+    @contextmanager
+    def guard() -> Iterator[None]:
+        if _state.told:  # before it began
+            raise KeyboardInterrupt
+        yield
+        if run.workspace.rows == 0:  # stopped before its first record
+            raise KeyboardInterrupt
+
+    run.guards.append(guard)
+    run.between.append(stop_requested)
+    return run

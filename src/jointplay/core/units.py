@@ -1,0 +1,229 @@
+"""Quantities as scenario files write them: bare numbers are SI, text carries its unit."""
+
+from __future__ import annotations
+
+import math
+import re
+from decimal import Decimal
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import pint
+
+WORDS = {
+    "": ("number", "0.1"),
+    "m": ("length", "0.2 mm"),
+    "rad": ("angle", "30 deg"),
+    "s": ("time", "10 us"),
+    "kg": ("mass", "1.5 kg"),
+    "m/s": ("speed", "1 mm/s"),
+    "rad/s": ("angular speed", "60 rpm"),
+    "m/s^2": ("acceleration", "9.81 m/s^2"),
+    "N": ("force", "5 N"),
+    "N*m": ("torque", "2 N*m"),
+    "Pa": ("pressure", "207 GPa"),
+    "kg/m^3": ("density", "7800 kg/m^3"),
+    "kg*m^2": ("moment of inertia", "1e-4 kg*m^2"),
+    "N/m": ("stiffness", "1e8 N/m"),
+    "N/m^1.5": ("Hertz stiffness", "1e11 N/m^1.5"),
+    "N*m/rad": ("angular stiffness", "1e4 N*m/rad"),
+    "N*s/m": ("damping", "100 N*s/m"),
+    "N*m*s/rad": ("angular damping", "0.1 N*m*s/rad"),
+    "Pa*s": ("viscosity", "0.1 Pa*s"),
+    "1/m": ("bristle stiffness", "1e5 1/m"),
+    "s/m": ("bristle damping", "10 s/m"),
+    "m^3/(N*m)": ("specific wear rate", "1e-5 mm^3/(N*m)"),
+}
+"""Units of the package by their text: what they measure, and an example for messages."""
+
+_DEGREE = 0.017453292519943295
+COMMON = {
+    "m": ("m", 1.0), "mm": ("m", 1e-3), "cm": ("m", 1e-2), "um": ("m", 1e-6), "µm": ("m", 1e-6),
+    "rad": ("rad", 1.0), "mrad": ("rad", 1e-3), "deg": ("rad", _DEGREE),
+    "s": ("s", 1.0), "ms": ("s", 1e-3), "us": ("s", 1e-6), "µs": ("s", 1e-6),
+    "kg": ("kg", 1.0), "g": ("kg", 1e-3), "m/s": ("m/s", 1.0), "mm/s": ("m/s", 1e-3),
+    "rad/s": ("rad/s", 1.0), "m/s^2": ("m/s^2", 1.0), "N": ("N", 1.0), "kN": ("N", 1e3),
+    "N*m": ("N*m", 1.0), "Pa": ("Pa", 1.0), "MPa": ("Pa", 1e6), "GPa": ("Pa", 1e9),
+    "kg/m^3": ("kg/m^3", 1.0), "kg*m^2": ("kg*m^2", 1.0), "N/m": ("N/m", 1.0),
+    "N*m/rad": ("N*m/rad", 1.0), "N*s/m": ("N*s/m", 1.0), "N*m*s/rad": ("N*m*s/rad", 1.0),
+    "Pa*s": ("Pa*s", 1.0),
+}  # fmt: skip
+"""Usual units: in which one of `WORDS`, and how many of it. Pint, which knows all, takes long to
+import; a test holds these against it."""
+
+_LARGEST = 10**300
+"""Whole numbers beyond it are none that a float can hold."""
+
+_LONGEST_UNIT = 60
+_NO_UNIT = re.compile(r"\d{3}|\d\s*(\*\*|\^)|\n")
+"""What no unit has in it; a power of a power would keep the parser busy for ever."""
+
+_LONGEST_SHOWN, _MOST_SHOWN = 100, 20
+"""Longest text and list that a message repeats."""
+
+_QUANTITY = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*")
+
+
+class Measured(float):
+    """A value in SI that remembers in which of several possible units it was given."""
+
+    unit: str
+    """The SI unit, or empty for a bare number."""
+    text: str
+    """As the file has it."""
+
+    def __new__(cls, value: float, unit: str, text: str) -> Measured:
+        """Keep the value together with its unit and text."""
+        self = super().__new__(cls, value)
+        self.unit, self.text = unit, text
+        return self
+
+
+def expected(*units: str) -> str:
+    """What to write for a quantity in one of `units`: ``a length such as "0.2 mm"``."""
+    parts = []
+    for unit in units:
+        word, example = WORDS.get(unit, (f"quantity in {unit}", f"1 {unit}"))
+        shown = f'"{example}"' if unit else example
+        parts.append(f"{'an' if word[0] in 'aeiou' else 'a'} {word} such as {shown}")
+    return " or ".join(parts)
+
+
+def convert(value: Any, *units: str) -> Measured:
+    """Value in SI of a bare number or of text such as ``"0.2 mm"``.
+
+    Decimal prefixes are exact: ``"0.2 mm"`` is the number nearest to 0.0002.
+
+    Args:
+        value: what the file has.
+        units: keys of `WORDS` (or other SI units) of which one must fit; empty for pure numbers.
+
+    Raises:
+        ValueError: one line that names the value, and what was expected.
+    """
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        if (isinstance(value, int) and abs(value) > _LARGEST) or not math.isfinite(value):
+            raise ValueError(f"{toml_text(value)} is not finite; expected {expected(*units)}")
+        return Measured(float(value), "", str(value))
+    match = _QUANTITY.fullmatch(value) if isinstance(value, str) else None
+    if match is None:
+        raise ValueError(f"{toml_text(value)} is {_no(units)}; expected {expected(*units)}")
+    number, text = match.groups()
+    usual, factor = COMMON.get(text, ("", 1.0))
+    if usual in units and usual:
+        return _measured(value, number, factor, usual, units)
+    try:
+        if len(text) > _LONGEST_UNIT or _NO_UNIT.search(text):
+            raise ValueError(text)
+        unit = unit_of(text)
+    except ValueError:
+        raise ValueError(
+            f'unknown unit "{text}" in {toml_text(value)}; expected {expected(*units)}'
+        ) from None
+    for goal in units:
+        if fits(unit, goal) and not (goal and not text):
+            return _measured(value, number, unit.factor / unit_of(goal).factor, goal, units)
+    missing = " without a unit" if not text else ""
+    raise ValueError(f"{toml_text(value)}{missing} is {_no(units)}; expected {expected(*units)}")
+
+
+def _measured(
+    value: str, number: str, factor: float, goal: str, units: tuple[str, ...]
+) -> Measured:
+    measured = exact(number, factor)
+    if not math.isfinite(measured):
+        raise ValueError(f"{toml_text(value)} is not finite; expected {expected(*units)}")
+    return Measured(measured, goal, value)
+
+
+def toml_text(value: Any) -> str:
+    """A value as TOML writes it."""
+    if isinstance(value, str):
+        return f'"{value}"' if len(value) <= _LONGEST_SHOWN else f'"{value[:40]}..."'
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, dict):
+        return "a table"
+    if isinstance(value, list | tuple):
+        most = [toml_text(one) for one in value[:_MOST_SHOWN]]
+        return f"[{', '.join([*most, '...'] if len(value) > _MOST_SHOWN else most)}]"
+    if isinstance(value, int) and abs(value) > _LARGEST:
+        return "a whole number of very many digits"
+    return str(value)
+
+
+def _no(units: tuple[str, ...]) -> str:
+    words = [WORDS.get(unit, (f"quantity in {unit}",))[0] for unit in units]
+    return f"no {' or '.join(words)}"
+
+
+class _Unit:
+    """A unit's size in root units, its dimensions, and its power of the radian."""
+
+    def __init__(self, unit: pint.Unit) -> None:
+        root = _registry().Quantity(1.0, unit).to_root_units()
+        self.factor = float(root.magnitude)
+        self.dimensions = dict(root.dimensionality)
+        self.turns = dict(root.unit_items()).get("radian", 0)
+
+
+def fits(unit: _Unit, goal: str) -> bool:
+    """Whether values in `unit` can be told in `goal`."""
+    # The radian has no dimension, so an angle would pass for a number, and a number for an angle.
+    # Where both are usual (N m per radian, 1/s), either will do.
+    wanted = unit_of(goal)
+    return unit.dimensions == wanted.dimensions and (
+        goal not in ("", "rad") or unit.turns == wanted.turns
+    )
+
+
+def exact(number: str, factor: float) -> float:
+    """number * factor, correctly rounded if the factor is a power of ten."""
+    try:
+        power = round(math.log10(factor))
+        if math.isclose(factor, 10.0**power, rel_tol=1e-12):
+            return float(Decimal(number).scaleb(power))
+        return float(number) * factor
+    except (ArithmeticError, ValueError):  # sizes beyond all numbers
+        return math.inf
+
+
+@cache
+def unit_of(text: str) -> _Unit:
+    """Look a unit up.
+
+    Raises:
+        ValueError: pint does not know it.
+    """
+    inverse = text.startswith("/")
+    try:
+        return _Unit(_registry().parse_units(f"1{text}" if inverse else text))
+    except Exception as error:  # pint's parser raises whatever Python's own does
+        raise ValueError(str(error)) from None
+
+
+@cache
+def _registry() -> pint.UnitRegistry[float]:
+    import pint
+
+    registry: pint.UnitRegistry[float] = pint.UnitRegistry(on_redefinition="ignore")
+    # Pint's hertz is 1/s, which as a natural frequency would pass for 1 rad/s.
+    registry.define("hertz = revolution / second = Hz")
+    return registry
+
+
+def readable(value: float, unit: str) -> str:
+    """A value in SI with a handy prefix: 0.0002 m is ``0.2 mm``."""
+    prefixed = {
+        "m": ((1e-6, "µm"), (1e-3, "mm"), (1.0, "m")),
+        "s": ((1e-6, "µs"), (1e-3, "ms"), (1.0, "s")),
+        "Pa": ((1.0, "Pa"), (1e6, "MPa"), (1e9, "GPa")),
+    }
+    size, name = 1.0, unit
+    if value != 0.0:
+        for factor, candidate in prefixed.get(unit, ()):
+            # Tenths of millimetres are millimetres to an engineer.
+            if abs(value) >= (0.01 * factor if candidate == "mm" else factor) * (1 - 1e-12):
+                size, name = factor, candidate
+    return f"{value / size:.6g} {name}".rstrip()

@@ -1,0 +1,496 @@
+"""Which clearances may be how large: the cheapest ones that keep the tool within its tolerance.
+
+On the static model (`budget`), in the first order of the clearances: the worst case at a pose and
+along a direction is then a sum over joints, linear in their clearances, so that all clearances that
+keep a target make a convex set, and a convex cost has one minimum on it. It is found by cutting
+planes: the convex problem is solved for the poses and directions known to bind, the worst ones of
+the solution are added, and so on until none is worse than the target. A joint's axial clearance
+keeps its ratio to the radial one.
+
+Where plays of a loop hold each other the worst case is concave in the clearances: a plane found at
+some of them is too strict for others. What is found keeps the target; it need not be the cheapest.
+
+The quantile supposes that each journal rests, independently of the others, where a load on the tool
+of random direction puts it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import linprog, minimize, nnls
+from scipy.stats import binom
+from tqdm import tqdm
+
+from jointplay.core.errors import (
+    JointplayError,
+    MissingName,
+    require_positive,
+    require_share,
+    require_whole,
+)
+from jointplay.design import loop_play
+from jointplay.design.levers import Part, sources
+from jointplay.design.static_budget import budget, half_sphere
+from jointplay.mechanism.mechanism import Mechanism
+
+# What an allocation works on: the error as rows of the clearances, and their price.
+
+
+_MM = 1e3
+"""Costs are of clearances in millimetres."""
+
+SAMPLES = 4000
+"""States drawn for a quantile."""
+
+_QUANTILE_POSES = 12
+
+_PATIENCE_S = 2.0
+"""What takes longer has a bar [s]."""
+
+_DIRECTIONS_TIED = 60
+"""Over half a sphere, where plays hold each other: each is a search, in every round anew."""
+
+
+class ErrorModel:
+    """The tool's error as a function of the clearances, and its rows."""
+
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        poses: np.ndarray | Mapping[str, float],
+        quantile: float | None,
+        seed: int,
+        driven: Sequence[str] | None = None,
+        progress: bool = False,
+    ) -> None:
+        """Find the sources of play at all poses, and draw states if a quantile is asked for."""
+        self.mechanism, self.poses, self.quantile = mechanism, poses, quantile
+        self.seed, self.driven = seed, driven
+        self._bar = tqdm(
+            desc="allocating", unit="round", disable=not progress, delay=_PATIENCE_S, leave=False
+        )
+        self.names = tuple(mechanism.clearance)
+        self.nominal = np.array([joint.radial_room for joint in mechanism.clearance.values()])
+        self.parts = sources(mechanism, poses, second_order=False, driven=driven, loops=True)
+        self.n, self.j = len(self.parts[0].move), len(self.names)
+        self.tied = any(part.tie is not None for part in self.parts)
+        if self.tied and quantile is not None:
+            raise JointplayError(
+                "a quantile is of journals that rest independently of each other; those of a loop "
+                "that lean hold each other: take the worst case, or kind 'planar'"
+            )
+        if quantile is None:
+            self._half = half_sphere(_DIRECTIONS_TIED) if self.tied else half_sphere()
+            # Per unit of clearance; then what gears add.
+            self._grid = self._gains(np.ones(len(self.parts)))
+        else:
+            # A state is drawn at the poses that matter; the result is judged at all of them.
+            first = self._draw(self.parts, SAMPLES // 20).sum(axis=0)
+            size = np.quantile(np.linalg.norm(first, axis=2), quantile, axis=1)
+            kept = np.argsort(size)[-_QUANTILE_POSES:]
+            self.parts = tuple(
+                replace(part, move=part.move[kept], load=part.load[kept]) for part in self.parts
+            )
+            self.n = len(kept)
+            self._states = self._draw(self.parts)
+
+    def _draw(self, parts: Sequence[Part], count: int = SAMPLES) -> np.ndarray:
+        """States of each part under loads of random directions, (parts, n, count, 3) [m]."""
+        random = np.random.default_rng(self.seed)
+        states = []
+        for part in parts:
+            d = random.normal(size=(1, count, 3))
+            d /= np.linalg.norm(d, axis=2, keepdims=True)
+            shape = (len(part.move), count, 3)
+            states.append(part.along(np.broadcast_to(d, shape))[1][..., :3])
+        return np.stack(states)
+
+    def _gains(self, scale: np.ndarray) -> np.ndarray:
+        """Error along each direction at each pose, by clearance: (n, directions, parts)."""
+        directions = np.broadcast_to(self._half, (self.n, *self._half.shape))
+        gains = loop_play.along(self.parts, directions, scale=scale).value / scale[:, None, None]
+        gains[: self.j] /= self.nominal[:, None, None]
+        return np.moveaxis(gains, 0, 2)
+
+    def with_clearance(self, clearance: np.ndarray) -> Mechanism:
+        """The mechanism with these clearances."""
+        factors = clearance / self.nominal
+        joints = self.mechanism.clearance.items()
+        return self.mechanism.with_clearance(
+            {name: joint.scaled(float(f)) for (name, joint), f in zip(joints, factors, strict=True)}
+        )
+
+    def error(self, clearance: np.ndarray) -> float:
+        """Largest error of all poses [m]."""
+        rows, offsets = self.rows(clearance)
+        return float((rows @ clearance + offsets).max())
+
+    def rows(self, clearance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The error at each pose as rows . clearance + offsets, exact here: (n, j), (n,)."""
+        scale = np.append(clearance / self.nominal, np.ones(len(self.parts) - self.j))
+        self._bar.update()
+        return self._worst(scale) if self.quantile is None else self._at_quantile(scale)
+
+    def _worst(self, scale: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        per_unit = np.append(scale[: self.j] * self.nominal, scale[self.j :])
+        grid = self._gains(scale) if self.tied else self._grid
+        best = (grid @ per_unit).argmax(axis=1)
+        d = self._half[best]
+        for _ in range(5):
+            total = loop_play.along(self.parts, d[:, None], scale=scale).error.sum(axis=0)[:, 0, :3]
+            size = np.linalg.norm(total, axis=1, keepdims=True)
+            d = np.where(size > 0.0, total / np.where(size > 0.0, size, 1.0), d)
+        found = loop_play.along(self.parts, d[:, None], scale=scale).value[:, :, 0]
+        values = (found / scale[:, None]).T
+        return values[:, : self.j] / self.nominal, values[:, self.j :].sum(axis=1)
+
+    def _at_quantile(self, scale: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The mean over states about the quantile of what each joint adds along the error."""
+        assert self.quantile is not None
+        total = np.einsum("j,jnsk->nsk", scale, self._states)
+        size = np.linalg.norm(total, axis=2)
+        order = np.argsort(size, axis=1)
+        place = int(np.ceil(self.quantile * SAMPLES)) - 1
+        width = max(int(0.005 * SAMPLES), 1)
+        near = order[:, max(place - width, 0) : min(place + width + 1, SAMPLES)]
+        poses = np.arange(self.n)[:, None]
+        unit = total[poses, near] / np.maximum(size[poses, near], 1e-300)[..., None]
+        adds = np.einsum("jnsk,nsk->nj", self._states[:, poses, near], unit) / near.shape[1]
+        exact = size[poses[:, 0], order[:, place]]
+        mean = adds @ scale
+        adds *= np.divide(exact, mean, out=np.ones_like(mean), where=mean > 0.0)[:, None]
+        return adds[:, : self.j] / self.nominal, adds[:, self.j :].sum(axis=1)
+
+    def spread(self, mechanism: Mechanism) -> tuple[float, tuple[float, float]]:
+        """Quantile with the second order, included, and its 95 % interval [m]."""
+        assert self.quantile is not None
+        parts = sources(mechanism, self.poses, driven=self.driven, loops=True)
+        size = np.sort(np.linalg.norm(self._draw(parts).sum(axis=0), axis=2), axis=1)
+        low, high = binom.ppf([0.025, 0.975], SAMPLES, self.quantile).astype(int)
+        place = int(np.ceil(self.quantile * SAMPLES)) - 1
+        worst = int(size[:, place].argmax())
+        row = size[worst]
+        return float(row[place]), (float(row[low]), float(row[min(high, SAMPLES - 1)]))
+
+
+@dataclass(frozen=True)
+class AllocationProblem:
+    """Cost and limits of the clearances."""
+
+    cost: str
+    weight: np.ndarray
+    least: float
+    most: float
+
+    def value(self, c: np.ndarray) -> float:
+        """Cost of clearances c [m]."""
+        if self.cost == "linear":
+            return float(self.weight @ (self.most - c)) * _MM
+        power = 1 if self.cost == "reciprocal" else 2
+        return float(self.weight @ (1.0 / (_MM * c) ** power))
+
+    def slope(self, c: np.ndarray) -> np.ndarray:
+        """Derivative of the cost by each clearance [1/m]."""
+        if self.cost == "linear":
+            return -self.weight * _MM
+        power = 1 if self.cost == "reciprocal" else 2
+        return -power * self.weight / ((_MM * c) ** power * c)
+
+    def solve(self, rows: np.ndarray, room: np.ndarray, start: np.ndarray) -> np.ndarray:
+        """The cheapest clearances with rows . c <= room [m]."""
+        limits = [(self.least, self.most)] * len(start)
+        if self.cost == "linear":
+            # The solver's tolerances are absolute: in parts of the room and of these clearances.
+            alone = (room[:, None] / np.maximum(rows, 1e-12)).min(axis=0)
+            unit = np.clip(alone, self.least, self.most)
+            optimum = linprog(
+                -self.weight * unit / unit.max(),
+                A_ub=rows * unit / room[:, None],
+                b_ub=np.ones(len(rows)),
+                bounds=[(self.least / u, self.most / u) for u in unit],
+                method="highs",
+            )
+            if not optimum.success:
+                raise JointplayError(f"no clearances keep the target: {optimum.message}")
+            return np.clip(optimum.x * unit, self.least, self.most)
+        # In logarithms of clearances the problem is convex too, and well scaled.
+        cost = self.value(start)
+        optimum = minimize(
+            lambda y: self.value(np.exp(y)) / cost,
+            np.log(start),
+            jac=lambda y: self.slope(np.exp(y)) * np.exp(y) / cost,
+            bounds=np.log(limits),
+            constraints={
+                "type": "ineq",
+                "fun": lambda y: 1.0 - rows @ np.exp(y) / room,
+                "jac": lambda y: -rows * np.exp(y) / room[:, None],
+            },
+            method="SLSQP",
+            options={"maxiter": 500, "ftol": 1e-14},
+        )
+        c = np.clip(np.exp(optimum.x), self.least, self.most)
+        over = float((rows @ c / room).max())
+        return c if over <= 1.0 else self.shrunk(c, rows, room)
+
+    def shrunk(self, c: np.ndarray, rows: np.ndarray, room: np.ndarray) -> np.ndarray:
+        """Clearances scaled down until they fit, but not below the least."""
+        low, high = 0.0, 1.0
+        for _ in range(60):
+            middle = 0.5 * (low + high)
+            fits = (rows @ np.maximum(middle * c, self.least) <= room).all()
+            low, high = (middle, high) if fits else (low, middle)
+        return np.maximum(low * c, self.least)
+
+    def duals(self, c: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """What the last metre of each clearance costs, and the multipliers of the rows [1/m].
+
+        By the conditions of Karush, Kuhn and Tucker: the cost's slope is balanced by the rows that
+        bind, joints at a limit aside.
+        """
+        slope = -self.slope(c)
+        inside = (c > self.least * (1 + 1e-6)) & (c < self.most * (1 - 1e-6))
+        if not len(rows) or not inside.any():
+            return slope, np.zeros(len(rows))
+        scale = np.linalg.norm(slope[inside])
+        return slope, nnls(rows[:, inside].T, slope[inside] / scale)[0] * scale
+
+
+COSTS = ("reciprocal", "reciprocal-squared", "linear")
+"""What a clearance c [mm] costs, times its weight: 1/c, 1/c^2, or what `most` has more."""
+
+LEAST_M, MOST_M = 2e-6, 1e-3
+"""Clearances that can be bought, unless others are given [m]."""
+
+_ROUNDS = 80
+
+_QUANTILE_ROUNDS = 8
+
+_EXACT = 2e-5
+
+_CLOSE = 0.9995
+"""Part of the target that must be used up, second order included."""
+
+
+@dataclass(frozen=True)
+class Allocation:
+    """Clearances that keep a target, of j joints."""
+
+    target: float
+    """Largest error of the tool [m]."""
+    quantile: float | None
+    """Part of all states that keep it; None: all."""
+    cost: str
+    """How clearances are paid for."""
+    joints: tuple[str, ...]
+    clearance: np.ndarray
+    """Radial (across x, of a slider), shape (j,) [m]."""
+    error: float
+    """What they lead to, by the static model with its second order [m]."""
+    spread: tuple[float, float]
+    """95 % interval of a quantile, for it is of samples; of a worst case, the value itself [m]."""
+    total: float
+    """Cost of all."""
+    gain: np.ndarray
+    """Error per clearance of each joint, where the target binds, shape (j,)."""
+    price: np.ndarray
+    """What the last micrometre of each joint costs: cost saved by one more, (j,) [1/um]."""
+    relief: float
+    """Cost saved by a target one micrometre wider [1/um]."""
+    bound: tuple[str, ...]
+    """For each joint: ``least``, ``most``, or ``""`` where the target decides."""
+    mechanism: Mechanism
+    """With these clearances."""
+
+    @property
+    def kind(self) -> str:
+        """Worst case or quantile, in words."""
+        if self.quantile is None:
+            return "static worst case"
+        return f"static {100 * self.quantile:g} % quantile, of {SAMPLES} states"
+
+    def __str__(self) -> str:
+        """The table."""
+        lines = [
+            "joint                       clearance [um]  error per um  adds [um]  "
+            "a um more saves  held by"
+        ]
+        for j, name in enumerate(self.joints):
+            lines.append(
+                f"{name:<27} {1e6 * self.clearance[j]:>14.2f}  {self.gain[j]:>12.3f}  "
+                f"{1e6 * self.gain[j] * self.clearance[j]:>9.2f}  {self.price[j]:>15.4g}  "
+                f"{self.bound[j] or 'target'}"
+            )
+        low, high = self.spread
+        interval = f" (95 %: {1e6 * low:.2f} to {1e6 * high:.2f})" if high > low else ""
+        lines.append(
+            f"{self.kind}: {1e6 * self.error:.2f} um{interval} of {1e6 * self.target:.2f} um; cost "
+            f"{self.total:.5g} ({self.cost}); a target one um wider saves {self.relief:.4g}"
+        )
+        return "\n".join(lines)
+
+
+def allocate(
+    mechanism: Mechanism,
+    poses: np.ndarray | Mapping[str, float],
+    target: float,
+    *,
+    quantile: float | None = None,
+    cost: str = COSTS[0],
+    weights: Mapping[str, float] | None = None,
+    least: float = LEAST_M,
+    most: float = MOST_M,
+    seed: int = 0,
+    driven: Sequence[str] | None = None,
+    progress: bool = False,
+) -> Allocation:
+    """The cheapest clearances with which the tool's error stays below `target` at all poses.
+
+    Args:
+        mechanism: its joints with clearance are those to decide on; their sizes set the ratio of
+            axial to radial clearance. The play of gears stays as it is.
+        poses: as for `budget`.
+        target: largest distance of the tool from the ideal one [m].
+        quantile: the part of states that must keep it, such as 0.99; None: the worst case.
+        cost: one of `COSTS`.
+        weights: of the joints' costs, by name; one where not given.
+        least, most: clearances that can be bought [m].
+        seed: of the sampled states.
+        driven: joints of loops that stand; see `budget`.
+        progress: show a count of the rounds on standard error, if it takes long.
+
+    Raises:
+        JointplayError: a target that the least clearances miss, which says what can be reached;
+            values that cannot be.
+        MissingName: no such cost or joint.
+    """
+    names = tuple(mechanism.clearance)
+    _check(names, target, quantile, cost, weights or {}, least, most)
+    weight = np.array([(weights or {}).get(name, 1.0) for name in names])
+    seed = require_whole("seed", seed)
+    model = ErrorModel(mechanism, poses, quantile, seed, driven, progress)
+    problem = AllocationProblem(cost, weight, least, most)
+    smallest = model.error(np.full(len(names), least))
+    if smallest > target:
+        raise JointplayError(
+            f"a target of {1e6 * target:.4g} um cannot be reached: with {1e6 * least:.4g} um in "
+            f"every joint the error is {1e6 * smallest:.4g} um already"
+        )
+    aim = target
+    for _ in range(4 if quantile else 6):
+        clearances, rows, offsets = _solve(model, problem, aim)
+        true, spread = _true_error(model, clearances)
+        if _CLOSE * target <= true <= target or (clearances >= most * (1 - 1e-9)).all():
+            break
+        aim *= 0.5 * (1.0 + _CLOSE) * target / true
+    slack = aim - rows @ clearances - offsets
+    binding = np.flatnonzero(slack < 1e-3 * target)
+    price, multipliers = problem.duals(clearances, rows[binding])
+    total = multipliers.sum()
+    gain = multipliers @ rows[binding] / total if total > 0.0 else rows[np.argmin(slack)]
+    bound = tuple(
+        "least" if c <= least * (1 + 1e-6) else "most" if c >= most * (1 - 1e-6) else ""
+        for c in clearances
+    )
+    return Allocation(
+        target,
+        quantile,
+        cost,
+        names,
+        clearances,
+        true,
+        spread,
+        problem.value(clearances),
+        gain,
+        price * 1e-6,
+        float(total) * 1e-6,
+        bound,
+        model.with_clearance(clearances),
+    )
+
+
+def _check(
+    names: tuple[str, ...],
+    target: float,
+    quantile: float | None,
+    cost: str,
+    weights: Mapping[str, float],
+    least: float,
+    most: float,
+) -> None:
+    """Refuse what `allocate` cannot work on."""
+    require_positive("target", target, "m")
+    if quantile is not None:
+        require_share("the quantile", quantile)
+    if cost not in COSTS:
+        raise MissingName("cost", cost, COSTS)
+    if quantile is not None and cost == "linear":
+        raise JointplayError(
+            "the cost 'linear' goes with the worst case only, for a quantile is not convex; take "
+            + " or ".join(COSTS[:2])
+        )
+    most = require_positive("the most clearance", most, "m")
+    if require_positive("least clearance", least, "m") >= most:
+        raise JointplayError(f"the least clearance {least:g} m must be below the most, {most:g} m")
+    if not names:
+        raise JointplayError("no joint has clearance to decide on")
+    for name, value in weights.items():
+        if name not in names:
+            raise MissingName("joint with clearance", name, names)
+        require_positive(f"weight of {name!r}", value, "")
+
+
+def _true_error(model: ErrorModel, clearance: np.ndarray) -> tuple[float, tuple[float, float]]:
+    """Error with these clearances, second order included, and its interval [m]."""
+    mechanism = model.with_clearance(clearance)
+    if model.quantile is not None:
+        return model.spread(mechanism)
+    worst = float(budget(mechanism, model.poses, driven=model.driven).worst.max())
+    return worst, (worst, worst)
+
+
+def _solve(
+    model: ErrorModel, problem: AllocationProblem, target: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Clearances, and the rows and offsets that hold them."""
+    c = np.full(model.j, problem.most)
+    if model.quantile is not None:
+        return _solve_quantile(model, problem, target, c)
+    rows, offsets = np.zeros((0, model.j)), np.zeros(0)
+    for _ in range(_ROUNDS):
+        new, added = model.rows(c)
+        values = new @ c + added
+        if values.max() <= target * (1.0 + _EXACT):
+            if len(rows) == 0:
+                return c, new, added
+            break
+        worst = np.argsort(values)[::-1][:12]
+        worst = worst[values[worst] > target]
+        rows, offsets = np.vstack([rows, new[worst]]), np.append(offsets, added[worst])
+        room = target - offsets
+        start = np.clip(c * float((room / np.maximum(rows @ c, 1e-300)).min()), problem.least, None)
+        c = problem.solve(rows, room, np.minimum(start, problem.most))
+    return c, rows, offsets
+
+
+def _solve_quantile(
+    model: ErrorModel, problem: AllocationProblem, target: float, c: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """As `_solve`: a quantile is not convex, so what holds near the last clearances is solved."""
+    rows, offsets = model.rows(c)
+    if (rows @ c + offsets).max() <= target:
+        return c, rows, offsets
+    for _ in range(_QUANTILE_ROUNDS):
+        # All errors are nearly proportional to the clearances.
+        start = np.maximum(c * target / (rows @ c + offsets).max(), problem.least)
+        rows, offsets = model.rows(start)
+        room = np.maximum(target - offsets, 1e-3 * target)
+        new = problem.solve(rows, room, problem.shrunk(start, rows, room))
+        c = np.sqrt(start * new)
+        rows, offsets = model.rows(c)
+    for _ in range(4):
+        c = np.clip(c * target / (rows @ c + offsets).max(), problem.least, problem.most)
+        rows, offsets = model.rows(c)
+    return c, rows, offsets

@@ -1,0 +1,438 @@
+"""Reduced models of a joint's play for other simulators, fitted to the full model.
+
+What a robot simulator can bear is a hinge: a dead band between motor and link, a stiffness and a
+damping of the teeth, and dry friction. What of these a joint has comes from different places. The
+dead band about the joint's own axis is that of its gear; the bearing's clearance gives none, for
+the drive turns the journal. The bearing gives friction about the axis, in proportion to its load,
+and lets the journal lean: a dead band across the axis.
+
+The full model runs through reversals of the one joint, the others standing: friction is fitted to
+its contacts, damping to its link's motion. The written model is then run through the same
+reversals; the largest difference of the link's angle, times `SAFETY`, is the error it comes with.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+from scipy.optimize import nnls
+
+from jointplay.core.errors import JointplayError, MissingName, require_positive
+from jointplay.core.schema import plain
+from jointplay.design.levers import place, play, sources
+from jointplay.design.poses import moving
+from jointplay.design.verify import fitting_step
+from jointplay.joints import JOINT_KINDS, Clearance, Coordinate
+from jointplay.loads.drive import JointFriction, Prescribed
+from jointplay.mechanism.gear import Gear
+from jointplay.mechanism.impact import elastic_energy
+from jointplay.mechanism.mechanism import Mechanism
+from jointplay.motion.reference import Motion
+from jointplay.result.result import Result
+from jointplay.simulation.simulation import Simulation
+
+# How a journal leans in the full model, and how the reduced model has it lean.
+#
+# The reduced model knows a dead band: the axis leans, as far as both rims on opposite sides of
+# the bore let it, to where the load's moment turns it. The full model's contacts give way, walls
+# hold the journal more upright, friction drags it aside, and a side force may press both rims to
+# one side.
+
+
+_MOST = 400
+"""Records that are compared."""
+
+
+@dataclass(frozen=True)
+class Leaning:
+    """A journal's lean in a run, and how the reduced model differs."""
+
+    full: np.ndarray
+    """Where the journal's axis points beside the bearing's, world axes, shape (n, 3) [rad]."""
+    largest: float
+    """Largest difference of the reduced model's lean, a vector, from it [rad]."""
+    rms: float
+    """[rad]."""
+
+
+def compare_leans(mechanism: Mechanism, joint: str, q: np.ndarray) -> Leaning | None:
+    """Compare leans in the configurations q (n, nq) of a run; None if the joint cannot lean.
+
+    Args:
+        mechanism: with clearance in this joint.
+        joint: its name.
+        q: of the run's records.
+    """
+    clearance = mechanism.clearance.get(joint)
+    if clearance is None or clearance.hinge is None or not clearance.hinge.leans:
+        return None
+    model, data = mechanism.model, mechanism.data
+    full, axes = np.empty((len(q), 3)), np.empty((len(q), 3, 3))
+    for i, row in enumerate(q):
+        pin.forwardKinematics(model, data, row)
+        _, seat = place(mechanism, joint)
+        (b, bearing), (j, journal) = mechanism.bearing_frame(joint), mechanism.journal_frame(joint)
+        axis = (data.oMi[b] * bearing).rotation[:, 2]
+        full[i] = (data.oMi[j] * journal).rotation[:, 2] - axis
+        axes[i] = seat.rotation
+    some = np.unique(np.linspace(0, len(q) - 1, min(_MOST, len(q))).astype(int))
+    upright = q[some].copy()
+    for part in clearance.freedoms:
+        if part not in clearance.ideal_freedoms:
+            upright[:, mechanism.coordinates.index(Coordinate(joint, part))] = 0.0
+    source = next(one for one in sources(mechanism, upright) if one.name == joint)
+    moment = source.load[:, 3:5]
+    size = np.linalg.norm(moment, axis=1, keepdims=True)
+    unit = np.divide(moment, size, out=np.zeros_like(moment), where=size > 0.0)
+    _, tilt = play(clearance, second_order=False).reach
+    # The body turns about its moment; its axis goes across it.
+    sign = -1.0 if clearance.exchanged else 1.0
+    lean = sign * tilt * np.column_stack([unit[:, 1], -unit[:, 0], np.zeros(len(unit))])
+    there = np.einsum("nij,nj->ni", axes[some], lean)
+    away = np.linalg.norm(full[some] - there, axis=1)
+    return Leaning(full, float(away.max()), float(np.sqrt(np.mean(away**2))))
+
+
+SAFETY = 3.0
+"""What the largest difference in the fit's own reversals is multiplied by."""
+AMPLITUDE, PERIOD = 0.1, 2.0
+"""Of the reversals [rad, s]."""
+SETTLED = 0.1
+"""Part of the run after which it counts: before, the journal falls onto its bore."""
+_MOVING = 0.05
+"""Part of the largest speed above which a contact slides for certain."""
+_DAMPINGS = (0.0, 0.1, 0.2, 0.4, 0.7, 1.0, 1.5)
+"""Of the gear's damping, tried; the written one acts within the play, too."""
+_STEP_S = 2e-5
+_LOOPED = (
+    "the mechanism has the loop {!r}: a hinge is fitted to what it alone carries, and a loop has "
+    "two ends; jointplay budget and allocate take loops"
+)
+
+
+@dataclass(frozen=True)
+class Reduction:
+    """A joint with play as a hinge, with which error; angles in rad, torques in N m.
+
+    `dead_band` is the whole angle by which the link turns freely while the motor stands.
+    """
+
+    joint: str
+    dead_band: float
+    stiffness: float
+    """Of the teeth in contact [N m/rad]; zero without a gear."""
+    damping: float
+    """Between motor and link [N m s/rad]."""
+    rotor_inertia: float
+    """On the joint's side [kg m^2]."""
+    friction: float
+    """Dry friction of bearing and joint about the axis [N m]."""
+    viscous: float
+    """[N m s/rad]."""
+    friction_error: float
+    """RMS difference of the bearing's friction from the full model's while it slides [N m]."""
+    friction_range: tuple[float, float]
+    """5 % and 95 % quantiles of the full model's friction while it slides [N m]."""
+    angle_error: float
+    """Error of the link's angle in reversals: `SAFETY` times the largest of the fit [rad]."""
+    angle_rms: float
+    """RMS difference of the link's angle in the fit's reversals [rad]."""
+    tilt: float
+    """How far the axis can lean, either way [rad]."""
+    tilt_stiffness: float
+    """Of the lean beyond that, at the resting load [N m/rad]."""
+    lateral: float
+    """How far the journal can be aside, either way [m]."""
+    axial: float
+    """How far it can be along, either way [m]."""
+    contact_stiffness: float
+    """Of a radial contact at the resting load: chord of the law [N/m]."""
+    load: tuple[float, ...]
+    """Gravity on the bearing in its axes: force [N] and moment [N m]."""
+    pose: Mapping[str, float]
+    """Joint positions about which it was fitted [rad or m]."""
+    half_length: float = 0.0
+    """Of the journal; zero if it cannot lean [m]."""
+    tilt_error: float = 0.0
+    """Error of the lean, size and direction, in reversals: `SAFETY` times the largest [rad]."""
+    tilt_rms: float = 0.0
+    """RMS difference of the lean in the fit's reversals [rad]."""
+    history: Mapping[str, np.ndarray] = field(default_factory=dict, compare=False, repr=False)
+    """Of the fit: time [s], motor, full model's link and reduced model's link [rad]; if the journal
+    leans, where the full model's axis points beside the bearing's, `lean`, world axes (n, 3)."""
+
+    def describe(self) -> dict[str, Any]:
+        """All numbers as plain data."""
+        return {name: plain(value) for name, value in vars(self).items() if name != "history"}
+
+    def __str__(self) -> str:
+        """The table."""
+        rows = [
+            ("dead band about the axis (gear)", 1e3 * self.dead_band, "mrad, whole"),
+            ("stiffness of the teeth", self.stiffness, "N m/rad"),
+            ("damping motor to link", self.damping, "N m s/rad"),
+            ("dry friction about the axis", self.friction, "N m"),
+            ("viscous friction about the axis", self.viscous, "N m s/rad"),
+            ("  friction, RMS difference", self.friction_error, "N m"),
+            ("dead band of the lean (bearing)", 1e3 * self.tilt, "mrad, either way"),
+            ("stiffness of the lean beyond", self.tilt_stiffness, "N m/rad"),
+            ("  lean, stated error", 1e3 * self.tilt_error, "mrad, size and direction"),
+            ("  lean, RMS difference", 1e3 * self.tilt_rms, "mrad"),
+            ("lateral play (bearing)", 1e6 * self.lateral, "um, either way"),
+            ("axial play (bearing)", 1e6 * self.axial, "um, either way"),
+            ("link's angle, stated error", 1e6 * self.angle_error, "urad"),
+            ("link's angle, RMS difference", 1e6 * self.angle_rms, "urad"),
+        ]
+        return "\n".join(f"{name:<34} {value:>12.5g}  {unit}" for name, value, unit in rows)
+
+
+def reduce_joint(
+    mechanism: Mechanism,
+    joint: str,
+    pose: Mapping[str, float] | None = None,
+    *,
+    amplitude: float = AMPLITUDE,
+    period: float = PERIOD,
+    joint_friction: JointFriction | None = None,
+    progress: bool = False,
+) -> Reduction:
+    """Fit the reduced model of a revolute joint with clearance, or a gear with play, or both.
+
+    Args:
+        mechanism: the robot; of its play only that of `joint` counts here.
+        joint: its name.
+        pose: joint positions about which the joint reverses [rad or m]; the rest zero.
+        amplitude: of the reversals [rad].
+        period: of the reversals [s].
+        joint_friction: of the joint besides its bearing's; None takes the URDF's.
+        progress: show a bar.
+
+    Raises:
+        MissingName: no such joint with play.
+        JointplayError: loops; a joint that slides or is a ball; a run that failed.
+    """
+    if mechanism.loops:
+        raise JointplayError(_LOOPED.format(next(iter(mechanism.loops))))
+    names = dict.fromkeys([*mechanism.clearance, *mechanism.gears])
+    if joint not in names:
+        raise MissingName("joint with play", joint, names)
+    clearance = mechanism.clearance.get(joint)
+    if clearance is not None and clearance.hinge is None:
+        kinds = [word for word, kind in JOINT_KINDS.items() if kind.hinge is not Clearance.hinge]
+        raise JointplayError(
+            f"joint {joint!r} is {clearance.kind}, for which no hinge can stand; "
+            f"kinds that can be reduced: {', '.join(kinds)}"
+        )
+    require_positive("amplitude", amplitude, "rad")
+    require_positive("period", period, "s")
+    bearings = {} if clearance is None else {joint: clearance}
+    gears = {joint: mechanism.gears[joint]} if joint in mechanism.gears else {}
+    alone = mechanism._with(bearings, gears)
+    positions = dict(pose or {})
+    result = _full_run(alone, joint, positions, amplitude, period, joint_friction, progress)
+    entry = mechanism.description.joints[joint]
+    own = joint_friction or JointFriction(entry.friction, entry.damping)
+    dry, viscous, spread, limits = _fit_friction(result, alone, joint)
+    link = _Link(alone, joint, positions, own.coulomb + dry, own.viscous + viscous)
+    kept = result.time >= SETTLED * result.time[-1]
+    time, q, v = result.time[kept], result["q"].values[kept], result["v"].values[kept]
+    motor, seen = q[:, alone.motor(joint)], q[:, alone.coordinate(joint)]
+    begin = float(seen[0]), float(v[0, alone.coordinate(joint)])
+    gear = gears.get(joint)
+    damping, reduced = (0.0, seen) if gear is None else link.fit(time, motor, gear, begin, seen)
+    difference = reduced - seen
+    history = {"time": time, "motor": motor, "full": seen, "reduced": reduced}
+    lean = compare_leans(alone, joint, q)
+    if lean is not None:
+        history["lean"] = lean.full
+    return Reduction(
+        joint,
+        0.0 if gear is None else gear.play,
+        0.0 if gear is None else gear.stiffness,
+        damping,
+        0.0 if gear is None else gear.rotor_inertia,
+        own.coulomb + dry,
+        own.viscous + viscous,
+        spread,
+        limits,
+        SAFETY * float(np.abs(difference).max()),
+        float(np.sqrt(np.mean(difference**2))),
+        **_across(alone, joint, clearance, positions),
+        pose=positions,
+        tilt_error=0.0 if lean is None else SAFETY * lean.largest,
+        tilt_rms=0.0 if lean is None else lean.rms,
+        history=history,
+    )
+
+
+def _full_run(
+    mechanism: Mechanism,
+    joint: str,
+    pose: Mapping[str, float],
+    amplitude: float,
+    period: float,
+    friction: JointFriction | None,
+    progress: bool,
+) -> Result:
+    """The full model through two reversals of the joint's motor, the other joints held."""
+    names = moving(mechanism)
+    for name in pose:
+        if name not in names:
+            raise MissingName("moving joint", name, names)
+    middle = np.array([pose.get(name, 0.0) for name in names])
+    signs = np.array([0.0, 1.0, -1.0, 1.0, -1.0, 0.0])
+    times = period * np.array([0.0, 0.25, 0.75, 1.25, 1.75, 2.0])
+    positions = np.tile(middle, (len(times), 1))
+    positions[:, names.index(joint)] += amplitude * signs
+    motion = Motion(names, times, positions)
+    begin = dict(zip(names, middle.tolist(), strict=True))
+    step = 1e-5
+    if mechanism.clearance:
+        step = fitting_step(mechanism, mechanism.configuration(begin))
+    simulation = Simulation(
+        mechanism,
+        motion,
+        drive=Prescribed(),
+        step=step,
+        record_every=max(round(2e-4 / step), 1),
+        joint_friction=None if friction is None else {joint: friction},
+    )
+    return simulation.run(progress).completed("the run of the full model")
+
+
+def _fit_friction(
+    result: Result, mechanism: Mechanism, joint: str
+) -> tuple[float, float, float, tuple[float, float]]:
+    """Dry and viscous friction of the bearing, RMS difference, and 5 % to 95 % quantiles."""
+    clearance = mechanism.clearance.get(joint)
+    if clearance is None or clearance.hinge is None:
+        return 0.0, 0.0, 0.0, (0.0, 0.0)
+    force = np.nan_to_num(result["friction_force"].sel(joint=joint).values)
+    speed = np.abs(result["v"].values[:, mechanism.coordinate(joint)])
+    settled = result.time >= SETTLED * result.time[-1]
+    slides = settled & (speed > _MOVING * speed.max())
+    torque = clearance.hinge.radius * force.sum(axis=1)[slides]
+    if not len(torque):
+        return 0.0, 0.0, 0.0, (0.0, 0.0)
+    shape = np.column_stack([np.ones(len(torque)), speed[slides]])
+    (dry, viscous), _ = nnls(shape, torque)
+    left = float(np.sqrt(np.mean((shape @ [dry, viscous] - torque) ** 2)))
+    low, high = np.quantile(torque, [0.05, 0.95])
+    return float(dry), float(viscous), left, (float(low), float(high))
+
+
+class _Link:
+    """The written model: one body about a fixed axis, driven through play, rubbing."""
+
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        joint: str,
+        pose: Mapping[str, float],
+        friction: float,
+        viscous: float,
+    ) -> None:
+        ideal = mechanism.ideal()
+        at = ideal.coordinate(joint)
+        q = ideal.configuration(pose)
+        mass = pin.crba(ideal.model, ideal.data, q).reshape(ideal.model.nv, -1)
+        self.inertia = float(mass[at, at])
+        torques = []
+        for angle in (0.0, math.pi / 2.0, math.pi):
+            q[at] = angle
+            torques.append(-float(pin.computeGeneralizedGravity(ideal.model, ideal.data, q)[at]))
+        # Gravity about a fixed axis: c + a cos(angle) + b sin(angle).
+        self.even = 0.5 * (torques[0] - torques[2])
+        self.mean = 0.5 * (torques[0] + torques[2])
+        self.odd = torques[1] - self.mean
+        self.friction, self.viscous = friction, viscous
+
+    def fit(
+        self,
+        time: np.ndarray,
+        motor: np.ndarray,
+        gear: Gear,
+        start: tuple[float, float],
+        seen: np.ndarray,
+    ) -> tuple[float, np.ndarray]:
+        """Damping [N m s/rad] with which the link comes closest to `seen`, and its angle then."""
+        tried = {}
+        for part in _DAMPINGS:
+            tried[part * gear.damping] = self.run(
+                time, motor, gear.play / 2.0, gear.stiffness, part * gear.damping, start
+            )
+        damping = min(tried, key=lambda one: float(np.square(tried[one] - seen).sum()))
+        return damping, tried[damping]
+
+    def run(
+        self,
+        time: np.ndarray,
+        motor: np.ndarray,
+        half: float,
+        stiffness: float,
+        damping: float,
+        start: tuple[float, float],
+    ) -> np.ndarray:
+        """The link's angle at the times `time` (n,) while the motor turns as given, (n,) [rad].
+
+        From an angle [rad] and a speed [rad/s] on, `start`.
+        """
+        step = min(_STEP_S, 0.05 * math.sqrt(self.inertia / stiffness))
+        count = math.ceil((time[-1] - time[0]) / step)
+        grid = np.linspace(time[0], time[-1], count + 1)
+        step = float(grid[1] - grid[0])
+        lead = np.interp(grid, time, motor)
+        speeds = np.gradient(lead, step)
+        angles, (angle, speed) = np.empty(count + 1), start
+        slowed = step / (self.inertia + step * (damping + self.viscous))
+        for i in range(count + 1):
+            angles[i] = angle
+            twist = lead[i] - angle
+            torque = stiffness * (twist - min(max(twist, -half), half)) + damping * speeds[i]
+            torque += self.mean + self.even * math.cos(angle) + self.odd * math.sin(angle)
+            free = slowed * (self.inertia / step * speed + torque)
+            speed = math.copysign(max(abs(free) - slowed * self.friction, 0.0), free)
+            angle += step * speed
+        return np.interp(time, grid, angles)
+
+
+def _across(
+    mechanism: Mechanism, joint: str, clearance: Clearance | None, pose: Mapping[str, float]
+) -> dict[str, Any]:
+    """Play across the axis: from the bearing's geometry, and stiffness at its resting load."""
+    none = dict.fromkeys(("tilt", "tilt_stiffness", "lateral", "axial", "contact_stiffness"), 0.0)
+    if clearance is None or clearance.hinge is None:
+        return none | {"load": (0.0,) * 6}
+    hinge = clearance.hinge
+    (part, *_) = sources(mechanism, pose)
+    load = part.load[0]
+    _, tilt = play(clearance, second_order=False).reach
+    arm = hinge.length / 2.0
+    # Each rim carries half the force, and what the moment over the length asks for.
+    push = math.hypot(load[0], load[1]) / 2.0
+    push += math.hypot(load[3], load[4]) / hinge.length if hinge.leans else push
+    stiffness = _chord(clearance, hinge.radius, max(push, 1.0))
+    return {
+        "tilt": tilt if hinge.leans else 0.0,
+        "tilt_stiffness": 2.0 * stiffness * arm**2 if hinge.leans else 0.0,
+        "lateral": hinge.lateral,
+        "axial": hinge.axial,
+        "contact_stiffness": stiffness,
+        "load": tuple(float(x) for x in load),
+        "half_length": arm if hinge.leans else 0.0,
+    }
+
+
+def _chord(clearance: Clearance, radius: float, force: float) -> float:
+    """Force over penetration of a contact of the journal that carries `force` [N/m]."""
+    law = clearance.normal
+    parameters = law.parameters(clearance.contact_properties(0))
+    depths = np.geomspace(1e-12, 0.05 * radius, 4000)
+    forces = np.gradient(elastic_energy(law, parameters, depths), depths)
+    at = min(int(np.searchsorted(forces, force)), len(depths) - 1)
+    return float(forces[at] / depths[at])

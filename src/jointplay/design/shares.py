@@ -1,0 +1,367 @@
+"""Dynamic budget: which joint's play brings about the tool's error in runs, and what it depends on.
+
+The tool's error e(t) is its distance from the ideal mechanism's tool under the same drives. Each
+source of play is simulated alone, all others ideal, giving e_j(t); and all together, giving e(t).
+Projected on e and averaged over time, the parts add up exactly:
+
+    1 = sum_j <e_j . e> / <e . e>  +  <(e - sum_j e_j) . e> / <e . e>
+
+The last term is the interaction: what no joint brings about alone. A part may be negative, where a
+joint works against the whole.
+
+Sobol indices tell how much of the variance of the RMS error comes from which input, if clearances,
+friction, payload and speed vary at random (Saltelli et al., Comput. Phys. Commun. 181 (2010)
+259-270; SALib).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from jointplay.analysis.runs import MOST_RUNS, Trace, check_numbers, traces
+from jointplay.analysis.twins import state_without_play
+from jointplay.core.errors import (
+    JointplayError,
+    require_finite,
+    require_non_negative,
+    require_positive,
+    require_whole,
+)
+from jointplay.design.iso9283 import ideal_of
+from jointplay.design.levers import GEAR
+from jointplay.mechanism.payload import Payload
+from jointplay.simulation.simulation import Simulation
+
+RECORD_S = 1e-3
+"""Interval of the records that shares are reckoned from [s]."""
+
+
+@dataclass(frozen=True)
+class DynamicBudget:
+    """Shares of the tool's error in runs; n perturbed runs, j sources of play."""
+
+    joints: tuple[str, ...]
+    """Sources of play, gears last."""
+    alone_rms: np.ndarray
+    """RMS error with the play of one source only, shape (n, j) [m]."""
+    alone_peak: np.ndarray
+    """Its peak, shape (n, j) [m]."""
+    rms: np.ndarray
+    """RMS error with all play, shape (n,) [m]."""
+    peak: np.ndarray
+    """Its peak, shape (n,) [m]."""
+    parts: np.ndarray
+    """Share of each source in the mean square of the error, shape (n, j)."""
+    since: float
+    """Nothing before is judged [s]."""
+
+    @property
+    def interaction(self) -> np.ndarray:
+        """What no source brings about alone, share of the mean square, shape (n,)."""
+        return np.asarray(1.0 - self.parts.sum(axis=1))
+
+    @property
+    def accuracy(self) -> str:
+        """What the figures are, one line."""
+        runs = len(self.rms)
+        known = "+- standard error" if runs > 1 else "one run each: scatter unknown"
+        return (
+            f"simulated, {runs} perturbed run{'s' * (runs > 1)} of each, from {self.since:g} s on "
+            f"({known}); against the ideal mechanism under the same drives; numerical error not "
+            "included"
+        )
+
+    def __str__(self) -> str:
+        """The budget as a table [mm]."""
+        rows = ["joint                       alone: RMS [mm]  peak [mm]  share of the mean square"]
+        for j, name in enumerate(self.joints):
+            rows.append(
+                f"{name:<27} {1e3 * self.alone_rms[:, j].mean():>15.4g}  "
+                f"{1e3 * self.alone_peak[:, j].max():>9.4g}  {_share(self.parts[:, j])}"
+            )
+        rows.append(f"{'interaction':<27} {'':>15}  {'':>9}  {_share(self.interaction)}")
+        rows.append(
+            f"{'all together':<27} {1e3 * self.rms.mean():>15.4g}  "
+            f"{1e3 * self.peak.max():>9.4g}  100 %"
+        )
+        return "\n".join([*rows, self.accuracy])
+
+    def csv(self) -> str:
+        """A row for each source and run."""
+        rows = ["run,source,rms_m,peak_m,share"]
+        for run in range(len(self.rms)):
+            for j, name in enumerate(self.joints):
+                values = self.alone_rms[run, j], self.alone_peak[run, j], self.parts[run, j]
+                rows.append(f"{run},{name}," + ",".join(f"{x:.6g}" for x in values))
+            rows.append(f"{run},interaction,,,{self.interaction[run]:.6g}")
+            rows.append(f"{run},all,{self.rms[run]:.6g},{self.peak[run]:.6g},1")
+        return "\n".join([*rows, ""])
+
+
+def _share(values: np.ndarray) -> str:
+    text = f"{100 * values.mean():.1f}"
+    if len(values) > 1:
+        text += f" +- {100 * values.std(ddof=1) / math.sqrt(len(values)):.1f}"
+    return f"{text} %"
+
+
+def dynamic_budget(
+    simulation: Simulation,
+    runs: int = 3,
+    *,
+    jobs: int | None = 1,
+    keep: Path | None = None,
+    progress: bool = False,
+) -> DynamicBudget:
+    """Simulate each source of play alone and all together.
+
+    Args:
+        simulation: one cycle of the machine, with play.
+        runs: perturbed runs of each.
+        jobs: processes; None takes one for each core.
+        keep: folder in which runs are kept, so that an interrupted call can go on.
+        progress: show a bar on standard error.
+
+    Raises:
+        JointplayError: no play, no motion, a run that fails.
+    """
+    check_numbers(runs, jobs)
+    if simulation.motion is None:
+        raise JointplayError("nothing moves: the simulation has no motion")
+    base = _coarser(simulation)
+    names = _sources(base)
+    if not names:
+        raise JointplayError("no joint or gear has play: there is no error to share")
+    first = 1 if base.seed is None else base.seed
+    whole = [replace(base, seed=first + run) for run in range(runs)]
+    single = [replace(_only(base, name), seed=first + run) for run in range(runs) for name in names]
+    courses = traces([ideal_of(base), *whole, *single], jobs=jobs, keep=keep, progress=progress)
+    since = whole[0].judged_from
+    errors = _errors(courses[1:], courses[0], since)
+    together = errors[:runs]
+    alone = errors[runs:].reshape(runs, len(names), *errors.shape[1:])
+    mean = (together**2).sum(axis=(1, 2))
+    shared = np.einsum("rjti,rti->rj", alone, together)
+    parts = np.divide(shared, mean[:, None], out=np.zeros_like(shared), where=mean[:, None] > 0.0)
+    sizes, each = np.linalg.norm(together, axis=2), np.linalg.norm(alone, axis=3)
+    return DynamicBudget(
+        tuple(names),
+        np.sqrt((each**2).mean(axis=2)),
+        each.max(axis=2),
+        np.sqrt((sizes**2).mean(axis=1)),
+        sizes.max(axis=1),
+        parts,
+        since,
+    )
+
+
+def _coarser(simulation: Simulation) -> Simulation:
+    """The simulation with no more records than shares need."""
+    every = max(simulation.record_every, round(RECORD_S / simulation.step))
+    return replace(simulation, record_every=every)
+
+
+def _sources(simulation: Simulation) -> list[str]:
+    joints = simulation.mechanism.clearance.items()
+    names = [name for name, joint in joints if not getattr(joint, "ideal", False)]
+    return names + [name + GEAR for name in simulation.mechanism.gears]
+
+
+def _only(simulation: Simulation, source: str) -> Simulation:
+    """The simulation with the play of one source; states of other journals are dropped."""
+    mechanism = simulation.mechanism
+    joints = dict(mechanism.ideal().clearance)
+    if source in mechanism.clearance:
+        joints[source] = mechanism.clearance[source]
+    gears = {name: gear for name, gear in mechanism.gears.items() if name + GEAR == source}
+    own = [c for c in mechanism.coordinates if c.part and (c.joint == source or c.joint in gears)]
+    state: dict[str, Any] = {**state_without_play(simulation)}
+    state |= {name: at for name, at in simulation.state.items() if name in own}
+    return replace(simulation, mechanism=mechanism._with(joints, gears), state=state)
+
+
+def _errors(runs: Sequence[Trace], ideal: Trace, since: float) -> np.ndarray:
+    """Distance from the ideal tool from `since` on, shape (runs, times, 3) [m]."""
+    kept = ideal.time >= since
+    for run in runs:
+        if len(run.time) != len(ideal.time):
+            raise JointplayError("a run was not recorded at the times of the ideal mechanism's")
+    return np.stack([(run.position - ideal.position)[kept] for run in runs])
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """Sobol indices of the tool's RMS error, with 95 % confidence; d inputs."""
+
+    inputs: tuple[str, ...]
+    ranges: tuple[tuple[float, float], ...]
+    """Between which they vary; clearances, friction and speed relative, payload [kg]."""
+    first: np.ndarray
+    """Part of the variance that an input brings about alone, shape (d,)."""
+    first_known: np.ndarray
+    """Half-width of its 95 % confidence interval, shape (d,)."""
+    total: np.ndarray
+    """The same together with all others, shape (d,)."""
+    total_known: np.ndarray
+    """Half-width of its interval, shape (d,)."""
+    rms: np.ndarray
+    """RMS error of the tool in each run [m]."""
+
+    def __str__(self) -> str:
+        """As a table."""
+        rows = [f"{'input':<34} {'range':<14} first-order       total"]
+        for i, name in enumerate(self.inputs):
+            low, high = self.ranges[i]
+            rows.append(
+                f"{name:<34} {f'{low:g} to {high:g}':<14} "
+                f"{self.first[i]:>5.2f} +- {self.first_known[i]:<6.2f}  "
+                f"{self.total[i]:>5.2f} +- {self.total_known[i]:.2f}"
+            )
+        rows.append(
+            f"statistical, from {len(self.rms)} simulated runs: RMS error "
+            f"{1e3 * self.rms.min():.4g} to {1e3 * self.rms.max():.4g} mm; +- 95 % "
+            "confidence of the indices by resampling"
+        )
+        if max(self.first_known.max(), self.total_known.max()) > _WIDE:
+            rows.append("the intervals are wide: more samples (--sobol) tell more")
+        return "\n".join(rows)
+
+
+_WIDE = 0.3
+
+
+def sensitivity(
+    simulation: Simulation,
+    samples: int = 16,
+    *,
+    spread: float = 2.0,
+    slowest: float = 0.7,
+    payload: float = 0.0,
+    jobs: int | None = 1,
+    keep: Path | None = None,
+    progress: bool = False,
+) -> Sensitivity:
+    """Sobol indices of the tool's RMS error over clearances, friction, speed and payload.
+
+    Args:
+        simulation: one cycle of the machine, with play.
+        samples: n, a power of two; n (d + 2) runs are done for d inputs.
+        spread: each clearance and all friction vary between 1/spread and spread times their values,
+            evenly in their logarithms.
+        slowest: speed varies between this part of the motion's and the whole; 1: it does not.
+        payload: largest mass at the tool, from zero on [kg]; 0: none.
+        jobs, keep, progress: see `dynamic_budget`.
+
+    Raises:
+        JointplayError: no play, no motion, a value out of range, SALib missing, a run that fails.
+    """
+    check(samples, spread, slowest, payload)
+    if simulation.motion is None:
+        raise JointplayError("nothing moves: the simulation has no motion")
+    base = _coarser(simulation)
+    inputs = _inputs(base, spread, slowest, payload)
+    names = [name for name, _, _ in inputs]
+    analyze, sample = _salib()
+    problem = {"num_vars": len(names), "names": names, "bounds": [[0.0, 1.0]] * len(names)}
+    points = sample.sample(problem, samples, calc_second_order=False, seed=0)
+    work = []
+    for point in points:
+        one = base
+        for (_, (low, high), change), x in zip(inputs, point, strict=True):
+            one = change(one, low * (high / low) ** x if low > 0.0 else low + x * (high - low))
+        work += [ideal_of(one), replace(one, seed=1 if base.seed is None else base.seed)]
+    courses = traces(work, jobs=jobs, keep=keep, progress=progress)
+    rms = np.array(
+        [
+            math.sqrt((_errors([run], ideal, one.judged_from) ** 2).sum(axis=2).mean())
+            for ideal, run, one in zip(courses[::2], courses[1::2], work[1::2], strict=True)
+        ]
+    )
+    if np.ptp(rms) == 0.0:  # nothing varies, so nothing brings it about
+        indices = dict.fromkeys(("S1", "S1_conf", "ST", "ST_conf"), np.zeros(len(names)))
+    else:
+        with np.errstate(all="ignore"):
+            indices = analyze.analyze(problem, rms, calc_second_order=False, seed=0)
+    s1, s1_known, st, st_known = (
+        np.asarray(indices[key], float) for key in ("S1", "S1_conf", "ST", "ST_conf")
+    )
+    ranges = tuple(bounds for _, bounds, _ in inputs)
+    return Sensitivity(tuple(names), ranges, s1, s1_known, st, st_known, rms)
+
+
+def check(samples: int | None, spread: float, slowest: float, payload: float) -> None:
+    """Raise a JointplayError on numbers with which there is no `sensitivity`; None: not asked."""
+    if samples is not None and (require_whole("samples", samples, 2, MOST_RUNS) & (samples - 1)):
+        raise JointplayError(f"samples must be a power of two, 2 or more, got {samples!r}")
+    require_positive("spread - 1", require_finite("spread", spread, "") - 1.0, "")
+    if not 0.0 < require_finite("the slowest speed", slowest, "") <= 1.0:
+        raise JointplayError(f"the slowest speed must be in (0, 1], got {slowest:g}")
+    require_non_negative("the payload", payload, "kg")
+
+
+def _salib() -> tuple[Any, Any]:
+    try:
+        return import_module("SALib.analyze.sobol"), import_module("SALib.sample.sobol")
+    except ImportError as error:
+        raise JointplayError(
+            f"Sobol indices need SALib ({error}): pip install 'jointplay[sensitivity]'"
+        ) from None
+
+
+Input = tuple[str, tuple[float, float], Callable[[Simulation, float], Simulation]]
+
+
+def _inputs(base: Simulation, spread: float, slowest: float, payload: float) -> list[Input]:
+    """What varies: name, range, and how a simulation takes a value."""
+    joints = {n: j for n, j in base.mechanism.clearance.items() if not getattr(j, "ideal", False)}
+    if not joints:
+        raise JointplayError("no joint has clearance that could vary")
+    range_ = (1.0 / spread, spread)
+
+    def clearance(name: str) -> Callable[[Simulation, float], Simulation]:
+        def change(one: Simulation, factor: float) -> Simulation:
+            own = one.mechanism.clearance
+            wider = {**own, name: own[name].scaled(factor)}
+            return replace(one, mechanism=one.mechanism.with_clearance(wider))
+
+        return change
+
+    inputs: list[Input] = [(f"clearance {name}", range_, clearance(name)) for name in joints]
+    if any(any(joint.friction.coefficients.values()) for joint in joints.values()):
+        inputs.append(("friction of the bearings", range_, _rougher))
+    if slowest < 1.0:
+        inputs.append(("speed", (slowest, 1.0), _slower))
+    if payload > 0.0:
+        inputs.append(("payload [kg]", (0.0, payload), _loaded))
+    return inputs
+
+
+def _rougher(one: Simulation, factor: float) -> Simulation:
+    """All coefficients of friction in the bearings multiplied."""
+    joints = {
+        name: replace(joint, friction=joint.friction.scaled(factor))
+        for name, joint in one.mechanism.clearance.items()
+    }
+    return replace(one, mechanism=one.mechanism.with_clearance(joints))
+
+
+def _slower(one: Simulation, factor: float) -> Simulation:
+    """The same motion at a part of its speed."""
+    motion = one.motion
+    assert motion is not None
+    duration = None if one.duration is None else one.duration / factor
+    return replace(one, motion=motion.at_speed(factor), duration=duration)
+
+
+def _loaded(one: Simulation, mass: float) -> Simulation:
+    """A mass at the tool from the start on."""
+    if mass <= 0.0:
+        return one
+    return replace(one, payloads=(*one.payloads, Payload(one.mechanism.tool, mass)))

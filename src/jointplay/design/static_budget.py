@@ -1,0 +1,483 @@
+"""Error budget: how far play lets the tool be off, at many poses, and which joint is to blame.
+
+No dynamics. Each joint's play is an exact set of small displacements (`statics`); through its
+Jacobian it displaces the tool. What all joints can do together is the sum of these sets, whose
+support function is the sum of theirs: the worst case along a direction is a sum over joints, and
+each joint has its share. The drives hold the joints where the encoders say.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from jointplay.core.errors import JointplayError, require_finite, require_whole
+from jointplay.design import loop_play
+from jointplay.design.levers import Part, configurations, sources, tool_place
+from jointplay.design.loop_play import second_order_of_loops
+from jointplay.design.rest import AGREES_M, Standing
+from jointplay.loads.drive import ComputedTorque, Drive
+from jointplay.mechanism.mechanism import Mechanism
+
+DIRECTIONS = 180
+"""Directions over half a sphere among which the worst one is sought, before it is refined."""
+_REFINEMENTS = 6
+_DECIDES = 0.5
+"""Part of the error at rest by which friction decides it, if it can shift the tool so far."""
+FOLLOW = ComputedTorque()
+"""Drives of a run that says nothing of them."""
+AXES = ("x", "y", "z", "about x", "about y", "about z")
+"""Components of the tool's error, in world axes [m, rad]."""
+
+
+@dataclass(frozen=True)
+class Budget:
+    """Error of the tool at n poses, by j sources of play; lengths in m, angles in rad.
+
+    `worst` is a bound that can be reached: no state of the journals without penetration is worse,
+    up to `second_order`. `rms` is of states without friction. Where the machine rests is found when
+    it is asked for (`rest`, `rest_interval`); contacts give way there, so that it may be a little
+    beyond `worst`.
+    """
+
+    tool: str
+    joints: tuple[str, ...]
+    """Sources of play, gears last."""
+    positions: np.ndarray
+    """Of the ideal tool, world axes, shape (n, 3)."""
+    axis_worst: np.ndarray
+    """Largest error along and about each world axis, by joint, shape (n, j, 6)."""
+    worst: np.ndarray
+    """Largest distance of the tool from the ideal one, shape (n,)."""
+    direction: np.ndarray
+    """Where to, unit vectors in world axes, shape (n, 3)."""
+    worst_parts: np.ndarray
+    """What each joint adds to `worst`, shape (n, j)."""
+    worst_turn: np.ndarray
+    """Largest rotation of the tool, shape (n,)."""
+    turn_parts: np.ndarray
+    """What each joint adds to `worst_turn`, shape (n, j)."""
+    rms: np.ndarray
+    """RMS distance, if a load on the tool that exceeds all others has a random direction, (n,)."""
+    rms_parts: np.ndarray
+    """What each joint adds to `rms`: its mean part along the error, shape (n, j)."""
+    second_order: np.ndarray
+    """What rotations of the second order can add to `worst` at most, shape (n,)."""
+    search: float
+    """Part by which the search over directions can have missed `worst`, at most."""
+    excess: float
+    """Part by which the plays' own second order widened the sets, at most."""
+    sources: tuple[Part, ...]
+    """What each joint's play is, and how it moves the tool."""
+    standing: Standing
+    """Where the machine rests."""
+    loops: bool = False
+    """Whether closed loops lead the play to the tool: then `second_order` is no bound, but by how
+    much the loops, closed exactly with the journals of `worst`, put the tool elsewhere."""
+
+    @property
+    def worst_pose(self) -> int:
+        """Index of the pose with the largest error."""
+        return int(self.worst.argmax())
+
+    @property
+    def shares(self) -> np.ndarray:
+        """Each joint's share of the worst case at the worst pose, sum one, shape (j,)."""
+        parts = self.worst_parts[self.worst_pose]
+        return np.asarray(parts / parts.sum()) if parts.sum() > 0.0 else parts
+
+    @property
+    def rest(self) -> np.ndarray:
+        """Error at rest under gravity and the tool's load, without friction, by joint, (n, j, 6).
+
+        By each joint's lever [m, rad]; NaN where no place of rest is found.
+        """
+        return np.array([self.standing.rest(i)[0] for i in range(len(self.worst))])
+
+    @property
+    def rest_tool(self) -> np.ndarray:
+        """Error of the tool there, of all joints, exactly, shape (n, 6) [m, rad]."""
+        return np.array([self.standing.rest(i)[1] for i in range(len(self.worst))])
+
+    @property
+    def rest_error(self) -> np.ndarray:
+        """Distance of the tool at rest from the ideal one, shape (n,) [m]."""
+        return np.asarray(np.linalg.norm(self.rest_tool[:, :3], axis=1))
+
+    @property
+    def rest_interval(self) -> np.ndarray:
+        """Where friction can hold the machine: least and largest error, shape (n, 4, 2) [m].
+
+        Along world x, y, z, and the distance from the ideal tool; on the safe side. In closed loops
+        all joints, and those of a kind that does not say where it presses, may be anywhere within
+        their play.
+        """
+        return np.array([self.standing.interval(i)[0] for i in range(len(self.worst))])
+
+    def table(self, pose: int | None = None) -> str:
+        """The budget at a pose, by default the worst one, as text [mm, mrad]."""
+        at = self.worst_pose if pose is None else pose
+        total = max(float(self.worst_parts[at].sum()), 1e-300)
+        rests, whole_rest = self.standing.rest(at)
+        rows = [
+            "joint                       worst case [mm]  share   at rest [mm]  rms [mm]  "
+            "worst turn [mrad]"
+        ]
+
+        def row(name: str, values: Sequence[float], share: str) -> str:
+            worst, rest, rms, turn = values
+            return (
+                f"{name:<27} {worst:>15.4f}  {share:>5}  {rest:>13.4f} {rms:>9.4f}  {turn:>17.4f}"
+            )
+
+        for j, name in enumerate(self.joints):
+            values = (
+                1e3 * self.worst_parts[at, j],
+                1e3 * float(np.linalg.norm(rests[j, :3])),
+                1e3 * self.rms_parts[at, j],
+                1e3 * self.turn_parts[at, j],
+            )
+            rows.append(row(name, values, f"{100 * self.worst_parts[at, j] / total:.1f}%"))
+        whole = (
+            1e3 * self.worst[at],
+            1e3 * float(np.linalg.norm(whole_rest[:3])),
+            1e3 * self.rms[at],
+            1e3 * self.worst_turn[at],
+        )
+        rows.append(row("all", whole, "100%" if self.worst[at] > 0.0 else "-"))
+        axes = self.axis_worst[at].sum(axis=0)
+        rows.append(
+            "worst case along x, y, z: "
+            + ", ".join(f"{1e3 * value:.4f}" for value in axes[:3])
+            + " mm; about x, y, z: "
+            + ", ".join(f"{1e3 * value:.4f}" for value in axes[3:])
+            + " mrad"
+        )
+        begins = "" if self.standing.force.any() else " (where a run with start=rest begins)"
+        place = ", ".join(f"{1e3 * value:.4f}" for value in whole_rest[:3])
+        rows.append(
+            "at rest without friction: no place is found where it rests"
+            if np.isnan(whole_rest).any()
+            else f"at rest without friction, along x, y, z: {place} mm{begins}"
+        )
+        rows += self._held(at)
+        return "\n".join(rows)
+
+    def _held(self, at: int) -> list[str]:
+        """Where the tool rests with friction, and how much that matters, lines of text."""
+        place, ends = self.standing.rest(at)[1][:3], self.standing.interval(at)[0]
+        box = [
+            f"{axis} {1e3 * low:.4f} to {1e3 * high:.4f}"
+            for axis, (low, high) in zip("xyz", ends[:3], strict=True)
+        ]
+        least, largest = 1e3 * ends[3]
+        free = [
+            name
+            for name, none in zip(self.joints, self.standing.unpressed(at), strict=True)
+            if none
+        ]
+        lines = []
+        if free:
+            names = "any joint" if len(free) == len(self.joints) else ", ".join(free)
+            lines.append(
+                f"nothing presses on {names}: the journals may rest anywhere in their play"
+            )
+        whole = self.standing.unsearched
+        if whole:
+            all_joints = len(whole) == len(self.standing.coefficients)
+            names = "all joints" if all_joints else ", ".join(whole)
+            lines.append(
+                f"where friction can hold {names} is not known (closed loops, or a kind without "
+                "contacts): their whole play is taken"
+            )
+        lines.append(
+            f"with {self.standing.words} the tool may rest anywhere within {', '.join(box)} mm; "
+            f"{least:.4f} to {largest:.4f} mm from the ideal one"
+        )
+        away = 1e3 * float(np.linalg.norm(np.abs(ends[:3] - place[:, None]).max(axis=1)))
+        own = 1e3 * float(np.linalg.norm(place))
+        if len(free) < len(self.joints) and not whole and np.isfinite(away):
+            part = f", {100 * away / own:.0f} % of the error there" if own > 0.0 else ""
+            lines.append(
+                f"friction decides where it rests: up to {away:.4f} mm from the place without{part}"
+                if away > _DECIDES * own
+                else f"friction shifts the place of rest by up to {away:.4f} mm{part}"
+            )
+        return lines
+
+    @property
+    def accuracy(self) -> str:
+        """With which error the numbers are known, one line."""
+        at = self.worst_pose
+        more = f"{1e6 * self.second_order[at]:.3g} um"
+        second = (
+            f"loops closed exactly put the tool {more} elsewhere"
+            if self.loops
+            else f"rotations of second order up to {more}"
+        )
+        at_rest = (
+            "at rest, drives taken for rigid under the force on the tool"
+            if self.standing.force.any()
+            else f"at rest within {1e6 * AGREES_M:g} um of where a run begins"
+        )
+        return (
+            f"static, rigid contact; worst case missed by at most {100 * self.search:.2g} % "
+            f"(directions), too large by at most {100 * self.excess:.2g} % (lean of the journals, "
+            f"second order), {second}; {at_rest}"
+        )
+
+    def csv(self) -> str:
+        """A row for each pose: tool, errors, parts of each joint [m, rad].
+
+        Where the machine rests stands only at poses for which it has been found: ask for `rest`
+        and `rest_interval` before, and it stands everywhere.
+        """
+        out = io.StringIO()
+        head = ["pose", "tool_x_m", "tool_y_m", "tool_z_m", "worst_m", "worst_turn_rad", "rms_m"]
+        head += ["second_order_m"]
+        head += [
+            f"worst_{axis.replace(' ', '_')}_{'m' if i < 3 else 'rad'}"
+            for i, axis in enumerate(AXES)
+        ]
+        head += [f"worst_part_{name}_m" for name in self.joints]
+        ways = ("x", "y", "z", "distance")
+        rests = [f"rest_{way}_m" for way in ways]
+        rests += [f"rest_{way}_{end}_m" for way in ways for end in ("least", "largest")]
+        out.write(",".join(head + rests) + "\n")
+        axes = self.axis_worst.sum(axis=1)
+        for i in range(len(self.worst)):
+            row = [*self.positions[i], self.worst[i], self.worst_turn[i], self.rms[i]]
+            row += [self.second_order[i], *axes[i], *self.worst_parts[i]]
+            places = [""] * len(rests)
+            if self.standing.looked_at(i):
+                whole, ends = self.standing.rest(i)[1][:3], self.standing.interval(i)[0]
+                found = [*whole, np.linalg.norm(whole), *ends.ravel()]
+                places = [f"{value:.9g}" for value in found]
+            out.write(",".join([str(i), *(f"{value:.9g}" for value in row), *places]) + "\n")
+        return out.getvalue()
+
+
+def budget(
+    mechanism: Mechanism,
+    poses: np.ndarray | Mapping[str, float],
+    *,
+    force: Sequence[float] = (0.0, 0.0, 0.0),
+    second_order: bool = True,
+    driven: Sequence[str] | None = None,
+    friction: float | None = None,
+    drive: Drive = FOLLOW,
+) -> Budget:
+    """How far the play of all joints and gears lets the tool be off, without dynamics.
+
+    In closed loops the driven joints stand and the others follow, to the first order; joints
+    outside the loops stand.
+
+    Args:
+        mechanism: with clearance in some joints, or gears with play.
+        poses: joint positions by name [rad or m], the rest zero; or configurations, (n, nq). Loops
+            that are open there are closed by the joints that are not driven.
+        force: on the tool, besides gravity, in world axes, shape (3,) [N].
+        second_order: widen the sets so that they contain all poses without penetration; without,
+            all errors are proportional to the clearances.
+        driven: joints of loops that stand; None: the first that determine the others.
+        friction: coefficient of all contacts, with which a machine may rest elsewhere than without;
+            None: the largest that the law of each joint has.
+        drive: of all joints that stand, as in a run: where they rest, drives of finite stiffness
+            give way a little, unless a force acts on the tool. `Prescribed` does not.
+
+    Raises:
+        JointplayError: a friction coefficient that is negative or not finite; nothing has play; a
+            pose of the wrong shape; a force that is no vector; an axis without limit that the tool
+            feels; loops that cannot be closed, or near a singular position, where the first order
+            does not hold.
+        MissingName: no such joint.
+    """
+    if friction is not None and require_finite("friction coefficient", friction, "") < 0.0:
+        raise JointplayError(f"the friction coefficient must be >= 0, got {friction:g}")
+    if not drive.follows:
+        raise JointplayError(
+            f"a {drive.kind} drive holds nothing: the budget's drives must follow a motion, such "
+            "as ComputedTorque() or Prescribed()"
+        )
+    q = configurations(mechanism, poses, driven)
+    parts = sources(mechanism, q, force=force, second_order=second_order, driven=driven, loops=True)
+    n = len(parts[0].move)
+    positions = np.array([tool_place(mechanism, row).translation for row in q])
+    axes = np.broadcast_to(np.eye(3), (n, 3, 3))
+    both = [loop_play.along(parts, axes, turn).value for turn in (False, True)]
+    axis_worst = np.concatenate(both, axis=2).transpose(1, 0, 2)
+    worst, direction, worst_parts, errors = _farthest(parts, n, turn=False)
+    worst_turn, _, turn_parts, _ = _farthest(parts, n, turn=True)
+    # The states that a load of random direction brings about are those just found.
+    total = errors.sum(axis=0)
+    mean = (total**2).sum(axis=2).mean(axis=1)
+    rms = np.sqrt(mean)
+    share = np.einsum("jnmk,nmk->nj", errors, total) / total.shape[1]
+    rms_parts = np.divide(share, rms[:, None], out=np.zeros_like(share), where=rms[:, None] > 0.0)
+    if mechanism.loops:
+        more = second_order_of_loops(mechanism, q, parts, direction, driven)
+    else:
+        more = _second_order(parts)
+    return Budget(
+        mechanism.tool,
+        tuple(part.name for part in parts),
+        positions,
+        axis_worst,
+        worst,
+        direction,
+        worst_parts,
+        worst_turn,
+        turn_parts,
+        rms,
+        rms_parts,
+        more,
+        1.0 / np.cos(_covering()) - 1.0,
+        max(part.play.excess for part in parts),
+        parts,
+        Standing(
+            mechanism,
+            q,
+            parts,
+            np.array(force, float),
+            None if driven is None else tuple(driven),
+            friction,
+            drive,
+            more,
+        ),
+        bool(mechanism.loops),
+    )
+
+
+def half_sphere(count: int = DIRECTIONS) -> np.ndarray:
+    """Directions evenly over half a sphere (Fibonacci lattice), shape (count, 3)."""
+    i = np.arange(require_whole("count", count, 1))
+    z = 1.0 - (i + 0.5) / count
+    r, phi = np.sqrt(1.0 - z * z), i * np.pi * (3.0 - np.sqrt(5.0))
+    return np.column_stack([r * np.cos(phi), r * np.sin(phi), z])
+
+
+def _covering() -> float:
+    """Largest angle between any direction and the nearest of `half_sphere` or its mirror [rad]."""
+    fine = half_sphere(20 * DIRECTIONS)
+    return float(np.arccos(np.abs(fine @ half_sphere().T).max(axis=1).min()))
+
+
+def _farthest(
+    parts: Sequence[Part], n: int, turn: bool
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Largest displacement (or rotation) at each pose: (n,), where to (n, 3), by part (n, j).
+
+    From the best of many directions on, d is replaced by the direction of the point that is
+    farthest along d; each time it is no less far. Also the errors of each part along all
+    directions, (j, n, directions, 3).
+    """
+    wanted = slice(3, 6) if turn else slice(0, 3)
+    directions = np.broadcast_to(half_sphere(), (n, DIRECTIONS, 3))
+    found = loop_play.along(parts, directions, turn)
+    errors = found.error[..., wanted]
+    best = found.value.sum(axis=0).argmax(axis=1)
+    d = directions[np.arange(n), best]
+    for _ in range(_REFINEMENTS):
+        total = loop_play.along(parts, d[:, None], turn).error.sum(axis=0)[:, 0, wanted]
+        size = np.linalg.norm(total, axis=1, keepdims=True)
+        d = np.where(size > 0.0, total / np.where(size > 0.0, size, 1.0), d)
+    shares = loop_play.along(parts, d[:, None], turn).value[:, :, 0].T
+    return shares.sum(axis=1), d, shares, errors
+
+
+def _second_order(parts: Sequence[Part]) -> np.ndarray:
+    """What products of small rotations can add to the tool's displacement, at most, (n,) [m].
+
+    A rotation by theta about a centre at the distance r adds theta^2 r / 2 to its linear part; one
+    nearer to the base turns what the others have displaced.
+    """
+    total = np.zeros(len(parts[0].move))
+    turned = np.zeros_like(total)
+    for part in parts:
+        aside, angle = part.play.reach
+        arms = np.linalg.norm(part.move[:, :3, 3:], axis=(1, 2)) / np.sqrt(2.0)
+        felt = np.abs(part.move).max(axis=(1, 2)) > 0.0
+        moved = np.where(felt, aside + angle * arms, 0.0)
+        total += np.where(felt, 0.5 * angle**2 * arms, 0.0) + turned * moved
+        turned += np.where(felt, angle, 0.0)
+    return total
+
+
+# The static error set of the tool as an ellipsoid that encloses it, pose by pose.
+
+
+_DIRECTIONS = 90
+_ROUNDS = 4
+_FLAT = 1e-3
+"""Thickness of an ellipsoid whose set is flat, part of its largest half axis."""
+_SMALLEST = 1e-12
+"""Half axis of an ellipsoid whose set is a point [m]."""
+
+
+@dataclass(frozen=True)
+class Ellipsoids:
+    """Ellipsoids about the tool without play, at n poses; world axes."""
+
+    root: np.ndarray
+    """The unit sphere's points, multiplied by this symmetric matrix, are the ellipsoid's: the set's
+    support is nowhere larger than its own, sqrt(d . root root d), shape (n, 3, 3) [m]."""
+    worst: np.ndarray
+    """Largest distance in the set among the directions looked at, (n,) [m]."""
+    rms: np.ndarray
+    """RMS distance under loads of random direction, (n,) [m]."""
+
+
+def ellipsoids(parts: Sequence[Part]) -> Ellipsoids:
+    """An ellipsoid close around the set, at each pose.
+
+    The squared support of an ellipsoid is a quadratic form of the direction: it is fitted to the
+    set's by least squares and widened until it is nowhere smaller; then again in axes in which the
+    ellipsoid found is a sphere, so that thin sets are fitted as well as round ones.
+
+    Args:
+        parts: sources of play at n poses; see `levers.sources`.
+    """
+    n, sphere = len(parts[0].move), half_sphere(_DIRECTIONS)
+    evenly = np.broadcast_to(sphere, (n, *sphere.shape))
+    found = loop_play.along(parts, evenly)
+    total = found.error.sum(axis=0)[..., :3]
+    worst = found.value.sum(axis=0).max(axis=1)
+    square = np.einsum("n,ij->nij", np.maximum(worst, _SMALLEST) ** 2, np.eye(3))
+    for _ in range(_ROUNDS):
+        root = _root(square)
+        back = np.linalg.inv(root)
+        d = np.einsum("nij,mj->nmi", back, sphere)
+        size = np.linalg.norm(d, axis=2)
+        support = loop_play.along(parts, d / size[..., None]).value.sum(axis=0) * size
+        square = _floored(root @ _fitted(sphere, support) @ root)
+    rms = np.sqrt((total**2).sum(axis=2).mean(axis=1))
+    return Ellipsoids(_root(square), worst, rms)
+
+
+def _fitted(d: np.ndarray, support: np.ndarray) -> np.ndarray:
+    """Forms (n, 3, 3) nowhere below the squares of supports (n, m) in directions (m, 3)."""
+    pairs = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
+    products = np.stack([d[:, i] * d[:, k] * (1.0 + (i != k)) for i, k in pairs], axis=1)
+    numbers = np.linalg.lstsq(products, (support**2).T, rcond=None)[0].T
+    square = np.empty((len(support), 3, 3))
+    for column, (i, k) in enumerate(pairs):
+        square[:, i, k] = square[:, k, i] = numbers[:, column]
+    square = _floored(square)
+    own = np.einsum("mi,nij,mj->nm", d, square, d)
+    return square * (support**2 / own).max(axis=1)[:, None, None]
+
+
+def _floored(square: np.ndarray) -> np.ndarray:
+    """Forms (n, 3, 3) with no axis below a part of the largest."""
+    sizes, axes = np.linalg.eigh(square)
+    least = np.maximum(_FLAT**2 * sizes[:, -1:], _SMALLEST**2)
+    return np.einsum("nik,nk,njk->nij", axes, np.maximum(sizes, least), axes)
+
+
+def _root(square: np.ndarray) -> np.ndarray:
+    """Symmetric roots of forms (n, 3, 3)."""
+    sizes, axes = np.linalg.eigh(square)
+    return np.einsum("nik,nk,njk->nij", axes, np.sqrt(sizes), axes)

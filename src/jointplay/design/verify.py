@@ -1,0 +1,105 @@
+"""What a static error is worth: the tool's error in dynamic runs of the same mechanism."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from jointplay import kernel
+from jointplay.analysis.claims import START_UP
+from jointplay.analysis.runs import MOST_RUNS
+from jointplay.analysis.tool_error import deviation
+from jointplay.core.errors import JointplayError, require_whole
+from jointplay.kernel import Status
+from jointplay.mechanism.impact import contact_duration
+from jointplay.mechanism.mechanism import Mechanism
+from jointplay.motion.reference import Motion
+from jointplay.simulation.simulation import Simulation
+
+LONGEST_STEP_S = 1e-5
+_FINER = (1.0, 0.2)
+"""Steps that are tried, relative: a jammed journal may break out with the first."""
+
+
+@dataclass(frozen=True)
+class DynamicError:
+    """Distance of the tool from the ideal mechanism's in perturbed runs, from `since` on."""
+
+    peak: np.ndarray
+    """Of each run [m]."""
+    rms: np.ndarray
+    """Of each run [m]."""
+    since: float
+    """Before it the journals fall from the centre of their bearings [s]."""
+    step: float
+    """Time step of the runs [s]."""
+
+    def __str__(self) -> str:
+        """One line."""
+        return (
+            f"simulated: {len(self.peak)} perturbed run{'s' * (len(self.peak) > 1)}, step "
+            f"{1e6 * self.step:.3g} us, from {self.since:g} s on: peak error "
+            f"{1e6 * self.peak.max():.4g} um, RMS {1e6 * self.rms.mean():.4g} um"
+        )
+
+
+def fitting_step(mechanism: Mechanism, q: np.ndarray) -> float:
+    """A time step that resolves the impacts of all joints [s]."""
+    shortest = min(contact_duration(mechanism, name, q) for name in mechanism.clearance)
+    return min(LONGEST_STEP_S, shortest / kernel.WELL_RESOLVED_STEPS)
+
+
+def dynamic_error(
+    mechanism: Mechanism,
+    motion: Motion,
+    simulation: Simulation | None = None,
+    *,
+    runs: int = 3,
+    progress: bool = False,
+) -> DynamicError:
+    """Tool's error against the ideal mechanism in runs whose journals start displaced at random.
+
+    Args:
+        mechanism: with play.
+        motion: what the drives follow.
+        simulation: whose drives, payloads and settings are used; None takes the usual ones.
+        runs: how many.
+        progress: show bars.
+
+    Raises:
+        JointplayError: a run that failed; fewer than one run.
+    """
+    runs = require_whole("runs", runs, 1, MOST_RUNS)
+    base = simulation or Simulation(mechanism, motion)
+    begin = {name: float(x) for name, x in zip(motion.joints, motion.positions[0], strict=True)}
+    longest = min(base.step, fitting_step(mechanism, mechanism.configuration(begin)))
+    for part in _FINER:
+        step = part * longest
+        every = max(round(2e-4 / step), 1)
+        own = replace(base, mechanism=mechanism, motion=motion, step=step, record_every=every)
+        error, message = _runs(own, runs, progress)
+        if error is not None:
+            return error
+    raise JointplayError(f"a run that was to verify failed: {message}")
+
+
+def _runs(own: Simulation, runs: int, progress: bool) -> tuple[DynamicError | None, str]:
+    """The perturbed runs against the ideal mechanism's; or None, and why one of them failed."""
+    ideal = replace(own, mechanism=own.mechanism.ideal()).run(progress)
+    since = min(START_UP, 0.5 * float(ideal.time[-1]))
+    peaks, means = [], []
+    for seed in range(1, runs + 1):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)  # said in the message
+            result = replace(own, seed=seed).run(progress)
+        if result.status == Status.INTERRUPTED:
+            raise KeyboardInterrupt
+        if result.status != Status.COMPLETED:
+            return None, result.message
+        error = deviation(result, ideal)
+        size = np.linalg.norm(error.sel(time=error["time"] >= since).values, axis=1)
+        peaks.append(size.max())
+        means.append(np.sqrt(np.mean(size**2)))
+    return DynamicError(np.array(peaks), np.array(means), since, own.step), ""

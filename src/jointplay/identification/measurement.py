@@ -1,0 +1,713 @@
+"""What was measured on a machine, read and cut into visits."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+from scipy.integrate import cumulative_trapezoid
+from scipy.ndimage import maximum_filter1d, minimum_filter1d
+
+from jointplay.core import files
+from jointplay.core.errors import JointplayError, require_positive
+from jointplay.core.units import convert
+from jointplay.design.poses import middle, moving
+from jointplay.loads.wrench import Wrench, WrenchOverTime
+from jointplay.mechanism.mechanism import Mechanism
+from jointplay.motion.reference import Motion
+from jointplay.result.result import AXES, Result
+
+# What was measured on a machine: columns with their units and times.
+#
+# A column is called ``tool x [mm]``: what it is, and its unit in brackets (or ``tool_x_mm``).
+#
+#     time [s]                            always
+#     tool x, tool y, tool z              position of the tool frame, world axes
+#     JOINT motor, JOINT link             encoders before and after the play of the joint's gear
+#     JOINT torque                        of the drive on its joint, at the joint's side
+#     force x, force y, force z           on the tool, world axes
+#     acceleration x, ... y, ... z        of the tool
+#     JOINT reaction                      force between bearing and journal, its size
+
+
+TOOL_UNITS = {"tool": "m", "force": "N", "acceleration": "m/s^2"}
+"""Signals along x, y and z, and their units."""
+JOINT_UNITS = {
+    "motor": ("rad", "m"),
+    "link": ("rad", "m"),
+    "torque": ("N*m", "N"),
+    "reaction": ("N", "N"),
+}
+"""Signals of a joint, and their units for one that turns and one that slides."""
+FEWEST_RECORDS = 20
+"""Records that a measurement must have."""
+_BRACKETS = re.compile(r"^(.*?)\s*(?:\[([^\[\]]*)\]|\(((?:[^()]|\([^()]*\))*)\))\s*$")
+_SHOWN = 60
+
+Key = tuple[str, str]
+"""``("tool", "x")``, ``("link", "elbow")``: kind of a signal, then its axis or joint."""
+
+
+class TooLittle(JointplayError):
+    """Means of a measurement that say nothing of clearance and friction; impacts still may."""
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """Signals over time, SI units.
+
+    Raises:
+        JointplayError: times that do not increase; too few records; lengths that differ.
+    """
+
+    time: np.ndarray
+    """Shape (n,) [s]."""
+    signals: Mapping[Key, np.ndarray]
+    """By kind and axis or joint, shape (n,) each; nan where nothing was recorded."""
+    noise: Mapping[str, float] = field(default_factory=dict)
+    """Standard deviation of a record by kind of signal, where known [SI]."""
+    source: str = "the measurement"
+    """Where it came from, for messages."""
+    sliding: frozenset[str] = frozenset()
+    """Joints that slide: their signals are in m and N, those of others in rad and N m."""
+
+    def __post_init__(self) -> None:
+        """Check shapes and times."""
+        time = np.asarray(self.time, float)
+        object.__setattr__(self, "time", time)
+        if len(time) < FEWEST_RECORDS:
+            raise JointplayError(
+                f"{self.source} has {len(time)} records; at least {FEWEST_RECORDS} are needed"
+            )
+        late = np.flatnonzero(~(np.diff(time) > 0.0))
+        if late.size:
+            raise JointplayError(
+                f"{self.source}: times must increase, but {time[late[0]]:g} s is followed by "
+                f"{time[late[0] + 1]:g} s (record {late[0] + 2})"
+            )
+        for kind, value in self.noise.items():
+            if kind not in (*TOOL_UNITS, *JOINT_UNITS):
+                choices = ", ".join((*TOOL_UNITS, *JOINT_UNITS))
+                raise JointplayError(f"no signal {kind!r} to have noise; there are: {choices}")
+            require_positive(f"noise of {kind!r}", value, "SI")
+        for key, values in self.signals.items():
+            if np.shape(values) != time.shape:
+                raise JointplayError(f"{self.source}: {' '.join(key)} is not as long as the times")
+
+    def has(self, kind: str) -> list[str]:
+        """Axes or joints of which there is a signal of this kind."""
+        return [name for one, name in self.signals if one == kind]
+
+    @classmethod
+    def from_csv(
+        cls,
+        path: str | Path,
+        joints: Mapping[str, bool],
+        noise: Mapping[str, float] | None = None,
+    ) -> Measurement:
+        """Read a CSV file; lines beginning with # are comments, empty cells are no records.
+
+        Args:
+            path: the file.
+            joints: the robot's joints, and whether each slides.
+            noise: see the class.
+
+        Raises:
+            JointplayError: no such file; no time; a column without unit, of an unknown name or
+                given twice; a cell that is no number (with its line); see also the class.
+        """
+        path = Path(path)
+        header, table = _table(path)
+        time, signals = None, {}
+        for column, title in enumerate(header):
+            name, unit = _split(title, path)
+            key, goal = _meaning(name, joints, title, path)
+            try:
+                factor = float(convert(f"1 {unit}", goal))
+            except ValueError as error:
+                raise JointplayError(f"{path}, column {title!r}: {error}") from None
+            values = factor * table[:, column]
+            if key is None:
+                time = values
+            elif key in signals:
+                raise JointplayError(f"{path}: {name!r} is there twice")
+            else:
+                signals[key] = values
+        if time is None:
+            raise JointplayError(
+                f"{path} has no times: a column such as 'time [s]' is needed; there are: "
+                + ", ".join(header)
+            )
+        if not signals:
+            raise JointplayError(f"{path} has times only: nothing was measured")
+        if np.isnan(time).any():
+            raise JointplayError(f"{path}: record {np.isnan(time).argmax() + 1} has no time")
+        sliding = frozenset(name for name, slides in joints.items() if slides)
+        return cls(time, signals, noise or {}, str(path), sliding)
+
+    @classmethod
+    def from_result(
+        cls,
+        result: Result,
+        *,
+        rate: float = 100.0,
+        noise: Mapping[str, float] | None = None,
+        kinds: Sequence[str] = ("tool", "motor"),
+        seed: int = 0,
+        delay: float = 0.0,
+    ) -> Measurement:
+        """What instruments would have seen of a simulated run.
+
+        Args:
+            result: the run.
+            rate: records a second [Hz].
+            noise: standard deviation by kind of signal [SI]; none where not given.
+            kinds: signals that are measured, of ``tool``, ``motor``, ``link``, ``torque``,
+                ``acceleration`` (of the tool), ``reaction`` (between bearing and journal; both
+                means over the interval between records) and ``force`` (the wrenches that act on
+                the tool frame).
+            seed: of the noise.
+            delay: what of the run's start is left out [s].
+
+        Raises:
+            JointplayError: a kind of signal that runs do not have; see also the class.
+        """
+        require_positive("rate", rate, "Hz")
+        random = np.random.default_rng(seed)
+        time = np.arange(result.time[0] + delay, result.time[-1] + 0.5 / rate, 1.0 / rate)
+        time = time[time <= result.time[-1]]
+        seen = _seen(result, kinds)
+        spread = dict(noise or {})
+        clean = {key: np.interp(time, result.time, values) for key, values in seen.items()}
+        if "acceleration" in kinds:
+            clean |= _accelerations(result, time, 1.0 / rate)
+        if "reaction" in kinds:
+            clean |= _reactions(result, time, 1.0 / rate)
+        signals = {
+            key: values + spread.get(key[0], 0.0) * random.standard_normal(len(time))
+            for key, values in clean.items()
+        }
+        entries = result.simulation.mechanism.description.joints
+        sliding = frozenset(name for name, entry in entries.items() if entry.slides)
+        return cls(time, signals, {}, "the simulated measurement", sliding)
+
+    def csv(self) -> str:
+        """As a file that `from_csv` reads, SI units."""
+        head = ["time [s]"]
+        for kind, name in self.signals:
+            if kind in TOOL_UNITS:
+                head.append(f"{kind} {name} [{TOOL_UNITS[kind]}]")
+            else:
+                head.append(f"{name} {kind} [{JOINT_UNITS[kind][name in self.sliding]}]")
+        table = np.column_stack([self.time, *self.signals.values()])
+        rows = [",".join("" if np.isnan(x) else f"{x:.9g}" for x in row) for row in table]
+        return "\n".join([",".join(head), *rows]) + "\n"
+
+
+def _seen(result: Result, kinds: Sequence[str]) -> dict[Key, np.ndarray]:
+    """Histories of a run by kind of signal."""
+    mechanism = result.simulation.mechanism
+    joints = [name for name in mechanism.joints if name in mechanism.description.joints]
+    histories: dict[Key, np.ndarray] = {}
+    for kind in kinds:
+        if kind == "tool":
+            for i, axis in enumerate(AXES):
+                histories[kind, axis] = result["tool_position"].values[:, i]
+            continue
+        if kind in ("acceleration", "reaction"):
+            continue  # means between records
+        if kind == "force":
+            given = _wrenches(result)
+            histories |= {(kind, axis): given[:, i] for i, axis in enumerate(AXES)}
+            continue
+        if kind not in JOINT_UNITS:
+            raise JointplayError(f"no signal {kind!r} of runs: tool, {', '.join(JOINT_UNITS)}")
+        for name in joints:
+            at = mechanism.coordinate(name) if kind == "link" else mechanism.motor(name)
+            histories[kind, name] = result["drive" if kind == "torque" else "q"].values[:, at]
+    return histories
+
+
+def _accelerations(result: Result, time: np.ndarray, interval: float) -> dict[Key, np.ndarray]:
+    """Of the tool, means over intervals about the times [m/s^2]."""
+    speed = result["tool_velocity"].values
+    means: dict[Key, np.ndarray] = {}
+    for i, axis in enumerate(AXES):
+        means["acceleration", axis] = _mean_rate(result.time, speed[:, i], time, interval)
+    return means
+
+
+def _reactions(result: Result, time: np.ndarray, interval: float) -> dict[Key, np.ndarray]:
+    """Size of the forces between bearings and journals, means over intervals [N]."""
+    means: dict[Key, np.ndarray] = {}
+    for name in result.joints:
+        force = np.linalg.norm(result["joint_force"].sel(joint=name).values, axis=1)
+        impulse = cumulative_trapezoid(force, result.time, initial=0.0)
+        means["reaction", name] = _mean_rate(result.time, impulse, time, interval)
+    return means
+
+
+def _mean_rate(
+    known: np.ndarray, values: np.ndarray, time: np.ndarray, interval: float
+) -> np.ndarray:
+    """Mean rate of change of values, which are known at some times, over intervals about others."""
+    ends = [np.clip(time + side * interval / 2.0, known[0], known[-1]) for side in (-1, 1)]
+    before, after = (np.interp(end, known, values) for end in ends)
+    return np.asarray((after - before) / np.maximum(ends[1] - ends[0], 1e-12))
+
+
+def _wrenches(result: Result) -> np.ndarray:
+    """Sum of the given forces on the tool frame over time, world axes, shape (n, 3) [N]."""
+    simulation = result.simulation
+    total = np.zeros((len(result.time), 3))
+    for load in simulation.loads.values():
+        if isinstance(load, Wrench | WrenchOverTime) and load.frame == simulation.mechanism.tool:
+            if load.axes != "world" or any(load.at):
+                raise JointplayError("forces of a run are known in world axes at the tool only")
+            if isinstance(load, Wrench):
+                total += np.array(load.force)
+            elif load.forces:
+                rows = np.array(load.forces)
+                total += np.column_stack(
+                    [np.interp(result.time, load.times, rows[:, i]) for i in range(3)]
+                )
+    return total
+
+
+def _table(path: Path) -> tuple[list[str], np.ndarray]:
+    """Titles of the columns, and their numbers (n, columns)."""
+    rows = files.csv_rows(path, "measurement")
+    header = [cell.strip() for cell in rows[0][1]]
+    table = np.full((len(rows) - 1, len(header)), np.nan)
+    for i, (number, row) in enumerate(rows[1:]):
+        for column, cell in enumerate(row):
+            if cell.strip():
+                try:
+                    table[i, column] = float(cell)
+                except ValueError:
+                    raise JointplayError(
+                        f"{path}, line {number}: {header[column]!r} must be a number, got "
+                        f"{cell.strip()[:_SHOWN]!r}"
+                    ) from None
+    if np.isinf(table).any():
+        row, column = np.argwhere(np.isinf(table))[0]
+        raise JointplayError(f"{path}: {header[column]!r} is infinite in record {row + 1}")
+    return header, table
+
+
+def _split(title: str, path: Path) -> tuple[str, str]:
+    """A column's name and unit, of ``tool x [mm]`` or ``tool_x_mm``."""
+    match = _BRACKETS.match(title)
+    if match:
+        return match[1].strip(), (match[2] or match[3] or "").strip()
+    name, _, unit = title.rpartition("_")
+    try:
+        convert(f"1 {unit}", *{u for u in ("s", "m", "rad", "N", "N*m", "m/s^2")})
+    except ValueError:
+        name = ""
+    if not name:
+        raise JointplayError(
+            f"{path}: column {title!r} has no unit; write it behind the name, such as "
+            "'time [s]', 'tool x [mm]' or 'elbow motor [deg]'"
+        )
+    return name.strip(), unit
+
+
+def _meaning(
+    name: str, joints: Mapping[str, bool], title: str, path: Path
+) -> tuple[Key | None, str]:
+    """Which signal a column is (None: the times), and the unit that it must fit."""
+    if name.lower() in ("time", "t"):
+        return None, "s"
+    for mark in (" ", "_", "."):
+        first, _, last = name.partition(mark)
+        if first in TOOL_UNITS and last in AXES:
+            return (first, last), TOOL_UNITS[first]
+        first, _, last = name.rpartition(mark)
+        if last in JOINT_UNITS and first in joints:
+            return (last, first), JOINT_UNITS[last][joints[first]]
+    raise JointplayError(
+        f"{path}: column {title!r} is no signal; there are: time, tool x (y, z), force x, "
+        f"acceleration x, and JOINT motor, JOINT link, JOINT torque, JOINT reaction of the joints "
+        f"{', '.join(joints)}"
+    )
+
+
+# From records to visits: short stretches in which the machine stood, or went one way slowly.
+#
+# A machine with play is compared with its model by the means over visits to the same place from
+# different sides, under different loads; single records of an impact tell nothing. Directions are
+# those between turning points; a place is a cell of the joint space.
+
+
+CELLS = 20
+"""Cells over a joint's range, in which what moves one way is taken together."""
+_TRAVEL = 0.3
+"""Part of a cell that a joint must move in a visit."""
+_STOP_CELL = 0.2
+"""Part of a cell within which stops are at the same place."""
+STOP_S = 0.15
+"""Shortest stop that is looked at [s]."""
+SETTLING = 0.4
+"""Part of a stop that is left out at its beginning, while the machine calms down."""
+FEWEST_IN_VISIT = 3
+"""Records that a visit must have."""
+MOST_PATH = 4000
+"""Points to which the motors' paths are thinned."""
+_THRESHOLD = 6.0
+"""Spreads of an encoder's records by which a position must go back to have turned."""
+_SMALLEST = 1e-6
+"""Motion that counts [rad or m]."""
+
+
+@dataclass(frozen=True)
+class Visits:
+    """n visits of a machine with j joints; SI units."""
+
+    joints: tuple[str, ...]
+    """Moving joints, in the order of the columns below."""
+    time: np.ndarray
+    """Their beginnings and ends, shape (n, 2) [s]."""
+    position: np.ndarray
+    """Of the joints, motors where geared, means, shape (n, j) [rad or m]."""
+    speed: np.ndarray
+    """Means, shape (n, j)."""
+    acceleration: np.ndarray
+    """Means, shape (n, j)."""
+    direction: np.ndarray
+    """-1 or 1: which way each joint moves or came from; 0 if it never moved, shape (n, j)."""
+    stopped: np.ndarray
+    """Whether the machine stood, shape (n,)."""
+    force: np.ndarray
+    """On the tool, world axes, shape (n, 3) [N]."""
+    cell: np.ndarray
+    """Number of the place, shape (n,)."""
+    path: np.ndarray
+    """Positions of the motors on the way through all visits, shape (m, j)."""
+    path_visit: np.ndarray
+    """Visit that a point of the path belongs to, -1 for none, shape (m,)."""
+    path_near: np.ndarray
+    """Visit whose loads hold at a point of the path, shape (m,)."""
+    path_force: np.ndarray
+    """On the tool along the path, world axes, shape (m, 3) [N]."""
+
+    def __len__(self) -> int:
+        """How many there are."""
+        return len(self.time)
+
+    def only(self, chosen: np.ndarray) -> Visits:
+        """Those that are chosen (a mask); the way is the same."""
+        number = np.cumsum(chosen) - 1
+        at = self.path_visit
+        belongs = np.where((at >= 0) & chosen[np.maximum(at, 0)], number[np.maximum(at, 0)], -1)
+        near = np.clip(number[self.path_near], 0, None)
+        parts = ("time", "position", "speed", "acceleration", "direction", "stopped", "force")
+        return replace(
+            self,
+            **{name: getattr(self, name)[chosen] for name in (*parts, "cell")},
+            path_visit=belongs,
+            path_near=near,
+        )
+
+
+def no_visits() -> tuple[Visits, Observed]:
+    """Of a measurement of impacts alone."""
+    none, table = np.zeros(0), np.zeros((0, 0))
+    numbers, sides = none.astype(int), none.astype(bool)
+    made = Visits(
+        (), np.zeros((0, 2)), table, table, table, table, sides, np.zeros((0, 3)), numbers,
+        table, numbers, numbers, np.zeros((0, 3)),
+    )  # fmt: skip
+    return made, Observed((), table, table, ())
+
+
+@dataclass(frozen=True)
+class Observed:
+    """What was measured at visits: means and their standard errors, nan where nothing."""
+
+    keys: tuple[Key, ...]
+    mean: np.ndarray
+    """Tool: its distance from where the ideal mechanism would be; link: from its motor; torque:
+    as it is. Shape (n, keys) [m, rad, N m]."""
+    error: np.ndarray
+    """Standard errors of the means from the records' own scatter, shape (n, keys)."""
+    noise: tuple[float, ...]
+    """Spread of single records [SI]."""
+
+
+def positions(
+    mechanism: Mechanism, measured: Measurement, motion: Motion | None
+) -> tuple[tuple[str, ...], np.ndarray, np.ndarray, list[str]]:
+    """Where the joints are: from encoders, or the reference.
+
+    Returns:
+        The joints' names; positions (n, j); motion that counts, more than an encoder's noise, (j,)
+        [rad or m]; joints without encoder.
+
+    Raises:
+        JointplayError: a joint that moves in the reference, but the measurement is longer than it;
+            nothing says where a joint is.
+    """
+    names = tuple(moving(mechanism))
+    still = middle(mechanism)
+    joint_positions = np.tile([still[name] for name in names], (len(measured.time), 1))
+    reference = None if motion is None else motion(measured.time)[0]
+    unseen = []
+    limits = np.full(len(names), _SMALLEST)
+    for column, name in enumerate(names):
+        for kind in ("motor", "link"):
+            counts = kind == "motor" or name not in mechanism.gears
+            if counts and (kind, name) in measured.signals:
+                records = measured.signals[kind, name]
+                joint_positions[:, column] = _filled(records, measured.time, name)
+                spread = max(_THRESHOLD * scatter(records), 2.0 * resolution(records))
+                limits[column] = max(spread, _SMALLEST)
+                break
+        else:
+            unseen.append(name)
+            if motion is not None and reference is not None and name in motion.joints:
+                joint_positions[:, column] = reference[:, motion.joints.index(name)]
+    return names, joint_positions, limits, unseen
+
+
+def _filled(values: np.ndarray, time: np.ndarray, name: str) -> np.ndarray:
+    good = ~np.isnan(values)
+    if good.sum() < FEWEST_IN_VISIT:
+        raise JointplayError(f"the encoder of {name!r} has {good.sum()} records only")
+    return np.asarray(np.interp(time, time[good], values[good]))
+
+
+def scatter(values: np.ndarray) -> float:
+    """Spread of single records about a smooth course, of their second differences; robust."""
+    good = values[~np.isnan(values)]
+    if len(good) < FEWEST_IN_VISIT:
+        return 0.0
+    bends = np.diff(good, 2)
+    return float(np.median(np.abs(bends)) / 0.6745 / np.sqrt(6.0))
+
+
+def resolution(values: np.ndarray) -> float:
+    """Smallest step between records, if they take few values as an encoder's do; else 0."""
+    good = values[~np.isnan(values)]
+    steps = np.diff(np.unique(good))
+    if not len(steps) or len(steps) > 0.5 * len(good):
+        return 0.0
+    return float(steps.min())
+
+
+def turns(values: np.ndarray, threshold: float) -> np.ndarray:
+    """Which way a position goes at each record: -1 or 1, 0 before it has moved; (n,).
+
+    It has turned when it has come back by `threshold` from its farthest point; what has passed
+    since that point counts to the new direction.
+    """
+    way = np.zeros(len(values), int)
+    now, begin, far = 0, 0, 0
+    low = high = values[0]
+    for i, value in enumerate(values):
+        if now == 0:
+            low, high = min(low, value), max(high, value)
+            if high - low > threshold:
+                now = 1 if value >= high else -1
+                far = i
+            continue
+        if (value - values[far]) * now >= 0.0:
+            far = i
+        elif abs(value - values[far]) > threshold:
+            way[begin : far + 1] = now
+            begin, far, now = far + 1, i, -now
+    way[begin:] = now
+    return way
+
+
+def visits(
+    mechanism: Mechanism, measured: Measurement, motion: Motion | None
+) -> tuple[Visits, Observed]:
+    """Cut a measurement into visits, and take the means of its signals.
+
+    Raises:
+        JointplayError: see `positions`; nothing that stands or moves slowly enough.
+    """
+    names, q, limit, _ = positions(mechanism, measured, motion)
+    time = measured.time
+    ranges = np.ptp(q, axis=0)
+    ways = np.zeros(q.shape, int)
+    for column in np.flatnonzero(ranges > 2.0 * limit):
+        ways[:, column] = turns(q[:, column], limit[column])
+    stands = _standing(time, q, limit)
+    size = np.where(ranges > 4.0 * limit, ranges / CELLS, np.inf)
+    force = np.column_stack(
+        [np.nan_to_num(measured.signals.get(("force", a), np.zeros(len(time)))) for a in AXES]
+    )
+    pieces = _pieces(time, q, ways, stands, size, force)
+    if not pieces:
+        raise TooLittle(
+            f"{measured.source}: no stop of {STOP_S:g} s and no stretch in one direction with "
+            f"{FEWEST_IN_VISIT} records in a cell; measure slower, or with more records a second"
+        )
+    made = _visits(names, time, q, ways, stands, force, pieces, size)
+    return made, _observe(mechanism, measured, made, q, pieces)
+
+
+def _standing(time: np.ndarray, q: np.ndarray, limit: np.ndarray) -> np.ndarray:
+    """Whether a record belongs to a while in which all joints stay within their limits, (n,)."""
+    width = max(int(np.ceil(STOP_S / np.median(np.diff(time)))), 2)
+    ranges = maximum_filter1d(q, width, axis=0) - minimum_filter1d(q, width, axis=0)
+    still = (ranges <= limit).all(axis=1)
+    # `still` marks the middles of such whiles: all records within one belong to it. Windows of even
+    # width reach farther back, and the way back to the records farther on.
+    return np.asarray(maximum_filter1d(still, width, origin=-1 if width % 2 == 0 else 0))
+
+
+def _pieces(
+    time: np.ndarray,
+    q: np.ndarray,
+    ways: np.ndarray,
+    stands: np.ndarray,
+    size: np.ndarray,
+    force: np.ndarray,
+) -> list[slice]:
+    """Stretches of records that belong together."""
+    with np.errstate(invalid="ignore"):
+        cells = np.floor((q - q.min(axis=0)) / size).astype(int)
+    cells[stands] = -1
+    strength = max(float(np.abs(force).max(initial=0.0)), 1e-12)
+    pushes = np.round(force / (0.25 * strength)).astype(int)
+    labels = np.column_stack([ways, stands[:, None], cells, pushes])
+    cuts = np.flatnonzero((np.diff(labels, axis=0) != 0).any(axis=1)) + 1
+    pieces = []
+    for first, last in zip([0, *cuts], [*cuts, len(time)], strict=True):
+        if stands[first]:
+            long = time[last - 1] - time[first]
+            if long < STOP_S:
+                continue
+            calm = int(np.searchsorted(time, time[first] + SETTLING * long))
+            first = max(first, min(calm, last - FEWEST_IN_VISIT))
+        elif not (np.ptp(q[first:last], axis=0) > _TRAVEL * size).any():
+            continue  # a drive that gives way to a push: the journals hardly turn
+        if last - first >= FEWEST_IN_VISIT:
+            pieces.append(slice(int(first), int(last)))
+    return pieces
+
+
+def _visits(
+    names: Sequence[str],
+    time: np.ndarray,
+    q: np.ndarray,
+    ways: np.ndarray,
+    stands: np.ndarray,
+    force: np.ndarray,
+    pieces: Sequence[slice],
+    size: np.ndarray,
+) -> Visits:
+    n, j = len(pieces), q.shape[1]
+    middles, speed, acceleration = np.zeros((n, j)), np.zeros((n, j)), np.zeros((n, j))
+    owner = np.full(len(time), -1)
+    for i, piece in enumerate(pieces):
+        owner[piece] = i
+        middles[i] = q[piece].mean(axis=0)
+        if not stands[piece.start]:
+            speed[i], acceleration[i] = _rates(time, q, piece, ways)
+    # The way between visits matters to hysteresis: thinned, but for the turning points.
+    keep = np.zeros(len(time), bool)
+    keep[:: max(len(time) // MOST_PATH, 1)] = True
+    turning = np.flatnonzero((np.diff(ways, axis=0) != 0).any(axis=1))
+    keep[turning] = keep[np.minimum(turning + 1, len(time) - 1)] = True
+    keep[[(p.start + p.stop) // 2 for p in pieces]] = True
+    at = np.array([0.5 * (time[p.start] + time[p.stop - 1]) for p in pieces])
+    near = np.abs(time[keep, None] - at[None, :]).argmin(axis=1) if n else np.zeros(0, int)
+    near = np.where(owner[keep] >= 0, owner[keep], near)  # a short neighbour's middle may be nearer
+    ends = np.array([(time[p.start], time[p.stop - 1]) for p in pieces])
+    return Visits(
+        tuple(names),
+        ends,
+        middles,
+        speed,
+        acceleration,
+        np.array([ways[p.stop - 1] for p in pieces]),
+        np.array([stands[p.start] for p in pieces]),
+        np.array([force[p].mean(axis=0) for p in pieces]),
+        places(middles, stands[[p.start for p in pieces]], size),
+        q[keep],
+        owner[keep],
+        near,
+        force[keep],
+    )
+
+
+def _rates(
+    time: np.ndarray, q: np.ndarray, piece: slice, ways: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Mean speed and acceleration: of a parabola through the piece and its neighbours."""
+    more = (piece.stop - piece.start) // 2
+    first, last = piece.start, piece.stop
+    while first > 0 and piece.start - first < more and (ways[first - 1] == ways[piece.start]).all():
+        first -= 1
+    while last < len(time) and last - piece.stop < more and (ways[last] == ways[piece.start]).all():
+        last += 1
+    t = time[first:last] - 0.5 * (time[piece.start] + time[piece.stop - 1])
+    shape = np.column_stack([np.ones(len(t)), t, 0.5 * t * t])
+    fitted = np.linalg.lstsq(shape, q[first:last], rcond=None)[0]
+    return fitted[1], fitted[2]
+
+
+def places(middles: np.ndarray, stopped: np.ndarray, size: np.ndarray) -> np.ndarray:
+    """Number of the place of each visit: those within half a cell of its first visitor; (n,).
+
+    Stops have places of their own, and a smaller reach.
+    """
+    numbers = np.zeros(len(middles), int)
+    firsts: list[tuple[bool, np.ndarray]] = []
+    for i, row in enumerate(middles):
+        reach = (_STOP_CELL if stopped[i] else 0.5) * size
+        for number, (stood, first) in enumerate(firsts):
+            if stood == stopped[i] and (np.abs(row - first) <= reach).all():
+                numbers[i] = number
+                break
+        else:
+            numbers[i] = len(firsts)
+            firsts.append((bool(stopped[i]), row))
+    return numbers
+
+
+def _observe(
+    mechanism: Mechanism,
+    measured: Measurement,
+    made: Visits,
+    q: np.ndarray,
+    pieces: Sequence[slice],
+) -> Observed:
+    """Means over the visits of what the model predicts."""
+    from jointplay.identification.model import tool_positions
+
+    keys = tuple(
+        key
+        for key in measured.signals
+        if key[0] in ("tool", "torque") or (key[0] == "link" and key[1] in mechanism.gears)
+    )
+    mean = np.full((len(pieces), len(keys)), np.nan)
+    error, noise = mean.copy(), []
+    places_ideal = (
+        tool_positions(mechanism, made.joints, q)
+        if any(kind == "tool" for kind, _ in keys)
+        else np.zeros((len(q), 3))
+    )
+    for column, (kind, name) in enumerate(keys):
+        values = measured.signals[kind, name].copy()
+        if kind == "tool":
+            values -= places_ideal[:, AXES.index(name)]
+        elif kind == "link":
+            values -= q[:, made.joints.index(name)]
+        one = measured.noise.get(kind) or scatter(values)
+        floor = resolution(measured.signals[kind, name]) / np.sqrt(12.0)
+        noise.append(max(one, floor))
+        for i, piece in enumerate(pieces):
+            seen = values[piece]
+            seen = seen[~np.isnan(seen)]
+            if len(seen) >= FEWEST_IN_VISIT and not (kind == "torque" and made.stopped[i]):
+                mean[i, column] = seen.mean()
+                error[i, column] = np.hypot(max(one, floor) / np.sqrt(len(seen)), floor)
+    return Observed(keys, mean, error, tuple(noise))

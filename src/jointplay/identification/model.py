@@ -1,0 +1,649 @@
+"""The quasi-static model: where play lets the tool be, and what the drives feel, at each visit.
+
+A journal lies where its load pushes it, turned about the axis by the angle of friction against its
+motion: with the load F and friction mu, the contact force balances F at the azimuth of F less
+atan(mu) in the sense of rotation. Its displacement is the point at which the play's support
+function is attained (`statics`), so that it is exact in the first order of the clearance; contacts
+give way by what their law says of the load. A gear's link is held by friction until its teeth push
+harder: the play operator of M. A. Krasnosel'skii and A. V. Pokrovskii, Systems with Hysteresis
+(1989), with the load's torque. Inertia counts as a load. All is linear algebra: no time loop.
+
+Joints and the structure at the tool are elastic: by what they give way in proportion to their load
+the tool moves, too. Those compliances enter linearly and are columns (`elastic`) beside the
+model, unless they are given. A joint with dry friction winds up: the operator without play.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+import pinocchio as pin
+
+from jointplay.core.numba_cache import njit
+from jointplay.design.levers import place, sources, tool_place
+from jointplay.design.poses import moving
+from jointplay.identification.measurement import Key, Visits
+from jointplay.identification.parameters import (
+    TOOL,
+    UNKNOWN,
+    WAYS,
+    WOUND,
+    Compliance,
+    Parameter,
+    friction_of,
+    winds,
+    with_clearance,
+)
+from jointplay.joints import Clearance
+from jointplay.joints.play import BallPlay, JournalPlay
+from jointplay.loads.drive import JointFriction
+from jointplay.mechanism.impact import elastic_energy
+from jointplay.mechanism.mechanism import Mechanism
+from jointplay.mechanism.model import z_to
+from jointplay.result.result import AXES
+
+# Where the tool of the mechanism without play would be.
+
+
+def tool_positions(
+    mechanism: Mechanism, joints: Sequence[str], positions: np.ndarray
+) -> np.ndarray:
+    """Position of the ideal tool in world axes at joint positions (n, j), shape (n, 3) [m]."""
+    q = configurations(mechanism, joints, positions)
+    tool = np.zeros((len(q), 3))
+    for i, row in enumerate(q):
+        pin.framesForwardKinematics(mechanism.model, mechanism.data, row)
+        tool[i] = mechanism.data.oMf[mechanism.tool_frame].translation
+    return tool
+
+
+def configurations(
+    mechanism: Mechanism, joints: Sequence[str], positions: np.ndarray
+) -> np.ndarray:
+    """Configurations with journals centred and motors before their joints, shape (n, nq)."""
+    q = np.zeros((len(positions), mechanism.model.nq))
+    for column, name in enumerate(joints):
+        q[:, mechanism.coordinate(name)] = positions[:, column]
+        q[:, mechanism.motor(name)] = positions[:, column]
+    return q
+
+
+_LATERAL = [0, 1, 3, 4]
+_AXES = {"torsional": [5], "link": [5], "tilt": [3, 4], "radial": [0, 1], "axial": [2]}
+"""Components of a joint's load and displacement in bearing axes."""
+_REMEMBERED = 100
+"""Displacements of bearings and lags that are kept: differences move one joint at a time."""
+_FAINT_LOAD = 0.02
+"""Part of the rims' forces below which a load along the axis moves nothing in time."""
+_STIFFEST = 1e-12
+"""Smallest compliance [rad/(N m)]."""
+_LIGHT = 0.3
+"""Part of the other rim's force below which a rim may lie anywhere."""
+_FAINTEST = 0.015
+"""Part of the largest load of a joint that may be missing in others."""
+_FRICTION = 0.1
+"""Coefficient of the friction along the axis that may hold a journal's lean where it is."""
+_MOVED = 0.35
+"""Part of the clearance by which rims may be held off the place where the load would push them."""
+_DRY, _BREAKS = 2.5, 1.4
+"""Factor by which friction behind a gear may be wrong, and static by dynamic friction."""
+_UNSURE = 3.0
+"""Plays by which a gear must have been crossed before its side is certain."""
+
+
+@dataclass(frozen=True)
+class Elastic:
+    """How signals answer to compliances of one label that nobody knows exactly."""
+
+    label: str
+    """``elbow torsional``, ``tool``."""
+    unit: str
+    effect: np.ndarray
+    """By a compliance of one, shape (n, keys, c): one for a joint, six for the structure at the
+    tool (a symmetric matrix in its axes)."""
+    known: Compliance
+    """Before the measurement."""
+
+
+@dataclass(frozen=True)
+class _Bearing:
+    """A joint with clearance at n visits."""
+
+    joint: Clearance
+    move: np.ndarray
+    """(n, 3, 6), see `_Statics`."""
+    load: np.ndarray
+    """(n, 6)."""
+    push: np.ndarray
+    """Force of a rim, mean of both, (n,) [N]."""
+    rim: np.ndarray
+    """Force of a radial contact (n,) [N]."""
+    slides: np.ndarray
+    """Part of the full friction by sliding speed, signed, moving visits only (n,)."""
+    kept: np.ndarray
+    """Sense of rotation before the stop, stopped visits only (n,)."""
+    slips: bool
+    """Whether the journal can move along its axis, to end walls."""
+    sure: np.ndarray
+    """Whether the load determines where the journal lies, (n,)."""
+
+    def point(self, values: Mapping[str, float], held: float) -> np.ndarray:
+        """Displacement of the journal at each visit, (n, 6) [m, rad]."""
+        mine = self.joint.clearances
+        sizes = {name: value for name, value in values.items() if name in mine}
+        joint = with_clearance(self.joint, sizes)
+        play = joint.play(second_order=False)
+        point = play.support(self.load).point
+        if isinstance(play, JournalPlay | BallPlay):
+            depth = _depths(joint, self.rim)
+            point[:, _LATERAL] *= (1.0 + depth / joint.radial_room)[:, None]
+        friction = values.get("friction")
+        if friction is None:
+            friction = friction_of(self.joint) or 0.0
+        angle = -np.arctan(friction * (self.slides + held * self.kept))
+        return _turned(point, -angle if self.joint.exchanged else angle)
+
+    def drag(self) -> np.ndarray:
+        """Torque about the axis by the expected friction, against the motion, (n,) [N m].
+
+        At stops half of it stays. It winds the joint up by 2 mu R_i / L of what a push with the
+        lever L does, so that the expected value will do.
+        """
+        return self.torque(None) * (self.slides + 0.5 * self.kept)
+
+    def torque(self, friction: float | None) -> np.ndarray:
+        """Of the rims' friction about the axis, its size while sliding, (n,) [N m]."""
+        coefficient = friction_of(self.joint) or 0.0 if friction is None else friction
+        radius = 0.0 if self.joint.hinge is None else self.joint.hinge.radius
+        return np.asarray(2.0 * self.push * radius * coefficient / np.hypot(1.0, coefficient))
+
+
+def _turned(points: np.ndarray, angle: np.ndarray) -> np.ndarray:
+    """Displacements and leans turned about z, (n, 6)."""
+    c, s = np.cos(angle), np.sin(angle)
+    rotated = points.copy()
+    for x, y in ((0, 1), (3, 4)):
+        rotated[:, x] = c * points[:, x] - s * points[:, y]
+        rotated[:, y] = s * points[:, x] + c * points[:, y]
+    return rotated
+
+
+class StaticModel:
+    """What a mechanism with play shows at visits.
+
+    Args:
+        mechanism: a tree.
+        visits: n of them.
+        keys: signals that are predicted.
+        friction: of the joints besides their bearings'.
+        unknowns: what `predict` is given.
+        stiffness: what is known of compliances before, see `parameters.compliances`.
+
+    Attributes:
+        certain: visits at which the sides of all gears, and of all rims, are known, shape (n,).
+        elastic: effects of compliances; what is given of them is in `predict`.
+
+    Raises:
+        JointplayError: loops; see `levers.sources`.
+    """
+
+    def __init__(
+        self,
+        mechanism: Mechanism,
+        visits: Visits,
+        keys: tuple[Key, ...],
+        friction: Mapping[str, JointFriction],
+        unknowns: tuple[Parameter, ...],
+        stiffness: Mapping[str, Compliance],
+    ) -> None:
+        """Find levers and loads at each visit, once for all."""
+        self.mechanism, self.visits, self.keys = mechanism, visits, keys
+        self.unknowns, self._friction = unknowns, friction
+        self._points: dict[tuple[object, ...], np.ndarray] = {}
+        self._lags: dict[tuple[object, ...], tuple[np.ndarray, ...]] = {}
+        q = configurations(mechanism, visits.joints, visits.position)
+        sources(mechanism, q[:0], second_order=False)  # refuses what this model does not know
+        torqued = [name for kind, name in keys if kind == "torque"]
+        names = dict.fromkeys([*mechanism.clearance, *mechanism.gears, *moving(mechanism)])
+        self._slides = {n: mechanism.description.joints[n].slides for n in moving(mechanism)}
+        statics = _statics(mechanism, visits, q, names)
+        self._levers = statics.levers
+        push = {
+            name: np.einsum("nki,nk->ni", lever, visits.force)
+            for name, lever in statics.levers.items()
+        }
+        self._bearings = {}
+        for name, joint in mechanism.clearance.items():
+            move, load = statics.levers[name], statics.loads[name] + push[name]
+            self._bearings[name] = _bearing(name, joint, move, load, statics.inertia[name], visits)
+        self._winds = {
+            name: self._give(name, stiffness) for name in winds(mechanism, friction, stiffness)
+        }
+        driven = dict.fromkeys([*self._winds, *torqued])
+        about = {name: 2 if self._slides.get(name, False) else 5 for name in driven}
+        self._inertia = {name: -statics.inertia[name][:, about[name]] for name in driven}
+        self._hold = {name: -statics.loads[name][:, about[name]] for name in driven}
+        self._pushed = {name: statics.levers[name][:, :, about[name]] for name in driven}
+        loads = {name: load + push[name] for name, load in statics.loads.items()}
+        self.elastic = self._elastic(loads, statics.tool, stiffness)
+        self._known = np.zeros((len(visits), len(keys)))
+        for one in self.elastic:
+            if one.known.value:  # the structure's: the same in all directions
+                self._known += one.known.value * one.effect[:, :, :3].sum(axis=2)
+        self.elastic = tuple(one for one in self.elastic if one.known.spread > 0.0)
+        self.certain = self._sides(
+            np.array(
+                [(_UNSURE if one.name == "gear_play" else 1.0) * one.nominal for one in unknowns]
+            )
+        )
+
+    def _give(self, name: str, stiffness: Mapping[str, Compliance]) -> float:
+        """Compliance of a joint that winds up, unless it is unknown [rad/(N m)]."""
+        one = stiffness.get(f"{name} torsional", UNKNOWN)
+        gear = self.mechanism.gears.get(name)
+        if gear is not None and math.isinf(one.spread):
+            return 1.0 / gear.stiffness
+        return one.value
+
+    def _elastic(
+        self, loads: Mapping[str, np.ndarray], tool: np.ndarray, stiffness: Mapping[str, Compliance]
+    ) -> tuple[Elastic, ...]:
+        """Of each joint and of the structure at the tool (rotations (n, 3, 3))."""
+        found = []
+        for name, load in loads.items():
+            for way, axes in _AXES.items():
+                if (way == "link") != (name in self._winds) and axes == [5]:
+                    continue  # of one that winds up, the torsional one is no column
+                own = load[:, axes]
+                if way == "torsional" and name in self._bearings:
+                    own = own - self._bearings[name].drag()[:, None]
+                moved = np.einsum("nki,ni->nk", self._levers[name][:, :, axes], own)
+                label = f"{name} {way}"
+                known = stiffness.get(label, UNKNOWN)
+                found.append(Elastic(label, WAYS[way], self._shown(moved)[:, :, None], known))
+        force = np.einsum("nki,nk->ni", tool, self.visits.force)
+        columns = []
+        for i, k in ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0)):
+            own = np.zeros_like(force)
+            own[:, i] += force[:, k]
+            if i != k:
+                own[:, k] += force[:, i]
+            columns.append(self._shown(np.einsum("nki,ni->nk", tool, own)))
+        known = stiffness.get(TOOL, UNKNOWN)
+        found.append(Elastic(TOOL, "m/N", np.stack(columns, axis=2), known))
+        return tuple(found)
+
+    def _shown(self, moved: np.ndarray) -> np.ndarray:
+        """What a displacement of the tool (n, 3) [m] does to the signals, (n, keys)."""
+        shown = np.zeros((len(moved), len(self.keys)))
+        for column, (kind, name) in enumerate(self.keys):
+            if kind == "tool":
+                shown[:, column] = moved[:, AXES.index(name)]
+        return shown
+
+    def predict(self, theta: np.ndarray) -> np.ndarray:
+        """Means of the signals at all visits, shape (n, keys) [m, rad, N m]."""
+        values, held = self._values(theta)
+        means = self._known.copy()
+        tool = np.zeros((len(self.visits), 3))
+        for name, bearing in self._bearings.items():
+            key = (name, held, *values.get(name, {}).items())
+            if key not in self._points:
+                if len(self._points) > _REMEMBERED:
+                    self._points.clear()
+                self._points[key] = bearing.point(values.get(name, {}), held)
+            point = self._points[key]
+            tool += np.einsum("nij,nj->ni", bearing.move, point)
+        twists, torques = {}, {}
+        for name in self._winds:
+            own = (name, *values.get(name, {}).items())
+            if own not in self._lags:
+                if len(self._lags) > _REMEMBERED:
+                    self._lags.clear()
+                self._lags[own] = self._wound(name, values)
+            twists[name], torques[name], _ = self._lags[own]
+            tool += self._pushed[name] * twists[name][:, None]
+        for column, (kind, name) in enumerate(self.keys):
+            if kind == "tool":
+                means[:, column] += tool[:, AXES.index(name)]
+            elif kind == "link":
+                means[:, column] = twists[name]
+            elif name in torques:
+                means[:, column] = torques[name]
+            else:
+                means[:, column] = self._torque(name, values)
+        return means
+
+    def loose(self) -> np.ndarray:
+        """How the tool moves with what friction may hold anywhere, shape (n, keys, columns).
+
+        A journal that does not turn stays along its axis where friction holds it, and one that
+        turns creeps along it as fast as the load along the axis is large beside those across: the
+        place along each axis with end walls is a column at each stop, unless the load along the
+        axis exceeds all others, and at each other visit, if it is less than `_FAINT_LOAD` of them.
+        """
+        columns = []
+        for bearing in self._bearings.values():
+            if not bearing.slips:
+                continue
+            enough = np.where(self.visits.stopped, 1.0, _FAINT_LOAD) * 2.0 * bearing.push
+            for i in np.flatnonzero(np.abs(bearing.load[:, 2]) <= enough):
+                made = np.zeros((len(self.visits), len(self.keys)))
+                for k, (kind, axis) in enumerate(self.keys):
+                    if kind == "tool":
+                        made[i, k] = bearing.move[i, AXES.index(axis), 2]
+                columns.append(made)
+        if not columns:
+            return np.zeros((len(self.visits), len(self.keys), 0))
+        return np.stack(columns, axis=2)
+
+    def lever(self, name: str) -> np.ndarray | None:
+        """How displacements of a joint move the tool, (n, 3, 6); None if there is no such one."""
+        return self._levers.get(name)
+
+    def _values(self, theta: np.ndarray) -> tuple[dict[str, dict[str, float]], float]:
+        """Values by joint and name, and which part of the friction stays at stops."""
+        values: dict[str, dict[str, float]] = {}
+        held = 0.0
+        for one, value in zip(self.unknowns, theta, strict=True):
+            if one.joint:
+                values.setdefault(one.joint, {})[one.name] = float(value)
+            else:
+                held = float(value)
+        return values, held
+
+    def _dry(self, name: str, values: Mapping[str, Mapping[str, float]]) -> np.ndarray:
+        """Friction about a joint's axis while it slides, (n,) [N m]."""
+        own = self._friction.get(name, JointFriction())
+        mine = values.get(name, {})
+        dry = mine.get("dry_friction", own.coulomb)
+        friction = np.full(len(self.visits), float(dry))
+        if name in self._bearings:
+            friction += self._bearings[name].torque(mine.get("friction"))
+        return friction
+
+    def _torque(self, name: str, values: Mapping[str, Mapping[str, float]]) -> np.ndarray:
+        """Of a drive without gear on a joint that moves, (n,)."""
+        column = self.visits.joints.index(name)
+        own = self._friction.get(name, JointFriction())
+        external = np.einsum("nk,nk->n", self._pushed[name], self.visits.force)
+        torque = self._hold[name] - external
+        torque = torque + self._dry(name, values) * self.visits.direction[:, column]
+        return np.asarray(torque + own.viscous * self.visits.speed[:, column])
+
+    def _wound(
+        self, name: str, values: Mapping[str, Mapping[str, float]], more: np.ndarray | float = 0.0
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Link less motor (n,) [rad], torque between them (n,) [N m], and whether both are known.
+
+        Along the whole way, for the side on which teeth lie, and what friction holds wound up,
+        remembers the last turn. `more` is added to the load (n,) [N m].
+        """
+        visits, gear = self.visits, self.mechanism.gears.get(name)
+        mine = values.get(name, {})
+        half = 0.0 if gear is None else 0.5 * mine.get("gear_play", gear.play)
+        give = next((mine[one] for one in WOUND if one in mine), self._winds[name])
+        give = max(give, _STIFFEST)
+        dry = self._dry(name, values)[visits.path_near]
+        near = visits.path_near
+        external = np.einsum("mk,mk->m", self._pushed[name][near], visits.path_force)
+        column = visits.joints.index(name)
+        speed = visits.speed[near, column]
+        hold = (self._hold[name] + more)[near] - external
+        own = self._friction.get(name, JointFriction())
+        hold = hold + own.viscous * speed
+        motor = visits.path[:, column]
+        ratio = max(
+            mine.get("stiction", 1.0 + own.excess / own.coulomb if own.coulomb else 1.0), 1.0
+        )
+        low, high = (
+            motor + _twist(hold + dry, half, give, -1.0),
+            motor + _twist(hold - dry, half, give, 1.0),
+        )
+        first = motor + _twist(hold + ratio * dry, half, give, -1.0)
+        last = motor + _twist(hold - ratio * dry, half, give, 1.0)
+        halts = np.diff(visits.stopped[near].astype(int), prepend=0) > 0
+        angles, sure = _followed(low, high, first, last, halts)
+        twist = angles - motor
+        beyond = np.maximum(np.abs(twist) - half, 0.0)
+        torque = -np.sign(twist) * beyond / give
+        return visits_mean(visits, twist), visits_mean(visits, torque), visits_mean(visits, sure)
+
+    def _sides(self, theta: np.ndarray) -> np.ndarray:
+        values, _ = self._values(theta)
+        sure = np.all([np.ones(len(self.visits)), *(b.sure for b in self._bearings.values())], 0)
+        for name in self._winds:
+            sure &= self._wound(name, values)[2] > 1.0 - 1e-9
+            if name in self.mechanism.gears:
+                sure &= self._one_side(name, values)
+        return sure
+
+    def _one_side(self, name: str, values: Mapping[str, Mapping[str, float]]) -> np.ndarray:
+        """Visits at which it is known on which side the teeth of a gear lie, (n,).
+
+        Whatever the friction is, within a factor, and whether or not inertia and what a load may be
+        off count.
+        """
+        mine = dict(values.get(name, {}))
+        mine |= dict.fromkeys(WOUND, 0.0)
+        half = mine["gear_play"] = self.mechanism.gears[name].play or _STIFFEST
+        hold, twists = self._hold[name], []
+        whole = hold - np.einsum("nk,nk->n", self._pushed[name], self.visits.force)
+        off = _FAINTEST * np.abs(whole).max(initial=0.0) * np.ones(len(hold))
+        friction = mine.get("dry_friction", self._friction.get(name, JointFriction()).coulomb)
+        for more in (0.0 * off, off, -off, -self._inertia[name]):
+            for factor in (1.0, _DRY, 1.0 / _DRY):
+                for ratio in (1.0, _BREAKS):
+                    mine |= {"dry_friction": factor * friction, "stiction": ratio}
+                    twists.append(self._wound(name, {**values, name: mine}, more)[0])
+        return np.ptp(twists, axis=0) <= 0.02 * half
+
+
+def visits_mean(visits: Visits, values: np.ndarray) -> np.ndarray:
+    """Means over the points of the path that belong to each visit, shape (n,)."""
+    mine = visits.path_visit >= 0
+    at = visits.path_visit[mine]
+    count = np.bincount(at, minlength=len(visits))
+    total = np.bincount(at, np.asarray(values, float)[mine], minlength=len(visits))
+    return np.asarray(total / np.maximum(count, 1))
+
+
+@njit(cache=True, error_model="numpy")
+def _followed(
+    low: np.ndarray, high: np.ndarray, first: np.ndarray, last: np.ndarray, halts: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Angles of a link that friction holds, and whether they are known, each (n,).
+
+    Args:
+        low, high: between which it lies while it slides up or down, (n,) [rad].
+        first, last: beyond which it does not stick, (n,) [rad].
+        halts: where the machine comes to a stop, (n,): how it calms down decides what friction then
+            holds, until a push makes the link slide.
+    """
+    angles, sure = np.empty(len(low)), np.empty(len(low), np.bool_)
+    link, known, way = 0.5 * (low[0] + high[0]), False, 0
+    for i in range(len(low)):
+        known &= not halts[i]
+        if link <= (low[i] if way > 0 else first[i]):
+            link, known, way = low[i], True, 1
+        elif link >= (high[i] if way < 0 else last[i]):
+            link, known, way = high[i], True, -1
+        elif low[i] < link < high[i]:
+            way = 0
+        angles[i], sure[i] = link, known
+    return angles, sure
+
+
+def _twist(torque: np.ndarray, half: float, give: float, middle: float) -> np.ndarray:
+    """Link less motor while the teeth carry a torque; without one, the end `middle` of the play."""
+    side = np.where(torque > 0.0, -1.0, np.where(torque < 0.0, 1.0, middle))
+    return side * half - give * torque
+
+
+@dataclass(frozen=True)
+class _Statics:
+    """Of each joint at n visits, in bearing axes about its centre, z its axis."""
+
+    loads: dict[str, np.ndarray]
+    """Gravity and inertia, (n, 6) [N, N m]."""
+    inertia: dict[str, np.ndarray]
+    """The latter's part."""
+    levers: dict[str, np.ndarray]
+    """Displacement of the tool in world axes by one of the joint, (n, 3, 6)."""
+    tool: np.ndarray
+    """Rotation of the tool's axes, (n, 3, 3)."""
+
+
+def _statics(
+    mechanism: Mechanism, visits: Visits, q: np.ndarray, names: Mapping[str, None]
+) -> _Statics:
+    model, data = mechanism.model, mechanism.data
+    at = [mechanism.coordinate(name) for name in visits.joints]
+    loads = {name: np.zeros((len(q), 6)) for name in names}
+    still = {name: np.zeros((len(q), 6)) for name in names}
+    levers = {name: np.zeros((len(q), 3, 6)) for name in names}
+    tools = np.zeros((len(q), 3, 3))
+    carried = model.supports[model.frames[mechanism.tool_frame].parentJoint]
+    for i, row in enumerate(q):
+        v, a = np.zeros(model.nv), np.zeros(model.nv)
+        pin.computeJointJacobians(model, data, row)
+        tool = tool_place(mechanism, row)
+        tools[i] = tool.rotation
+        joints = {name: _place(mechanism, name) for name in names}
+        for table in (still, loads):
+            pin.rnea(model, data, row, v, a)
+            for name, (index, axes) in joints.items():
+                back = -axes.rotation.T @ data.oMi[index].rotation
+                wrench = data.f[index]
+                table[name][i, :3], table[name][i, 3:] = back @ wrench.linear, back @ wrench.angular
+            v[at], a[at] = visits.speed[i], visits.acceleration[i]
+        for name, (index, axes) in joints.items():
+            if index in carried:
+                levers[name][i, :, :3] = axes.rotation
+                arm = tool.translation - axes.translation
+                levers[name][i, :, 3:] = np.cross(axes.rotation.T, arm).T
+    inertia = {name: loads[name] - still[name] for name in names}
+    return _Statics(loads, inertia, levers, tools)
+
+
+def _place(mechanism: Mechanism, name: str) -> tuple[int, pin.SE3]:
+    """See `levers.place`; z along the motion of a joint that slides."""
+    entry = mechanism.description.joints.get(name)
+    if name in mechanism.clearance or entry is None or not entry.slides:
+        return place(mechanism, name)
+    data = mechanism.data
+    index = int(mechanism.model.getJointId(name))
+    column = pin.getJointJacobian(mechanism.model, data, index, pin.ReferenceFrame.WORLD)
+    axis = column.reshape(6, -1)[:3, mechanism.model.joints[index].idx_v]
+    return index, pin.SE3(z_to(axis), data.oMi[index].translation)
+
+
+def _bearing(
+    name: str,
+    joint: Clearance,
+    move: np.ndarray,
+    load: np.ndarray,
+    inertia: np.ndarray,
+    visits: Visits,
+) -> _Bearing:
+    hinge = joint.hinge
+    leaning = hinge if hinge is not None and hinge.leans else None
+    sure = _determined(joint, load, inertia)
+    if leaning is not None:
+        bend = np.column_stack([load[:, 4], -load[:, 3]]) / leaning.length
+        rims = [np.linalg.norm(load[:, :2] / 2.0 + side * bend, axis=1) for side in (1.0, -1.0)]
+        push = np.mean(rims, axis=0)
+        sure &= np.min(rims, axis=0) >= _LIGHT * np.max(rims, axis=0)
+    else:
+        push = np.linalg.norm(load[:, :2], axis=1) / 2.0
+    whole = 2.0 * push if leaning is None else push
+    speed = visits.speed[:, visits.joints.index(name)] if name in visits.joints else 0.0 * push
+    way = visits.direction[:, visits.joints.index(name)] if name in visits.joints else 0 * push
+    slides = np.where(visits.stopped, 0.0, _sliding_part(joint, speed) * np.sign(speed))
+    kept = np.where(visits.stopped, way, 0.0)
+    walls = hinge is not None and hinge.axial > 0.0
+    if walls and leaning is not None:
+        part = _against(load, push, leaning.length)
+        slides, kept = slides * part, kept * part
+    return _Bearing(joint, move, load, push, whole, slides, kept, walls, sure)
+
+
+def _determined(joint: Clearance, load: np.ndarray, inertia: np.ndarray) -> np.ndarray:
+    """Whether a load (n, 6), a part of it inertia, determines where the journal lies, (n,).
+
+    Friction holds a journal wherever the load falls short of it, and a load that is nearly balanced
+    says nothing of the side: along and across, all that inertia and friction may add (in a hinge:
+    along rims and walls, with the moments that they make) must not move rims by more than a part of
+    the clearance.
+    """
+    hinge, friction = joint.hinge, _FRICTION
+    across = np.linalg.norm(load[:, :2], axis=1)
+    pressed = across
+    faint = _FAINTEST * np.full(len(load), np.linalg.norm(load[:, :3], axis=1).max(initial=0.0))
+    every = np.eye(6)
+    added = [faint[:, None] * every[0], faint[:, None] * every[1], inertia]
+    arm = 0.0
+    if hinge is not None:
+        if hinge.leans:
+            arm = hinge.length / 2.0
+            bend = np.column_stack([load[:, 4], -load[:, 3]]) / hinge.length
+            rims = [load[:, :2] / 2.0 + side * bend for side in (1.0, -1.0)]
+            pressed = np.sum([np.linalg.norm(one, axis=1) for one in rims], axis=0)
+        if hinge.axial > 0.0:
+            added.append((friction * pressed)[:, None] * every[2])
+        if hinge.leans:
+            moment = friction * (pressed * hinge.radius + np.abs(load[:, 2]) * arm)
+            added += [moment[:, None] * every[3], moment[:, None] * every[4]]
+    sure = np.ones(len(load), bool)
+    play = joint.play(second_order=False)
+    here = play.support(load).point
+    for more in added:
+        for side in (1.0, -1.0):
+            off = play.support(load + side * more).point - here
+            lean = arm * np.linalg.norm(off[:, 3:5], axis=1)
+            off_by = np.hypot(np.linalg.norm(off[:, :2], axis=1), lean)
+            sure &= off_by <= _MOVED * joint.radial_room
+    return sure & (across + np.abs(load[:, 2]) > 0.0)
+
+
+def _against(load: np.ndarray, push: np.ndarray, length: float) -> np.ndarray:
+    """Part of the rims' turn that friction on an end wall leaves, (n,).
+
+    A leaning journal touches the wall opposite to where that end's rim touches the bore, so that
+    the wall's friction pushes the rim back: by |F_z| / push of the angle of friction, and the mean
+    of both rims by half of that. Where no moment leans the journal, nothing is known of it.
+    """
+    bend = np.linalg.norm(load[:, 3:5], axis=1) / length
+    whole = bend + np.linalg.norm(load[:, :2], axis=1) / 2.0
+    lean = np.divide(bend, whole, out=np.zeros_like(bend), where=whole > 0.0)
+    wall = np.divide(np.abs(load[:, 2]), push, out=np.zeros_like(push), where=push > 0.0)
+    return np.asarray(np.clip(1.0 - 0.5 * lean * wall, 0.0, 1.0))
+
+
+def _sliding_part(joint: Clearance, speed: np.ndarray) -> np.ndarray:
+    """Part of the full friction that the law has at these joint speeds [rad/s], (n,)."""
+    law, hinge = joint.friction, joint.hinge
+    full = getattr(law, "mu_d", 0.0)
+    if not full or law.bristles or hinge is None:
+        return np.ones(len(speed))
+    function, numbers = type(law).function, law.parameters()
+    parts = [function(float(v), *numbers) / full for v in np.abs(speed) * hinge.radius]
+    return np.clip(parts, 0.0, 1.0)
+
+
+def _depths(joint: Clearance, force: np.ndarray) -> np.ndarray:
+    """How far a radial contact gives way to forces [N], shape (n,) [m]."""
+    return np.asarray(np.interp(force, *_springs(joint)))
+
+
+@lru_cache(maxsize=256)
+def _springs(joint: Clearance) -> tuple[np.ndarray, np.ndarray]:
+    """Forces [N] and depths [m] of a radial contact."""
+    parameters = joint.normal.parameters(joint.contact_properties(0))
+    depths = np.geomspace(1e-10, joint.depth_limit, 600)
+    forces = np.gradient(elastic_energy(joint.normal, parameters, depths), depths)
+    return np.maximum.accumulate(forces), depths

@@ -1,0 +1,297 @@
+"""What is sought: clearances, friction, the play of gears, each with its place in the mechanism.
+
+Every machine is elastic, and elasticity looks like play to whoever pushes with one force only. So
+the compliances of each joint (about and along its axis, across it, in tilt), of each gear and of
+the structure at the tool are unknown, too, unless they are given.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
+
+from jointplay.core.errors import JointplayError, MissingName
+from jointplay.joints import Clearance
+from jointplay.joints.play import JournalPlay
+from jointplay.loads.drive import JointFriction
+from jointplay.mechanism.mechanism import Mechanism
+
+SCALES = {
+    "m": (1e6, "um"),
+    "rad": (1e3, "mrad"),
+    "N*m": (1.0, "N m"),
+    "N": (1.0, "N"),
+    "rad/(N*m)": (1e6, "urad/(N m)"),
+    "m/N": (1e6, "um/N"),
+}
+"""Factor and unit in which values are printed."""
+ALSO = ("friction",)
+"""What of gears is identified only if asked for."""
+WAYS = {
+    "torsional": "rad/(N*m)",
+    "link": "rad/(N*m)",
+    "tilt": "rad/(N*m)",
+    "radial": "m/N",
+    "axial": "m/N",
+}
+"""In which a joint gives way, and the unit of that compliance: about its axis; its link about that
+axis, where friction at the joint holds none of it (a joint that does not wind up has one of both);
+about the axes across; across; along."""
+TOOL, ALL = "tool", "all"
+"""Names of the structure's compliance at the tool, and of everything's."""
+WOUND = ("gear_compliance", "torsional_compliance")
+"""Names of the unknown by which the torque that a joint transmits turns its link."""
+_LARGEST = 1e-3
+"""Clearance beyond which no bearing is one, unless the scenario says otherwise [m]."""
+_LEAST = 1e-9
+"""Clearances below it are none [m]."""
+_SOFTEST = 100.0
+"""Largest compliance of a gear or of a joint that winds up, by the expected one."""
+LINK = 1e-4
+"""Deviation of the bending of links from none where a joint winds up, unless the gear is expected
+to give way by more [rad/(N m)]: with any number one could make up for the other."""
+_TORSION = 1e-5
+"""Torsional compliance from which one that nobody knows is sought [rad/(N m)]."""
+_STICKS = 3.0
+"""Largest static friction by the dynamic one."""
+_TORQUE_N_M = 0.1
+"""Scale of a friction of which the scenario says nothing."""
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One unknown."""
+
+    joint: str
+    """Whose it is; empty for one of all joints."""
+    name: str
+    """``radial_clearance``, ``friction``, ``play`` and so on."""
+    unit: str
+    """SI; empty for a pure number."""
+    nominal: float
+    """Of the scenario."""
+    scale: float
+    """Size that matters; steps and thresholds are relative to it."""
+    most: float
+    """Largest value that can be."""
+    sought: bool = True
+    """Not if it is estimated only because it must be."""
+    spread: float = math.inf
+    """Standard deviation with which the nominal value was given; infinite: not given."""
+
+    @property
+    def label(self) -> str:
+        """As tables have it."""
+        words = self.name.replace("_", " ")
+        return f"{self.joint} {words}" if self.joint else words
+
+    def shown(self, value: float) -> str:
+        """A value in the unit of tables."""
+        factor, unit = SCALES.get(self.unit, (1.0, self.unit))
+        return f"{factor * value:.4g} {unit}".rstrip()
+
+
+@dataclass(frozen=True)
+class Compliance:
+    """What is known of one, before the measurement."""
+
+    value: float
+    """[rad/(N m) or m/N]."""
+    spread: float
+    """Its standard deviation: infinite if nothing is known, zero if it is exact."""
+
+
+UNKNOWN = Compliance(0.0, math.inf)
+Given = Mapping[str, float | tuple[float, float]]
+"""Stiffness by label [N m/rad or N/m], with its relative standard deviation if it is not exact."""
+
+
+def labels(mechanism: Mechanism) -> list[str]:
+    """Of all stiffnesses that can be given: ``elbow torsional``, ``elbow``, ``tool``, ``all``."""
+    joints = list(dict.fromkeys([*mechanism.joints, *mechanism.clearance]))
+    return [f"{name} {way}" for name in joints for way in WAYS] + [*joints, TOOL, ALL]
+
+
+def compliances(mechanism: Mechanism, given: Given) -> dict[str, Compliance]:
+    """What stiffnesses that are given say of compliances, by label.
+
+    Args:
+        mechanism: whose.
+        given: an infinite one is rigid. That of a joint without a way is its torsional one (of the
+            gear, where it has one); where it is infinite, the joint is rigid in all ways. ``all``
+            can be infinite only: everything is rigid of which nothing else is said, but gears.
+
+    Raises:
+        MissingName: no such label.
+        JointplayError: a stiffness or a deviation that cannot be.
+    """
+    known: dict[str, Compliance] = {}
+    for name in mechanism.joints:
+        gear = mechanism.gears.get(name)
+        spread = LINK if gear is None else max(LINK, 1.0 / gear.stiffness)
+        known[f"{name} link"] = Compliance(0.0, spread)
+    for label in sorted(given, key=lambda one: (one != ALL, " " in one)):
+        entry = given[label]
+        stiffness, part = entry if isinstance(entry, tuple) else (entry, 0.0)
+        if label not in labels(mechanism):
+            raise MissingName("stiffness", label, labels(mechanism))
+        if not stiffness > 0.0 or not 0.0 <= part < math.inf:
+            raise JointplayError(
+                f"stiffness of {label!r} must be positive, its relative deviation not negative, "
+                f"got {stiffness!r} and {part!r}"
+            )
+        one = Compliance(1.0 / stiffness, part / stiffness)
+        rigid = math.isinf(stiffness)
+        if label == ALL:
+            if not rigid:
+                raise JointplayError(
+                    f"stiffness of 'all' can only be inf (rigid), got {stiffness!r}"
+                )
+            geared = [f"{name} torsional" for name in mechanism.gears]
+            known |= {name: one for name in labels(mechanism) if name not in geared}
+        elif " " in label or label == TOOL:
+            known[label] = one
+        else:
+            known |= {f"{label} {way}": one for way in (WAYS if rigid else ("torsional",))}
+    return known
+
+
+def friction_of(joint: Clearance) -> float | None:
+    """Friction coefficient of a journal's law; None where it has none that could be told."""
+    value = joint.friction.coefficients.get("mu_d")
+    known = isinstance(joint.play(False), JournalPlay)
+    return None if value is None or not known else float(value)
+
+
+def with_clearance(joint: Clearance, values: Mapping[str, float]) -> Clearance:
+    """The joint with other clearances [m] or another ``friction``; a static one keeps its ratio."""
+    sizes = {name: max(value, _LEAST) for name, value in values.items() if name != "friction"}
+    changed = joint.with_clearances(sizes)
+    if "friction" in values:
+        known, asked = joint.friction.coefficients, values["friction"]
+        law = joint.friction.scaled(asked / known["mu_d"]) if known["mu_d"] > 0.0 else None
+        rough: dict[str, float] = dict.fromkeys(known, asked)
+        changed = replace(changed, friction=law or replace(joint.friction, **rough))
+    return changed
+
+
+def unknowns(
+    mechanism: Mechanism,
+    friction: Mapping[str, JointFriction],
+    torques: Collection[str],
+    stops: bool,
+    also: Collection[str] = (),
+    known: Collection[str] = (),
+    stiffness: Mapping[str, Compliance] | None = None,
+) -> tuple[Parameter, ...]:
+    """All unknowns of a mechanism, but compliances that move the tool in proportion to loads.
+
+    Whether a joint has friction is asked of those only that have some in the scenario.
+
+    Args:
+        mechanism: its joints with clearance and gears with play.
+        friction: of the joints besides their bearings'.
+        torques: joints whose torque is measured: their friction is sought.
+        stops: whether there are stops, at which an unknown part of the friction stays.
+        also: of `ALSO`: dry friction behind all gears.
+        known: labels or names of unknowns that are taken from the scenario.
+        stiffness: what is known of compliances, see `compliances`.
+
+    Raises:
+        JointplayError: nothing is sought; a name in `also` or `known` that there is not.
+    """
+    if not mechanism.clearance and not mechanism.gears:
+        raise JointplayError(
+            "nothing has play: give joints with clearance, or gears with play; joints: "
+            + ", ".join(mechanism.joints)
+        )
+    given = stiffness or {}
+    parameters = []
+    rubs = False
+    for joint, bearing in mechanism.clearance.items():
+        for name, value in bearing.clearances.items():
+            most = max(_LARGEST, 10.0 * value)
+            parameters.append(Parameter(joint, name, "m", value, value, most))
+        coefficient = friction_of(bearing)
+        if coefficient:
+            rubs = True
+            parameters.append(Parameter(joint, "friction", "", coefficient, coefficient, 2.0))
+    for joint, gear in mechanism.gears.items():
+        parameters.append(Parameter(joint, "gear_play", "rad", gear.play, gear.play or 1e-3, 1.0))
+        one = given.get(f"{joint} torsional", UNKNOWN)
+        if one.spread > 0.0:
+            stated = not math.isinf(one.spread)
+            value = one.value if stated else 1.0 / gear.stiffness
+            parameters.append(
+                Parameter(
+                    joint, "gear_compliance", "rad/(N*m)", value, value, _SOFTEST * value,
+                    spread=one.spread,
+                )
+            )  # fmt: skip
+    dry = [name for name, one in friction.items() if one.coulomb > 0.0]
+    wound = [joint for joint in winds(mechanism, friction, given) if joint not in mechanism.gears]
+    for joint in wound:
+        one = given.get(f"{joint} torsional", UNKNOWN)
+        value = one.value or _TORSION
+        parameters.append(
+            Parameter(
+                joint, "torsional_compliance", "rad/(N*m)", value, value, _SOFTEST * value,
+                spread=one.spread,
+            )
+        )  # fmt: skip
+    behind = mechanism.gears if "friction" in also else [j for j in mechanism.gears if j in dry]
+    for joint in dict.fromkeys([*torques, *behind, *wound]):
+        value = friction[joint].coulomb if joint in friction else 0.0
+        slides = mechanism.description.joints[joint].slides
+        unit = "N" if slides else "N*m"
+        parameters.append(Parameter(joint, "dry_friction", unit, value, value or _TORQUE_N_M, 1e6))
+        if joint in behind or joint in wound:
+            ratio = 1.0 + friction[joint].excess / value if value else 1.0
+            parameters.append(Parameter(joint, "stiction", "", ratio, 1.0, _STICKS, sought=False))
+    if stops and rubs:
+        parameters.append(Parameter("", "friction_kept_at_stops", "", 0.5, 0.5, 1.0, sought=False))
+    _check(also, known, parameters)
+    kept = tuple(one for one in parameters if not {one.label, one.name} & set(known))
+    if not any(one.sought for one in kept):
+        raise JointplayError("everything is said to be known: nothing is left to identify")
+    return kept
+
+
+def winds(
+    mechanism: Mechanism,
+    friction: Mapping[str, JointFriction],
+    given: Mapping[str, Compliance],
+) -> tuple[str, ...]:
+    """Joints whose link lags behind the motor by what its torque and dry friction wind up.
+
+    Those with gears, and all others that turn, are not rigid about their axis and have dry friction
+    that holds the link where it is: the lag depends on the way there.
+    """
+    entries = mechanism.description.joints
+    return tuple(
+        joint
+        for joint in dict.fromkeys([*mechanism.gears, *mechanism.joints])
+        if joint in mechanism.gears
+        or (
+            joint in friction
+            and friction[joint].coulomb > 0.0
+            and joint in entries
+            and not entries[joint].slides
+            and given.get(f"{joint} torsional", UNKNOWN) != Compliance(0.0, 0.0)
+        )
+    )
+
+
+def _check(
+    also: Collection[str], known: Collection[str], parameters: Collection[Parameter]
+) -> None:
+    for word in also:
+        if word not in ALSO:
+            raise MissingName("unknown to identify besides", word, ALSO)
+    names = {one.label for one in parameters} | {one.name for one in parameters}
+    for word in known:
+        if word not in names:
+            raise JointplayError(
+                f"no unknown {word!r}; there are: {', '.join(one.label for one in parameters)}"
+            )

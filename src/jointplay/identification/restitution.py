@@ -1,0 +1,853 @@
+"""Restitution: by flights where a journal bounces freely, by simulated impacts elsewhere."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.ndimage import median_filter
+from scipy.optimize import brentq
+from scipy.signal import find_peaks
+from scipy.stats import bootstrap, qmc
+from scipy.stats import t as student
+from tqdm import tqdm
+
+from jointplay.analysis.runs import run_to_the_end
+from jointplay.core import processes
+from jointplay.core.errors import JointplayError
+from jointplay.identification.fit import CONFIDENCE
+from jointplay.identification.measurement import Measurement
+from jointplay.identification.parameters import friction_of, with_clearance
+from jointplay.joints import Clearance
+from jointplay.mechanism.mechanism import Mechanism
+from jointplay.result.result import Result
+from jointplay.simulation.simulation import Simulation
+
+# Impacts in records: when they are, how hard, and numbers that say what a whole measurement has.
+#
+# An accelerometer shows an impact as a spike of few records, a force between bearing and journal
+# as a pulse out of nothing. Neither needs to be calibrated: only times and ratios count.
+
+
+IMPACT_KINDS = ("acceleration", "reaction")
+"""Signals that show impacts."""
+_ABOVE = 10.0
+"""Standard deviations of the records above which there is an impact."""
+_PART = 0.005
+"""Part of the largest impact's that an impact must reach."""
+WINDOW = 31
+"""Records whose median a spike stands out of."""
+_APART = 3
+"""Records between two impacts."""
+_REACH = 2
+"""Records to either side that belong to an impact."""
+_STRETCH, _CALM = 64, 0.35
+"""Records of a stretch, and the part of them that is calm for sure."""
+_LOW = 0.945
+"""That quantile of the medians of stretches of pure noise, relative to their mean."""
+_DROWNED = 5.0
+"""Standard deviations of the records below which the statistics see nothing."""
+_NORMAL = 0.6745
+"""Median of |x| for normal x of standard deviation one."""
+BINS = 5
+"""Parts of a measurement whose activity is told each by itself."""
+
+
+@dataclass(frozen=True)
+class Channel:
+    """A signal in which impacts show."""
+
+    joint: str
+    """Whose impacts; empty for an accelerometer, which feels all."""
+    time: np.ndarray
+    """Shape (n,) [s]."""
+    size: np.ndarray
+    """By how much records stand out, at least zero, shape (n,) [m/s^2 or N]."""
+    noise: float
+    """Standard deviation of `size` where nothing hits."""
+
+    @property
+    def interval(self) -> float:
+        """Between records [s]."""
+        return float(np.median(np.diff(self.time)))
+
+
+@dataclass(frozen=True)
+class ImpactTimes:
+    """n impacts in a channel."""
+
+    time: np.ndarray
+    """Centres, shape (n,) [s]."""
+    impulse: np.ndarray
+    """Sum over the records of each, in the channel's unit, shape (n,)."""
+    peak: np.ndarray
+    """Largest record of each, shape (n,)."""
+
+    def __len__(self) -> int:
+        """How many there are."""
+        return len(self.time)
+
+
+def channels(measured: Measurement) -> tuple[Channel, ...]:
+    """The accelerometer as one channel, and each force between bearing and journal."""
+    made = []
+    axes = measured.has("acceleration")
+    if axes:
+        table = np.column_stack([measured.signals["acceleration", axis] for axis in axes])
+        made.append(_channel("", measured, table, spiky=True))
+    for joint in measured.has("reaction"):
+        table = measured.signals["reaction", joint][:, None]
+        made.append(_channel(joint, measured, table, spiky=False))
+    return tuple(one for one in made if one is not None)
+
+
+def _channel(joint: str, measured: Measurement, table: np.ndarray, spiky: bool) -> Channel | None:
+    good = np.isfinite(table).all(axis=1)
+    time, table = measured.time[good], table[good]
+    if len(time) <= WINDOW:
+        return None
+    given = measured.noise.get("reaction" if joint else "acceleration")
+    noise = record_noise(table) if given is None else given
+    if spiky:
+        table = table - median_filter(table, size=(WINDOW, 1), mode="nearest")
+    size = np.linalg.norm(table, axis=1)
+    return Channel(joint, time, size, max(float(noise), 1e-9 * float(size.max(initial=1.0))))
+
+
+def record_noise(table: np.ndarray) -> float:
+    """Standard deviation of a record of signals (n, axes), by their calmest stretches.
+
+    Third differences take out what changes smoothly; impacts and ringing are elsewhere.
+    """
+    bends = np.abs(np.diff(table, 3, axis=0)) / np.sqrt(20.0)
+    if len(bends) < _STRETCH:
+        return float(np.median(bends, axis=0).max(initial=0.0) / _NORMAL) if len(bends) else 0.0
+    count = len(bends) // _STRETCH
+    medians = np.median(bends[: count * _STRETCH].reshape(count, _STRETCH, -1), axis=1)
+    return float(np.quantile(medians, _CALM, axis=0).max() / _NORMAL / _LOW)
+
+
+def impacts(channel: Channel) -> ImpactTimes:
+    """Impacts in a channel, in order."""
+    size = channel.size
+    limit = max(_ABOVE * channel.noise, _PART * float(size.max(initial=0.0)))
+    framed = np.concatenate([[0.0], size, [0.0]])
+    at, _ = find_peaks(framed, height=limit, prominence=limit, distance=_APART)
+    at = at - 1
+    times, impulses = np.zeros(len(at)), np.zeros(len(at))
+    for k, i in enumerate(at):
+        near = slice(max(i - _REACH, 0), i + _REACH + 1)
+        weight = size[near]
+        times[k] = np.average(channel.time[near], weights=weight)
+        impulses[k] = weight.sum()
+    return ImpactTimes(times, impulses, size[at])
+
+
+def summary(channel: Channel) -> dict[str, float]:
+    """Statistics of a measurement's impacts, by name; nan where there are too few.
+
+    How strong the activity is (RMS and quantiles of the records, whole and in parts of the time),
+    how many impacts, how far apart, and how the intervals between them shrink. Logarithms, so that
+    their scatter is about normal.
+    """
+    size = np.hypot(channel.size, _DROWNED * channel.noise)
+    found = impacts(channel)
+    numbers = {"RMS": _log_rms(size)}
+    for share in (50, 90, 99):
+        numbers[f"{share} % quantile"] = float(np.log(np.percentile(size, share)))
+    for number, part in enumerate(np.array_split(size, BINS), 1):
+        numbers[f"RMS in part {number} of {BINS}"] = _log_rms(part)
+    numbers["number of impacts"] = float(np.log1p(len(found)))
+    gaps = np.diff(found.time)
+    numbers["intervals, mean"] = float(np.log(gaps).mean()) if len(gaps) else np.nan
+    numbers["intervals, spread"] = float(np.log(gaps).std()) if len(gaps) > 1 else np.nan
+    ratios = gaps[1:] / gaps[:-1]
+    shrinking = ratios[ratios < 1.0]
+    numbers["ratio of intervals"] = float(np.log(shrinking).mean()) if len(shrinking) else np.nan
+    return numbers
+
+
+def _log_rms(size: np.ndarray) -> float:
+    return float(0.5 * np.log(np.mean(size**2)))
+
+
+# Restitution from flights: those of a bouncing journal grow shorter by it.
+#
+# Under a constant load the flight after an impact that leaves with the speed v lasts 2 v / a, and
+# the next begins with e v: the intervals between impacts are a geometric series with the ratio e,
+# whatever mass and load are (A. D. Bernstein, American Journal of Physics 45 (1977) 41-44, for
+# balls), and so are the impacts' impulses. Where both do not agree the load was not constant, or
+# several places hit in turn, and nothing is told.
+
+
+FEWEST_RATIOS = 4
+"""Ratios of successive flights from which on restitution is stated."""
+SHORTEST = 6.0
+"""Records that a flight must last."""
+_STEADY = 0.15
+"""Largest change of the ratio from flight to flight within a sequence."""
+_GROWN = 1.3
+"""Times the impulse before that one of the same sequence has at most, for noise."""
+_LEAST_FLIGHTS = 3
+_SCATTER = 0.2
+"""Largest standard deviation of the ratios' logarithms."""
+_LEAST_SHARE = 0.5
+"""Part of the impacts that must belong to sequences that die away steadily."""
+_AGREE = 0.1
+"""By how much the ratio of impulses may differ from that of flights, besides their scatter."""
+_MODEL = 0.02
+"""Part of the value by which the load of flights in a machine is not constant."""
+_RESAMPLES = 999
+
+
+@dataclass(frozen=True)
+class Told:
+    """A restitution by flights, or why it cannot be told."""
+
+    value: float
+    half_width: float
+    """Of the 95 % interval."""
+    ratios: int
+    """Of successive flights, which it is the mean of."""
+    reason: str
+    """Empty if it is told."""
+
+
+@dataclass(frozen=True)
+class Sequence:
+    """Impacts that die away steadily."""
+
+    flights: np.ndarray
+    """Intervals between them, shape (n,) [s]."""
+    impulses: np.ndarray
+    """Of the impacts, shape (n + 1,)."""
+
+
+def flights(channel: Channel) -> Told:
+    """Restitution by the impacts of one joint in a channel."""
+    found = impacts(channel)
+    rate = 1.0 / channel.interval
+    if not len(found):
+        return _ratio_unknown(
+            0,
+            f"no impact stands out of the noise ({channel.noise:.2g} a record); let the load turn "
+            "round suddenly, or take a quieter sensor",
+        )
+    made = sequences(found, channel.interval)
+    ratios = np.array([np.log(one.flights[1:] / one.flights[:-1]) for one in made], object)
+    logarithms = np.concatenate([*ratios, np.zeros(0)]).astype(float)
+    number = len(logarithms)
+    if number < FEWEST_RATIOS:
+        return _ratio_unknown(number, _too_few(found, number, rate))
+    inside = sum(len(one.impulses) for one in made)
+    if inside < _LEAST_SHARE * len(found):
+        return _ratio_unknown(
+            number,
+            f"only {inside} of {len(found)} impacts are bounces that die away steadily: several "
+            "places hit in turn, or the load changes; --restitution compares with simulations",
+        )
+    scatter = float(logarithms.std(ddof=1))
+    if scatter > _SCATTER:
+        return _ratio_unknown(
+            number,
+            f"ratios of successive flights scatter by {100 * scatter:.0f} %: several "
+            "places hit in turn, or the load changes; --restitution compares with simulations",
+        )
+    middle, half = _mean([np.asarray(one, float) for one in ratios])
+    half = float(np.hypot(half, _timing(made, channel.interval)))
+    impulse, other = _mean([np.log(one.impulses[1:] / one.impulses[:-1]) for one in made])
+    value = float(np.exp(middle))
+    if abs(impulse - middle) > np.hypot(half, other) + np.log1p(_AGREE):
+        return _ratio_unknown(
+            number,
+            f"flights grow shorter by {value:.3g}, impulses smaller by {np.exp(impulse):.3g}: the "
+            "load is not constant while the journal flies; --restitution compares with simulations",
+        )
+    if value >= 1.0:
+        return _ratio_unknown(number, "impacts do not die away")
+    return Told(value, value * float(np.hypot(half, _MODEL)), number, "")
+
+
+def _ratio_unknown(number: int, reason: str) -> Told:
+    return Told(np.nan, np.inf, number, reason)
+
+
+def _too_few(found: ImpactTimes, number: int, rate: float) -> str:
+    gaps = np.diff(found.time)
+    short = f"{len(found)} impacts give {number} ratios of successive flights, {FEWEST_RATIOS} are "
+    short += "needed; "
+    if len(gaps) and np.median(gaps) * rate < 2.0 * SHORTEST:
+        faster = 4.0 * SHORTEST / float(np.median(gaps))
+        return short + f"at {rate:.4g} records a second flights are not resolved: {faster:.2g} may"
+    return short + "let the load turn round more often"
+
+
+def _mean(groups: list[np.ndarray]) -> tuple[float, float]:
+    """Mean of logarithms by sequence, and half of its 95 % interval.
+
+    The wider of Student's over all and the bootstrap (BCa) over sequences: flights of one sequence
+    share impacts.
+    """
+    every = np.concatenate(groups)
+    middle = float(every.mean())
+    error = float(every.std(ddof=1)) / np.sqrt(len(every))
+    half = error * float(student.ppf(0.5 + CONFIDENCE / 2.0, len(every) - 1))
+    sums = np.array([group.sum() for group in groups])
+    counts = np.array([float(len(group)) for group in groups])
+    if len(groups) >= FEWEST_RATIOS and np.ptp(sums / counts) > 0.0:
+        interval = bootstrap(
+            (sums, counts),
+            lambda total, number, axis=-1: total.sum(axis=axis) / number.sum(axis=axis),
+            paired=True,
+            n_resamples=_RESAMPLES,
+            confidence_level=CONFIDENCE,
+            rng=np.random.default_rng(0),
+        ).confidence_interval
+        ends = np.array([interval.low, interval.high])
+        if np.isfinite(ends).all():
+            half = max(half, float(np.abs(ends - middle).max()))
+    return middle, half
+
+
+def _timing(made: list[Sequence], interval: float) -> float:
+    """Half of the 95 % interval of the mean logarithm by the times' own error.
+
+    Impacts are timed to an interval's uniform share; of a sequence only its ends count.
+    """
+    error = interval / np.sqrt(12.0)
+    steps = sum(len(one.flights) - 1 for one in made)
+    square = sum((error / one.flights[0]) ** 2 + (error / one.flights[-1]) ** 2 for one in made)
+    return float(1.96 * np.sqrt(2.0 * square) / steps)
+
+
+def sequences(found: ImpactTimes, interval: float) -> list[Sequence]:
+    """Each sequence of impacts that dies away steadily, `interval` [s] being between records."""
+    gaps, impulses = np.diff(found.time), found.impulse
+    made: list[Sequence] = []
+    first = 0
+    while first < len(gaps):
+        last = first + 1
+        while last < len(gaps) and _goes_on(
+            gaps[first : last + 1], impulses[first : last + 2], interval
+        ):
+            last += 1
+        if last - first >= _LEAST_FLIGHTS:
+            made.append(Sequence(gaps[first:last], impulses[first : last + 1]))
+            first = last
+        else:
+            first += 1
+    return made
+
+
+def _goes_on(gaps: np.ndarray, impulses: np.ndarray, interval: float) -> bool:
+    """Whether the last of the intervals (at least two) goes on as those before."""
+    if gaps[-1] < SHORTEST * interval or not gaps[-1] < gaps[-2]:
+        return False
+    if (impulses[1:] > _GROWN * impulses[:-1]).any():
+        return False  # a new drop
+    return len(gaps) < 3 or bool(abs(gaps[-1] / gaps[-2] - gaps[-2] / gaps[-3]) <= _STEADY)
+
+
+# The instruments that felt impacts, to look at simulated runs as they looked at the machine.
+
+
+_FINER = 2.0
+"""Records of a run for each of the measurement."""
+_LEAST = 0.05
+"""Part of a value below which it is not drawn."""
+
+
+@dataclass(frozen=True)
+class Instruments:
+    """What showed impacts, how often and how well."""
+
+    begin: float
+    """Of the measurement [s]."""
+    end: float
+    rate: float
+    """Records a second [Hz]."""
+    noise: Mapping[str, float]
+    """Standard deviation of a record by kind of signal [SI]."""
+    joints: tuple[str, ...]
+    """Of the channels; empty text for the accelerometer."""
+    axes: tuple[str, ...]
+    """Of the accelerometer."""
+
+    @classmethod
+    def of(cls, measured: Measurement) -> Instruments:
+        """Those of a measurement.
+
+        Raises:
+            JointplayError: it has no signal that shows impacts.
+        """
+        seen = channels(measured)
+        if not seen:
+            raise JointplayError(
+                f"{measured.source}: no impacts show: acceleration x (y, z) or JOINT reaction is "
+                "needed"
+            )
+        noise: dict[str, float] = {}
+        for one in seen:
+            kind = "reaction" if one.joint else "acceleration"
+            noise[kind] = max(one.noise, noise.get(kind, 0.0))
+        time = measured.time
+        return cls(
+            float(time[0]),
+            float(time[-1]),
+            1.0 / float(np.median(np.diff(time))),
+            noise,
+            tuple(one.joint for one in seen),
+            tuple(measured.has("acceleration")),
+        )
+
+    def settings(self, simulation: Simulation) -> Simulation:
+        """The simulation, as long as the measurement and recorded as finely.
+
+        Raises:
+            JointplayError: it has neither motion nor duration.
+        """
+        if simulation.motion is None and simulation.duration is None:
+            raise JointplayError("the scenario needs the motion that was measured, or a duration")
+        every = max(int(1.0 / (_FINER * self.rate * simulation.step)), 1)
+        return replace(simulation, duration=self.end, record_every=every)
+
+    def look(self, result: Result) -> Measurement:
+        """What they see of a run, noise of its own included."""
+        kinds = tuple(self.noise)
+        seed = result.simulation.seed or 0
+        seen = Measurement.from_result(
+            result, rate=self.rate, noise=self.noise, kinds=kinds, seed=seed, delay=self.begin
+        )
+        wanted = {("acceleration", axis) for axis in self.axes}
+        wanted |= {("reaction", joint) for joint in self.joints}
+        signals = {key: values for key, values in seen.signals.items() if key in wanted}
+        return replace(seen, signals=signals, noise=dict(self.noise))
+
+    def statistics(self, measured: Measurement) -> dict[str, float]:
+        """Statistics of all channels, by name."""
+        seen = replace(measured, noise={**measured.noise, **self.noise})
+        return {
+            f"{name} of {one.joint + ' reaction' if one.joint else 'the acceleration'}": value
+            for one in channels(seen)
+            for name, value in summary(one).items()
+        }
+
+    def hits(self, measured: Measurement) -> int:
+        """Impacts in the channel that has most."""
+        return max(len(impacts(one)) for one in channels(measured))
+
+
+def run(simulation: Simulation) -> Result:
+    """A run of which nothing but what instruments see counts.
+
+    Raises:
+        JointplayError: it fails.
+    """
+    return run_to_the_end(simulation, "a run to compare with the measurement")
+
+
+def sampled_joint(
+    joint: Clearance, spread: Mapping[str, float], random: np.random.Generator
+) -> Clearance:
+    """The joint with clearances and friction as they may be, by their standard deviations."""
+    now = {**joint.clearances, "friction": friction_of(joint) or 0.0}
+    changed = {
+        name: max(now[name] + one * random.standard_normal(), _LEAST * now[name])
+        for name, one in spread.items()
+        if name in now
+    }
+    return with_clearance(joint, changed) if changed else joint
+
+
+# Values of which simulations have the same statistics as a measurement.
+#
+# Runs of a machine with impacts part after a few of them, so that their traces cannot be
+# compared; their statistics can. S. N. Wood, Statistical inference for noisy nonlinear ecological
+# dynamic systems, Nature 466 (2010) 1102-1104: statistics s of runs with the values theta are
+# taken as normal about a mean mu(theta), here a quadratic, with one covariance; theta is where
+# the measured ones are most likely. How well that works is tried on the runs themselves, each in
+# turn left out and played the measurement: the errors make the interval.
+
+
+_GRID = 2048
+"""Values that are tried, over the range."""
+_SHRINK = 0.1
+"""Part of the covariance that is taken as diagonal, at least; more with few runs."""
+_STRANGE = 2.0
+"""Times the runs' own largest distance from which on a measurement is like none of them."""
+_LEAST_SPREAD = 0.02
+"""Scatter below which statistics (logarithms) are not taken to be known."""
+
+
+@dataclass(frozen=True)
+class LikelihoodEstimate:
+    """p values by statistics of runs."""
+
+    value: np.ndarray
+    """Shape (p,)."""
+    half_width: np.ndarray
+    """Of the 95 % intervals, shape (p,)."""
+    distance: float
+    """Of the measured statistics from their means, relative to the largest of the runs' own."""
+    oddest: int
+    """The statistic that is farthest off."""
+
+    @property
+    def strange(self) -> bool:
+        """Whether no value explains what was measured."""
+        return self.distance > _STRANGE
+
+
+def estimate(
+    values: np.ndarray, statistics: np.ndarray, seen: np.ndarray, low: np.ndarray, high: np.ndarray
+) -> LikelihoodEstimate:
+    """The values whose runs have the statistics that were seen.
+
+    Args:
+        values: of n runs, shape (n, p).
+        statistics: of the runs, finite, shape (n, d).
+        seen: the measured ones, shape (d,).
+        low: least values that can be, shape (p,).
+        high: largest values, shape (p,).
+    """
+    grid = _grid(low, high)
+    best, distance, odd = _likeliest(values, statistics, seen, grid)
+    errors, distances = np.zeros(values.shape), np.zeros(len(values))
+    for i in range(len(values)):
+        others = np.arange(len(values)) != i
+        found, distances[i], _ = _likeliest(values[others], statistics[others], statistics[i], grid)
+        errors[i] = found - values[i]
+    away = np.linalg.norm((values - best) / np.maximum(high - low, 1e-12), axis=1)
+    near = np.argsort(away)[: max(len(values) // 2, 1)]
+    spread = np.sqrt(np.maximum(np.mean(errors**2, axis=0), np.mean(errors[near] ** 2, axis=0)))
+    freedom = max(len(values) - _terms(values.shape[1]), 1)
+    half = spread * float(student.ppf(0.5 + CONFIDENCE / 2.0, freedom))
+    limit = max(float(distances.max()), 1.0)
+    return LikelihoodEstimate(best, half, distance / limit, odd)
+
+
+def design(count: int, low: np.ndarray, high: np.ndarray, seed: int) -> np.ndarray:
+    """Values for so many runs, spread evenly, shape (count, p)."""
+    spread = qmc.LatinHypercube(len(low), rng=seed).random(count)
+    return np.asarray(low + spread * (high - low))
+
+
+def runs_needed(p: int) -> int:
+    """Fewest runs of which p values can be told at all."""
+    return 2 * _terms(p) + 4
+
+
+def _terms(p: int) -> int:
+    return 1 + p + p * (p + 1) // 2
+
+
+def _grid(low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    if len(low) == 1:
+        return np.linspace(low[0], high[0], 401)[:, None]
+    return np.asarray(low + qmc.Sobol(len(low), rng=0).random(_GRID) * (high - low))
+
+
+def _basis(values: np.ndarray, centre: np.ndarray, width: np.ndarray) -> np.ndarray:
+    """Terms of the quadratic, shape (n, terms)."""
+    x = (values - centre) / width
+    columns = [np.ones(len(x)), *x.T]
+    columns += [x[:, i] * x[:, k] for i in range(x.shape[1]) for k in range(i + 1)]
+    return np.column_stack(columns)
+
+
+def _likeliest(
+    values: np.ndarray, statistics: np.ndarray, seen: np.ndarray, grid: np.ndarray
+) -> tuple[np.ndarray, float, int]:
+    """The best of the grid, its distance (mean square by statistic), the statistic farthest off."""
+    centre, width = values.mean(axis=0), np.maximum(np.ptp(values, axis=0), 1e-12)
+    terms = _basis(values, centre, width)
+    slopes, *_ = np.linalg.lstsq(terms, statistics, rcond=None)
+    left = statistics - terms @ slopes
+    freedom = max(len(values) - terms.shape[1], 1)
+    spread = np.maximum(np.sqrt(np.square(left).sum(axis=0) / freedom), _LEAST_SPREAD)
+    correlation = (left / spread).T @ (left / spread) / freedom
+    shrink = max(_SHRINK, statistics.shape[1] / (statistics.shape[1] + freedom))
+    correlation = (1.0 - shrink) * correlation + shrink * np.eye(len(spread))
+    off = (seen - _basis(grid, centre, width) @ slopes) / spread
+    cost = np.einsum("gi,ij,gj->g", off, np.linalg.inv(correlation), off)
+    best = int(cost.argmin())
+    return grid[best], float(cost[best]) / len(seen), int(np.abs(off[best]).argmax())
+
+
+# Restitution of joints: by flights where a journal bounces freely, by simulated impacts
+# elsewhere.
+#
+# In a machine impacts rarely die away as a ball's do: rims strike in turn, drives answer, loads
+# turn. So runs of the scenario with different restitutions are compared with the measurement by
+# the statistics of their impacts (below), never by their traces.
+
+
+RUNS = 40
+"""Runs by which restitutions are sought, unless told otherwise."""
+LOW, HIGH = 0.05, 0.98
+"""Restitutions between which is sought."""
+_TOLD = 0.15
+"""Half width of an interval with which a restitution is told."""
+_FEWEST_IMPACTS = 3
+GRAVITY = 9.81
+"""Acceleration at which a journal is taken to fall [m/s^2]."""
+_WIDER = 1.5
+"""By which the second half of the runs covers more than the interval of the first."""
+
+
+@dataclass(frozen=True)
+class Restitution:
+    """Of a joint's impacts, with 95 % interval; or why it cannot be told."""
+
+    joint: str
+    value: float
+    """That impacts have, whatever law and coefficient make it."""
+    half_width: float
+    nominal: float
+    """Coefficient with which the joint's law delivers it; nan if it cannot."""
+    evidence: str
+    """What tells it, in words."""
+    reason: str
+    """Why it cannot be told; empty if it can."""
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """95 % interval within what can be."""
+        return max(self.value - self.half_width, 0.0), min(self.value + self.half_width, 1.0)
+
+    def __str__(self) -> str:
+        """One line, as in the table; without the reason."""
+        label = f"{self.joint} restitution"
+        if self.reason:
+            return f"{label:<34} {'':>12} {'-':>12}  this measurement cannot tell"
+        low, high = self.interval
+        line = f"{label:<34} {'':>12} {self.value:>12.4g}  {low:.4g} to {high:.4g}"
+        if np.isnan(self.nominal):
+            return f"{line} ({self.evidence}; the joint's law cannot deliver it)"
+        nominal = "" if abs(self.nominal - self.value) < 5e-3 else f"; c_e {self.nominal:.3g}"
+        return f"{line} ({self.evidence}{nominal})"
+
+
+def delivered(joint: Clearance, nominal: float) -> float:
+    """Restitution that impacts have with a nominal one."""
+    value = joint.normal.effective_restitution(nominal)
+    return nominal if value is None else float(value)
+
+
+def nominal_of(joint: Clearance, value: float) -> float:
+    """The nominal restitution with which the joint's law delivers a value; nan if it cannot."""
+    ends = [delivered(joint, end) - value for end in (1e-3, 1.0)]
+    if ends[0] * ends[1] > 0.0:
+        return np.nan
+    return float(brentq(lambda nominal: delivered(joint, nominal) - value, 1e-3, 1.0, xtol=1e-6))
+
+
+def by_flights(mechanism: Mechanism, measured: Measurement) -> tuple[Restitution, ...]:
+    """Restitution of each joint with clearance by flights.
+
+    A force between bearing and journal counts for its joint. An accelerometer cannot tell whose
+    impact it feels: it counts where one joint only has clearance.
+    """
+    seen = {one.joint: one for one in channels(measured)}
+    names = list(mechanism.clearance)
+    made = []
+    for name in names:
+        if not seen and any(measured.has(kind) for kind in IMPACT_KINDS):
+            reason = f"{len(measured.time)} records are too few to see an impact; {WINDOW} at least"
+            made.append(_untold(name, reason + ", many for each flight, are needed"))
+            continue
+        if not seen:
+            made.append(_untold(name, _unseen(name, mechanism.clearance[name])))
+            continue
+        channel = seen.get(name) or (seen.get("") if len(names) == 1 else None)
+        if channel is None:
+            others = ", ".join(names)
+            reason = f"an impact may be of any of {others}: measure '{name} reaction', give the "
+            reason += "others no clearance, or compare with simulations (--restitution)"
+            made.append(_untold(name, reason))
+            continue
+        told = flights(channel)
+        if told.reason:
+            made.append(_untold(name, told.reason))
+            continue
+        nominal = nominal_of(mechanism.clearance[name], told.value)
+        evidence = f"{told.ratios} ratios of flights"
+        made.append(Restitution(name, told.value, told.half_width, nominal, evidence, ""))
+    return tuple(made)
+
+
+def _unseen(name: str, joint: Clearance) -> str:
+    """Which signal would show a joint's impacts, and how fast."""
+    room = 2.0 * max(joint.clearances.values(), default=0.0)
+    words = f"no signal shows impacts; an accelerometer on the tool or '{name} reaction' would"
+    if room <= 0.0:
+        return words
+    # A journal that falls through its room and bounces three times at half its speed.
+    flight = 2.0 * math.sqrt(2.0 * room / GRAVITY) * 0.5**3
+    return f"{words}, with {SHORTEST / flight:.2g} records a second or more"
+
+
+def _untold(joint: str, reason: str) -> Restitution:
+    return Restitution(joint, np.nan, np.inf, np.nan, "", reason)
+
+
+def by_simulation(
+    simulation: Simulation,
+    measured: Measurement,
+    spreads: Mapping[str, Mapping[str, float]] | None = None,
+    *,
+    runs: int = RUNS,
+    jobs: int = 1,
+    seed: int = 0,
+    progress: bool = False,
+) -> tuple[Restitution, ...]:
+    """Restitution of each joint with clearance by the statistics of simulated impacts.
+
+    Args:
+        simulation: of the motion and the loads that were measured, times alike, with the
+            clearances and friction that are known.
+        measured: an accelerometer's or forces' records.
+        spreads: standard deviations of clearances and friction, by joint and name; each run has
+            others.
+        runs: half over all restitutions, half about what these say.
+        jobs: processes.
+        seed: of the runs' values and starts.
+        progress: show a bar.
+
+    Raises:
+        JointplayError: too few runs; no signal that shows impacts; no motion; a run that fails.
+    """
+    names = list(simulation.mechanism.clearance)
+    least = 2 * runs_needed(len(names))
+    if runs < least:
+        raise JointplayError(
+            f"restitution of {len(names)} joint{'s' * (len(names) > 1)} takes at least {least} "
+            f"runs, got {runs}"
+        )
+    hits = Instruments.of(measured).hits(measured)
+    if hits < _FEWEST_IMPACTS:
+        reason = f"{hits} impacts stand out of the noise; let loads turn round suddenly, or take a "
+        return tuple(_untold(name, reason + "quieter or faster sensor") for name in names)
+    maker = _Maker(simulation, measured, spreads or {}, seed)
+    low, high = _limits(simulation.mechanism)
+    with tqdm(total=runs, desc="restitution", disable=not progress, unit="run") as bar:
+        values = design(runs // 2, low, high, seed)
+        table = maker.run(values, jobs, bar)
+        first = _fit(values, table, maker.seen, low, high)
+        if first is not None:
+            begin = np.maximum(low, first[0].value - _WIDER * first[0].half_width)
+            end = np.minimum(high, first[0].value + _WIDER * first[0].half_width)
+        else:
+            begin, end = low, high
+        more = design(runs - len(values), begin, end, seed + 1)
+        table = np.vstack([table, maker.run(more, jobs, bar)])
+        values = np.vstack([values, more])
+    near = ((values >= begin) & (values <= end)).all(axis=1)
+    found = _fit(values[near], table[near], maker.seen, begin, end)
+    return tuple(
+        _verdict(simulation.mechanism, i, found, maker, (low[i], high[i]), int(near.sum()))
+        for i in range(len(names))
+    )
+
+
+def _limits(mechanism: Mechanism) -> tuple[np.ndarray, np.ndarray]:
+    """Delivered restitutions that the joints' laws can have within `LOW` to `HIGH`."""
+    ends = [[delivered(one, x) for x in (LOW, HIGH)] for one in mechanism.clearance.values()]
+    low, high = np.array(ends).T
+    return low, high
+
+
+def _fit(
+    values: np.ndarray, table: np.ndarray, seen: np.ndarray, low: np.ndarray, high: np.ndarray
+) -> tuple[LikelihoodEstimate, np.ndarray] | None:
+    """The estimate, and which statistics it is of; None if none counts."""
+    with np.errstate(invalid="ignore"):
+        use = np.isfinite(seen) & np.isfinite(table).all(axis=0) & (np.ptp(table, axis=0) > 1e-9)
+    if not use.any():
+        return None
+    made = estimate(values, table[:, use], seen[use], low, high)
+    return made, np.flatnonzero(use)
+
+
+def _verdict(
+    mechanism: Mechanism,
+    i: int,
+    found: tuple[LikelihoodEstimate, np.ndarray] | None,
+    maker: _Maker,
+    limits: tuple[float, float],
+    runs: int,
+) -> Restitution:
+    name = list(mechanism.clearance)[i]
+    if found is None:
+        return _untold(name, "no statistic of the impacts is there in every run")
+    made, use = found
+    if made.strange:
+        odd = maker.names[use[made.oddest]]
+        reason = f"its impacts are like those of no simulated machine ({odd} is farthest off); is "
+        return _untold(name, reason + "the scenario's motion, load, clearance or noise another?")
+    value, half = float(made.value[i]), float(made.half_width[i])
+    if half > _TOLD:
+        reason = f"its 95 % interval would be {value:.2g} +- {half:.2g}: impacts of runs with other"
+        return _untold(
+            name,
+            f"{reason} restitutions look alike; more drops, or a faster or quieter sensor may tell",
+        )
+    joint = mechanism.clearance[name]
+    where = f"impacts of {runs} runs"
+    if "clearance" not in " ".join(maker.spreads.get(name, ())):
+        where += ", clearance as in the scenario"
+    if value - half < limits[0] or value + half > limits[1]:
+        where += f", sought from {limits[0]:.3g} to {limits[1]:.3g}"
+    return Restitution(name, value, half, nominal_of(joint, value), where, "")
+
+
+class _Maker:
+    """Runs with given restitutions, and the statistics of their impacts."""
+
+    def __init__(
+        self,
+        simulation: Simulation,
+        measured: Measurement,
+        spreads: Mapping[str, Mapping[str, float]],
+        seed: int,
+    ) -> None:
+        """Look at the measurement."""
+        self._instruments = Instruments.of(measured)
+        self._simulation = self._instruments.settings(simulation)
+        self.spreads, self._seed = spreads, seed
+        self._random = np.random.default_rng(seed)
+        seen = self._instruments.statistics(measured)
+        self.names, self.seen = tuple(seen), np.array(list(seen.values()))
+
+    def run(self, values: np.ndarray, jobs: int, bar: tqdm) -> np.ndarray:
+        """Statistics of runs with the given restitutions (n, p), shape (n, d)."""
+        todo = [self._with(row) for row in values]
+        rows = []
+        if jobs == 1:
+            for one in todo:
+                rows.append(_statistics(one, self._instruments))
+                bar.update()
+        else:
+            with processes.pool(min(jobs, len(todo)), "nothing was kept") as pool:
+                for row in pool.map(_statistics, todo, [self._instruments] * len(todo)):
+                    rows.append(row)
+                    bar.update()
+        return np.array([[row[name] for name in self.names] for row in rows])
+
+    def _with(self, row: np.ndarray) -> Simulation:
+        """A run with these restitutions, other values as uncertain as they are, another start."""
+        self._seed += 1
+        mechanism, joints = self._simulation.mechanism, {}
+        for (name, joint), value in zip(mechanism.clearance.items(), row.tolist(), strict=True):
+            nominal = nominal_of(joint, value)
+            made = replace(joint, restitution=value if np.isnan(nominal) else nominal)
+            joints[name] = sampled_joint(made, self.spreads.get(name, {}), self._random)
+        return replace(
+            self._simulation, mechanism=mechanism.with_clearance(joints), seed=self._seed
+        )
+
+
+def _statistics(simulation: Simulation, instruments: Instruments) -> dict[str, float]:
+    return instruments.statistics(instruments.look(run(simulation)))

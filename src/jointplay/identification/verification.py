@@ -1,0 +1,300 @@
+"""Whether the full model does what was measured, with what was identified: statistics, not traces.
+
+Runs with values within the intervals, started differently, scatter. If the measurement could be one
+more of them it agrees: means over visits, and what impacts show, each within what the runs do.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from scipy.stats import t as student
+from tqdm import tqdm
+
+from jointplay.core.errors import JointplayError
+from jointplay.identification.identification import Identification, spreads
+from jointplay.identification.model import tool_positions
+from jointplay.identification.restitution import Instruments, channels, run, sampled_joint
+from jointplay.result.result import AXES, Result
+from jointplay.simulation.simulation import Simulation
+
+RUNS = 6
+"""Runs with which a measurement is compared."""
+FEWEST_RUNS = 3
+LEVEL = 0.05
+"""How often a measurement of just this machine would be said to disagree, in all checks."""
+_LEAST_SPREAD = 0.02
+"""Scatter of the logarithm of a statistic below which runs are not taken to agree."""
+_SCALES = {"tool": (1e6, "um"), "link": (1e6, "urad")}
+_NORMAL = 1.96
+
+
+_ByKind = dict[str, float]
+_Parts = tuple[_ByKind, _ByKind, _ByKind, _ByKind]
+
+
+@dataclass(frozen=True)
+class Check:
+    """A statistic of the measurement beside those of the runs."""
+
+    name: str
+    unit: str
+    measured: float
+    low: float
+    """Least that runs and measurement would have in common."""
+    high: float
+
+    @property
+    def agrees(self) -> bool:
+        """Whether the measurement could be one more of the runs."""
+        return self.low <= self.measured <= self.high
+
+    def __str__(self) -> str:
+        """One line."""
+        word = "agrees" if self.agrees else "DISAGREES"
+        unit = f" [{self.unit}]" if self.unit else ""
+        name = f"{self.name}{unit}"
+        return f"{name:<58} {self.measured:>10.4g}  {self.low:.4g} to {self.high:.4g}  {word}"
+
+
+@dataclass(frozen=True)
+class Verification:
+    """RMS of what models leave of the measured means, offsets taken out, by kind of signal [SI]."""
+
+    measured: dict[str, float]
+    """Of the means themselves: what a model without play leaves."""
+    static: dict[str, float]
+    """Of the static model with what was identified."""
+    dynamic: dict[str, float]
+    """Of the mean of the runs of the full model with it."""
+    error: dict[str, float]
+    """Standard error of the means."""
+    checks: tuple[Check, ...]
+    runs: int
+    untold: tuple[str, ...]
+    """Unknowns that had the scenario's value, for the measurement cannot tell them."""
+
+    @property
+    def agrees(self) -> bool:
+        """Whether the measurement could be one more of the runs."""
+        return all(one.agrees for one in self.checks)
+
+    def __str__(self) -> str:
+        """A line for each kind of signal and each statistic, and the verdict."""
+        lines = []
+        for kind in self.measured:
+            factor, unit = _SCALES.get(kind, (1.0, "N m"))
+            parts = (self.measured, self.static, self.dynamic, self.error)
+            no, static, dynamic, noise = (factor * part[kind] for part in parts)
+            lines.append(
+                f"{kind}: RMS left over [{unit}] without play {no:.4g}, static model {static:.4g}, "
+                f"simulated {dynamic:.4g}; standard error of the means {noise:.4g}"
+            )
+        lines.append(f"{'statistic':<58} {'measured':>10}  of {self.runs} runs and their scatter")
+        lines += [str(one) for one in self.checks]
+        off = sum(not one.agrees for one in self.checks)
+        if off:
+            verdict = f"{off} of {len(self.checks)} statistics are off"
+            if self.untold:
+                verdict += f"; not told, as in the scenario: {', '.join(self.untold)}"
+            lines.append(f"the identified machine does not do what was measured: {verdict}")
+        else:
+            lines.append(
+                "the identified machine does what was measured, within scatter (simulated)"
+            )
+        return "\n".join(lines)
+
+    def describe(self) -> dict[str, Any]:
+        """As plain data [SI]."""
+        left = {"without_play": self.measured, "static": self.static}
+        left |= {"simulated": self.dynamic, "standard_error": self.error}
+        checks = [{**vars(one), "agrees": one.agrees} for one in self.checks]
+        return {"agrees": self.agrees, "runs": self.runs, "left_over": left, "checks": checks}
+
+
+def verify(
+    simulation: Simulation,
+    identification: Identification,
+    progress: bool = False,
+    runs: int = RUNS,
+) -> Verification:
+    """Run the motion with what was identified, and compare statistics.
+
+    Args:
+        simulation: of the motion and the loads that were measured, times alike.
+        identification: what was identified.
+        progress: show a bar.
+        runs: how many, each with other values within the intervals and another start.
+
+    Raises:
+        JointplayError: too few runs; a scenario without motion; nothing to compare; a run that
+            fails.
+    """
+    if simulation.motion is None and simulation.duration is None:
+        raise JointplayError("to verify, the scenario must have the motion that was measured")
+    if runs < FEWEST_RUNS:
+        raise JointplayError(f"to tell scatter at least {FEWEST_RUNS} runs are needed, got {runs}")
+    measured, keys = identification.measured, identification.observed.keys
+    impacts = bool(channels(measured))
+    if not keys and not impacts:
+        raise JointplayError("nothing to compare: no means over visits and no impacts")
+    own = replace(simulation, duration=float(measured.time[-1]))
+    instruments = Instruments.of(measured) if impacts else None
+    if instruments is not None:
+        own = instruments.settings(simulation)
+    means, rows = [], []
+    for number in tqdm(range(runs), desc="verify", disable=not progress, unit="run"):
+        result = run(_perturbed(own, identification, number))
+        if keys:
+            means.append(_means(result, identification))
+        if instruments is not None:
+            rows.append(instruments.statistics(instruments.look(result)))
+    seen = {} if instruments is None else instruments.statistics(measured)
+    number = len({kind for kind, _ in keys}) + len(seen)
+    parts: _Parts = ({}, {}, {}, {})
+    checks: list[Check] = []
+    if keys:
+        parts, checks = _compare_means(identification, np.array(means), number)
+    for name, value in seen.items():
+        check = _impact_check(name, value, np.array([row[name] for row in rows]), number)
+        checks += [] if check is None else [check]
+    return Verification(*parts, tuple(checks), runs, _untold(identification))
+
+
+def _untold(identification: Identification) -> tuple[str, ...]:
+    pairs = zip(identification.unknowns, identification.reasons, strict=True)
+    labels = [one.label for one, reason in pairs if one.sought and reason]
+    labels += [f"{one.joint} restitution" for one in identification.restitutions if one.reason]
+    return tuple(labels)
+
+
+def _perturbed(simulation: Simulation, identification: Identification, number: int) -> Simulation:
+    """A run with values within the intervals and a start of its own."""
+    random = np.random.default_rng(number)
+    known, mechanism = spreads(identification), identification.mechanism
+    told = {one.joint: one for one in identification.restitutions if not one.reason}
+    joints = {}
+    for name, joint in mechanism.clearance.items():
+        made = sampled_joint(joint, known.get(name, {}), random)
+        if name in told:
+            shift = told[name].half_width / _NORMAL * random.standard_normal()
+            value = min(max(joint.restitution + shift, 0.02), 1.0)
+            made = replace(made, restitution=value)
+        joints[name] = made
+    gears = dict(mechanism.gears)
+    for i, one in enumerate(identification.unknowns):
+        if one.name == "gear_play" and not identification.reasons[i]:
+            shift = identification.half_width[i] / _NORMAL * random.standard_normal()
+            play = max(gears[one.joint].play + shift, 0.0)
+            gears[one.joint] = replace(gears[one.joint], play=float(play))
+    made_of = mechanism._with(joints, gears)
+    seed = None if all(getattr(j, "ideal", False) for j in joints.values()) else number + 1
+    return replace(simulation, mechanism=made_of, seed=seed)
+
+
+def _quantile(runs: int, checks: int) -> float:
+    """Spreads within which one more run lies, in all checks together."""
+    part = LEVEL / checks
+    return float(student.ppf(1.0 - part / 2.0, runs - 1)) * np.sqrt(1.0 + 1.0 / runs)
+
+
+def _impact_check(name: str, seen: float, runs: np.ndarray, number: int) -> Check | None:
+    """A statistic of impacts; None where it is not there in all (logarithms)."""
+    if not (np.isfinite(seen) and np.isfinite(runs).all()):
+        return None
+    wide = _quantile(len(runs), number) * max(float(runs.std(ddof=1)), _LEAST_SPREAD)
+    ends = np.exp([seen, runs.mean() - wide, runs.mean() + wide]) - (name.startswith("number"))
+    return Check(name, "", *(float(max(x, 0.0)) for x in ends))
+
+
+def _compare_means(
+    identification: Identification, means: np.ndarray, number: int
+) -> tuple[_Parts, list[Check]]:
+    """What is left of means over visits by kind, and how much more runs leave of each other.
+
+    Args:
+        identification: what was identified.
+        means: of the runs, shape (runs, n, keys).
+        number: of checks in all.
+    """
+    left = _Left(identification, np.isfinite(means).all(axis=0))
+    seen, count = identification.observed.mean, len(means)
+    parts = (
+        left.rms(seen),
+        left.rms(seen - identification.predicted),
+        left.rms(seen - means.mean(axis=0)),
+        left.plain(identification.error),
+    )
+    random = np.random.default_rng(0)
+    others: list[dict[str, float]] = []
+    for k in range(count):
+        rest = np.delete(means, k, axis=0).mean(axis=0)
+        noise = identification.error * random.standard_normal(seen.shape)
+        others.append(left.rms(means[k] + noise - rest))
+    checks = []
+    for kind, value in parts[2].items():
+        logs = np.log([max(other[kind], 1e-300) for other in others])
+        wide = _quantile(count, number) * max(float(logs.std(ddof=1)), _LEAST_SPREAD)
+        factor, unit = _SCALES.get(kind, (1.0, "N m"))
+        high = factor * float(np.exp(logs.mean() + wide))
+        checks.append(
+            Check(f"{kind}: RMS left of means over visits", unit, factor * value, 0.0, high)
+        )
+    return parts, checks
+
+
+class _Left:
+    """What is left of means over visits when what nobody knows is taken out."""
+
+    def __init__(self, identification: Identification, there: np.ndarray) -> None:
+        """Find what is not sought at the visits that are there, (n, keys)."""
+        observed, free = identification.observed, identification.nuisances
+        self.use = np.isfinite(identification.error) & there
+        self._error = identification.error
+        self._weights = np.where(self.use, 1.0 / self._error, 0.0).ravel()
+        design = free.reshape(self.use.size, free.shape[2]) * self._weights[:, None]
+        basis, sizes, _ = np.linalg.svd(design, full_matrices=False)
+        self._basis = basis[:, sizes > 1e-9 * sizes.max(initial=1e-300)]
+        self._kinds = [kind for kind, _ in observed.keys]
+
+    def rms(self, values: np.ndarray) -> dict[str, float]:
+        """By kind of signal, of values (n, keys) [SI]."""
+        scaled = np.where(self.use, values, 0.0).ravel() * self._weights
+        rest = (scaled - self._basis @ (self._basis.T @ scaled)).reshape(self.use.shape)
+        return self.plain(rest * self._error)
+
+    def plain(self, values: np.ndarray) -> dict[str, float]:
+        """The same, offsets left in."""
+        shown = np.where(self.use, values, np.nan)
+        found = {}
+        for kind in dict.fromkeys(self._kinds):
+            mine = [k == kind for k in self._kinds]
+            if self.use[:, mine].any():
+                found[kind] = float(np.sqrt(np.nanmean(shown[:, mine] ** 2)))
+        return found
+
+
+def _means(result: Result, identification: Identification) -> np.ndarray:
+    """What a run shows at the visits, shape (n, keys)."""
+    mechanism, joints = identification.mechanism, identification.visits.joints
+    motors = result["q"].values[:, [mechanism.motor(name) for name in joints]]
+    ideal = tool_positions(mechanism, joints, motors)
+    values = []
+    for kind, name in identification.observed.keys:
+        if kind == "tool":
+            i = AXES.index(name)
+            values.append(result["tool_position"].values[:, i] - ideal[:, i])
+        elif kind == "link":
+            link = result["q"].values[:, mechanism.coordinate(name)]
+            values.append(link - motors[:, joints.index(name)])
+        else:
+            values.append(result["drive"].values[:, mechanism.motor(name)])
+    table = np.column_stack(values)
+    means = np.full((len(identification.visits), len(values)), np.nan)
+    for i, (begin, end) in enumerate(identification.visits.time):
+        inside = (result.time >= begin) & (result.time <= end)
+        if inside.any():
+            means[i] = table[inside].mean(axis=0)
+    return means

@@ -1,0 +1,5 @@
+"""Nonlinear dynamics: sections, exponents, recurrence, steady motions, run-ups."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

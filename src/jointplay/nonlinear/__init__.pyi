@@ -1,0 +1,13 @@
+from .lyapunov import Exponent as Exponent
+from .lyapunov import exponent as exponent
+from .lyapunov import growths as growths
+from .poincare import attractors as attractors
+from .poincare import determinism as determinism
+from .poincare import once_per_turn as once_per_turn
+from .poincare import rate as rate
+from .poincare import recurrence as recurrence
+from .poincare import repeats_after as repeats_after
+from .run_up import RunUp as RunUp
+from .steady_motion import Turning as Turning
+from .steady_motion import orders as orders
+from .steady_motion import turn as turn

@@ -1,0 +1,168 @@
+"""Playback of results: robots in motion, the play in their joints, in a browser.
+
+The page that a server offers and the page in a file are the same, bytes for bytes: meshcat's viewer
+with a player of its own, and everything it plays. So the server's memory is that of one page.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from jointplay.core.errors import JointplayError
+from jointplay.core.files import check_new
+from jointplay.player.server import HOST, PORT, Server, open_browser
+
+if TYPE_CHECKING:
+    from jointplay.player.scene import Scene
+    from jointplay.result.result import Result
+
+MOST_BYTES = 15_000_000
+"""Size that a page does not exceed, meshes permitting."""
+
+
+def load(paths: Sequence[str | Path], trust: Collection[str] = ()) -> dict[str, Result]:
+    """Results by label: the files' names, with as many of their folders as tell them apart.
+
+    Laws of the user's own are taken from the modules of `trust` only; see `Result.load`.
+
+    Raises:
+        JointplayError: no such file, the same file twice, damaged, or not a result.
+    """
+    files = [Path(path).resolve() for path in paths]
+    for path, again in zip(paths, files, strict=True):
+        if files.count(again) > 1:
+            raise JointplayError(f"result {str(path)!r} is given twice")
+    depth = 1
+    while True:
+        labels = ["/".join((*file.parent.parts[1:], file.stem)[-depth:]) for file in files]
+        if len(set(labels)) == len(labels) or depth > max(len(f.parts) for f in files):
+            break
+        depth += 1
+    from jointplay.result.result import Result
+
+    results = {}
+    for label, path in zip(labels, paths, strict=True):
+        results[label] = Result.load(path, trust)
+    return results
+
+
+def page(
+    cases: Mapping[str, Result], title: str | None = None, **options: Any
+) -> tuple[bytes, Scene]:
+    """The page that plays `cases`, and the scene in it.
+
+    Moments between impacts are left out until the page has no more than `MOST_BYTES`.
+
+    Args:
+        cases: results by label.
+        title: of the page; None makes one of the labels.
+        options: see `scene.build`.
+
+    Raises:
+        JointplayError: see `scene.build`.
+    """
+    from jointplay.player.pages import render
+    from jointplay.player.scene import BUDGET, build
+
+    budget = options.pop("budget", BUDGET)
+    title = title if title is not None else ", ".join(cases)
+    while True:
+        scene = build(cases, budget=budget, **options)
+        content = render(scene, title)
+        if len(content) <= MOST_BYTES or budget < 2000:
+            return content, scene
+        options["progress"] = False
+        budget = int(0.8 * budget * min(MOST_BYTES / len(content), 1.0))
+
+
+def save_html(cases: Mapping[str, Result], path: str | Path, **options: Any) -> Path:
+    """Write one self-contained page that plays `cases`; it needs no server and no network.
+
+    Args:
+        cases: results by label.
+        path: a new file.
+        options: see `page`.
+
+    Raises:
+        JointplayError: the file exists or cannot be written; see also `scene.build`.
+    """
+    from jointplay.player.pages import write
+
+    path = Path(path)
+    check_new(path)
+    return write(page(cases, **options)[0], path)
+
+
+def play(
+    cases: Mapping[str, Result],
+    *,
+    host: str = HOST,
+    port: int = PORT,
+    browser: bool = True,
+    say: Callable[[str], None] = print,
+    **options: Any,
+) -> None:
+    """Serve the page that plays `cases` and open it in the browser; returns after Ctrl-C.
+
+    Args:
+        cases: results by label.
+        host: interface to listen on; by default other machines cannot connect.
+        port: where; if it is taken, another.
+        browser: whether to open one.
+        say: receives one line for each thing the user should know.
+        options: see `page`.
+
+    Raises:
+        JointplayError: see `Server` and `scene.build`.
+    """
+    Server(b"", host, 0).server_close()  # a wrong host shows before the work
+    content, scene = page(cases, **options)
+    del cases
+    serve(content, scene.notes, host, port, browser, say)
+
+
+def serve(
+    content: bytes,
+    notes: Sequence[str],
+    host: str = HOST,
+    port: int = PORT,
+    browser: bool = True,
+    say: Callable[[str], None] = print,
+) -> None:
+    """Serve a page until Ctrl-C; see `play`."""
+    for note in notes:
+        say(f"note: {note}")
+    with Server(content, host, port) as server:
+        if port and server.port != port:
+            say(f"port {port} is taken; using {server.port}")
+        if host not in ("localhost", "::1") and not host.startswith("127."):
+            say(f"listening on {host}: other machines can see this page")
+        say(f"playing at {server.url} (Ctrl-C ends)")
+        if browser and not open_browser(server.url):
+            say("no browser opened; open that address yourself")
+        try:
+            server.serve_forever(poll_interval=0.2)
+        except KeyboardInterrupt:
+            say("")
+
+
+def save_movie(cases: Mapping[str, Result], path: str | Path, **options: Any) -> Any:
+    """Write a picture (.png) or a film (.gif, .mp4, .webm) of `cases`; see `movie.save_movie`."""
+    from jointplay.player import movie
+
+    return movie.save_movie(cases, path, **options)
+
+
+__all__ = [
+    "MOST_BYTES",
+    "Scene",
+    "Server",
+    "build",
+    "load",
+    "page",
+    "play",
+    "save_html",
+    "save_movie",
+]

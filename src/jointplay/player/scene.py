@@ -1,0 +1,610 @@
+"""Everything that is played: robots, their ideal twins, traces, forces, close-ups.
+
+A scene is made once, from results. What does not move are surfaces, each there once however many
+links, cases and twins show it; what moves becomes tracks. Both are packed into one block of bytes
+with a table of contents, which a page carries to the browser.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from jointplay.analysis.twins import ideal_simulation, is_twin
+from jointplay.core.errors import JointplayError, MissingName, require_finite, require_whole
+from jointplay.design.levers import sources
+from jointplay.design.static_budget import ellipsoids
+from jointplay.geometry import touch
+from jointplay.joints import Coordinate
+from jointplay.kernel import Status
+from jointplay.mechanism.mechanism import Mechanism
+from jointplay.mechanism.meshes import Colour, Surface
+from jointplay.mechanism.tree import BodyMotion, Tree
+from jointplay.mechanism.visuals import Look, look
+from jointplay.player.tracks import ImpactTrack, Packer, impacts, select_records, strongest
+from jointplay.plots.palette import colours
+from jointplay.result.result import Result
+
+# The close-up of a joint with clearance: how its journal lies in its bearing, what acts where.
+#
+# Displacements are far smaller than bodies: seen at true size, no gap is visible. The close-up
+# magnifies displacements and leaves sizes alone, as plots of elastic deformation do. The
+# journal's pose (R, c) in the bearing frame is split into an ideal part (Q, t), which a joint
+# without clearance could have, and the rest: the displacement d = c - t and the small rotation
+# vector w of R Q^T. A journal point X is drawn with the factor M at
+#
+#     t + x + M (d + w x x),    x = Q X,
+#
+# and the bearing with M times its clearance around a journal of true size. To first order in w,
+# which is below 0.03 rad in the joints simulated here, every gap then appears M times as large.
+
+
+@dataclass
+class CloseUp:
+    """A journal in its bearing over n records, in bearing axes; m contacts.
+
+    Attributes:
+        turn: quaternions (x, y, z, w) of Q, shape (n, 4).
+        slide: t, shape (n, 3) [m]; zero but along the guide of a slider.
+        displacement: d, shape (n, 3) [m].
+        tilt: w, shape (n, 3) [rad].
+        place: x of each contact's point on the journal, shape (n, m, 3) [m].
+        shift: d + w x x of that point, shape (n, m, 3) [m].
+        normal_force: on the journal, shape (n, m, 3) [N].
+        friction_force: on the journal, shape (n, m, 3) [N].
+    """
+
+    turn: np.ndarray
+    slide: np.ndarray
+    displacement: np.ndarray
+    tilt: np.ndarray
+    place: np.ndarray
+    shift: np.ndarray
+    normal_force: np.ndarray
+    friction_force: np.ndarray
+
+
+def close_up(
+    mechanism: Mechanism,
+    joint: str,
+    q: np.ndarray,
+    v: np.ndarray,
+    records: np.ndarray,
+    acting: np.ndarray,
+    normal: np.ndarray,
+    friction: np.ndarray,
+) -> CloseUp:
+    """How the journal of `joint` lies, and what acts on it, at some records of a run.
+
+    Args:
+        mechanism: with clearance in `joint`.
+        joint: name.
+        q, v: states at all records, shape (all, nv).
+        records: those that are wanted, shape (n,).
+        acting: for each of them and each contact the record whose force is shown (the largest since
+            the last one that is wanted, say), shape (n, m).
+        normal, friction: magnitudes of those forces, shape (n, m) [N].
+    """
+    clearance = mechanism.clearance[joint]
+    n, m = acting.shape
+    acts = normal > 0.0
+    needed = np.union1d(records, acting[acts])
+    rotation, centre, speed = _relative_motion(mechanism, joint, q[needed], v[needed])
+    ideal, slide, tilt = np.empty_like(rotation), np.empty_like(centre), np.empty_like(centre)
+    for i in range(len(needed)):
+        ideal[i], slide[i] = clearance.ideal_part(rotation[i], centre[i])
+        tilt[i] = pin.log3(rotation[i] @ ideal[i].T)
+    displacement = centre - slide
+    offset, direction = (np.zeros((n, m, 3)) for _ in range(2))
+    dimensions = np.array(clearance.dimensions)
+    then = np.searchsorted(needed, np.where(acts, acting, records[:, None]))
+    for i, k in zip(*np.nonzero(acts), strict=True):
+        at = then[i, k]
+        contact = touch(
+            int(clearance.shape), dimensions, 0, int(k), *centre[at], rotation[at].reshape(9), 0
+        )
+        offset[i, k], direction[i, k] = contact[1:4], contact[4:7]
+    place = _turned(ideal[then] @ np.swapaxes(rotation[then], -1, -2), offset)
+    shift = displacement[then] + np.cross(tilt[then], place)
+    at_contact = speed[then, :3] + np.cross(speed[then, 3:], offset)
+    sliding = at_contact - direction * np.sum(direction * at_contact, axis=2, keepdims=True)
+    size = np.linalg.norm(sliding, axis=2, keepdims=True)
+    against = np.divide(-sliding, size, out=np.zeros_like(sliding), where=size > 0.0)
+    # Where nothing touches, the last point is kept: points that jump would not compress.
+    for k in range(m):
+        touches = np.flatnonzero(acts[:, k])
+        if len(touches):
+            last = np.maximum.accumulate(np.where(acts[:, k], np.arange(n), touches[0]))
+            place[:, k], shift[:, k] = place[last, k], shift[last, k]
+    now = np.searchsorted(needed, records)
+    turn = quaternions(ideal[now])
+    continuous(turn)
+    return CloseUp(
+        turn,
+        slide[now],
+        displacement[now],
+        tilt[now],
+        place,
+        shift,
+        normal[:, :, None] * direction,
+        friction[:, :, None] * against,
+    )
+
+
+def _relative_motion(
+    mechanism: Mechanism, joint: str, q: np.ndarray, v: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Pose and motion of the journal relative to the bearing, in bearing axes.
+
+    Returns:
+        Rotation (n, 3, 3), centre (n, 3) [m], velocity of the journal's centre and angular velocity
+        (n, 6) [m/s, rad/s].
+    """
+    model, data = mechanism.model, mechanism.data
+    (i, bearing), (j, journal) = mechanism.bearing_frame(joint), mechanism.journal_frame(joint)
+    places = np.empty((2, len(q), 3, 3)), np.empty((2, len(q), 3))
+    twists = np.empty((2, len(q), 6))
+    views = [(data.oMi[k].rotation, data.oMi[k].translation, data.v[k].vector) for k in (i, j)]
+    for row in range(len(q)):
+        pin.forwardKinematics(model, data, q[row], v[row])
+        for body, (turn, origin, twist) in enumerate(views):
+            places[0][body, row], places[1][body, row] = turn, origin
+            twists[body, row] = twist
+    turns, origins = places
+    turn = turns[0] @ bearing.rotation
+    point = origins[1] + turns[1] @ journal.translation
+    centre = point - origins[0] - turns[0] @ bearing.translation
+    linear, angular = [], []
+    for body in range(2):
+        spin = _turned(turns[body], twists[body, :, 3:])
+        linear.append(_turned(turns[body], twists[body, :, :3]))
+        linear[-1] += np.cross(spin, point - origins[body])
+        angular.append(spin)
+    back = np.swapaxes(turn, -1, -2)
+    speed = [_turned(back, values[1] - values[0]) for values in (linear, angular)]
+    rotation = back @ turns[1] @ journal.rotation
+    return rotation, _turned(back, centre), np.concatenate(speed, axis=1)
+
+
+def _turned(matrix: np.ndarray, vector: np.ndarray) -> np.ndarray:
+    """Products of matrices (..., 3, 3) and vectors (..., 3)."""
+    return np.einsum("...ij,...j->...i", matrix, vector)
+
+
+def continuous(quaternions: np.ndarray) -> None:
+    """Choose the signs of quaternions, shape (n, 4), so that neighbours are close."""
+    flips = np.sum(quaternions[1:] * quaternions[:-1], axis=1) < 0.0
+    quaternions[1:] *= np.where(np.cumsum(flips) % 2, -1.0, 1.0)[:, None]
+
+
+def quaternions(matrices: np.ndarray) -> np.ndarray:
+    """Quaternions (x, y, z, w) of rotation matrices (n, 3, 3), by the largest component: (n, 4)."""
+    m = matrices
+    diagonal = m[:, (0, 1, 2), (0, 1, 2)]
+    trace = diagonal.sum(axis=1)
+    # Four times the products of each component with all others, whichever is used to divide.
+    products = np.empty((len(m), 4, 4))
+    for i in range(3):
+        products[:, i, i] = 1.0 + 2.0 * diagonal[:, i] - trace
+        j, k = (i + 1) % 3, (i + 2) % 3
+        products[:, i, j] = products[:, j, i] = m[:, i, j] + m[:, j, i]
+        products[:, i, 3] = products[:, 3, i] = m[:, k, j] - m[:, j, k]
+    products[:, 3, 3] = 1.0 + trace
+    best = products[:, range(4), range(4)].argmax(axis=1)
+    rows = products[np.arange(len(m)), best]
+    return np.asarray(rows / np.linalg.norm(rows, axis=1, keepdims=True))
+
+
+# What play lets the tool do at rest, as the track of an ellipsoid about the ideal tool.
+
+
+MOMENTS = 61
+"""At which the set is reckoned; between them the ellipsoid is interpolated."""
+_QUANTUM = 1e-8
+_PLACES = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
+
+
+def static_error(
+    mechanism: Mechanism,
+    time: np.ndarray,
+    q: np.ndarray,
+    driven: Sequence[str] | None,
+    packer: Packer,
+) -> dict[str, Any]:
+    """Pack the static error set of a run's tool.
+
+    Args:
+        mechanism: with play.
+        time: of the records, shape (n,) [s].
+        q: configurations there, shape (n, nq); journals count as centred.
+        driven: joints that the motion moves, which stand in closed loops.
+        packer: receives the tables.
+
+    Returns:
+        `time` [s], and `set`: the matrix that makes a unit sphere the ellipsoid, its six numbers,
+        and the worst and the RMS distance [m].
+
+    Raises:
+        JointplayError: see `levers.sources`.
+    """
+    moments = np.linspace(time[0], time[-1], MOMENTS)
+    poses = np.column_stack([np.interp(moments, time, column) for column in q.T])
+    for name, joint in mechanism.clearance.items():
+        if name in mechanism.loops:
+            continue
+        for part in joint.freedoms:
+            if part not in joint.ideal_freedoms:
+                poses[:, mechanism.coordinates.index(Coordinate(name, part))] = 0.0
+    found = ellipsoids(sources(mechanism, poses, driven=driven, loops=True))
+    rows = [found.root[:, i, k] for i, k in _PLACES] + [found.worst, found.rms]
+    return {
+        "time": packer.table(moments, 1e-7),
+        "set": packer.table(np.column_stack(rows), _QUANTUM),
+    }
+
+
+BUDGET = 60_000
+"""Most moments of all cases together, which bounds memory and file alike.
+
+A single minute of motion then has one each millisecond or more, and every record of its impacts.
+"""
+
+MICRON, MICRORADIAN = 1e-6, 1e-6
+TWIN_RECORD_S = 1e-3
+"""Time between two records of an ideal twin [s]."""
+
+SHARPNESS = 2**14
+"""Places of a surface's points along its largest extent."""
+
+Notes = list[str]
+
+
+@dataclass
+class Scene:
+    """What a page plays.
+
+    Attributes:
+        contents: what there is and where in `block` it lies, as plain data.
+        block: tracks and surfaces, compressed.
+        notes: what the user should know: stand-ins for meshes, missing twins.
+    """
+
+    contents: dict[str, Any]
+    block: bytes
+    notes: Notes = field(default_factory=list)
+
+
+def build(
+    cases: Mapping[str, Result],
+    *,
+    joint: str | None = None,
+    magnification: float | None = None,
+    meshes: Sequence[str | Path] = (),
+    ghosts: bool = True,
+    budget: int = BUDGET,
+    progress: bool = False,
+) -> Scene:
+    """Make the scene of one or several results.
+
+    Args:
+        cases: results by label, in the order in which they stand.
+        joint: joint with clearance whose close-up is shown first; None takes the first.
+        magnification: of displacements in the close-up; None chooses one that shows the gap.
+        meshes: folders in which meshes are looked for first.
+        ghosts: whether each case has its ideal twin, which may have to be simulated.
+        budget: most moments of all cases together.
+        progress: show the progress of simulating twins.
+
+    Raises:
+        JointplayError: no result, nothing to play in one, no such joint, or a number out of range.
+    """
+    if not cases:
+        raise JointplayError("no result to play")
+    if magnification is not None and not (
+        1.0 <= require_finite("magnification", magnification, "") <= 1e4
+    ):
+        raise JointplayError(f"magnification must lie between 1 and 10000, got {magnification:g}")
+    budget = require_whole("budget", budget, 1)
+    packer, notes = Packer(), Notes()
+    names = list(dict.fromkeys(name for result in cases.values() for name in result.joints))
+    if joint is not None and joint not in names:
+        raise MissingName("joint with clearance", joint, names)
+    taken = [_Case(label, result) for label, result in cases.items()]
+    entries = []
+    surfaces = _Surfaces(packer)
+    for case, colour in zip(taken, colours(cases), strict=True):
+        entry = case.pack(packer, max(budget // len(taken), 4))
+        seen = look(case.mechanism, meshes)
+        if seen.missing:
+            notes.append(
+                f"{case.label}: {len(seen.missing)} of its meshes not found "
+                f"({Path(seen.missing[0]).name}, ...): simple shapes instead; "
+                "name their folder with --meshes"
+            )
+        entry |= {"objects": surfaces.objects(seen), "reach": seen.reach}
+        entry["ghost"] = None
+        if ghosts and (case.result.joints or case.mechanism.gears):
+            entry["ghost"] = _ghost(case, taken, packer, notes, progress)
+        entry["error"] = _error(case, packer, notes) if entry["ghost"] else None
+        entry["colour"] = colour
+        entries.append(entry)
+    contents = {
+        "surfaces": surfaces.entries,
+        "cases": entries,
+        "joints": names,
+        "joint": joint or (names[0] if names else None),
+        "magnification": magnification or _magnification(taken),
+        "notes": notes,
+    }
+    return Scene(contents, packer.deflated(), notes)
+
+
+class _Surfaces:
+    """Surfaces of all bodies, each packed once."""
+
+    def __init__(self, packer: Packer) -> None:
+        self._packer = packer
+        self._number: dict[bytes, int] = {}
+        self.entries: list[dict[str, Any]] = []
+
+    def objects(self, seen: Look) -> list[dict[str, Any]]:
+        """What stands where: link, surface by number, colour, constant matrix column by column."""
+        return [
+            {
+                "link": shape.link,
+                "surface": self._find(part),
+                "colour": _hexadecimal(colour),
+                "opacity": round(colour[3], 3),
+                "matrix": shape.placement.T.ravel().tolist(),
+            }
+            for shape in seen.shapes
+            for part, colour in zip(shape.parts, shape.colours, strict=True)
+        ]
+
+    def _find(self, part: Surface) -> int:
+        key = hashlib.sha256(part.points.tobytes() + part.triangles.tobytes()).digest()
+        if key not in self._number:
+            self._number[key] = len(self.entries)
+            extent = float(np.ptp(part.points, axis=0).max())
+            points = self._packer.table(part.points, extent / SHARPNESS)
+            triangles = self._packer.mesh(part.triangles)
+            self.entries.append({"points": points, "triangles": triangles})
+        return self._number[key]
+
+
+def _hexadecimal(colour: Colour) -> int:
+    red, green, blue = (round(255 * min(max(value, 0.0), 1.0)) for value in colour[:3])
+    return red << 16 | green << 8 | blue
+
+
+class _Case:
+    """A result, its mechanism, and the moments of it that are played."""
+
+    def __init__(self, label: str, result: Result) -> None:
+        self.label, self.result = label, result
+        try:
+            self.simulation = result.simulation
+            q, v = result["q"].values, result["v"].values
+            finite = np.isfinite(q).all(axis=1) & np.isfinite(v).all(axis=1)
+        except (KeyError, TypeError, json.JSONDecodeError) as error:
+            raise JointplayError(f"result {label!r} is damaged: {error!r}") from None
+        self.mechanism: Mechanism = self.simulation.mechanism
+        n = len(q) if finite.all() else int(np.argmin(finite))
+        if n < 2:
+            raise JointplayError(f"result {label!r} has fewer than two records: nothing to play")
+        if q.shape[1] != self.mechanism.model.nq:
+            raise JointplayError(
+                f"result {label!r} is damaged: {q.shape[1]} coordinates, its mechanism has "
+                f"{self.mechanism.model.nq}"
+            )
+        self.q, self.v, self.time = q[:n], v[:n], result.time[:n]
+        self.n = n
+
+    def values(self, name: str) -> np.ndarray:
+        return np.nan_to_num(self.result[name].values[: self.n], posinf=0.0, neginf=0.0)
+
+    def pack(self, packer: Packer, budget: int) -> dict[str, Any]:
+        """Choose the moments, pack the tracks; returns the case's entry in the contents."""
+        joints = list(self.mechanism.clearance)
+        peaks = self.values("joint_force_peak") if joints else np.zeros((self.n, 0, 3))
+        sizes = np.linalg.norm(peaks, axis=2)
+        hits = [impacts(sizes[:, j]) for j in range(len(joints))]
+        self.records = select_records(self.time, hits, budget)
+        self.links = [
+            frame.name for frame in self.mechanism.model.frames if frame.type == pin.FrameType.BODY
+        ]
+        poses = _poses(self.mechanism, self.q[self.records], self.links)
+        tool = self.values("tool_position")[self.records]
+        span = np.concatenate([poses[:, :, :3].reshape(-1, 3), tool])
+        return {
+            "label": self.label,
+            "message": self.result.message,
+            "completed": self.result.status == Status.COMPLETED,
+            "start": float(self.time[0]),
+            "end": float(self.time[-1]),
+            "recorded": self.n,
+            "low": span.min(axis=0).tolist(),
+            "high": span.max(axis=0).tolist(),
+            "links": self.links,
+            "time": packer.table(self.time[self.records], 1e-7),
+            "poses": _pack_poses(packer, poses),
+            "tool": packer.table(tool, 0.1 * MICRON),
+            "joints": [
+                self._joint(packer, name, j, sizes[:, j], peaks[:, j], hits[j])
+                for j, name in enumerate(joints)
+            ],
+        }
+
+    def _joint(
+        self,
+        packer: Packer,
+        name: str,
+        j: int,
+        size: np.ndarray,
+        peak: np.ndarray,
+        hits: ImpactTrack,
+    ) -> dict[str, Any]:
+        mechanism, clearance = self.mechanism, self.mechanism.clearance[name]
+        contacts = [str(contact) for contact in self.result["contact"].values]
+        for contact in clearance.contacts:
+            if contact not in contacts:
+                raise JointplayError(f"result {self.label!r} is damaged: no contact {contact!r}")
+        columns = [contacts.index(contact) for contact in clearance.contacts]
+        normal = self.values("normal_force_peak")[:, j, columns]
+        friction = self.values("friction_force")[:, j, columns]
+        acting = strongest(normal, self.records)
+        held = np.take_along_axis(normal, acting, axis=0)
+        rubbing = np.take_along_axis(friction, acting, axis=0)
+        # Recorded friction belongs to the instant of the record, the peak to one before it.
+        now = np.take_along_axis(self.values("normal_force")[:, j, columns], acting, axis=0)
+        rubbing *= np.divide(held, now, out=np.ones_like(held), where=now > 0.0)
+        view = close_up(mechanism, name, self.q, self.v, self.records, acting, held, rubbing)
+        largest = float(size.max(initial=0.0))
+        pressing = normal.max(axis=1)
+        newton = max(1e-4 * largest, 1e-9)
+        n = len(self.records)
+        force = peak[strongest(size[:, None], self.records)[:, 0]]
+        index, placement = mechanism.bearing_frame(name)
+        carrier, fixed = _carrier(mechanism, self.links, index, placement)
+        return {
+            "name": name,
+            "kind": clearance.kind,
+            "shape": asdict(clearance.outline),
+            "contacts": list(clearance.contacts),
+            "carrier": carrier,
+            "placement": fixed.homogeneous.T.ravel().tolist(),
+            "largest": largest,
+            "typical": _typical(size, hits),
+            "typical_contact": _typical(pressing, hits),
+            "impacts": {
+                "time": self.time[hits.records].tolist(),
+                "force": [float(f"{value:.4g}") for value in hits.force],
+            },
+            "force": packer.table(force, newton),
+            "mode": packer.table(self.values("mode")[self.records, j], 1.0),
+            "tilt_angle": packer.table(self.values("tilt")[self.records, j], MICRORADIAN),
+            "turn": packer.table(view.turn, 10 * MICRORADIAN),
+            "slide": packer.table(view.slide, MICRON),
+            "displacement": packer.table(view.displacement, 0.1 * MICRON),
+            "tilt": packer.table(view.tilt, MICRORADIAN),
+            "place": packer.table(view.place.reshape(n, -1), 10 * MICRON),
+            "shift": packer.table(view.shift.reshape(n, -1), 0.2 * MICRON),
+            "normal": packer.table(view.normal_force.reshape(n, -1), newton),
+            "friction": packer.table(view.friction_force.reshape(n, -1), newton),
+        }
+
+
+def _typical(force: np.ndarray, hits: ImpactTrack) -> float:
+    """Force that an arrow of ordinary length shows [N]: half of the impacts exceed it."""
+    values = force[hits.records] if len(hits.records) else force
+    values = values[values > 0.0]
+    return float(np.median(values)) if len(values) else 1.0
+
+
+def _poses(mechanism: Mechanism, q: np.ndarray, links: Sequence[str]) -> np.ndarray:
+    """World poses of link frames, shape (n, links, 7): position [m] and quaternion (x, y, z, w)."""
+    model = mechanism.model
+    ground = (0, pin.SE3.Identity())
+    frames = [model.frames[model.getFrameId(link, pin.FrameType.BODY)] for link in links]
+    pairs = [(ground, (frame.parentJoint, frame.placement)) for frame in frames]
+    motion = BodyMotion.of(len(q), len(links))
+    states = np.ascontiguousarray(q), np.zeros((len(q), model.nv))
+    Tree(model).move(motion, 0, len(q), *states, ground, pairs)
+    poses = np.empty((len(q), len(links), 7))
+    for k, places in enumerate(motion.poses):
+        poses[:, k, :3] = places[:, :3]
+        poses[:, k, 3:] = quaternions(places[:, 3:].reshape(-1, 3, 3))
+        continuous(poses[:, k, 3:])
+    return poses
+
+
+def _pack_poses(packer: Packer, poses: np.ndarray) -> dict[str, Any]:
+    n = len(poses)
+    return {
+        "position": packer.table(poses[:, :, :3].reshape(n, -1), 0.2 * MICRON),
+        "turn": packer.table(poses[:, :, 3:].reshape(n, -1), 0.5 * MICRORADIAN),
+    }
+
+
+def _carrier(
+    mechanism: Mechanism, links: Sequence[str], index: int, placement: pin.SE3
+) -> tuple[int, pin.SE3]:
+    """Link that moves with Pinocchio joint `index`, and a frame of that joint as seen from it."""
+    model = mechanism.model
+    for number, link in enumerate(links):
+        frame = model.frames[model.getFrameId(link, pin.FrameType.BODY)]
+        if frame.parentJoint == index:
+            return number, frame.placement.actInv(placement)
+    raise AssertionError(f"no link moves with joint {model.names[index]!r}")
+
+
+def _ghost(
+    case: _Case, others: Sequence[_Case], packer: Packer, notes: Notes, progress: bool
+) -> dict[str, Any] | None:
+    """Tracks of the ideal twin at the moments of `case`: one of `others`, or simulated."""
+    for other in others:
+        long_enough = other.time[-1] >= case.time[-1] - 1e-9
+        if long_enough and is_twin(case.result, other.result):
+            return _twin_tracks(case, other.mechanism, other.time, other.q, packer)
+    try:
+        simulation = replace(
+            ideal_simulation(case.result),
+            duration=float(case.time[-1]),
+            record_every=max(1, round(TWIN_RECORD_S / case.simulation.step)),
+        )
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)
+            twin = simulation.run(progress)
+    except JointplayError as error:
+        notes.append(f"{case.label}: no ideal twin: {error}")
+        return None
+    if twin.status != Status.COMPLETED:
+        notes.append(f"{case.label}: no ideal twin: {twin.message}")
+        return None
+    return _twin_tracks(case, simulation.mechanism, twin.time, twin["q"].values, packer)
+
+
+def _error(case: _Case, packer: Packer, notes: Notes) -> dict[str, Any] | None:
+    """Track of the static error set of the tool, which stands about its twin's."""
+    motion = case.simulation.motion
+    driven = None if motion is None else motion.joints
+    try:
+        return static_error(case.mechanism, case.time, case.q, driven, packer)
+    except JointplayError as error:
+        notes.append(f"{case.label}: no static error set: {error}")
+        return None
+
+
+def _twin_tracks(
+    case: _Case, mechanism: Mechanism, time: np.ndarray, q: np.ndarray, packer: Packer
+) -> dict[str, Any]:
+    moments = case.time[case.records]
+    at = np.column_stack([np.interp(moments, time, column) for column in q.T])
+    model, data = mechanism.model, mechanism.data
+    tool = np.empty((len(at), 3))
+    for i, row in enumerate(at):
+        pin.framesForwardKinematics(model, data, row)
+        tool[i] = data.oMf[mechanism.tool_frame].translation
+    poses = _pack_poses(packer, _poses(mechanism, at, case.links))
+    return poses | {"tool": packer.table(tool, 0.1 * MICRON)}
+
+
+def _magnification(cases: Sequence[_Case]) -> float:
+    """A round factor with which the widest gap is about as wide as its journal's radius."""
+    wanted = []
+    for case in cases:
+        for joint in case.mechanism.clearance.values():
+            pairs = zip(joint.outline.size, joint.outline.room, strict=True)
+            wanted += [1.1 * size / room for size, room in pairs if room > 0.0]
+    factor = max(min(wanted, default=1.0), 1.0)
+    power = 10.0 ** math.floor(math.log10(factor))
+    return float(max(step * power for step in (1, 2, 5) if step * power <= factor * 1.0001))

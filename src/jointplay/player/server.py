@@ -1,0 +1,134 @@
+"""Serving a page to browsers on this machine."""
+
+from __future__ import annotations
+
+import errno
+import ipaddress
+import os
+import socket
+import sys
+import webbrowser
+from http import HTTPStatus
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+
+from jointplay.core.errors import JointplayError, require_whole
+
+HOST = "127.0.0.1"
+PORT = 7000
+"""Meshcat's own default."""
+_ATTEMPTS = 20
+_TIMEOUT_S = 30.0
+
+
+class Server(ThreadingHTTPServer):
+    """Serves one page, and nothing else, from memory.
+
+    Args:
+        page: HTML in UTF-8.
+        host: address or name of the interface to listen on.
+        port: where; if it is taken, one of the next, or any; 0 takes any.
+
+    Attributes:
+        wanted: the port that was asked for.
+
+    Raises:
+        JointplayError: a host that is none of this machine's, or a port that is none.
+    """
+
+    daemon_threads = True
+    allow_reuse_address = os.name == "posix"  # elsewhere it would share a port that is taken
+
+    def __init__(self, page: bytes, host: str = HOST, port: int = PORT) -> None:
+        """Begin to listen."""
+        port = require_whole("the port", port, 0, 65535)
+        self.page, self.wanted = page, port
+        try:
+            addresses = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
+        except (OSError, UnicodeError):
+            raise JointplayError(f"no host {host!r}; 127.0.0.1 is this machine alone") from None
+        self.address_family = addresses[0][0]
+        self._host = host
+        candidates = [port, *range(port + 1, min(port + _ATTEMPTS, 65536)), 0] if port else [0]
+        for candidate in candidates:
+            try:
+                super().__init__((host, candidate), _Handler)
+                return
+            except OSError as error:
+                if error.errno not in (errno.EADDRINUSE, errno.EACCES) or candidate == 0:
+                    raise JointplayError(
+                        f"cannot listen on {host!r}, port {candidate}: {error.strerror or error}; "
+                        "127.0.0.1 is this machine alone"
+                    ) from None
+
+    @property
+    def port(self) -> int:
+        """Where it listens."""
+        return int(self.server_address[1])
+
+    @property
+    def url(self) -> str:
+        """Address of the page."""
+        host = {"0.0.0.0": HOST, "::": "::1", "": HOST}.get(self._host, self._host)
+        return f"http://[{host}]:{self.port}/" if ":" in host else f"http://{host}:{self.port}/"
+
+    def known(self, host: str) -> bool:
+        """Whether a request's Host header means this machine.
+
+        A stranger's page can have its own name lead here; it then asks for that name.
+        """
+        name = host.rpartition(":")[0] if not host.endswith("]") and ":" in host else host
+        name = name.strip("[]").lower().rstrip(".")
+        try:
+            ipaddress.ip_address(name)
+        except ValueError:
+            own = {"localhost", self._host, socket.gethostname(), socket.getfqdn()}
+            return name in {known.lower() for known in own if known}
+        return True
+
+    def handle_error(self, request: object, client_address: object) -> None:
+        """Keep silent about browsers that hang up."""
+        if not isinstance(sys.exception(), OSError):
+            super().handle_error(request, client_address)  # type: ignore[arg-type]
+
+
+class _Handler(BaseHTTPRequestHandler):
+    server: Server
+    timeout = _TIMEOUT_S
+
+    def do_GET(self) -> None:
+        self._answer(send=True)
+
+    def do_HEAD(self) -> None:
+        self._answer(send=False)
+
+    def _answer(self, send: bool) -> None:
+        if not self.server.known(self.headers.get("Host", "")):
+            self.send_error(HTTPStatus.MISDIRECTED_REQUEST)
+            return
+        if self.path.partition("?")[0] != "/":
+            self.send_error(HTTPStatus.NOT_FOUND)
+            return
+        self.send_response(HTTPStatus.OK)
+        self.send_header("Content-Type", "text/html; charset=utf-8")
+        self.send_header("Content-Length", str(len(self.server.page)))
+        self.send_header("Cache-Control", "no-store")
+        self.send_header("X-Content-Type-Options", "nosniff")
+        self.send_header("X-Frame-Options", "DENY")
+        self.send_header("Referrer-Policy", "no-referrer")
+        self.end_headers()
+        if send:
+            self.wfile.write(self.server.page)
+
+    def log_message(self, format: str, *args: object) -> None:
+        pass
+
+
+def open_browser(url: str) -> bool:
+    """Open `url` in the user's browser; False if there is no display to show one on."""
+    windows = sys.platform in ("darwin", "win32")
+    if not windows and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+        return False  # a text browser would take over the terminal
+    try:
+        return webbrowser.open(url, new=2)
+    except webbrowser.Error:
+        return False

@@ -1,0 +1,211 @@
+"""From records to tracks: fewer moments, no impact lost, packed into few bytes."""
+
+from __future__ import annotations
+
+import zlib
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+PROMINENCE = 0.05
+"""A peak of the contact force is an impact if it stands out by this much of the largest."""
+MOST_IMPACTS = 1000
+"""Weaker ones of a joint are not offered for jumping to."""
+BEFORE_S, AFTER_S = 1e-3, 5e-3
+"""Every record is kept this long before and after an impact, the strongest first [s]."""
+
+
+@dataclass
+class ImpactTrack:
+    """Impacts of a joint, in the order of time.
+
+    Attributes:
+        records: number of the record of each, shape (n,).
+        force: the peak of each, shape (n,) [N].
+    """
+
+    records: np.ndarray
+    force: np.ndarray
+
+
+def impacts(force: np.ndarray) -> ImpactTrack:
+    """Peaks of a contact force, shape (n,) [N], that stand out by `PROMINENCE` of the largest.
+
+    A journal that hits after free flight makes such a peak, and so does one that is knocked about
+    without ever losing contact. The start of a run is none.
+    """
+    largest = float(force.max(initial=0.0))
+    if largest <= 0.0:
+        return ImpactTrack(np.zeros(0, int), np.zeros(0))
+    # Zeros around: a peak may be the last record.
+    at, prominence = peaks(np.concatenate([[0.0], force, [0.0]]))
+    out = prominence >= PROMINENCE * largest
+    at, prominence = at[out], prominence[out]
+    strongest = np.sort(np.argsort(-prominence, kind="stable")[:MOST_IMPACTS])
+    at = at[strongest] - 1
+    at = at[at > 0]
+    return ImpactTrack(at, force[at])
+
+
+def peaks(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Peaks of a curve, and by how much each stands out, as `scipy.signal.find_peaks` has them.
+
+    Whose import takes half as long as all of `jointplay play`.
+
+    Args:
+        values: shape (n,).
+
+    Returns:
+        Number of the middle of each peak, and its prominence: its height above the higher one of
+        the lowest points on its two sides, up to where the curve is higher than the peak.
+    """
+    changes = np.concatenate([[True], values[1:] != values[:-1]])
+    begin = np.flatnonzero(changes)
+    level = values[begin]
+    end = np.concatenate([begin[1:], [len(values)]]) - 1
+    inner = np.arange(1, len(level) - 1)
+    top = inner[(level[inner] > level[inner - 1]) & (level[inner] > level[inner + 1])]
+    low = np.empty((2, len(top)))
+    valleys = np.minimum.reduceat(level, np.concatenate([[0], top])) if len(top) else level[:1]
+    for side, order in enumerate((range(len(top)), range(len(top) - 1, -1, -1))):
+        stack: list[tuple[float, float]] = []  # higher peaks before, and the lowest point since
+        for k in order:
+            deepest = float(valleys[k + side])
+            while stack and stack[-1][0] <= level[top[k]]:
+                deepest = min(deepest, stack.pop()[1])
+            low[side, k] = deepest
+            stack.append((float(level[top[k]]), deepest))
+    return (begin[top] + end[top]) // 2, level[top] - low.max(axis=0)
+
+
+def select_records(time: np.ndarray, hits: list[ImpactTrack], budget: int) -> np.ndarray:
+    """Numbers of the records that are played.
+
+    Args:
+        time: of the records, ascending, shape (n,) [s].
+        hits: impacts of each joint.
+        budget: most records, at least 4.
+
+    Returns:
+        Ascending numbers: all, if the budget allows; else the record of each impact and, strongest
+        first, all records around it, which take up to half the budget; and as many of the rest, at
+        equal distances, as the other half allows, the first and the last among them.
+    """
+    n = len(time)
+    if n <= budget:
+        return np.arange(n)
+    wanted = np.zeros(n, bool)
+    records = np.concatenate([hit.records for hit in hits]) if hits else np.zeros(0, int)
+    force = np.concatenate([hit.force for hit in hits]) if hits else np.zeros(0)
+    order = records[np.argsort(-force, kind="stable")]
+    wanted[order[: budget // 4]] = True
+    left = budget // 2 - int(wanted.sum())
+    for record in order:
+        first = int(np.searchsorted(time, time[record] - BEFORE_S))
+        end = int(np.searchsorted(time, time[record] + AFTER_S, side="right"))
+        left -= end - first - int(wanted[first:end].sum())
+        if left < 0:
+            break
+        wanted[first:end] = True
+    grid = np.linspace(0.0, n - 1.0, max(budget - int(wanted.sum()), 2))
+    wanted[np.round(grid).astype(int)] = True
+    return np.flatnonzero(wanted)
+
+
+def strongest(values: np.ndarray, records: np.ndarray) -> np.ndarray:
+    """Record of the largest value since the record kept before.
+
+    Args:
+        values: shape (all, m).
+        records: kept ones, ascending, shape (n,).
+
+    Returns:
+        Shape (n, m): for each kept record and column the number of the record in
+        (previous kept, kept] that has the largest value.
+    """
+    numbers = np.empty((len(records), values.shape[1]), int)
+    begin = np.concatenate([[0], records[:-1] + 1])
+    for i, (first, last) in enumerate(zip(begin, records, strict=True)):
+        numbers[i] = first + (0 if first == last else values[first : last + 1].argmax(axis=0))
+    return numbers
+
+
+class Packer:
+    """Packs tables of numbers into one compressed block.
+
+    Each column is rounded to a multiple of its table's quantum, differenced along time and split
+    into bytes of equal weight: most of them are then zero, and deflate makes little of them.
+    """
+
+    def __init__(self) -> None:
+        """Begin empty."""
+        self._blocks: list[bytes] = []
+        self._size = 0
+
+    def raw(self, data: bytes) -> dict[str, Any]:
+        """Append bytes as they are; returns what the reader needs to find them."""
+        entry = {"at": self._size, "bytes": len(data)}
+        self._blocks.append(data)
+        self._size += len(data)
+        return entry
+
+    def table(self, values: np.ndarray, quantum: float) -> dict[str, Any]:
+        """Append a table, one row a moment.
+
+        Args:
+            values: shape (n,) or (n, columns), finite.
+            quantum: what it is rounded to, in its unit; made coarser if 32 bits do not suffice.
+
+        Returns:
+            What the reader needs to find and decode it.
+        """
+        table = np.asarray(values, float).reshape(len(values), -1)
+        largest = float(np.abs(table).max(initial=0.0))
+        quantum = max(quantum, largest / 2**29)
+        whole = np.round(table / quantum).astype(np.int64)
+        change = np.diff(whole, axis=0, prepend=np.zeros((1, table.shape[1]), np.int64))
+        # Zigzag: small numbers of either sign have their high bytes zero.
+        zigzag = ((change << 1) ^ (change >> 63)).astype("<u4")
+        planes = np.ascontiguousarray(zigzag.T).view(np.uint8).reshape(-1, 4).T
+        entry = self.raw(np.ascontiguousarray(planes).tobytes())
+        return entry | {"rows": table.shape[0], "columns": table.shape[1], "quantum": quantum}
+
+    def mesh(self, triangles: np.ndarray) -> dict[str, Any]:
+        """Append the triangles of a surface whose points are in the order of their first use.
+
+        Each number of a point is kept as how far it lies behind the next new point: mostly little.
+
+        Args:
+            triangles: numbers of their points, shape (m, 3).
+        """
+        used = triangles.reshape(-1).astype(np.int64)
+        fresh = np.maximum.accumulate(np.concatenate([[-1], used[:-1]])) + 1
+        behind = (fresh - used).astype("<u4")
+        planes = np.ascontiguousarray(behind.view(np.uint8).reshape(-1, 4).T)
+        return self.raw(planes.tobytes()) | {"numbers": len(used)}
+
+    def deflated(self) -> bytes:
+        """All that was appended, compressed (zlib)."""
+        return zlib.compress(b"".join(self._blocks), 6)
+
+
+def unpack_mesh(block: bytes, entry: dict[str, Any]) -> np.ndarray:
+    """Triangles that `Packer.mesh` appended, from the decompressed block: shape (m, 3)."""
+    data = np.frombuffer(block, np.uint8, entry["bytes"], entry["at"])
+    behind = np.ascontiguousarray(data.reshape(4, -1).T).view("<u4").reshape(-1)
+    corners, fresh = [], 0
+    for back in behind.tolist():
+        corners.append(fresh - back)
+        fresh += back == 0
+    return np.array(corners).reshape(-1, 3)
+
+
+def unpack(block: bytes, entry: dict[str, Any]) -> np.ndarray:
+    """Table that `Packer.table` appended, from the decompressed block: shape (rows, columns)."""
+    rows, columns = entry["rows"], entry["columns"]
+    data = np.frombuffer(block, np.uint8, entry["bytes"], entry["at"])
+    zigzag = np.ascontiguousarray(data.reshape(4, -1).T).view("<u4").reshape(columns, rows)
+    zigzag = zigzag.astype(np.int64)
+    change = (zigzag >> 1) ^ -(zigzag & 1)
+    return np.cumsum(change, axis=1).T * entry["quantum"]

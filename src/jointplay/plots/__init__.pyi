@@ -1,0 +1,13 @@
+from .figures import FIGURES as FIGURES
+from .figures import NEEDS_CLEARANCE as NEEDS_CLEARANCE
+from .figures import is_paper as is_paper
+from .figures import joint_of as joint_of
+from .figures import save as save
+from .figures import save_pdf as save_pdf
+from .names import file_names as file_names
+from .names import is_paper_robot as is_paper_robot
+from .palette import COLOURS as COLOURS
+from .palette import Cases as Cases
+from .palette import reference as reference
+from .result import Plots as Plots
+from .style import STYLES as STYLES

@@ -1,0 +1,111 @@
+"""Pieces of HTML: templates that escape what they are given, numbers as an engineer writes them.
+
+Names come from files of others. `Html` is text that is HTML already; the only ways to it are
+`markup`, `joined` and the templates, which escape everything else.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from functools import cache
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup as Html
+from markupsafe import escape
+
+_MINUS = "\N{MINUS SIGN}"
+
+Cell = str | float | int | None
+
+
+@cache
+def _templates() -> Environment:
+    made = Environment(
+        loader=PackageLoader("jointplay.reports", "page"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    made.filters["cell"] = text
+    made.filters["anchor"] = lambda name: name.lower().replace(" ", "-")
+    return made
+
+
+def render(template: str, **values: object) -> Html:
+    """A template of the folder `page`, filled in; text in `values` is escaped, `Html` is not."""
+    return Html(_templates().get_template(template).render(**values))
+
+
+def markup(pattern: str, *values: object) -> Html:
+    """`pattern`, which is HTML, with `values` escaped in the place of each ``{}``."""
+    return Html(pattern).format(*map(cell_or_text, values))
+
+
+def joined(parts: Iterable[Html], between: str = "") -> Html:
+    """Parts of a page one after another; what is not `Html` is escaped."""
+    return Html(between).join(parts)
+
+
+def cell_or_text(value: object) -> object:
+    """Numbers as `number` writes them; all else as it is."""
+    return text(value) if value is None or isinstance(value, (bool, int, float)) else value
+
+
+def text(value: object) -> Html:
+    """A cell's HTML: text escaped, numbers by `number`, None as a dash."""
+    if value is None:
+        return Html("&ndash;")
+    if isinstance(value, bool):
+        return Html("yes") if value else Html("no")
+    if isinstance(value, (int, float)):
+        return number(value)
+    return escape(value)
+
+
+def number(value: float, digits: int = 3) -> Html:
+    """`value` with `digits` significant digits; powers of ten only where zeros would mislead."""
+    if isinstance(value, int):
+        return escape(str(value).replace("-", _MINUS))
+    if math.isnan(value):
+        return Html("&ndash;")
+    if math.isinf(value):
+        return Html("&infin;") if value > 0 else Html(_MINUS + "&infin;")
+    if value == 0.0:
+        return Html("0")
+    rounded = float(f"{value:.{digits - 1}e}")
+    exponent = math.floor(math.log10(abs(rounded)))
+    if -4 <= exponent < 6:
+        shown = f"{rounded:.{max(0, digits - 1 - exponent)}f}"
+        return escape(shown.replace("-", _MINUS))
+    mantissa = f"{rounded / 10.0**exponent:.{digits - 1}f}".replace("-", _MINUS)
+    return Html("{}&middot;10<sup>{}</sup>").format(mantissa, str(exponent).replace("-", _MINUS))
+
+
+def table(
+    head: Sequence[Cell],
+    rows: Sequence[Sequence[Cell]],
+    caption: str = "",
+    left: int = 1,
+    name: str = "",
+) -> Html:
+    """A table whose first `left` columns are text, the others numbers."""
+    return render("table.html", head=head, rows=rows, caption=caption, left=left, name=name)
+
+
+def paragraph(content: str) -> Html:
+    """A paragraph."""
+    return markup("<p>{}</p>", content)
+
+
+def bullets(items: Sequence[str]) -> Html:
+    """A list of points; nothing for none."""
+    if not items:
+        return Html("")
+    return markup("<ul>{}</ul>", joined(markup("<li>{}</li>", item) for item in items))
+
+
+def details(summary: str, content: str) -> Html:
+    """Something to unfold."""
+    return markup("<details><summary>{}</summary>{}</details>", summary, content)

@@ -1,0 +1,216 @@
+"""Every input of the runs, motions and robots in full."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from jointplay import analysis
+from jointplay.core.errors import JointplayError
+from jointplay.mechanism.urdf import parse
+from jointplay.reports.cases import Case, dark
+from jointplay.reports.html import Cell, Html, details, joined, markup, table
+from jointplay.result.result import Result
+
+# The text of users' own laws, as results bring it: it is shown, and never run.
+
+
+def own_laws(cases: Sequence[Case]) -> Html:
+    """Each law once, and where it is used."""
+    users: dict[tuple[str, str], list[str]] = {}
+    for case in cases:
+        for joint, fields in analysis.clearance_inputs(case.result).items():
+            for law in fields.values():
+                if isinstance(law, dict) and law.get("source"):
+                    user = f"{case.label}, {joint}" if len(cases) > 1 else joint
+                    known = users.setdefault((str(law["function"]), str(law["source"])), [])
+                    known += [] if user in known else [user]
+    return joined(
+        details(f"Law {name} ({'; '.join(where)})", markup("<pre>{}</pre>", text))
+        for (name, text), where in users.items()
+    )
+
+
+_JOINT_FIELDS: dict[str, tuple[str, str, float]] = {
+    "clearance": ("clearance across x, each side", "mm", 1e3),
+    "clearance_y": ("clearance across y, each side", "mm", 1e3),
+    "length": ("length of the slider", "mm", 1e3),
+    "width": ("width of the slider, along x", "mm", 1e3),
+    "height": ("height of the slider, along y", "mm", 1e3),
+    "corner_radius": ("rounding of the corners", "mm", 1e3),
+    "radial_clearance": ("radial clearance C_r", "mm", 1e3),
+    "axial_clearance": ("axial clearance C_a, each side", "mm", 1e3),
+    "bearing_radius": ("bearing radius R_i", "mm", 1e3),
+    "bearing_length": ("bearing length L_i", "mm", 1e3),
+    "journal_radius": ("journal radius R_j", "mm", 1e3),
+    "journal_length": ("journal length L_j", "mm", 1e3),
+    "restitution": ("restitution c_e", "", 1.0),
+    "stiffness": ("stiffness k", "N/m^1.5", 1.0),
+    "axial_stiffness": ("stiffness k, axial", "N/m^1.5", 1.0),
+}
+
+
+def parameters(cases: Sequence[Case]) -> Html:
+    """Every input, a column for each case, then motion and robot in full."""
+    columns = [_parameters(case.result) for case in cases]
+    names = dict.fromkeys(
+        name for column in columns for name, value in column.items() if value is not None
+    )
+    rows = [[_symbol(name), *(column.get(name) for column in columns)] for name in names]
+    overview = table(["parameter", *(dark(case) for case in cases)], rows, left=1 + len(cases))
+    return joined([overview, own_laws(cases), _motions(cases), _robots(cases)])
+
+
+def _symbol(name: str) -> Html:
+    """C_r as a symbol with an index, units with exponents."""
+    shown = markup("{}", name)
+    for symbol in ("C_r", "C_a", "R_i", "L_i", "R_j", "L_j", "c_e"):
+        shown = shown.replace(symbol, markup("<i>{}</i><sub>{}</sub>", *symbol.split("_")))
+    for unit, power in (("m^1.5", "1.5"), ("s^2", "2")):
+        shown = shown.replace(unit, markup("{}<sup>{}</sup>", unit[0], power))
+    return shown
+
+
+def _parameters(result: Result) -> dict[str, Cell]:
+    inputs = analysis.inputs(result)
+    robot = inputs["mechanism"]
+    known = {"mechanism", "motion", "drive", "duration", "step", "integrator", "record_every"}
+    cells: dict[str, Cell] = {
+        "robot (URDF)": robot.get("urdf"),
+        "tool (frame)": robot.get("tool"),
+        "gravity, world axes [m/s^2]": ", ".join(f"{g:g}" for g in robot.get("gravity", ())),
+    }
+    if robot.get("allow_unphysical"):
+        cells["links with an impossible inertia"] = ", ".join(robot["allow_unphysical"])
+    if robot.get("loops"):
+        cells["closed loops"] = "; ".join(
+            f"{name}: {loop.get('bearing_link')} - {loop.get('journal_link')}"
+            for name, loop in robot["loops"].items()
+        )
+    for name, gear in robot.get("gears", {}).items():
+        cells[f"gear of {name}"] = _plain(gear)
+    motion = inputs["motion"]
+    cells["motion"] = (
+        "none" if motion is None else f"{len(motion['times'])} waypoints, {motion['interpolation']}"
+    )
+    drives = inputs["drive"]
+    named = drives.items() if isinstance(drives, dict) else [("all joints", one) for one in drives]
+    for name, drive in named:
+        cells[f"drive of {name}"] = _drive(drive)
+    if inputs.get("joint_friction") is not None:
+        cells["joint friction"] = _plain(inputs["joint_friction"])
+    cells["time step [µs]"] = 1e6 * float(inputs["step"])
+    cells["integrator"] = inputs["integrator"]
+    cells["simulated [s]"] = float(result.time[-1])
+    cells["steps between records"] = int(inputs["record_every"])
+    for name, value in inputs.items():
+        if name not in known | {"joint_friction"} and value not in (None, [], {}):
+            cells[name.replace("_", " ")] = _plain(value)
+    derived, unknown = _derived_stiffness(result)
+    for joint, fields in analysis.clearance_inputs(result).items():
+        for name, value in fields.items():
+            label, unit, scale = _JOINT_FIELDS.get(name, (name.replace("_", " "), "", 1.0))
+            label = f"{joint}: {label}{f' [{unit}]' if unit else ''}"
+            if name == "stiffness" and value is None and joint in derived:
+                cells[label] = markup("{} (eq. 11)", derived[joint])
+            elif name == "stiffness" and value is None and unknown:
+                cells[label] = f"from eq. 11, not reckoned: {unknown}"
+            elif name == "axial_stiffness" and value is None:
+                cells[label] = "as radial"
+            elif name == "stiffness" and value is None:
+                cells[label] = "from eq. 11"
+            elif isinstance(value, bool):
+                cells[label] = "yes" if value else None
+            elif isinstance(value, (int, float)) and not isinstance(value, bool):
+                cells[label] = float(value) * scale
+            elif isinstance(value, dict):
+                cells[label] = _law(value)
+            else:
+                cells[label] = value
+    versions = json.loads(result.dataset.attrs.get("versions", "{}"))
+    cells["made with"] = ", ".join(f"{name} {value}" for name, value in versions.items())
+    return cells
+
+
+def _drive(fields: dict[str, Any]) -> str:
+    """A drive in one line; long tables are counted, not shown."""
+    short = {
+        name: f"{len(value)} values" if isinstance(value, list) and len(value) > 6 else value
+        for name, value in fields.items()
+    }
+    units = {"bandwidth": "bandwidth [rad/s]"}
+    return ", ".join(f"{units.get(name, name)} {_plain(value)}" for name, value in short.items())
+
+
+def _plain(value: Any) -> str:
+    if isinstance(value, dict):
+        return ", ".join(f"{name.replace('_', ' ')} {_plain(v)}" for name, v in value.items())
+    if isinstance(value, (list, tuple)):
+        return ", ".join(_plain(v) for v in value)
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _law(fields: dict[str, Any]) -> str:
+    """A law or a material in one line: its name first."""
+    rest = {key: value for key, value in fields.items() if value is not None and key != "source"}
+    name = next((str(rest.pop(key)) for key in ("law", "name") if key in rest), "")
+    if set(rest) == {"young", "poisson"}:
+        return f"E = {rest['young'] / 1e9:g} GPa, ν = {rest['poisson']:g}"
+    return " ".join(part for part in (name, _plain(rest) and f"({_plain(rest)})") if part)
+
+
+def _derived_stiffness(result: Result) -> tuple[dict[str, float], str]:
+    """Stiffness of each joint; or why it is not known, as where a law cannot be imported."""
+    try:
+        joints = result.simulation.mechanism.clearance
+        return {n: joint.contact_properties(0).stiffness for n, joint in joints.items()}, ""
+    except JointplayError as error:
+        return {}, str(error)
+
+
+def _motions(cases: Sequence[Case]) -> Html:
+    seen: dict[str, list[Case]] = {}
+    for case in cases:
+        motion = json.dumps(analysis.inputs(case.result)["motion"], sort_keys=True)
+        seen.setdefault(motion, []).append(case)
+    parts = []
+    for packed, those in seen.items():
+        motion = json.loads(packed)
+        if motion is None:
+            continue
+        rows = [
+            [time, *position]
+            for time, position in zip(motion["times"], motion["positions"], strict=True)
+        ]
+        of = "" if len(seen) == 1 else f" of {', '.join(case.label for case in those)}"
+        units = _units(those[0].result)
+        head = [
+            "time [s]",
+            *(f"{name} [{units.get(name, 'rad or m')}]" for name in motion["joints"]),
+        ]
+        parts.append(details(f"Waypoints{of}", table(head, rows[:500], left=0)))
+    return joined(parts)
+
+
+def _units(result: Result) -> dict[str, str]:
+    """Units of the joints' positions, whether or not the mechanism's laws can be imported."""
+    robot = analysis.inputs(result)["mechanism"]
+    joints = parse(robot["urdf_text"], Path(robot["urdf"]), robot["allow_unphysical"]).joints
+    return {name: "m" if joint.slides else "rad" for name, joint in joints.items()}
+
+
+def _robots(cases: Sequence[Case]) -> Html:
+    seen: dict[str, list[str]] = {}
+    for case in cases:
+        source = analysis.inputs(case.result)["mechanism"].get("urdf_text", "")
+        seen.setdefault(source, []).append(case.label)
+    return joined(
+        details(
+            "Robot (URDF)" + ("" if len(seen) == 1 else f" of {', '.join(labels)}"),
+            markup("<pre>{}</pre>", source),
+        )
+        for source, labels in seen.items()
+        if source
+    )

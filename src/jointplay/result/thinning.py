@@ -1,0 +1,147 @@
+"""Fewer records of a result, without losing what lay between them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Collection
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import xarray as xr
+
+from jointplay.core.errors import require_whole
+from jointplay.result import netcdf
+from jointplay.result.result import Result
+
+_LARGEST, _SMALLEST, _STRONGEST = ("normal_force_peak",), ("gap_min",), ("joint_force_peak",)
+"""Variables that cover the time since the last record, by how two of them make one."""
+
+
+_AT_ONCE = 1 << 15
+"""Records of a variable that are read at once, about."""
+
+
+def thinned(result: Result, every: int) -> Result:
+    """Each n-th record and the last one.
+
+    What covers the time since the last record (``*_peak``, ``gap_min``) covers that since the last
+    one kept.
+
+    Args:
+        result: with all its records, in memory or opened lazily; it is not changed.
+        every: n, at least 1.
+
+    Raises:
+        JointplayError: `every` is no whole number from 1 on.
+    """
+    _require_whole(every)
+    if every == 1 or result.dataset.sizes["time"] < 2:
+        return result
+    return Result(thin(result.dataset, every), result.trust)
+
+
+def load(
+    path: str | Path,
+    trust: Collection[str] = (),
+    every: int = 1,
+    most: int | None = None,
+    only: Collection[str] | None = None,
+) -> Result:
+    """A file as if it had been recorded less often; memory holds only what is returned.
+
+    Args:
+        path, trust, every: see `Result.load`.
+        most: records at most, about, in place of `every`.
+        only: histories that are wanted; None: all.
+
+    Raises:
+        JointplayError: see `Result.load`.
+    """
+    _require_whole(every)
+    with Result.read(path, trust, partial(netcdf.open_lazily, indexed=False)).dataset as dataset:
+        if most is not None:
+            every = max(-(-dataset.sizes["time"] // most), 1)
+        made = thin(dataset, every, only)
+    simulation = json.loads(made.attrs["simulation"])
+    simulation["record_every"] *= every
+    made.attrs["simulation"] = json.dumps(simulation)
+    return Result(made, trust)
+
+
+def thin(dataset: xr.Dataset, every: int, only: Collection[str] | None = None) -> xr.Dataset:
+    """The same of a dataset, read a piece of a variable at a time.
+
+    Args:
+        dataset: of a result.
+        every: n, at least 1.
+        only: histories that are wanted; None: all. What does not depend on time always is.
+
+    Raises:
+        JointplayError: `every` is no whole number from 1 on.
+    """
+    _require_whole(every)
+    count = dataset.sizes["time"]
+    kept = np.unique(np.append(np.arange(0, count, every), max(count - 1, 0)))[:count]
+    begin = np.append(0, kept[:-1] + 1)[:count]
+    wanted = [
+        name
+        for name, history in dataset.data_vars.items()
+        if only is None or name in only or "time" not in history.dims
+    ]
+    read = {
+        name: _read(str(name), dataset.variables[name], kept, begin, int(every))
+        for name in (*wanted, *dataset.coords)
+    }
+    return xr.Dataset(
+        {name: read[name] for name in wanted},
+        {name: read[name] for name in dataset.coords},
+        dict(dataset.attrs),
+    )
+
+
+def _require_whole(every: int) -> None:
+    require_whole("every", every, 1)
+
+
+def _read(
+    name: str, variable: xr.Variable, kept: np.ndarray, begin: np.ndarray, every: int
+) -> xr.Variable:
+    """The records `kept` of a variable, each with what happened from the one at `begin` on."""
+    if "time" not in variable.dims:
+        return variable.copy(data=variable.values)
+    shape = [len(kept) if dim == "time" else size for dim, size in variable.sizes.items()]
+    values = np.empty(shape, variable.dtype)
+    along = variable.get_axis_num("time")
+    at_once = max(_AT_ONCE // every, 1)
+    for first in range(0, len(kept), at_once):
+        here = slice(first, first + at_once)
+        start, end = int(begin[here][0]), int(kept[here][-1]) + 1
+        block = np.moveaxis(variable.isel(time=slice(start, end)).values, along, 0)
+        part = _reduced(name, block, kept[here] - start, begin[here] - start)
+        np.moveaxis(values, along, 0)[here] = part
+    return xr.Variable(variable.dims, values, variable.attrs)
+
+
+def _reduced(name: str, block: np.ndarray, kept: np.ndarray, begin: np.ndarray) -> np.ndarray:
+    """Of a piece of a variable the records `kept`, or what covers the time from `begin` on."""
+    reduced: np.ndarray
+    if name in _LARGEST:
+        reduced = np.fmax.reduceat(block, begin, axis=0)
+    elif name in _SMALLEST:
+        reduced = np.fmin.reduceat(block, begin, axis=0)
+    elif name in _STRONGEST:
+        reduced = _strongest(block, begin)
+    else:
+        reduced = block[kept]
+    return reduced
+
+
+def _strongest(vectors: np.ndarray, begin: np.ndarray) -> np.ndarray:
+    """Of vectors (n, joints, 3) the longest in each stretch that begins at `begin`."""
+    size = np.linalg.norm(vectors, axis=2)
+    longest = np.empty((len(begin), *vectors.shape[1:]))
+    for i, (first, end) in enumerate(zip(begin, [*begin[1:], len(vectors)], strict=True)):
+        at = first + size[first:end].argmax(axis=0)
+        longest[i] = vectors[at, np.arange(vectors.shape[1])]
+    return longest

@@ -1,0 +1,37 @@
+"""What can be asked of the study and what it writes: nothing is simulated or imported for it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from jointplay.core import files
+from jointplay.core.errors import JointplayError, require_whole
+from jointplay.plots.names import file_names
+
+JOINT = "joint_b"
+FILES = {"ideal": "ideal.nc", "0.2 mm": "case1_0.2mm.nc", "0.5 mm": "case2_0.5mm.nc"}
+"""Results by case."""
+
+MOST_RUNS = 1000
+"""Most perturbed runs for each clearance and condition: days of computing."""
+
+
+def output_names() -> list[str]:
+    """Every file that the study writes."""
+    drawn = file_names(paper=True)
+    return [*FILES.values(), *drawn, "errors.md", "ensemble.csv", "claims.csv", "claims.md"]
+
+
+def folder(out: str | Path, runs: int, jobs: int | None) -> Path:
+    """The study's folder, claimed by this process; see `run_study` for what it is asked with.
+
+    Raises:
+        JointplayError: numbers that make no sense, or a folder that cannot be used.
+    """
+    if require_whole("runs", runs) == 1:
+        raise JointplayError(f"the claims need at least 2 runs (0 leaves them out), got {runs}")
+    if runs > MOST_RUNS:
+        raise JointplayError(f"at most {MOST_RUNS} runs for each clearance, got {runs}")
+    if jobs is not None:
+        require_whole("jobs", jobs, 1)
+    return files.claim(out, output_names())

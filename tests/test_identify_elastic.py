@@ -1,0 +1,272 @@
+"""Play and elasticity are told apart, or it is said that they cannot be."""
+
+import math
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import body, joint, tip
+from scipy.optimize import minimize
+
+from jointplay import Gear, JointplayError, Mechanism, RevoluteClearance, identify
+from jointplay.cli import main
+from jointplay.contact import Ambrosio
+from jointplay.identification import Measurement
+from jointplay.identification.measurement import visits
+from jointplay.identification.parameters import compliances
+from jointplay.loads import JointFriction
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
+import elastic
+
+LENGTHS, MASSES = (0.5, 0.4), (6.0, 3.0)
+RATE = 50.0
+NOISE = 1e-6
+TWO, THREE = (-80.0, 160.0), (-80.0, 160.0, 80.0, -160.0, 40.0, -40.0)
+
+
+@pytest.fixture
+def arm(urdf):
+    """The planar arm of two links in a horizontal plane."""
+    return urdf(
+        body("upper", mass=MASSES[0], com="0.25 0 0", inertia=0.03),
+        joint("shoulder", "base", "upper"),
+        body("lower", mass=MASSES[1], com="0.2 0 0", inertia=0.03),
+        joint("elbow", "upper", "lower", at="0.5 0 0"),
+        tip("lower", at="0.4 0 0"),
+    )
+
+
+def links(**shoulder):
+    """The arm's joints; the elbow is stiff."""
+    bodies = [(LENGTHS[k], MASSES[k], 0.5 * LENGTHS[k], 0.03) for k in (0, 1)]
+    return (
+        elastic.Joint(*bodies[0], sinks=1e-9, **shoulder),
+        elastic.Joint(*bodies[1], sinks=1e-9, torsional=1e-9),
+    )
+
+
+def seen(machine, pushes, seed=0, links_too=()):
+    """Both ways through some poses, and at two of them pushes along x and along y."""
+    random = np.random.default_rng(seed)
+    rows = [np.tile([0.0, 0.6, 0.0, 0.0, 0.0], (20, 1))]
+
+    def go(goal):
+        last = rows[-1][-1, :2]
+        n = int(np.abs(goal - last).max() / 0.4 * RATE) + 15
+        part = np.cumsum(np.convolve(np.ones(n - 14), np.hanning(15)))
+        way = last + (part / part[-1])[:, None] * (goal - last)
+        rows.append(np.column_stack([way, np.zeros((len(way), 2)), np.ones(len(way))]))
+
+    for goal in ((0.5, 1.1), (0.0, 0.6), (0.2, 0.8)):
+        go(np.array(goal))
+        for _ in range(2):
+            for push in pushes:
+                for force in ((push, 0.0), (0.0, push)) if goal[0] else ():
+                    for given in (force, (0.0, 0.0)):
+                        rows.append(np.tile([*rows[-1][-1, :2], *given, 0.0], (30, 1)))
+    table = np.concatenate(rows)
+    time, motor, force = np.arange(len(table)) / RATE, table[:, :2], table[:, 2:4]
+    way = np.sign(np.round(np.gradient(motor, axis=0), 9)) * table[:, 4:]
+    tool, twist = elastic.statics(machine, motor, force, way, time)
+    signals = {("tool", "z"): NOISE * random.standard_normal(len(time))}
+    for i, axis in enumerate("xy"):
+        signals["tool", axis] = tool[:, i] + NOISE * random.standard_normal(len(time))
+        signals["force", axis] = force[:, i]
+    for k, name in enumerate(("shoulder", "elbow")):
+        signals["motor", name] = motor[:, k]
+        if name in links_too:
+            noise = 1e-6 * random.standard_normal(len(time))
+            signals["link", name] = motor[:, k] + twist[:, k] + noise
+    return Measurement(time, signals)
+
+
+def expected(arm, play):
+    """What somebody believes: some play in the shoulder, no friction."""
+    bearing = RevoluteClearance.planar(radial_clearance=play, friction=Ambrosio(0.0))
+    return Mechanism(arm, {"shoulder": bearing})
+
+
+def honest(found, label, truth):
+    """Whether an unknown is not told, or its interval holds the truth."""
+    i = [one.label for one in found.unknowns].index(label)
+    low, high = found.interval(i)
+    return bool(found.reasons[i]) or low <= truth <= high
+
+
+CASES = {
+    "1 um, 1e5 N m/rad": (1e-6, {"torsional": 1e-5}, 0.0),
+    "60 um, 1e6 N m/rad": (60e-6, {"torsional": 1e-6}, 0.0),
+    "60 um, 1e5 N m/rad": (60e-6, {"torsional": 1e-5}, 0.0),
+    "1 um, 1 um/N at the tool": (1e-6, {"torsional": 1e-9}, 1e-6),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_elasticity_is_not_taken_for_play(arm, case):
+    play, gives, tool = CASES[case]
+    machine = elastic.Arm(links(clearance=play, **gives), False, tool * np.eye(2))
+    believed = expected(arm, 60e-6)
+    label = "shoulder radial clearance"
+    assert honest(identify(believed, seen(machine, TWO)), label, play)
+    found = identify(believed, seen(machine, THREE))
+    assert not found.reasons[0]
+    assert honest(found, label, play)
+    assert found[label][1] < 8e-6
+    assert found.excess < 3.0
+    # Who believes the machine to be rigid is misled, and by the elasticity.
+    rigid = identify(believed, seen(machine, TWO), stiffness={"all": math.inf})
+    assert not honest(rigid, label, play) or rigid.excess > 3.0
+
+
+def test_pushes_of_one_size_cannot_tell_and_the_message_names_more(arm):
+    machine = elastic.Arm(links(clearance=60e-6, torsional=1e-5), False)
+    found = identify(expected(arm, 60e-6), seen(machine, (-80.0, 80.0)))
+    assert found.reasons[0].startswith("elasticity (")
+    assert "pushes of 1 size are not enough" in found.reasons[0]
+    assert "--stiffness" in found.reasons[0]
+    assert "would tell" in found.advice[0]
+    assert "N and" in found.advice[0]  # two sizes, or a third besides
+
+
+def test_a_stiffness_that_is_given_is_used_and_printed(arm):
+    machine = elastic.Arm(links(clearance=60e-6, torsional=1e-5), False)
+    measured = seen(machine, (-80.0, 80.0))
+    rigid = {"all": math.inf, "shoulder torsional": 1e5}
+    found = identify(expected(arm, 30e-6), measured, stiffness=rigid)
+    value, half = found["shoulder radial clearance"]
+    assert abs(value - 60e-6) < half < 6e-6
+    assert "shoulder torsional 1e+05 N*m/rad" in str(found)
+    roughly = identify(
+        expected(arm, 30e-6), measured, stiffness=rigid | {"shoulder torsional": (0.8e5, 0.3)}
+    )
+    assert roughly["shoulder radial clearance"][1] > half
+    assert honest(roughly, "shoulder radial clearance", 60e-6)
+    assert "+- 30 %" in str(roughly)
+
+
+def test_all_that_is_assumed_is_printed(arm):
+    machine = elastic.Arm(links(clearance=60e-6, torsional=1e-6), False)
+    said = str(identify(expected(arm, 60e-6), seen(machine, THREE), drift=1, noise={"tool": 2e-6}))
+    for words in (
+        "--reference place", "--stiffness", "--drift 1", "tool x 2 um (given)",
+        "shoulder dry friction 0 N m", "shoulder bearing 0", "contacts give way",
+    ):  # fmt: skip
+        assert words in said
+
+
+def test_backlash_is_found_whatever_stiffness_the_gear_is_said_to_have(arm):
+    joints = links(play=2e-3, torsional=1e-6, dry=0.5)
+    measured = seen(elastic.Arm(joints, False), THREE, links_too=("shoulder",))
+    for stiffness in (1e4, 1e6):
+        believed = Mechanism(arm, gears={"shoulder": Gear(1e-3, 0.1, stiffness)})
+        friction = {"shoulder": JointFriction(coulomb=0.3)}
+        found = identify(believed, measured, joint_friction=friction)
+        value, half = found["shoulder gear play"]
+        assert abs(value - 2e-3) < half < 1e-4
+
+
+def test_friction_is_asked_of_joints_that_have_some(arm):
+    machine = elastic.Arm(links(clearance=60e-6, torsional=1e-6), False)
+    measured = seen(machine, THREE)
+    labels = [one.label for one in identify(expected(arm, 60e-6), measured).unknowns]
+    assert "shoulder friction" not in labels
+    rubs = Mechanism(
+        arm, {"shoulder": RevoluteClearance.planar(radial_clearance=1e-4, friction=Ambrosio(0.1))}
+    )
+    found = identify(rubs, measured, joint_friction={"elbow": JointFriction(coulomb=0.2)})
+    labels = [one.label for one in found.unknowns]
+    assert {"shoulder friction", "elbow dry friction", "elbow torsional compliance"} <= set(labels)
+
+
+def test_visits_whose_load_leaves_the_journal_where_it_was_do_not_count(arm):
+    machine = elastic.Arm(links(clearance=60e-6, torsional=1e-6), False)
+    found = identify(expected(arm, 60e-6), seen(machine, THREE))
+    pushed = np.linalg.norm(found.visits.force, axis=1) > 1.0
+    used = np.isfinite(found.error).any(axis=1)
+    assert used[pushed].all()
+    assert not used[~pushed].any()  # horizontal: inertia alone
+
+
+def test_drift_of_the_readings_is_no_play(arm):
+    machine = elastic.Arm(links(clearance=60e-6, torsional=1e-6), False)
+    measured = seen(machine, THREE)
+    warm = 100e-6 * measured.time / measured.time[-1]
+    drifting = {k: v + warm if k[0] == "tool" else v for k, v in measured.signals.items()}
+    found = identify(expected(arm, 60e-6), Measurement(measured.time, drifting))
+    value, half = found["shoulder radial clearance"]
+    assert abs(value - 60e-6) < half < 8e-6
+    with pytest.raises(JointplayError, match="must not be negative"):
+        identify(expected(arm, 60e-6), measured, drift=-1)
+
+
+@pytest.mark.parametrize("vertical", [True, False])
+def test_the_arms_of_the_benchmark_lie_where_their_energy_is_least(vertical):
+    joints = (
+        elastic.Joint(0.5, 6.0, 0.25, clearance=5e-5, radial=5e-9, torsional=1e-5, bends=5e-7),
+        elastic.Joint(0.4, 3.0, 0.2, radial=5e-9, torsional=3e-6, bends=3e-7, play=1e-3),
+    )
+    arm = elastic.Arm(joints, vertical, np.array([[3e-7, 1e-7], [1e-7, 5e-7]]))
+    motor, force = np.array([0.3, -0.7]), np.array([50.0, -120.0])
+    tool, _ = elastic.statics(arm, motor[None], force[None], np.zeros((1, 2)), np.zeros(1))
+    scale = np.array([1e-5, 1e-5, 1e-3, 1e-5, 1e-4] * 2 + [1e-5, 1e-5])
+    x = np.zeros(12)
+    for _ in range(12):
+        for method in ("Nelder-Mead", "BFGS"):
+            x = minimize(
+                lambda y: 1e3 * elastic.energy(arm, motor, force, y * scale), x, method=method
+            ).x
+    own = (x * scale)[:10].reshape(2, 5)
+    shape = elastic.Shape(
+        own[None, :, :2], *(own[None, :, k] for k in (2, 3, 4)), (x * scale)[None, 10:]
+    )
+    assert tool == pytest.approx(elastic.places(arm, motor[None], shape)[-1], abs=3e-7)
+
+
+def test_a_stiffness_that_cannot_be_is_refused(arm, tmp_path, capsys):
+    mechanism = expected(arm, 60e-6)
+    for given, words in (
+        ({"wrist": 1e5}, "no stiffness 'wrist'"),
+        ({"shoulder": -1.0}, "must be positive"),
+        ({"shoulder": (1e5, -0.1)}, "must be positive"),
+        ({"all": 1e5}, "can only be inf"),
+    ):
+        with pytest.raises(JointplayError, match=words):
+            compliances(mechanism, given)
+    data = tmp_path / "none.csv"
+    for option, words in (
+        ("shoulder", "must read"),
+        ("shoulder=1 kg", "kg"),
+        ("tool=1 +- x", "must read"),
+    ):
+        order = ["identify", str(arm), str(data), "--joint", "shoulder=0.1 mm", "--tool", "tool"]
+        assert main([*order, "--stiffness", option]) == 2
+        assert words in capsys.readouterr().err
+
+
+def test_a_sliders_signals_are_written_in_metres_and_newtons(tmp_path):
+    time = np.arange(30.0)
+    signals = {("motor", "z"): 1e-3 * time, ("torque", "z"): time, ("motor", "j"): time}
+    measured = Measurement(time, signals, sliding=frozenset({"z"}))
+    path = tmp_path / "data.csv"
+    path.write_text(measured.csv())
+    assert path.read_text().splitlines()[0] == ("time [s],z motor [m],z torque [N],j motor [rad]")
+    back = Measurement.from_csv(path, {"z": True, "j": False})
+    assert back.signals["motor", "z"] == pytest.approx(signals["motor", "z"])
+    assert back.sliding == {"z"}
+
+
+@pytest.mark.parametrize("rate", [20.0, 22.0])
+def test_a_stop_holds_the_records_within_which_nothing_moves(arm, rate):
+    """Windows of an even and an odd number of records (0.15 s) find the same stop."""
+    time = np.arange(0.0, 6.0, 1.0 / rate)
+    angle = np.interp(time, [0.0, 2.0, 4.0, 6.0], [0.0, 0.5, 0.5, 1.0])
+    signals = {("motor", "shoulder"): angle, ("motor", "elbow"): 0.0 * time, ("tool", "x"): angle}
+    made, _ = visits(expected(arm, 60e-6), Measurement(time, signals), None)
+    (stop,) = np.flatnonzero(made.stopped)
+    assert made.time[stop, 1] == pytest.approx(4.0, abs=1.01 / rate)
+    moving = ~made.stopped
+    assert (made.time[moving, 1] < 2.0 + 1.01 / rate)[made.position[moving, 0] < 0.49].all()
+    path = made.path_visit >= 0
+    assert (made.path_near[path] == made.path_visit[path]).all()
