@@ -93,7 +93,7 @@ def draw(name: str) -> None:
     from PIL import Image
 
     given = scenario(name)
-    runs = [given.prepare(case) for case in given.cases]
+    runs = [given.ready_run(case) for case in given.cases]
     shown = next((r for r in runs if r.mechanism.clearance or r.mechanism.gears), runs[0])
     figure = picture(shown.mechanism, shown.workspace.q, title="", view=VIEWS.get(name))
     drawn = io.BytesIO()

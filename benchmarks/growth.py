@@ -41,9 +41,9 @@ def cost(simulation):
     """CPU seconds of the time loop, the better of two; without what numpy's own threads idle."""
     found = []
     for _ in range(2):
-        run = simulation.prepare()
+        run = jp.Run(simulation)
         began = time.thread_time()
-        status = run.loop()
+        status = run.run_to_end()
         if status != Status.COMPLETED:
             raise SystemExit(run.message(status))
         found.append(time.thread_time() - began)

@@ -53,11 +53,11 @@ def seconds(function, *arguments):
 
 def measure(simulation, repeats, bar):
     """CPU seconds per record of each part, and of a result of one record, (repeats,) each."""
-    run, plain = simulation.prepare(), simulation.describe()
-    first = simulation.prepare()
+    run, plain = jp.Run(simulation), simulation.describe()
+    first = jp.Run(simulation)
     first.begin()
     first.advance(1)
-    if run.loop() != Status.COMPLETED:
+    if run.run_to_end() != Status.COMPLETED:
         raise SystemExit(run.message(run.workspace.status))
     mechanism, w = run.mechanism, run.workspace
     rows = w.rows

@@ -76,9 +76,9 @@ def window(case, **options):
 
 def cpu_time(case):
     """CPU seconds of the window's time loop."""
-    run = window(case).prepare()
+    run = jp.Run(window(case))
     started = time.process_time()
-    run.loop()
+    run.run_to_end()
     return time.process_time() - started
 
 
@@ -118,7 +118,7 @@ def order_run(situation, method, step):
     simulation = held(case, DURATION[situation], ROOMY if situation == FREE else None)
     if not INTEGRATORS[method].single_rate:
         simulation = replace(simulation, macro_step=MACRO * step)
-    run = simulation.prepare()
+    run = jp.Run(simulation)
     q, v = run.workspace.q, run.workspace.v
     first = run.mechanism.virtual_link(JOINT)
     if situation == IMPACT:  # tilted, so that one end strikes
@@ -129,7 +129,7 @@ def order_run(situation, method, step):
     if situation == LASTING:
         q[:], run.workspace.contacts[:] = wedged()
     before = onsets(run)
-    run.loop()
+    run.run_to_end()
     return q[first : first + 3].copy(), onsets(run) - before
 
 
@@ -140,8 +140,8 @@ def onsets(run):
 @cache
 def wedged():
     """Configuration and memory of contacts of the loaded robot, its journal at rest, tilted."""
-    run = held(Case(loaded=True), 0.5).prepare()
-    run.loop()
+    run = jp.Run(held(Case(loaded=True), 0.5))
+    run.run_to_end()
     return run.workspace.q.copy(), run.workspace.contacts.copy()
 
 

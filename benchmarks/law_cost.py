@@ -71,7 +71,7 @@ def bearings():
 def prepared(bearing, **options):
     robot = jp.Mechanism(jp.shipped("scara.urdf"), {JOINT: bearing}, gravity=(0, 0, 0))
     motion = jp.Motion.from_csv(jp.shipped("scara_motion.csv"))
-    run = jp.Simulation(robot, motion, **options).prepare()
+    run = jp.Run(jp.Simulation(robot, motion, **options))
     run.begin()
     return run
 
@@ -79,7 +79,7 @@ def prepared(bearing, **options):
 def measure(made, duration):
     """Seconds per step, shape (states, laws), and the number of contacts in each state."""
     main = prepared(made[PAPER][0], duration=duration)
-    pieces = main.steps // CHUNK
+    pieces = main.total_steps // CHUNK
     probes = [prepared(bearing, duration=duration) for bearing, _ in made.values()]
     costs, contacts = np.empty((pieces, len(probes))), np.empty(pieces, int)
     for piece in tqdm(range(pieces), unit="state"):

@@ -107,7 +107,7 @@ class Trial:
             return build("film", self.name, viscosity=viscosity(self.mechanism))
         if self.name == "anagnostopoulos":
             robot, reference, options = self._robot(self._base())
-            q = jp.Simulation(robot, reference, start="centred", **options).prepare().workspace.q
+            q = jp.Run(jp.Simulation(robot, reference, start="centred", **options)).workspace.q
             return build("normal", self.name, mass=effective_mass(robot, self._place, q))
         law = build(self.family, self.name)
         if self.family == "friction" and self.mechanism == CRANK:

@@ -98,16 +98,18 @@ def impact(law, restitution, speed):
         _LINK.format(name="body", mass=MASS),
         _JOINT.format(name="pin", kind="continuous", parent="base", child="body", axis="0 0 1"),
     )
-    run = jp.Simulation(
-        jp.Mechanism(path, {"pin": bearing}, gravity=(0, 0, 0)),
-        drive=jp.loads.Free(),
-        joint_friction={},
-        step=step,
-        duration=13 * whole,  # a plastic impact takes long to come out
-        record_every=1,
-    ).prepare()
+    run = jp.Run(
+        jp.Simulation(
+            jp.Mechanism(path, {"pin": bearing}, gravity=(0, 0, 0)),
+            drive=jp.loads.Free(),
+            joint_friction={},
+            step=step,
+            duration=13 * whole,  # a plastic impact takes long to come out
+            record_every=1,
+        )
+    )
     run.workspace.q[0], run.workspace.v[0] = bearing.cr - 0.5 * step * speed, speed
-    result = run.execute()
+    result = run.finish()
     depth = -result["gap"].values[:, 0, 0]
     within = np.flatnonzero(depth > 0.0)
     out = within[0] + np.flatnonzero(depth[within[0] :] <= 0.0)

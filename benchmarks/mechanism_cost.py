@@ -111,19 +111,17 @@ def measure(setup, pieces, samples, bar):
     mechanism, motion, options = setup
     step = options.get("step", 1e-5)
     duration = pieces * CHUNK * step
-    run = jp.Simulation(mechanism, motion, duration=duration, **options).prepare()
+    run = jp.Run(jp.Simulation(mechanism, motion, duration=duration, **options))
     none = pin.StdVec_Force()
     none.extend([pin.Force.Zero()] * run.model.njoints)
     run.begin()
     w = run.workspace
     state = (run.model, run.model.createData(), w.q, w.v, w.tau)
-    for _ in range(run.steps // CHUNK):
+    for _ in range(run.total_steps // CHUNK):
         before, macros = w.steps, w.macro_steps
-        end = min(before + CHUNK, run.steps)
         started = time.thread_time()
-        while w.steps < end:
-            if not run.stretch(CHUNK):
-                raise SystemExit(run.message(w.status))
+        if not run.advance(CHUNK):
+            raise SystemExit(run.message(w.status))
         spent = time.thread_time() - started
         steps = max(w.steps - before, 1)
         samples.setdefault("step", []).append(spent / steps)

@@ -115,7 +115,7 @@ def agree(name: str, count: int, seed: int, released: int) -> tuple[float, int, 
         robot = jp.Mechanism(path, play, gravity=(0.0, 0.0, -9.81), **options)
         q = poses.over_workspace(robot, 1, seed=int(random.integers(2**31)))
         places = [budget(robot, q, friction=mu) for mu in (0.0, FRICTION)]
-        run = standing(robot, q[0], duration=1e-3, start="rest").prepare()
+        run = jp.Run(standing(robot, q[0], duration=1e-3, start="rest"))
         there = tool(robot, run.rest.q) - places[0].positions[0]
         differ = max(np.linalg.norm(there - one.rest_tool[0, :3]) for one in places)
         looked += 1
@@ -167,11 +167,11 @@ def peaks(lasts: float) -> None:
     print("| " + " | ".join(head) + " |\n|" + " --- |" * len(head))
     for name, simulation in simulations().items():
         duration = min(lasts, simulation.duration or lasts)
-        replace(simulation, duration=duration).prepare()
+        jp.Run(replace(simulation, duration=duration))
         spent = {}
         for start in ("centred", "rest"):
             began = time.process_time()
-            run = replace(simulation, duration=duration, start=start, judge_from=0.0).prepare()
+            run = jp.Run(replace(simulation, duration=duration, start=start, judge_from=0.0))
             spent[start] = time.process_time() - began
         rest = run.rest
         before, after = (peak(simulation, start, duration) for start in ("centred", "rest"))

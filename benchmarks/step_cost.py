@@ -17,6 +17,8 @@ from common import COLOURS, Benchmark, Case, new_figure
 from numba import njit
 from tqdm import tqdm
 
+from jointplay.simulation.run import Run
+
 CHUNK = 200
 """Steps timed at once: too few for the system to switch away often in between."""
 CALLS = 100
@@ -43,7 +45,7 @@ class Stepper:
     """The real loop, to be run in pieces."""
 
     def __init__(self, case, **options):
-        self.run = case.simulation(record_every=10, **options).prepare()
+        self.run = Run(case.simulation(record_every=10, **options))
         self.workspace = self.run.workspace
         self.run.begin()
         self.macros = 0
@@ -51,11 +53,9 @@ class Stepper:
     def advance(self, steps):
         """Seconds per step over the next `steps` steps, or a few more: whole macro steps."""
         before, macros = self.workspace.steps, self.workspace.macro_steps
-        end = min(before + steps, self.run.steps)
         started = time.thread_time()
-        while self.workspace.steps < end:
-            if not self.run.stretch(steps):
-                raise SystemExit(self.run.message(self.workspace.status))
+        if not self.run.advance(steps):
+            raise SystemExit(self.run.message(self.workspace.status))
         spent = time.thread_time() - started
         self.macros = self.workspace.macro_steps - macros
         return spent / max(self.workspace.steps - before, 1)
@@ -115,7 +115,7 @@ def cycle(duration, samples, bar):
 
     empty = np.zeros(1)
     nothing(empty)
-    for _ in range(main.run.steps // CHUNK):
+    for _ in range(main.run.total_steps // CHUNK):
         before = touching(main.workspace)
         start = main.workspace.steps
         step = main.advance(CHUNK)

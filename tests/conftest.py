@@ -122,7 +122,7 @@ def free_mass(urdf):
             integrator=integrator,
             record_every=record_every,
         )
-        run = release(simulation.prepare())
+        run = release(Run(simulation))
         run.workspace.q[:] = offset
         run.workspace.v[:] = velocity
         return run

@@ -34,7 +34,7 @@ def bouncing(free_mass, **options):
         "restitution": 1.0,
         "friction": jp.contact.Ambrosio(0.0),
     }
-    return free_mass(velocity=(0, 0, SPEED, 0, 0, 0), mass=MASS, **(elastic | options)).execute()
+    return free_mass(velocity=(0, 0, SPEED, 0, 0, 0), mass=MASS, **(elastic | options)).finish()
 
 
 def test_impacts_impulse_and_depth_of_a_bouncing_mass(free_mass):
@@ -125,7 +125,7 @@ def test_under_resolved_contacts_are_counted_and_warned_of(free_mass):
     run = free_mass(
         offset=(0, 0, 1.9e-4, 0, 0, 0), velocity=(0, 0, 0.1, 0, 0, 0), step=4e-5, duration=4e-3
     )
-    audit = run.execute().audit
+    audit = run.finish().audit
     assert audit.under_resolved == audit.impacts > 0
     assert audit.shortest_contact_steps < 10
     assert any("fewer than 10 steps" in text for text in audit.warnings)

@@ -19,6 +19,7 @@ from jointplay.cli import main
 from jointplay.design import poses
 from jointplay.design.static_budget import budget
 from jointplay.plots import design as plots
+from jointplay.simulation.run import Run
 
 REACH = 0.5
 """Distance of the tool from the joint [m]."""
@@ -359,9 +360,7 @@ def test_budgets_rest_is_where_a_run_at_rest_begins_and_friction_can_hold_it_the
         for i, row in enumerate(q):
             values = np.array([row[[mechanism.coordinate(n) for n in mechanism.joints]]] * 2)
             motion = Motion(list(mechanism.joints), [0.0, 1.0], values)
-            run = Simulation(
-                mechanism, motion, duration=1e-3, start="rest", limits="ignore"
-            ).prepare()
+            run = Run(Simulation(mechanism, motion, duration=1e-3, start="rest", limits="ignore"))
             pin.framesForwardKinematics(mechanism.model, mechanism.data, run.rest.q)
             there = mechanism.data.oMf[mechanism.tool_frame].translation - found.positions[i]
             assert found.rest_tool[i, :3] == pytest.approx(there, abs=1e-6)

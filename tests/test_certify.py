@@ -18,6 +18,7 @@ from jointplay.analysis.certification import (
     FINEST,
     OWN,
     PLAIN,
+    add_certificate,
     certify,
     further_runs,
     numerical_error,
@@ -25,7 +26,6 @@ from jointplay.analysis.certification import (
 from jointplay.kernel import Status
 from jointplay.reports import cases, sections
 from jointplay.result.certificate import Certificate, CertifiedFigure, plus_minus
-from jointplay.scenario.execution import add_certificate
 from jointplay.study import scara
 
 NEAR = next(iter(ASIDE))
@@ -195,7 +195,7 @@ def test_a_run_that_stopped_has_a_note_instead_of_figures():
 
 
 def test_displaced_journals_start_aside():
-    run = replace(scara(2e-4), duration=1e-3).prepare()
+    run = jp.Run(replace(scara(2e-4), duration=1e-3))
     before = run.workspace.q.copy()
     run.displace((1e-9, 0.0, -1e-9))
     moved = (run.workspace.q - before)[run.mechanism.virtual_link("joint_b") :][:3]
@@ -205,7 +205,7 @@ def test_displaced_journals_start_aside():
 
 def test_a_journal_that_lies_is_moved_along_its_contacts_and_a_nanometre_into_them():
     """Pressed in by 100 nm it would ring, and its peak force be another start's."""
-    run = jp.Scenario.load("jointplay:slider_crank.toml").simulation("0.2 mm").prepare()
+    run = jp.Run(jp.Scenario.load("jointplay:slider_crank.toml").simulation("0.2 mm"))
     mechanism = run.mechanism
 
     def away():

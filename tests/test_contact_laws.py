@@ -131,7 +131,7 @@ def impact(free_mass, law, restitution=0.8, **options):
         mass=MASS,
         **options,
     )
-    result = run.execute()
+    result = run.finish()
     assert result.status == Status.COMPLETED
     touching = result["gap"].values[:, 0, 2] < 0.0
     duration = touching.sum() * 1e-6
@@ -221,9 +221,9 @@ def test_a_contact_never_pulls_and_friction_never_drives(tmp_path_factory, veloc
     )
     robot = jp.Mechanism(path, {"pin": bearing}, gravity=(0, 0, 0))
     drive = jp.loads.ComputedTorque(bandwidth=1.0)
-    run = release(jp.Simulation(robot, still(robot, 0.01), drive=drive, step=2e-6).prepare())
+    run = release(jp.Run(jp.Simulation(robot, still(robot, 0.01), drive=drive, step=2e-6)))
     run.workspace.v[:] = velocity
-    result = run.execute()
+    result = run.finish()
     assert result.status == Status.COMPLETED
     assert (result["normal_force"].values >= 0.0).all()
     for loss in ("normal_dissipation", "friction_dissipation"):
@@ -245,7 +245,7 @@ def test_a_slow_onset_does_not_blow_the_damping_up(free_mass):
         gravity=(0, 0, 500.0),
         duration=2e-3,
     )
-    result = run.execute()
+    result = run.finish()
     depth = np.maximum(-result["gap"].values[:, 0, 2], 0.0)
     elastic = k_axial() * depth**1.5
     force = result["normal_force"].values[:, 0, 2]
@@ -340,7 +340,7 @@ def test_friction_that_drives_stops_the_run(free_mass):
         velocity=(0.1, 0, SPEED, 0, 0, 0),
     )
     with pytest.warns(RuntimeWarning):
-        assert run.execute().status == Status.BAD_FORCE
+        assert run.finish().status == Status.BAD_FORCE
 
 
 def test_a_compiled_function_is_taken_as_the_function_it_was_made_from():
@@ -356,7 +356,7 @@ def test_a_non_finite_force_stops_the_run_and_keeps_its_records(free_mass):
         velocity=(0, 0, SPEED, 0, 0, 0),
     )
     with pytest.warns(RuntimeWarning, match="returned a non-finite value"):
-        result = run.execute()
+        result = run.finish()
     assert result.status == Status.BAD_FORCE
     assert "axial_A" in result.message
     assert len(result.time) > 5

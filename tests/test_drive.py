@@ -8,6 +8,7 @@ from conftest import body, joint, release, still
 
 from jointplay import JointplayError, Mechanism, Motion, RevoluteClearance, Simulation, simulate
 from jointplay.loads import ComputedTorque, JointFriction
+from jointplay.simulation.run import Run
 from jointplay.study import scara
 
 FLAT = {"gravity": (0.0, 0.0, 0.0)}
@@ -28,9 +29,9 @@ def test_released_axis_answers_as_the_oscillator_of_its_gains(urdf, bandwidth, r
     path = urdf(body("arm", 2.0, "0.1 0 0"), joint("a", "base", "arm"))
     mechanism = Mechanism(path, **FLAT)
     drive = ComputedTorque(bandwidth, ratio)
-    run = Simulation(mechanism, still(mechanism, 0.1), drive=drive, integrator="rk4").prepare()
+    run = Run(Simulation(mechanism, still(mechanism, 0.1), drive=drive, integrator="rk4"))
     run.workspace.q[0] = 0.01
-    result = run.execute()
+    result = run.finish()
     root = bandwidth * np.sqrt(complex(ratio**2 - 1.0) or 1e-12)
     t = result.time
     decay = np.exp(-ratio * bandwidth * t)
@@ -92,7 +93,7 @@ def test_drive_of_a_worn_joint_acts_on_its_yaw_alone(urdf):
 def test_motion_must_name_the_moving_joints(urdf, joints, named):
     motion = Motion(joints, [0.0, 1.0], np.zeros((2, len(joints))))
     with pytest.raises(JointplayError) as caught:
-        Simulation(two_links(urdf), motion).prepare()
+        Run(Simulation(two_links(urdf), motion))
     assert str(caught.value).startswith(named)
     assert str(caught.value).endswith("the moving joints are: a, b")
 
@@ -102,6 +103,7 @@ def test_motion_must_name_the_moving_joints(urdf, joints, named):
     [
         lambda: ComputedTorque(bandwidth=-1.0),
         lambda: ComputedTorque(damping_ratio=float("inf")),
+        lambda: ComputedTorque(damping_ratio=1e308),
         lambda: JointFriction(coulomb=-1.0),
     ],
 )
@@ -116,9 +118,9 @@ def test_joint_friction_comes_from_the_urdf_and_dissipates(urdf):
     )
     mechanism = Mechanism(urdf(body("arm"), entry), gravity=(0, 0, 0))
     drive = ComputedTorque(bandwidth=1.0)
-    run = release(Simulation(mechanism, still(mechanism, 0.05), drive=drive, step=1e-5).prepare())
+    run = release(Run(Simulation(mechanism, still(mechanism, 0.05), drive=drive, step=1e-5)))
     run.workspace.v[0] = 2.0
-    result = run.execute()
+    result = run.finish()
     # I dw/dt = -0.3 - 0.1 w: w = (w0 + 3) exp(-10 t) - 3 with I = 0.01.
     exact = 5.0 * np.exp(-10.0 * result.time) - 3.0
     assert np.allclose(result["v"].values[:, 0], exact, atol=1e-3)

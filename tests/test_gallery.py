@@ -65,7 +65,7 @@ def test_every_case_runs(name):
 def test_the_gate_leans_by_as_much_as_its_hinges_let_it():
     """Radial play C at two hinges 0.7 m apart: the corner, 1.2 m out, hangs 2 C 1.2/0.7 lower."""
     given = scenario("gate")
-    run = given.prepare("0.3 mm")
+    run = given.ready_run("0.3 mm")
     upright = given.simulation("0.3 mm").mechanism.ideal()
     heights = []
     for mechanism, q in ((run.mechanism, run.workspace.q), (upright, None)):

@@ -99,7 +99,7 @@ def test_blow_on_the_rim_meets_the_effective_mass(free_mass, azimuth):
         duration=5e-4,
         step=5e-7,
     )
-    result = run.execute()
+    result = run.finish()
     assert result.audit.impacts == 1
     lever = PLAY.rj * math.cos(tilt) - 0.5 * PLAY.lj * math.sin(tilt)
     mass = 1.0 / (1.0 / MASS + lever**2 / INERTIA)

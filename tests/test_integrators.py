@@ -38,9 +38,9 @@ def test_swinging_robot_converges_to_an_independent_integration(urdf, method):
     errors = []
     for step in steps:
         simulation = jp.Simulation(robot, still(robot, duration), step=step, integrator=method.name)
-        run = release(simulation.prepare())
+        run = release(jp.Run(simulation))
         run.workspace.q[:] = start
-        errors.append(np.abs(run.execute()["q"].values[-1] - exact).max())
+        errors.append(np.abs(run.finish()["q"].values[-1] - exact).max())
     found = observed_order(errors, steps)
     if method.single_rate:
         assert found == pytest.approx(method.order, abs=0.15)
@@ -66,7 +66,7 @@ def errors_of_speed(free_mass, method, counts, height, speed, gravity, duration)
             record_every=int(count) // 16,
             **ELASTIC,
         )
-        result = run.execute()
+        result = run.finish()
         return result["v"].values[:, 2], result["gap"].values[:, 0, 2]
 
     exact, gap = speeds("rk4", 16 * max(counts))

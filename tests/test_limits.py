@@ -187,7 +187,7 @@ def test_a_long_list_over_many_lines_is_placed_quickly():
 )
 def test_runs_that_would_never_end_are_refused_before_anything_is_tabulated(changes, words):
     with pytest.raises(JointplayError, match=words):
-        dataclasses.replace(scara(2e-4), **changes).prepare()
+        jp.Run(dataclasses.replace(scara(2e-4), **changes))
 
 
 NO_NUMBERS = (True, np.True_, math.nan, math.inf, "1")
@@ -200,10 +200,10 @@ NO_NUMBERS = (True, np.True_, math.nan, math.inf, "1")
 def test_nothing_but_numbers_passes_for_a_number_of_a_simulation(name):
     for wrong in NO_NUMBERS:
         with pytest.raises(JointplayError, match=name.replace("_", "[_ ]")):
-            dataclasses.replace(scara(2e-4), **{name: wrong}).prepare()
+            jp.Run(dataclasses.replace(scara(2e-4), **{name: wrong}))
     for wrong in NO_NUMBERS[:-1]:
         with pytest.raises(JointplayError, match="joint_a"):
-            dataclasses.replace(scara(2e-4), state={"joint_a": wrong}).prepare()
+            jp.Run(dataclasses.replace(scara(2e-4), state={"joint_a": wrong}))
 
 
 @pytest.mark.parametrize("wrong", NO_NUMBERS, ids=repr)
@@ -248,7 +248,7 @@ def test_a_run_too_large_for_the_memory_says_how_it_would_fit(monkeypatch):
     monkeypatch.setattr("jointplay.simulation.limits.memory", lambda: 4e9)
     long = dataclasses.replace(scara(2e-4), duration=1000.0)
     with pytest.raises(JointplayError, match=r"record_every = \d+ would fit"):
-        long.prepare()
+        jp.Run(long)
 
 
 def test_drives_of_no_machine_are_refused():
@@ -298,7 +298,7 @@ def closed(run):
 
 
 def test_a_loop_with_play_in_a_further_joint_is_assembled():
-    run = four_bar(5e-5, duration=1e-3, start="centred").prepare()
+    run = jp.Run(four_bar(5e-5, duration=1e-3, start="centred"))
     assert closed(run) < 1e-9
     v = run.workspace.v
     assert v[run.mechanism.coordinate("crank_pin")] == pytest.approx(20.0 * np.pi)
@@ -309,20 +309,20 @@ FREE = {"motion": None, "drive": {}, "duration": 1e-3, "start": "centred"}
 
 
 def test_the_crank_alone_is_enough_to_start_a_loop_with_play_in_two_joints():
-    run = four_bar(5e-5, **FREE, state={"crank_pin": (0.7, 5.0)}).prepare()
+    run = jp.Run(four_bar(5e-5, **FREE, state={"crank_pin": (0.7, 5.0)}))
     assert closed(run) < 1e-9
     assert run.workspace.q[run.mechanism.coordinate("crank_pin")] == 0.7
     assert np.abs(closing_rows(run.mechanism, run.workspace.q) @ run.workspace.v).max() < 1e-9
 
 
 def test_positions_given_to_the_last_digit_may_leave_the_journal_off_centre():
-    exact = four_bar(5e-5, **FREE, state={"crank_pin": 0.7}).prepare()
+    exact = jp.Run(four_bar(5e-5, **FREE, state={"crank_pin": 0.7}))
     mechanism = exact.mechanism
     given = {
         name: round(float(exact.workspace.q[mechanism.coordinate(name)]), 4)
         for name in ("crank_pin", "coupler_pin", "rocker_pin")
     }
-    run = four_bar(5e-5, **FREE, state=given).prepare()
+    run = jp.Run(four_bar(5e-5, **FREE, state=given))
     for name, value in given.items():
         assert run.workspace.q[mechanism.coordinate(name)] == value
     assert closed(run) < 5e-5
@@ -331,7 +331,7 @@ def test_positions_given_to_the_last_digit_may_leave_the_journal_off_centre():
 def test_positions_that_do_not_go_together_are_blamed_not_the_lengths():
     start = {"crank_pin": 0.3, "coupler_pin": 2.0, "rocker_pin": 1.0}
     with pytest.raises(JointplayError, match="given for crank_pin, coupler_pin, rocker_pin do not"):
-        four_bar(5e-5, **FREE, state=start).prepare()
+        jp.Run(four_bar(5e-5, **FREE, state=start))
 
 
 def test_a_journal_may_fly_at_the_start():
@@ -339,7 +339,7 @@ def test_a_journal_may_fly_at_the_start():
     shipped = jp.Scenario.load(jp.shipped("four_bar.toml")).simulation("0.05 mm")
     speeds = {"crank_pin": 1.0, "coupler_pin": 0.0, "rocker_pin": 0.0}
     state = {name: (None, speed) for name, speed in speeds.items()}
-    run = dataclasses.replace(shipped, **FREE, state=state).prepare()
+    run = jp.Run(dataclasses.replace(shipped, **FREE, state=state))
     for name, speed in speeds.items():
         assert run.workspace.v[run.mechanism.coordinate(name)] == speed
     assert np.abs(closing_rows(run.mechanism, run.workspace.q) @ run.workspace.v).max() > 0.01
@@ -349,7 +349,7 @@ def test_a_loop_without_clearance_is_not_torn_apart():
     ideal = jp.Scenario.load(jp.shipped("four_bar.toml")).simulation("ideal")
     state = {"crank_pin": (None, 1.0), "coupler_pin": (None, 0.0), "rocker_pin": (None, 0.0)}
     with pytest.raises(JointplayError, match="given for crank_pin, coupler_pin, rocker_pin do not"):
-        dataclasses.replace(ideal, **FREE, state=state).prepare()
+        jp.Run(dataclasses.replace(ideal, **FREE, state=state))
 
 
 # The surroundings
@@ -415,8 +415,9 @@ CONTENTS = [
 def test_a_damaged_cache_is_thrown_away(tmp_path, content):
     code = (
         "from jointplay.mechanism.impact import contact_duration\n"
+        "from jointplay.simulation import Run\n"
         "from jointplay.study import scara\n"
-        "print(scara(2e-4).prepare().steps)\n"
+        "print(Run(scara(2e-4)).total_steps)\n"
     )
     call = [sys.executable, "-c", code]
     cache = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
@@ -442,11 +443,11 @@ def test_a_package_that_cannot_be_written_to_runs_with_a_hint(monkeypatch):
 
 def test_a_thousand_seconds_are_tabulated_no_further_than_the_motion_goes():
     long = dataclasses.replace(scara(2e-4), duration=1000.0, record_every=10**6)
-    assert len(long.prepare().workspace.reference) == 30_002
+    assert len(jp.Run(long).workspace.reference) == 30_002
     free = dataclasses.replace(long, motion=None, drive=jp.loads.Torque((0.0, 0.5), (1.0, 2.0)))
-    assert len(free.prepare().workspace.reference) == 5_002
+    assert len(jp.Run(free).workspace.reference) == 5_002
     loose = dataclasses.replace(long, motion=None, drive=jp.loads.Free())
-    assert len(loose.prepare().workspace.reference) == 2
+    assert len(jp.Run(loose).workspace.reference) == 2
 
 
 def test_after_the_end_of_its_motion_a_prescribed_joint_stands_still(urdf):
@@ -471,9 +472,9 @@ def test_after_its_last_point_a_torque_stays(urdf):
 def test_a_motion_that_takes_long_to_tabulate_has_a_bar(urdf, monkeypatch, capsys):
     monkeypatch.setattr("jointplay.motion.ideal._PATIENCE_S", 0.0)
     simulation = dataclasses.replace(scara(2e-4), duration=0.01)
-    simulation.prepare(progress=True)
+    jp.Run(simulation, progress=True)
     assert "tabulating the motion" in capsys.readouterr().err
-    simulation.prepare()
+    jp.Run(simulation)
     assert capsys.readouterr().err == ""
 
 

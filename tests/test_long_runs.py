@@ -86,7 +86,7 @@ def test_payloads_come_and_go_on_disk_as_in_memory(small_portions, tmp_path):
 
 
 def stepped(run, until):
-    for moment in run.moments(1e-3):
+    for moment in run.steps(1e-3):
         if moment.time >= until:
             return run
     raise AssertionError("the run is shorter")
@@ -97,7 +97,7 @@ def test_a_run_is_continued_bit_for_bit_wherever_it_was_stopped(small_portions, 
     whole = one.run_to(tmp_path / "whole.nc")
     path = tmp_path / "parts.nc"
     records, kept = working_paths(path)
-    run = one.prepare(records=records)
+    run = jp.Run(one, records=records)
     for stop in (0.013, 0.041):
         stepped(run, stop).checkpoint(kept)
         run = jp.Simulation.resume(kept)
@@ -110,7 +110,7 @@ def test_a_run_is_continued_bit_for_bit_wherever_it_was_stopped(small_portions, 
 def test_records_that_are_missing_are_said(small_portions, tmp_path):
     one = simulation(duration=0.06)
     records, kept = working_paths(tmp_path / "r.nc")
-    stepped(one.prepare(records=records), 0.03).checkpoint(kept)
+    stepped(jp.Run(one, records=records), 0.03).checkpoint(kept)
     os.truncate(records, 1000)
     with pytest.raises(jp.JointplayError, match="lacks records of the run: it holds 1000 bytes"):
         one.run_to(tmp_path / "r.nc", resume=True)
@@ -118,7 +118,7 @@ def test_records_that_are_missing_are_said(small_portions, tmp_path):
 
 def test_a_checkpoint_of_another_run_is_refused_with_the_difference(tmp_path):
     kept = working_paths(tmp_path / "r.nc")[1]
-    stepped(simulation(duration=0.02).prepare(), 0.01).checkpoint(kept)
+    stepped(jp.Run(simulation(duration=0.02)), 0.01).checkpoint(kept)
     with pytest.raises(jp.JointplayError, match=r"of another run: duration is 0.03, and was 0.02"):
         simulation(duration=0.03).run_to(tmp_path / "r.nc", resume=True)
     with pytest.raises(jp.JointplayError, match="exists"):
@@ -130,9 +130,9 @@ def test_a_motion_in_blocks_drives_as_a_whole_table_does(loops, monkeypatch, tmp
     one = simulation(duration=0.25)
     if loops:
         one = crank(False, duration=0.25, drive=ComputedTorque(), step=1e-5)
-    whole = one.prepare().workspace.reference
+    whole = jp.Run(one).workspace.reference
     monkeypatch.setattr(tables, "BLOCK_NODES", 1)
-    table = one.prepare()._reference
+    table = jp.Run(one)._reference
     found = [table.table]
     while table.until < 0.25:
         first = table.first + len(table.table)
@@ -140,9 +140,9 @@ def test_a_motion_in_blocks_drives_as_a_whole_table_does(loops, monkeypatch, tmp
         found.append(table.table[first - table.first :])
     assert len(found) > 2
     np.testing.assert_allclose(np.concatenate(found), whole, rtol=1e-9, atol=1e-9)
-    run = stepped(one.prepare(), 0.2)
+    run = stepped(jp.Run(one), 0.2)
     again = jp.Simulation.resume(run.checkpoint(tmp_path / "run.npz"))
-    same(again.execute(check_step=False), one.run(check_step=False))
+    same(again.finish(check_step=False), one.run(check_step=False))
 
 
 def test_a_file_is_read_as_if_it_had_been_recorded_less_often(tmp_path):
@@ -324,7 +324,7 @@ def test_resume_goes_on_after_a_kill_and_leaves_what_is_done(tmp_path):
     before = done.stat().st_mtime_ns
     (other,) = set(names(tmp_path / "whole")) - {done.name}
     records, kept = working_paths(out / other)
-    stepped(scenario.prepare(second, records=records), 0.05).checkpoint(kept)
+    stepped(scenario.ready_run(second, records=records), 0.05).checkpoint(kept)
     _, err, status = ended(start("run", path, *chosen, "--out", out, "--resume"))
     assert status == 0, err
     assert done.stat().st_mtime_ns == before
@@ -349,7 +349,7 @@ def test_files_of_ones_own_beside_a_result_stay_and_the_run_is_refused_before_it
 
 
 def test_a_checkpoint_replaces_checkpoints_only(tmp_path):
-    run = stepped(simulation(duration=0.02).prepare(), 0.01)
+    run = stepped(jp.Run(simulation(duration=0.02)), 0.01)
     mine = tmp_path / "mine.dat"
     mine.write_text("precious")
     with pytest.raises(jp.JointplayError, match="is no checkpoint of jointplay"):
@@ -375,7 +375,7 @@ def renamed(kept, name):
 def test_no_file_is_touched_because_a_checkpoint_names_it(small_portions, tmp_path):
     one = simulation(duration=0.06)
     records, kept = working_paths(tmp_path / "r.nc")
-    stepped(one.prepare(records=records), 0.03).checkpoint(kept)
+    stepped(jp.Run(one, records=records), 0.03).checkpoint(kept)
     content = records.read_bytes()
     mine = tmp_path / "precious.dat"
     mine.write_bytes(b"precious" * len(content))
@@ -387,7 +387,7 @@ def test_no_file_is_touched_because_a_checkpoint_names_it(small_portions, tmp_pa
         with pytest.raises(jp.JointplayError, match="damaged or no checkpoint"):
             jp.Simulation.resume(renamed(kept, outside))
     other, its = working_paths(tmp_path / "other.nc")
-    stepped(one.prepare(records=other), 0.04).checkpoint(its)
+    stepped(jp.Run(one, records=other), 0.04).checkpoint(its)
     before = other.read_bytes()
     with pytest.raises(jp.JointplayError, match=r"other\.records' holds records of another run"):
         jp.Simulation.resume(renamed(kept, other.name))
@@ -400,7 +400,7 @@ def test_a_result_that_is_no_interrupted_run_is_not_replaced_by_resuming(small_p
     one = simulation(duration=0.03)
     path = tmp_path / "r.nc"
     records, kept = working_paths(path)
-    stepped(one.prepare(records=records), 0.01).checkpoint(kept)
+    stepped(jp.Run(one, records=records), 0.01).checkpoint(kept)
     path.write_text("precious")
     with pytest.raises(jp.JointplayError, match="is not the result of an interrupted run"):
         one.run_to(path, resume=True)

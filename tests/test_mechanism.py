@@ -8,6 +8,7 @@ from conftest import body, joint
 from jointplay import JointplayError, Mechanism, RevoluteClearance, shipped
 from jointplay.geometry import gaps, journal_axis
 from jointplay.kernel import Command, Status
+from jointplay.simulation.run import Run
 from jointplay.study import scara
 
 PLAY = RevoluteClearance(radial_clearance=2e-4, axial_clearance=2e-4)
@@ -64,7 +65,7 @@ def test_continuous_joints_become_revolute_with_one_coordinate(urdf):
 
 def test_virtual_work_of_the_virtual_link_is_action_and_reaction():
     """tau = S^T w on the six coordinates equals +F on the journal and -F on the bearing."""
-    run = scara(0.2e-3).prepare()
+    run = Run(scara(0.2e-3))
     mechanism, workspace = run.mechanism, run.workspace
     model, data = mechanism.model, mechanism.data
     joint_b = mechanism.clearance["joint_b"]

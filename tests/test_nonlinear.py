@@ -208,7 +208,7 @@ def test_journal_begins_where_it_was_put(file):
     scenario = Scenario.load(f"jointplay:{file}.toml")
     simulation = scenario.simulation(case, {"integration": {"start": "centred"}})
     joint = next(iter(simulation.mechanism.clearance))
-    run = simulation.prepare()
+    run = jp.Run(simulation)
     steady_motion.placing(joint, 0.9e-4, -0.5e-4)(run)
     run.begin()
     centre, _ = run.moment().journal(joint)

@@ -42,7 +42,7 @@ def test_scara_with_its_colours_and_its_play():
 
 def test_loops_are_drawn_closed():
     scenario = jp.Scenario.load("jointplay:four_bar.toml")
-    run = scenario.prepare("ideal")
+    run = scenario.ready_run("ideal")
     drawn = texts(picture(run.mechanism, run.workspace.q))
     assert any("rocker_end" in text and "closes a loop" in text for text in drawn)
 

@@ -278,7 +278,7 @@ def test_a_step_that_the_impacts_of_a_robot_need_is_chosen_and_said(capsys):
     streams.release()
     said = capsys.readouterr().err
     assert "step: 2e-06 s (chosen: an impact in elbow_flex lasts" in said
-    scenario.prepare()
+    scenario.ready_run()
     assert scenario.simulation().record_every == 50  # records 0.1 ms apart, as ever
     scenario = scenario_of(parser().parse_args([*line, "--step", "1e-6"]))
     streams.release()

@@ -46,8 +46,8 @@ METHODS = (
 def test_to_look_changes_nothing(arm, options):
     simulation = moving(arm, 0.005, start="centred", **options)
     plain = simulation.run()
-    run = simulation.prepare()
-    moments = list(run.moments(1e-3))
+    run = jp.Run(simulation)
+    moments = list(run.steps(1e-3))
     assert (run.workspace.recorded("q") == plain["q"].values).all()
     assert (run.workspace.recorded("work")[:, 0] == plain["drive_work"].values).all()
     assert [round(1e3 * moment.time) for moment in moments] == [0, 1, 2, 3, 4, 5]
@@ -97,7 +97,7 @@ def test_any_coordinate_can_be_given_a_state(arm):
         motion=jp.Motion(["a"], [0, 0.02], [[0], [0]]),
         drive={"a": jp.loads.Prescribed()},
     )
-    run = dataclasses.replace(still_b, state=state).prepare()
+    run = jp.Run(dataclasses.replace(still_b, state=state))
     pairs = zip(run.workspace.q, run.workspace.v, strict=True)
     named = dict(zip(arm.coordinates, pairs, strict=True))
     assert named["a.x"] == (2e-5, 0.01)
@@ -121,7 +121,7 @@ def test_any_coordinate_can_be_given_a_state(arm):
 )
 def test_wrong_states_are_refused(arm, state, text):
     with pytest.raises(jp.JointplayError, match=text):
-        moving(arm, state=state).prepare()
+        jp.Run(moving(arm, state=state))
 
 
 @pytest.mark.parametrize("options", [*METHODS, {"seed": 4}])
@@ -133,12 +133,12 @@ def test_a_checkpoint_is_continued_bit_for_bit(arm, tmp_path, options):
     mechanism = arm.with_clearance({"a": bearing})
     simulation = moving(mechanism, 8e-3, payloads=[payload], judge_from=3e-3, **options)
     whole = simulation.run()
-    run = simulation.prepare()
-    for moment in run.moments(1e-3):
+    run = jp.Run(simulation)
+    for moment in run.steps(1e-3):
         if moment.time >= 4e-3:
             break
     path = run.checkpoint(tmp_path / "run.npz")
-    again = jp.Simulation.resume(path).execute()
+    again = jp.Simulation.resume(path).finish()
     for name in whole.dataset.data_vars:
         assert np.array_equal(again[name].values, whole[name].values, equal_nan=True), name
     assert again.audit == whole.audit
@@ -147,15 +147,14 @@ def test_a_checkpoint_is_continued_bit_for_bit(arm, tmp_path, options):
 
 @pytest.mark.parametrize("options", METHODS)
 def test_a_run_at_its_end_is_not_run_again(arm, tmp_path, options):
-    run = moving(arm, 1e-3, start="centred", **options).prepare()
-    result = run.execute(check_step=False)
+    run = jp.Run(moving(arm, 1e-3, start="centred", **options))
+    result = run.finish(check_step=False)
     again = jp.Simulation.resume(run.checkpoint(tmp_path / "run.npz"))
-    for go_on in (run.execute, run.complete, run.finish, again.execute):
+    for go_on in (run.finish, run.run_to_end, again.finish):
         with pytest.raises(jp.JointplayError, match=r"ended at t = 0\.001 s.*run\.result\(\)"):
             go_on()
-    for go_on in (run.moments, run.stretches):
-        with pytest.raises(jp.JointplayError, match="cannot be run again"):
-            list(go_on())
+    with pytest.raises(jp.JointplayError, match="cannot be run again"):
+        list(run.steps())
     for ended in (run, again):
         kept = ended.result()
         assert kept.status == Status.COMPLETED
@@ -165,25 +164,23 @@ def test_a_run_at_its_end_is_not_run_again(arm, tmp_path, options):
 
 
 def test_a_run_that_one_looked_at_until_its_end_gives_its_result(arm):
-    run = moving(arm, 1e-3).prepare()
+    run = jp.Run(moving(arm, 1e-3))
     assert run.result().status == Status.INTERRUPTED
-    list(run.moments())
+    list(run.steps())
     assert run.result().status == Status.COMPLETED
 
 
 def test_a_loop_is_continued_bit_for_bit(tmp_path):
     simulation = jp.Scenario.load("jointplay:four_bar.toml").simulation("0.2 mm")
     simulation = dataclasses.replace(simulation, duration=4e-3)
-    run = simulation.prepare()
-    for now in run.stretches():
-        if now > 2e-3:
-            break
-    again = jp.Simulation.resume(run.checkpoint(tmp_path / "run.npz")).execute()
+    run = jp.Run(simulation)
+    next(moment for moment in run.steps() if moment.time > 2e-3)
+    again = jp.Simulation.resume(run.checkpoint(tmp_path / "run.npz")).finish()
     assert (again["q"].values == simulation.run()["q"].values).all()
 
 
 def test_damaged_and_foreign_checkpoints_are_refused(arm, tmp_path):
-    run = moving(arm).prepare()
+    run = jp.Run(moving(arm))
     path = run.checkpoint(tmp_path / "run.npz")
     with pytest.raises(jp.JointplayError, match="no checkpoint"):
         jp.Simulation.resume(tmp_path / "none")
@@ -214,10 +211,10 @@ def test_guards_surround_the_time_loop(arm):
         def __exit__(self, *_):
             seen.append(run.workspace.steps)
 
-    run = moving(arm, 1e-3).prepare()
+    run = jp.Run(moving(arm, 1e-3))
     run.guards.append(Guard)
-    run.execute()
-    assert seen == [0, run.steps]
+    run.finish()
+    assert seen == [0, run.total_steps]
 
 
 def turning(urdf, **options):
@@ -252,7 +249,7 @@ def test_turns_settle_when_the_joint_has_turned_so_often(urdf):
 )
 def test_wrong_judging_is_refused(urdf, options, text):
     with pytest.raises(jp.JointplayError, match=text):
-        turning(urdf, **options).prepare()
+        jp.Run(turning(urdf, **options))
 
 
 def test_what_is_judged_counts_from_there(urdf):
@@ -356,8 +353,8 @@ def test_no_number_of_a_checkpoint_leads_compiled_code_astray(arm, tmp_path):
     bearing = jp.RevoluteClearance(radial_clearance=1e-4, axial_clearance=1e-4, wear_rate=1e-13)
     simulation = moving(arm.with_clearance({"a": bearing}), 2e-3)
     expected = simulation.run()["q"].values
-    run = simulation.prepare()
-    next(run.stretches(60))
+    run = jp.Run(simulation)
+    next(moment for moment in run.steps() if moment.step >= 60)
     taken = refused = 0
     for _, path in changed_checkpoints(run.checkpoint(tmp_path / "run.npz"), tmp_path):
         try:
@@ -369,7 +366,7 @@ def test_no_number_of_a_checkpoint_leads_compiled_code_astray(arm, tmp_path):
             assert again.workspace.run[name][0] == run.workspace.run[name][0], name
         taken += 1
         if again.workspace.run["solves"][0] == run.workspace.run["solves"][0]:
-            assert len(again.execute()["q"].values) <= len(expected) + 1
+            assert len(again.finish()["q"].values) <= len(expected) + 1
     assert taken > 50
     assert refused > 50
 
@@ -377,8 +374,8 @@ def test_no_number_of_a_checkpoint_leads_compiled_code_astray(arm, tmp_path):
 @pytest.mark.parametrize("name", ["time", "path_start", "path_span"])
 @pytest.mark.parametrize("value", [np.nan, -1.0, 1e9])
 def test_a_checkpoint_whose_time_is_not_that_of_its_step_is_refused(name, value, arm, tmp_path):
-    run = moving(arm).prepare()
-    next(run.stretches(20))
+    run = jp.Run(moving(arm))
+    next(moment for moment in run.steps() if moment.step >= 20)
     arrays = checkpoint_arrays(run.checkpoint(tmp_path / "run.npz"))
     arrays["run"][name] = value
     save_checkpoint(tmp_path / "other.npz", arrays)

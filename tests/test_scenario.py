@@ -55,7 +55,7 @@ def changed(old, new, text=ARM):
 def refusal(text, path="here/arm.toml"):
     def check():
         scenario = load(text, path)
-        return [scenario.prepare(case) for case in scenario.cases]
+        return [scenario.ready_run(case) for case in scenario.cases]
 
     with pytest.raises(jp.JointplayError) as refused:
         check()
@@ -136,7 +136,7 @@ def test_four_bar_turns_as_its_geometry_says():
 
 
 def test_four_bar_masses_are_those_of_steel_bars():
-    mechanism = Scenario.load("jointplay:four_bar.toml").prepare("ideal").mechanism
+    mechanism = Scenario.load("jointplay:four_bar.toml").ready_run("ideal").mechanism
     for link, length in (("crank", 0.05), ("coupler", 0.15), ("rocker", 0.12)):
         inertia = mechanism.model.inertias[mechanism.model.getJointId(f"{link}_pin")]
         mass = 7850 * length * 0.02 * 0.008
@@ -184,7 +184,7 @@ seed = 7
 record_every = 4
 """
     )
-    simulation = scenario.prepare().simulation
+    simulation = scenario.ready_run().simulation
     mechanism = simulation.mechanism
     joint = mechanism.clearance["joint_a"]
     assert joint.radial_clearance == pytest.approx(0.1e-3)
@@ -237,12 +237,12 @@ duration = "1 ms"
     assert joints["piston_pin"].kind == "spherical"
     assert joints["guide"].clearance == 50e-6
     assert isinstance(joints["guide"].friction, Dahl)
-    assert scenario.prepare().execute().status == Status.COMPLETED
+    assert scenario.ready_run().finish().status == Status.COMPLETED
 
 
 def test_lubricated_joints():
     oil = 'lubricant = { law = "short-bearing", viscosity = "50 mPa*s", transition = "2 um" }\n'
-    made = load(changed("[motion]", oil + "[motion]")).prepare().mechanism.clearance["joint_b"]
+    made = load(changed("[motion]", oil + "[motion]")).ready_run().mechanism.clearance["joint_b"]
     text = changed("[motion]", oil + "[motion]").replace("short-bearing", "custom-film")
     assert "function is missing" in refusal(text)
     assert made.lubricant.describe() == jp.contact.ShortBearing(0.05, transition=2e-6).describe()
@@ -527,7 +527,7 @@ def test_documentation_has_every_key_and_word():
         assert f"[{table}" in text or f"[[{table}" in text or table in words, table
     for block in re.findall(r"```toml\n(.*?)```", text, re.S):
         scenario = Scenario(block, jp.shipped("slider_crank.urdf").parent / "docs.toml")
-        assert [scenario.prepare(case) for case in scenario.cases]
+        assert [scenario.ready_run(case) for case in scenario.cases]
 
 
 def test_every_quantity_has_a_unit_that_is_known():

@@ -86,6 +86,17 @@ def test_check_says_what_it_understood(short):
     assert not list(short.parent.glob("*.nc"))
 
 
+def test_check_says_nothing_of_a_mechanism_that_it_cannot_draw(tmp_path):
+    far = '<visual><geometry><box size="1e200 1 1"/></geometry></visual>'
+    robot = shipped("scara.urdf").read_text().replace("<visual>", f"{far}<visual>", 1)
+    (tmp_path / "r.urdf").write_text(robot)
+    (tmp_path / "s.toml").write_text('robot.urdf = "r.urdf"\nintegration.duration = 1e-4\n')
+    done = jointplay("check", "s.toml", cwd=tmp_path)
+    assert done.returncode == 2
+    assert "cannot be drawn" in done.stderr
+    assert done.stdout == ""
+
+
 def test_check_draws_the_mechanism_but_over_no_one_elses_picture(short):
     done = jointplay("check", short)
     assert done.returncode == 0, done.stderr

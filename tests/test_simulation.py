@@ -55,7 +55,7 @@ def test_peaks_between_records_are_kept():
 
 def test_force_peak_is_the_largest_vector_of_its_window(free_mass):
     tumbling = {"velocity": (0.2, 0.13, -0.1, 0.0, 3.0, -2.0), "duration": 5e-3}
-    fine, coarse = (free_mass(**tumbling, record_every=n).execute() for n in (1, 100))
+    fine, coarse = (free_mass(**tumbling, record_every=n).finish() for n in (1, 100))
     windows = fine["joint_force"].values[1:, 0].reshape(50, 100, 3)
     largest = np.linalg.norm(windows, axis=2).argmax(axis=1)
     expected = windows[np.arange(50), largest]
@@ -77,7 +77,7 @@ def test_advised_step_is_one_that_runs():
 
     coarse = short(scara(2e-4), 1e-3, step=2e-4)
     with pytest.raises(JointplayError, match="take at most") as caught:
-        coarse.prepare()
+        jp.Run(coarse)
     advised = float(re.search(r"at most (\S+) s", str(caught.value)).group(1))
     assert dataclasses.replace(coarse, step=advised).run().status == Status.COMPLETED
 
@@ -85,7 +85,7 @@ def test_advised_step_is_one_that_runs():
 @pytest.mark.parametrize("seed", range(5))
 def test_perturbed_journals_start_free_in_their_bearings(seed):
     simulation = scara(2e-4, seed=seed)
-    run = simulation.prepare()
+    run = jp.Run(simulation)
     at = simulation.mechanism.virtual_link("joint_b")
     start = run.workspace.q[at : at + 6]
     assert (np.abs(start[:3]) > 0.0).all()
@@ -121,7 +121,7 @@ def test_same_seed_same_run_other_seed_other_run():
 )
 def test_impossible_simulations_are_refused(change, named):
     with pytest.raises(JointplayError) as caught:
-        dataclasses.replace(scara(2e-4), **change).prepare()
+        jp.Run(dataclasses.replace(scara(2e-4), **change))
     assert named in str(caught.value)
 
 
@@ -138,7 +138,7 @@ def test_run_away_stops_at_once_and_keeps_its_records():
 def test_journal_that_breaks_out_is_named(free_mass):
     run = free_mass(velocity=(0, 0, 80.0, 0, 0, 0), step=2e-6, duration=1e-3, stiffness=1e7)
     with pytest.warns(RuntimeWarning, match=r"'pin' broke out of its bearing \(axial_A\)"):
-        result = run.execute()
+        result = run.finish()
     assert result.status == Status.BROKE_OUT
 
 
@@ -181,9 +181,9 @@ def test_journal_of_a_loop_is_displaced_at_a_dead_centre_too():
     clearance = 0.2e-3
     offsets = []
     for seed in range(5):
-        run = scenario.simulation(
-            "0.2 mm", {"integration": {"seed": seed, "start": "centred"}}
-        ).prepare()
+        run = jp.Run(
+            scenario.simulation("0.2 mm", {"integration": {"seed": seed, "start": "centred"}})
+        )
         mechanism, q = run.mechanism, run.workspace.q
         assert q[mechanism.coordinate("crank_pin")] == 0.0
         pin.forwardKinematics(mechanism.model, mechanism.data, q)

@@ -107,9 +107,9 @@ def test_semi_implicit_euler_falls_too_far_by_half_a_step_of_its_speed(every, du
 
 
 def test_a_run_changed_by_hand_is_checked_as_it_is(urdf):
-    run = falling(urdf, integrator="semi-implicit-euler").prepare()
+    run = jp.Run(falling(urdf, integrator="semi-implicit-euler"))
     run.workspace.v[:] = 100.0
-    audit = run.execute().audit
+    audit = run.finish().audit
     assert audit.step_error == pytest.approx(0.5 * G * 0.5 * 1e-3, rel=1e-3)
     assert audit.relative_step_error < 1e-4
 

@@ -230,9 +230,9 @@ RUNS = {
 
 @pytest.mark.parametrize("make", RUNS.values(), ids=RUNS.keys())
 def test_a_result_has_what_pinocchio_says_of_its_states(make):
-    run = dataclasses.replace(make(), duration=0.01, record_every=20).prepare()
+    run = jp.Run(dataclasses.replace(make(), duration=0.01, record_every=20))
     mechanism = run.mechanism
-    result = run.execute()
+    result = run.finish()
     q, v, drive = (result[name].values for name in ("q", "v", "drive"))
     starts = [phase.row for phase in run.phases]
     pairs = [
@@ -277,7 +277,7 @@ def test_a_result_has_what_pinocchio_says_of_its_states(make):
 
 @pytest.mark.parametrize("make", RUNS.values(), ids=RUNS.keys())
 def test_a_run_without_records_gives_an_empty_result(make):
-    run = make().prepare()
+    run = jp.Run(make())
     made = histories(run.mechanism, run.simulation.describe(), run.workspace, run.friction,
                      run.phases, Status.INTERRUPTED, "interrupted", 0.0)  # fmt: skip
     assert len(made.time) == 0

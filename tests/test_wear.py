@@ -119,9 +119,9 @@ def rubbing(urdf, spin, *, wear_rate=1e-13, gravity=9.81, duration=0.2, mass=2.0
 
 def settled(simulation):
     """The run from a journal that lies at the bottom: from the centre it would swing for good."""
-    run = simulation.prepare()
+    run = jp.Run(simulation)
     run.workspace.q[1] = -1e-4
-    return run.execute()
+    return run.finish()
 
 
 def test_worn_volume_is_archards_by_hand(urdf):
@@ -161,11 +161,13 @@ def test_energy_balances_in_a_worn_bore(urdf):
     robot = jp.Mechanism(path, {"pin": bearing}, gravity=(0, 0, 0))
     residuals = []
     for step in (4e-6, 1e-6):
-        run = jp.Simulation(
-            robot, duration=10e-3, step=step, integrator="rk4", drive={}, joint_friction={}
-        ).prepare()
+        run = jp.Run(
+            jp.Simulation(
+                robot, duration=10e-3, step=step, integrator="rk4", drive={}, joint_friction={}
+            )
+        )
         run.workspace.v[:] = 0.25, -0.15, 0.2, 2.0, 3.0, -2.0
-        result = run.execute()
+        result = run.finish()
         assert result.audit.impacts > 4
         residuals.append(result.audit.energy_residual / result["kinetic_energy"].values[0])
     assert residuals[1] < 1e-4
@@ -199,15 +201,15 @@ def test_scatter_of_perturbed_runs_is_reported(urdf):
 def test_interrupted_life_keeps_what_is_known(urdf, monkeypatch):
     import jointplay.simulation.run as module
 
-    simulation, calls, original = rubbing(urdf, 30.0, duration=0.05), [], module.Run.execute
+    simulation, calls, original = rubbing(urdf, 30.0, duration=0.05), [], module.Run.finish
 
-    def execute(self, progress=False, *options):
+    def finish(self, progress=False, *options):
         calls.append(1)
         if len(calls) == 3:
             raise KeyboardInterrupt
         return original(self, progress)
 
-    monkeypatch.setattr(module.Run, "execute", execute)
+    monkeypatch.setattr(module.Run, "finish", finish)
     life = wear_life(simulation, "pin", 1e-6, blocks=5)
     assert not life.reached
     assert len(life.cycles) == 3

@@ -9,6 +9,7 @@ from jointplay.core.errors import JointplayError
 from jointplay.scenario import Scenario
 from jointplay.scenario.build import complete, whole
 from jointplay.scenario.settings import parse
+from jointplay.simulation.run import Run
 
 
 def mimicking(name, parent, child, leader, multiplier=1.0, offset=0.0):
@@ -104,7 +105,7 @@ def test_where_drives_are_given_what_starts_somewhere_moves(arm):
 
 def test_a_joint_with_a_speed_at_the_start_is_not_held(arm):
     with pytest.raises(JointplayError, match="lacks b"):
-        scenario(arm, "start_speed.b=1").prepare()
+        Run(scenario(arm, "start_speed.b=1"))
 
 
 def test_a_joint_with_a_controller_is_not_held(arm):

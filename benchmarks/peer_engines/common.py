@@ -157,7 +157,7 @@ def problem(simulation: jp.Simulation) -> Problem:
     planar = name in mechanism.loops
     links = read_links(mechanism.description.text, "" if planar else name)
     assert [link.name for link in links] == list(mechanism.coordinates)
-    run = simulation.prepare()
+    run = jp.Run(simulation)
     by_coordinate = np.zeros((3, len(links)))
     by_coordinate[0] = -1.0
     for drive in run.workspace.drives:

@@ -8,6 +8,7 @@ import time
 import numpy as np
 
 from jointplay.kernel.integrators import DEFAULT
+from jointplay.simulation.run import Run
 from peer_engines.common import Problem
 from peer_engines.trace import Trace
 
@@ -23,13 +24,13 @@ def run_jointplay(
     simulation = dataclasses.replace(
         task.simulation, step=step, duration=duration, record_every=every, integrator=integrator
     )
-    run = simulation.prepare()
+    run = Run(simulation)
     run.workspace.q[:], run.workspace.v[:] = task.start
     if not task.driven and task.prescribed < 0:
         run.workspace.reference[:] = 0.0
         run.workspace.drives["kp"] = run.workspace.drives["kd"] = 0.0
     started = time.process_time()
-    status = run.loop()
+    status = run.run_to_end()
     spent = time.process_time() - started
     if status != 0:
         raise RuntimeError(run.message(status))
@@ -41,5 +42,5 @@ def run_jointplay(
         recorded("v").copy(),
         force,
         spent,
-        run.steps,
+        run.total_steps,
     )

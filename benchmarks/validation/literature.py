@@ -162,10 +162,10 @@ def _prepare(turns: float, bearing: jp.RevoluteClearance | None, **options) -> j
     motion = jp.Motion(
         ["crank_pin"], [0, turns * TURN], [[0], [turns * 2 * np.pi]], "constant-speed"
     )
-    return jp.Simulation(
+    return jp.Run(jp.Simulation(
         robot, motion, drive={"crank_pin": jp.loads.Prescribed()}, joint_friction={},
         state={"guide": CRANK + ROD}, start="centred", **options,
-    ).prepare()  # fmt: skip
+    ))  # fmt: skip
 
 
 def _bearing(clearance: float, **changes) -> jp.RevoluteClearance:
@@ -270,7 +270,7 @@ def _turning(
     run.workspace.q[2] += shift[0]
     if nudge:
         _begin_nudged(run, transient, nudge)
-    result = run.execute()
+    result = run.finish()
     per_turn = round(TURN / RECORD)
     at = slice(transient * per_turn, (transient + turns) * per_turn + 1)
     force = result["joint_force"].values[at, 0, 0]
@@ -347,7 +347,7 @@ def _size(clearance: float) -> str:
     wrong="the sign of the rod's moment of inertia in the crank moment",
 )
 def ideal_slider_crank(quick: bool = False, wrong: bool = False) -> Outcome:
-    result = _prepare(1, None, integrator="rk4", step=2e-6, record_every=1).execute()
+    result = _prepare(1, None, integrator="rk4", step=2e-6, record_every=1).finish()
     exact = Ideal.at(SPEED * result.time, -ROD_INERTIA if wrong else ROD_INERTIA)
     velocity = result["tool_velocity"].values[:, 0]
     curves = {
@@ -400,7 +400,7 @@ def clearance_curves(quick: bool = False, wrong: bool = False) -> Outcome:
     for clearance in CLEARANCES:
         result = _prepare(
             part, _bearing(clearance), integrator="rk4", step=step, record_every=1
-        ).execute()  # fmt: skip
+        ).finish()  # fmt: skip
         found = np.column_stack(
             [
                 result["tool_velocity"].values[:, 0],
@@ -492,7 +492,7 @@ def clearance_orbits(quick: bool = False, wrong: bool = False) -> Outcome:
     ]]  # fmt: skip
     for clearance in CLEARANCES:
         run = _prepare(2, _bearing(clearance), step=2e-6, record_every=1)
-        result = run.execute()
+        result = run.finish()
         journal = result["journal_centre"].values[:, 0, :2]
         away = np.hypot(*journal.T) / (clearance / 2 if wrong else clearance)
         pressed = result["normal_force"].values[:, 0, 0] > 0.0

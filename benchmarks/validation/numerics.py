@@ -120,7 +120,7 @@ def order(quick: bool = False, wrong: bool = False) -> Outcome:
                     run = pendulum.run(state, situation.duration, step, method, **macro)
                     run.workspace.contacts["ddelta0"] = approach
                     run.workspace.contacts["steps"] = float(approach > 0.0)
-                    run.loop()
+                    run.run_to_end()
                     squares.append(np.sum((run.workspace.q[:2] - end[:2]) ** 2))
                 errors.append(math.sqrt(np.mean(squares)))
             observed = np.polyfit(np.log(situation.steps), np.log(errors), 1)[0]
@@ -181,9 +181,9 @@ def stepped(
     for start in starts:
         run = pendulum.run(start, duration, step, method, **options)
         begun = time.process_time()
-        run.loop()
+        run.run_to_end()
         spent.append(time.process_time() - begun)
-        calls = run.steps * max(run.method.stages, 1)
+        calls = run.total_steps * max(run.method.stages, 1)
         ends.append(run.workspace.q.copy())
     return ends, calls, min(spent)
 
@@ -293,11 +293,13 @@ def bounce(mass, stiffness, speed, step, method, phase, c_e) -> float:
     path = urdf(body("arm", mass, inertia=10.0), joint("pin", "base", "arm"))
     robot = jp.Mechanism(path, {"pin": bearing}, gravity=(0, 0, 0))
     lasts = 2.0 * impact_time(mass, stiffness, speed) + 3.0 * step
-    run = jp.Simulation(
-        robot, duration=lasts, step=step, integrator=method, record_every=10**9, **FREE
-    ).prepare()
+    run = jp.Run(
+        jp.Simulation(
+            robot, duration=lasts, step=step, integrator=method, record_every=10**9, **FREE
+        )
+    )
     run.workspace.q[0], run.workspace.v[0] = 1e-2 - phase * step * speed, speed
-    run.loop()
+    run.run_to_end()
     return -float(run.workspace.v[0]) / speed
 
 
@@ -379,7 +381,7 @@ def step_check(quick: bool = False, wrong: bool = False) -> Outcome:
 
         def accepts(step, robot=robot):
             try:
-                jp.Simulation(robot, duration=0.1, step=step, **FREE).prepare()
+                jp.Run(jp.Simulation(robot, duration=0.1, step=step, **FREE))
             except jp.JointplayError:
                 return False
             return True
@@ -426,7 +428,7 @@ def swing(job: tuple[str, float, bool]) -> tuple[str, np.ndarray, np.ndarray, fl
     elastic = "elastic" in name
     pendulum = Pendulum(restitution=1.0, mu=0.0) if elastic else Pendulum()
     state = resting(pendulum, 1.0)
-    result = pendulum.run(state, duration, 1e-5, METHODS[0], record_every=100).execute()
+    result = pendulum.run(state, duration, 1e-5, METHODS[0], record_every=100).finish()
     x, y, angle = result["q"].values.T
     vx, vy, turning = result["v"].values.T
     wx, wy = vx - ARM * turning * np.sin(angle), vy + ARM * turning * np.cos(angle)

@@ -52,7 +52,7 @@ class Pendulum:
             self.mechanism(), duration=duration, step=step, integrator=integrator,
             **({"record_every": 10**9} | FREE | options),
         )  # fmt: skip
-        run = simulation.prepare()
+        run = jp.Run(simulation)
         run.workspace.q[:], run.workspace.v[:] = state[:3], state[3:]
         return run
 

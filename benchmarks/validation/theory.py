@@ -47,12 +47,12 @@ def hertz_impact(quick: bool = False, wrong: bool = False) -> Outcome:
         power = 0.4 if not wrong else 1.0 / 2.45
         depth = (1.25 * mass * speed**2 / stiffness) ** power
         duration = SOUND_TIME * depth / speed
-        run = jp.Simulation(
+        run = jp.Run(jp.Simulation(
             robot, duration=3e-4 / speed + duration, step=duration / 400, integrator="rk4",
             record_every=1, **FREE,
-        ).prepare()  # fmt: skip
+        ))  # fmt: skip
         run.workspace.v[0] = speed
-        result = run.execute()
+        result = run.finish()
         gap = result["gap"].values[:, 0, 0]
         # Where the gap crosses zero, between the records.
         inside = np.flatnonzero(gap < 0.0)
@@ -134,12 +134,12 @@ def rebound(law: jp.contact.NormalForceLaw, c_e: float, speed: float, steps: int
     contact = bearing.contact_properties(0)
     lasts = impact_duration(law, law.parameters(contact), IMPACT_MASS, speed)
     near = 0.05 * lasts * speed
-    run = jp.Simulation(
+    run = jp.Run(jp.Simulation(
         robot, duration=8.0 * lasts, step=lasts / steps, integrator="rk4", record_every=steps,
         **FREE,
-    ).prepare()  # fmt: skip
+    ))  # fmt: skip
     run.workspace.q[0], run.workspace.v[0] = 1e-3 - near, speed
-    result = run.execute()
+    result = run.finish()
     assert result["gap"].values[-1, 0, 0] > 0.0
     return float(-result["v"].values[-1, 0] / speed)
 
@@ -216,14 +216,14 @@ def rolling(quick: bool = False, wrong: bool = False) -> Outcome:
         inertia = 0.5 * mass * inner**2
         path = urdf(body("roller", mass, inertia=inertia), joint("pin", "base", "roller"))
         robot = jp.Mechanism(path, {"pin": bearing}, gravity=(0, -GRAVITY, 0))
-        run = jp.Simulation(
-            robot, duration=0.6 if quick else 1.2, step=1e-5, record_every=10, **FREE
-        ).prepare()
+        run = jp.Run(
+            jp.Simulation(robot, duration=0.6 if quick else 1.2, step=1e-5, record_every=10, **FREE)
+        )
         depth = (mass * GRAVITY * math.cos(amplitude) / bearing.hertz_stiffness) ** (2 / 3)
         length = outer - inner
         where = np.array([math.sin(amplitude), -math.cos(amplitude)])
         run.workspace.q[:2] = (length + depth) * where
-        result = run.execute()
+        result = run.finish()
         x = result["q"].values[:, 0]
         ups = np.flatnonzero((x[:-1] < 0.0) & (x[1:] >= 0.0))
         crossings = [np.interp(0.0, x[i : i + 2], result.time[i : i + 2]) for i in ups]
@@ -274,12 +274,14 @@ def incline(quick: bool = False, wrong: bool = False) -> Outcome:
         robot = jp.Mechanism(
             urdf(body("block", mass), element), {"guide": bearing}, gravity=(0, 0, -GRAVITY)
         )
-        run = jp.Simulation(
-            robot, duration=0.15 if quick else 0.4, step=1e-5, record_every=20, **FREE
-        ).prepare()
+        run = jp.Run(
+            jp.Simulation(
+                robot, duration=0.15 if quick else 0.4, step=1e-5, record_every=20, **FREE
+            )
+        )
         load = mass * GRAVITY * math.cos(alpha) / 4.0
         run.workspace.q[0] = 1e-4 + (load / 1e10) ** (2 / 3)
-        result = run.execute()
+        result = run.finish()
         late = result.time > 0.5 * result.time[-1]
         time, speed = result.time[late], result["v"].sel(coordinate="guide.z").values[late]
         slides = math.tan(alpha) > mu
@@ -439,15 +441,15 @@ def top(quick: bool = False, wrong: bool = False) -> Outcome:
 
     for colour, spin in zip(COLOURS, (300.0,) if quick else (200.0, 300.0, 500.0), strict=False):
         rate, centre = steady(spin, 1.0)
-        run = jp.Simulation(
+        run = jp.Run(jp.Simulation(
             robot, duration=0.15 if quick else 0.6, step=1e-5, integrator="rk4",
             record_every=50, **FREE,
-        ).prepare()  # fmt: skip
+        ))  # fmt: skip
         # Turned by pitch alone; the rates of yaw and roll that W e_z + psi a come to.
         psi = spin - rate * c
         run.workspace.q[:3], run.workspace.q[4] = centre, theta
         run.workspace.v[:] = 0, rate * centre[0], 0, rate + psi / c, 0, psi * s / c
-        result = run.execute()
+        result = run.finish()
         axis = journal_axis(result["q"].values[:, 3:])
         azimuth = np.unwrap(np.arctan2(axis[:, 1], axis[:, 0]))
         found = np.polyfit(result.time, azimuth, 1)[0]
@@ -517,12 +519,14 @@ def wedge(quick: bool = False, wrong: bool = False) -> Outcome:
         tilt, radial = wedge_statics(bearing, mass, overhang, 0.0 if wrong else 1.0)
         path = urdf(body("arm", mass, f"{overhang} 0 0"), joint("pin", "base", "arm"))
         robot = jp.Mechanism(path, {"pin": bearing}, gravity=(0, 0, -GRAVITY))
-        run = jp.Simulation(
-            robot, duration=0.3 if quick else 0.5, step=1e-5, record_every=100, **FREE
-        ).prepare()
+        run = jp.Run(
+            jp.Simulation(
+                robot, duration=0.3 if quick else 0.5, step=1e-5, record_every=100, **FREE
+            )
+        )
         lean = 0.01
         run.workspace.q[:] = 0, 0, -bearing.ca + bearing.rj * lean + 2e-5, 0, lean, 0
-        result = run.execute()
+        result = run.finish()
         rest = slice(int(0.9 * len(result.time)), None)
         forces = result["normal_force"].values[rest, 0].mean(axis=0)
         leans = float(result["tilt"].values[-1, 0])
@@ -579,13 +583,19 @@ def self_locking(quick: bool = False, wrong: bool = False) -> Outcome:
             """How far it has slid at the end [m]."""
             path = urdf(body("arm", mass, f"{x} 0 0", 0.1), joint("g", "base", "arm", "prismatic"))
             robot = jp.Mechanism(path, {"g": guide}, gravity=(0, 0, -GRAVITY))
-            run = jp.Simulation(
-                robot, drive={"g": support}, joint_friction={}, duration=duration, record_every=50
-            ).prepare()
+            run = jp.Run(
+                jp.Simulation(
+                    robot,
+                    drive={"g": support},
+                    joint_friction={},
+                    duration=duration,
+                    record_every=50,
+                )
+            )
             depth = (mass * GRAVITY * x / lever / 1e10) ** (2 / 3)
             leaning = tilt + 2.0 * depth / lever
             run.workspace.q[robot.coordinates.index("g.pitch")] = leaning
-            return -float(run.execute()["q"].sel(coordinate="g.z")[-1])
+            return -float(run.finish()["q"].sel(coordinate="g.z")[-1])
 
         low, high = (factor * lever / (2.0 * mu) for factor in (0.7, 1.4))
         tried = [(x, fall(x)) for x in (low, high)]
@@ -687,14 +697,14 @@ def clearance_limit(quick: bool = False, wrong: bool = False) -> Outcome:
             joint("pin", "base", "arm"),
         )
         robot = jp.Mechanism(path, {"pin": bearing}, gravity=(GRAVITY, 0, 0))
-        run = jp.Simulation(
+        run = jp.Run(jp.Simulation(
             robot, duration=periods * ideal, step=1e-5, integrator="semi-implicit-euler",
             record_every=20, state={"pin": amplitude}, **FREE,
-        ).prepare()  # fmt: skip
+        ))  # fmt: skip
         depth = (mass * GRAVITY * math.cos(amplitude) / bearing.hertz_stiffness) ** (2 / 3)
         angle = link_angle(mass, inertia, length, amplitude)
         run.workspace.q[:2] = (play + depth) * np.array([math.cos(angle), math.sin(angle)])
-        result = run.execute()
+        result = run.finish()
         yaw = result["q"].sel(coordinate="pin.yaw").values
         downs = np.flatnonzero((yaw[:-1] > 0.0) & (yaw[1:] <= 0.0))
         at = [

@@ -36,6 +36,7 @@ from .player import play as play
 from .result import Result as Result
 from .scenario import Scenario as Scenario
 from .scenario.robot import robot_scenario as robot_scenario
+from .simulation import Run as Run
 from .simulation import Simulation as Simulation
 from .simulation import simulate as simulate
 from .sweeps import open_sweep as open_sweep

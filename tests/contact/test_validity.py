@@ -159,7 +159,7 @@ def hit(free_mass, **bearing):
     """Let a body hit the end wall at 0.2 m/s; it touches nothing else."""
     return free_mass(
         offset=(0, 0, 1.99e-4, 0, 0, 0), velocity=(0, 0, 0.2, 0, 0, 0), **bearing
-    ).execute()
+    ).finish()
 
 
 def steel(**known):
@@ -189,7 +189,7 @@ def test_the_fastest_approach_counts_whether_or_not_its_contact_has_ended(free_m
     )
     again = free_mass(velocity=(0, 0, 0.2, 0, 0, 0), restitution=0.5, duration=8e-3)
     for run, impacts in ((lasting, 1), (again, 2)):
-        audit = run.execute().audit
+        audit = run.finish().audit
         assert audit.impacts >= impacts
         found = run.workspace.contact_statistics()["fastest_approach"]
         assert found[0, 2:].max() == pytest.approx(0.2, rel=1e-3)
@@ -208,10 +208,10 @@ def test_yield_is_judged_by_the_deepest_penetration(free_mass):
 def test_restitution_out_of_reach_is_said_once_and_only_of_joints_that_touched(free_mass):
     (line,) = hit(free_mass, restitution=0.4).audit.law_warnings
     assert "where 0.4 is asked for" in line
-    both = free_mass(velocity=(0.2, 0.0, 0.2, 0, 0, 0), restitution=0.4).execute().audit
+    both = free_mass(velocity=(0.2, 0.0, 0.2, 0, 0, 0), restitution=0.4).finish().audit
     assert both.impacts >= 3
     assert both.law_warnings == (line,)
-    assert free_mass(restitution=0.4).execute().audit.law_warnings == ()
+    assert free_mass(restitution=0.4).finish().audit.law_warnings == ()
 
 
 def own_force(delta, ddelta, ddelta0, p):

@@ -866,10 +866,10 @@ def _gone_on_with(path: Path, bad: bool) -> str:
     run = Simulation.resume(path)
     if bad:
         return "taken, although it must be refused"
-    if run.steps > 10**6:
+    if run.total_steps > 10**6:
         return ""  # it may be so long
-    result = run.execute(check_step=False)
-    return "" if len(result.time) <= run.steps + 2 else f"{len(result.time)} records"
+    result = run.finish(check_step=False)
+    return "" if len(result.time) <= run.total_steps + 2 else f"{len(result.time)} records"
 
 
 def _edited_checkpoint(data: bytes, rng: random.Random) -> bytes:

@@ -79,8 +79,8 @@ def build(folder: Path) -> None:
 def interrupt(scenario: Scenario, path: Path, steps: int) -> None:
     """Leave of the scenario's run what one leaves that is told to stop after so many steps."""
     records, kept = working_paths(path)
-    run = scenario.prepare(scenario.cases[0], False, records)
-    next(run.stretches(steps))
+    run = scenario.ready_run(scenario.cases[0], False, records)
+    next(moment for moment in run.steps() if moment.step >= steps)
     run.checkpoint(kept)
 
 

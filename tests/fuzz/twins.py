@@ -24,6 +24,7 @@ from jointplay.core.errors import JointplayError
 from jointplay.kernel import Status
 from jointplay.result.audit import ENERGY_WARNING
 from jointplay.scenario import Scenario
+from jointplay.simulation.run import Run
 from jointplay.simulation.simulation import Simulation
 
 ROUNDING = 1e-9
@@ -492,9 +493,8 @@ def heavier(rng: random.Random, folder: Path) -> str:
 
 def stop(going: Any, cut: int) -> None:
     """Step until a step is reached, and stop there as one stops who is told to."""
-    pause = cut - going.workspace.steps
-    if pause > 0:
-        next(going.stretches(pause), None)
+    if cut > going.workspace.steps:
+        next(moment for moment in going.steps() if moment.step >= cut)
 
 
 def resumed(rng: random.Random, folder: Path) -> str:
@@ -502,13 +502,13 @@ def resumed(rng: random.Random, folder: Path) -> str:
     made, before, _ = first_run(rng, folder)
     steps = round(made.duration / made.step)
     cuts = sorted(rng.sample(range(1, steps), min(rng.randint(1, 3), steps - 1)))
-    going = simulation(folder / "first" / "s.toml").prepare()
+    going = Run(simulation(folder / "first" / "s.toml"))
     for cut in cuts:
         stop(going, cut)
         going = Simulation.resume(going.checkpoint(folder / f"{cut}.checkpoint"))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)
-        after = going.execute(check_step=False)
+        after = going.finish(check_step=False)
     wrong = differing(before, numbers(after))
     return f"resumed at {cuts} of {steps}, {wrong}" if wrong else ""
 

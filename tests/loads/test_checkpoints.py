@@ -71,12 +71,12 @@ def test_loads_are_continued_bit_for_bit(urdf, tmp_path, options):
     }
     whole_simulation = simulation(urdf, loads, start="centred", **options)
     whole = whole_simulation.run()
-    run = whole_simulation.prepare()
-    for moment in run.moments(1e-4):
+    run = jp.Run(whole_simulation)
+    for moment in run.steps(1e-4):
         if moment.time >= 4.1e-3:
             break
     path = run.checkpoint(tmp_path / "run.npz")
-    again = jp.Simulation.resume(path).execute()
+    again = jp.Simulation.resume(path).finish()
     for name in whole.dataset.data_vars:
         assert np.array_equal(again[name].values, whole[name].values, equal_nan=True), name
     rubbed = whole["load_record"].sel(load_part="rub.torque").values
@@ -89,7 +89,7 @@ def test_loads_are_continued_bit_for_bit(urdf, tmp_path, options):
     [(Silent, "whose state no checkpoint can know; give it memory"), (Odd, "is no plain data")],
 )
 def test_a_controller_that_cannot_say_its_state_is_refused(urdf, tmp_path, kind, words):
-    run = simulation(urdf, {"c": Controller(["a"], kind, period=1e-3)}).prepare()
+    run = jp.Run(simulation(urdf, {"c": Controller(["a"], kind, period=1e-3)}))
     with pytest.raises(jp.JointplayError, match=words):
         run.checkpoint(tmp_path / "run.npz")
     assert not list(tmp_path.glob("run.npz"))
@@ -103,6 +103,6 @@ def test_to_look_at_a_run_with_loads_changes_nothing(urdf, options):
     }
     one = simulation(urdf, loads, **options)
     plain = one.run()
-    run = one.prepare()
-    assert len(list(run.moments(7e-4))) > 10
+    run = jp.Run(one)
+    assert len(list(run.steps(7e-4))) > 10
     assert (run.workspace.recorded("q") == plain["q"].values).all()

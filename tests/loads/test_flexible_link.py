@@ -32,7 +32,7 @@ def test_the_scenario_can_be_run():
         "arm2", 200.0, 0.5, other_at=(0.0, 0.0, 1.0), damping=1.0
     )
     assert simulation.loads["buffer"].upper == pytest.approx(100 * 3.14159265 / 180)
-    scenario.prepare(case)
+    scenario.ready_run(case)
 
 
 def test_a_cantilever_of_bars_and_springs_swings_as_beam_theory_asks(tmp_path, monkeypatch):

@@ -36,13 +36,13 @@ def test_wrenches_as_heavy_as_the_weight_bring_journals_to_rest_where_it_does(ur
         "two": Wrench("two", force=(0, 0, -9.81 * second), at=(0.1, 0, 0)),
     }
     # Drives feed the weight forward, and know nothing of wrenches: these give what is lacking.
-    lacking = held(heavy).prepare().workspace.reference[0]
+    lacking = jp.Run(held(heavy)).workspace.reference[0]
     drives = lacking[2 * len(lacking) // 3 :]
     weights |= {
         f"lift {name}": Controller([name], lift, (float(torque),))
         for name, torque in zip(("a", "b"), drives, strict=True)
     }
-    under_weight, under_wrench = held(heavy).prepare(), held(bare, loads=weights).prepare()
+    under_weight, under_wrench = jp.Run(held(heavy)), jp.Run(held(bare, loads=weights))
     assert under_wrench.rest.solved
     assert under_wrench.rest.load == pytest.approx(9.81 * (MASS + second), rel=1e-3)
     assert under_wrench.rest.q == pytest.approx(under_weight.rest.q, abs=1e-8)  # play: 1e-4 m

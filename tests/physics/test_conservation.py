@@ -30,7 +30,7 @@ def flying(path, worn, velocity, *, journals=1.0, **options):
     options = {"duration": 0.02, "step": 4e-6, "integrator": "rk4"} | options
     motion = still(robot, options["duration"])
     drive = jp.loads.ComputedTorque(bandwidth=1.0)
-    run = release(jp.Simulation(robot, motion, drive, **options).prepare())
+    run = release(jp.Run(jp.Simulation(robot, motion, drive, **options)))
     run.workspace.v[: len(velocity)] = velocity
     random = np.random.default_rng(0)
     for name in worn:
@@ -58,7 +58,7 @@ def drift(values):
 def test_momentum_is_exact_where_it_is_linear_in_the_velocities(urdf, integrator):
     path = urdf(*SLIDERS, body("two", 2.0, "0 0 0"), joint("pin", "one", "two", **SKEW))
     robot, run = flying(path, ["pin"], [0.1, -0.2, 0.05], integrator=integrator)
-    result = run.execute()
+    result = run.finish()
     assert result.audit.impacts > 5
     assert drift(momenta(robot, result)[0]) < 1e-13
 
@@ -73,7 +73,7 @@ def test_momentum_of_tumbling_bodies_survives_impacts(urdf, worn):
         joint("pin2", "two", "three", at="0.2 0 0", axis="0 1 0"),
     )
     robot, run = flying(path, worn, [0.1, -0.2, 0.05])
-    result = run.execute()
+    result = run.finish()
     assert result.audit.impacts > 5 * len(worn)
     assert drift(momenta(robot, result)[0]) < 1e-8
 
@@ -89,7 +89,7 @@ def test_angular_momentum_about_a_free_hinge_survives_impacts(urdf, axis):
     drifts = []
     for step in (4e-6, 2e-6):
         robot, run = flying(path, ["pin"], [0.5], step=step)
-        result = run.execute()
+        result = run.finish()
         assert result.audit.impacts > 5
         drifts.append(drift(momenta(robot, result)[1] @ np.array(axis.split(), float)))
     assert drifts[0] < 1e-7
@@ -172,7 +172,7 @@ def test_pair_carried_along_moves_as_one_at_rest(tumbler):
     journals = []
     for carried in (0.0, 1.0):
         _, run = flying(tumbler, ["pin"], carried * np.array([3.0, -2.0, 1.0]), duration=5e-3)
-        journals.append(run.execute())
+        journals.append(run.finish())
     assert journals[0].audit.impacts > 2
     still_, moving = (result["q"].values[:, 3:] for result in journals)
     assert np.abs(still_ - moving).max() < 1e-9

@@ -36,7 +36,7 @@ def hung(urdf):
         mechanism = jp.Mechanism(path, {"pin": bearing}, gravity=gravity)
         options = {"drive": {}, "duration": 0.01, "step": 1e-6, "start": "rest"} | given
         options = {"record_every": max(round(1e-5 / options["step"]), 1)} | options
-        return jp.Simulation(mechanism, **options).prepare()
+        return jp.Run(jp.Simulation(mechanism, **options))
 
     return make
 
@@ -49,7 +49,7 @@ def hung(urdf):
 def test_the_bearing_of_a_hanging_body_bears_its_weight_at_every_record(
     hung, law, method, step, down
 ):
-    result = hung(law, integrator=method, step=step, down=down, duration=1e3 * step).execute()
+    result = hung(law, integrator=method, step=step, down=down, duration=1e3 * step).finish()
     force = result["joint_force"].values[:, 0] @ -np.array(down)
     assert force.mean() == pytest.approx(WEIGHT, rel=1e-6)
     assert np.abs(force - WEIGHT).max() < 2e-5 * WEIGHT
@@ -63,7 +63,7 @@ def test_the_bearing_of_a_hanging_body_bears_its_weight_at_every_record(
 def test_the_mean_bearing_force_is_the_weight_where_a_step_cannot_follow_the_damping(
     hung, law, method
 ):
-    result = hung(law, integrator=method, step=1e-5, record_every=1).execute()
+    result = hung(law, integrator=method, step=1e-5, record_every=1).finish()
     force = result["joint_force"].values[:, 0].mean(axis=0)
     assert force == pytest.approx([0.0, WEIGHT, 0.0], abs=1e-3 * WEIGHT)
 
@@ -81,7 +81,7 @@ def test_a_nudged_contact_is_a_viscous_damper_for_all_methods_alike(hung, law, m
 
     nudge = 0.5 * reference((WEIGHT / stiffness) ** (2.0 / 3.0))
     run.workspace.v[1] = -nudge
-    result = run.execute()
+    result = run.finish()
     found = -result["gap"].values[:, 0, 0]
 
     def slope(_, y):
@@ -105,7 +105,7 @@ def test_recorded_forces_are_the_change_of_momentum_and_the_impulse_of_the_weigh
     given = {"integrator": method, "step": 2e-6, "duration": 0.03, "record_every": 1}
     run = hung(down=(0.6, -0.64, -0.48), friction=0.2, start="centred", **given)
     run.workspace.v[:3] = speed
-    result = run.execute()
+    result = run.finish()
     force, step = result["joint_force"].values[:, 0], 2e-6
     taken = {
         "multi-rate": 0.5 * (force[1:] + force[:-1]),  # half a step before and after
@@ -128,7 +128,7 @@ def test_an_impact_is_damped_by_its_approach_speed_alone(hung, c_e):
         run.workspace.joints["rest_mass"] /= heavier
         run.begin()
         contact, seen = run.workspace.contacts[0, 0], 0
-        while run.stretch(1) and contact["onsets"] + contact["ended"] < 2:
+        while run.advance(1) and contact["onsets"] + contact["ended"] < 2:
             if contact["touching"]:
                 seen += 1
                 assert contact["reference"] == contact["approach"]

@@ -205,10 +205,10 @@ def test_gear_passes_no_torque_before_its_play_is_taken_up(urdf, integrator):
 @pytest.mark.parametrize("integrator", ["multi-rate", "rk4"])
 def test_gear_balances_energy_and_momentum(urdf, integrator):
     robot = rotor(urdf, gears={"a": GEAR})
-    run = jp.Simulation(robot, drive={}, duration=0.2, integrator=integrator, record_every=1,
-                        **QUIET).prepare()  # fmt: skip
+    run = jp.Run(jp.Simulation(robot, drive={}, duration=0.2, integrator=integrator, record_every=1,
+                        **QUIET))  # fmt: skip
     run.workspace.v[robot.motor("a")] = 3.0
-    result = run.execute()
+    result = run.finish()
     v = result["v"].values
     spin = 0.02 * v[:, 0] + 0.01 * v[:, 1]
     assert spin == pytest.approx(0.03, rel=1e-9)  # nothing turns the pair as a whole
@@ -230,9 +230,9 @@ def test_undamped_gear_without_play_is_a_torsional_oscillator(urdf):
     """Frequency sqrt(c (1/J1 + 1/J2))."""
     gear = Gear(play=0.0, rotor_inertia=0.01, stiffness=500.0)
     robot = rotor(urdf, gears={"a": gear})
-    run = jp.Simulation(robot, drive={}, duration=0.1, integrator="rk4", **QUIET).prepare()
+    run = jp.Run(jp.Simulation(robot, drive={}, duration=0.1, integrator="rk4", **QUIET))
     run.workspace.v[robot.motor("a")] = 1.0
-    result = run.execute()
+    result = run.finish()
     omega = np.sqrt(500.0 * (1 / 0.01 + 1 / 0.02))
     twist = result["q"].values[:, 1] - result["q"].values[:, 0]
     assert twist == pytest.approx(np.sin(omega * result.time) / omega, abs=1e-6 / omega)

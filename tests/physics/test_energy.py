@@ -24,7 +24,7 @@ def energy_error(result, factor=0.4):
 
 
 def test_elastic_contact_without_friction_keeps_the_energy(free_mass):
-    result = free_mass(**TUMBLING, **ELASTIC, integrator="rk4").execute()
+    result = free_mass(**TUMBLING, **ELASTIC, integrator="rk4").finish()
     assert result.audit.impacts > 4
     assert energy_error(result) < 1e-6
     # The bodies come to near rest in between: the energy truly goes into the contact and back.
@@ -33,7 +33,7 @@ def test_elastic_contact_without_friction_keeps_the_energy(free_mass):
 
 
 def test_wrong_elastic_energy_fails_the_energy_check(free_mass):
-    result = free_mass(**TUMBLING, **ELASTIC, integrator="rk4").execute()
+    result = free_mass(**TUMBLING, **ELASTIC, integrator="rk4").finish()
     assert energy_error(result, factor=0.5) > 0.05
 
 
@@ -47,7 +47,7 @@ def test_energy_residual_through_impacts_falls_with_the_step(free_mass):
         np.array(
             [
                 free_mass(**TUMBLING, **ELASTIC, integrator=name, step=step)
-                .execute()
+                .finish()
                 .audit.energy_residual
                 for step in steps
             ]
@@ -69,7 +69,7 @@ def test_what_an_impact_loses_is_what_damping_takes(free_mass, restitution):
         restitution=restitution,
         friction=jp.contact.Ambrosio(0.0),
         integrator="rk4",
-    ).execute()
+    ).finish()
     kinetic = result["kinetic_energy"].values
     lost = kinetic[0] - kinetic[-1]
     assert lost > 0.05 * kinetic[0]
@@ -102,7 +102,7 @@ def test_sliding_face_is_slowed_by_mu_times_its_weight(free_mass, direction, mu)
         step=2e-6,
         integrator="rk4",
         record_every=100,
-    ).execute()
+    ).finish()
     t = result.time
     along = result["journal_centre"].values[:, 0, :2] @ way
     assert along == pytest.approx(speed * t - 0.5 * mu * 9.81 * t**2, abs=1e-9)
@@ -130,7 +130,7 @@ def test_ramp_of_friction_brakes_without_stopping(free_mass):
         duration=0.05,
         step=5e-6,
         record_every=100,
-    ).execute()
+    ).finish()
     exact = v0 + (0.05 - v0) * np.exp(-mu * 9.81 / (v1 - v0) * result.time)
     assert result["v"].values[:, 0] == pytest.approx(exact, rel=1e-3)
 
@@ -159,7 +159,7 @@ def test_drives_joint_friction_and_gravity_balance_in_a_moving_robot(urdf):
 def test_release_switches_every_drive_off(urdf):
     path = urdf(body("one", 3.0, "0.15 0 0"), joint("a", "base", "one", axis="0 1 0"))
     robot = jp.Mechanism(path)
-    result = release(jp.Simulation(robot, still(robot, 0.01)).prepare()).execute()
+    result = release(jp.Run(jp.Simulation(robot, still(robot, 0.01)))).finish()
     assert not result["drive"].values.any()
     assert result["q"].values[-1, 0] > 1e-4  # it falls
 
@@ -181,7 +181,7 @@ def test_energy_residual_of_smooth_motion_falls_at_the_integrators_order(urdf, m
         simulation = jp.Simulation(
             mechanism, motion, drive, step=step, integrator=method.name, record_every=1
         )
-        run = release(simulation.prepare())
+        run = release(jp.Run(simulation))
         run.workspace.v[:] = [3.0, -5.0]
-        found.append(run.execute().audit.energy_residual)
+        found.append(run.finish().audit.energy_residual)
     assert np.polyfit(np.log(steps), np.log(found), 1)[0] == pytest.approx(method.order, abs=0.25)

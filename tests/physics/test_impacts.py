@@ -149,7 +149,7 @@ def fly(free_mass, law, axis, c_e, speed=0.2):
         duration=8e-4,
         step=2.5e-7,  # what is lost is counted to first order of the step
     )
-    result = run.execute()
+    result = run.finish()
     assert result.status == Status.COMPLETED
     assert (result["gap"].values[-1] > 0.0).all()
     column = 2 if axis == 2 else 0
@@ -235,7 +235,7 @@ def test_a_sliding_body_is_slowed_by_its_friction_law(free_mass, name):
         velocity=(start, 0, 0, 0, 0, 0),
         duration=duration,
     )
-    result = run.execute()
+    result = run.finish()
     p = law.parameters()
     exact = solve_ivp(
         lambda _, v: -g * law.function(max(float(v[0]), 0.0), *p),
@@ -263,7 +263,7 @@ def test_friction_takes_and_never_gives(free_mass, name):
         duration=1e-2,
         step=2e-6,
     )
-    result = run.execute()
+    result = run.finish()
     assert result.status == Status.COMPLETED
     assert result.audit.impacts >= 4
     lost = result["friction_dissipation"].values
@@ -285,7 +285,7 @@ def test_no_normal_law_gives_energy(free_mass, name):
         duration=1e-2,
         step=2e-6,
     )
-    result = run.execute()
+    result = run.finish()
     assert result.status == Status.COMPLETED
     start = float(result["kinetic_energy"][0])
     assert np.diff(result["normal_dissipation"].values).min() >= -1e-6 * start

@@ -76,7 +76,7 @@ def thrown(urdf):
         path = urdf(body("arm", mass, com, 1e-2), joint("pin", "base", "arm", kind))
         robot = jp.Mechanism(path, {"pin": clearance}, gravity=(0, 0, 0))
         options = {"duration": 5e-3, "step": 1e-6, "integrator": "rk4", "record_every": 1} | options
-        run = jp.Simulation(robot, **FREE, **options).prepare()
+        run = jp.Run(jp.Simulation(robot, **FREE, **options))
         for name, value in (start or {}).items():
             if name in clearance.freedoms:
                 run.workspace.q[robot.coordinates.index(f"pin.{name}")] = value
@@ -102,7 +102,7 @@ def test_elastic_contact_of_every_kind_keeps_the_energy(thrown, make):
     clearance = make(**ELASTIC)
     errors = []
     for step in (8e-6, 1e-6):
-        result = thrown(clearance, RATES, step=step).execute()
+        result = thrown(clearance, RATES, step=step).finish()
         assert result.audit.impacts > 2
         kinetic = result["kinetic_energy"].values
         total = kinetic + stored(result, clearance)
@@ -119,7 +119,7 @@ def test_elastic_contact_of_every_kind_keeps_the_energy(thrown, make):
 @pytest.mark.parametrize("normal", [jp.contact.Hertz(), jp.contact.LankaraniNikravesh()])
 def test_friction_of_every_kind_only_takes(thrown, make, normal):
     clearance = make(normal=normal, friction=jp.contact.Ambrosio(0.2), restitution=0.7)
-    result = thrown(clearance, RATES).execute()
+    result = thrown(clearance, RATES).finish()
     taken = result["friction_dissipation"].values
     assert np.diff(taken).min() >= 0.0
     kinetic = result["kinetic_energy"].values
@@ -150,13 +150,13 @@ def test_force_and_reaction_of_every_kind_cancel(urdf, make):
         joint("pin", "one", "two", kind, **skew),
     )
     robot = jp.Mechanism(path, {"pin": clearance}, gravity=(0, 0, 0))
-    run = jp.Simulation(
-        robot, **FREE, duration=6e-3, step=4e-6, integrator="rk4", record_every=5
-    ).prepare()
+    run = jp.Run(
+        jp.Simulation(robot, **FREE, duration=6e-3, step=4e-6, integrator="rk4", record_every=5)
+    )
     run.workspace.v[:3] = [0.1, -0.2, 0.05]
     for name in clearance.freedoms:
         run.workspace.v[robot.coordinates.index(f"pin.{name}")] = RATES[name]
-    result = run.execute()
+    result = run.finish()
     assert result.audit.impacts > 2
     momenta, alone = [], []
     for q, v in zip(result["q"].values, result["v"].values, strict=True):
@@ -177,7 +177,7 @@ def test_untilted_journal_is_two_planar_ones_in_parallel(thrown):
     soft, hard = revolute(stiffness=1e10, **ROUGH), planar(stiffness=2e10, **ROUGH)
     rates = {"x": 0.3, "y": 0.1, "yaw": 5.0}
     start = {"x": 1e-4}
-    runs = [thrown(c, rates, start, com="0 0 0").execute() for c in (soft, hard, planar(**ROUGH))]
+    runs = [thrown(c, rates, start, com="0 0 0").finish() for c in (soft, hard, planar(**ROUGH))]
     full, line, wrong = (run["journal_centre"].values[:, 0, :2] for run in runs)
     assert runs[0].audit.impacts == 2 * runs[1].audit.impacts > 3
     assert np.abs(full - line).max() < 1e-9
@@ -205,7 +205,7 @@ def test_ball_dropped_in_its_socket_bounces_as_hertz_says(thrown, direction):
     rates = dict(zip("xyz", way * speed, strict=True))
     result = thrown(
         clearance, rates, place, mass=mass, com="0 0 0", step=step, duration=1.5 * duration
-    ).execute()
+    ).finish()
     assert result.audit.impacts == 1
     assert result.audit.shortest_contact_steps * step == pytest.approx(duration, rel=2e-3)
     assert -result["gap"].values.min() == pytest.approx(depth, rel=1e-4)
@@ -225,7 +225,7 @@ def test_slider_falls_flat_on_four_corners(thrown):
     options = {"mass": mass, "com": "0 0 0", "step": 5e-7, "duration": 1.3 * duration}
     for wall, play in (("x", PLAY), ("y", 1.5 * PLAY)):
         one, two = (
-            thrown(c, {wall: -speed}, {wall: 1e-6 - play}, **options).execute()
+            thrown(c, {wall: -speed}, {wall: 1e-6 - play}, **options).finish()
             for c in (full, parallel)
         )
         corners = [name for name in full.contacts if name.startswith(f"{wall}-")]
@@ -265,7 +265,7 @@ SCHEMES = ("multi-rate", "semi-implicit-euler")
 
 
 def instant(robot, method):
-    return jp.Simulation(robot, **FREE, duration=1e-3, step=1e-6, integrator=method).prepare()
+    return jp.Run(jp.Simulation(robot, **FREE, duration=1e-3, step=1e-6, integrator=method))
 
 
 def evaluate(run, q, v):
@@ -400,12 +400,12 @@ def test_loops_conserve_both_momenta(urdf):
             path, {"pin": revolute()}, loops={"pin": loop}, gravity=(0, 0, 0), tool="two"
         )
         speeds = {"one_x": 0.1, "one_y": -0.2, "one_yaw": 1.0, "two_z": 0.1, "two_roll": 2.0}
-        run = jp.Simulation(
-            robot, **FREE, duration=0.01, step=step, integrator="rk4", record_every=5
-        ).prepare()
+        run = jp.Run(
+            jp.Simulation(robot, **FREE, duration=0.01, step=step, integrator="rk4", record_every=5)
+        )
         for name, value in speeds.items():
             run.workspace.v[robot.coordinate(name)] = value
-        result = run.execute()
+        result = run.finish()
         assert result.audit.impacts > 5
         momenta = []
         for q, v in zip(result["q"].values, result["v"].values, strict=True):

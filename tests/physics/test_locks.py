@@ -154,7 +154,7 @@ def test_a_journal_on_the_ground_carries_the_carriage(urdf):
 
 def test_a_block_that_starts_askew_is_put_straight(urdf):
     mechanism = cut_at_the_slider(urdf)
-    run = jp.Simulation(mechanism, state={"crank": 0.7}, duration=1e-3, drive={}).prepare()
+    run = jp.Run(jp.Simulation(mechanism, state={"crank": 0.7}, duration=1e-3, drive={}))
     q = run.workspace.q
     assert max(np.abs(part).max() for part in misfit(mechanism, q).values()) < 1e-9
     turns = sum(q[mechanism.coordinate(name)] for name in ("crank", "rod", "wrist"))

@@ -134,9 +134,9 @@ def test_loops_stay_closed_though_pinocchio_is_asked_once_in_several_steps():
     mechanism = slider_crank()
     motion = jp.Motion(["crank_pin"], [0, 0.02], [[0], [2000 * RPM * 0.02]], "constant-speed")
     options = {"drive": {"crank_pin": Prescribed()}, "state": {"guide": R + L}, "duration": 0.02}
-    run = jp.Simulation(mechanism, motion, step=1e-5, record_every=1, **options).prepare()
-    result = run.execute()
-    assert run.workspace.macro_steps < run.steps / 4
+    run = jp.Run(jp.Simulation(mechanism, motion, step=1e-5, record_every=1, **options))
+    result = run.finish()
+    assert run.workspace.macro_steps < run.total_steps / 4
     assert result.audit.loop_drift < 2e-8
     exact = analytic(result["q"].values[:, 0], 2000 * RPM)
     assert np.abs(result["q"].values[:, 2] - exact["x"]).max() < 2e-7
@@ -155,9 +155,11 @@ def test_acceleration_of_a_closed_loop_is_pinocchios(urdf, kind):
     motion = jp.Motion([joint], [0, 0.1], [[0.4], [2.5]], "constant-speed")
     found = []
     for integrator in ("multi-rate", "semi-implicit-euler"):
-        run = jp.Simulation(
-            robot, motion, drive={joint: drive}, integrator=integrator, step=1e-5, duration=0.1
-        ).prepare()
+        run = jp.Run(
+            jp.Simulation(
+                robot, motion, drive={joint: drive}, integrator=integrator, step=1e-5, duration=0.1
+            )
+        )
         run.workspace.reference[:, 2] += 3.0  # an effort that the loop must bear
         run.begin()
         assert np.abs(run.workspace.v).max() > 1.0

@@ -138,9 +138,9 @@ def test_four_bar_loses_what_finer_steps_find_wherever_its_journal_starts():
     """Its rebounds magnify errors: coarser macro steps add or drop impacts, and 2 % of the loss."""
 
     def loss(aside, **options):
-        run = shipped("four_bar", duration=0.3, record_every=5000, **options).prepare()
+        run = jp.Run(shipped("four_bar", duration=0.3, record_every=5000, **options))
         run.workspace.q[-1] += aside
-        result = run.execute()
+        result = run.finish()
         lost = result["normal_dissipation"] + result["friction_dissipation"]
         return float(lost[-1])
 
@@ -279,7 +279,7 @@ def test_velocity_solve_finds_what_a_brute_force_solution_finds(
     run.begin()
     w, robot = run.workspace, run.mechanism
     half, q = w.half.copy(), w.q.copy()
-    assert run.stretch(1)
+    assert run.advance(1)
     model, data = robot.model, robot.data
     inverse = np.linalg.inv(pin.crba(model, data, q))
     free = -inverse @ pin.nle(model, data, q, speed)

@@ -133,9 +133,9 @@ def test_film_resists_tilting_with_the_second_moment_of_its_pressure(urdf, law):
     if law.name == "short-bearing":
         damping = np.pi * law.viscosity * clearance.rj * length**3 / C**3
     share = 20.0 if law.name == "short-bearing" else 12.0
-    run = jp.Simulation(machine, duration=1e-4, step=1e-8, record_every=1, **FREE).prepare()
+    run = jp.Run(jp.Simulation(machine, duration=1e-4, step=1e-8, record_every=1, **FREE))
     run.workspace.v[4] = 1e-3
-    result = run.execute()
+    result = run.finish()
     rate = result["v"].values[:, 4]
     decay = -np.log(rate[-1] / rate[0]) / result.time[-1]
     assert decay == pytest.approx(damping * length**2 / share / 1e-2, rel=2e-3)
@@ -145,11 +145,11 @@ def test_hybrid_film_hands_over_to_dry_contact(urdf):
     """Thrown hard, the journal breaks through the film and bounces on the bore; energy adds up."""
     film = ShortBearing(0.002, transition=2e-6)
     machine = robot(urdf, film, gravity=(0, 0, 0), mass=20.0)
-    run = jp.Simulation(
-        machine, duration=5e-3, step=1e-6, integrator="rk4", record_every=1, **FREE
-    ).prepare()
+    run = jp.Run(
+        jp.Simulation(machine, duration=5e-3, step=1e-6, integrator="rk4", record_every=1, **FREE)
+    )
     run.workspace.v[:2] = 0.3, 0.1
-    result = run.execute()
+    result = run.finish()
     assert result.status.name == "COMPLETED"
     assert result.audit.impacts > 0
     assert result["normal_force"].values.max() > 0.0
@@ -172,10 +172,10 @@ def test_audit_says_where_a_film_leaves_its_range(urdf):
 def test_film_alone_ends_the_run_when_it_breaks(urdf):
     film = ShortBearing(0.0005, hybrid=False)
     machine = robot(urdf, film, gravity=(0, 0, 0), mass=20.0)
-    run = jp.Simulation(machine, duration=5e-3, step=1e-6, **FREE).prepare()
+    run = jp.Run(jp.Simulation(machine, duration=5e-3, step=1e-6, **FREE))
     run.workspace.v[0] = 0.3
     with pytest.warns(RuntimeWarning, match=r"touched its bore through the film.*hybrid"):
-        result = run.execute()
+        result = run.finish()
     assert result.status.name == "FILM_BROKE"
 
 

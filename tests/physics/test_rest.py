@@ -27,7 +27,7 @@ def standing(mechanism, duration=0.01, **options):
 
 def test_depth_of_a_planar_journal_is_that_of_hertz_under_its_weight(urdf):
     bearing = jp.RevoluteClearance.planar(radial_clearance=1e-4)
-    run = standing(pendulum(urdf, bearing)).prepare()
+    run = jp.Run(standing(pendulum(urdf, bearing)))
     depth = (WEIGHT / bearing.hertz_stiffness) ** (2 / 3)
     assert run.rest.solved
     assert run.workspace.q[:2] == pytest.approx([0.0, -(1e-4 + depth)], abs=1e-13)
@@ -112,7 +112,7 @@ def test_a_machine_rests_in_one_place_whatever_the_way_to_it(urdf):
         body("two", com="0.1 0.02 0"), joint("b", "one", "two", axis="0 1 0", at="0.4 0 0"),
     )  # fmt: skip
     robot = jp.Mechanism(path, {name: jp.RevoluteClearance(**PIN) for name in "ab"})
-    run = standing(robot, drive=jp.loads.Prescribed()).prepare()
+    run = jp.Run(standing(robot, drive=jp.loads.Prescribed()))
     q = np.zeros(robot.model.nq)
     drives = dict.fromkeys("ab", jp.loads.Prescribed())
     balance = Balance(
@@ -146,9 +146,9 @@ def test_a_moving_start_bears_the_centrifugal_force_from_the_first(urdf):
     )
     motion = jp.Motion(["pin"], [0.0, 0.02], [[0.0], [speed * 0.02]], "constant-speed")
     simulation = jp.Simulation(robot, motion, drive=jp.loads.Prescribed(), step=2e-6)
-    run = simulation.prepare()
+    run = jp.Run(simulation)
     assert run.rest.load == pytest.approx(2.0 * speed**2 * arm, rel=1e-3)
-    force = np.linalg.norm(run.execute()["joint_force"].values[:, 0], axis=1)
+    force = np.linalg.norm(run.finish()["joint_force"].values[:, 0], axis=1)
     assert force == pytest.approx(2.0 * speed**2 * arm, rel=0.1)
     centred = dataclasses.replace(simulation, start="centred").run().audit
     assert centred.peak_force > 1.5 * force.max()
@@ -167,11 +167,11 @@ def test_loops_rest_with_a_driven_crank():
 def test_the_slider_of_a_fast_crank_presses_from_the_first():
     simulation = jp.Scenario.load("jointplay:slider_crank.toml").simulation("0.2 mm")
     simulation = dataclasses.replace(simulation, duration=2e-4)
-    run = simulation.prepare()
+    run = jp.Run(simulation)
     # At the outer dead centre: m r omega^2 (1 + r / l).
     speed, radius, rod, mass = 5000 * 2 * np.pi / 60, 0.05, 0.12, 0.14
     assert run.rest.load == pytest.approx(mass * radius * speed**2 * (1 + radius / rod), rel=1e-2)
-    force = np.linalg.norm(run.execute()["joint_force"].values[:, 0], axis=1)
+    force = np.linalg.norm(run.finish()["joint_force"].values[:, 0], axis=1)
     assert force[0] == pytest.approx(run.rest.load, rel=1e-3)
     assert force.max() < 1.2 * run.rest.load  # it rings a little; centred, it strikes with 30 kN
 
@@ -182,16 +182,16 @@ def test_teeth_bear_what_hangs_on_them(urdf, encoder):
     path = urdf(body("arm", 2.0, "0.1 0 0"), joint("pin", "base", "arm"))
     robot = jp.Mechanism(path, gears={"pin": gear}, gravity=(0.0, -9.81, 0.0))
     drive = jp.loads.ComputedTorque(encoder=encoder)
-    run = jp.Simulation(robot, still(robot, 0.01), drive=drive, start="rest").prepare()
+    run = jp.Run(jp.Simulation(robot, still(robot, 0.01), drive=drive, start="rest"))
     motor, link = (run.workspace.q[robot.coordinates.index(n)] for n in ("pin.motor", "pin"))
     assert motor - link == pytest.approx(5e-3 + WEIGHT * 0.1 / 500.0, rel=1e-2)
-    speed = run.execute()["v"].values
+    speed = run.finish()["v"].values
     assert np.abs(speed).max() < 1e-6
 
 
 def test_payload_in_hand_at_the_start_weighs(urdf):
     robot = pendulum(urdf, jp.RevoluteClearance.planar(radial_clearance=1e-4), tool="arm")
-    run = standing(robot, payloads=[jp.Payload("arm", 1.0)]).prepare()
+    run = jp.Run(standing(robot, payloads=[jp.Payload("arm", 1.0)]))
     assert run.rest.load == pytest.approx(3.0 * 9.81, rel=1e-9)
 
 
@@ -204,7 +204,7 @@ def test_without_load_journals_start_centred(urdf):
 
 def test_perturbed_journals_start_between_rest_and_a_random_place(urdf):
     robot = pendulum(urdf, jp.RevoluteClearance(**PIN))
-    places = [standing(robot, seed=seed).prepare().workspace.q[:3].copy() for seed in (1, 2, 2)]
+    places = [jp.Run(standing(robot, seed=seed)).workspace.q[:3].copy() for seed in (1, 2, 2)]
     assert (places[1] == places[2]).all()
     assert not np.allclose(places[0], places[1], atol=1e-6)
     for place in places:
@@ -216,8 +216,8 @@ def test_what_no_joint_can_bear_is_said(urdf):
     soft = jp.RevoluteClearance.planar(radial_clearance=1e-4, normal=jp.contact.LinearSpring(1e-3))
     robot = pendulum(urdf, soft)
     with pytest.raises(jp.JointplayError, match="no place of rest was found"):
-        standing(robot, start="rest").prepare()
-    run = standing(robot).prepare()
+        jp.Run(standing(robot, start="rest"))
+    run = jp.Run(standing(robot))
     assert run.simulation.start == "centred"
     assert not run.rest.solved
 

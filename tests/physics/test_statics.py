@@ -33,7 +33,7 @@ def wedged(free_mass, mu, **options):
         friction=jp.contact.Ambrosio(mu),
         duration=0.2,
         **(SETTLING | options),
-    ).execute()
+    ).finish()
 
 
 def tilt_by_hand(joint, depth):
@@ -105,7 +105,7 @@ def test_standing_body_sinks_in_by_its_weight(free_mass, down):
         duration=0.2,
         step=1e-5,
         **SETTLING,
-    ).execute()
+    ).finish()
     forces, q = settled(result)
     wall = WALL_A if down > 0 else WALL_B
     assert forces[wall] == pytest.approx(WEIGHT, rel=1e-4)
@@ -129,7 +129,7 @@ def test_lying_shaft_shares_its_weight_by_the_law_of_the_lever(free_mass, shift,
         duration=0.1,
         step=1e-5,
         **SETTLING,
-    ).execute()
+    ).finish()
     forces, _ = settled(result)
     share = WEIGHT * np.array([0.5 + shift, 0.5 - shift])
     assert forces[[RIM_A, RIM_B]] == pytest.approx(share, rel=1e-3)
@@ -150,7 +150,7 @@ def test_overhung_shaft_bears_on_opposite_sides(free_mass):
         duration=0.2,
         step=1e-5,
         **SETTLING,
-    ).execute()
+    ).finish()
     forces, _ = settled(result)
     assert forces[[RIM_A, RIM_B]] == pytest.approx(WEIGHT * np.array([1.3, 0.3]), rel=0.02)
     assert Form(result["form"].values[-1, 0]) == Form.RADIAL_BOTH_ENDS_OPPOSITE

@@ -20,9 +20,9 @@ def swing(urdf, sign=(1.0, 1.0), start=START, rpy="0 0 0", gravity=(0, 0, 0), du
     )
     robot = jp.Mechanism(path, {"b": PLAY}, gravity=gravity)
     motion = jp.Motion(["a", "b"], [0.0, 0.1], [[0.0, 0.0], sign * SWING])
-    run = jp.Simulation(robot, motion, duration=duration, start="centred").prepare()
+    run = jp.Run(jp.Simulation(robot, motion, duration=duration, start="centred"))
     run.workspace.q[1:] = start
-    return run.execute()
+    return run.finish()
 
 
 MIRRORS = {  # signs of a, x, y, z, yaw, pitch, roll and of gravity; contacts that change places

@@ -9,11 +9,13 @@ import math
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
 from jointplay import analysis
 from jointplay.analysis.claims import measure
+from jointplay.core import signals
 from jointplay.core.errors import JointplayError
 from jointplay.kernel import Status
 from jointplay.kernel.integrators import DEFAULT, integrator
@@ -22,7 +24,9 @@ from jointplay.loads.terms import LOSSES
 from jointplay.result.certificate import COUNTS, HEADLINE, Certificate, CertifiedFigure
 from jointplay.result.judging import START_UP
 from jointplay.result.result import Result
-from jointplay.simulation.simulation import Run, Simulation
+from jointplay.simulation.run import Run
+from jointplay.simulation.saving import save
+from jointplay.simulation.simulation import Simulation
 
 SAFETY = 2.5
 """What differences between runs are multiplied by to make an error of them.
@@ -238,7 +242,7 @@ def _run(
 ) -> tuple[Result | None, str]:
     """A refined run, or None and why there is none."""
     try:
-        prepared = simulation.prepare(progress)
+        prepared = Run(simulation, progress)
     except JointplayError as error:
         return None, f"the run is refused: {error}"
     if aside is not None:
@@ -247,7 +251,7 @@ def _run(
     begin(prepared)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # said in the certificate
-        result = prepared.execute(progress, check_step=False)
+        result = prepared.finish(progress, check_step=False)
     if result.status == Status.INTERRUPTED:
         raise KeyboardInterrupt
     if result.status != Status.COMPLETED:
@@ -260,12 +264,12 @@ def _ideal(result: Result, progress: bool, begin: Begin) -> Result | None:
     if not analysis.has_play(result):
         return None
     try:
-        prepared = analysis.ideal_simulation(result).prepare(progress)
+        prepared = Run(analysis.ideal_simulation(result), progress)
         prepared.label = "certifying (ideal)"
         begin(prepared)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)
-            ideal = prepared.execute(progress, check_step=False)
+            ideal = prepared.finish(progress, check_step=False)
     except JointplayError as error:
         text = f"the tool error is not certified: the ideal mechanism cannot be simulated ({error})"
         warnings.warn(text, RuntimeWarning, stacklevel=3)
@@ -317,3 +321,33 @@ def figures(result: Result, ideal: Result | None) -> dict[str, tuple[float, str]
         measures = measure(result, ideal)
         headlines |= {name: (float(measures[name]), CLAIM_UNITS[name]) for name in CLAIM_UNITS}
     return headlines
+
+
+def add_certificate(
+    result: Result,
+    path: Path,
+    simulation: Simulation,
+    progress: bool = False,
+    begin: Begin = lambda _: None,
+) -> None:
+    """Certify a saved result and save it again; until then the file is as it was.
+
+    A run that was told to stop, or while it was saved, is not certified.
+
+    Args:
+        result: what `run_and_save` gave.
+        path: its file.
+        simulation: what was run.
+        progress: show bars.
+        begin: told of each further run before it begins.
+
+    Raises:
+        JointplayError: the file cannot be written again; the message says where the result is.
+        KeyboardInterrupt: told to stop; the result is there without certificate.
+    """
+    if result.status == Status.INTERRUPTED or signals.stop_requested():
+        return
+    certificate = certify(result, simulation=simulation, progress=progress, begin=begin)
+    with signals.keeping(f"the certificate of {path}"):
+        result.certificate = certificate
+        save(result, path, overwrite=True)

@@ -15,11 +15,11 @@ import xarray as xr
 
 from jointplay.analysis import Contacts, contacts
 from jointplay.core.errors import JointplayError, require_whole
-from jointplay.kernel import Status
 from jointplay.result.histories import histories
 from jointplay.result.result import Result
 from jointplay.result.variables import Phase, contact_names
-from jointplay.simulation.simulation import Run, Simulation
+from jointplay.simulation.run import CHUNK, Run
+from jointplay.simulation.simulation import Simulation
 
 WINDOW_STEPS = 600
 """Largest number of steps recorded around an impact."""
@@ -97,7 +97,7 @@ def replay(result: Result, windows: Sequence[tuple[float, float]]) -> Replay:
     kept = np.rint(result.time / step).astype(int)
     steps = int(kept[-1])
     spans = [(max(0, round(a / step)), min(steps, round(b / step))) for a, b in windows]
-    run = simulation.prepare()
+    run = Run(simulation)
     workspace = run.workspace
     workspace.watch([(a, b) for a, b in spans if a <= b])
     workspace.make_room(len(workspace.record) + sum(max(0, b - a + 1) for a, b in spans))
@@ -124,12 +124,8 @@ def replay(result: Result, windows: Sequence[tuple[float, float]]) -> Replay:
 
 def _repeat(run: Run, steps: int) -> None:
     """Run at least until step `steps` is recorded, in the stretches of any run."""
-    if steps == run.steps:
-        if run.loop() == Status.INTERRUPTED:
-            raise KeyboardInterrupt
-        return
-    for _ in run.stretches():
-        if run.workspace.steps > steps:
+    for moment in run.steps(CHUNK * run.simulation.step):
+        if moment.step > steps:
             break
 
 

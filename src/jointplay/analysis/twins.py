@@ -133,7 +133,7 @@ def twin(result: Result, progress: bool = False) -> Result:
     simulation = ideal_simulation(result)
     # By rk4, a step that resolves impacts is far smaller than motion without them asks for.
     check_step = not simulation.mechanism.loops
-    return simulation.prepare(progress).execute(progress, check_step)
+    return simulation.run(progress, check_step=check_step)
 
 
 def tool_motion(simulation: Simulation, progress: bool = False) -> Result:
@@ -148,9 +148,11 @@ def tool_motion(simulation: Simulation, progress: bool = False) -> Result:
     Raises:
         JointplayError: it cannot be simulated.
     """
-    run = simulation.prepare(progress)
-    status, message = run.complete(progress)
-    return run.result(status, message, reactions=False, only=("tool_position", "tool_velocity"))
+    from jointplay.simulation.run import Run  # takes long to import
+
+    run = Run(simulation, progress)
+    status = run.run_to_end(progress)
+    return run.result(status, reactions=False, only=("tool_position", "tool_velocity"))
 
 
 def state_without_play(simulation: Simulation) -> dict[str, tuple[float | None, float | None]]:

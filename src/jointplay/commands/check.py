@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,8 +13,8 @@ from jointplay.core import files
 from jointplay.core.errors import JointplayError
 
 if TYPE_CHECKING:
-    from jointplay.mechanism.mechanism import Mechanism
     from jointplay.scenario import Scenario
+    from jointplay.simulation.run import Run
 
 MARK = "jointplay check"
 """In the PNG's metadata: a picture that this command may replace."""
@@ -49,16 +49,15 @@ def run(options: argparse.Namespace) -> int:
     place = None if options.no_picture else _place(options, scenario)
     from jointplay.scenario.summary import summary  # what comes now takes long to import
 
-    runs = {case: scenario.prepare(case) for case in scenario.cases}
-    print(summary(scenario, runs))
+    runs = {case: scenario.ready_run(case) for case in scenario.cases}
+    lines = [summary(scenario, runs)]
     if scenario.sweep:
         from jointplay.sweeps import plan_of
 
-        print(f"sweep: {plan_of(scenario).words}")
+        lines.append(f"sweep: {plan_of(scenario).words}")
     if place is not None:
-        first = next(iter(runs.values()))
-        shown = next((run for run in runs.values() if run.mechanism.clearance), first)
-        print(_draw(*place, scenario.title, shown.mechanism, shown.workspace.q))
+        lines.append(_draw(*place, scenario.title, runs))
+    print("\n".join(lines))
     return 0
 
 
@@ -92,11 +91,13 @@ def _or_another() -> Iterator[None]:
         raise JointplayError(f"{error} ({other})") from None
 
 
-def _draw(path: Path, replaced: bool, title: str, mechanism: Mechanism, q: Any) -> str:
-    """Draw the mechanism; says where."""
+def _draw(path: Path, replaced: bool, title: str, runs: Mapping[str, Run]) -> str:
+    """Draw the mechanism of the first case with clearance; says where."""
     from jointplay.mechanism.picture import picture
 
-    figure = picture(mechanism, q, title=title)
+    first = next(iter(runs.values()))
+    shown = next((run for run in runs.values() if run.mechanism.clearance), first)
+    figure = picture(shown.mechanism, shown.workspace.q, title=title)
     with _or_another():
         files.picture(path, figure, mark=MARK)
     return f"picture: {path}{' (replaced)' if replaced else ''}"

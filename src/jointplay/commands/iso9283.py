@@ -179,7 +179,7 @@ def simulation_of(options: argparse.Namespace) -> Any:
     if not options.case and len(scenario.cases) > 1:
         raise JointplayError(f"choose a case with --case: {', '.join(scenario.cases)}")
     simulation = scenario.simulation(options.case[0] if options.case else None)
-    scenario.prepare(
+    scenario.ready_run(
         options.case[0] if options.case else None
     )  # says what cannot be, with its line
     streams.note(

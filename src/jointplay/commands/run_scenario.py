@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from jointplay.result.result import Result
     from jointplay.scenario import Scenario
     from jointplay.scenario.settings import Setting
-    from jointplay.simulation.simulation import Run
+    from jointplay.simulation.run import Run
 
 
 STOPPED = 1
@@ -55,7 +55,7 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
     from jointplay.analysis.certification import further_runs
     from jointplay.analysis.headline import HISTORIES
     from jointplay.kernel import Status
-    from jointplay.scenario.execution import load_some
+    from jointplay.result.thinning import load_some
 
     certified = {
         case for case in cases if options.certify or scenario.model(case).integration.certify
@@ -64,10 +64,10 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
     given = {}
     for case in cases:  # before anything is written
         records = records_needed(out / files[case], case in certified)
-        run = scenario.prepare(case, not options.quiet, records)
+        run = scenario.ready_run(case, not options.quiet, records)
         given[case] = run.simulation.describe()
         runs = 1 + (further_runs(run.simulation) if case in certified else 0)
-        total += runs * run.steps * run.simulation.step
+        total += runs * run.total_steps * run.simulation.step
         del run  # and its arrays
     for line in scenario.notes:
         streams.note(line)
@@ -179,8 +179,9 @@ def _execute(
     Returns:
         How it ended.
     """
-    from jointplay.scenario.execution import add_certificate, run_and_save
+    from jointplay.analysis.certification import add_certificate
     from jointplay.scenario.settings import words
+    from jointplay.simulation.saving import run_and_save
 
     notes = {
         "scenario": scenario.text,
@@ -210,7 +211,7 @@ def _one_by_one(
     for case, name in files.items():
         try:
             records = records_needed(out / name, case in certified)
-            prepared = scenario.prepare(case, progress, records)
+            prepared = scenario.ready_run(case, progress, records)
             if progress:
                 tqdm.write(f"case {case}:", file=sys.stderr)
             status = _execute(scenario, case, prepared, out / name, case in certified, progress)
@@ -340,7 +341,7 @@ def _work(
         if _ending:
             return
         scenario = Scenario(text, path, trust, settings)
-        prepared = scenario.prepare(case, records=records_needed(target, certified))
+        prepared = scenario.ready_run(case, records=records_needed(target, certified))
         with _ticking(index) as begin:
             _execute(scenario, case, prepared, target, certified, False, begin)
 

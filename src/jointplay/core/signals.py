@@ -14,7 +14,7 @@ from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from jointplay.simulation.simulation import Run
+    from jointplay.simulation.run import Run
 
 INTERRUPTED = 130
 """Exit status after being told to stop."""

@@ -21,6 +21,7 @@ from jointplay.mechanism.mechanism import Mechanism
 from jointplay.mechanism.payload import Payload
 from jointplay.motion.cartesian import cartesian_motion
 from jointplay.motion.reference import GOES_ON, Motion
+from jointplay.simulation.run import Run
 from jointplay.simulation.simulation import Simulation
 
 # How the tool comes to rest at a stop (ISO 9283:1998, clauses 7.4 and 7.5).
@@ -806,7 +807,7 @@ def check(simulation: Simulation, speed: float = 1.0, load: float = 0.0) -> None
     joints = simulation.mechanism.clearance.values()
     if all(getattr(joint, "ideal", False) for joint in joints):
         raise JointplayError("no joint has clearance: seeds displace journals, and there are none")
-    _at(simulation, speed, load).prepare()
+    Run(_at(simulation, speed, load))
 
 
 def cube_poses(centre: Sequence[float] | np.ndarray, edge: float) -> np.ndarray:

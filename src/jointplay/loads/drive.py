@@ -24,6 +24,9 @@ if TYPE_CHECKING:
 FASTEST = 1e9
 """Largest bandwidth of a drive [rad/s]: no step follows it."""
 
+MOST_DAMPED = 1e9
+"""Largest damping ratio: beyond it a joint creeps, and far beyond it numbers end."""
+
 PRESCRIBED_ARMATURE = 1e9
 """Armature of a joint with prescribed motion, relative to the inertia that it carries."""
 
@@ -120,6 +123,11 @@ class ComputedTorque(Drive):
             raise JointplayError(
                 f"bandwidth must be at most {FASTEST:g} rad/s, got {self.bandwidth:g}",
                 where=("bandwidth",),
+            )
+        if self.damping_ratio > MOST_DAMPED:
+            raise JointplayError(
+                f"damping ratio must be at most {MOST_DAMPED:g}, got {self.damping_ratio:g}",
+                where=("damping_ratio",),
             )
         if self.encoder not in ENCODERS:
             raise MissingName("encoder", self.encoder, ENCODERS, where=("encoder",))

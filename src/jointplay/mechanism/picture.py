@@ -42,6 +42,8 @@ _FINE = 2000
 """A body of this many triangles needs no cutting."""
 _FINEST = 1.0 / 300.0
 """Smallest detail that is drawn, relative to the mechanism's size: some two pixels."""
+_FARTHEST = 1e6
+"""From the origin; shapes that reach farther are mistakes [m]."""
 _FLAT = 0.4
 """Height relative to the largest extent below which a mechanism is flat."""
 
@@ -77,7 +79,8 @@ def picture(
         A figure of its own; save it with its `savefig`.
 
     Raises:
-        JointplayError: q of the wrong shape; loops that cannot be closed; no such folder.
+        JointplayError: q of the wrong shape; loops that cannot be closed; no such folder; a shape
+            of a size that cannot be drawn.
     """
     if q is None:
         q = assemble(mechanism, np.zeros(mechanism.model.nq), [])
@@ -139,6 +142,11 @@ def _placed(
         carrier = mechanism.owner(model.frames[frame].parentJoint)
         for part, colour in zip(shape.parts, shape.colours, strict=True):
             bodies.append(part.corners() @ place[:3, :3].T + place[:3, 3])
+            if not (np.abs(bodies[-1]) < _FARTHEST).all():
+                raise JointplayError(
+                    f"link {shape.link!r} has a shape that reaches beyond {_FARTHEST:g} m, and "
+                    "cannot be drawn; see its scale"
+                )
             own = None if colours is None else _rgb(colours.get(carrier or "", _OTHERS))
             paints.append(np.array(colour[:3]) if own is None else own)
     return bodies, paints

@@ -140,7 +140,7 @@ def stretching(
     Raises:
         JointplayError: a run failed.
     """
-    runs = [simulation.prepare() for _ in range(2)]
+    runs = [Run(simulation) for _ in range(2)]
     for run in runs:
         if place is not None:
             place(run)
@@ -150,7 +150,7 @@ def stretching(
     apart = np.random.default_rng(0).normal(size=len(scale)) / _angles(scale)
     logarithms = []
     steps = round(interval / simulation.step)
-    for _ in range(round(runs[0].steps / steps)):
+    for _ in range(round(runs[0].total_steps / steps)):
         apart = _allowed(runs[0], free * apart)
         factor = APART / np.linalg.norm(scale * apart)
         state = np.concatenate([first.q, first.v]) + factor * apart

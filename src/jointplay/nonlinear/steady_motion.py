@@ -106,12 +106,12 @@ class Turning:
         Raises:
             JointplayError: the run stopped early.
         """
-        run = self.simulation.prepare()
+        run = Run(self.simulation)
         if place is not None:
             place(run)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)
-            result = run.execute(check_step=False)
+            result = run.finish(check_step=False)
         return result.completed()
 
     def kept(self, result: Result, names: Sequence[str]) -> np.ndarray:

@@ -273,6 +273,8 @@ class Result:
         found = dataset.attrs.get("jointplay_format")
         if found is None:
             raise JointplayError(f"{str(path)!r} is not a jointplay result")
+        if not isinstance(found, int | np.integer):
+            raise JointplayError(f"{str(path)!r} is damaged: its format is no whole number")
         if found != FORMAT:
             raise JointplayError(
                 f"{str(path)!r} is a result of format {found}; this version reads only "

@@ -193,6 +193,8 @@ def _check_histories(dataset: xr.Dataset, path: Path, given: Any) -> None:
         if dataset[name].dims != dims:
             own = ", ".join(map(str, dataset[name].dims))
             raise _wrong(path, f"{name} has the dimensions ({own}), not ({', '.join(dims)})")
+        if not isinstance(dataset[name].attrs.get("units"), str):
+            raise _wrong(path, f"{name} has no units")
     for variable, values in dataset.data_vars.items():
         if values.dtype.kind not in "fiu":
             raise _wrong(path, f"{variable} holds {values.dtype}, not real numbers")

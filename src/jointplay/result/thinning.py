@@ -21,6 +21,12 @@ _LARGEST, _SMALLEST, _STRONGEST = ("normal_force_peak",), ("gap_min",), ("joint_
 _AT_ONCE = 1 << 15
 """Records of a variable that are read at once, about."""
 
+LARGE_FILE = 10_000_000
+"""Files that are smaller are read whole [bytes]."""
+
+SUMMARY_RECORDS = 50_000
+"""Records of a long run that are read for its summary and figures, about."""
+
 
 def thinned(result: Result, every: int) -> Result:
     """Each n-th record and the last one.
@@ -67,6 +73,20 @@ def load(
     simulation["record_every"] *= every
     made.attrs["simulation"] = json.dumps(simulation)
     return Result(made, trust)
+
+
+def load_some(
+    path: Path, trust: Collection[str] = (), only: Collection[str] | None = None
+) -> Result:
+    """A result with no more than about `SUMMARY_RECORDS` records; see `Result.load`.
+
+    Args:
+        path, trust: see there.
+        only: histories that are wanted, if the file is large.
+    """
+    if path.stat().st_size < LARGE_FILE:
+        return Result.load(path, trust)
+    return load(path, trust, most=SUMMARY_RECORDS, only=only)
 
 
 def thin(dataset: xr.Dataset, every: int, only: Collection[str] | None = None) -> xr.Dataset:

@@ -20,7 +20,8 @@ from jointplay.scenario.places import MOTION_SOURCES, SHIPPED, Key, dotted, line
 from jointplay.scenario.settings import Setting, given_by, tree
 
 if TYPE_CHECKING:
-    from jointplay.simulation.simulation import Run, Simulation
+    from jointplay.simulation.run import Run
+    from jointplay.simulation.simulation import Simulation
 
 LONGEST = 5_000_000
 """Most characters of a scenario."""
@@ -156,14 +157,16 @@ class Scenario:
         self.notes += [line for line in notes if line not in self.notes]
         return simulation
 
-    def prepare(
+    def ready_run(
         self, case: str | None = None, progress: bool = False, records: Path | None = None
     ) -> Run:
-        """A case made ready to step; see `simulation` and `Simulation.prepare`."""
+        """A case made ready to step; see `simulation` and `Run`."""
         simulation = self.simulation(case)
         case = self.cases[0] if case is None else case
+        from jointplay.simulation.run import Run  # what it takes to simulate, not to check
+
         try:
-            return simulation.prepare(progress, records)
+            return Run(simulation, progress, records)
         except JointplayError as error:
             raise self._error(_place_of(error), str(error), case, True) from None
 

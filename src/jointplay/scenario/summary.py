@@ -14,7 +14,7 @@ from jointplay.loads.limits import LIMITS
 from jointplay.mechanism.impact import contact_duration
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.scenario.load import Scenario
-from jointplay.simulation.simulation import Run
+from jointplay.simulation.run import Run
 
 
 def summary(scenario: Scenario, runs: Mapping[str, Run]) -> str:
@@ -82,8 +82,9 @@ def _facts(run: Run) -> dict[str, str]:
         + " [rad or m]"
     )
     facts["integration"] = (
-        f"{simulation.integrator}, {readable(run.steps * step, 's')} in {run.steps} steps of "
-        f"{readable(step, 's')}, a record every {simulation.record_every}"
+        f"{simulation.integrator}, {readable(run.total_steps * step, 's')} in "
+        f"{run.total_steps} steps of {readable(step, 's')}, "
+        f"a record every {simulation.record_every}"
         + _or_none(", macro step ", simulation.macro_step, "s")
         + _or_none(", tolerance ", simulation.tolerance, "")
         + ("" if simulation.seed is None else f", seed {simulation.seed}")

@@ -1,4 +1,4 @@
-from .simulation import PERTURBATION as PERTURBATION
-from .simulation import Run as Run
+from .initial import PERTURBATION as PERTURBATION
+from .run import Run as Run
 from .simulation import Simulation as Simulation
 from .simulation import simulate as simulate

@@ -56,6 +56,7 @@ def save(run: Run, path: Path) -> Path:
 
 def resume(path: Path, trust: Collection[str]) -> Run:
     """See `Simulation.resume`."""
+    from jointplay.simulation.run import Run
     from jointplay.simulation.simulation import Simulation
 
     arrays, head = read(path)
@@ -64,7 +65,7 @@ def resume(path: Path, trust: Collection[str]) -> Run:
         # written or deleted because a checkpoint says so.
         records = None if head["records"] is None else path.with_name(head["records"]["file"])
         with trusting(trust):
-            run = Simulation.from_description(head["simulation"]).prepare(records=records)
+            run = Run(Simulation.from_description(head["simulation"]), records=records)
         _restore(run, arrays, head)
     return run
 

@@ -56,9 +56,6 @@ if TYPE_CHECKING:
     from jointplay.simulation.simulation import Simulation
 
 
-# A simulation made ready to step.
-
-
 CHUNK = 2000
 """Steps between two looks at the clock and the keyboard, at most."""
 
@@ -220,23 +217,42 @@ def moment_of(
 
 
 class Run:
-    """A simulation made ready to step: its workspace, and the initial state in it."""
+    """A simulation that one holds while it runs, with its journals where they begin.
+
+    Args:
+        simulation: what is run.
+        progress: show a bar on standard error while a long motion is tabulated.
+        records: a file for the records that memory has no room for; `Simulation.run_to` makes a
+            result of them. None: all stay in memory.
+
+    Raises:
+        JointplayError: a step, duration or record interval that makes no sense, a step too
+            large for the contact stiffness, or a motion that does not fit the mechanism.
+    """
 
     def __init__(
         self, simulation: Simulation, progress: bool = False, records: Path | None = None
     ) -> None:
-        """Check the numbers, place the journals, tabulate the drives; see `Simulation.prepare`."""
+        """Check the numbers, place the journals, tabulate the drives."""
+        try:
+            self._make_ready(simulation, progress, records)
+        except (ArithmeticError, np.linalg.LinAlgError) as error:
+            raise JointplayError(
+                f"these numbers cannot be computed with, one is far too large or small: {error}"
+            ) from None
+
+    def _make_ready(self, simulation: Simulation, progress: bool, records: Path | None) -> None:
         self.simulation = simulation
         self.label = ""  # what the progress bar calls the run
         self.mechanism = mechanism = simulation.mechanism
         self.method: Integrator = integrator(simulation.integrator)
-        step, duration, self.steps = limits.numbers(simulation, self.method)
+        step, duration, self.total_steps = limits.numbers(simulation, self.method)
         acting.check(simulation.loads)
         drives = assign(mechanism, simulation.motion, simulation.drive)
         every = simulation.record_every
         if records is None:
             nodes = table_nodes(simulation.motion, drives, duration)
-            limits.check_memory(mechanism, duration, self.steps, every, nodes)
+            limits.check_memory(mechanism, duration, self.total_steps, every, nodes)
         self.friction = limits.friction(simulation)
         followed = [name for name, drive in drives.items() if drive.follows]
         bounds = limits.bounds(simulation, followed)
@@ -270,7 +286,7 @@ class Run:
             tables,
             step,
             every,
-            self.steps // every + 2 if records is None else 1,
+            self.total_steps // every + 2 if records is None else 1,
             own_acceleration=not self.method.single_rate,
             loads=sites,
         )
@@ -304,7 +320,7 @@ class Run:
         """Have the records written to a file as they are made."""
         step, every = self.simulation.step, self.simulation.record_every
         most = CHUNK + math.ceil(macro / step) + 2
-        return OnDisk(records, self.workspace, self.steps // every + 2, most)
+        return OnDisk(records, self.workspace, self.total_steps // every + 2, most)
 
     def _stand(
         self, start: initial.Start, drives: Mapping[str, Drive], sites: Sequence[LoadSite]
@@ -359,7 +375,7 @@ class Run:
         distance = require_vector("distance", distance, "m")
         initial.displace(self.mechanism, self.workspace.q, distance)
 
-    def execute(self, progress: bool = False, check_step: bool = True) -> Result:
+    def finish(self, progress: bool = False, check_step: bool = True) -> Result:
         """Simulate to the end, from the start or from where the run stands; once only.
 
         Args:
@@ -379,8 +395,8 @@ class Run:
         self._check_unfinished()
         if self.on_disk is not None and self.on_disk.needed:
             raise JointplayError("the histories of this run go to a file: save it")
-        status, message = self.complete(progress)
-        result = self.result(status, message)
+        status = self.run_to_end(progress)
+        result = self.result(status)
         check_step = (
             check_step and self._origin is not None and step_check.is_needed(self.simulation)
         )
@@ -391,24 +407,6 @@ class Run:
                 result.amend(step_error=error.tool, relative_step_error=error.relative)
         return result
 
-    def complete(self, progress: bool = False) -> tuple[Status, str]:
-        """Step to the end; returns how it ended, in one line. Warns if the run failed.
-
-        Args:
-            progress: see `execute`.
-
-        Raises:
-            JointplayError: see `execute`.
-        """
-        self._check_unfinished()
-        if not self._begun:
-            self._origin = self.workspace.q.copy(), self.workspace.v.copy()
-        status = self.loop(progress)
-        message = self.message(status)
-        if status not in (Status.COMPLETED, Status.INTERRUPTED):
-            warnings.warn(message, RuntimeWarning, stacklevel=3)
-        return status, message
-
     def guard(self, other: Run) -> Run:
         """Make a run that is part of this one stop as this one does; returns it."""
         other.guards += self.guards
@@ -418,15 +416,14 @@ class Run:
     def result(
         self,
         status: Status | None = None,
-        message: str | None = None,
         reactions: bool = True,
         only: Sequence[str] | None = None,
     ) -> Result:
         """What was recorded so far, as a result.
 
         Args:
-            status, message: how the run ended; if not given, as it did: at its end, by a failure,
-                or interrupted here.
+            status: how the run ended; if not given, as it did: at its end, by a failure, or
+                interrupted here.
             reactions: whether a mechanism without clearance gets the forces in its joints; who
                 asks only where it goes can do without.
             only: histories that are wanted; None: all.
@@ -441,7 +438,7 @@ class Run:
             self.friction,
             self.phases,
             status,
-            self.message(status) if message is None else message,
+            self.message(status),
             self._elapsed,
             self.judgement(),
             self.simulation.loads,
@@ -460,22 +457,32 @@ class Run:
             self._unjudged,
         )
 
-    def loop(self, progress: bool = False) -> Status:
-        """Step until the end, a failure, or Ctrl-C; returns why it stopped."""
+    def run_to_end(self, progress: bool = False) -> Status:
+        """Step until the end, a failure, or Ctrl-C; returns why it stopped. Warns if it failed.
+
+        Args:
+            progress: see `finish`.
+
+        Raises:
+            JointplayError: see `finish`.
+        """
+        self._check_unfinished()
         workspace = self.workspace
+        if not self._begun:
+            self._origin = workspace.q.copy(), workspace.v.copy()
         if progress and not self._loop.compiled:
             note = "loading compiled kernels (the first start ever compiles them, half a minute)"
             tqdm.write(note, file=sys.stderr)
         self._loop.compile()
-        bar = Bar(self.steps * self.simulation.step, progress, self.label, workspace.time)
+        bar = Bar(self.total_steps * self.simulation.step, progress, self.label, workspace.time)
         self._since = time.perf_counter() - self._elapsed
         with ExitStack() as stack:
             stack.callback(bar.close)
-            stack.callback(self._stand_still)
+            stack.callback(self._stop_clock)
             for guard in self.guards:
                 stack.enter_context(guard())
             try:
-                for now in self.stretches():
+                for now in self._stretches():
                     bar.update(now)
                     if [told for told in self.between if told()]:
                         return Status.INTERRUPTED
@@ -483,9 +490,11 @@ class Run:
                 raise
             except KeyboardInterrupt:
                 return Status.INTERRUPTED
-            return workspace.status
+        if workspace.status != Status.COMPLETED:
+            warnings.warn(self.message(workspace.status), RuntimeWarning, stacklevel=3)
+        return workspace.status
 
-    def _stand_still(self) -> None:
+    def _stop_clock(self) -> None:
         self._elapsed, self._since = self.elapsed, None
 
     @property
@@ -493,26 +502,23 @@ class Run:
         """What the run took so far, in all processes together [s]."""
         return self._elapsed if self._since is None else time.perf_counter() - self._since
 
-    def stretches(self, pause: int = CHUNK) -> Iterator[float]:
+    def _stretches(self, pause: int = CHUNK) -> Iterator[float]:
         """Step to the end, or to a failure, and give the time after every stretch [s].
 
         Args:
             pause: steps of a stretch; the multi-rate method stops at the macro step that passes it.
-
-        Raises:
-            JointplayError: see `execute`.
         """
         self._check_unfinished()
-        pause = require_whole("pause", pause, 1)
         if not self._begun:
             self.begin()
-        while self.workspace.steps < self.steps:
-            if not self.stretch(pause=self.workspace.steps + pause):
+        while self.workspace.steps < self.total_steps:
+            if not self._stretch(pause=self.workspace.steps + pause):
                 return
             yield self.workspace.time
-        self.finish()
+        self._loop.finish()
+        self._finished = True
 
-    def moments(self, every: float | None = None) -> Iterator[Moment]:
+    def steps(self, every: float | None = None) -> Iterator[Moment]:
         """Step to the end, or to a failure, and give a moment between macro steps to read.
 
         The first is that of the start. To look changes nothing: the run is the same bit for bit.
@@ -522,7 +528,7 @@ class Run:
                 [s]; None: one after every macro step.
 
         Raises:
-            JointplayError: `every` is not positive; see `execute`.
+            JointplayError: `every` is not positive; see `finish`.
         """
         self._check_unfinished()
         if every is not None:
@@ -533,7 +539,7 @@ class Run:
         yield self.moment()
         given = 0 if every is None else math.floor(self.workspace.time / every + 1e-9)
         most = 1 if every is None else max(round(every / self.simulation.step), 1)
-        for now in self.stretches(most):
+        for now in self._stretches(most):
             due = given if every is None else math.floor(now / every + 1e-9)
             if every is None or due > given:
                 given = due
@@ -556,22 +562,12 @@ class Run:
         """Make q and v of the workspace whole, to be changed; then `begin` again."""
         self._loop.settle()
 
-    def finish(self) -> None:
-        """Record the last state: the run is at its end.
-
-        Raises:
-            JointplayError: see `execute`.
-        """
-        self._check_unfinished()
-        self._loop.finish()
-        self._finished = True
-
     def _check_unfinished(self) -> None:
         """Refuse to go on with a run that has ended: its last state would be recorded twice."""
         if self._finished or self.workspace.status != Status.COMPLETED:
             raise JointplayError(
                 f"this run ended at t = {self.workspace.time:g} s and cannot be run again: "
-                "run.result() is its result, simulation.prepare() makes another run"
+                "run.result() is its result, Run(simulation) makes another run"
             )
 
     def checkpoint(self, path: str | Path) -> Path:
@@ -616,7 +612,7 @@ class Run:
         self._unjudged = memory["unjudged"]
         self._watch.recall(memory["watch"])
 
-    def stretch(self, most: int = CHUNK, pause: int | None = None) -> bool:
+    def _stretch(self, most: int = CHUNK, pause: int | None = None) -> bool:
         """Do some steps, then what is due; returns whether all is well.
 
         Args:
@@ -629,7 +625,7 @@ class Run:
             self._refer()
         if self.on_disk is not None:
             self.on_disk.before_stretch()
-        steps = min(most, self.steps - w.steps)
+        steps = min(most, self.total_steps - w.steps)
         soon = w.steps + CHUNK
         pause = soon if pause is None else min(pause, soon)
         due = self._events.next_step
@@ -650,7 +646,7 @@ class Run:
             self._events.happen(w)
             self._watch.set_off(self._loop)
         elif self._watch.due(w.steps):
-            self._watch.look(self._loop, last=w.steps >= self.steps)
+            self._watch.look(self._loop, last=w.steps >= self.total_steps)
         return True
 
     def _refer(self) -> None:
@@ -665,10 +661,12 @@ class Run:
         self.workspace.refer(self._reference.table, self._reference.first)
 
     def advance(self, steps: int) -> bool:
-        """Do `steps` steps, or fewer if the run fails; returns whether all is well."""
-        end = self.workspace.steps + require_whole("steps", steps)
+        """Do `steps` steps, or fewer if the run fails or ends; returns whether all is well."""
+        if not self._begun:
+            self.begin()
+        end = min(self.workspace.steps + require_whole("steps", steps), self.total_steps)
         while self.workspace.steps < end:
-            if not self.stretch(end - self.workspace.steps):
+            if not self._stretch(end - self.workspace.steps):
                 return False
         return True
 

@@ -23,14 +23,12 @@ from jointplay.motion.reference import Motion
 from jointplay.result.judging import STARTS
 from jointplay.result.stored import Inputs
 from jointplay.simulation import checkpoint, judging
-from jointplay.simulation.initial import PERTURBATION, pair
+from jointplay.simulation.initial import pair
 from jointplay.simulation.run import Moment, Run
-from jointplay.simulation.spool import run_to
+from jointplay.simulation.saving import run_to
 
 if TYPE_CHECKING:
     from jointplay.result.result import Result
-
-__all__ = ["PERTURBATION", "Run", "Simulation", "simulate"]
 
 
 @dataclass(frozen=True)
@@ -38,7 +36,7 @@ class Simulation(Described):
     """Everything that defines a run. Equal simulations give bit-identical results on one machine.
 
     Raises:
-        JointplayError: on anything that cannot be simulated; see `prepare`.
+        JointplayError: on anything that cannot be simulated; see `Run`.
     """
 
     written: ClassVar[type | None] = Inputs
@@ -157,12 +155,12 @@ class Simulation(Described):
     def steps(self, every: float | None = None) -> Iterator[Moment]:
         """Run, and look at the state between macro steps.
 
-        Stop the loop when you have seen enough; `Run.moments` also gives the run to hold.
+        Stop the loop when you have seen enough; `Run.steps` also gives the run to hold.
 
         Args:
             every: at most so often [s]; None: after every macro step.
         """
-        return self.prepare().moments(every)
+        return Run(self).steps(every)
 
     @staticmethod
     def resume(path: str | Path, trust: Collection[str] = ()) -> Run:
@@ -176,25 +174,6 @@ class Simulation(Described):
             JointplayError: no such file, damaged, or of another version.
         """
         return checkpoint.resume(Path(path), trust)
-
-    def prepare(self, progress: bool = False, records: str | Path | None = None) -> Run:
-        """Check everything and make ready to step.
-
-        Args:
-            progress: show a bar on standard error while a long motion is tabulated.
-            records: a file for the records that memory has no room for; `run_to` makes a result of
-                them. None: all stay in memory.
-
-        Raises:
-            JointplayError: a step, duration or record interval that makes no sense, a step too
-                large for the contact stiffness, or a motion that does not fit the mechanism.
-        """
-        try:
-            return Run(self, progress, None if records is None else Path(records))
-        except (ArithmeticError, np.linalg.LinAlgError) as error:
-            raise JointplayError(
-                f"these numbers cannot be computed with, one is far too large or small: {error}"
-            ) from None
 
     def run_to(self, path: str | Path, progress: bool = False, resume: bool = False) -> Result:
         """Simulate with the histories on disk: memory does not grow with the length of the run.
@@ -211,21 +190,24 @@ class Simulation(Described):
             The result, opened as by `Result.open`. Interrupted, it holds everything up to there.
 
         Raises:
-            JointplayError: see `prepare`; the file exists (and nothing is to be continued); it
+            JointplayError: see `Run`; the file exists (and nothing is to be continued); it
                 cannot be written.
         """
         return run_to(self, Path(path), progress, resume)
 
     def run(self, progress: bool = False, certify: bool = False, check_step: bool = True) -> Result:
-        """`prepare`, then `Run.execute`.
+        """Simulate to the end.
 
         Args:
-            progress: see `Run.execute`.
+            progress: show bars.
             certify: run again more finely, and put the numerical errors of the headline figures
                 into `Result.certificate`.
-            check_step: see `Run.execute`.
+            check_step: see `Run.finish`.
+
+        Raises:
+            JointplayError: see `Run`.
         """
-        result = self.prepare(progress).execute(progress, check_step)
+        result = Run(self, progress).finish(progress, check_step)
         if certify:
             find_errors = load_object("analysis.certification:certify")
             try:

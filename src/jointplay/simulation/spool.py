@@ -8,30 +8,18 @@ from __future__ import annotations
 
 import os
 import secrets
-import time
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import closing, suppress
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from jointplay.core import files, signals
+from jointplay.core import files
 from jointplay.core.errors import JointplayError
-from jointplay.kernel import Status
 from jointplay.kernel.workspace import Workspace
 from jointplay.result.audit import PORTION
-from jointplay.result.histories import HistoryBuilder
-from jointplay.result.result import Result
 from jointplay.result.variables import Records
-from jointplay.simulation import checkpoint, working_files
-from jointplay.simulation.progress import Writing
-from jointplay.simulation.working_files import RECORDS, working_paths
-
-if TYPE_CHECKING:
-    from jointplay.simulation.run import Run
-    from jointplay.simulation.simulation import Simulation
-
+from jointplay.simulation.working_files import RECORDS
 
 # Records of a run on disk, one after the other as they are made.
 #
@@ -136,9 +124,6 @@ MOST_BYTES = 32 << 20
 RECORD_BYTES = 4 << 20
 """Of such a run so much is in memory [bytes]."""
 
-CHECKPOINT_S = 60.0
-"""Interval between the checkpoints of a run whose records go to disk [s]."""
-
 
 class OnDisk:
     """Where a run's records go when memory has no more room for them.
@@ -196,92 +181,3 @@ class OnDisk:
         if self._spool is not None:
             self._spool.remove()
         self._spool = None
-
-
-def checkpoints(run: Run, path: Path) -> Callable[[], bool]:
-    """What writes a checkpoint now and then, to be called between the stretches of a run."""
-    last = time.monotonic()
-
-    def look() -> bool:
-        nonlocal last
-        if time.monotonic() - last >= CHECKPOINT_S:
-            run.checkpoint(path)
-            last = time.monotonic()
-        return False
-
-    return look
-
-
-def run_to(simulation: Simulation, path: Path, progress: bool, resume: bool) -> Result:
-    """See `Simulation.run_to`."""
-    records, kept = working_paths(path)
-    working_files.check_own(path)
-    resume = resume and kept.exists()
-    if not resume:
-        files.check_new(path)
-        files.check_new(kept)
-    else:
-        checkpoint.check_replaceable(path)
-    run = simulation.prepare(progress, records)
-    if resume:
-        checkpoint.continue_run(run, kept)
-    run.between.append(checkpoints(run, kept))
-    with signals.listening(), signals.keeping(str(path)):
-        status, message = signals.stoppable(run).complete(progress)
-        if status == Status.INTERRUPTED:
-            run.checkpoint(kept)
-        save(run, path, status, message, overwrite=resume, progress=progress)
-    if status != Status.INTERRUPTED:
-        forget(run, path)
-    return Result.open(path)
-
-
-def forget(run: Run, path: Path) -> None:
-    """Delete what was kept to continue the run whose result is in `path`."""
-    assert run.on_disk is not None
-    run.on_disk.remove()
-    working_files.remove(path)
-
-
-def save(
-    run: Run,
-    path: Path,
-    status: Status,
-    message: str,
-    notes: Mapping[str, Any] | None = None,
-    overwrite: bool = False,
-    progress: bool = False,
-) -> None:
-    """Write the result of a run whose records are on disk, a portion in memory at a time.
-
-    Args:
-        run: to its end, or as far as it came.
-        path: the file.
-        status, message: what `Run.complete` said.
-        notes: further attributes of the file.
-        overwrite: whether a file of that name is replaced.
-        progress: show a bar.
-
-    Raises:
-        JointplayError: it cannot be written.
-    """
-    assert run.on_disk is not None
-    w, loads = run.workspace, run.simulation.loads
-    on_disk = run.on_disk.spill()
-    made = HistoryBuilder(
-        run.mechanism, run.simulation.describe(), run.friction, run.judged_from, loads
-    )
-    portions = on_disk.portions(w.fields, w.contacts.shape[1])
-    bar = Writing(on_disk.rows, progress)
-    with closing(bar), files.writing(path, overwrite=overwrite) as file:
-        whole, records = made.whole(w), next(portions)
-        first = made.portion(records, run.phases).assign(whole)
-        bar.update(records.rows)
-        from jointplay.result.portions import Growing  # takes long to import
-
-        with closing(Growing(file, first)) as growing:
-            for records in portions:
-                growing.append(made.portion(records, run.phases))
-                bar.update(records.rows)
-            end = (status, message, run.elapsed, run.judgement())
-            growing.finish({**made.attributes(w, *end), **(notes or {})}, whole)

@@ -27,7 +27,8 @@ from jointplay.simulation.loop import LONGEST_MACRO_STEP_S
 
 if TYPE_CHECKING:
     from jointplay.result.result import Result
-    from jointplay.simulation.simulation import Run, Simulation
+    from jointplay.simulation.run import Run
+    from jointplay.simulation.simulation import Simulation
 
 _DOUBTED = 0.3 * STEP_WARNING
 """Difference from the run with twice the step above which half the step is tried."""
@@ -111,13 +112,14 @@ def _difference(
     every = simulation.record_every * max(len(result.time) // _MOST_ROWS, 1)
     every += every % 2 if factor > 1.0 else 0
     try:
-        other = replace(
+        finer = replace(
             simulation,
             step=factor * simulation.step,
             record_every=round(every / factor),
             macro_step=None if macro is None else factor * macro,
             tolerance=None if tolerance is None else factor**2 * tolerance,
-        ).prepare(progress)
+        )
+        other = run.__class__(finer, progress)
     except JointplayError:
         if factor > 1.0:
             return _UNBOUNDED  # half the step decides
@@ -129,7 +131,7 @@ def _difference(
     theirs.q[:], theirs.v[:] = start
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)
-        comparison = run.guard(other).execute(progress, check_step=False)
+        comparison = run.guard(other).finish(progress, check_step=False)
     if comparison.status == Status.INTERRUPTED:
         raise KeyboardInterrupt
     if comparison.status != Status.COMPLETED:

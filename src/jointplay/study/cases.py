@@ -10,7 +10,7 @@ from typing import Any
 
 from tqdm import tqdm
 
-from jointplay.analysis.certification import figures
+from jointplay.analysis.certification import add_certificate, figures
 from jointplay.analysis.claims import Measures, measure
 from jointplay.core import signals
 from jointplay.core.errors import JointplayError
@@ -18,8 +18,9 @@ from jointplay.kernel import Status
 from jointplay.mechanism.urdf import shipped
 from jointplay.result.result import Result
 from jointplay.scenario import Scenario
-from jointplay.scenario.execution import add_certificate, run_and_save
 from jointplay.scenario.model import GRAVITY as GRAVITY
+from jointplay.simulation.run import Run
+from jointplay.simulation.saving import run_and_save
 from jointplay.simulation.simulation import Simulation
 from jointplay.study.outputs import FILES as FILES
 from jointplay.study.outputs import JOINT as JOINT
@@ -115,7 +116,7 @@ def run_case(label: str, out: Path, progress: bool) -> Result:
     if progress:
         tqdm.write(f"case {label}:", file=sys.stderr)
     simulation = scara(CASES[label])
-    _, result = run_and_save(simulation.prepare(progress), out / FILES[label], progress)
+    _, result = run_and_save(Run(simulation, progress), out / FILES[label], progress)
     assert result is not None  # it is no long run
     if result.status == Status.INTERRUPTED or signals.stop_requested():
         raise KeyboardInterrupt

@@ -19,7 +19,7 @@ from jointplay.core import files, processes
 from jointplay.core.errors import JointplayError
 from jointplay.result.stored import versions
 from jointplay.scenario.model import GRAVITY
-from jointplay.simulation.simulation import PERTURBATION
+from jointplay.simulation.initial import PERTURBATION
 from jointplay.study.cases import CASES, CONDITIONS, VARIANTS, Condition, explicit, perturbed
 
 # Ensembles of perturbed runs, kept on disk, for the claims.

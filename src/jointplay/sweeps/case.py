@@ -202,7 +202,7 @@ class Bench:
 
     def _run(self, changes: Mapping[str, Any]) -> tuple[dict[str, float], dict[str, History]]:
         simulation = self.simulation(changes)
-        result = simulation.prepare().execute()
+        result = simulation.run()
         if result.status != Status.COMPLETED:
             raise JointplayError(result.message)
         if self._certified(changes):

@@ -18,6 +18,7 @@ from tqdm import tqdm
 from jointplay.core.errors import JointplayError, require_whole
 from jointplay.core.schema import one_of
 from jointplay.scenario import Scenario
+from jointplay.simulation.run import CHUNK, Run
 from jointplay.sweeps.case import FAILED, Bench, Outcome, job, joints
 from jointplay.sweeps.dataset import open_sweep
 from jointplay.sweeps.declaration import plan_of
@@ -63,21 +64,21 @@ def estimate(made: Plan, bench: Bench, processes: int) -> SweepCost:
     for index in made.indices():
         try:
             started = time.perf_counter()
-            run = bench.simulation(made.changes(index)).prepare()
+            run = Run(bench.simulation(made.changes(index)))
             ready = time.perf_counter() - started
             break
         except JointplayError as error:  # another case may be possible
             reason = reason or error
     else:
         raise JointplayError(f"no case of the sweep can be run; the first: {reason}")
-    run.begin()
+    moments = run.steps(CHUNK * run.simulation.step)
+    next(moments)
     started = time.perf_counter()
-    while run.workspace.steps < run.steps and time.perf_counter() - started < PATIENCE_S:
-        if not run.stretch():
-            break
-    share = max(run.workspace.steps, 1) / run.steps
+    while time.perf_counter() - started < PATIENCE_S and next(moments, None) is not None:
+        pass
+    share = max(run.workspace.steps, 1) / run.total_steps
     seconds = ready + (time.perf_counter() - started) / share
-    records = run.steps / run.simulation.record_every
+    records = run.total_steps / run.simulation.record_every
     kept = 8.0 * 3.0 * records * len(made.histories)
     return SweepCost(
         made.count * seconds / processes, processes, made.count * (MEASURES_BYTES + kept)
@@ -344,7 +345,7 @@ def probe(made: Plan) -> Bench:
     first: JointplayError | None = None
     for index in _some(made):
         try:
-            bench.simulation(made.changes(index)).prepare()
+            Run(bench.simulation(made.changes(index)))
             break
         except JointplayError as error:
             first = first or error
@@ -379,9 +380,8 @@ def _check_histories(made: Plan, bench: Bench) -> None:
         if known.issuperset(made.histories):
             return
         try:
-            run = bench.simulation(made.changes(index)).prepare()
-            run.begin()
-            run.finish()
+            run = Run(bench.simulation(made.changes(index)))
+            next(run.steps())
             known |= {str(name) for name in run.result().dataset.data_vars}
             known |= {"payload_energy"} if run.simulation.payloads else set()  # once one comes
         except JointplayError as error:  # another case may be possible

@@ -3,28 +3,46 @@
 from __future__ import annotations
 
 import tempfile
+import time
 import warnings
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Mapping
+from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from jointplay.core import signals
+from jointplay.core import files, signals
 from jointplay.core.errors import JointplayError
 from jointplay.kernel import Status
+from jointplay.result.histories import HistoryBuilder
 from jointplay.result.result import Result
-from jointplay.simulation.spool import checkpoints, forget
-from jointplay.simulation.spool import save as on_disk_save
+from jointplay.simulation import checkpoint, working_files
+from jointplay.simulation.progress import Writing
+from jointplay.simulation.run import Run
 from jointplay.simulation.working_files import working_paths
 
 if TYPE_CHECKING:
-    from jointplay.simulation.simulation import Run, Simulation
+    from jointplay.simulation.simulation import Simulation
+
+CHECKPOINT_S = 60.0
+"""Interval between the checkpoints of a run whose records go to disk [s]."""
 
 
-LARGE_FILE = 10_000_000
-"""Files that are smaller are read whole [bytes]."""
-
-SUMMARY_RECORDS = 50_000
-"""Records of a long run that are read for its summary and figures, about."""
+def run_to(simulation: Simulation, path: Path, progress: bool, resume: bool) -> Result:
+    """See `Simulation.run_to`."""
+    records, kept = working_paths(path)
+    working_files.check_own(path)
+    resume = resume and kept.exists()
+    if not resume:
+        files.check_new(path)
+        files.check_new(kept)
+    else:
+        checkpoint.check_replaceable(path)
+    run = Run(simulation, progress, records)
+    if resume:
+        checkpoint.continue_run(run, kept)
+    with signals.listening():
+        run_and_save(run, path, progress, overwrite=resume)
+    return Result.open(path)
 
 
 def run_and_save(
@@ -56,40 +74,39 @@ def run_and_save(
     with signals.keeping(str(path)):
         signals.stoppable(run)
         if on_disk is not None:
-            run.between.append(checkpoints(run, kept))
+            run.between.append(_checkpoints(run, kept))
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)  # the caller says how runs ended
             if on_disk is None or not on_disk.needed:
-                result = run.execute(progress)
+                result = run.finish(progress)
                 status = result.status
             else:
-                status, message = run.complete(progress)
+                status = run.run_to_end(progress)
         if status == Status.INTERRUPTED and on_disk is not None:
             _keep_checkpoint(run, kept)
         if result is not None:
             result.dataset.attrs.update(notes or {})
             save(result, path, overwrite)
         else:
-            on_disk_save(run, path, status, message, notes, overwrite, progress)
+            _save_from_disk(run, path, status, notes, overwrite, progress)
         if status != Status.INTERRUPTED and on_disk is not None:
-            forget(run, path)
+            on_disk.remove()
+            working_files.remove(path)
     return status, result
 
 
-def load_some(
-    path: Path, trust: Collection[str] = (), only: Collection[str] | None = None
-) -> Result:
-    """A result with no more than about `SUMMARY_RECORDS` records; see `Result.load`.
+def _checkpoints(run: Run, path: Path) -> Callable[[], bool]:
+    """What writes a checkpoint now and then, to be called between the stretches of a run."""
+    last = time.monotonic()
 
-    Args:
-        path, trust: see there.
-        only: histories that are wanted, if the file is large.
-    """
-    if path.stat().st_size < LARGE_FILE:
-        return Result.load(path, trust)
-    from jointplay.result import thinning  # takes long to import
+    def look() -> bool:
+        nonlocal last
+        if time.monotonic() - last >= CHECKPOINT_S:
+            run.checkpoint(path)
+            last = time.monotonic()
+        return False
 
-    return thinning.load(path, trust, most=SUMMARY_RECORDS, only=only)
+    return look
 
 
 def _keep_checkpoint(run: Run, kept: Path) -> None:
@@ -102,36 +119,35 @@ def _keep_checkpoint(run: Run, kept: Path) -> None:
         signals.say(f"checkpoint at t = {run.workspace.time:.6g} s: --resume goes on from it")
 
 
-def add_certificate(
-    result: Result,
+def _save_from_disk(
+    run: Run,
     path: Path,
-    simulation: Simulation,
-    progress: bool = False,
-    begin: Callable[[Run], None] = lambda _: None,
+    status: Status,
+    notes: Mapping[str, Any] | None,
+    overwrite: bool,
+    progress: bool,
 ) -> None:
-    """Certify a saved result and save it again; until then the file is as it was.
+    """Write the result of a run whose records are on disk, a portion in memory at a time."""
+    assert run.on_disk is not None
+    w, loads = run.workspace, run.simulation.loads
+    on_disk = run.on_disk.spill()
+    made = HistoryBuilder(
+        run.mechanism, run.simulation.describe(), run.friction, run.judged_from, loads
+    )
+    portions = on_disk.portions(w.fields, w.contacts.shape[1])
+    bar = Writing(on_disk.rows, progress)
+    with closing(bar), files.writing(path, overwrite=overwrite) as file:
+        whole, records = made.whole(w), next(portions)
+        first = made.portion(records, run.phases).assign(whole)
+        bar.update(records.rows)
+        from jointplay.result.portions import Growing  # takes long to import
 
-    A run that was told to stop, or while it was saved, is not certified.
-
-    Args:
-        result: what `run_and_save` gave.
-        path: its file.
-        simulation: what was run.
-        progress: show bars.
-        begin: told of each further run before it begins.
-
-    Raises:
-        JointplayError: the file cannot be written again; the message says where the result is.
-        KeyboardInterrupt: told to stop; the result is there without certificate.
-    """
-    from jointplay.analysis.certification import certify
-
-    if result.status == Status.INTERRUPTED or signals.stop_requested():
-        return
-    certificate = certify(result, simulation=simulation, progress=progress, begin=begin)
-    with signals.keeping(f"the certificate of {path}"):
-        result.certificate = certificate
-        save(result, path, overwrite=True)
+        with closing(Growing(file, first)) as growing:
+            for records in portions:
+                growing.append(made.portion(records, run.phases))
+                bar.update(records.rows)
+            end = (status, run.message(status), run.elapsed, run.judgement())
+            growing.finish({**made.attributes(w, *end), **(notes or {})}, whole)
 
 
 def save(result: Result, path: Path, overwrite: bool = False) -> None:
