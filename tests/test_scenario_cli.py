@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
+import trimesh
 
 from jointplay import Result
 from jointplay.commands.run_scenario import file_names
@@ -87,7 +88,8 @@ def test_check_says_what_it_understood(short):
 
 
 def test_check_says_nothing_of_a_mechanism_that_it_cannot_draw(tmp_path):
-    far = '<visual><geometry><box size="1e200 1 1"/></geometry></visual>'
+    trimesh.creation.box((1.0, 1.0, 1.0)).export(tmp_path / "far.stl")
+    far = '<visual><geometry><mesh filename="far.stl" scale="1e20 1 1"/></geometry></visual>'
     robot = shipped("scara.urdf").read_text().replace("<visual>", f"{far}<visual>", 1)
     (tmp_path / "r.urdf").write_text(robot)
     (tmp_path / "s.toml").write_text('robot.urdf = "r.urdf"\nintegration.duration = 1e-4\n')
