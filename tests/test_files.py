@@ -326,7 +326,7 @@ def test_all_temporary_folders_are_marked():
         for path in folder.rglob("*.py")
         if re.search(r"mkdtemp|TemporaryDirectory\(|mkstemp", path.read_text(encoding="utf-8"))
     }
-    assert others == {"files.py", "execution.py", "viewer.py"}
+    assert others == {"files.py", "saving.py", "viewer.py"}
 
 
 WRITERS = {

@@ -223,9 +223,9 @@ RUN = """
 import sys
 from pathlib import Path
 from jointplay import cli
-from jointplay.scenario import execution
+from jointplay.result import thinning
 
-execution.SUMMARY_RECORDS = 5_000
+thinning.SUMMARY_RECORDS = 5_000
 command = ["run", "--no-figures", "--quiet", "--duration", sys.argv[1], "--out", sys.argv[2]]
 status = cli.main([*command, "--record-every", "1"])
 lines = Path("/proc/self/status").read_text().splitlines()

@@ -1,13 +1,11 @@
 """What `import jointplay as jp` shows."""
 
 import importlib
-import inspect
 import pkgutil
 import subprocess
 import sys
 import tomllib
 import types
-from dataclasses import MISSING, fields
 from pathlib import Path
 
 import pytest
@@ -61,19 +59,3 @@ def test_no_name_is_a_module_and_something_else(package):
     offered = {*getattr(package, "__all__", ()), *vars(package)}
     for name in modules & offered:
         assert isinstance(getattr(package, name), types.ModuleType), name
-
-
-def test_simulate_has_the_fields_of_a_simulation():
-    given = inspect.signature(jp.simulate).parameters
-    own = {"progress": "bool", "certify": "bool"}
-    assert set(given) == {field.name for field in fields(jp.Simulation)} | set(own)
-    for field in fields(jp.Simulation):
-        parameter = given[field.name]
-        hint = str(parameter.annotation).removesuffix(" | None")
-        assert hint == str(field.type).removesuffix(" | None"), field.name
-        if field.default_factory is not MISSING:
-            made = field.default_factory()
-            assert parameter.default == made or (parameter.default is None and made == {})
-        elif field.default is not MISSING:
-            assert parameter.default == field.default, field.name
-    assert all(str(given[name].annotation) == hint for name, hint in own.items())

@@ -298,7 +298,7 @@ def test_a_motion_that_nobody_gave_keeps_from_the_limits():
     from jointplay.mechanism.urdf import read
     from jointplay.scenario.robot import robot_scenario
 
-    scenario, _ = robot_scenario("panda", ["panda_joint4"])
+    scenario = robot_scenario("panda", ["panda_joint4"])
     entries = read(robots.robot_urdf("panda")).joints
     ways = scenario.data("result")["motion"]["joints"]
     assert entries["panda_joint4"].upper < 0.0  # begins elsewhere than at zero

@@ -6,10 +6,10 @@ from conftest import body, joint
 
 from jointplay import Mechanism, Motion, robot_scenario
 from jointplay.core.errors import JointplayError
+from jointplay.motion.completion import complete_motion
 from jointplay.scenario import Scenario
-from jointplay.scenario.build import complete, whole
+from jointplay.scenario.build import complete
 from jointplay.scenario.settings import parse
-from jointplay.simulation.run import Run
 
 
 def mimicking(name, parent, child, leader, multiplier=1.0, offset=0.0):
@@ -41,7 +41,7 @@ def scenario(path, *settings, motion='times=[0, "20 ms"]\njoints.a=[0, 0.1]'):
 @pytest.mark.parametrize("interpolation", ["rest-to-rest", "spline", "constant-speed"])
 def test_followers_follow_at_every_time(arm, interpolation):
     motion = Motion(["a", "b"], [0.0, 1.0, 2.0], [[0, 0.5], [1, 1], [2, 1.5]], interpolation)
-    found = whole(Mechanism(arm), motion)
+    found = complete_motion(Mechanism(arm), motion)
     position, speed, acceleration = (
         dict(zip(found.motion.joints, values.T, strict=True))
         for values in found.motion(np.linspace(0.0, 2.0, 101))
@@ -56,7 +56,7 @@ def test_followers_follow_at_every_time(arm, interpolation):
 
 
 def test_what_is_not_named_is_held_at_zero_or_the_limit_next_to_it(arm):
-    found = whole(Mechanism(arm), Motion(["d"], [0.0, 1.0], [[0.0], [0.3]]))
+    found = complete_motion(Mechanism(arm), Motion(["d"], [0.0, 1.0], [[0.0], [0.3]]))
     assert found.held == {"a": 0.0, "b": 0.4}
     assert set(found.following) == {"c"}  # d is named, and does as it is told
     assert "a at 0; b at 0.4" in found.told()[0]
@@ -67,13 +67,13 @@ def test_what_is_not_named_is_held_at_zero_or_the_limit_next_to_it(arm):
 
 def test_a_motion_of_all_joints_is_not_touched(arm):
     motion = Motion(["a", "b", "c", "d"], [0.0, 1.0], np.zeros((2, 4)))
-    found = whole(Mechanism(arm), motion)
+    found = complete_motion(Mechanism(arm), motion)
     assert found.motion is motion
     assert not found.told()
 
 
 def test_joints_that_are_left_alone_are_followed_by_none(arm):
-    found = whole(Mechanism(arm), Motion(["a"], [0.0, 1.0], [[0.0], [1.0]]), alone={"b"})
+    found = complete_motion(Mechanism(arm), Motion(["a"], [0.0, 1.0], [[0.0], [1.0]]), alone={"b"})
     assert found.motion.joints == ("a",)
 
 
@@ -105,7 +105,7 @@ def test_where_drives_are_given_what_starts_somewhere_moves(arm):
 
 def test_a_joint_with_a_speed_at_the_start_is_not_held(arm):
     with pytest.raises(JointplayError, match="lacks b"):
-        Run(scenario(arm, "start_speed.b=1"))
+        scenario(arm, "start_speed.b=1").ready_run()
 
 
 def test_a_joint_with_a_controller_is_not_held(arm):
@@ -125,16 +125,16 @@ def test_linkages_are_left_alone(name):
 
 
 def test_a_bare_robot_has_its_tool_chosen_and_its_followers_follow(arm):
-    found, told = robot_scenario(str(arm), ideal=True)
+    found = robot_scenario(str(arm), ideal=True)
     motion = found.simulation().motion
     ends = dict(zip(motion.joints, motion.positions[1], strict=True))
     assert ends["c"] == pytest.approx(-2.0 * ends["b"] + 0.1)
     assert any("mimic others follow" in note for note in found.notes)
-    assert told.splitlines()[0].startswith("tool: four (chosen: ")
+    assert found.assumptions[0].startswith("tool: four (chosen: ")
     assert found.simulation().mechanism.tool == "four"
 
 
 def test_a_tool_that_is_named_is_taken(arm):
-    found, told = robot_scenario(str(arm), settings=[parse("robot.tool=two")], ideal=True)
+    found = robot_scenario(str(arm), settings=[parse("robot.tool=two")], ideal=True)
     assert found.simulation().mechanism.tool == "two"
-    assert "tool:" not in told
+    assert not any("tool:" in line for line in found.assumptions)

@@ -67,7 +67,7 @@ def _place(options: argparse.Namespace, scenario: Scenario) -> tuple[Path, bool]
     Raises:
         JointplayError: another file is there.
     """
-    from jointplay.scenario.places import SHIPPED
+    from jointplay.mechanism.robots import SHIPPED
 
     beside = scenario.path.with_suffix(".png")
     if options.file.startswith(SHIPPED):  # not into the package

@@ -379,8 +379,8 @@ def scenario_of(options: argparse.Namespace) -> Scenario:
     given = [parse(text) for text in options.set]
     target = options.urdf or options.target
     if target is None or options.urdf or is_robot(target):
-        scenario, told = _of_robot(options, target, given)
-        for line in told.splitlines():
+        scenario = _of_robot(options, target, given)
+        for line in scenario.assumptions:
             streams.note(line)
     else:
         _require_known(target)
@@ -394,11 +394,9 @@ def scenario_of(options: argparse.Namespace) -> Scenario:
     return scenario
 
 
-def _of_robot(
-    options: argparse.Namespace, target: str | None, given: list[Setting]
-) -> tuple[Scenario, str]:
-    """The scenario of a bare robot, and what the user must be told of it."""
-    from jointplay.scenario.model import Integration, Output
+def _of_robot(options: argparse.Namespace, target: str | None, given: list[Setting]) -> Scenario:
+    """The scenario of a bare robot."""
+    from jointplay.result.inputs import Integration, Recording
     from jointplay.scenario.robot import robot_scenario, step_for
     from jointplay.scenario.settings import Setting
 
@@ -408,19 +406,20 @@ def _of_robot(
         if getattr(options, name):
             raise JointplayError(f"--{name} needs a scenario: jointplay run FILE --{name} ...")
     settings = [*option_settings(options, joints), *own, *given]
-    scenario, told = robot_scenario(target, joints, settings, options.ideal)
+    scenario = robot_scenario(target, joints, settings, options.ideal)
     data = scenario.data(scenario.cases[0])
     chosen = target is not None and "step" not in data.get("integration", {})
     choice = step_for(scenario) if chosen else None
     if choice is None:
-        return scenario, told
+        return scenario
     step, reason = choice
     settings.append(Setting(("integration", "step"), step, "step chosen"))
     if "record_every" not in data.get("output", {}):  # records as far apart as usual
-        every = round(Output.record_every * Integration.step / step)
+        every = round(Recording.record_every * Integration.step / step)
         settings.append(Setting(("output", "record_every"), every, "step chosen"))
-    scenario, told = robot_scenario(target, joints, settings, options.ideal)
-    return scenario, f"{told}\nstep: {step:g} s (chosen: {reason}; --step takes another)"
+    scenario = robot_scenario(target, joints, settings, options.ideal)
+    scenario.assumptions.append(f"step: {step:g} s (chosen: {reason}; --step takes another)")
+    return scenario
 
 
 def _with_lengths(entries: list[str]) -> tuple[list[str], list[Setting]]:

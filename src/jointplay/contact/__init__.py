@@ -102,6 +102,7 @@ register(
         "law",
         "friction law",
         FRICTION_LAWS | {"custom": CustomFriction, "custom-bristle": CustomBristle},
+        number=(Ambrosio.name, "mu_d"),
     ),
 )
 register(FilmLaw, Family("law", "film law", FILM_LAWS | {"custom-film": CustomFilm}))

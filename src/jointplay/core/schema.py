@@ -118,23 +118,44 @@ def units_of(field: dataclasses.Field[Any]) -> tuple[str, ...] | None:
 
 
 def check_fields(value: Any) -> None:
-    """Make floats of all single numbers of a dataclass that have a unit; they must be in range.
+    """Read what fields of a dataclass were given as files have it; numbers must be in range.
 
-    Fields that hold several numbers the class checks itself.
+    Text with a unit becomes a number, a word or a table what it stands for: ``"0.2 mm"``,
+    ``"flores"``. Single numbers that have a unit become floats; fields that hold several numbers
+    the class checks itself.
 
     Raises:
-        JointplayError: a number that is not finite or out of its range, with the field's name as
-            its place.
+        JointplayError: a value that cannot be, or a number that is not finite or out of its range,
+            with the field's name as its place.
     """
+    kind: type = type(value)
     for field in dataclasses.fields(value):
         units, given = units_of(field), getattr(value, field.name)
-        kind = "float" if field.type is float else str(field.type)
-        if units is None or kind not in _SINGLE or (given is None and field.default is None):
+        if isinstance(given, str | int | float | Mapping | list | tuple):
+            known = fields_of(kind)[field.name]
+            if _as_in_files(known.hint, given):
+                with within(field.name):
+                    given = make(_field(known, given))
+                object.__setattr__(value, field.name, given)
+        hint = "float" if field.type is float else str(field.type)
+        if units is None or hint not in _SINGLE or (given is None and field.default is None):
             continue
         words = field.metadata[_WORDS] or field.name
         where: Where = (field.name,)
         number = field.metadata[_RANGE](words, given, units[0].replace("*", " "), where)
         object.__setattr__(value, field.name, number)
+
+
+def _as_in_files(hint: Any, given: Any) -> bool:
+    """Whether a value is written as in a file, and is not yet what the field's type says."""
+    if isinstance(given, str):
+        return not is_word(hint)
+    if isinstance(given, Mapping):
+        return True
+    if isinstance(given, list | tuple):
+        return any(isinstance(one, str | Mapping) for one in given)
+    parts = get_args(hint) or (hint,)
+    return not isinstance(given, bool) and any(family_of(part) for part in parts)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -229,10 +250,12 @@ class Family:
     """Word that is taken where there is none."""
     bare: bool = True
     """Whether the bare word stands for a table with nothing else in it."""
+    number: tuple[str, str] | None = None
+    """Word and key of the member that a bare number stands for, if it may stand for one."""
 
 
 _families: dict[type, Family] = {}
-_names: dict[type, tuple[Callable[[str], Any], Sequence[str]]] = {}
+_names: dict[type, tuple[Callable[[str], Any], Callable[[], Sequence[str]]]] = {}
 
 
 def register(base: type, family: Family) -> None:
@@ -259,8 +282,10 @@ def add(base: type, kind: type) -> None:
     family.members[word] = kind
 
 
-def register_names(kind: type, find: Callable[[str], Any], names: Sequence[str]) -> None:
-    """Let a `kind` be given by name; `find` gives that of one of `names`."""
+def register_names(
+    kind: type, find: Callable[[str], Any], names: Callable[[], Sequence[str]]
+) -> None:
+    """Let a `kind` be given by name; `find` gives that of one of the `names`."""
     _names[kind] = find, names
 
 
@@ -271,7 +296,7 @@ def family_of(kind: Any) -> Family | None:
 
 def names_of(kind: Any) -> Sequence[str]:
     """Names by which a `kind` can be given."""
-    return _names[kind][1] if kind in _names else ()
+    return _names[kind][1]() if kind in _names else ()
 
 
 def named(kind: type, name: str) -> Any:
@@ -418,8 +443,9 @@ def check(kind: Any, data: Any, units: tuple[str, ...] = ("",)) -> Any:
     Raises:
         JointplayError: what cannot be; `where` has its place in the data.
     """
-    names = names_of(kind)
-    if names and isinstance(data, str):
+    if isinstance(data, Described) and isinstance(kind, type) and isinstance(data, kind):
+        return data
+    if isinstance(data, str) and (names := names_of(kind)):
         try:
             return named(kind, data)
         except MissingName:
@@ -446,6 +472,9 @@ def _chosen(family: Family, data: Any) -> Draft:
     place = (key,) if isinstance(data, Mapping) else ()
     if family.bare and isinstance(data, str):
         data = {key: data}
+    if family.number and isinstance(data, int | float) and not isinstance(data, bool):
+        word, parameter = family.number
+        data = {key: word, parameter: data}
     if not isinstance(data, Mapping):
         raise JointplayError(
             f"{toml_text(data)} is no table; a {noun} is a table with the key {key}"
@@ -518,16 +547,15 @@ def _one_of_several(data: Any, parts: Sequence[Any], units: tuple[str, ...]) -> 
     """A union: nothing where that is possible, else the first type that takes the data."""
     if data is None and type(None) in parts:
         return None
-    first: JointplayError | None = None
+    errors: list[JointplayError] = []
     for part in parts:
         if part is type(None):
             continue
         try:
             return check(part, data, units)
         except JointplayError as error:
-            first = first or error
-    assert first is not None
-    raise first
+            errors.append(error)
+    raise max(errors, key=lambda error: len(error.where))  # of the type that took most of it
 
 
 def _collection(origin: Any, parts: Sequence[Any], data: Any, units: tuple[str, ...]) -> Any:

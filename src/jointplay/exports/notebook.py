@@ -9,6 +9,7 @@ import io
 import numpy as np
 from matplotlib.figure import Figure
 
+from jointplay.core.overview import few, html_table
 from jointplay.core.units import readable
 from jointplay.plots.style import new_figure, style
 from jointplay.result.result import Result
@@ -19,15 +20,10 @@ _WIDTH, _HEIGHT = 6.6, 2.2
 
 def page(result: Result) -> str:
     """HTML that needs nothing from elsewhere."""
-    rows = "".join(
-        f"<tr><th style='text-align:left'>{html.escape(name)}</th>"
-        f"<td style='text-align:left'>{html.escape(value)}</td></tr>"
-        for name, value in rows_of(result)
-    )
     warnings = "".join(f"<li>{html.escape(text)}</li>" for text in result.audit.warnings)
     return (
         f"<div><p><b>jointplay result</b>: {html.escape(result.message)}</p>"
-        f"<table>{rows}</table>"
+        + html_table(rows_of(result))
         + (f"<p>To worry about:</p><ul>{warnings}</ul>" if warnings else "")
         + _image(result)
         + "</div>"
@@ -41,8 +37,8 @@ def rows_of(result: Result) -> list[tuple[str, str]]:
     names = result["coordinate"].values.tolist()
     rows = [
         ("records", f"{len(time)}, {span}"),
-        ("coordinates", f"{len(names)}: {_few(names)}"),
-        ("clearance in", _few(result.joints) or "no joint"),
+        ("coordinates", f"{len(names)}: {few(names)}"),
+        ("clearance in", few(result.joints) or "no joint"),
     ]
     start = result.judge_from
     since = f" from {start:g} s on" if start > 0.0 else ""
@@ -59,11 +55,6 @@ def rows_of(result: Result) -> list[tuple[str, str]]:
     if result.certificate is not None:
         rows += [("certified", str(figure)) for figure in result.certificate.figures]
     return rows
-
-
-def _few(names: list[str], most: int = 8) -> str:
-    text = ", ".join(names[:most])
-    return f"{text} and {len(names) - most} more" if len(names) > most else text
 
 
 def _image(result: Result) -> str:

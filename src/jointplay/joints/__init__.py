@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from jointplay.core.schema import Family, Preset, read, register
+from jointplay.core.schema import Family, Preset, read, register, register_names
+from jointplay.joints import materials
 from jointplay.joints.base import MOTOR, RELATIVE, VIRTUAL_LINK, Clearance, Coordinate, Material
 from jointplay.joints.cylindrical import CylindricalClearance
 from jointplay.joints.prismatic import PrismaticClearance
@@ -31,6 +32,7 @@ register(
     Clearance,
     Family("kind", "kind of joint", JOINT_WORDS, default=UNNAMED_KIND.kind, bare=False),
 )
+register_names(Material, materials.material, lambda: materials.materials(aliases=True))
 
 
 def class_of(description: Mapping[str, Any]) -> type[Clearance]:

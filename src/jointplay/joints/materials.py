@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from jointplay.core.errors import JointplayError, MissingName, require_finite, require_positive
-from jointplay.joints import Material
+from jointplay.joints.base import Material
 
 _DATA = Path(__file__).parent / "data"
 

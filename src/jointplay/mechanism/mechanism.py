@@ -20,13 +20,16 @@ import pinocchio as pin
 
 from jointplay.core.errors import JointplayError, MissingName, require_finite, within
 from jointplay.core.imports import load_object
+from jointplay.core.overview import Overview, few
 from jointplay.core.schema import Described, plain, quantity
+from jointplay.core.units import readable
 from jointplay.joints import MOTOR, RELATIVE, UNNAMED_KIND, VIRTUAL_LINK, Clearance, Coordinate
 from jointplay.mechanism import urdf
 from jointplay.mechanism.gear import Gear
 from jointplay.mechanism.loop import Lock, Loop, refuse_name
 from jointplay.mechanism.model import build, parse
-from jointplay.mechanism.urdf import STANDARD_GRAVITY
+from jointplay.mechanism.robots import urdf_of
+from jointplay.mechanism.urdf import GRAVITY, STANDARD_GRAVITY
 
 if TYPE_CHECKING:
     from jointplay.mechanism.visuals import Visuals
@@ -79,16 +82,18 @@ class WrittenMechanism:
     gears: dict[str, Gear] = field(default_factory=dict)
 
 
-class Mechanism(Described):
+class Mechanism(Overview, Described):
     """A robot or linkage from a URDF, ideal or with clearance in some of its joints.
 
     Args:
-        path: the URDF.
+        path: the URDF, ``jointplay:NAME`` for one that ships with the package, or a name such as
+            ``ur5`` for a robot of example-robot-data.
         clearance: joints with clearance, by the name of the URDF joint that each replaces or of the
             loop that each cuts. One whose field `ideal` is set has none.
         loops: joints that close loops, by name; without clearance they are ideal revolute joints.
         gears: gears with play between a joint and its motor, by joint.
-        gravity: in world axes, shape (3,) [m/s^2].
+        gravity: in world axes, shape (3,) [m/s^2]; ``"loaded"`` is 9.81 m/s^2 along -z,
+            ``"balanced"`` none.
         tool: name of the frame whose motion is reported; None takes the last one of the URDF.
         allow_unphysical: links whose inertia is used although no rigid body has it.
 
@@ -114,12 +119,16 @@ class Mechanism(Described):
         *,
         loops: Mapping[str, Loop] | None = None,
         gears: Mapping[str, Gear] | None = None,
-        gravity: tuple[float, float, float] = STANDARD_GRAVITY,
+        gravity: Sequence[float] | str = STANDARD_GRAVITY,
         tool: str | None = None,
         allow_unphysical: Collection[str] = (),
     ) -> None:
         """Read the URDF and build the model."""
-        description = urdf.read(path, allow_unphysical)
+        description = urdf.read(urdf_of(path), allow_unphysical)
+        if isinstance(gravity, str):
+            if gravity not in GRAVITY:
+                raise MissingName("gravity", gravity, GRAVITY, where=("gravity",))
+            gravity = GRAVITY[gravity]
         self._build(
             description, clearance or {}, loops or {}, gears or {}, gravity, tool, allow_unphysical
         )
@@ -130,7 +139,7 @@ class Mechanism(Described):
         joints: Mapping[str, Clearance],
         loops: Mapping[str, Loop],
         gears: Mapping[str, Gear],
-        gravity: tuple[float, float, float],
+        gravity: Sequence[float],
         tool: str | None,
         allow_unphysical: Collection[str],
     ) -> None:
@@ -372,19 +381,23 @@ class Mechanism(Described):
         """Equal mechanisms hash alike."""
         return hash((self.description.text, self.tool, self.gravity, tuple(self._joints)))
 
-    def __repr__(self) -> str:
-        """As one would write it, what is not given left out."""
-        parts = [repr(str(self.description.path))]
-        parts += [repr(self._joints)] if self._joints else []
-        given = {
-            "loops": self.loops,
-            "gears": self.gears,
-            "gravity": None if self.gravity == STANDARD_GRAVITY else self.gravity,
-            "tool": self.tool,
-            "allow_unphysical": self.allow_unphysical,
-        }
-        parts += [f"{name}={value!r}" for name, value in given.items() if value]
-        return f"Mechanism({', '.join(parts)})"
+    def facts(self) -> tuple[str, dict[str, str]]:
+        """File and number of moving joints; where there is play, and what else is not usual."""
+        moving = list(self.joints)
+        facts = {"moving joints": few(moving)}
+        for name, joint in self.clearance.items():
+            rooms = " and ".join(readable(room, "m") for room in sorted(set(joint.rooms)))
+            facts[f"joint {name}"] = f"{joint.kind} with clearance, play {rooms}"
+        for name, loop in self.loops.items():
+            kind = self.loop_kind(name)
+            facts[f"loop {name}"] = f"{kind}, {loop.bearing_link} - {loop.journal_link}"
+        for name, gear in self.gears.items():
+            facts[f"gear {name}"] = f"play {readable(gear.play, 'rad')}"
+        facts["tool"] = self.tool
+        weight = " ".join(f"{g:g}" for g in self.gravity)
+        facts["gravity"] = f"{weight} m/s^2" if any(self.gravity) else "none"
+        number = f"{len(moving)} moving joint{'' if len(moving) == 1 else 's'}"
+        return f"{self.description.path.name}, {number}", facts
 
     @cached_property
     def visual_model(self) -> pin.GeometryModel:

@@ -8,6 +8,7 @@ have a URDF of the same name, the folder's name instead.
 from __future__ import annotations
 
 import difflib
+import re
 import sys
 from collections import defaultdict
 from collections.abc import Mapping
@@ -19,11 +20,14 @@ from typing import TYPE_CHECKING
 
 from jointplay.core.errors import JointplayError, MissingName
 from jointplay.core.files import is_file
+from jointplay.mechanism.urdf import shipped
 
 if TYPE_CHECKING:
     from jointplay.mechanism.mechanism import Mechanism
 
 PACKAGE = "example-robot-data"
+SHIPPED = "jointplay:"
+"""Marks the name of a file that ships with this package, as in ``jointplay:scara.urdf``."""
 PREFIX = f"{PACKAGE}:"
 """Marks a robot's name where a path could stand, as in ``example-robot-data:ur5``."""
 
@@ -106,14 +110,35 @@ def robot_urdf(name: str) -> Path:
     return table[wanted]
 
 
-def resolve(place: str | Path) -> Path:
-    """Path of a URDF that is given as such, or as ``example-robot-data:NAME``.
+def resolve(place: str | Path, folder: Path = Path()) -> Path:
+    """Path of a file that is named as such, or as one that comes with a package.
+
+    Args:
+        place: a path, ``jointplay:NAME`` for what ships with this package, or
+            ``example-robot-data:NAME``.
+        folder: where a relative path begins.
 
     Raises:
-        JointplayError, MissingName: see `robot_urdf`.
+        JointplayError, MissingName: see `shipped`, `robot_urdf`.
     """
     text = str(place)
-    return robot_urdf(text.removeprefix(PREFIX)) if text.startswith(PREFIX) else Path(place)
+    if text.startswith(SHIPPED):
+        return shipped(text.removeprefix(SHIPPED))
+    if text.startswith(PREFIX):
+        return robot_urdf(text.removeprefix(PREFIX))
+    return folder / place
+
+
+def urdf_of(place: str | Path) -> Path:
+    """Path of a URDF that is named as for `resolve`, or by a robot's bare name such as ``ur5``.
+
+    Raises:
+        JointplayError, MissingName: see `resolve`.
+    """
+    text = str(place)
+    if isinstance(place, str) and re.fullmatch(r"[\w-]+", text) and not is_file(Path(text)):
+        return robot_urdf(text)
+    return resolve(place)
 
 
 @dataclass(frozen=True)

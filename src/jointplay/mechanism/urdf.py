@@ -615,3 +615,6 @@ def _check_inertia(name: str, inertial: ElementTree.Element) -> None:
 
 STANDARD_GRAVITY = (0.0, 0.0, -9.81)
 """In world axes [m/s^2]."""
+
+GRAVITY = {"balanced": (0.0, 0.0, 0.0), "loaded": STANDARD_GRAVITY}
+"""Gravity by word [m/s^2]: none, as if the weight were balanced, or 9.81 m/s^2 along -z."""

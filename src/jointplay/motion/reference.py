@@ -12,6 +12,7 @@ import numpy as np
 
 from jointplay.core import files
 from jointplay.core.errors import JointplayError, MissingName, require_numbers, require_positive
+from jointplay.core.overview import few
 from jointplay.core.schema import Described, quantity
 
 INTERPOLATIONS = ("rest-to-rest", "spline", "constant-speed", "speed-ramps")
@@ -260,6 +261,8 @@ class Motion(Described):
         return hash((self.joints, self.times.tobytes(), self.positions.tobytes()))
 
     def __repr__(self) -> str:
-        """As one would write it."""
-        written = self.describe()
-        return f"Motion({', '.join(f'{name}={value!r}' for name, value in written.items())})"
+        """Joints, number of waypoints, duration, and the way between them."""
+        return (
+            f"<jointplay Motion: {few(list(self.joints))}; {len(self.times)} waypoints in "
+            f"{self.duration:g} s, {self.interpolation}>"
+        )

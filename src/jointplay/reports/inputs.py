@@ -96,7 +96,8 @@ def _parameters(result: Result) -> dict[str, Cell]:
         "none" if motion is None else f"{len(motion['times'])} waypoints, {motion['interpolation']}"
     )
     drives = inputs["drive"]
-    named = drives.items() if isinstance(drives, dict) else [("all joints", one) for one in drives]
+    shared = isinstance(drives.get("kind"), str)
+    named = [("all joints", drives)] if shared else drives.items()
     for name, drive in named:
         cells[f"drive of {name}"] = _drive(drive)
     if inputs.get("joint_friction") is not None:

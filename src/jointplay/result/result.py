@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 from collections.abc import Callable, Collection
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
     from jointplay.result.certificate import Certificate
     from jointplay.simulation.simulation import Simulation
 
-FORMAT = 3
+FORMAT = 4
 """Version of the file format."""
 
 AXES = ("x", "y", "z")
@@ -185,7 +186,7 @@ class Result:
         page: str = load_object("exports.notebook:page")(self)
         return page
 
-    @property
+    @cached_property
     def simulation(self) -> Simulation:
         """The simulation that made this result, built from what the result holds.
 

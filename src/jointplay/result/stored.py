@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,17 +16,11 @@ import numpy as np
 
 from jointplay.core import schema
 from jointplay.core.errors import JointplayError
-from jointplay.core.schema import choice, quantity
 from jointplay.joints import MOTOR, VIRTUAL_LINK, Coordinate
 from jointplay.kernel import Status
-from jointplay.loads import Load
-from jointplay.loads.drive import Drive, JointFriction
-from jointplay.loads.limits import LIMITS
-from jointplay.mechanism.mechanism import Mechanism
-from jointplay.mechanism.payload import Payload
-from jointplay.motion.reference import Motion
 from jointplay.result.audit import Audit
 from jointplay.result.certificate import Certificate
+from jointplay.result.inputs import Inputs
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -72,31 +65,6 @@ _AT_ONCE = 1 << 16
 """Times that are looked at together."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Inputs:
-    """The inputs of a run as result files have them."""
-
-    mechanism: Mechanism
-    motion: Motion | None = None
-    drive: dict[str, Drive] | list[Drive]
-    """By joint, or one for all joints of the motion."""
-    duration: float | None = quantity("s", default=None)
-    step: float = quantity("s")
-    integrator: str
-    macro_step: float | None = quantity("s", default=None)
-    tolerance: float | None = quantity("", default=None)
-    record_every: int
-    joint_friction: dict[str, JointFriction] | None = None
-    seed: int | None = None
-    payloads: tuple[Payload, ...] = ()
-    start: str | None = None
-    state: dict[str, list[float | None]] = quantity("", default_factory=dict)
-    settle: float | str | None = quantity("s", default=None)
-    judge_from: float | None = quantity("s", default=None)
-    loads: dict[str, Load] = field(default_factory=dict)
-    limits: str = choice("way with limits", LIMITS)
-
-
 def stored_coordinates(mechanism: Mapping[str, Any]) -> dict[str, Coordinate]:
     """Coordinates of virtual links, carriages and motors that a described mechanism can have.
 
@@ -130,8 +98,6 @@ def check(dataset: xr.Dataset, path: Path) -> None:
         raise _wrong(
             path, f"its step is {given['step']!r} s in one place and {audit['step']!r} in another"
         )
-    if isinstance(given["drive"], list) and len(given["drive"]) != 1:
-        raise _wrong(path, f"simulation: one drive stands for all joints, got {given['drive']!r}")
     if "certificate" in dataset.attrs:
         _check_certificate(dataset, path)
     versions = dataset.attrs.get("versions", "{}")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import fields
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -21,11 +21,13 @@ from jointplay.loads.drive import ComputedTorque, Drive, JointFriction, Torque
 from jointplay.mechanism.loop import Loop, refuse_name
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.mechanism.payload import Payload
-from jointplay.mechanism.urdf import Mimic, read
+from jointplay.mechanism.robots import resolve
+from jointplay.mechanism.urdf import read
 from jointplay.motion.cartesian import cartesian_motion
+from jointplay.motion.completion import complete_motion
 from jointplay.motion.reference import INTERPOLATIONS, Motion
-from jointplay.scenario.model import ANGLE, ANGULAR_SPEED, PATHS, Model
-from jointplay.scenario.places import MOTION_SOURCES, locate
+from jointplay.result.inputs import Integration, Limited, Recording
+from jointplay.scenario.model import ANGLE, ANGULAR_SPEED, MOTION_SOURCES, PATHS, Model
 from jointplay.simulation.simulation import Simulation
 
 # What builders of scenarios share: laws beside the file, units of a joint's values.
@@ -228,7 +230,7 @@ def _as_given(
             )
     if source == "file":
         with within("motion", "file"):
-            return _from_file(locate(given["file"], folder), table.interpolation)
+            return _from_file(resolve(given["file"], folder), table.interpolation)
     if source == "speeds":
         return _turning(model, mechanism, start)
     if table.times is None:
@@ -314,117 +316,6 @@ def _cartesian(table: Any, mechanism: Mechanism, start: dict[str, float]) -> Mot
     return motion
 
 
-# A motion that names some joints of a robot, made one of all: the others are held, or follow.
-#
-# Joints that mimic others in the URDF follow them; the rest stand where they start. Where loops
-# close, what a motion does not name follows from the loops and is left alone.
-
-
-_SINGLE = ("revolute", "continuous", "prismatic")
-"""Kinds of joint whose one coordinate can be held."""
-
-
-@dataclass(frozen=True)
-class Whole:
-    """A motion, and what was added to it."""
-
-    motion: Motion
-    held: Mapping[str, float]
-    """Position of each joint that stands where it starts [rad or m]."""
-    following: Mapping[str, Mimic]
-    """What each joint follows that mimics another."""
-
-    def told(self) -> list[str]:
-        """What was added in words, a line for each kind."""
-        lines = []
-        if self.held:
-            places: dict[float, list[str]] = {}
-            for name, position in self.held.items():
-                places.setdefault(position, []).append(name)
-            words = [f"{', '.join(names)} at {at:g}" for at, names in places.items()]
-            lines.append(
-                f"held, for the motion does not name them: {'; '.join(words)} [rad or m]; "
-                '[start] says where, [drives] NAME = "free" lets one go'
-            )
-        if self.following:
-            words = [f"{name} = {mimic.formula()}" for name, mimic in self.following.items()]
-            lines.append(f"joints that mimic others follow: {', '.join(words)}")
-        return lines
-
-
-def whole(
-    mechanism: Mechanism,
-    motion: Motion,
-    start: Mapping[str, float] | None = None,
-    alone: Collection[str] = (),
-) -> Whole:
-    """Add to `motion` the moving joints of an open tree that it does not name.
-
-    Args:
-        mechanism: with loops, nothing is added.
-        motion: of some of its joints.
-        start: where joints stand [rad or m]; the others at 0, or the limit next to it.
-        alone: joints that are left as they are.
-    """
-    start = start or {}
-    entries = mechanism.description.joints
-    missing = [
-        name
-        for name in mechanism.joints
-        if name not in motion.joints and name not in alone and entries[name].kind in _SINGLE
-    ]
-    if mechanism.loops or not missing:
-        return Whole(motion, {}, {})
-    held: dict[str, float] = {}
-    columns = dict(zip(motion.joints, motion.positions.T, strict=True))
-    following: dict[str, Mimic] = {}
-    for name in missing:
-        if not entries[name].mimics or name in start:
-            held[name] = start.get(name, _nearest(mechanism, name))
-            columns[name] = np.full(len(motion.times), held[name])
-    for name in missing:
-        if name not in held:
-            _follow(mechanism, name, columns, following, len(motion.times))
-    if len(columns) > len(motion.joints):
-        table = np.array(list(columns.values())).T
-        motion = Motion(list(columns), motion.times, table, motion.interpolation)
-    return Whole(motion, held, following)
-
-
-def _nearest(mechanism: Mechanism, name: str) -> float:
-    """The position within the limits of a joint that is nearest to 0."""
-    entry = mechanism.description.joints[name]
-    low = -np.inf if entry.lower is None else entry.lower
-    high = np.inf if entry.upper is None else entry.upper
-    return float(np.clip(0.0, low, high))
-
-
-def _follow(
-    mechanism: Mechanism,
-    name: str,
-    columns: dict[str, np.ndarray],
-    following: dict[str, Mimic],
-    count: int,
-) -> None:
-    """Add the positions of a joint that mimics another, after those of its leader.
-
-    One whose leader moves freely, or under a torque, moves freely too.
-    """
-    mimic = mechanism.description.joints[name].mimic
-    assert mimic is not None
-    leader = mechanism.description.joints[mimic.leader]
-    if mimic.leader not in mechanism.joints:  # it is fixed
-        ahead = np.zeros(count)
-    else:
-        if mimic.leader not in columns and leader.mimics and leader.kind in _SINGLE:
-            _follow(mechanism, mimic.leader, columns, following, count)
-        if mimic.leader not in columns:
-            return
-        ahead = columns[mimic.leader]
-    columns[name] = mimic.multiplier * ahead + mimic.offset
-    following[name] = mimic
-
-
 # What becomes of the joints that a scenario's motion does not name.
 
 
@@ -451,7 +342,7 @@ def complete(
         alone |= set(load.fields.get("joints", ()))  # a controller's
     if drives:
         alone |= set(start)
-    added = whole(mechanism, motion, start, alone)
+    added = complete_motion(mechanism, motion, start, alone)
     for name in added.held:
         start.pop(name, None)
     return added.motion, added.told()
@@ -483,26 +374,16 @@ def build(model: Model, folder: Path) -> tuple[Simulation, list[str]]:
     if motion is not None:
         motion, notes = complete(model, mechanism, motion, start)
     drive = drive_of(model, mechanism, motion)
-    integration = model.integration
+    tables = ((Integration, model.integration), (Recording, model.output), (Limited, model.robot))
     simulation = Simulation(
         mechanism,
         motion,
-        drive=drive,
-        duration=integration.duration,
-        step=integration.step,
-        integrator=integration.integrator,
-        macro_step=integration.macro_step,
-        tolerance=integration.tolerance,
-        record_every=model.output.record_every,
+        drive,
         joint_friction=friction_of(model, mechanism),
-        seed=integration.seed,
         payloads=payloads_of(model, mechanism),
         loads=loads_of(model, mechanism, folder),
-        limits=model.robot.limits,
         state={name: (start.get(name), start_speed.get(name)) for name in {**start, **start_speed}},
-        start=integration.start,
-        settle=integration.settle,
-        judge_from=integration.judge_from,
+        **{one.name: getattr(table, one.name) for kind, table in tables for one in fields(kind)},
     )
     return simulation, notes
 
@@ -510,7 +391,7 @@ def build(model: Model, folder: Path) -> tuple[Simulation, list[str]]:
 def _mechanism(model: Model, folder: Path) -> Mechanism:
     robot = model.robot
     with within("robot", "urdf"):
-        path = locate(robot.urdf, folder)
+        path = resolve(robot.urdf, folder)
         description = read(path, robot.allow_unphysical)
     loops = {}
     for name, ends in model.loops.items():

@@ -13,10 +13,12 @@ from typing import TYPE_CHECKING, Any
 from jointplay.contact.trust import trusting
 from jointplay.core.errors import JointplayError, MissingName
 from jointplay.core.files import read_text
+from jointplay.core.overview import Overview, few
 from jointplay.core.schema import check, fields_of, make, unknown_key
 from jointplay.core.units import toml_text
-from jointplay.scenario.model import NOT_IN_A_CASE, Integration, Model, Output
-from jointplay.scenario.places import MOTION_SOURCES, SHIPPED, Key, dotted, line_of, lines, locate
+from jointplay.mechanism.robots import SHIPPED, resolve
+from jointplay.scenario.model import MOTION_SOURCES, NOT_IN_A_CASE, IntegrationTable, Model, Output
+from jointplay.scenario.places import Key, dotted, line_of, lines
 from jointplay.scenario.settings import Setting, given_by, tree
 
 if TYPE_CHECKING:
@@ -36,7 +38,7 @@ _DEEP_KEY = re.compile(
 _SELECTORS = ("kind", "law")
 
 _TABLES = {
-    **{one.name: "integration" for one in fields(Integration)},
+    **{one.name: "integration" for one in fields(IntegrationTable)},
     **{one.name: "output" for one in fields(Output)},
 }
 """Tables of a scenario that have the inputs of a simulation, by input."""
@@ -45,7 +47,7 @@ _WORDS = {"normal": "law", "friction": "law", "lubricant": "law", "drive": "kind
 """Keys whose bare word stands for a table with this one key."""
 
 
-class Scenario:
+class Scenario(Overview):
     """A TOML file that describes one or several cases to simulate.
 
     Attributes:
@@ -56,6 +58,8 @@ class Scenario:
         cases: labels of its cases, in order; a file without cases has one, named like the file.
         figures: whether figures that compare the cases are wanted.
         sweep: the table [sweep] as it stands, empty if there is none; `jointplay.sweeps` reads it.
+        assumptions: what was chosen that nobody gave, a line each.
+        notes: what was added when simulations were built, a line each.
     """
 
     def __init__(
@@ -76,6 +80,7 @@ class Scenario:
         self.trust = tuple(trust)
         self.text = text
         self.notes: list[str] = []
+        self.assumptions: list[str] = []
         data = self._parsed(text)
         cases = data.pop("cases", {})
         self.sweep = dict(self._table(data.pop("sweep", {}), ("sweep",)))
@@ -90,6 +95,17 @@ class Scenario:
         models = [self.model(case) for case in self.cases]
         self.title = models[0].title or self.path.stem
         self.figures = models[0].output.figures
+
+    def facts(self) -> tuple[str, dict[str, str]]:
+        """File and title; its robot, its cases, and what was chosen that nobody gave."""
+        facts = {"robot": self.model(self.cases[0]).robot.urdf, "cases": few(list(self.cases))}
+        if self.settings:
+            facts["settings"] = few([dotted(setting.key) for setting in self.settings])
+        if self.sweep:
+            facts["sweep"] = few([key for key in self.sweep])
+        for number, line in enumerate(self.assumptions, 1):
+            facts[f"assumed {number}"] = line
+        return f"{self.path.name}, {self.title}", facts
 
     def _parsed(self, text: str) -> dict[str, Any]:
         if len(text) > LONGEST:
@@ -126,7 +142,7 @@ class Scenario:
                 message has the file, the line, the key, its value and what is possible instead.
         """
         if str(path).startswith(SHIPPED):
-            path = locate(str(path), Path())
+            path = resolve(str(path), Path())
         return cls(read_text(Path(path), "scenario"), path, trust, settings)
 
     def simulation(

@@ -8,26 +8,26 @@ from __future__ import annotations
 from dataclasses import dataclass, field, fields
 from typing import Any, ClassVar
 
-from jointplay.core.schema import choice, quantity, register_names
-from jointplay.joints import Clearance, Material
-from jointplay.joints.materials import material, materials
-from jointplay.kernel.integrators import DEFAULT, INTEGRATORS
+from jointplay.core.schema import choice, quantity
+from jointplay.joints import Clearance
 from jointplay.loads import Load
 from jointplay.loads.drive import Drive, JointFriction
-from jointplay.loads.limits import LIMITS
 from jointplay.mechanism.gear import Gear
 from jointplay.mechanism.payload import Payload, Vector
-from jointplay.mechanism.urdf import STANDARD_GRAVITY
+from jointplay.mechanism.urdf import GRAVITY, STANDARD_GRAVITY
 from jointplay.motion.reference import INTERPOLATIONS
-from jointplay.result.judging import STARTS
-
-GRAVITY = {"balanced": (0.0, 0.0, 0.0), "loaded": STANDARD_GRAVITY}
-"""Gravity by word [m/s^2]: none, as if the weight were balanced, or 9.81 m/s^2 along -z."""
+from jointplay.result.inputs import Integration, Limited, Recording
 
 PATHS = ("joint", "line")
 """Ways between Cartesian waypoints."""
 
-register_names(Material, material, materials(aliases=True))
+MOTION_SOURCES = {
+    "file": ("interpolation", "faster"),
+    "joints": ("times", "interpolation", "faster"),
+    "speeds": (),
+    "tool_position": ("times", "tool_rpy", "frame", "path", "faster"),
+}
+"""Keys of [motion] of which there is one, and those that go with it."""
 
 ANGLE = ("rad", "m")
 ANGULAR_SPEED = ("rad/s", "m/s")
@@ -35,7 +35,7 @@ ANGULAR_SPEED = ("rad/s", "m/s")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Robot:
+class Robot(Limited):
     """The robot or linkage."""
 
     urdf: str
@@ -45,10 +45,6 @@ class Robot:
     """Frame whose motion is reported; the last one of the URDF if not given."""
     gravity: Vector = quantity("m/s^2", default=STANDARD_GRAVITY, choices=("gravity", GRAVITY))
     """``loaded`` (9.81 m/s^2 along -z), ``balanced`` (none), or three components in world axes."""
-    limits: str = choice("way with limits", LIMITS, default=LIMITS[0])
-    """The URDF's limits of joints: ``report`` refuses motions beyond a position and reports speeds
-    and efforts, ``cut`` also cuts the efforts of drives and controllers, ``ignore`` checks nothing.
-    """
     allow_unphysical: tuple[str, ...] = ()
     """Links whose inertia is used although no rigid body has it."""
 
@@ -108,40 +104,17 @@ class MotionTable:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Integration:
-    """Time integration, and the start."""
+class IntegrationTable(Integration):
+    """Time integration, the start, and certificates."""
 
-    step: float = quantity("s", default=1e-5)
-    """Time step."""
-    integrator: str = choice("integrator", INTEGRATORS, default=DEFAULT)
-    """Method."""
-    macro_step: float | None = quantity("s", default=None)
-    """Interval at which `multi-rate` asks for the arm's inertia; an error estimate's choice if not
-    given."""
-    tolerance: float | None = quantity("", default=None)
-    """Error of a macro step, relative, by which `multi-rate` chooses its micro steps; all as long
-    as the step if not given."""
-    duration: float | None = quantity("s", default=None)
-    """Simulated time; the motion's if not given."""
-    seed: int | None = None
-    """Displaces each journal at the start by a random vector of up to half its clearances."""
-    start: str | None = choice("start", STARTS, default=None)
-    """Where journals begin: ``rest``, where they lie under gravity and drives, or ``centred``; at
-    rest where gravity acts or the reference moves from the first, if not given."""
-    settle: float | str | None = quantity("s", default=None)
-    """Time at the start that is not judged, or ``"2 turns"`` of a driven joint."""
-    judge_from: float | None = quantity("s", default=None)
-    """When figures begin to be judged; when the run has settled if not given."""
     certify: bool = False
     """Whether the case is run again more finely, for the numerical errors of its figures."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Output:
+class Output(Recording):
     """What is kept."""
 
-    record_every: int = 10
-    """Steps between two records; peaks in between are held."""
     figures: bool = True
     """Whether figures that compare the cases are drawn."""
 
@@ -187,7 +160,7 @@ class Model:
     """What else acts, by a name of your choice."""
     payloads: list[HeldPayload] = field(default_factory=list)
     """Bodies that the tool picks up and releases."""
-    integration: Integration = Integration()
+    integration: IntegrationTable = IntegrationTable()
     """Time integration, and the start."""
     output: Output = Output()
     """What is kept."""

@@ -12,11 +12,10 @@ import numpy as np
 
 from jointplay.core import files
 from jointplay.core.errors import JointplayError, MissingName
-from jointplay.mechanism.robots import PREFIX, robot_urdf
+from jointplay.mechanism.robots import PREFIX, SHIPPED, resolve, robot_urdf
 from jointplay.mechanism.tool import choose_tool
 from jointplay.mechanism.urdf import Description, read
 from jointplay.scenario.load import Scenario
-from jointplay.scenario.places import SHIPPED, locate
 from jointplay.scenario.settings import Setting, tree
 
 if TYPE_CHECKING:
@@ -88,7 +87,7 @@ def robot_scenario(
     joints: Sequence[str] = (),
     settings: Sequence[Setting] = (),
     ideal: bool = False,
-) -> tuple[Scenario, str]:
+) -> Scenario:
     """Scenario of one robot with clearance in some of its joints.
 
     Args:
@@ -99,7 +98,7 @@ def robot_scenario(
         ideal: none has clearance.
 
     Returns:
-        The scenario, and what the user must be told of it, in lines; empty if nothing.
+        The scenario; its `assumptions` are what was chosen that nobody gave.
 
     Raises:
         JointplayError: the robot cannot be read, no joint was named, or see `Scenario`.
@@ -108,7 +107,7 @@ def robot_scenario(
     scara = place is None
     place = SCARA if place is None else _prefixed(place)
     # The URDF alone: what is wrong elsewhere is said when the scenario is built.
-    path = locate(place, Path())
+    path = resolve(place, Path())
     allowed = given.get("robot", {}).get("allow_unphysical", [])
     description = read(path, allowed if isinstance(allowed, list) else [])
     if not joints and not ideal and "joints" not in given:
@@ -153,7 +152,9 @@ def robot_scenario(
                 table.pop(derived, None)
         named.append(Setting(("joints", name), table, f"--joint {name}"))
     written = "\n".join(f"{key} = {_inline(value)}" for key, value in text.items())
-    return Scenario(written, place, (), (*named, *settings), LABEL), "\n".join(told)
+    scenario = Scenario(written, place, (), (*named, *settings), LABEL)
+    scenario.assumptions = told
+    return scenario
 
 
 def step_for(scenario: Scenario) -> tuple[float, str] | None:

@@ -124,7 +124,8 @@ class SchemaTables:
             tables.append(self.table(preset.kind, title, (family.key, word), preset.given))
             if not any(field.required for field in fields_of(preset.kind).values()):
                 bare.append(word)
-        return {"anyOf": [*([{"enum": bare}] if family.bare else []), *tables]}
+        number = [{"type": "number"}] if family.number else []
+        return {"anyOf": [*([{"enum": bare}] if family.bare else []), *number, *tables]}
 
     def table(
         self,

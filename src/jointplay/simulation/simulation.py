@@ -2,26 +2,28 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, Self, TypedDict, Unpack
 
 import numpy as np
 
 from jointplay.core.errors import JointplayError, MissingName
 from jointplay.core.imports import load_object
-from jointplay.core.schema import Described, unknown_key
-from jointplay.kernel.integrators import DEFAULT
+from jointplay.core.overview import Overview, few
+from jointplay.core.schema import check_fields, unknown_key
+from jointplay.core.units import readable
 from jointplay.loads import Load
-from jointplay.loads.drive import ComputedTorque, Drive, JointFriction
-from jointplay.loads.limits import LIMITS
+from jointplay.loads.drive import Drive, JointFriction
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.mechanism.payload import Payload
+from jointplay.motion.completion import complete_motion
 from jointplay.motion.reference import Motion
+from jointplay.result.inputs import Inputs
 from jointplay.result.judging import STARTS
-from jointplay.result.stored import Inputs
 from jointplay.simulation import checkpoint, judging
 from jointplay.simulation.initial import pair
 from jointplay.simulation.run import Moment, Run
@@ -31,63 +33,50 @@ if TYPE_CHECKING:
     from jointplay.result.result import Result
 
 
-@dataclass(frozen=True)
-class Simulation(Described):
+@dataclass(frozen=True, repr=False)
+class Simulation(Overview, Inputs):
     """Everything that defines a run. Equal simulations give bit-identical results on one machine.
 
+    Values can be given as scenario files have them: ``step="5 us"``, ``drive="free"``.
+
     Raises:
-        JointplayError: on anything that cannot be simulated; see `Run`.
+        JointplayError: a value that cannot be; see also `Run`.
     """
 
-    written: ClassVar[type | None] = Inputs
-
-    mechanism: Mechanism
-    motion: Motion | None = None
-    """Reference of the joints whose drives follow one."""
-    drive: Drive | Mapping[str, Drive] = field(default_factory=ComputedTorque)
-    """One for all joints of the motion, or by joint; joints that are not named are then free."""
-    duration: float | None = None
-    """Simulated time [s]; None takes the motion's."""
-    step: float = 1e-5
-    """Time step [s]."""
-    integrator: str = DEFAULT
-    macro_step: float | None = None
-    """Interval at which the multi-rate method asks Pinocchio for the arm's inertia [s]; None lets
-    an error estimate choose it."""
-    tolerance: float | None = None
-    """Error of a macro step relative to the momentum that contacts and inertia move in it, by which
-    the multi-rate method chooses its micro steps; None: all as long as `step`, which otherwise
-    sets the times of records only."""
-    record_every: int = 10
-    """Steps between two records; peaks in between are held."""
-    joint_friction: Mapping[str, JointFriction] | None = None
-    """Friction by joint; None takes the URDF's <dynamics> entries."""
-    seed: int | None = None
-    """Displaces each journal at the start by a random vector of up to half its clearances."""
-    payloads: Sequence[Payload] = ()
-    start: str | None = None
-    """``"rest"``: journals begin where they lie under gravity and drives; ``"centred"``: in the
-    middle of their bearings. None: at rest where gravity acts or the reference moves from the
-    first, if there is a place of rest; centred where a film that is not hybrid must not break."""
-    state: Mapping[str, float | tuple[float | None, float | None]] = field(default_factory=dict)
-    """Position [rad or m], or position and speed, at the start, by name of a joint without
-    reference or of any coordinate: ``joint.x`` and so on are the journal's own. None leaves
-    one of the two open. In loops, what is not given follows."""
-    settle: float | str | None = None
-    """Time at the start in which the motion settles and is not judged [s], or as ``"2 turns"``:
-    until a driven joint has turned so often."""
-    judge_from: float | None = None
-    """When figures begin to be judged [s]; None: when the run has settled, see `judged_from`."""
-    loads: Mapping[str, Load] = field(default_factory=dict)
-    """What else acts, by a name of your choice: springs, wrenches, stops, controllers."""
-    limits: str = LIMITS[0]
-    """The URDF's limits: ``report`` refuses motions beyond a position and reports speeds and
-    efforts, ``cut`` also cuts the efforts of drives and controllers, ``ignore`` checks nothing."""
-
     def __post_init__(self) -> None:
-        """Refuse a start that there is not."""
+        """Read what is written as in files; complete the motion."""
+        check_fields(self)
         if self.start is not None and self.start not in STARTS:
             raise MissingName("start", str(self.start), STARTS)
+        state = {name: pair(name, value) for name, value in self.state.items()}
+        object.__setattr__(self, "state", state)
+        object.__setattr__(self, "payloads", tuple(self.payloads))
+        if self.motion is not None and isinstance(self.drive, Drive) and self.drive.follows:
+            moving = {name for name, (_, speed) in state.items() if speed is not None}
+            places = {name: at for name, (at, _) in state.items() if at is not None}
+            whole = complete_motion(self.mechanism, self.motion, places, moving)
+            object.__setattr__(self, "motion", whole.motion)
+            left = {name: at for name, at in state.items() if name not in whole.held}
+            object.__setattr__(self, "state", left)
+
+    def facts(self) -> tuple[str, dict[str, str]]:
+        """The mechanism; how long, how finely, and what else is given."""
+        headline, facts = self.mechanism.facts()
+        if self.motion is not None:
+            motion, joints = self.motion, few(list(self.motion.joints))
+            facts["motion"] = f"{joints}: {len(motion.times)} waypoints, {motion.interpolation}"
+        drives = {"all": self.drive} if isinstance(self.drive, Drive) else self.drive
+        facts["drives"] = "; ".join(f"{name}: {one.kind}" for name, one in drives.items()) or "none"
+        duration = judging.duration_of(self)
+        facts["duration"] = "not given" if math.isnan(duration) else readable(duration, "s")
+        facts["integration"] = f"{self.integrator}, steps of {readable(self.step, 's')}"
+        told = {"mechanism", "motion", "drive", "duration", "integrator", "step"}
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if field.name not in told and value and value != field.default:
+                shown = ", ".join(value) if isinstance(value, Mapping) else value
+                facts[field.name.replace("_", " ")] = str(shown)
+        return headline, facts
 
     @property
     def stands(self) -> bool:
@@ -116,14 +105,6 @@ class Simulation(Described):
         """
         return judging.judged_from(self)
 
-    def describe(self) -> dict[str, Any]:
-        """All inputs as plain data; `from_description` reads it back."""
-        description = super().describe()
-        if isinstance(self.drive, Drive):
-            description["drive"] = [description["drive"]]
-        description["state"] = {name: list(pair(name, value)) for name, value in self.state.items()}
-        return description
-
     @classmethod
     def from_description(cls, description: Any) -> Self:
         """Build the simulation that `describe` described.
@@ -137,20 +118,6 @@ class Simulation(Described):
             if name not in known:
                 raise JointplayError(unknown_key(name, known), where=(name,))
         return super().from_description(description)
-
-    @classmethod
-    def from_fields(cls, fields: dict[str, Any]) -> Self:
-        """Build the simulation from its inputs as files have them."""
-        given = dict(fields)
-        given["state"] = {name: tuple(at) for name, at in given["state"].items()}
-        drive = given["drive"]
-        if isinstance(drive, list):
-            if len(drive) != 1:
-                raise JointplayError(
-                    f"one drive stands for all joints, got {len(drive)}", where=("drive",)
-                )
-            (given["drive"],) = drive
-        return cls(**given)
 
     def steps(self, every: float | None = None) -> Iterator[Moment]:
         """Run, and look at the state between macro steps.
@@ -218,57 +185,46 @@ class Simulation(Described):
         return result
 
 
-_FOLLOW = ComputedTorque()
+class Settings(TypedDict, total=False):
+    """What `simulate` takes by name: fields of `Simulation`, as values or as files have them."""
+
+    drive: Drive | str | Mapping[str, Drive | str]
+    step: float | str
+    integrator: str
+    macro_step: float | str | None
+    tolerance: float | None
+    duration: float | str | None
+    seed: int | None
+    start: str | None
+    settle: float | str | None
+    judge_from: float | str | None
+    record_every: int
+    limits: str
+    joint_friction: Mapping[str, JointFriction] | None
+    payloads: Sequence[Payload]
+    state: Mapping[str, float | tuple[float | None, float | None]]
+    loads: Mapping[str, Load]
 
 
 def simulate(
     mechanism: Mechanism,
     motion: Motion | None = None,
     *,
-    drive: Drive | Mapping[str, Drive] = _FOLLOW,
-    duration: float | None = None,
-    step: float = 1e-5,
-    integrator: str = DEFAULT,
-    macro_step: float | None = None,
-    tolerance: float | None = None,
-    record_every: int = 10,
-    joint_friction: Mapping[str, JointFriction] | None = None,
-    seed: int | None = None,
-    payloads: Sequence[Payload] = (),
-    start: str | None = None,
-    state: Mapping[str, float | tuple[float | None, float | None]] | None = None,
-    settle: float | str | None = None,
-    judge_from: float | None = None,
-    loads: Mapping[str, Load] | None = None,
-    limits: str = LIMITS[0],
     progress: bool = False,
     certify: bool = False,
+    **settings: Unpack[Settings],
 ) -> Result:
     """Simulate `mechanism` following `motion`: `Simulation(...).run(...)` in one call.
 
-    `progress` and `certify` are those of `Simulation.run`; all else are fields of `Simulation`,
-    which says what each means, its unit and its default.
+    Args:
+        mechanism, motion: what moves, and how.
+        progress, certify: those of `Simulation.run`.
+        settings: fields of `Simulation`, which says what each means, its unit and its default.
 
     Raises:
         JointplayError: on anything that cannot be simulated.
     """
-    return Simulation(
-        mechanism,
-        motion,
-        drive=drive,
-        duration=duration,
-        step=step,
-        integrator=integrator,
-        macro_step=macro_step,
-        tolerance=tolerance,
-        record_every=record_every,
-        joint_friction=joint_friction,
-        seed=seed,
-        payloads=payloads,
-        start=start,
-        state=state or {},
-        settle=settle,
-        judge_from=judge_from,
-        loads=loads or {},
-        limits=limits,
-    ).run(progress, certify)
+    unknown = [name for name in settings if name not in Settings.__annotations__]
+    if unknown:
+        raise JointplayError(unknown_key(unknown[0], Settings.__annotations__))
+    return Simulation(mechanism, motion, **settings).run(progress, certify)  # type: ignore[arg-type]

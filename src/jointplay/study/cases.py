@@ -15,10 +15,10 @@ from jointplay.analysis.claims import Measures, measure
 from jointplay.core import signals
 from jointplay.core.errors import JointplayError
 from jointplay.kernel import Status
+from jointplay.mechanism.urdf import GRAVITY as GRAVITY
 from jointplay.mechanism.urdf import shipped
 from jointplay.result.result import Result
 from jointplay.scenario import Scenario
-from jointplay.scenario.model import GRAVITY as GRAVITY
 from jointplay.simulation.run import Run
 from jointplay.simulation.saving import run_and_save
 from jointplay.simulation.simulation import Simulation

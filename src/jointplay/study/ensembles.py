@@ -17,8 +17,8 @@ from tqdm import tqdm
 from jointplay.analysis.claims import ISOLATED, START_UP, Measures, Verdict, judge
 from jointplay.core import files, processes
 from jointplay.core.errors import JointplayError
+from jointplay.mechanism.urdf import GRAVITY
 from jointplay.result.stored import versions
-from jointplay.scenario.model import GRAVITY
 from jointplay.simulation.initial import PERTURBATION
 from jointplay.study.cases import CASES, CONDITIONS, VARIANTS, Condition, explicit, perturbed
 

@@ -20,11 +20,11 @@ from jointplay.analysis.twins import ideal_simulation, task, tool_motion
 from jointplay.core.errors import JointplayError
 from jointplay.core.files import temporary
 from jointplay.kernel import Status
+from jointplay.mechanism.robots import PREFIX, SHIPPED
 from jointplay.motion.reference import Motion
 from jointplay.result.result import Result
 from jointplay.result.stored import versions
 from jointplay.scenario import Scenario
-from jointplay.scenario.places import PREFIX, SHIPPED
 from jointplay.scenario.settings import Setting
 from jointplay.simulation.simulation import Simulation
 from jointplay.sweeps.measures import (

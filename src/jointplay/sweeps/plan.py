@@ -13,9 +13,10 @@ from typing import Any
 import numpy as np
 
 from jointplay.core.files import is_file, read_text
+from jointplay.mechanism.robots import resolve
 from jointplay.scenario import Scenario
 from jointplay.scenario.load import merge
-from jointplay.scenario.places import Key, dotted, locate
+from jointplay.scenario.places import Key, dotted
 from jointplay.sweeps.axes import METHODS, Axis, points
 from jointplay.sweeps.keys import put
 from jointplay.sweeps.uncertainty import Until
@@ -178,7 +179,7 @@ class Plan:
                 if is_file(beside):
                     texts[beside.name] = read_text(beside, "module")
                 continue
-            path = locate(name, folder)
+            path = resolve(name, folder)
             texts[name] = read_text(path, "file")
         return texts
 
