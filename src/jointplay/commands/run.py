@@ -34,8 +34,6 @@ class Flag:
     metavar: str | tuple[str, ...] = "X"
     read: Callable[[str], Any] | None = None
     """From the text of the command line to a value of the scenario; None reads numbers."""
-    default: str = ""
-    """What holds for a bare robot, in words."""
 
     @property
     def attribute(self) -> str:
@@ -74,30 +72,28 @@ _JOINT = "joints.JOINT."
 
 FLAGS = (
     Flag("--tool", ("robot.tool",), "robot", "FRAME", str),
-    Flag("--gravity", ("robot.gravity",), "robot", "G", gravity, "loaded"),
-    Flag("--radial", (f"{_JOINT}radial_clearance",), "clearance joint", default="2e-4"),
-    Flag("--axial", (f"{_JOINT}axial_clearance",), "clearance joint", default="2e-4"),
-    Flag("--clearance", (f"{_JOINT}clearance",), "clearance joint", default="2e-4"),
-    Flag("--bearing-radius", (f"{_JOINT}bearing_radius",), "clearance joint", default="0.01"),
-    Flag("--bearing-length", (f"{_JOINT}bearing_length",), "clearance joint", default="0.04"),
+    Flag("--gravity", ("robot.gravity",), "robot", "G", gravity),
+    Flag("--radial", (f"{_JOINT}radial_clearance",), "clearance joint"),
+    Flag("--axial", (f"{_JOINT}axial_clearance",), "clearance joint"),
+    Flag("--clearance", (f"{_JOINT}clearance",), "clearance joint"),
+    Flag("--bearing-radius", (f"{_JOINT}bearing_radius",), "clearance joint"),
+    Flag("--bearing-length", (f"{_JOINT}bearing_length",), "clearance joint"),
     Flag("--journal-radius", (f"{_JOINT}journal_radius",), "clearance joint"),
     Flag("--journal-length", (f"{_JOINT}journal_length",), "clearance joint"),
     Flag(
         "--young",
         (f"{_JOINT}bearing_material.young", f"{_JOINT}journal_material.young"),
         "clearance joint",
-        default="207e9",
     ),
     Flag(
         "--poisson",
         (f"{_JOINT}bearing_material.poisson", f"{_JOINT}journal_material.poisson"),
         "clearance joint",
-        default="0.3",
     ),
     Flag("--stiffness", (f"{_JOINT}stiffness",), "clearance joint"),
     Flag("--axial-stiffness", (f"{_JOINT}axial_stiffness",), "clearance joint"),
-    Flag("--law", (f"{_JOINT}normal.law",), "laws", "LAW", str, "lankarani-nikravesh"),
-    Flag("--restitution", (f"{_JOINT}restitution",), "laws", default="0.9"),
+    Flag("--law", (f"{_JOINT}normal.law",), "laws", "LAW", str),
+    Flag("--restitution", (f"{_JOINT}restitution",), "laws"),
     Flag("--damping", (f"{_JOINT}normal.damping",), "laws"),
     Flag("--impact-mass", (f"{_JOINT}normal.mass",), "laws"),
     Flag(
@@ -106,23 +102,22 @@ FLAGS = (
         "laws",
         ("N", "P", "Q"),
     ),
-    Flag("--friction", (f"{_JOINT}friction.mu_d",), "laws", default="0.1"),
+    Flag("--friction", (f"{_JOINT}friction.mu_d",), "laws"),
     Flag(
         "--friction-speeds",
         (f"{_JOINT}friction.v0", f"{_JOINT}friction.v1"),
         "laws",
         ("V0", "V1"),
-        default="1e-4 1e-3",
     ),
     Flag("--motion", ("motion.file",), "motion and drive", "FILE", as_local_path),
     Flag("--interpolation", ("motion.interpolation",), "motion and drive", "WORD", str),
-    Flag("--bandwidth", ("drive.bandwidth",), "motion and drive", default="100"),
-    Flag("--damping-ratio", ("drive.damping_ratio",), "motion and drive", default="1"),
+    Flag("--bandwidth", ("drive.bandwidth",), "motion and drive"),
+    Flag("--damping-ratio", ("drive.damping_ratio",), "motion and drive"),
     Flag("--seed", ("integration.seed",), "motion and drive", "N", whole),
     Flag("--start", ("integration.start",), "motion and drive", "WORD", str),
     Flag("--settle", ("integration.settle",), "motion and drive", "TIME"),
     Flag("--judge-from", ("integration.judge_from",), "motion and drive"),
-    Flag("--step", ("integration.step",), "integration and output", default="1e-5"),
+    Flag("--step", ("integration.step",), "integration and output"),
     Flag("--duration", ("integration.duration",), "integration and output"),
     Flag("--integrator", ("integration.integrator",), "integration and output", "WORD", str),
     Flag("--macro-step", ("integration.macro_step",), "integration and output"),
@@ -208,8 +203,25 @@ def explanation(flag: Flag) -> str:
         text = f"{text}: {', '.join(choices)}" if text else ", ".join(choices)
     elif choices:
         text = f"{text or 'one'} of {len(choices)}, see docs/laws.md: {', '.join(choices[:3])} ..."
-    default = f" (default {flag.default})" if flag.default else ""
+    known = [default for key in flag.keys if (default := default_of(key.split(".")))]
+    default = f" (default {' '.join(dict.fromkeys(known))})" if known else ""
     return f"{text}{default}: {flag.keys[0]}".removeprefix(": ").replace("%", "%%")
+
+
+def default_of(key: Sequence[str]) -> str:
+    """What holds for a bare robot of which a key is not given, as text; empty if nothing does."""
+    from jointplay.core.schema import default_at
+    from jointplay.scenario.model import Model
+    from jointplay.scenario.robot import JOINTS
+
+    if key[0] == "joints":
+        taken = {**JOINTS["prismatic"], **JOINTS["revolute"]}.get(key[2])
+        if taken is not None:
+            return f"{taken:g}"
+    value = default_at(Model, key)
+    if isinstance(value, float | int):
+        return f"{value:g}"
+    return value if isinstance(value, str) else ""
 
 
 def _choices(whole_schema: dict[str, Any], part: Any, path: Sequence[str]) -> list[str]:

@@ -61,13 +61,14 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
         case for case in cases if options.certify or scenario.model(case).integration.certify
     }
     out, total = Path(options.out), 0.0
-    given = {}
+    given, only_run = {}, None
     for case in cases:  # before anything is written
         records = records_needed(out / files[case], case in certified)
         run = scenario.ready_run(case, not options.quiet, records)
         given[case] = run.simulation.describe()
         runs = 1 + (further_runs(run.simulation) if case in certified else 0)
         total += runs * run.total_steps * run.simulation.step
+        only_run = run if len(cases) == 1 else None
         del run  # and its arrays
     for line in scenario.notes:
         streams.note(line)
@@ -86,7 +87,8 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
     progress = not options.quiet
     told = False
     if jobs == 1 or len(left) <= 1:
-        told = _one_by_one(scenario, left, certified, out, progress)
+        told = _one_by_one(scenario, left, certified, out, progress, only_run)
+        only_run = None
     else:
         told = _side_by_side(scenario, left, certified, out, jobs, total, progress)
     saved = {case: out / name for case, name in files.items() if (out / name).exists()}
@@ -201,9 +203,14 @@ def _execute(
 
 
 def _one_by_one(
-    scenario: Scenario, files: dict[str, str], certified: set[str], out: Path, progress: bool
+    scenario: Scenario,
+    files: dict[str, str],
+    certified: set[str],
+    out: Path,
+    progress: bool,
+    ready: Run | None,
 ) -> bool:
-    """Run all in this process; returns whether it was told to stop."""
+    """Run all in this process, the only one as it is `ready`; returns whether told to stop."""
     from tqdm import tqdm
 
     from jointplay.kernel import Status
@@ -211,7 +218,7 @@ def _one_by_one(
     for case, name in files.items():
         try:
             records = records_needed(out / name, case in certified)
-            prepared = scenario.ready_run(case, progress, records)
+            prepared = ready or scenario.ready_run(case, progress, records)
             if progress:
                 tqdm.write(f"case {case}:", file=sys.stderr)
             status = _execute(scenario, case, prepared, out / name, case in certified, progress)

@@ -94,7 +94,13 @@ FILM_LAWS: dict[str, type[FilmLaw]] = {law.name: law for law in (ShortBearing, P
 
 
 register(
-    NormalForceLaw, Family("law", "normal-force law", NORMAL_LAWS | {"custom": CustomNormalForce})
+    NormalForceLaw,
+    Family(
+        "law",
+        "normal-force law",
+        NORMAL_LAWS | {"custom": CustomNormalForce},
+        default=LankaraniNikravesh.name,
+    ),
 )
 register(
     FrictionLaw,
@@ -102,6 +108,7 @@ register(
         "law",
         "friction law",
         FRICTION_LAWS | {"custom": CustomFriction, "custom-bristle": CustomBristle},
+        default=Ambrosio.name,
         number=(Ambrosio.name, "mu_d"),
     ),
 )

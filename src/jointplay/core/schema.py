@@ -171,6 +171,8 @@ class Field:
     """What its words are called, and these; a mapping has the values they stand for."""
     finite: bool = True
     """Whether its number must be finite."""
+    default: Any = None
+    """What it is if not given; None also where it must be."""
 
 
 @cache
@@ -193,8 +195,40 @@ def fields_of(kind: type) -> dict[str, Field]:
         required = one.default is missing and one.default_factory is missing
         choices = one.metadata.get(CHOICES)
         finite = one.metadata.get(FINITE, True)
-        fields[one.name] = Field(one.name, hint, units or ("",), required, choices, finite)
+        default = None if one.default is missing else one.default
+        fields[one.name] = Field(one.name, hint, units or ("",), required, choices, finite, default)
     return fields
+
+
+def default_at(kind: Any, path: Sequence[str]) -> Any:
+    """What the field at `path` within a class is if not given: its value, or the word for it.
+
+    Names of entries of a table by name may be any; of a family its default member counts.
+    """
+    if not path:
+        family = family_of(kind)
+        return None if family is None else family.default
+    parts = [part for part in get_args(kind) if part is not type(None)]
+    origin = get_origin(kind)
+    if origin in (Union, types.UnionType):
+        return default_at(parts[0], path)
+    if origin is not None:
+        return default_at(parts[-1], path[1:])
+    family = family_of(kind)
+    if family is not None:
+        if path[0] == family.key:
+            return family.default
+        member = family.members[family.default or next(iter(family.members))]
+        kind = member.kind if isinstance(member, Preset) else member
+    field = fields_of(kind).get(path[0])
+    if field is None:
+        return None
+    if len(path) > 1:
+        return default_at(field.hint, path[1:])
+    words = field.choices[1] if field.choices else ()
+    if isinstance(words, Mapping):
+        return next((word for word, value in words.items() if value == field.default), None)
+    return field.default
 
 
 def _measures(hint: Any) -> bool:

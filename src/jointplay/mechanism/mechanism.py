@@ -305,7 +305,16 @@ class Mechanism(Overview, Described):
         return [self.coordinates.index(Coordinate(loop, part)) for part in parts]
 
     def ideal(self) -> Mechanism:
-        """The same mechanism without clearance and without play in its gears."""
+        """The same mechanism without clearance and without play in its gears, always the same one.
+
+        One that has neither is its own.
+        """
+        return self._ideal
+
+    @cached_property
+    def _ideal(self) -> Mechanism:
+        if not self._joints and not self.gears:
+            return self
         joints = {
             name: joint
             for name, joint in self._joints.items()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import OrderedDict
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import fields
@@ -22,7 +23,7 @@ from jointplay.mechanism.loop import Loop, refuse_name
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.mechanism.payload import Payload
 from jointplay.mechanism.robots import resolve
-from jointplay.mechanism.urdf import read
+from jointplay.mechanism.urdf import Description, read
 from jointplay.motion.cartesian import cartesian_motion
 from jointplay.motion.completion import complete_motion
 from jointplay.motion.reference import INTERPOLATIONS, Motion
@@ -351,7 +352,7 @@ def complete(
 # From a checked scenario to the simulation that it describes.
 
 
-def build(model: Model, folder: Path) -> tuple[Simulation, list[str]]:
+def build(model: Model, folder: Path, built: Built) -> tuple[Simulation, list[str]]:
     """Simulation that `model` describes; its paths are relative to `folder`.
 
     Returns:
@@ -360,7 +361,7 @@ def build(model: Model, folder: Path) -> tuple[Simulation, list[str]]:
     Raises:
         JointplayError: what cannot be; `where` has the key.
     """
-    mechanism = _mechanism(model, folder)
+    mechanism = _mechanism(model, folder, built)
     start = {
         name: fit(mechanism, name, value, ANGLE, ("start", name))
         for name, value in model.start.items()
@@ -388,11 +389,31 @@ def build(model: Model, folder: Path) -> tuple[Simulation, list[str]]:
     return simulation, notes
 
 
-def _mechanism(model: Model, folder: Path) -> Mechanism:
+Built = OrderedDict[tuple[str, ...], Mechanism]
+"""Mechanisms that a scenario has built, for who asks for the same again: a run is checked, then
+begun."""
+
+_LAST_BUILT = 4
+"""So many are kept."""
+
+
+def _mechanism(model: Model, folder: Path, built: Built) -> Mechanism:
+    """The mechanism that `model` describes; alike ones are built once."""
     robot = model.robot
     with within("robot", "urdf"):
         path = resolve(robot.urdf, folder)
         description = read(path, robot.allow_unphysical)
+    told = (robot, model.loops, model.joints, model.gears, folder)
+    key = (str(path), description.text, *map(repr, told))
+    made = built.pop(key, None) or _built_anew(model, path, description, folder)
+    built[key] = made
+    if len(built) > _LAST_BUILT:
+        built.popitem(last=False)
+    return made
+
+
+def _built_anew(model: Model, path: Path, description: Description, folder: Path) -> Mechanism:
+    robot = model.robot
     loops = {}
     for name, ends in model.loops.items():
         bearing, journal = ends.bearing, ends.journal

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
+from collections import OrderedDict
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import fields
 from functools import cached_property
@@ -22,6 +23,7 @@ from jointplay.scenario.places import Key, dotted, line_of, lines
 from jointplay.scenario.settings import Setting, given_by, tree
 
 if TYPE_CHECKING:
+    from jointplay.scenario.build import Built
     from jointplay.simulation.run import Run
     from jointplay.simulation.simulation import Simulation
 
@@ -81,6 +83,7 @@ class Scenario(Overview):
         self.text = text
         self.notes: list[str] = []
         self.assumptions: list[str] = []
+        self._built: Built = OrderedDict()
         data = self._parsed(text)
         cases = data.pop("cases", {})
         self.sweep = dict(self._table(data.pop("sweep", {}), ("sweep",)))
@@ -167,7 +170,7 @@ class Scenario(Overview):
 
         try:
             with trusting(self.trust):
-                simulation, notes = build(model, self.path.parent)
+                simulation, notes = build(model, self.path.parent, self._built)
         except JointplayError as error:
             raise self._error(error.where, str(error), case, True) from None
         self.notes += [line for line in notes if line not in self.notes]

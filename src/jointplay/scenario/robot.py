@@ -19,7 +19,7 @@ from jointplay.scenario.load import Scenario
 from jointplay.scenario.settings import Setting, tree
 
 if TYPE_CHECKING:
-    from jointplay.mechanism.mechanism import Mechanism
+    pass
 
 SCARA = f"{SHIPPED}scara.urdf"
 SCARA_JOINT = "joint_b"
@@ -28,23 +28,9 @@ SCARA_MOTION = f"{SHIPPED}scara_motion.csv"
 LABEL = "result"
 """Case of a bare robot, after which its file is named."""
 
-_STEEL = {"young": 207e9, "poisson": 0.3}
-_LAWS = {
-    "normal": {"law": "lankarani-nikravesh"},
-    "friction": {"law": "ambrosio", "mu_d": 0.1, "v0": 1e-4, "v1": 1e-3},
-}
-_MATERIALS = {"bearing_material": _STEEL, "journal_material": _STEEL, "restitution": 0.9}
 JOINTS: Mapping[str, Mapping[str, Any]] = {
-    "revolute": {
-        "kind": "revolute",
-        "bearing_radius": 10e-3,
-        "bearing_length": 40e-3,
-        "radial_clearance": 2e-4,
-        "axial_clearance": 2e-4,
-        **_MATERIALS,
-        **_LAWS,
-    },
-    "prismatic": {"kind": "prismatic", "clearance": 2e-4, **_MATERIALS, **_LAWS},
+    "revolute": {"kind": "revolute", "radial_clearance": 2e-4, "axial_clearance": 2e-4},
+    "prismatic": {"kind": "prismatic", "clearance": 2e-4},
 }
 """A joint with clearance of which no more is said than its name, by the kind it has in the URDF."""
 
@@ -136,9 +122,7 @@ def robot_scenario(
         if scara:
             text["motion"] = {"file": SCARA_MOTION}
         else:
-            from jointplay.mechanism.mechanism import Mechanism
-
-            text["motion"], words = _there_and_back(Mechanism(path, allow_unphysical=allowed))
+            text["motion"], words = _there_and_back(description)
             told.append(words)
     named = []
     for name in () if ideal else joints:
@@ -146,7 +130,7 @@ def robot_scenario(
         own = given.get("joints", {}).get(name, {})
         kind = "prismatic" if known is not None and known.slides else "revolute"
         wanted = own.get("kind", kind)
-        table = dict(JOINTS.get(wanted, {"kind": wanted, **_MATERIALS, **_LAWS}))
+        table = dict(JOINTS.get(wanted, {"kind": wanted}))
         for instead, derived in _INSTEAD.items():
             if instead in own and derived not in own:
                 table.pop(derived, None)
@@ -209,17 +193,17 @@ def _prefixed(place: str) -> str:
     return f"{PREFIX}{place}"
 
 
-def _there_and_back(mechanism: Mechanism) -> tuple[dict[str, Any], str]:
+def _there_and_back(description: Description) -> tuple[dict[str, Any], str]:
     """A motion for who gave none: every joint a little way there and back, within its limits.
 
     Joints that mimic others follow them.
     """
     from jointplay.mechanism.model import parse
 
-    model = parse(mechanism.description)
+    model = parse(description)
     ways = {}
-    for name in mechanism.joints:
-        if mechanism.description.joints[name].mimics:  # it follows
+    for name in list(model.names)[1:]:
+        if description.joints[name].mimics:  # it follows
             continue
         at = model.joints[model.getJointId(name)].idx_q
         if model.joints[model.getJointId(name)].nq != 1:  # a continuous joint: without limits
@@ -229,7 +213,7 @@ def _there_and_back(mechanism: Mechanism) -> tuple[dict[str, Any], str]:
         inside = ROOM * (high - low) if np.isfinite(high - low) else 0.0
         begin = float(np.clip(0.0, low + inside, high - inside))
         room = max(high - begin, begin - low)
-        slides = mechanism.description.joints[name].slides
+        slides = description.joints[name].slides
         way = min(SLIDE if slides else SWING, PART * room)
         end = begin + (way if high - begin >= begin - low else -way)
         ways[name] = [begin, end, begin]
