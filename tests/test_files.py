@@ -2,6 +2,7 @@
 
 import ast
 import errno
+import fcntl
 import json
 import os
 import re
@@ -270,10 +271,13 @@ def aged(folder, seconds=2 * files.LEFT_S):
     os.utime(folder / files.MARK, (then, then))
 
 
-def claimed(folder, **owner):
-    mark = folder / files.MARK
-    mark.write_text(json.dumps(json.loads(mark.read_text()) | owner))
-    aged(folder)
+HELD = []
+
+
+def held(folder):
+    """Hold the lock of the folder's owner, as the owner does while it lives."""
+    HELD.append((folder / files.MARK).open())
+    fcntl.flock(HELD[-1], fcntl.LOCK_EX)
 
 
 def test_what_a_killed_process_left_the_next_one_deletes(left):
@@ -283,13 +287,12 @@ def test_what_a_killed_process_left_the_next_one_deletes(left):
     assert not Path(folder).exists()
 
 
-MINE = {"pid": os.getpid(), "began": files._began(os.getpid())}
 STAYS = {
     "younger than a day": lambda folder: aged(folder, files.LEFT_S / 2),
     "not marked": lambda folder: (folder / files.MARK).unlink(),
-    "the owner lives": lambda folder: claimed(folder, **MINE),
-    "of another machine or container": lambda folder: claimed(folder, among="elsewhere"),
-    "a mark that says nothing": lambda folder: (folder / files.MARK).write_text("[]"),
+    "the owner lives": held,
+    "of another machine or container": lambda folder: (folder / files.MARK).write_text("elsewhere"),
+    "a mark that says nothing": lambda folder: (folder / files.MARK).write_bytes(b"\xff"),
 }
 
 
@@ -302,10 +305,22 @@ def test_other_folders_stay(reason, left):
         assert left.is_dir()
 
 
-def test_a_number_that_is_another_process_s_since_does_not_keep_a_folder(left):
-    claimed(left, pid=os.getpid(), began="1")
-    with files.temporary():
-        assert not left.exists()
+def test_a_folder_outlasts_a_day_while_its_process_lives(monkeypatch, tmp_path):
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    with files.temporary() as folder:
+        aged(Path(folder))
+        monkeypatch.setattr(files, "_swept", set())
+        with files.temporary():
+            assert Path(folder).is_dir()
+
+
+def test_where_nothing_can_be_locked_folders_are_not_marked(monkeypatch):
+    def no_locks(*_):
+        raise OSError(errno.ENOLCK, "No locks available")
+
+    monkeypatch.setattr(files.fcntl, "flock", no_locks)
+    with files.temporary() as folder:
+        assert not list(Path(folder).iterdir())
 
 
 def test_a_link_to_a_marked_folder_is_left_alone(left, tmp_path):
@@ -343,7 +358,7 @@ ELSEWHERE = {
     "exports/notebook.py": {"figure.savefig(buffer, format='png', dpi=100)"},  # in memory
     "exports/table.py": {"block.to_csv(index=False, header=first == 0)"},  # in memory
     "exports/trajectory.py": {"yaml.dump("},  # text
-    "core/numba_cache.py": {"file.unlink()"},  # the kernels' cache, which is numba's to write
+    "core/numba_inside.py": {"file.unlink()"},  # the kernels' cache, which is numba's to write
     "mechanism/viewer.py": {"shutil.rmtree(", "folder.rmdir()"},  # a temporary folder
     "core/streams.py": {"os.open(os.devnull, ", "os.fdopen(number, mode, closefd=False)"},
     "mechanism/meshes.py": {"np.savez(file, ", "scene.dump()", "file.unlink("},  # the user's cache

@@ -13,8 +13,10 @@ from pathlib import Path
 import pytest
 from numba import njit
 
+from jointplay.core import compiler, numba_inside
+from jointplay.core.compiler import internal
+from jointplay.core.numba_inside import PartLibrary
 from jointplay.kernel.entry import ENTRIES
-from jointplay.kernel.parts import PartLibrary, internal
 
 stamp = importlib.import_module("jointplay.kernel.sources")
 PACKAGE = Path(stamp.__file__).parent
@@ -161,18 +163,89 @@ def test_parts_of_a_kernel_are_translated_to_machine_code_with_their_entry_only(
     assert not isinstance(entry.library, PartLibrary)
 
 
+MOVED = {
+    "a class": "import numba.core.codegen as c\ndel c.JITCodeLibrary\n",
+    "an attribute": "import numba.core.compiler as c\ndel c.CompilerBase.define_pipelines\n",
+}
+"""Programs after which numba is another inside, as a later release may be."""
+
+
+def without_insides(what, code, folder):
+    """Run a program where numba has moved something, with a cache of its own in `folder`."""
+    return subprocess.run(
+        [sys.executable, "-c", MOVED[what] + code],
+        env=os.environ | {"NUMBA_CACHE_DIR": str(folder)},
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("what", MOVED)
+def test_where_numba_is_another_inside_the_same_is_compiled_plainly(what, tmp_path):
+    code = """
+from jointplay.core.compiler import NumbaError, internal, njit, stamp
+@internal
+def doubled(x):
+    return 2.0 * x
+@njit(cache=True, error_model="numpy")
+def called(x):
+    return doubled(x) / (x - x)
+stamp(called, [])
+from jointplay.geometry import radial_gap
+print(called(3.0), NumbaError)
+"""
+    done = without_insides(what, code, tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == "inf <class 'Exception'>\n"
+    assert done.stderr.count("is another inside than this package knows") == 1
+    assert not [*tmp_path.rglob("*.nb[ic]")]
+
+
+@pytest.mark.nightly  # compiles all, which takes a minute
+@pytest.mark.parametrize("what", MOVED)
+def test_where_numba_is_another_inside_results_are_the_same(what, tmp_path):
+    code = """
+import hashlib, jointplay as jp
+from jointplay.study import scara
+made = scara(2e-4)
+found = jp.simulate(made.mechanism, made.motion, duration=0.05).dataset
+numbers = [v.values.tobytes() for v in found.variables.values() if v.dtype.kind == "f"]
+print(len(numbers), hashlib.sha256(b"".join(numbers)).hexdigest())
+"""
+    done = without_insides(what, code, tmp_path)
+    usual = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == usual.stdout != ""
+
+
+def test_what_is_used_inside_numba_is_there_and_used_in_one_module():
+    """A release of numba that moves it fails here: mend `numba_inside`, then raise the bound."""
+    assert compiler.internal is numba_inside.part
+    for kind, names in numba_inside.USED.items():
+        assert [name for name in names if not hasattr(kind, name)] == []
+    called(3.0)
+    (one,) = doubled.overloads.values()
+    codegen = one.library._codegen
+    assert codegen._data_layout
+    assert codegen.set_env
+    assert Path(ENTRIES[0]._cache._cache_file._index_path).suffix == ".nbi"
+    inside = re.compile(r"\bnumba\.core\b|\b_cache_file\b")
+    lowest = re.compile(r"\bllvmlite\b|\bnumba\.extending\b")
+    for found, only in ((inside, "numba_inside.py"), (lowest, "compiler.py")):
+        paths = [p for p in SOURCE.rglob("*.py") if found.search(p.read_text(encoding="utf-8"))]
+        assert [path.name for path in paths] == [only]
+
+
 def test_compiled_functions_that_call_other_files_are_stamped_with_them():
     from jointplay import geometry
-    from jointplay.core import numba_cache
     from jointplay.mechanism import tree
     from jointplay.simulation import statics
 
-    own = sorted(Path(geometry.__file__).parent.glob("*.py"))
+    own = (*sorted(Path(geometry.__file__).parent.glob("*.py")), Path(compiler.__file__))
     for function in (geometry.touch, geometry.classify_many, geometry.worn_gap, geometry.gaps):
-        assert function._cache._cache_file._source_stamp == numba_cache.fingerprint(own)
-    trees = numba_cache.fingerprint((Path(tree.__file__), Path(tree.__file__)))
+        assert function._cache._cache_file._source_stamp == compiler.fingerprint(own)
+    trees = compiler.fingerprint((Path(tree.__file__),))
     assert tree.react._cache._cache_file._source_stamp == trees
-    whole = numba_cache.fingerprint((*stamp.SOURCES, Path(statics.__file__)))
+    whole = compiler.fingerprint((*stamp.SOURCES, Path(statics.__file__)))
     for name in ("_wrench", "_energy", "_stiffness"):
         assert getattr(statics, name)._cache._cache_file._source_stamp == whole
 

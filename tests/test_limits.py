@@ -19,7 +19,7 @@ from jointplay import JointplayError, player
 from jointplay.analysis import runs
 from jointplay.commands import listed
 from jointplay.commands.run_scenario import file_names
-from jointplay.core import numba_cache, schema
+from jointplay.core import compiler, schema
 from jointplay.core.files import MOST_TEXT, csv_rows
 from jointplay.core.units import convert
 from jointplay.design import shares
@@ -434,11 +434,11 @@ def test_a_package_that_cannot_be_written_to_runs_with_a_hint(monkeypatch):
     def nowhere(*_):
         raise RuntimeError("cannot cache function: no locator available")
 
-    monkeypatch.setattr(numba_cache.caching, "CompileResultCacheImpl", nowhere)
-    monkeypatch.setattr(numba_cache.numba.config, "CACHE_DIR", "")
+    monkeypatch.setattr(compiler.numba, "njit", lambda **_: nowhere)
+    monkeypatch.setattr(compiler.numba.config, "CACHE_DIR", "")
     with pytest.warns(RuntimeWarning, match="name a folder in NUMBA_CACHE_DIR"):
-        numba_cache.ensure()
-    assert Path(numba_cache.numba.config.CACHE_DIR).is_dir()
+        compiler.ensure()
+    assert Path(compiler.numba.config.CACHE_DIR).is_dir()
 
 
 def test_a_thousand_seconds_are_tabulated_no_further_than_the_motion_goes():

@@ -18,7 +18,7 @@ from test_sweep_kills import AXES, descendants, grown, resume, same
 import jointplay as jp
 from jointplay.sweeps import plan_of
 from jointplay.sweeps.case import DONE, Outcome, job
-from jointplay.sweeps.cluster import ClusterWorkers
+from jointplay.sweeps.cluster import TRIES, ClusterWorkers, version
 from jointplay.sweeps.store import Store
 
 pytest.importorskip("distributed")
@@ -183,6 +183,38 @@ def test_addresses_that_are_none_are_said_in_a_line(address, reference, tmp_path
     monkeypatch.setattr("jointplay.sweeps.cluster.CONNECT_S", 1)
     with pytest.raises(jp.JointplayError, match="no Dask scheduler answers at"):
         jp.sweep(reference[0], tmp_path / "s", scheduler=address)
+
+
+class SlowClient:
+    """A client on a machine so busy that its first event loops do not start in time."""
+
+    begun = 0
+
+    def __init__(self, address, **options):
+        type(self).begun += 1
+        assert self.begun > self.fail
+
+    def nthreads(self):
+        return {"one": 1}
+
+    def run(self, function, **options):
+        return {"one": function()}
+
+
+@pytest.mark.parametrize("fail", [2, 1000])
+def test_a_client_that_does_not_start_is_begun_again(fail, monkeypatch):
+    monkeypatch.setattr(SlowClient, "begun", 0)
+    monkeypatch.setattr(SlowClient, "fail", fail, raising=False)
+    monkeypatch.setattr("distributed.Client", SlowClient)
+    work = SimpleNamespace(version=version())
+    if fail == 2:
+        assert ClusterWorkers(work, "tcp://here").number == 1
+        assert SlowClient.begun == 3
+        return
+    with pytest.raises(jp.JointplayError, match="no Dask scheduler answers at 'tcp://here': ") as e:
+        ClusterWorkers(work, "tcp://here")
+    assert "could not start" in str(e.value)
+    assert SlowClient.begun == TRIES
 
 
 def test_a_scheduler_without_workers_is_said_in_a_line(cluster, reference, tmp_path, monkeypatch):

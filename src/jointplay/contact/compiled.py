@@ -95,14 +95,16 @@ def compiled_law(law: Law) -> Any:
 
 @cache
 def _compiled(function: Callable[..., Any], state: tuple[str, ...], answers: int) -> Any:
+    return compiled_function(_packed(function, state, answers), law_signature(state, answers))
+
+
+def law_signature(state: tuple[str, ...], answers: int) -> Any:
+    """What a compiled law takes and returns; one with several `answers` writes them."""
     from numba import types
 
     array = types.CPointer(types.float64)
     numbers = (types.float64,) * len(state)
-    signature = types.float64(*numbers, array)
-    if answers:
-        signature = types.void(*numbers, array, array)
-    return compiled_function(_packed(function, state, answers), signature)
+    return types.void(*numbers, array, array) if answers else types.float64(*numbers, array)
 
 
 @cache
@@ -135,12 +137,14 @@ def compiled_function(function: Callable[..., Any], signature: Any) -> Any:
     """
     import numba
 
+    from jointplay.core.compiler import NumbaError
+
     try:
         try:
             return numba.cfunc(signature, cache=True, error_model="numpy")(function)
         except RuntimeError:  # typed at a prompt: numba finds no file to keep its cache beside
             return numba.cfunc(signature, error_model="numpy")(function)
-    except numba.core.errors.NumbaError as error:
+    except NumbaError as error:
         lines = [line.strip() for line in str(error).splitlines() if line.strip()]
         reason = next((line for line in lines if not line.startswith("Failed in")), "no reason")
         name = getattr(function, "__name__", str(function))

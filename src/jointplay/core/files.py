@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import csv
 import errno
+import fcntl
 import io
-import json
 import os
 import secrets
 import shutil
@@ -16,8 +16,9 @@ import socket
 import stat
 import tempfile
 import time
-from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+import weakref
+from collections.abc import Iterable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
@@ -40,7 +41,8 @@ _NO_LINKS = {errno.EPERM, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS, errno.E
 
 
 MARK = ".jointplay-owner"
-"""Name of the file in a temporary folder of ours that says whose it is."""
+"""Name of the file in a temporary folder of ours that says of which machine it is; its owner holds
+a lock on it, which ends with the owner."""
 
 LEFT_S = 86400.0
 """Temporary folders whose owner is dead are deleted when they are older [s]."""
@@ -275,52 +277,32 @@ def temporary(what: str = "files") -> tempfile.TemporaryDirectory[str]:
     made = tempfile.TemporaryDirectory(
         prefix=f"jointplay-{what}-{os.getpid()}-", ignore_cleanup_errors=True
     )
-    owner = {"pid": os.getpid(), "began": _began(os.getpid()), "among": _processes()}
-    (Path(made.name) / MARK).write_text(json.dumps(owner), encoding="utf-8")
+    mark = Path(made.name) / MARK
+    mark.write_text(socket.gethostname(), encoding="utf-8")
+    owner = os.open(mark, os.O_RDONLY)
+    weakref.finalize(made, os.close, owner)
+    try:
+        fcntl.flock(owner, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:  # a file system without locks: nothing there would say that this one lives
+        mark.unlink()
     return made
 
 
 def _sweep(place: Path) -> None:
     """Delete the temporary folders of dead processes."""
     for folder in place.glob("jointplay-*"):
-        with suppress(OSError, ValueError, TypeError, KeyError):
+        with suppress(OSError, ValueError), ExitStack() as stack:
             mark = (folder / MARK).lstat()
             if not stat.S_ISREG(mark.st_mode) or folder.is_symlink():
                 continue
             if mark.st_uid != folder.lstat().st_uid or mark.st_uid != os.getuid():
                 continue
-            owner = json.loads((folder / MARK).read_text(encoding="utf-8"))
-            known = owner["among"] == _processes()
-            if known and time.time() - mark.st_mtime > LEFT_S and not _lives(owner):
+            if time.time() - mark.st_mtime <= LEFT_S:
+                continue
+            file = stack.enter_context((folder / MARK).open(encoding="utf-8"))
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)  # fails while the owner lives
+            if file.read() == socket.gethostname():
                 shutil.rmtree(folder, ignore_errors=True)
-
-
-def _lives(owner: Mapping[str, Any]) -> bool:
-    """Whether the process that made a folder lives; its number may be another's since."""
-    try:
-        os.kill(int(owner["pid"]), 0)
-    except ProcessLookupError:
-        return False
-    except PermissionError:  # another user's, whose folder this is not
-        return False
-    return bool(owner["began"] == _began(int(owner["pid"])))
-
-
-def _began(pid: int) -> str:
-    """When a process began, where the system says so."""
-    try:
-        text = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8", errors="replace")
-        return text.rpartition(")")[2].split()[19]
-    except (OSError, IndexError):
-        return ""
-
-
-def _processes() -> str:
-    """Among which processes this one's number means it: machine, container."""
-    inside = ""
-    with suppress(OSError):
-        inside = os.readlink("/proc/self/ns/pid")
-    return f"{socket.gethostname()} {inside}"
 
 
 def is_file(path: Path) -> bool:
@@ -511,10 +493,6 @@ def claim(folder: str | Path, names: Iterable[str]) -> Path:
 
 def _lock(folder: Path) -> None:
     """Hold an advisory lock on the folder itself until this process ends."""
-    try:
-        import fcntl
-    except ImportError:  # not on this system
-        return
     place = folder.resolve()
     if place in _claimed:
         return

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from jointplay.core.numba_cache import njit
+from jointplay.core.compiler import njit
 from jointplay.geometry.shapes import _WORN_NODE
 
 

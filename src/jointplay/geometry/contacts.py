@@ -3,15 +3,10 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
-from llvmlite import ir
-from numba import types
-from numba.core import cgutils
-from numba.extending import intrinsic
 
-from jointplay.core.numba_cache import njit
+from jointplay.core.compiler import calling_with_arrays, njit
 from jointplay.geometry.bore import worn_gap
 from jointplay.geometry.cylinder import touch_cylinder
 from jointplay.geometry.shapes import (
@@ -37,41 +32,7 @@ POSE, ANSWER = 12, 7
 """Numbers of a pose, and of what touching answers: gap, place (3), normal (3)."""
 
 
-@intrinsic
-def call_touch(
-    typingctx: Any, address: Any, k: Any, d: Any, at: Any, centre: Any, turn: Any, last: Any
-) -> Any:
-    """Call the function at `address` for contact k.
-
-    The pose comes in three tuples: centre (3), and rows of the orientation (6 and 3).
-
-    The dimensions begin at index `at` of d, an array or a pointer (compiled code only).
-    """
-
-    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        double = ir.DoubleType()
-        array = double.as_pointer()
-        dimensions = args[2]
-        if isinstance(signature.args[2], types.Array):
-            dimensions = context.make_array(signature.args[2])(context, builder, dimensions).data
-        dimensions = builder.gep(builder.bitcast(dimensions, array), [args[3]])
-        there = cgutils.alloca_once(builder, double, size=POSE)
-        parts = [
-            builder.extract_value(values, i)
-            for kind, values in zip(signature.args[4:], args[4:], strict=True)
-            for i in range(len(kind))
-        ]
-        for i, number in enumerate(parts):
-            builder.store(number, cgutils.gep_inbounds(builder, there, i))
-        out = cgutils.alloca_once(builder, double, size=ANSWER)
-        kind = ir.FunctionType(ir.VoidType(), [ir.IntType(64), array, array, array])
-        function = builder.inttoptr(args[0], kind.as_pointer())
-        builder.call(function, [args[1], there, dimensions, out])
-        numbers = [builder.load(cgutils.gep_inbounds(builder, out, i)) for i in range(ANSWER)]
-        return context.make_tuple(builder, signature.return_type, numbers)
-
-    answer = types.UniTuple(types.float64, ANSWER)
-    return answer(types.int64, types.int64, d, types.int64, centre, turn, last), codegen
+call_touch = calling_with_arrays(POSE, ANSWER)
 
 
 @njit(cache=True, error_model="numpy")
@@ -127,7 +88,7 @@ def touch(shape, d, at, k, cx, cy, cz, r, first):
     if shape > LAST_SHAPE:
         turn = r[first], r[first + 1], r[first + 2], r[first + 3], r[first + 4], r[first + 5]
         last = r[first + 6], r[first + 7], r[first + 8]
-        return call_touch(shape, k, d, at, (cx, cy, cz), turn, last)
+        return call_touch(shape, k, (cx, cy, cz, *turn, *last), d, at)
     # Along the line of centres: a ball, or a cylinder that does not tilt.
     if shape != _BALL:
         cz = 0.0

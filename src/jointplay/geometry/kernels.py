@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from jointplay.core.numba_cache import stamp
+from jointplay.core import compiler
 from jointplay.geometry.bore import worn_bore, worn_gap
 from jointplay.geometry.contacts import (
     classify_form,
@@ -39,9 +39,9 @@ __all__ = [
     "worn_gap",
 ]
 
-_SOURCES = sorted(Path(__file__).parent.glob("*.py"))
+_SOURCES = (*sorted(Path(__file__).parent.glob("*.py")), Path(compiler.__file__))
 for _compiled in (
     *(axial_gap, radial_gap, deepest_rim_direction, touch_cylinder, gaps, worn_gap, touch),
     *(classify_form, classify_mode, classify_many),
 ):
-    stamp(_compiled, _SOURCES)
+    compiler.stamp(_compiled, _SOURCES)

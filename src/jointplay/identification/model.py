@@ -23,7 +23,7 @@ from functools import lru_cache
 import numpy as np
 import pinocchio as pin
 
-from jointplay.core.numba_cache import njit
+from jointplay.core.compiler import njit
 from jointplay.design.levers import place, sources, tool_place
 from jointplay.design.poses import moving
 from jointplay.identification.measurement import Key, Visits

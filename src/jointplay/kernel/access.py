@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-from llvmlite import ir
 from numba import carray, from_dtype, types
-from numba.extending import intrinsic
 
-from jointplay.contact.calls import pointer
+from jointplay.core.compiler import internal, pointer, pointer_to
 from jointplay.kernel.layout import (
     BODY,
     CONTACT,
@@ -20,41 +16,15 @@ from jointplay.kernel.layout import (
     LOAD,
     RUN,
 )
-from jointplay.kernel.parts import internal
 
 _CONTACT_SIZE = CONTACT.itemsize
 
 
-def _pointer_to(element: Any) -> Any:
-    """Compiled function that reinterprets an integer address as a pointer to `element`."""
-
-    @intrinsic
-    def reinterpret(typingctx: Any, at: Any) -> Any:
-        def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-            return builder.inttoptr(args[0], context.get_value_type(signature.return_type))
-
-        return types.CPointer(element)(at), codegen
-
-    return reinterpret
-
-
-_whole = _pointer_to(types.int64)
-_joint, _contact = _pointer_to(from_dtype(JOINT)), _pointer_to(from_dtype(CONTACT))
-_drive, _friction = _pointer_to(from_dtype(DRIVE_ROW)), _pointer_to(from_dtype(FRICTION_ROW))
-_gear, _load = _pointer_to(from_dtype(GEAR_ROW)), _pointer_to(from_dtype(LOAD))
-_body, _hold = _pointer_to(from_dtype(BODY)), _pointer_to(from_dtype(HOLD))
-
-
-@intrinsic
-def address_of(typingctx: Any, array: Any) -> Any:
-    """Pointer to the first element of an array of floats within a record."""
-
-    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        kind = signature.args[0]
-        value = context.make_array(kind)(context, builder, args[0])
-        return builder.bitcast(value.data, ir.PointerType(ir.DoubleType()))
-
-    return types.CPointer(types.float64)(array), codegen
+_whole = pointer_to(types.int64)
+_joint, _contact = pointer_to(from_dtype(JOINT)), pointer_to(from_dtype(CONTACT))
+_drive, _friction = pointer_to(from_dtype(DRIVE_ROW)), pointer_to(from_dtype(FRICTION_ROW))
+_gear, _load = pointer_to(from_dtype(GEAR_ROW)), pointer_to(from_dtype(LOAD))
+_body, _hold = pointer_to(from_dtype(BODY)), pointer_to(from_dtype(HOLD))
 
 
 @internal

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import math
 
+from jointplay.core.compiler import internal
 from jointplay.kernel.access import bodies, floats
 from jointplay.kernel.frames import add, along, cross, put, scale, vector
-from jointplay.kernel.parts import internal
 
 
 @internal

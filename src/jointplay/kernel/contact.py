@@ -9,13 +9,13 @@ from __future__ import annotations
 
 import math
 
-from jointplay.contact.calls import call_bristle, call_friction, call_normal, pointer
+from jointplay.contact.calls import call_bristle, call_friction, call_normal
+from jointplay.core.compiler import address_of, internal, pointer
 from jointplay.geometry import Shape, touch_cylinder
 from jointplay.geometry import touch as touch_shape
-from jointplay.kernel.access import address_of, contacts, fail, matrix
+from jointplay.kernel.access import contacts, fail, matrix
 from jointplay.kernel.frames import add, along, cross, dot, length, put, scale, vector
 from jointplay.kernel.layout import FRICTION, MIN_APPROACH_SPEED, NORMAL, STORED
-from jointplay.kernel.parts import internal
 from jointplay.kernel.words import AZIMUTHS, WELL_RESOLVED_STEPS, Status
 
 _CYLINDER = int(Shape.CYLINDER)
@@ -71,7 +71,7 @@ def touch(run, j, joint):
         put(contact.arm, 0, (rx, ry, rz))
         put(contact.direction, 0, (nx, ny, nz))
         law = address_of(contact.parameters)
-        contact.elastic = call_normal(joint.normal_law, -gap, 0.0, 1.0, law)
+        contact.elastic = call_normal(joint.normal_law, (-gap, 0.0, 1.0, law))
     return touching
 
 
@@ -105,21 +105,15 @@ def _normal_force(joint, contact, rate):
     if energy > 0.5 * joint.rest_mass * approach * approach:
         reference = math.sqrt(2.0 * energy / joint.rest_mass)
     law = address_of(contact.parameters)
-    force = call_normal(joint.normal_law, -contact.gap, rate, reference, law)
+    force = call_normal(joint.normal_law, (-contact.gap, rate, reference, law))
     return max(force, 0.0), approach, reference  # a dry contact never pulls
 
 
 @internal
 def _ask_bristles(run, joint, contact, speed, normal, dwell):
     """Let the law with bristles write its numbers, see `BristleLaw`, into `law_numbers`."""
-    call_bristle(
-        joint.friction_law,
-        speed,
-        normal,
-        dwell,
-        address_of(joint.friction_parameters),
-        address_of(run.law_numbers),
-    )
+    law, out = address_of(joint.friction_parameters), address_of(run.law_numbers)
+    call_bristle(joint.friction_law, (speed, normal, dwell, law, out))
 
 
 @internal
@@ -182,7 +176,7 @@ def _rub_slope(joint, contact, slip):
     speed, normal, mu = contact.speed, contact.normal_now, contact.mu
     law = address_of(joint.friction_parameters)
     more = speed * _DIFFERENCE + _LEAST_DIFFERENCE
-    rise = (call_friction(joint.friction_law, speed + more, law) - mu) / more
+    rise = (call_friction(joint.friction_law, (speed + more, law)) - mu) / more
     if speed <= 0.0:
         return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), rise * normal
     t = scale(1.0 / speed, slip)
@@ -257,7 +251,7 @@ def respond(run, j, joint):
             friction, _ = _bristles_hold(run, joint, contact, normal, slip, speed)
         else:
             law = address_of(joint.friction_parameters)
-            contact.mu = call_friction(joint.friction_law, speed, law)
+            contact.mu = call_friction(joint.friction_law, (speed, law))
             friction = scale(-contact.mu * normal / speed if speed > 0.0 else 0.0, slip)
         contact.normal_now = normal
         contact.tangential_now = length(friction)

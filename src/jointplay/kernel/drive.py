@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 
+from jointplay.core.compiler import internal
 from jointplay.kernel.access import drives, floats, frictions, gears, integers, matrix
 from jointplay.kernel.layout import DRIVE, GEAR, JOINT_FRICTION
-from jointplay.kernel.parts import internal
 from jointplay.kernel.words import JOINT_FRICTION_SPEED
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 from functools import cache
 from typing import Any
 
-from jointplay.core.numba_cache import njit
+from jointplay.core.compiler import njit
 from jointplay.kernel import multirate, singlerate
 from jointplay.kernel import record as records
 from jointplay.kernel.access import TABLE

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 
 from jointplay.contact.calls import call_film
-from jointplay.kernel.access import address_of, fail
+from jointplay.core.compiler import address_of, internal
+from jointplay.kernel.access import fail
 from jointplay.kernel.frames import add, along, cross, scale, vector
 from jointplay.kernel.layout import FILM
-from jointplay.kernel.parts import internal
 from jointplay.kernel.words import Status
 
 _BAD_FORCE = int(Status.BAD_FORCE)
@@ -23,15 +23,9 @@ def _law(run, joint, e, part, direction, velocity):
     ratio = min(e / clearance, joint.thinnest)
     ex, ey = direction
     rate, whirl = ex * velocity[0] + ey * velocity[1], ex * velocity[1] - ey * velocity[0]
-    call_film(
-        joint.film_law,
-        ratio,
-        rate / clearance,
-        whirl / clearance,
-        joint.twist[5],
-        address_of(joint.film_parameters),
-        address_of(run.law_numbers),
-    )
+    state = ratio, rate / clearance, whirl / clearance, joint.twist[5]
+    law, numbers = address_of(joint.film_parameters), address_of(run.law_numbers)
+    call_film(joint.film_law, (*state, law, numbers))
     out = run.law_numbers
     along_line, across, turn, damping = out[0], out[1], out[2], out[3]
     return (

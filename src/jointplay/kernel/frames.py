@@ -14,9 +14,8 @@ from __future__ import annotations
 
 import math
 
-from jointplay.core.numba_cache import njit
+from jointplay.core.compiler import internal, njit
 from jointplay.kernel.access import floats, integers, matrix
-from jointplay.kernel.parts import internal
 
 # Vectors of three numbers as tuples: what compiled code reckons with. All are inlined.
 

@@ -18,39 +18,24 @@ extrapolated by half a step, as drives are.
 from __future__ import annotations
 
 import math
-from typing import Any
 
-from llvmlite import ir
 from numba import types
-from numba.extending import intrinsic
 
-from jointplay.contact.calls import pointer
+from jointplay.core.compiler import NUMBERS, calling, internal, pointer
 from jointplay.kernel.access import fail, floats, integers, loads, matrix
 from jointplay.kernel.frames import pose_of_frames, slope_of_frames, twist_by
-from jointplay.kernel.parts import internal
 from jointplay.kernel.words import ALWAYS, IF_PRESSED, Status
 
 _BAD_LOAD = int(Status.BAD_LOAD)
 
-_NUMBERS = types.CPointer(types.float64)
-LOAD_LAW = types.void(types.float64, _NUMBERS, _NUMBERS, _NUMBERS, _NUMBERS)
+LOAD_LAW = types.void(types.float64, NUMBERS, NUMBERS, NUMBERS, NUMBERS)
 """Signature of a load's law."""
 
 _DIFFERENCE = 1e-6
 """Difference of velocities by which laws are differentiated, relative; and at rest [m/s]."""
 
 
-@intrinsic
-def _call(typingctx: Any, at: Any, time: Any, x: Any, dx: Any, p: Any, out: Any) -> Any:
-    """Call the law at address `at`."""
-
-    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        double = ir.DoubleType()
-        kind = ir.FunctionType(ir.VoidType(), [double, *[ir.PointerType(double)] * 4])
-        builder.call(builder.inttoptr(args[0], kind.as_pointer()), args[1:])
-        return context.get_dummy_value()
-
-    return types.none(types.int64, types.float64, *(_NUMBERS,) * 4), codegen
+_call = calling(LOAD_LAW)
 
 
 @internal
@@ -62,14 +47,8 @@ def _size(load):
 @internal
 def _ask(load, time):
     """Let the law write its answer to what the load sees now into `out`."""
-    _call(
-        load.law,
-        time,
-        pointer(load.place),
-        pointer(load.rate),
-        pointer(load.numbers),
-        pointer(load.out),
-    )
+    seen = pointer(load.place), pointer(load.rate)
+    _call(load.law, (time, *seen, pointer(load.numbers), pointer(load.out)))
     if load.bounded != 0:
         out, bounds = floats(load.out, load.npushed), floats(load.bounds, load.npushed)
         for i in range(load.npushed):

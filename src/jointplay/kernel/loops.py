@@ -11,10 +11,10 @@ what others have said. The same steps close what a loop has drifted apart, in po
 
 from __future__ import annotations
 
+from jointplay.core.compiler import internal
 from jointplay.kernel.access import bodies, floats, holds, matrix
 from jointplay.kernel.bodies import lifted, place_bodies, swing_bodies, times
 from jointplay.kernel.frames import add, cross, vector
-from jointplay.kernel.parts import internal
 
 REDUNDANT = 1e-10
 """Rows of less inverse mass than this, relative to the first one's, hold nothing any more."""

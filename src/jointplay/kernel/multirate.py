@@ -19,6 +19,7 @@ import math
 
 import numpy as np
 
+from jointplay.core.compiler import internal
 from jointplay.kernel.access import contacts, drives, fail, floats, joints, matrix
 from jointplay.kernel.bodies import place_bodies
 from jointplay.kernel.contact import add_dissipation, gap_of, remember
@@ -27,7 +28,6 @@ from jointplay.kernel.film import lose_to_film
 from jointplay.kernel.layout import DRIVE, POWERS, SPEED_LIMIT
 from jointplay.kernel.load import apply_loads, find_load_powers, work_of_loads
 from jointplay.kernel.loops import close, project
-from jointplay.kernel.parts import internal
 from jointplay.kernel.record import due, record
 from jointplay.kernel.solve import (
     LEAST_COMPLIANCE,

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from jointplay.core.compiler import internal
 from jointplay.kernel.access import contacts, floats, joints, matrix
 from jointplay.kernel.drive import work_of_prescribed
 from jointplay.kernel.load import record_loads, settle_loads
-from jointplay.kernel.parts import internal
 from jointplay.kernel.sites import LoadSite
 from jointplay.kernel.words import POWERS
 

@@ -10,6 +10,7 @@ Where joints are reached through frames, Pinocchio's Jacobians come between, and
 
 from __future__ import annotations
 
+from jointplay.core.compiler import internal
 from jointplay.kernel.access import contacts, fail, floats, joints
 from jointplay.kernel.contact import add_dissipation, bend, gather, remember, respond, touch
 from jointplay.kernel.drive import (
@@ -24,7 +25,6 @@ from jointplay.kernel.film import carry, lose_to_film, remember_film
 from jointplay.kernel.frames import pose_of_frames, pose_of_virtual_link, push, twist
 from jointplay.kernel.layout import POWERS, SPEED_LIMIT
 from jointplay.kernel.load import gather_works, load_now
-from jointplay.kernel.parts import internal
 from jointplay.kernel.record import due, record, settle
 from jointplay.kernel.words import Status
 

@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import math
 
+from jointplay.core.compiler import internal
 from jointplay.kernel.access import floats, frictions, gears, integers, joints, matrix
 from jointplay.kernel.bodies import place_bodies
 from jointplay.kernel.contact import add_stiffness, bend, respond, touch
@@ -33,7 +34,6 @@ from jointplay.kernel.frames import (
     twist,
 )
 from jointplay.kernel.load import damp_loads, find_loads, steepen_loads
-from jointplay.kernel.parts import internal
 
 TOLERANCE = 1e-9
 """Error of the velocity solve, as the root of twice its kinetic energy [kg^0.5 m/s]."""

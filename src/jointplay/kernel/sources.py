@@ -10,7 +10,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from jointplay.core import numba_cache
+from jointplay.core import compiler
 
 _PACKAGE = Path(__file__).parent
 _PLAIN = ("integrators.py", "sites.py", "workspace.py")
@@ -18,20 +18,23 @@ _PLAIN = ("integrators.py", "sites.py", "workspace.py")
 
 SOURCES = (
     *sorted(path for path in _PACKAGE.glob("*.py") if path.name not in _PLAIN),
-    _PACKAGE.parent / "core" / "numba_cache.py",
+    _PACKAGE.parent / "core" / "compiler.py",
+    _PACKAGE.parent / "core" / "numba_inside.py",
     *sorted((_PACKAGE.parent / "geometry").glob("*.py")),
     _PACKAGE.parent / "contact" / "calls.py",
     _PACKAGE.parent / "contact" / "compiled.py",
     _PACKAGE.parent / "contact" / "law.py",
+    _PACKAGE.parent / "contact" / "film" / "law.py",
+    _PACKAGE.parent / "contact" / "friction" / "bristle.py",
 )
 """Files whose change must compile the kernel again."""
 
 
 def fingerprint() -> str:
     """Hash of all `SOURCES`."""
-    return numba_cache.fingerprint(SOURCES)
+    return compiler.fingerprint(SOURCES)
 
 
 def stamp(dispatcher: Any, *more: Path) -> None:
     """Let numba's cache of a compiled function be valid for exactly these sources, and `more`."""
-    numba_cache.stamp(dispatcher, (*SOURCES, *more))
+    compiler.stamp(dispatcher, (*SOURCES, *more))

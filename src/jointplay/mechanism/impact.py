@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from jointplay.contact.calls import call_normal, pointer
+from jointplay.contact.calls import call_normal
 from jointplay.contact.compiled import MAX_PARAMETERS, address, compiled_law
 from jointplay.contact.friction.bristle import BristleLaw
 from jointplay.contact.law import FrictionLaw, NormalForceLaw
+from jointplay.core.compiler import njit, pointer
 from jointplay.core.errors import JointplayError, require_non_negative, require_positive
-from jointplay.core.numba_cache import njit
 from jointplay.mechanism.mechanism import Mechanism
 
 REFERENCE_SPEED = 0.1
@@ -34,7 +34,7 @@ def _elastic_energy(law, parameters, depth, nodes, weights):
         if half > 0.0:
             for k in range(nodes.size):
                 at = half * (1.0 + nodes[k])
-                force = call_normal(law, at, 0.0, 1.0, pointer(parameters.ctypes.data))
+                force = call_normal(law, (at, 0.0, 1.0, pointer(parameters.ctypes.data)))
                 energy[i] += half * weights[k] * force
     return energy
 

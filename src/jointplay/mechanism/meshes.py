@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from platformdirs import user_cache_path
 
 from jointplay.core import files
 from jointplay.core.errors import JointplayError
@@ -65,10 +66,7 @@ Parts = tuple[Surface, ...]
 def cache_folder() -> Path:
     """Where surfaces are kept: ``JOINTPLAY_CACHE``, else the user's cache."""
     own = os.environ.get("JOINTPLAY_CACHE")
-    if own:
-        return Path(own) / "meshes"
-    home = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    return Path(home) / "jointplay" / "meshes"
+    return (Path(own) if own else user_cache_path("jointplay")) / "meshes"
 
 
 def parts_of(path: Path) -> Parts:

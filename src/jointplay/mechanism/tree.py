@@ -10,8 +10,7 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from jointplay.core.numba_cache import njit, stamp
-from jointplay.kernel.parts import internal
+from jointplay.core.compiler import internal, njit, stamp
 from jointplay.mechanism.model import z_to
 
 # Where the bodies of a tree are and how fast they move, at many states at once: compiled.
@@ -522,7 +521,7 @@ def react(
                 forces[i - first, j, k] = force[wanted[j], k]
 
 
-stamp(react, (Path(__file__), Path(__file__)))
+stamp(react, (Path(__file__),))
 
 
 # The bodies of a Pinocchio model at many states at once: motion, energies, forces in the joints.

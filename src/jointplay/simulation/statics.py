@@ -13,9 +13,9 @@ import eigenpy
 import numpy as np
 import pinocchio as pin
 
-from jointplay.contact.calls import call_normal, pointer
+from jointplay.contact.calls import call_normal
 from jointplay.contact.compiled import MAX_PARAMETERS, address
-from jointplay.core.numba_cache import njit
+from jointplay.core.compiler import njit, pointer
 from jointplay.geometry import classify_many, touch
 from jointplay.joints import VIRTUAL_LINK, Clearance, Coordinate
 from jointplay.kernel.sites import Carriers, LoadSite
@@ -108,7 +108,7 @@ def _wrench(shape, dimensions, count, law, parameters, pose, out):
         if gap >= 0.0:
             continue
         own = pointer(parameters[k].ctypes.data)
-        force = max(call_normal(law, -gap, 0.0, 1.0, own), 0.0)
+        force = max(call_normal(law, (-gap, 0.0, 1.0, own)), 0.0)
         fx, fy, fz = force * nx, force * ny, force * nz
         out[0] += fx
         out[1] += fy
@@ -128,7 +128,8 @@ def _energy(shape, dimensions, count, law, parameters, pose, nodes, weights):
         if depth > 0.0:
             own = pointer(parameters[k].ctypes.data)
             for n in range(nodes.size):
-                force = call_normal(law, 0.5 * depth * (1.0 + nodes[n]), 0.0, 1.0, own)
+                at = 0.5 * depth * (1.0 + nodes[n])
+                force = call_normal(law, (at, 0.0, 1.0, own))
                 total += 0.5 * depth * weights[n] * force
     return total
 

@@ -34,6 +34,9 @@ _LOGGERS = (
 CONNECT_S = 15
 """How long a scheduler, and then its first worker, is waited for [s]."""
 
+TRIES = 5
+"""Clients begun: on a busy machine the thread of one may not start within its 10 s."""
+
 
 def version() -> str:
     """The version of jointplay where this runs."""
@@ -63,17 +66,30 @@ class ClusterWorkers:
         for name in _LOGGERS:  # what they log is said here in a line, or is of no consequence
             logging.getLogger(name).setLevel(logging.CRITICAL + 1)
         self.job, self.address = job, address
-        try:
-            self.client: Any = Client(address, timeout=CONNECT_S, set_as_default=False)
-        except (OSError, ValueError, TypeError, ImportError) as error:
-            reason = " ".join(str(error).split()) or type(error).__name__
-            raise JointplayError(f"no Dask scheduler answers at {address!r}: {reason}") from None
+        self.client: Any = self._connect(Client)
         try:
             self._check()
         except BaseException:
             self.close()
             raise
         self._seconds, self._done = 0.0, 0
+
+    def _connect(self, client: Any) -> Any:
+        """A client of the scheduler.
+
+        distributed asserts that the thread of a client's event loop has started. One that starts
+        later than that idles, without a connection, and ends with the program.
+        """
+        reason = ""
+        for _ in range(TRIES):
+            try:
+                return client(self.address, timeout=CONNECT_S, set_as_default=False)
+            except AssertionError:
+                reason = f"its client could not start, {TRIES} times: the machine is too busy"
+            except (OSError, ValueError, TypeError, ImportError) as error:
+                reason = one_line(error) or type(error).__name__
+                break
+        raise JointplayError(f"no Dask scheduler answers at {self.address!r}: {reason}")
 
     def _check(self) -> None:
         deadline = time.monotonic() + CONNECT_S

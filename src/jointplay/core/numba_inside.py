@@ -1,20 +1,62 @@
-"""How functions are compiled that only kernels call: as parts of an entry, which is optimised once.
+"""What this package takes from inside numba, all of it: it moves from release to release.
 
-By itself numba optimises and translates every function it meets, with all that it calls, on its
-own, and once more in every caller: most of what a first start takes. Parts are typed and lowered
-only; code is made of them where an entry has linked them all. The attributes that are replaced here
-are numba's own; a test guards that parts are left alone and that an entry still works.
+Parts of kernels: by itself numba optimises and translates every function it meets, with all that it
+calls, on its own, and once more in every caller: most of what a first start takes. Parts are typed
+and lowered only; code is made of them where an entry has linked them all.
+
+The cache: numba does not start with a damaged one, which is thrown away here and made anew, and
+does not know of which files its code was made, which a stamp says here.
+
+`compiler` imports this module; where numba lacks a name that is used here, importing fails.
 """
 
 from __future__ import annotations
 
+from contextlib import suppress
+from pathlib import Path
 from typing import Any
 
-from numba import njit
+from numba import config, njit
+from numba.core.caching import IndexDataCacheFile
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import AnalysisPass, register_pass
+from numba.core.errors import NumbaError
 from numba.core.typed_passes import AnnotateTypes
+
+__all__ = ["NumbaError", "part", "stamp"]
+
+USED = {
+    JITCodeLibrary: (
+        "codegen",
+        "get_pointer_to_function",
+        "_ensure_finalized",
+        "_finalized",
+        "_optimize_functions",
+        "_optimize_final_module",
+        "_finalize_final_module",
+        "_finalize_dynamic_globals",
+    ),
+    CompilerBase: ("define_pipelines",),
+    DefaultPassBuilder: ("define_nopython_pipeline",),
+    IndexDataCacheFile: ("load",),
+}
+"""Attributes of numba's classes that are called or replaced here."""
+
+for _kind, _names in USED.items():
+    for _name in _names:
+        getattr(_kind, _name)
+
+
+def stamp(dispatcher: Any, mark: str) -> None:
+    """Let the cache of a compiled function be valid for exactly this mark of its sources."""
+    file = dispatcher._cache._cache_file
+    file._source_stamp  # noqa: B018  # to be replaced, it must be there
+    file._source_stamp = mark
+
+
+if not config.DISABLE_JIT:
+    stamp(njit(cache=True)(stamp), "")
 
 
 class _NoCode:
@@ -79,10 +121,28 @@ class PartCompiler(CompilerBase):  # type: ignore[misc]
         return [passes]
 
 
-internal = njit(
+part = njit(
     error_model="numpy",
     no_cpython_wrapper=True,
     no_cfunc_wrapper=True,
     pipeline_class=PartCompiler,
 )
 """For functions that only compiled code calls."""
+
+
+_load = IndexDataCacheFile.load
+
+
+def _forgiving(self: Any, key: Any) -> Any:
+    """What is kept under a key; a damaged cache is deleted, and functions compiled again."""
+    try:
+        return _load(self, key)
+    except Exception:  # pickle raises whatever the bytes make it do
+        with suppress(OSError):
+            index = Path(self._index_path)
+            for file in index.parent.glob(f"{index.stem}.*"):
+                file.unlink()
+        return None
+
+
+IndexDataCacheFile.load = _forgiving

@@ -1,0 +1,192 @@
+"""How functions are compiled: what compiled modules take from numba, beside its types.
+
+`njit` is for functions that Python calls, `internal` for those that only compiled code calls;
+`calling` and `pointer_to` make calls and pointers of addresses. What of this reaches inside numba
+is in `numba_inside`; where numba is another inside, the same code is compiled without it.
+"""
+
+from __future__ import annotations
+
+import atexit
+import hashlib
+import warnings
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any
+
+import numba
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic
+
+from jointplay.core.files import temporary
+
+NO_PLACE = (
+    "compiled code cannot be kept, so every start compiles anew (half a minute): neither the "
+    "package's folder nor the user's cache can be written to; name a folder in NUMBA_CACHE_DIR"
+)
+"""What a user without a place for the cache is told."""
+
+MOVED = (
+    "numba {} is another inside than this package knows ({}): results are the same, but compiled "
+    "code cannot be kept, so every start compiles anew (a minute); install a numba that "
+    "jointplay's requirements name"
+)
+"""What a user with another numba is told."""
+
+
+def ensure() -> None:
+    """Have a place for compiled functions: numba refuses to compile for a cache without one.
+
+    Where nothing can be written to it is a folder of this process alone.
+    """
+    if numba.config.CACHE_DIR:
+        return
+    try:
+        numba.njit(cache=True)(ensure)
+    except RuntimeError:  # "no locator available"
+        folder = temporary("numba")
+        atexit.register(folder.cleanup)
+        numba.config.CACHE_DIR = folder.name
+        warnings.warn(NO_PLACE, RuntimeWarning, stacklevel=2)
+
+
+def _insides() -> Any:
+    """The module that reaches inside numba; None, with a warning, where that is another."""
+    try:
+        from jointplay.core import numba_inside
+    except (ImportError, AttributeError) as error:
+        warnings.warn(MOVED.format(numba.__version__, error), RuntimeWarning, stacklevel=2)
+        return None
+    return numba_inside
+
+
+ensure()
+_inside = _insides()
+
+NumbaError: type[Exception] = _inside.NumbaError if _inside else Exception
+"""What is raised of functions that cannot be compiled."""
+
+
+def njit(**options: Any) -> Callable[..., Any]:
+    """numba's decorator for functions that Python calls."""
+    if _inside is None:  # what is kept could not be stamped, and would outlive its sources
+        options["cache"] = False
+    return numba.njit(**options)  # type: ignore[no-any-return]
+
+
+internal = _inside.part if _inside else njit(error_model="numpy")
+"""Decorator of functions that only compiled code calls."""
+
+
+def fingerprint(sources: Iterable[Path]) -> str:
+    """Hash of what these files say."""
+    digest = hashlib.sha256()
+    for source in sources:
+        digest.update(source.read_bytes())
+    return digest.hexdigest()
+
+
+def stamp(dispatcher: Any, sources: Iterable[Path]) -> None:
+    """Let the cache of a compiled function be valid for exactly these sources.
+
+    numba compiles again when the file of the function changed - that file only, not those of the
+    functions that it calls. With NUMBA_DISABLE_JIT nothing is compiled and nothing kept.
+    """
+    if _inside is not None and not numba.config.DISABLE_JIT:
+        _inside.stamp(dispatcher, fingerprint(sources))
+
+
+# Addresses: compiled code only can do what follows.
+
+NUMBERS = types.CPointer(types.float64)
+"""Type of a pointer to numbers."""
+
+
+def pointer_to(element: Any) -> Any:
+    """Function that takes an address for a pointer to an `element`."""
+
+    @intrinsic
+    def reinterpret(typingctx: Any, at: Any) -> Any:
+        def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+            return builder.inttoptr(args[0], context.get_value_type(signature.return_type))
+
+        return types.CPointer(element)(types.int64), codegen
+
+    return reinterpret
+
+
+pointer = pointer_to(types.float64)
+"""An address taken for a pointer to numbers."""
+
+
+@intrinsic
+def address_of(typingctx: Any, array: Any) -> Any:
+    """Pointer to the first element of an array of floats within a record."""
+
+    def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        value = context.make_array(signature.args[0])(context, builder, args[0])
+        return builder.bitcast(value.data, context.get_value_type(NUMBERS))
+
+    return NUMBERS(array), codegen
+
+
+def calling(signature: Any) -> Any:
+    """Function of an address and a tuple of arguments: it calls what is compiled there.
+
+    Args:
+        signature: of what is called.
+    """
+
+    @intrinsic
+    def call(typingctx: Any, at: Any, arguments: Any) -> Any:
+        def codegen(context: Any, builder: Any, _: Any, args: Any) -> Any:
+            nothing = signature.return_type == types.void
+            answer = ir.VoidType() if nothing else context.get_value_type(signature.return_type)
+            kind = ir.FunctionType(answer, [context.get_value_type(one) for one in signature.args])
+            values = [builder.extract_value(args[1], i) for i in range(len(signature.args))]
+            made = builder.call(builder.inttoptr(args[0], kind.as_pointer()), values)
+            return context.get_dummy_value() if nothing else made
+
+        return signature.return_type(types.int64, types.Tuple(signature.args)), codegen
+
+    return call
+
+
+def calling_with_arrays(given: int, answers: int) -> Any:
+    """Function `call(at, k, numbers, d, first)`, which calls what is compiled at an address.
+
+    That gets k, the numbers of a tuple as an array, the array or pointer d from index `first` on,
+    and an array for what it answers, which is returned as a tuple.
+
+    Args:
+        given: size of the tuple.
+        answers: size of what is returned.
+    """
+
+    @intrinsic
+    def call(typingctx: Any, at: Any, k: Any, numbers: Any, d: Any, first: Any) -> Any:
+        def codegen(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+            double, whole = ir.DoubleType(), ir.IntType(64)
+            array = double.as_pointer()
+            with builder.goto_entry_block():
+                there, out = (builder.alloca(double, whole(size)) for size in (given, answers))
+            beyond = args[3]
+            if isinstance(signature.args[3], types.Array):
+                beyond = context.make_array(signature.args[3])(context, builder, beyond).data
+            beyond = builder.gep(builder.bitcast(beyond, array), [args[4]])
+            for i in range(given):
+                number = builder.extract_value(args[2], i)
+                builder.store(number, builder.gep(there, [whole(i)], inbounds=True))
+            kind = ir.FunctionType(ir.VoidType(), [whole, array, array, array])
+            function = builder.inttoptr(args[0], kind.as_pointer())
+            builder.call(function, [args[1], there, beyond, out])
+            found = [
+                builder.load(builder.gep(out, [whole(i)], inbounds=True)) for i in range(answers)
+            ]
+            return context.make_tuple(builder, signature.return_type, found)
+
+        answer, numbers = (types.UniTuple(types.float64, size) for size in (answers, given))
+        return answer(types.int64, types.int64, numbers, d, types.int64), codegen
+
+    return call
