@@ -169,6 +169,13 @@ def test_a_result_larger_than_the_memory_is_refused(saved, monkeypatch):
         jp.Result.load(saved)
 
 
+def without(text, key):
+    """A JSON table with one key less."""
+    table = json.loads(text)
+    del table[key]
+    return json.dumps(table)
+
+
 EDITS = {
     "no audit": lambda d: d.attrs.pop("audit"),
     "audit of another kind": lambda d: d.attrs.update(audit="[]"),
@@ -179,6 +186,7 @@ EDITS = {
     "versions": lambda d: d.attrs.update(versions="[]"),
     "wall time": lambda d: d.attrs.update(wall_time_s="long"),
     "message": lambda d: d.attrs.update(message=3),
+    "no state": lambda d: d.attrs.update(simulation=without(d.attrs["simulation"], "state")),
     "format": lambda d: d.attrs.update(jointplay_format=[1, 2]),
     "units": lambda d: d["tool_position"].attrs.pop("units"),
 }

@@ -190,7 +190,7 @@ def test_runs_that_would_never_end_are_refused_before_anything_is_tabulated(chan
         jp.Run(dataclasses.replace(scara(2e-4), **changes))
 
 
-NO_NUMBERS = (True, np.True_, math.nan, math.inf, "1")
+NO_NUMBERS = (True, np.True_, math.nan, math.inf, "one")
 
 
 @pytest.mark.parametrize(

@@ -132,10 +132,9 @@ def check_fields(value: Any) -> None:
     for field in dataclasses.fields(value):
         units, given = units_of(field), getattr(value, field.name)
         if isinstance(given, str | int | float | Mapping | list | tuple):
-            known = fields_of(kind)[field.name]
-            if _as_in_files(known.hint, given):
-                with within(field.name):
-                    given = make(_field(known, given))
+            known = fields_of(kind).get(field.name)
+            if known is not None and _as_in_files(known.hint, given):
+                given = _read_field(known, given)
                 object.__setattr__(value, field.name, given)
         hint = "float" if field.type is float else str(field.type)
         if units is None or hint not in _SINGLE or (given is None and field.default is None):
@@ -150,12 +149,23 @@ def _as_in_files(hint: Any, given: Any) -> bool:
     """Whether a value is written as in a file, and is not yet what the field's type says."""
     if isinstance(given, str):
         return not is_word(hint)
-    if isinstance(given, Mapping):
+    if isinstance(given, Mapping) and any(map(family_of, get_args(hint) or (hint,))):
         return True
-    if isinstance(given, list | tuple):
-        return any(isinstance(one, str | Mapping) for one in given)
+    if isinstance(given, Mapping | list | tuple):
+        several = given.values() if isinstance(given, Mapping) else given
+        return any(isinstance(one, str | Mapping) for one in several)
     parts = get_args(hint) or (hint,)
     return not isinstance(given, bool) and any(family_of(part) for part in parts)
+
+
+def _read_field(field: Field, given: Any) -> Any:
+    """The value of a field that was given as in a file; errors name the field."""
+    try:
+        with within(field.name):
+            return make(_field(field, given))
+    except JointplayError as error:
+        place = ".".join(map(str, error.where))
+        raise JointplayError(f"{place}: {error}", error.where) from None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -565,7 +575,8 @@ def _field(field: Field, data: Any) -> Any:
     if field.choices is None or data is None:
         return check(field.hint, data, field.units)
     noun, words = field.choices
-    if (isinstance(data, str) or is_word(field.hint)) and data not in words:
+    word = isinstance(data, str)
+    if (word or is_word(field.hint)) and not (word and data in words):
         raise JointplayError(one_of(noun, data, words))
     if isinstance(words, Mapping) and not is_word(field.hint) and isinstance(data, str):
         return words[data]

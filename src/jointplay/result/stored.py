@@ -18,6 +18,7 @@ from jointplay.core import schema
 from jointplay.core.errors import JointplayError
 from jointplay.joints import MOTOR, VIRTUAL_LINK, Coordinate
 from jointplay.kernel import Status
+from jointplay.mechanism.mechanism import Mechanism
 from jointplay.result.audit import Audit
 from jointplay.result.certificate import Certificate
 from jointplay.result.inputs import Inputs
@@ -94,6 +95,7 @@ def check(dataset: xr.Dataset, path: Path) -> None:
         raise _wrong(path, f"it has the status {_short(status)}; known are {known}")
     audit = _checked(path, dataset, "audit", Audit)
     given = _checked(path, dataset, "simulation", Inputs)
+    _require_all(path, "simulation: mechanism", Mechanism, given["mechanism"])
     if audit["step"] != given["step"]:
         raise _wrong(
             path, f"its step is {given['step']!r} s in one place and {audit['step']!r} in another"
@@ -139,7 +141,15 @@ def _checked(path: Path, dataset: xr.Dataset, name: str, kind: type) -> Any:
         raise _wrong(path, f"{name}: {place}{error}") from None
     except (RecursionError, OverflowError) as error:
         raise _wrong(path, f"{name}: {error}") from None
+    _require_all(path, name, kind, given)
     return given
+
+
+def _require_all(path: Path, name: str, kind: type, given: Mapping[str, Any]) -> None:
+    """Refuse a table that lacks a key: runs write all, what is usual too."""
+    for key in schema.fields_of(kind):
+        if key not in given:
+            raise _wrong(path, f"{name}: the key {key} is missing")
 
 
 def _check_histories(dataset: xr.Dataset, path: Path, given: Any) -> None:
