@@ -54,6 +54,7 @@ def run(options: argparse.Namespace) -> int:
         target,
         blocks=options.blocks,
         runs=options.runs,
+        jobs=options.jobs,
         cycles_per_run=options.cycles_per_run,
         factor=options.wear_factor,
         progress=not options.quiet,

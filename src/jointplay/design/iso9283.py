@@ -12,15 +12,16 @@ from pathlib import Path
 import numpy as np
 from scipy import stats
 
-from jointplay.analysis.runs import MOST_RUNS, Trace, run_to_the_end, traces
+from jointplay.analysis.runs import MOST_RUNS, Trace, traces
 from jointplay.analysis.tool_error import Stop, stops
-from jointplay.analysis.twins import state_without_play
+from jointplay.analysis.twins import ideal_simulation
 from jointplay.core.errors import JointplayError, require_positive
 from jointplay.design.wear import all_wearing, depth_of, first_profile, with_worn
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.mechanism.payload import Payload
 from jointplay.motion.cartesian import cartesian_motion
 from jointplay.motion.reference import GOES_ON, Motion
+from jointplay.simulation.ensemble import run_to_the_end
 from jointplay.simulation.simulation import Simulation
 
 # How the tool comes to rest at a stop (ISO 9283:1998, clauses 7.4 and 7.5).
@@ -691,7 +692,7 @@ def iso9283(
     load: float = 0.0,
     drift_time: float | None = None,
     poses: str = "poses: the stops of the motion",
-    jobs: int | None = 1,
+    jobs: int | None = None,
     keep: Path | None = None,
     progress: bool = False,
 ) -> Iso9283:
@@ -726,7 +727,7 @@ def iso9283(
 
     assert simulation.motion is not None
     since = simulation.judged_from
-    ideal, *courses = run([ideal_of(simulation), *_perturbed(simulation, counts.most)])
+    ideal, *courses = run([ideal_simulation(simulation), *_perturbed(simulation, counts.most)])
     found = figures(courses, ideal, simulation.motion, since, band=band, cycles=counts)
     drifts: tuple[Drift, ...] = ()
     words = what_drifts(simulation)
@@ -875,19 +876,6 @@ def cube_motion(
         times += [times[-1] + lasts, times[-1] + lasts + dwell]
         rows += [after, after]
     return Motion(found.joints, times, np.array(rows))
-
-
-def ideal_of(simulation: Simulation) -> Simulation:
-    """The ideal mechanism that does the same work; see `analysis.twin`."""
-    changes: dict[str, object] = {"start": None, "settle": None, "judge_from": None, "seed": None}
-    if simulation.mechanism.loops:
-        changes |= {"integrator": "rk4", "macro_step": None, "tolerance": None}
-    return replace(
-        simulation,
-        mechanism=simulation.mechanism.ideal(),
-        state=state_without_play(simulation),
-        **changes,  # type: ignore[arg-type]
-    )
 
 
 def figures(

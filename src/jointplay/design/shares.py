@@ -26,7 +26,7 @@ from typing import Any
 import numpy as np
 
 from jointplay.analysis.runs import MOST_RUNS, Trace, check_numbers, traces
-from jointplay.analysis.twins import state_without_play
+from jointplay.analysis.twins import ideal_simulation, state_without_play
 from jointplay.core.errors import (
     JointplayError,
     require_finite,
@@ -34,7 +34,6 @@ from jointplay.core.errors import (
     require_positive,
     require_whole,
 )
-from jointplay.design.iso9283 import ideal_of
 from jointplay.design.levers import GEAR
 from jointplay.mechanism.payload import Payload
 from jointplay.simulation.simulation import Simulation
@@ -116,7 +115,7 @@ def dynamic_budget(
     simulation: Simulation,
     runs: int = 3,
     *,
-    jobs: int | None = 1,
+    jobs: int | None = None,
     keep: Path | None = None,
     progress: bool = False,
 ) -> DynamicBudget:
@@ -142,7 +141,9 @@ def dynamic_budget(
     first = 1 if base.seed is None else base.seed
     whole = [replace(base, seed=first + run) for run in range(runs)]
     single = [replace(_only(base, name), seed=first + run) for run in range(runs) for name in names]
-    courses = traces([ideal_of(base), *whole, *single], jobs=jobs, keep=keep, progress=progress)
+    courses = traces(
+        [ideal_simulation(base), *whole, *single], jobs=jobs, keep=keep, progress=progress
+    )
     since = whole[0].judged_from
     errors = _errors(courses[1:], courses[0], since)
     together = errors[:runs]
@@ -244,7 +245,7 @@ def sensitivity(
     spread: float = 2.0,
     slowest: float = 0.7,
     payload: float = 0.0,
-    jobs: int | None = 1,
+    jobs: int | None = None,
     keep: Path | None = None,
     progress: bool = False,
 ) -> Sensitivity:
@@ -276,7 +277,7 @@ def sensitivity(
         one = base
         for (_, (low, high), change), x in zip(inputs, point, strict=True):
             one = change(one, low * (high / low) ** x if low > 0.0 else low + x * (high - low))
-        work += [ideal_of(one), replace(one, seed=1 if base.seed is None else base.seed)]
+        work += [ideal_simulation(one), replace(one, seed=1 if base.seed is None else base.seed)]
     courses = traces(work, jobs=jobs, keep=keep, progress=progress)
     rms = np.array(
         [

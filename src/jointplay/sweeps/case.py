@@ -37,6 +37,9 @@ from jointplay.sweeps.measures import (
 )
 from jointplay.sweeps.plan import Index, Plan
 
+Case = tuple[Index, Mapping[str, Any]]
+"""A case of a sweep, and what is changed for it."""
+
 DONE, FAILED = 1, 2
 """States of a case that has been run; 0: not yet."""
 
@@ -287,7 +290,7 @@ _benches: list[Bench] = []
 _one = threading.Lock()
 
 
-def run_cases(work: Job, cases: Sequence[tuple[Index, Mapping[str, Any]]]) -> list[Outcome]:
+def run_cases(work: Job, cases: Sequence[Case]) -> list[Outcome]:
     """Run some cases in this process, which remembers the sweep until it gets another.
 
     Raises:

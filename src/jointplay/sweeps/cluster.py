@@ -5,17 +5,14 @@ from __future__ import annotations
 import logging
 import queue
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from itertools import islice
 from typing import Any
 
 from jointplay.core.errors import JointplayError, one_line
 from jointplay.result.stored import versions
-from jointplay.sweeps.case import COST, FAILED, Job, Outcome, run_cases
-from jointplay.sweeps.plan import Index
-
-Case = tuple[Index, Mapping[str, Any]]
+from jointplay.sweeps.case import COST, FAILED, Case, Job, Outcome, run_cases
 
 BATCH_S = 2.0
 """Work of one task: the scheduler's own milliseconds are then nothing [s]."""

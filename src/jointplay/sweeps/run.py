@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from itertools import chain
 from pathlib import Path
 from typing import Any, Protocol
@@ -15,10 +15,12 @@ import numpy as np
 import xarray as xr
 from tqdm import tqdm
 
-from jointplay.core.errors import JointplayError, require_whole
+from jointplay import kernel
+from jointplay.core.errors import JointplayError
+from jointplay.core.processes import Pool, number_of
 from jointplay.core.schema import one_of
 from jointplay.scenario import Scenario
-from jointplay.sweeps.case import FAILED, Bench, Outcome, job, joints
+from jointplay.sweeps.case import FAILED, Bench, Case, Job, Outcome, job, joints, run_cases
 from jointplay.sweeps.dataset import open_sweep
 from jointplay.sweeps.declaration import plan_of
 from jointplay.sweeps.measures import shipped
@@ -34,6 +36,9 @@ MANY = 20_000
 
 PATIENCE_S = 2.0
 """How long a case is tried [s]."""
+
+TRIES = 3
+"""Processes that a case may take with it before it counts as failed."""
 
 MEASURES_BYTES = 300
 """What the measures of a case take in the store [bytes]."""
@@ -105,11 +110,43 @@ def _size(size: float) -> str:
 class Workers(Protocol):
     """Who runs cases."""
 
-    def run(self, cases: Iterator[tuple[Index, Mapping[str, Any]]]) -> Iterator[Outcome]:
+    def run(self, cases: Iterator[Case]) -> Iterator[Outcome]:
         """Outcomes of the cases, as they come."""
 
     def close(self) -> None:
         """End; what is being done is given up."""
+
+
+class LocalWorkers:
+    """Processes of this machine.
+
+    Args:
+        job: what they work on.
+        number: of processes.
+    """
+
+    def __init__(self, job: Job, number: int) -> None:
+        """Start them."""
+        kernel.compiled()  # which they then have
+        self._pool = Pool(partial(_case, job), number, tries=TRIES, lost=_lost, small=True)
+
+    def run(self, cases: Iterator[Case]) -> Iterator[Outcome]:
+        """Outcomes of the cases, as they come."""
+        return (outcome for _, outcome in self._pool.run(cases))
+
+    def close(self) -> None:
+        """End; what is being done is given up."""
+        self._pool.close()
+
+
+def _case(work: Job, case: Case) -> Outcome:
+    (outcome,) = run_cases(work, [case])
+    return outcome
+
+
+def _lost(case: Case) -> Outcome:
+    text = f"{TRIES} processes died of it (killed, out of memory, or crashed)"
+    return Outcome(case[0], FAILED, {}, text)
 
 
 def sweep(
@@ -194,10 +231,8 @@ def run_plan(
     Returns:
         The plan as it was run: with `until` it may have more samples than it began with.
     """
-    if jobs is not None:
-        require_whole("jobs", jobs, 1)
+    number = number_of(jobs)
     first = probe(made)
-    number = jobs or cores()
     if made.count > MANY and not yes:
         guess = estimate(made, first, number)
         raise JointplayError(f"{made.words}: {guess.words}; if that is meant, --yes runs it")
@@ -253,8 +288,6 @@ def workers_for(made: Plan, number: int, scheduler: str | None) -> Workers:
         from jointplay.sweeps.cluster import ClusterWorkers
 
         return ClusterWorkers(job(made, send_files=True), scheduler)
-    from jointplay.sweeps.local import LocalWorkers
-
     return LocalWorkers(job(made), number)
 
 
@@ -421,8 +454,3 @@ def _check_joints(made: Plan, bench: Bench) -> None:
             names = [*mechanism.joints, *mechanism.loops]
         if name not in names:
             raise JointplayError(f"{made.scenario.path}, sweep: {one_of('joint', name, names)}")
-
-
-def cores() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
