@@ -21,7 +21,7 @@ import jointplay as jp
 from jointplay.core.files import temporary
 from jointplay.sweeps import open_sweep, plan_of
 from jointplay.sweeps.case import Bench, Outcome, job
-from jointplay.sweeps.local import LocalWorkers
+from jointplay.sweeps.run import LocalWorkers
 from jointplay.sweeps.store import Store
 
 CLEARANCES = ["joints.joint_b.radial_clearance", "joints.joint_b.axial_clearance"]
