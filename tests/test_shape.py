@@ -116,7 +116,7 @@ WIDE = {
     "core/hdf5.py:_main": "HDF5 on damaged bytes: said",
     "core/numba_cache.py:_forgive": "holds the next",
     "core/numba_cache.py:forgiving": "pickle on damaged bytes: compiled again",
-    "core/processes.py:_here": "raised again, with the name of the item",
+    "simulation/ensemble.py:_here": "raised again, with the name of the item",
     "commands/run_scenario.py:_side_by_side": "raised again after cleaning up",
     "commands/run_scenario.py:_wind_up": "another error came first, and is raised",
     "loads/controller.py:sampler": "a user's controller raises anything: said",

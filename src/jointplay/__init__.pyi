@@ -38,6 +38,7 @@ from .scenario import Scenario as Scenario
 from .scenario.robot import robot_scenario as robot_scenario
 from .simulation import Simulation as Simulation
 from .simulation import simulate as simulate
+from .simulation.ensemble import EnsembleInterrupted as EnsembleInterrupted
 from .simulation.ensemble import ensemble as ensemble
 from .sweeps import open_sweep as open_sweep
 from .sweeps import sweep as sweep

@@ -17,7 +17,7 @@ from jointplay.core import processes, signals
 def test_a_pool_that_is_closed_leaves_no_process():
     pool = processes.Pool(time.sleep, 2)
     pool.start([1e6] * 4)
-    left = [process.pid for process in pool.processes]
+    left = [process.pid for process in pool.processes.values()]
     pool.close()
     gone(left)
 
@@ -29,7 +29,7 @@ if sys.argv[1] == "watch":
     processes.end_with_parent = lambda number: None
 if __name__ == "__main__":
     pool = processes.Pool(time.sleep, 1)
-    print(pool.processes[0].pid, flush=True)
+    print(*(process.pid for process in pool.processes.values()), flush=True)
     for _ in pool.run([0.0, 1e6]):
         print("begun", flush=True)
 """

@@ -38,6 +38,21 @@ class Trace:
     """Unit quaternions, scalar first, shape (n, 4); None if they are not known."""
 
 
+def errors(runs: Sequence[Trace], ideal: Trace) -> np.ndarray:
+    """Where the tool is, less where it was to be, shape (runs, n, 3) [m].
+
+    Raises:
+        JointplayError: records at other times.
+    """
+    time = ideal.time
+    for run in runs:
+        if len(run.time) != len(time) or not np.allclose(
+            run.time, time, 0.0, 1e-9 + 1e-9 * time[-1]
+        ):
+            raise JointplayError("a run was not recorded at the times of the ideal mechanism's")
+    return np.stack([run.position - ideal.position for run in runs])
+
+
 MOST_RUNS = 1_000_000
 """Runs at a time, at most."""
 
@@ -79,13 +94,8 @@ def traces(
             if there is not None:
                 runs[key] = there
     todo = {k: s for k, s in zip(keys, simulations, strict=True) if k not in runs}
-    bar = tqdm(
-        total=len(todo) + len(runs),
-        initial=len(runs),
-        disable=not progress,
-        desc=what,
-        unit="run",
-    )
+    count = len(todo) + len(runs)
+    bar = tqdm(total=count, initial=len(runs), disable=not progress, desc=what, unit="run")
     kept = f"the runs so far are in {str(keep)!r}" if keep else "nothing was kept"
     names = list(todo)
     with bar, side_by_side(_run, todo.values(), jobs, kept=kept) as outcomes:

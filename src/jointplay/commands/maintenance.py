@@ -7,8 +7,7 @@ from typing import Any
 
 from jointplay.commands.mechanism import quantity
 from jointplay.commands.wear import add_cycles
-
-INTERRUPTED = 130
+from jointplay.core.signals import INTERRUPTED
 
 
 def add(commands: Any) -> None:

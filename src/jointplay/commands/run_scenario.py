@@ -11,7 +11,7 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import closing, contextmanager, suppress
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -236,16 +236,17 @@ def _side_by_side(
     begun = multiprocessing.RawArray(ctypes.c_int, len(files))
     layout = "{percentage:3.0f}%|{bar}| {n:.3f}/{total:.3f} s simulated{postfix}, {remaining} left"
     bar = tqdm(total=total, disable=not progress, bar_format=layout, mininterval=_LOOK_S)
-    work = partial(_work, str(scenario.path), scenario.text, scenario.trust, scenario.settings)
+    given = str(scenario.path), scenario.text, scenario.trust, scenario.settings
+    work = partial(_work, clocks, begun, *given)
     items = [
         (index, case, out / name, case in certified)
         for index, (case, name) in enumerate(files.items())
     ]
     kept = f"what is complete is in {str(out)!r}"
-    pool = processes.Pool(work, jobs, begin=partial(_begin, clocks, begun), kept=kept)
+    pool = processes.Pool(work, jobs, begin=_begin, kept=kept)
     left = list(files)
     try:
-        with bar, pool:
+        with bar, closing(pool):
             try:
                 pool.start(items)
                 while pool.busy:
@@ -273,7 +274,7 @@ def _wind_up(pool: processes.Pool[_Item, None], items: Sequence[_Item], left: li
     if signals.stop_requested():
         signals.say("stopping; saving what was computed (once more gives it up)")
     try:
-        for process in pool.processes:
+        for process in pool.processes.values():
             process.terminate()  # which ends a run as Ctrl-C does
         while pool.busy:
             with suppress(Exception):  # the first is raised
@@ -284,17 +285,13 @@ def _wind_up(pool: processes.Pool[_Item, None], items: Sequence[_Item], left: li
         signals.say(f"gave up what was not saved: {', '.join(left) or 'nothing'}")
 
 
-_clocks: Any = None
-_begun: Any = None
 _ending = False
 _idle = threading.Lock()
 """Held while a case is being run and saved."""
 
 
-def _begin(clocks: Any, begun: Any) -> None:
+def _begin() -> None:
     """Set up a process: told to stop, or without its parent, it saves its run and takes no more."""
-    global _clocks, _begun
-    _clocks, _begun = clocks, begun
     signal.signal(signal.SIGTERM, _end)
     processes.begin(_save_and_end)
 
@@ -311,7 +308,13 @@ def _end(*_: Any) -> None:
 
 
 def _work(
-    path: str, text: str, trust: tuple[str, ...], settings: tuple[Setting, ...], item: _Item
+    clocks: Any,
+    begun: Any,
+    path: str,
+    text: str,
+    trust: tuple[str, ...],
+    settings: tuple[Setting, ...],
+    item: _Item,
 ) -> None:
     """Run a case in this process and save it; then certify it."""
     from jointplay.scenario import Scenario
@@ -322,19 +325,19 @@ def _work(
             return
         scenario = Scenario(text, path, trust, settings)
         prepared = scenario.prepare(case, records=records_needed(target, certified))
-        with _ticking(index) as begin:
+        with _ticking(clocks, begun, index) as begin:
             _execute(scenario, case, prepared, target, certified, False, begin)
 
 
 @contextmanager
-def _ticking(index: int) -> Iterator[Callable[[Run], None]]:
+def _ticking(clocks: Any, begun: Any, index: int) -> Iterator[Callable[[Run], None]]:
     """Tell the parent how far the runs of a case have come; gives what each run is begun with."""
     over = threading.Event()
     runs: list[Run] = []
     past = 0.0
 
     def tell() -> None:
-        _clocks[index] = past + sum(run.workspace.time for run in runs)
+        clocks[index] = past + sum(run.workspace.time for run in runs)
 
     def begin(run: Run) -> None:
         nonlocal past
@@ -343,7 +346,7 @@ def _ticking(index: int) -> Iterator[Callable[[Run], None]]:
         run.guards.append(_not_after_the_end)
         run.between.append(lambda: _ending)
         runs.append(run)
-        _begun[index] += 1
+        begun[index] += 1
 
     def tick() -> None:
         while not over.wait(_LOOK_S):

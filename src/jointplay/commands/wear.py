@@ -7,8 +7,7 @@ from typing import Any
 
 from jointplay.commands import add_case, add_jobs, add_quiet, add_trust
 from jointplay.commands.mechanism import quantity
-
-INTERRUPTED = 130
+from jointplay.core.signals import INTERRUPTED
 
 
 def add(commands: Any) -> None:

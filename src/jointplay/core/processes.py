@@ -13,12 +13,11 @@ import pickle
 import signal
 import sys
 import threading
-import time
 import traceback
 import warnings
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Iterator, Sized
-from contextlib import contextmanager, suppress
+from contextlib import closing, contextmanager, suppress
 from functools import partial
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
@@ -38,14 +37,11 @@ _WATCH_S = 1.0
 
 _PR_SET_PDEATHSIG = 1
 
-_AHEAD_S, _MOST_AHEAD = 0.5, 64
-"""Work that waits with a process whose items are small [s], and how many items at most."""
+MOST_DEATHS = 3
+"""Processes that an item may take with it."""
 
 Item = TypeVar("Item")
 Value = TypeVar("Value")
-
-
-# How many.
 
 
 def cores() -> int:
@@ -55,27 +51,14 @@ def cores() -> int:
 
 
 def _quota() -> float:
-    """Processors' worth of time that Linux's control groups leave this process."""
-    least = math.inf
-    try:
-        groups = (_ROOT / "proc/self/cgroup").read_text().splitlines()
-    except OSError:  # another system
-        return least
-    for line in groups:
-        _, controllers, path = line.split(":", 2)
-        if controllers and "cpu" not in controllers.split(","):
-            continue
-        root = _ROOT / "sys/fs/cgroup" / ("cpu" if controllers else "")
-        group = root / path.lstrip("/")
-        for folder in (group, *group.parents):
-            with suppress(OSError, ValueError, ZeroDivisionError):
-                if controllers:  # version 1
-                    names = "cpu.cfs_quota_us", "cpu.cfs_period_us"
-                    quota, period = ((folder / name).read_text() for name in names)
-                else:
-                    quota, period = (folder / "cpu.max").read_text().split()
-                if quota != "max" and float(quota) > 0.0:
-                    least = min(least, float(quota) / float(period))
+    """Processors' worth of time that Linux's control groups (version 2) leave this process."""
+    least, root = math.inf, _ROOT / "sys/fs/cgroup"
+    with suppress(OSError, IndexError):  # another system
+        path = (_ROOT / "proc/self/cgroup").read_text().split("0::/")[1].splitlines()[0]
+        for folder in (root / path, *(root / path).parents):
+            with suppress(OSError, ValueError):
+                quota, period = (folder / "cpu.max").read_text().split()
+                least = min(least, math.inf if quota == "max" else int(quota) / int(period))
             if folder == root:
                 break
     return least
@@ -93,21 +76,17 @@ def number_of(jobs: int | None, items: object = None) -> int:
     return max(min(number, len(items)), 1) if isinstance(items, Sized) else number
 
 
-# What a process does first.
-
-
 def begin(orphaned: Callable[[], None] | None = None) -> None:
     """Set up a process that works for another: Ctrl-C and a closed terminal are its parent's.
 
     Args:
         orphaned: what to do, in a thread, before the process ends because its parent has.
     """
-    for name in ("SIGINT", "SIGHUP"):
-        if hasattr(signal, name):
-            signal.signal(getattr(signal, name), signal.SIG_IGN)
+    for number in (signal.SIGINT, signal.SIGHUP):
+        signal.signal(number, signal.SIG_IGN)
     if orphaned is None:
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
-        end_with_parent(signal.SIGKILL if hasattr(signal, "SIGKILL") else signal.SIGTERM)
+        end_with_parent(signal.SIGKILL)
     threading.Thread(target=_watch, args=(orphaned, os.getppid()), daemon=True).start()
 
 
@@ -124,11 +103,9 @@ def end_with_parent(number: int) -> None:
 def _watch(orphaned: Callable[[], None] | None, parent: int) -> None:
     """Wait for the parent to end, on any system; then end too."""
     known = multiprocessing.parent_process()
-    while os.getppid() == parent and (known is None or known.is_alive()):
-        if known is None:
-            threading.Event().wait(_WATCH_S)
-        else:
-            wait([known.sentinel], _WATCH_S)
+    assert known is not None
+    while os.getppid() == parent and known.is_alive():
+        wait([known.sentinel], _WATCH_S)
     try:
         if orphaned is not None:
             orphaned()
@@ -155,9 +132,9 @@ class Pool(Generic[Item, Value]):
             does so only where processes cannot be forked.
         number: of processes.
         begin: sets each of them up.
-        tries: processes that an item may take with it.
-        lost: what came of an item that took so many; None: that is an error.
-        small: items are so small that some can wait with each process.
+        lost: what came of an item that took `MOST_DEATHS` processes with it; None: the first one
+            is an error.
+        small: items are so small that one can wait with each process.
         kept: what is left of the work if a process is killed, in words.
         name: of the items, with which errors say of which they are.
     """
@@ -168,7 +145,6 @@ class Pool(Generic[Item, Value]):
         number: int,
         *,
         begin: Callable[[], None] = begin,
-        tries: int = 1,
         lost: Callable[[Item], Value] | None = None,
         small: bool = False,
         kept: str = "nothing was kept",
@@ -177,29 +153,16 @@ class Pool(Generic[Item, Value]):
         """Start the processes."""
         self._kept, self._name = kept, name
         self._target = partial(_serve, work, begin)
-        self._number, self._tries, self._lost, self._small = number, tries, lost, small
-        self._processes: dict[Connection[Any, Any], BaseProcess] = {}
+        self._number, self._lost, self._small = number, lost, small
+        self.processes: dict[Connection[Any, Any], BaseProcess] = {}  # by their connections
         self._queues: dict[Connection[Any, Any], deque[tuple[int, Item]]] = {}
         self._items: Iterator[tuple[int, Item]] = iter(())
         self._again: deque[tuple[int, Item]] = deque()
         self._deaths: Counter[int] = Counter()
-        self._done, self._seconds = 0, 0.0
+        self._done = 0
         self._closed = False
         for _ in range(number):
             self._start()
-
-    def __enter__(self) -> Pool[Item, Value]:
-        """The pool, which is closed at the end of the block."""
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """Close."""
-        self.close()
-
-    @property
-    def processes(self) -> list[BaseProcess]:
-        """All of them."""
-        return list(self._processes.values())
 
     def _start(self) -> None:
         context: Any = multiprocessing.get_context("fork" if _FORKS else None)
@@ -209,7 +172,7 @@ class Pool(Generic[Item, Value]):
             warnings.simplefilter("ignore", DeprecationWarning)
             process.start()
         theirs.close()
-        self._processes[mine], self._queues[mine] = process, deque()
+        self.processes[mine], self._queues[mine] = process, deque()
         if self._closed:  # by another thread
             process.kill()
 
@@ -241,7 +204,7 @@ class Pool(Generic[Item, Value]):
         for ready in wait([one for one, queue in self._queues.items() if queue], timeout):
             connection = cast("Connection[Any, Any]", ready)
             try:
-                error, value, seconds = connection.recv()
+                error, value = connection.recv()
             except (EOFError, OSError):
                 if self._closed:
                     return
@@ -249,20 +212,15 @@ class Pool(Generic[Item, Value]):
                 continue
             place, _ = self._queues[connection].popleft()
             self._done += 1
-            self._seconds += seconds
             if error is not None:
-                raise _named(error, self._name, place)
+                raise named(error, self._name, place)
             yield place, value  # before anything else can fail
             self._feed(connection)
 
     def _feed(self, connection: Connection[Any, Any]) -> None:
-        """Send a process its next item; of small ones, so many that it need not wait for them."""
-        ahead = 1
-        if self._small:
-            mean = self._seconds / self._done if self._done else _AHEAD_S
-            ahead += int(min(max(_AHEAD_S / max(mean, 1e-3), 1.0), _MOST_AHEAD))
+        """Send a process its next item; of small ones, one more than it works on."""
         queue = self._queues[connection]
-        while len(queue) < ahead:
+        while len(queue) < 1 + self._small:
             next_one = self._again.popleft() if self._again else next(self._items, None)
             if next_one is None:
                 return
@@ -274,22 +232,22 @@ class Pool(Generic[Item, Value]):
                 return
             except (pickle.PicklingError, TypeError, AttributeError) as error:
                 text = f"it cannot be sent to another process ({error}); jobs=1 needs none"
-                raise _named(JointplayError(text), self._name, place) from error
+                raise named(JointplayError(text), self._name, place) from error
 
     def _died(self, connection: Connection[Any, Any]) -> Iterator[tuple[int, Value]]:
         """Replace a dead process; the item that it died of is tried again, or lost."""
         queue = self._queues.pop(connection)
-        self._processes.pop(connection).join()
+        self.processes.pop(connection).join()
         connection.close()
         place, item = queue.popleft()
         self._deaths[place] += 1
         self._again.extend(queue)
-        if self._lost is None and self._deaths[place] >= self._tries:
+        if self._lost is None:
             text = f"a process was ended from outside (too little memory?); {self._kept}"
-            raise _named(JointplayError(text), self._name, place)
+            raise named(JointplayError(text), self._name, place)
         if self._done == 0 and len(self._deaths) > 2 * self._number:
             raise JointplayError("the processes end before they have done anything")
-        if self._lost is not None and self._deaths[place] >= self._tries:
+        if self._deaths[place] >= MOST_DEATHS:
             yield place, self._lost(item)
         else:
             self._again.append((place, item))
@@ -301,13 +259,14 @@ class Pool(Generic[Item, Value]):
     def close(self) -> None:
         """End all processes; what they were doing is given up."""
         self._closed = True
-        for process in self.processes:
+        ending = list(self.processes.values())
+        for process in ending:
             process.kill()
-        for process in self.processes:
+        for process in ending:
             process.join()
 
 
-def _named(error: BaseException, name: str, place: int) -> BaseException:
+def named(error: BaseException, name: str, place: int) -> BaseException:
     """The error, which says of which item it is if items have a name."""
     if name and isinstance(error, JointplayError):
         error.args = (f"{name}[{place}]: {error}",)
@@ -323,12 +282,10 @@ def _serve(work: Callable[[Any], Any], begin: Callable[[], None], connection: An
     with one_thread(), suppress(EOFError, BrokenPipeError, ConnectionResetError):
         while True:
             content = connection.recv_bytes()
-            began = time.perf_counter()
             try:
-                value = work(pickle.loads(content))
-                sent = ForkingPickler.dumps((None, value, time.perf_counter() - began))
+                sent = ForkingPickler.dumps((None, work(pickle.loads(content))))
             except BaseException as error:
-                sent = ForkingPickler.dumps((_portable(error), None, 0.0))
+                sent = ForkingPickler.dumps((_portable(error), None))
             connection.send_bytes(sent)
 
 
@@ -342,51 +299,6 @@ def _portable(error: BaseException) -> BaseException:
     except Exception:
         return RuntimeError(f"{type(error).__name__}: {error}")
     return error
-
-
-@contextmanager
-def each(
-    work: Callable[[Item], Value],
-    items: Iterable[Item],
-    jobs: int | None = None,
-    *,
-    kept: str = "nothing was kept",
-    name: str = "",
-) -> Iterator[Iterator[tuple[int, Value]]]:
-    """Do the work for each item; gives the places of items and what came of them, as they come.
-
-    The processes end with the block. One job needs none: the work is done here.
-
-    Args:
-        work: see `Pool`.
-        items: any number, taken as they are needed.
-        jobs: processes; None takes one for each core.
-        kept: what is left of the work if a process is killed, in words.
-        name: of the items, with which errors say of which they are.
-
-    Raises:
-        JointplayError: `jobs` that make no sense, a process that was ended from outside.
-        BaseException: what the work raised.
-    """
-    number = number_of(jobs, items)
-    if number == 1:
-        yield _here(work, items, name)
-        return
-    with Pool(work, number, kept=kept, name=name) as pool:
-        yield pool.run(items)
-
-
-def _here(
-    work: Callable[[Item], Value], items: Iterable[Item], name: str
-) -> Iterator[tuple[int, Value]]:
-    for place, item in enumerate(items):
-        try:
-            with one_thread():
-                value = work(item)
-        except Exception as error:
-            _named(error, name, place)
-            raise
-        yield place, value
 
 
 @contextmanager
@@ -405,6 +317,6 @@ def in_parallel(work: Callable[[], Value]) -> Iterator[Callable[[], Value]]:
     if not _FORKS or number_of(None) == 1:
         yield work
         return
-    with Pool[None, Value](lambda _: work(), 1) as pool:
+    with closing(Pool[None, Value](lambda _: work(), 1)) as pool:
         pool.start([None])
         yield lambda: next(pool.outcomes())[1]

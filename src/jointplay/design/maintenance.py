@@ -18,6 +18,7 @@ from scipy import optimize
 from tqdm import tqdm
 
 from jointplay.analysis.runs import MOST_RUNS, check_numbers
+from jointplay.analysis.uncertainty import standard_error
 from jointplay.core.errors import JointplayError, require_finite, require_positive, require_whole
 from jointplay.design.poses import along_motion, start_of
 from jointplay.design.static_budget import budget
@@ -182,12 +183,9 @@ def maintenance(
             worn = {name: worn[name] + count * rate[name] for name in worn}
             cycles.append(cycles[-1] + count)
             errors.append(error_of(worn))
-            each = (
-                [_cycles_until(goal, before, one, error_of, deepest) for one in rates]
-                if runs > 1
-                else []
-            )
-            scatter.append(float(np.std(each, ddof=1)) / math.sqrt(runs) if each else math.nan)
+            several = rates if runs > 1 else []
+            each = [_cycles_until(goal, before, one, error_of, deepest) for one in several]
+            scatter.append(standard_error(each))
             growth.append(np.array([(worn[n] - begun[n]).max() for n in worn]))
         reached = True
     except KeyboardInterrupt:

@@ -8,7 +8,7 @@ import numpy as np
 
 from jointplay import kernel
 from jointplay.analysis.claims import START_UP
-from jointplay.analysis.runs import check_numbers, traces
+from jointplay.analysis.runs import check_numbers, errors, traces
 from jointplay.analysis.twins import ideal_simulation
 from jointplay.core.errors import JointplayError
 from jointplay.mechanism.impact import contact_duration
@@ -75,26 +75,18 @@ def dynamic_error(
     base = simulation or Simulation(mechanism, motion)
     begin = {name: float(x) for name, x in zip(motion.joints, motion.positions[0], strict=True)}
     longest = min(base.step, fitting_step(mechanism, mechanism.configuration(begin)))
+    failed = None
     for part in _FINER:
         step = part * longest
         every = max(round(2e-4 / step), 1)
         own = replace(base, mechanism=mechanism, motion=motion, step=step, record_every=every)
-        error, message = _runs(own, runs, jobs, progress)
-        if error is not None:
-            return error
-    raise JointplayError(f"a run that was to verify failed: {message}")
-
-
-def _runs(
-    own: Simulation, runs: int, jobs: int | None, progress: bool
-) -> tuple[DynamicError | None, str]:
-    """The perturbed runs against the ideal mechanism's; or None, and why one of them failed."""
-    drawn = [ideal_simulation(own), *(replace(own, seed=seed) for seed in range(1, runs + 1))]
-    try:
-        ideal, *courses = traces(drawn, jobs=jobs, progress=progress)
-    except JointplayError as error:
-        return None, str(error)
-    since = min(START_UP, 0.5 * float(ideal.time[-1]))
-    away = np.stack([one.position - ideal.position for one in courses])
-    size = np.linalg.norm(away[:, ideal.time >= since], axis=2)
-    return DynamicError(size.max(axis=1), np.sqrt((size**2).mean(axis=1)), since, own.step), ""
+        drawn = [ideal_simulation(own), *(replace(own, seed=seed) for seed in range(1, runs + 1))]
+        try:
+            ideal, *courses = traces(drawn, jobs=jobs, progress=progress)
+        except JointplayError as error:
+            failed = error
+            continue
+        since = min(START_UP, 0.5 * float(ideal.time[-1]))
+        size = np.linalg.norm(errors(courses, ideal)[:, ideal.time >= since], axis=2)
+        return DynamicError(size.max(axis=1), np.sqrt((size**2).mean(axis=1)), since, step)
+    raise JointplayError(f"to verify: {failed}")

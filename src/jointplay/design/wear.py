@@ -26,11 +26,12 @@ import numpy as np
 from tqdm import tqdm
 
 from jointplay.analysis.runs import MOST_RUNS, check_numbers
+from jointplay.analysis.uncertainty import standard_error
 from jointplay.core import files
 from jointplay.core.errors import JointplayError, MissingName, require_positive, require_whole
 from jointplay.joints.base import BoreWear
 from jointplay.kernel import AZIMUTHS
-from jointplay.simulation.ensemble import side_by_side
+from jointplay.simulation.ensemble import in_order
 
 if TYPE_CHECKING:
     from jointplay.result.result import Result
@@ -225,13 +226,8 @@ def wear_of_runs(
     """
     first = simulation.seed or 0
     seeds = [simulation.seed] if runs == 1 else range(first + 1, first + runs + 1)
-    found: dict[int, dict[str, np.ndarray]] = {}
     drawn = [replace(simulation, seed=seed) for seed in seeds]
-    with side_by_side(_depths, drawn, jobs) as outcomes:
-        for place, depths in outcomes:
-            found[place] = depths
-            bar.update()
-    return [found[place] for place in range(runs)]
+    return in_order(_depths, drawn, jobs, bar)
 
 
 def _depths(simulation: Simulation) -> dict[str, np.ndarray]:
@@ -246,6 +242,4 @@ def _block(
     depths = wear_of_runs(simulation, runs, jobs, bar)
     mean = {name: np.mean([one[name] for one in depths], axis=0) for name in depths[0]}
     total = np.array([one[joint].sum() for one in depths])
-    if runs == 1 or total.mean() == 0.0:
-        return mean, math.nan
-    return mean, float(total.std(ddof=1) / math.sqrt(runs) / total.mean())
+    return mean, standard_error(total) / total.mean() if total.mean() else math.nan

@@ -22,7 +22,7 @@ from jointplay.identification.parameters import friction_of, with_clearance
 from jointplay.joints import Clearance
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.result.result import Result
-from jointplay.simulation.ensemble import run_to_the_end, side_by_side
+from jointplay.simulation.ensemble import in_order, run_to_the_end
 from jointplay.simulation.simulation import Simulation
 
 # Impacts in records: when they are, how hard, and numbers that say what a whole measurement has.
@@ -500,7 +500,7 @@ class LikelihoodEstimate:
         return self.distance > _STRANGE
 
 
-def estimate(
+def by_likelihood(
     values: np.ndarray, statistics: np.ndarray, seen: np.ndarray, low: np.ndarray, high: np.ndarray
 ) -> LikelihoodEstimate:
     """The values whose runs have the statistics that were seen.
@@ -767,7 +767,7 @@ def _fit(
         use = np.isfinite(seen) & np.isfinite(table).all(axis=0) & (np.ptp(table, axis=0) > 1e-9)
     if not use.any():
         return None
-    made = estimate(values, table[:, use], seen[use], low, high)
+    made = by_likelihood(values, table[:, use], seen[use], low, high)
     return made, np.flatnonzero(use)
 
 
@@ -824,13 +824,8 @@ class _Maker:
     def run(self, values: np.ndarray, jobs: int | None, bar: tqdm) -> np.ndarray:
         """Statistics of runs with the given restitutions (n, p), shape (n, d)."""
         todo = [self._with(row) for row in values]
-        rows: dict[int, dict[str, float]] = {}
-        look = partial(_statistics, self._instruments)
-        with side_by_side(look, todo, jobs) as outcomes:
-            for place, row in outcomes:
-                rows[place] = row
-                bar.update()
-        return np.array([[row[name] for name in self.names] for _, row in sorted(rows.items())])
+        rows = in_order(partial(_statistics, self._instruments), todo, jobs, bar)
+        return np.array([[row[name] for name in self.names] for row in rows])
 
     def _with(self, row: np.ndarray) -> Simulation:
         """A run with these restitutions, other values as uncertain as they are, another start."""

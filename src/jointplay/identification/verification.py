@@ -19,7 +19,7 @@ from jointplay.identification.identification import Identification, spreads
 from jointplay.identification.model import tool_positions
 from jointplay.identification.restitution import Instruments, channels, run, sampled_joint
 from jointplay.result.result import AXES, Result
-from jointplay.simulation.ensemble import side_by_side
+from jointplay.simulation.ensemble import in_order
 from jointplay.simulation.simulation import Simulation
 
 RUNS = 6
@@ -149,16 +149,10 @@ def verify(
     instruments = Instruments.of(measured) if impacts else None
     if instruments is not None:
         own = instruments.settings(simulation)
-    found: dict[int, tuple[np.ndarray | None, dict[str, float]]] = {}
-    look = partial(_look, identification, instruments)
     drawn = [_perturbed(own, identification, number) for number in range(runs)]
-    bar = tqdm(total=runs, desc="verify", disable=not progress, unit="run")
-    with bar, side_by_side(look, drawn, jobs) as outcomes:
-        for place, one in outcomes:
-            found[place] = one
-            bar.update()
-    means = [found[number][0] for number in range(runs)]
-    rows = [found[number][1] for number in range(runs)]
+    with tqdm(total=runs, desc="verify", disable=not progress, unit="run") as bar:
+        found = in_order(partial(_look, identification, instruments), drawn, jobs, bar)
+    means, rows = [one[0] for one in found], [one[1] for one in found]
     seen = {} if instruments is None else instruments.statistics(measured)
     number = len({kind for kind, _ in keys}) + len(seen)
     parts: _Parts = ({}, {}, {}, {})

@@ -1,4 +1,3 @@
-from .ensemble import EnsembleInterrupted as EnsembleInterrupted
 from .simulation import PERTURBATION as PERTURBATION
 from .simulation import Run as Run
 from .simulation import Simulation as Simulation

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sized
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from tqdm import tqdm
 
 from jointplay import kernel
-from jointplay.core import processes
+from jointplay.core.processes import Pool, named, number_of, one_thread
 from jointplay.kernel import Status
 
 if TYPE_CHECKING:
@@ -119,6 +119,18 @@ def run_to_the_end(simulation: Simulation, words: str) -> Result:
     return result.completed(words)
 
 
+def in_order(
+    work: Callable[[Item], Value], items: Iterable[Item], jobs: int | None, bar: tqdm
+) -> list[Value]:
+    """What came of the items, in their order; each moves the bar by one. See `side_by_side`."""
+    found: dict[int, Value] = {}
+    with side_by_side(work, items, jobs) as outcomes:
+        for place, value in outcomes:
+            found[place] = value
+            bar.update()
+    return [found[place] for place in range(len(found))]
+
+
 @contextmanager
 def side_by_side(
     work: Callable[[Item], Value],
@@ -128,8 +140,36 @@ def side_by_side(
     kept: str = "nothing was kept",
     name: str = "",
 ) -> Iterator[Iterator[tuple[int, Value]]]:
-    """`processes.each` of work that simulates: what is compiled is compiled once, before."""
-    if processes.number_of(jobs, items) > 1:
-        kernel.compiled()
-    with processes.each(work, items, jobs, kept=kept, name=name) as outcomes:
-        yield outcomes
+    """Do work that simulates for each item; gives their places and what came of them, as they come.
+
+    The processes end with the block. One job needs none: the work is done here.
+
+    Args:
+        work, kept, name: see `Pool`.
+        items: any number, taken as they are needed.
+        jobs: processes; None takes one for each core.
+
+    Raises:
+        JointplayError: `jobs` that make no sense, a process that was ended from outside.
+        BaseException: what the work raised.
+    """
+    number = number_of(jobs, items)
+    if number == 1:
+        yield _here(work, items, name)
+        return
+    kernel.compiled()  # once, for all of them
+    with closing(Pool(work, number, kept=kept, name=name)) as pool:
+        yield pool.run(items)
+
+
+def _here(
+    work: Callable[[Item], Value], items: Iterable[Item], name: str
+) -> Iterator[tuple[int, Value]]:
+    for place, item in enumerate(items):
+        try:
+            with one_thread():
+                value = work(item)
+        except Exception as error:
+            named(error, name, place)
+            raise
+        yield place, value

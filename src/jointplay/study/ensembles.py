@@ -6,7 +6,7 @@ import csv
 import io
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, wait
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from functools import partial
 from operator import call
 from pathlib import Path
@@ -70,7 +70,7 @@ class Ensembles:
         self._others = list(others)
         kept = f"the runs so far are in {str(self.table)!r}"
         pool: Pool[Callable[[], Any], Any] = Pool(call, self.jobs, kept=kept)
-        with ThreadPoolExecutor(1) as thread, pool:
+        with ThreadPoolExecutor(1) as thread, closing(pool):
             yield thread.submit(self._collect, pool)
 
     def _collect(self, pool: Pool[Callable[[], Any], Any]) -> None:

@@ -46,6 +46,9 @@ DONE, FAILED = 1, 2
 KEPT_IDEALS = 16
 """Ideal runs that a process remembers for the tool errors of the cases to come."""
 
+_SETTINGS = ("step", "integrator", "macro_step", "tolerance", "record_every", "duration")
+"""Of a run, with which its ideal run is made as well."""
+
 LONGEST_ERROR = 500
 
 
@@ -239,17 +242,7 @@ class Bench:
         if not result.joints and not simulation.mechanism.gears:
             return result
         inputs = task(result)
-        inputs |= {
-            name: getattr(simulation, name)
-            for name in (
-                "step",
-                "integrator",
-                "macro_step",
-                "tolerance",
-                "record_every",
-                "duration",
-            )
-        }
+        inputs |= {name: getattr(simulation, name) for name in _SETTINGS}
         key = json.dumps(inputs, sort_keys=True)
         if key not in self._ideals:
             twin = replace(ideal_simulation(result), duration=simulation.duration)

@@ -12,13 +12,13 @@ from typing import Any
 
 import numpy as np
 
+from jointplay.analysis.uncertainty import Until
 from jointplay.core.files import is_file, read_text
 from jointplay.scenario import Scenario
 from jointplay.scenario.load import merge
 from jointplay.scenario.places import Key, dotted, locate
 from jointplay.sweeps.axes import METHODS, Axis, points
 from jointplay.sweeps.keys import put
-from jointplay.sweeps.uncertainty import Until
 
 Index = tuple[int, ...]
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from functools import partial
 from itertools import chain
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 import xarray as xr
@@ -17,7 +17,7 @@ from tqdm import tqdm
 
 from jointplay import kernel
 from jointplay.core.errors import JointplayError
-from jointplay.core.processes import Pool, number_of
+from jointplay.core.processes import MOST_DEATHS, Pool, number_of
 from jointplay.core.schema import one_of
 from jointplay.scenario import Scenario
 from jointplay.sweeps.case import FAILED, Bench, Case, Job, Outcome, job, joints, run_cases
@@ -28,6 +28,9 @@ from jointplay.sweeps.plan import REPEAT, SAMPLE, Index, Plan
 from jointplay.sweeps.sealed import METADATA, ROOT, metadata
 from jointplay.sweeps.store import Store, of_sweep, sweep_of_states
 
+if TYPE_CHECKING:
+    from jointplay.sweeps.cluster import ClusterWorkers
+
 # What a sweep would take, found by running the beginning of one of its cases.
 
 
@@ -36,9 +39,6 @@ MANY = 20_000
 
 PATIENCE_S = 2.0
 """How long a case is tried [s]."""
-
-TRIES = 3
-"""Processes that a case may take with it before it counts as failed."""
 
 MEASURES_BYTES = 300
 """What the measures of a case take in the store [bytes]."""
@@ -62,7 +62,7 @@ class SweepCost:
         )
 
 
-def estimate(made: Plan, bench: Bench, processes: int) -> SweepCost:
+def cost_of(made: Plan, bench: Bench, processes: int) -> SweepCost:
     """Run the beginning of a case, and reckon from its pace."""
     reason: JointplayError | None = None
     for index in made.indices():
@@ -107,36 +107,14 @@ def _size(size: float) -> str:
     return f"{size / 1e3:.0f} kB"
 
 
-class Workers(Protocol):
-    """Who runs cases."""
-
-    def run(self, cases: Iterator[Case]) -> Iterator[Outcome]:
-        """Outcomes of the cases, as they come."""
-
-    def close(self) -> None:
-        """End; what is being done is given up."""
+Workers: TypeAlias = "Pool[Case, Outcome] | ClusterWorkers"
+"""Who runs cases."""
 
 
-class LocalWorkers:
-    """Processes of this machine.
-
-    Args:
-        job: what they work on.
-        number: of processes.
-    """
-
-    def __init__(self, job: Job, number: int) -> None:
-        """Start them."""
-        kernel.compiled()  # which they then have
-        self._pool = Pool(partial(_case, job), number, tries=TRIES, lost=_lost, small=True)
-
-    def run(self, cases: Iterator[Case]) -> Iterator[Outcome]:
-        """Outcomes of the cases, as they come."""
-        return (outcome for _, outcome in self._pool.run(cases))
-
-    def close(self) -> None:
-        """End; what is being done is given up."""
-        self._pool.close()
+def local_workers(work: Job, number: int) -> Pool[Case, Outcome]:
+    """Processes of this machine."""
+    kernel.compiled()  # which they then have
+    return Pool(partial(_case, work), number, lost=_lost, small=True)
 
 
 def _case(work: Job, case: Case) -> Outcome:
@@ -145,7 +123,7 @@ def _case(work: Job, case: Case) -> Outcome:
 
 
 def _lost(case: Case) -> Outcome:
-    text = f"{TRIES} processes died of it (killed, out of memory, or crashed)"
+    text = f"{MOST_DEATHS} processes died of it (killed, out of memory, or crashed)"
     return Outcome(case[0], FAILED, {}, text)
 
 
@@ -234,7 +212,7 @@ def run_plan(
     number = number_of(jobs)
     first = probe(made)
     if made.count > MANY and not yes:
-        guess = estimate(made, first, number)
+        guess = cost_of(made, first, number)
         raise JointplayError(f"{made.words}: {guess.words}; if that is meant, --yes runs it")
     _ = made.identity  # reads the files, and says what is missing
     made = _largest_so_far(made, Path(path)) if resume or extend else made
@@ -288,7 +266,7 @@ def workers_for(made: Plan, number: int, scheduler: str | None) -> Workers:
         from jointplay.sweeps.cluster import ClusterWorkers
 
         return ClusterWorkers(job(made, send_files=True), scheduler)
-    return LocalWorkers(job(made), number)
+    return local_workers(job(made), number)
 
 
 def _run_all(store: Store, workers: Workers, left: int, progress: bool) -> None:
@@ -305,7 +283,7 @@ def _run_all(store: Store, workers: Workers, left: int, progress: bool) -> None:
     )  # fmt: skip
     with bar:
         bar.refresh()
-        for outcome in workers.run(cases):
+        for _, outcome in workers.run(cases):
             store.keep(outcome)
             failed += int(store.state[outcome.index]) == FAILED
             if failed:
