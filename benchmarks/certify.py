@@ -10,7 +10,6 @@ larger than the stated error; a configuration is if all its judged figures are. 
 chaotic the truth is one draw, as the run is another.
 """
 
-import os
 import time
 import warnings
 from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -23,6 +22,7 @@ from tqdm import tqdm
 import jointplay as jp
 from jointplay import analysis
 from jointplay.analysis.certification import certify, figures
+from jointplay.core.processes import cores
 
 SEED = 2024
 SCARA, KNOWN, CRANK = 23, 1, 6
@@ -181,7 +181,7 @@ def measure(configuration: Configuration) -> list[dict]:
 def main() -> None:
     benchmark = Benchmark("certify", __doc__, runs=0)
     benchmark.parser.add_argument(
-        "--jobs", type=int, default=os.cpu_count(), metavar="N", help="processes"
+        "--jobs", type=int, default=cores(), metavar="N", help="processes"
     )
     args = benchmark.parse()
     chosen = configurations()[: QUICK if args.quick else None]

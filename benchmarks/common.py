@@ -6,7 +6,6 @@ import argparse
 import csv
 import functools
 import multiprocessing
-import os
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -19,6 +18,7 @@ from matplotlib.figure import Figure
 from tqdm import tqdm
 
 import jointplay as jp
+from jointplay.core.processes import cores
 from jointplay.kernel.integrators import DEFAULT
 from jointplay.simulation import PERTURBATION
 
@@ -167,7 +167,7 @@ class Benchmark:
             add(
                 "--jobs",
                 type=int,
-                default=os.cpu_count(),
+                default=cores(),
                 metavar="N",
                 help="processes (default: all %(default)s cores)",
             )

@@ -21,7 +21,7 @@ import jointplay as jp
 from jointplay.core.files import temporary
 from jointplay.sweeps import open_sweep, plan_of
 from jointplay.sweeps.case import Bench, Outcome, job
-from jointplay.sweeps.local import LocalWorkers
+from jointplay.sweeps.run import local_workers
 from jointplay.sweeps.store import Store
 
 CLEARANCES = ["joints.joint_b.radial_clearance", "joints.joint_b.axial_clearance"]
@@ -102,7 +102,7 @@ def start():
 def messages(number):
     """CPU seconds of the driver for messages to and from workers, by case."""
     made = planned(SHORT_S, number)
-    workers = LocalWorkers(job(made), 1)
+    workers = local_workers(job(made), 1)
     try:
         cases = ((index, made.changes(index)) for index in made.indices())
         began = time.process_time()
@@ -116,7 +116,7 @@ def messages(number):
 def gain(number, rounds):
     """How much faster two workers are than one, and the wall seconds of a case with two."""
     made = planned(LONG_S, number)
-    crews = {1: LocalWorkers(job(made), 1), 2: LocalWorkers(job(made), 2)}
+    crews = {1: local_workers(job(made), 1), 2: local_workers(job(made), 2)}
     times = {1: [], 2: []}
     try:
         for crew in crews.values():
@@ -124,7 +124,7 @@ def gain(number, rounds):
         for _ in range(rounds):
             for workers, crew in crews.items():
                 began = time.perf_counter()
-                for outcome in crew.run((i, made.changes(i)) for i in made.indices()):
+                for _, outcome in crew.run((i, made.changes(i)) for i in made.indices()):
                     if outcome.state != 1:
                         raise SystemExit(outcome.error)
                 times[workers].append(time.perf_counter() - began)

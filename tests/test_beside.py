@@ -17,7 +17,7 @@ forked = pytest.mark.skipif(sys.platform != "linux", reason="only Linux forks sa
 
 @pytest.fixture
 def two_cores(monkeypatch):
-    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0, 1}, raising=False)
+    monkeypatch.setattr(module, "cores", lambda: 2)
 
 
 @forked
@@ -31,7 +31,7 @@ def test_work_is_done_by_another_process_and_comes_back():
 
 
 def test_without_forks_work_is_done_when_it_is_asked_for(monkeypatch):
-    monkeypatch.setattr(module, "_forks", lambda: False)
+    monkeypatch.setattr(module, "_FORKS", False)
     done = []
     with in_parallel(lambda: done.append(os.getpid())) as made:
         assert not done

@@ -65,12 +65,12 @@ def test_a_gear_is_a_source_of_its_own(arm):
 def test_the_wider_clearance_has_the_larger_index(arm):
     pytest.importorskip("SALib")
     found = sensitivity(simulation(arm, {"a": 2e-5, "b": 4e-4}), 4, slowest=1.0)
-    assert found.inputs == ("clearance a", "clearance b", "friction of the bearings")
+    assert found.names == ("clearance a", "clearance b", "friction of the bearings")
     assert len(found.rms) == 4 * (3 + 2)
     assert found.total[1] > 0.5
     assert found.total[0] < 0.2
     assert found.total.argmax() == 1
-    assert np.isfinite(found.total_known).all()
+    assert np.isfinite(found.total_confidence).all()
 
 
 @pytest.mark.parametrize(

@@ -382,7 +382,6 @@ ELSEWHERE = {
     "simulation/spool.py": {"path.open('r+b')", "self._file.truncate("},  # marked as ours
     "sweeps/case.py": {"place.write_text("},  # in a temporary folder, for Pinocchio to read
     "sweeps/journal.py": {"self._file.truncate("},  # torn lines are known by their checksums
-    "sweeps/local.py": {"pickle.dump("},  # to a process
     "sweeps/dataset.py": {"dataset.rename("},  # names of variables
     "sweeps/store.py": {
         "rest.unlink(",

@@ -25,11 +25,11 @@ from jointplay.cli import main
 from jointplay.contact import LankaraniNikravesh, ZhangSharf
 from jointplay.identification import Measurement
 from jointplay.identification.restitution import (
+    by_likelihood,
     by_simulation,
     channels,
     delivered,
     design,
-    estimate,
     flights,
     impacts,
     nominal_of,
@@ -149,12 +149,12 @@ def test_values_are_told_by_statistics_and_strange_measurements_are_seen():
     table = np.array([seen(value) for (value,) in values])
     misses = 0
     for truth in np.linspace(0.1, 0.9, 40):
-        found = estimate(values, table, seen(truth), low, high)
+        found = by_likelihood(values, table, seen(truth), low, high)
         assert not found.strange
         assert 0.02 < found.half_width[0] < 0.25
         misses += abs(found.value[0] - truth) > found.half_width[0]
     assert misses <= 6  # of 40 at 95 %: more happen once in 250 times
-    assert estimate(values, table, np.array([1.0, -3.0, 0.0]), low, high).strange
+    assert by_likelihood(values, table, np.array([1.0, -3.0, 0.0]), low, high).strange
 
 
 @pytest.mark.parametrize("law", [LankaraniNikravesh(), ZhangSharf()])

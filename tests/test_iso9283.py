@@ -18,10 +18,10 @@ from jointplay.cli import main
 from jointplay.design.iso9283 import (
     Cycles,
     accuracy,
+    bootstrap,
     cube_motion,
     cube_poses,
     drift,
-    estimate,
     figures,
     iso9283,
     largest,
@@ -335,7 +335,7 @@ def test_the_interval_covers_the_true_accuracy_about_as_often_as_it_says():
     inside = 0
     for _ in range(40):
         points = true + 1e-4 * random.normal(size=(30, 1, 3))
-        one = estimate(points, largest(accuracy))
+        one = bootstrap(points, largest(accuracy))
         inside += one.low <= np.linalg.norm(true) <= one.high
     assert 33 <= inside <= 40
 

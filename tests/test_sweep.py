@@ -274,7 +274,7 @@ def test_a_sweep_stops_by_itself_when_the_precision_is_reached(swept, tmp_path):
     found = jp.sweep(path, tmp_path / "s.zarr")
     number = found.sizes["sample"]
     assert 4 < number < 512
-    from jointplay.sweeps.uncertainty import estimate
+    from jointplay.analysis.uncertainty import estimate
 
     values = found["tool_error_rms_total"].values
     assert estimate(values).relative <= 0.06

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 import jointplay as jp
-from jointplay.sweeps.axes import points
-from jointplay.sweeps.uncertainty import (
+from jointplay.analysis.uncertainty import (
     Until,
     convergence,
     enough,
@@ -14,6 +13,7 @@ from jointplay.sweeps.uncertainty import (
     read_until,
     sobol_indices,
 )
+from jointplay.sweeps.axes import points
 
 
 @pytest.mark.parametrize(

@@ -39,6 +39,8 @@ from .scenario.robot import robot_scenario as robot_scenario
 from .simulation import Run as Run
 from .simulation import Simulation as Simulation
 from .simulation import simulate as simulate
+from .simulation.ensemble import EnsembleInterrupted as EnsembleInterrupted
+from .simulation.ensemble import ensemble as ensemble
 from .sweeps import open_sweep as open_sweep
 from .sweeps import sweep as sweep
 

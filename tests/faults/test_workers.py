@@ -6,7 +6,6 @@ import signal
 import subprocess
 import sys
 import time
-from concurrent.futures import ProcessPoolExecutor
 
 import pytest
 from test_kills import gone, needs_proc
@@ -15,28 +14,24 @@ from jointplay.core import processes, signals
 
 
 @needs_proc
-def test_a_pool_that_is_abandoned_leaves_no_process():
-    pool = ProcessPoolExecutor(2, initializer=processes.begin)
-    for _ in range(4):
-        pool.submit(time.sleep, 1e6)
-    while not processes.processes(pool):
-        time.sleep(0.01)
-    left = [process.pid for process in processes.processes(pool)]
-    processes.abandon(pool)
+def test_a_pool_that_is_closed_leaves_no_process():
+    pool = processes.Pool(time.sleep, 2)
+    pool.start([1e6] * 4)
+    left = [process.pid for process in pool.processes.values()]
+    pool.close()
     gone(left)
 
 
 PARENT = """
 import os, sys, time
-from concurrent.futures import ProcessPoolExecutor
 from jointplay.core import processes
 if sys.argv[1] == "watch":
     processes.end_with_parent = lambda number: None
 if __name__ == "__main__":
-    pool = ProcessPoolExecutor(1, initializer=processes.begin)
-    print(pool.submit(os.getpid).result(), flush=True)
-    pool.submit(time.sleep, 1e6)
-    time.sleep(1e6)
+    pool = processes.Pool(time.sleep, 1)
+    print(*(process.pid for process in pool.processes.values()), flush=True)
+    for _ in pool.run([0.0, 1e6]):
+        print("begun", flush=True)
 """
 
 
@@ -47,6 +42,7 @@ def test_a_worker_ends_with_its_parent_with_and_without_the_kernels_help(way):
         [sys.executable, "-c", PARENT, way], stdout=subprocess.PIPE, text=True
     )
     worker = int(parent.stdout.readline())
+    parent.stdout.readline()
     parent.kill()
     parent.wait()
     gone([worker])

@@ -263,20 +263,13 @@ def _ideal(result: Result, progress: bool, begin: Begin) -> Result | None:
     """The ideal mechanism's run with the same settings; None where there is none."""
     if not analysis.has_play(result):
         return None
-    try:
-        prepared = Run(analysis.ideal_simulation(result), progress)
-        prepared.label = "certifying (ideal)"
-        begin(prepared)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", RuntimeWarning)
-            ideal = prepared.finish(progress, check_step=False)
-    except JointplayError as error:
-        text = f"the tool error is not certified: the ideal mechanism cannot be simulated ({error})"
+    ideal, why = _run(
+        analysis.ideal_simulation(result), None, "certifying (ideal)", progress, begin
+    )
+    if ideal is None:
+        text = f"the tool error is not certified: the ideal mechanism cannot be simulated ({why})"
         warnings.warn(text, RuntimeWarning, stacklevel=3)
-        return None
-    if ideal.status == Status.INTERRUPTED:
-        raise KeyboardInterrupt
-    return ideal if ideal.status == Status.COMPLETED else None
+    return ideal
 
 
 def figures(result: Result, ideal: Result | None) -> dict[str, tuple[float, str]]:

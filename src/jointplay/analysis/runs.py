@@ -1,4 +1,4 @@
-"""Runs of which an analysis needs the end."""
+"""Many runs of which only the tool's course is kept, on disk if that is asked for."""
 
 from __future__ import annotations
 
@@ -6,10 +6,8 @@ import dataclasses
 import hashlib
 import io
 import json
-import os
 import warnings
 from collections.abc import Sequence
-from concurrent.futures import as_completed
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -19,30 +17,11 @@ import numpy as np
 from tqdm import tqdm
 
 from jointplay.contact.trust import files_of
-from jointplay.core import files, processes
+from jointplay.core import files
 from jointplay.core.errors import JointplayError, require_whole
-from jointplay.result.result import Result
+from jointplay.core.processes import number_of
+from jointplay.simulation.ensemble import run_to_the_end, side_by_side
 from jointplay.simulation.simulation import Simulation
-
-
-def run_to_the_end(simulation: Simulation, words: str) -> Result:
-    """Simulate; what stops a run is said in the error, not in a warning before it.
-
-    Args:
-        simulation: what is run, without a check of its step.
-        words: what it is called where it fails.
-
-    Raises:
-        KeyboardInterrupt: it was interrupted.
-        JointplayError: it stopped early: why.
-    """
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)
-        result = simulation.run(check_step=False)
-    return result.completed(words)
-
-
-# Many runs in processes side by side, of which only the tool's course is kept.
 
 
 @dataclass(frozen=True)
@@ -59,6 +38,21 @@ class Trace:
     """Unit quaternions, scalar first, shape (n, 4); None if they are not known."""
 
 
+def errors(runs: Sequence[Trace], ideal: Trace) -> np.ndarray:
+    """Where the tool is, less where it was to be, shape (runs, n, 3) [m].
+
+    Raises:
+        JointplayError: records at other times.
+    """
+    time = ideal.time
+    for run in runs:
+        if len(run.time) != len(time) or not np.allclose(
+            run.time, time, 0.0, 1e-9 + 1e-9 * time[-1]
+        ):
+            raise JointplayError("a run was not recorded at the times of the ideal mechanism's")
+    return np.stack([run.position - ideal.position for run in runs])
+
+
 MOST_RUNS = 1_000_000
 """Runs at a time, at most."""
 
@@ -66,15 +60,7 @@ MOST_RUNS = 1_000_000
 def check_numbers(runs: int, jobs: int | None) -> None:
     """Raise a JointplayError on a number of runs or of processes that makes no sense."""
     require_whole("runs", runs, 1, MOST_RUNS)
-    if jobs is not None:
-        require_whole("jobs", jobs, 1)
-
-
-def cores() -> int:
-    """Processors that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
+    number_of(jobs)
 
 
 def traces(
@@ -108,29 +94,15 @@ def traces(
             if there is not None:
                 runs[key] = there
     todo = {k: s for k, s in zip(keys, simulations, strict=True) if k not in runs}
-    number = min(jobs or cores(), max(len(todo), 1))
-    bar = tqdm(
-        total=len(todo) + len(runs),
-        initial=len(runs),
-        disable=not progress,
-        desc=what,
-        unit="run",
-    )
-    with bar:
-        if number == 1:
-            for key, one in todo.items():
-                runs[key] = _run(one)
-                _write(keep, key, runs[key])
-                bar.update()
-        else:
-            kept = f"the runs so far are in {str(keep)!r}" if keep else "nothing was kept"
-            with processes.pool(number, kept) as pool:
-                futures = {pool.submit(_run, one): key for key, one in todo.items()}
-                for future in as_completed(futures):
-                    key = futures[future]
-                    runs[key] = future.result()
-                    _write(keep, key, runs[key])
-                    bar.update()
+    count = len(todo) + len(runs)
+    bar = tqdm(total=count, initial=len(runs), disable=not progress, desc=what, unit="run")
+    kept = f"the runs so far are in {str(keep)!r}" if keep else "nothing was kept"
+    names = list(todo)
+    with bar, side_by_side(_run, todo.values(), jobs, kept=kept) as outcomes:
+        for place, trace in outcomes:
+            runs[names[place]] = trace
+            _write(keep, names[place], trace)
+            bar.update()
     return [runs[key] for key in keys]
 
 

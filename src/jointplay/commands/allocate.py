@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from jointplay.commands import add_quiet, name_and_value
+from jointplay.commands import add_jobs, add_quiet, name_and_value
 from jointplay.commands.mechanism import add_poses, add_robot, quantity, task
 from jointplay.core.errors import JointplayError
 
@@ -54,6 +54,7 @@ def add(commands: Any) -> None:
         help="simulate the motion with these clearances, so many perturbed runs (3)",
     )
     parser.add_argument("--out", metavar="DIR", help="folder for allocation.csv and the figure")
+    add_jobs(parser)
     add_quiet(parser)
     parser.set_defaults(handler=run)
 
@@ -108,6 +109,7 @@ def run(options: argparse.Namespace) -> int:
             work.motion,
             work.simulation,
             runs=options.verify,
+            jobs=options.jobs,
             progress=not options.quiet,
         )
         peak = float(seen.peak.max())

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import os
 from collections import Counter
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from jointplay.commands import add_case, add_jobs, add_quiet, add_trust
-from jointplay.core.errors import JointplayError, require_whole
+from jointplay.core.errors import JointplayError
 
 if TYPE_CHECKING:
     import numpy as np
@@ -94,15 +93,15 @@ def add(commands: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Run what is missing, draw, print."""
-    from jointplay.core import files
+    from jointplay.core import files, processes
 
+    processes.number_of(options.jobs)
     study = _study(options)
     out, mark = files.claim(options.out, []), f"jointplay dynamics {options.kind}"
     path = out / f"{options.kind}.png"
     if path.exists() and not files.holds(path, mark):
         raise JointplayError(f"{str(path)!r} is no figure of this command; name another folder")
-    jobs = require_whole("jobs", options.jobs if options.jobs is not None else _cores(), 1)
-    figure = FIGURES[options.kind](FigureJob(study, options, out, jobs))
+    figure = FIGURES[options.kind](FigureJob(study, options, out))
     files.picture(path, figure, mark=mark)
     print(f"written to {options.out}: {options.kind}.csv, {path.name}")
     return 0
@@ -190,10 +189,6 @@ def _names(options: argparse.Namespace, simulation: Any) -> tuple[str, ...]:
     return given or (first,)
 
 
-def _cores() -> int:
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
 # What `jointplay dynamics` draws and says, a function for each kind.
 
 
@@ -210,7 +205,6 @@ class FigureJob:
     study: Study
     options: argparse.Namespace
     out: Path
-    jobs: int
 
     def table(self, columns: list[str]) -> Table:
         """The table of this kind in the folder."""
@@ -222,7 +216,7 @@ class FigureJob:
     def rows(self, columns: list[str], work: Any, keys: list[tuple[float, ...]]) -> np.ndarray:
         """Numbers for each key, found or read; failures are said."""
         table = self.table(columns)
-        done = table.fill(work, keys, self.jobs, not self.options.quiet)
+        done = table.fill(work, keys, self.options.jobs, not self.options.quiet)
         print(f"{done} of {len(keys)} runs done now, {len(keys) - done} were there")
         failed = [key for key in keys if key in table.failures]
         for key in failed[:3]:

@@ -8,6 +8,7 @@ import math
 from dataclasses import replace
 from typing import Any
 
+from jointplay.commands import add_jobs
 from jointplay.commands.mechanism import add_robot, quantity, task
 from jointplay.core.errors import JointplayError
 
@@ -113,7 +114,7 @@ def _add_simulated(parser: Any) -> None:
         help="run the scenario with what was found, and say whether its statistics are those of "
         f"the measurement, within the scatter of so many runs (default {VERIFYING})",
     )
-    group.add_argument("--jobs", type=int, default=1, metavar="N", help="processes (default 1)")
+    add_jobs(group)
 
 
 def _add_plan(parser: Any) -> None:
@@ -135,12 +136,11 @@ def _add_plan(parser: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Identify or plan, print, draw."""
-    from jointplay.core import files
+    from jointplay.core import files, processes
 
     if options.plan and options.data is not None:
         raise JointplayError("give --plan or a measurement, not both")
-    if options.jobs < 1:
-        raise JointplayError(f"--jobs must be at least 1, got {options.jobs}")
+    processes.number_of(options.jobs)
     if not options.plan and options.data is None:
         raise JointplayError("give a measurement (CSV), or --plan to ask what to measure")
     names = ["identified.csv", "identified.json", "identified.png"]
@@ -171,7 +171,13 @@ def run(options: argparse.Namespace) -> int:
         if options.verify and work.simulation is not None:
             from jointplay.identification.verification import verify
 
-            checked = verify(work.simulation, fit, progress=not options.quiet, runs=options.verify)
+            checked = verify(
+                work.simulation,
+                fit,
+                runs=options.verify,
+                jobs=options.jobs,
+                progress=not options.quiet,
+            )
             print(checked)
             found["verification"] = checked.describe()
         if out is not None:

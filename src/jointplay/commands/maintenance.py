@@ -7,8 +7,7 @@ from typing import Any
 
 from jointplay.commands.mechanism import quantity
 from jointplay.commands.wear import add_cycles
-
-INTERRUPTED = 130
+from jointplay.core.signals import INTERRUPTED
 
 
 def add(commands: Any) -> None:
@@ -54,6 +53,7 @@ def run(options: argparse.Namespace) -> int:
         target,
         blocks=options.blocks,
         runs=options.runs,
+        jobs=options.jobs,
         cycles_per_run=options.cycles_per_run,
         factor=options.wear_factor,
         progress=not options.quiet,

@@ -11,13 +11,13 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from contextlib import contextmanager, suppress
+from contextlib import closing, contextmanager, suppress
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from jointplay.core import processes, signals, streams
-from jointplay.core.errors import JointplayError, MissingName, require_whole
+from jointplay.core.errors import JointplayError, MissingName
 from jointplay.core.files import refuse_present
 from jointplay.core.signals import INTERRUPTED
 from jointplay.simulation.working_files import check_own, working_paths
@@ -38,6 +38,9 @@ _LONGEST_NAME = 100
 _LOOK_S = 0.2
 """Interval at which progress is looked at."""
 
+_Item = tuple[int, str, Path, bool]
+"""A case for another process: its number, its name, its file, and whether it is certified."""
+
 
 def run(scenario: Scenario, options: argparse.Namespace) -> int:
     """Run the cases, draw the figures, say how each ended and what came out."""
@@ -45,7 +48,7 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
     from jointplay.plots.names import MARK
 
     cases = _chosen(scenario, options.case)
-    jobs = _jobs(options.jobs, len(cases))
+    jobs = processes.number_of(options.jobs, cases)
     files = dict(zip(cases, file_names(cases), strict=True))
     figures = scenario.figures and not options.no_figures
     drawn = _figures(scenario, cases) if figures else []
@@ -136,13 +139,6 @@ def _chosen(scenario: Scenario, wanted: Sequence[str]) -> list[str]:
         if case not in scenario.cases:
             raise MissingName("case", case, scenario.cases)
     return [case for case in scenario.cases if not wanted or case in wanted]
-
-
-def _jobs(wanted: int | None, cases: int) -> int:
-    if wanted is not None:
-        require_whole("jobs", wanted, 1)
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    return min(wanted or cores or 1, cases)
 
 
 def file_names(cases: Sequence[str]) -> list[str]:
@@ -246,76 +242,64 @@ def _side_by_side(
 
     clocks = multiprocessing.RawArray(ctypes.c_double, len(files))
     begun = multiprocessing.RawArray(ctypes.c_int, len(files))
-    futures: dict[Future[None], str] = {}
     layout = "{percentage:3.0f}%|{bar}| {n:.3f}/{total:.3f} s simulated{postfix}, {remaining} left"
     bar = tqdm(total=total, disable=not progress, bar_format=layout, mininterval=_LOOK_S)
-    executor = processes.pool(
-        jobs,
-        f"what is complete is in {str(out)!r}",
-        _begin,
-        (clocks, begun),
-        lambda pool: _wind_up(pool, futures),
-    )
+    given = str(scenario.path), scenario.text, scenario.trust, scenario.settings
+    work = partial(_work, clocks, begun, *given)
+    items = [
+        (index, case, out / name, case in certified)
+        for index, (case, name) in enumerate(files.items())
+    ]
+    kept = f"what is complete is in {str(out)!r}"
+    pool = processes.Pool(work, jobs, begin=_begin, kept=kept)
+    left = list(files)
     try:
-        with bar, executor as pool:
-            for index, (case, name) in enumerate(files.items()):
-                trust, source = scenario.trust, str(scenario.path)
-                target = out / name
-                certify = case in certified
-                work = (
-                    *(source, scenario.text, trust, scenario.settings),
-                    *(case, target, certify, index),
-                )
-                futures[pool.submit(_work, *work)] = case
-            pending = set(futures)
-            while pending:
-                done, pending = wait(pending, _LOOK_S, FIRST_COMPLETED)
-                for future in done:
-                    future.result()
-                now = min(sum(clocks), total)
-                ended = f"{len(futures) - len(pending)} of {len(futures)} cases done"
-                under_way = {futures[future] for future in pending}
-                for case, runs in zip(files, begun, strict=True):
-                    if case in under_way and runs > 1:
-                        ended += f", certifying {case} (further run {runs - 1})"
-                bar.set_postfix_str(
-                    ended if now else "starting (the first start ever compiles)", refresh=False
-                )
-                bar.update(now - bar.n)
+        with bar, closing(pool):
+            try:
+                pool.start(items)
+                while pool.busy:
+                    for place, _ in pool.outcomes(_LOOK_S):
+                        left.remove(items[place][1])
+                    now = min(sum(clocks), total)
+                    ended = f"{len(files) - len(left)} of {len(files)} cases done"
+                    for case, runs in zip(files, begun, strict=True):
+                        if case in left and runs > 1:
+                            ended += f", certifying {case} (further run {runs - 1})"
+                    bar.set_postfix_str(
+                        ended if now else "starting (the first start ever compiles)", refresh=False
+                    )
+                    bar.update(now - bar.n)
+            except BaseException:
+                _wind_up(pool, items, left)
+                raise
     except KeyboardInterrupt:
         return True
     return False
 
 
-def _wind_up(pool: ProcessPoolExecutor, futures: dict[Future[None], str]) -> None:
+def _wind_up(pool: processes.Pool[_Item, None], items: Sequence[_Item], left: list[str]) -> None:
     """Have the processes save their runs as far as they came; told to stop again, end them."""
-    ending = processes.processes(pool)
     if signals.stop_requested():
         signals.say("stopping; saving what was computed (once more gives it up)")
     try:
-        for process in ending:
+        for process in pool.processes.values():
             process.terminate()  # which ends a run as Ctrl-C does
-        pool.shutdown(cancel_futures=True)
+        while pool.busy:
+            with suppress(Exception):  # the first is raised
+                for place, _ in pool.outcomes():
+                    left.remove(items[place][1])
     except KeyboardInterrupt:
-        for process in ending:
-            process.kill()
-        lost = [case for future, case in futures.items() if not future.done()]
-        signals.say(f"gave up what was not saved: {', '.join(lost) or 'nothing'}")
-        with suppress(KeyboardInterrupt):
-            pool.shutdown(cancel_futures=True)
+        pool.close()
+        signals.say(f"gave up what was not saved: {', '.join(left) or 'nothing'}")
 
 
-_clocks: Any = None
-_begun: Any = None
 _ending = False
 _idle = threading.Lock()
 """Held while a case is being run and saved."""
 
 
-def _begin(clocks: Any, begun: Any) -> None:
+def _begin() -> None:
     """Set up a process: told to stop, or without its parent, it saves its run and takes no more."""
-    global _clocks, _begun
-    _clocks, _begun = clocks, begun
     signal.signal(signal.SIGTERM, _end)
     processes.begin(_save_and_end)
 
@@ -332,36 +316,36 @@ def _end(*_: Any) -> None:
 
 
 def _work(
+    clocks: Any,
+    begun: Any,
     path: str,
     text: str,
     trust: tuple[str, ...],
     settings: tuple[Setting, ...],
-    case: str,
-    target: Path,
-    certified: bool,
-    index: int,
+    item: _Item,
 ) -> None:
     """Run a case in this process and save it; then certify it."""
     from jointplay.scenario import Scenario
 
-    with _idle:
+    index, case, target, certified = item
+    with _idle, suppress(KeyboardInterrupt):  # told to stop before its time loop began
         if _ending:
             return
         scenario = Scenario(text, path, trust, settings)
         prepared = scenario.ready_run(case, records=records_needed(target, certified))
-        with _ticking(index) as begin:
+        with _ticking(clocks, begun, index) as begin:
             _execute(scenario, case, prepared, target, certified, False, begin)
 
 
 @contextmanager
-def _ticking(index: int) -> Iterator[Callable[[Run], None]]:
+def _ticking(clocks: Any, begun: Any, index: int) -> Iterator[Callable[[Run], None]]:
     """Tell the parent how far the runs of a case have come; gives what each run is begun with."""
     over = threading.Event()
     runs: list[Run] = []
     past = 0.0
 
     def tell() -> None:
-        _clocks[index] = past + sum(run.workspace.time for run in runs)
+        clocks[index] = past + sum(run.workspace.time for run in runs)
 
     def begin(run: Run) -> None:
         nonlocal past
@@ -370,7 +354,7 @@ def _ticking(index: int) -> Iterator[Callable[[Run], None]]:
         run.guards.append(_not_after_the_end)
         run.between.append(lambda: _ending)
         runs.append(run)
-        _begun[index] += 1
+        begun[index] += 1
 
     def tick() -> None:
         while not over.wait(_LOOK_S):

@@ -5,10 +5,9 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from jointplay.commands import add_case, add_quiet, add_trust
+from jointplay.commands import add_case, add_jobs, add_quiet, add_trust
 from jointplay.commands.mechanism import quantity
-
-INTERRUPTED = 130
+from jointplay.core.signals import INTERRUPTED
 
 
 def add(commands: Any) -> None:
@@ -44,6 +43,7 @@ def add_cycles(parser: Any, blocks: int, runs: int) -> None:
     parser.add_argument(
         "--cycles-per-run", type=float, default=1.0, metavar="N", help="cycles in one run"
     )
+    add_jobs(parser)
     add_quiet(parser)
     add_trust(parser)
 
@@ -64,6 +64,7 @@ def run(options: argparse.Namespace) -> int:
         blocks=options.blocks,
         cycles_per_run=options.cycles_per_run,
         runs=options.runs,
+        jobs=options.jobs,
         progress=not options.quiet,
     )
     print("  cycles      deepest [um]  mean [um]")

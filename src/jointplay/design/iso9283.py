@@ -12,15 +12,17 @@ from pathlib import Path
 import numpy as np
 from scipy import stats
 
-from jointplay.analysis.runs import MOST_RUNS, Trace, run_to_the_end, traces
+from jointplay.analysis.runs import MOST_RUNS, Trace, errors, traces
 from jointplay.analysis.tool_error import Stop, stops
-from jointplay.analysis.twins import state_without_play
+from jointplay.analysis.twins import ideal_simulation
+from jointplay.analysis.uncertainty import IntervalEstimate
 from jointplay.core.errors import JointplayError, require_positive
 from jointplay.design.wear import all_wearing, depth_of, first_profile, with_worn
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.mechanism.payload import Payload
 from jointplay.motion.cartesian import cartesian_motion
 from jointplay.motion.reference import GOES_ON, Motion
+from jointplay.simulation.ensemble import run_to_the_end
 from jointplay.simulation.run import Run
 from jointplay.simulation.simulation import Simulation
 
@@ -100,19 +102,6 @@ RESAMPLES = 999
 """Resamples of the bootstrap."""
 
 
-@dataclass(frozen=True)
-class BootstrapEstimate:
-    """A figure and its confidence interval by bootstrap over the cycles."""
-
-    value: float
-    low: float
-    high: float
-
-    def words(self, scale: float, unit: str) -> str:
-        """The figure with its interval, in the unit that is `scale` times smaller."""
-        return f"{scale * self.value:.4g} {unit} [{scale * self.low:.4g}, {scale * self.high:.4g}]"
-
-
 def accuracy(points: np.ndarray) -> np.ndarray:
     """Distance of the barycentre of the cycles from the command pose, at m points.
 
@@ -147,12 +136,12 @@ def largest(statistic: Statistic) -> Statistic:
     return lambda points: np.asarray(statistic(points).max(axis=-1))
 
 
-def along(points: np.ndarray, axis: int) -> BootstrapEstimate:
+def along(points: np.ndarray, axis: int) -> IntervalEstimate:
     """Mean of the first point along an axis, and its interval."""
-    return estimate(points, lambda some: np.asarray(some[..., 0, axis].mean(axis=-1)))
+    return bootstrap(points, lambda some: np.asarray(some[..., 0, axis].mean(axis=-1)))
 
 
-def estimate(points: np.ndarray, statistic: Statistic) -> BootstrapEstimate:
+def bootstrap(points: np.ndarray, statistic: Statistic) -> IntervalEstimate:
     """A statistic over the cycles, with its interval by the bias-corrected bootstrap (BCa)."""
     value = float(statistic(points))
 
@@ -173,8 +162,8 @@ def estimate(points: np.ndarray, statistic: Statistic) -> BootstrapEstimate:
                 random_state=np.random.default_rng(0),
             ).confidence_interval
         if np.isfinite(interval.low) and np.isfinite(interval.high):
-            return BootstrapEstimate(value, float(interval.low), float(interval.high))
-    return BootstrapEstimate(value, math.nan, math.nan)
+            return IntervalEstimate(value, float(interval.low), float(interval.high), len(points))
+    return IntervalEstimate(value, math.nan, math.nan, len(points))
 
 
 # Orientation figures of ISO 9283: the tool's rotations a, b, c about x, y, z in many cycles.
@@ -190,7 +179,7 @@ def estimate(points: np.ndarray, statistic: Statistic) -> BootstrapEstimate:
 
 ANGLES = ("a", "b", "c")
 """Rotations about x, y and z."""
-Three = tuple[BootstrapEstimate, BootstrapEstimate, BootstrapEstimate]
+Three = tuple[IntervalEstimate, IntervalEstimate, IntervalEstimate]
 
 
 @dataclass(frozen=True)
@@ -244,11 +233,11 @@ def at_pose(turns: np.ndarray | None) -> Orientation | None:
     if turns is None:
         return None
 
-    def each(axis: int) -> tuple[BootstrapEstimate, BootstrapEstimate]:
+    def each(axis: int) -> tuple[IntervalEstimate, IntervalEstimate]:
         points = turns[:, axis]
         return (
-            estimate(points, lambda some: np.asarray(some.mean(axis=-1))),
-            estimate(points, lambda some: 3.0 * np.asarray(some.std(axis=-1, ddof=1))),
+            bootstrap(points, lambda some: np.asarray(some.mean(axis=-1))),
+            bootstrap(points, lambda some: 3.0 * np.asarray(some.std(axis=-1, ddof=1))),
         )
 
     return _both([each(axis) for axis in range(3)])
@@ -259,17 +248,17 @@ def along_path(turns: np.ndarray | None) -> Orientation | None:
     if turns is None or not turns.shape[1]:
         return None
 
-    def each(axis: int) -> tuple[BootstrapEstimate, BootstrapEstimate]:
+    def each(axis: int) -> tuple[IntervalEstimate, IntervalEstimate]:
         points = turns[:, :, axis]
         return (
-            estimate(points, lambda some: np.abs(some.mean(axis=-2)).max(axis=-1)),
-            estimate(points, lambda some: 3.0 * some.std(axis=-2, ddof=1).max(axis=-1)),
+            bootstrap(points, lambda some: np.abs(some.mean(axis=-2)).max(axis=-1)),
+            bootstrap(points, lambda some: 3.0 * some.std(axis=-2, ddof=1).max(axis=-1)),
         )
 
     return _both([each(axis) for axis in range(3)])
 
 
-def _both(pairs: list[tuple[BootstrapEstimate, BootstrapEstimate]]) -> Orientation:
+def _both(pairs: list[tuple[IntervalEstimate, IntervalEstimate]]) -> Orientation:
     (a, ra), (b, rb), (c, rc) = pairs
     return Orientation((a, b, c), (ra, rb, rc))
 
@@ -420,11 +409,11 @@ class Pose:
     """Where the ideal mechanism's tool is, world axes, shape (3,) [m]."""
     attained: np.ndarray
     """Where the tool is in each cycle, less `command`, shape (cycles, 3) [m]."""
-    ap: BootstrapEstimate
+    ap: IntervalEstimate
     """AP_p [m]."""
-    axes: tuple[BootstrapEstimate, BootstrapEstimate, BootstrapEstimate]
+    axes: tuple[IntervalEstimate, IntervalEstimate, IntervalEstimate]
     """AP_x, AP_y, AP_z, with sign [m]."""
-    rp: BootstrapEstimate
+    rp: IntervalEstimate
     """RP_l [m]."""
     settling: Settling | None
     """None where the motion goes on at once: there is nothing to settle in."""
@@ -438,7 +427,7 @@ class Variation:
 
     times: tuple[float, ...]
     """When it is attained [s]."""
-    vap: BootstrapEstimate
+    vap: IntervalEstimate
     """vAP_p [m]."""
 
 
@@ -450,11 +439,11 @@ class Distance:
     """Ends of the stops [s]."""
     command: float
     """D_c, the distance of the command poses [m]."""
-    ad: BootstrapEstimate
+    ad: IntervalEstimate
     """AD_p, with sign [m]."""
-    rd: BootstrapEstimate
+    rd: IntervalEstimate
     """RD_p, to be read as +- [m]."""
-    axes: tuple[tuple[BootstrapEstimate, BootstrapEstimate], ...]
+    axes: tuple[tuple[IntervalEstimate, IntervalEstimate], ...]
     """AD and RD along x, y, z [m]."""
 
 
@@ -549,9 +538,9 @@ class Iso9283:
     poses: tuple[Pose, ...]
     variations: tuple[Variation, ...]
     """None if no pose is approached from two directions."""
-    at: BootstrapEstimate | None
+    at: IntervalEstimate | None
     """AT_p [m]; None if the tool describes no path after `since`."""
-    rt: BootstrapEstimate | None
+    rt: IntervalEstimate | None
     """RT_p [m]."""
     path_times: np.ndarray
     """Points of the path, shape (m,) [s]."""
@@ -641,7 +630,7 @@ class Iso9283:
         """A row for each figure, lengths in m, angles in rad, times in s."""
         rows = ["figure,clause,time_s,value,low,high,unit"]
 
-        def row(name: str, clause: str, time: str, one: BootstrapEstimate) -> None:
+        def row(name: str, clause: str, time: str, one: IntervalEstimate) -> None:
             rows.append(f"{name},{clause},{time},{one.value:.6g},{one.low:.6g},{one.high:.6g},m")
 
         for pose in self.poses:
@@ -692,7 +681,7 @@ def iso9283(
     load: float = 0.0,
     drift_time: float | None = None,
     poses: str = "poses: the stops of the motion",
-    jobs: int | None = 1,
+    jobs: int | None = None,
     keep: Path | None = None,
     progress: bool = False,
 ) -> Iso9283:
@@ -727,21 +716,21 @@ def iso9283(
 
     assert simulation.motion is not None
     since = simulation.judged_from
-    ideal, *courses = run([ideal_of(simulation), *_perturbed(simulation, counts.most)])
+    ideal, *courses = run([ideal_simulation(simulation), *_perturbed(simulation, counts.most)])
     found = figures(courses, ideal, simulation.motion, since, band=band, cycles=counts)
     drifts: tuple[Drift, ...] = ()
     words = what_drifts(simulation)
     if drift_time is not None:
         require_positive("time of the drift", drift_time, "s")
         groups = _worn(simulation, drift_time)
-        errors = []
+        parts = []
         for number, group in enumerate(groups):
             again = courses[:DRIFT_CYCLES] if number == 0 else []
             again += run(_perturbed(group, DRIFT_CYCLES)[len(again) :])
-            errors.append(np.stack([one.position - ideal.position for one in again]))
+            parts.append(errors(again, ideal))
         times = np.linspace(0.0, drift_time, len(groups))
         at = [int(np.abs(ideal.time - pose.time).argmin()) for pose in found.poses]
-        drifts = tuple(drift(times, np.stack([part[:, k] for part in errors])) for k in at)
+        drifts = tuple(drift(times, np.stack([part[:, k] for part in parts])) for k in at)
         words += f", extrapolated from {DRIFT_TIMES} blocks of equal cycles"
     return replace(found, drifts=drifts, drifting=words, conditions=conditions)
 
@@ -878,19 +867,6 @@ def cube_motion(
     return Motion(found.joints, times, np.array(rows))
 
 
-def ideal_of(simulation: Simulation) -> Simulation:
-    """The ideal mechanism that does the same work; see `analysis.twin`."""
-    changes: dict[str, object] = {"start": None, "settle": None, "judge_from": None, "seed": None}
-    if simulation.mechanism.loops:
-        changes |= {"integrator": "rk4", "macro_step": None, "tolerance": None}
-    return replace(
-        simulation,
-        mechanism=simulation.mechanism.ideal(),
-        state=state_without_play(simulation),
-        **changes,  # type: ignore[arg-type]
-    )
-
-
 def figures(
     runs: Sequence[Trace],
     ideal: Trace,
@@ -920,12 +896,7 @@ def figures(
     if band is not None:
         require_positive("limit band", band, "m")
     time = ideal.time
-    for run in runs:
-        if len(run.time) != len(time) or not np.allclose(
-            run.time, time, 0.0, 1e-9 + 1e-9 * time[-1]
-        ):
-            raise JointplayError("the cycles were not recorded at the same times as the ideal one")
-    error = np.stack([run.position - ideal.position for run in runs])
+    error = errors(runs, ideal)
     turns = turns_of(runs, ideal)
     waypoints = stops(motion, float(time[-1])) if _stops(motion) else []
     halts = [one for one in waypoints if one.at_rest and one.end >= since and one.end > 0.0]
@@ -933,7 +904,7 @@ def figures(
     for stop in halts:
         at = int(np.abs(time - stop.end).argmin())
         attained = error[: counts.pose, at : at + 1]
-        rp = estimate(attained, largest(repeatability))
+        rp = bootstrap(attained, largest(repeatability))
         leave = max([0.0, *(other.end for other in halts if other.end < stop.start)])
         window = (time >= leave, time >= stop.start, time <= stop.end)
         poses.append(
@@ -941,7 +912,7 @@ def figures(
                 float(time[at]),
                 ideal.position[at],
                 attained[:, 0],
-                estimate(attained, largest(accuracy)),
+                bootstrap(attained, largest(accuracy)),
                 (along(attained, 0), along(attained, 1), along(attained, 2)),
                 rp,
                 settling(runs[: counts.settling], window, time, rp.value if band is None else band),
@@ -955,8 +926,8 @@ def figures(
         counts,
         tuple(poses),
         tuple(_variations(poses, motion)),
-        None if across is None else estimate(across, largest(accuracy)),
-        None if across is None else estimate(across, largest(repeatability)),
+        None if across is None else bootstrap(across, largest(accuracy)),
+        None if across is None else bootstrap(across, largest(repeatability)),
         time[points],
         np.zeros(0) if across is None else accuracy(across),
         np.zeros(0) if across is None else repeatability(across),
@@ -1013,7 +984,7 @@ def _variations(poses: Sequence[Pose], motion: Motion) -> list[Variation]:
         if any(float(first @ way) < math.cos(_OTHER_WAY) for _, way in group[1:]):
             together = np.stack([pose.attained for pose, _ in group], axis=1)
             times = tuple(pose.time for pose, _ in group)
-            variations.append(Variation(times, estimate(together, variation)))
+            variations.append(Variation(times, bootstrap(together, variation)))
     return variations
 
 
@@ -1033,14 +1004,14 @@ def _distance(one: Pose, other: Pose) -> Distance:
     far = float(np.linalg.norm(command))
     between = (command + other.attained - one.attained)[:, None]  # (cycles, 1, 3)
 
-    def both(length: Statistic, wanted: float) -> tuple[BootstrapEstimate, BootstrapEstimate]:
+    def both(length: Statistic, wanted: float) -> tuple[IntervalEstimate, IntervalEstimate]:
         """AD and RD of lengths (..., cycles)."""
         return (
-            estimate(between, lambda some: np.asarray(length(some).mean(axis=-1) - wanted)),
-            estimate(between, lambda some: 3.0 * np.asarray(length(some).std(axis=-1, ddof=1))),
+            bootstrap(between, lambda some: np.asarray(length(some).mean(axis=-1) - wanted)),
+            bootstrap(between, lambda some: 3.0 * np.asarray(length(some).std(axis=-1, ddof=1))),
         )
 
-    def along_axis(axis: int) -> tuple[BootstrapEstimate, BootstrapEstimate]:
+    def along_axis(axis: int) -> tuple[IntervalEstimate, IntervalEstimate]:
         return both(lambda some: some[..., 0, axis], float(command[axis]))
 
     ad, rd = both(lambda some: np.asarray(np.linalg.norm(some[..., 0, :], axis=-1)), far)

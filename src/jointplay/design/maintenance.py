@@ -17,11 +17,12 @@ import numpy as np
 from scipy import optimize
 from tqdm import tqdm
 
-from jointplay.analysis.runs import MOST_RUNS
+from jointplay.analysis.runs import MOST_RUNS, check_numbers
+from jointplay.analysis.uncertainty import standard_error
 from jointplay.core.errors import JointplayError, require_finite, require_positive, require_whole
 from jointplay.design.poses import along_motion, start_of
 from jointplay.design.static_budget import budget
-from jointplay.design.wear import all_wearing, depth_of, first_profile, perturbed_runs, with_worn
+from jointplay.design.wear import all_wearing, first_profile, wear_of_runs, with_worn
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.motion.reference import Motion
 from jointplay.simulation.simulation import Simulation
@@ -132,6 +133,7 @@ def maintenance(
     runs: int = 2,
     cycles_per_run: float = 1.0,
     factor: float = 3.0,
+    jobs: int | None = None,
     progress: bool = False,
 ) -> Maintenance:
     """Estimate the cycles until wear lets the tool be off by more than `target`.
@@ -143,6 +145,7 @@ def maintenance(
         runs: perturbed runs of each block, whose mean wear is taken.
         cycles_per_run: cycles that one run holds.
         factor: within which the wear rates are known; a handbook's are good to several.
+        jobs: processes for the runs; None takes one for each core.
         progress: show a bar on standard error.
 
     Returns:
@@ -152,7 +155,8 @@ def maintenance(
         JointplayError: a value out of range; no joint wears, no motion; the target is missed
             already, or wear never leads to it; a run that fails.
     """
-    worn, poses = _checked(simulation, target, blocks, runs, cycles_per_run, factor)
+    check_numbers(runs, jobs)
+    worn, poses = _checked(simulation, target, blocks, cycles_per_run, factor)
     deepest = {name: _DEEPEST * one.journal_radius for name, one in all_wearing(simulation).items()}
     begun = {name: profile.copy() for name, profile in worn.items()}
 
@@ -171,7 +175,7 @@ def maintenance(
     reached = False
     try:
         for block in range(blocks):
-            rates = _rates(simulation, worn, runs, cycles_per_run, bar)
+            rates = _rates(simulation, worn, runs, cycles_per_run, jobs, bar)
             rate = {name: np.mean([one[name] for one in rates], axis=0) for name in worn}
             goal = first + (target - first) * (block + 1) / blocks
             count = _cycles_until(goal, worn, rate, error_of, deepest)
@@ -179,12 +183,9 @@ def maintenance(
             worn = {name: worn[name] + count * rate[name] for name in worn}
             cycles.append(cycles[-1] + count)
             errors.append(error_of(worn))
-            each = (
-                [_cycles_until(goal, before, one, error_of, deepest) for one in rates]
-                if runs > 1
-                else []
-            )
-            scatter.append(float(np.std(each, ddof=1)) / math.sqrt(runs) if each else math.nan)
+            several = rates if runs > 1 else []
+            each = [_cycles_until(goal, before, one, error_of, deepest) for one in several]
+            scatter.append(standard_error(each))
             growth.append(np.array([(worn[n] - begun[n]).max() for n in worn]))
         reached = True
     except KeyboardInterrupt:
@@ -215,15 +216,13 @@ def _checked(
     simulation: Simulation,
     target: float,
     blocks: int,
-    runs: int,
     cycles_per_run: float,
     factor: float,
 ) -> tuple[dict[str, np.ndarray], np.ndarray]:
     """Profiles to begin with, and the poses to look at."""
     require_positive("target", target, "m")
     require_positive("cycles per run", cycles_per_run, "")
-    for name, value in (("blocks", blocks), ("runs", runs)):
-        require_whole(name, value, 1, MOST_RUNS)
+    require_whole("blocks", blocks, 1, MOST_RUNS)
     if require_finite("the wear rates' factor", factor, "") < 1.0:
         raise JointplayError(f"the wear rates' factor must be >= 1, got {factor:g}")
     clearance = simulation.mechanism.clearance
@@ -241,23 +240,20 @@ def _checked(
 
 
 def _rates(
-    simulation: Simulation, worn: Worn, runs: int, cycles_per_run: float, bar: tqdm
+    simulation: Simulation,
+    worn: Worn,
+    runs: int,
+    cycles_per_run: float,
+    jobs: int | None,
+    bar: tqdm,
 ) -> list[dict[str, np.ndarray]]:
     """Depth a cycle by joint [m], of each run."""
-    own = with_worn(simulation, dict(worn))
-    wearing = all_wearing(own)
-    rates = []
-    for result in perturbed_runs(own, runs):
-        depths = {
-            name: depth_of(one, result, name) / cycles_per_run for name, one in wearing.items()
-        }
-        if max(depth.max() for depth in depths.values()) <= 0.0:
-            raise JointplayError(
-                f"no journal slides under load in {', '.join(worn)}: their clearances last"
-            )
-        rates.append(depths)
-        bar.update()
-    return rates
+    found = wear_of_runs(with_worn(simulation, dict(worn)), runs, jobs, bar)
+    if any(max(depth.max() for depth in depths.values()) <= 0.0 for depths in found):
+        raise JointplayError(
+            f"no journal slides under load in {', '.join(worn)}: their clearances last"
+        )
+    return [{name: depth / cycles_per_run for name, depth in depths.items()} for depths in found]
 
 
 def _cycles_until(

@@ -17,16 +17,16 @@ friction, payload and speed vary at random (Saltelli et al., Comput. Phys. Commu
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from jointplay.analysis.runs import MOST_RUNS, Trace, check_numbers, traces
-from jointplay.analysis.twins import state_without_play
+from jointplay.analysis.runs import MOST_RUNS, check_numbers, errors, traces
+from jointplay.analysis.twins import ideal_simulation, state_without_play
+from jointplay.analysis.uncertainty import SobolIndices, salib, sobol_indices, standard_error
 from jointplay.core.errors import (
     JointplayError,
     require_finite,
@@ -34,7 +34,6 @@ from jointplay.core.errors import (
     require_positive,
     require_whole,
 )
-from jointplay.design.iso9283 import ideal_of
 from jointplay.design.levers import GEAR
 from jointplay.mechanism.payload import Payload
 from jointplay.simulation.simulation import Simulation
@@ -108,7 +107,7 @@ class DynamicBudget:
 def _share(values: np.ndarray) -> str:
     text = f"{100 * values.mean():.1f}"
     if len(values) > 1:
-        text += f" +- {100 * values.std(ddof=1) / math.sqrt(len(values)):.1f}"
+        text += f" +- {100 * standard_error(values):.1f}"
     return f"{text} %"
 
 
@@ -116,7 +115,7 @@ def dynamic_budget(
     simulation: Simulation,
     runs: int = 3,
     *,
-    jobs: int | None = 1,
+    jobs: int | None = None,
     keep: Path | None = None,
     progress: bool = False,
 ) -> DynamicBudget:
@@ -142,11 +141,13 @@ def dynamic_budget(
     first = 1 if base.seed is None else base.seed
     whole = [replace(base, seed=first + run) for run in range(runs)]
     single = [replace(_only(base, name), seed=first + run) for run in range(runs) for name in names]
-    courses = traces([ideal_of(base), *whole, *single], jobs=jobs, keep=keep, progress=progress)
+    courses = traces(
+        [ideal_simulation(base), *whole, *single], jobs=jobs, keep=keep, progress=progress
+    )
     since = whole[0].judged_from
-    errors = _errors(courses[1:], courses[0], since)
-    together = errors[:runs]
-    alone = errors[runs:].reshape(runs, len(names), *errors.shape[1:])
+    error = errors(courses[1:], courses[0])[:, courses[0].time >= since]
+    together = error[:runs]
+    alone = error[runs:].reshape(runs, len(names), *error.shape[1:])
     mean = (together**2).sum(axis=(1, 2))
     shared = np.einsum("rjti,rti->rj", alone, together)
     parts = np.divide(shared, mean[:, None], out=np.zeros_like(shared), where=mean[:, None] > 0.0)
@@ -187,49 +188,31 @@ def _only(simulation: Simulation, source: str) -> Simulation:
     return replace(simulation, mechanism=mechanism._with(joints, gears), state=state)
 
 
-def _errors(runs: Sequence[Trace], ideal: Trace, since: float) -> np.ndarray:
-    """Distance from the ideal tool from `since` on, shape (runs, times, 3) [m]."""
-    kept = ideal.time >= since
-    for run in runs:
-        if len(run.time) != len(ideal.time):
-            raise JointplayError("a run was not recorded at the times of the ideal mechanism's")
-    return np.stack([(run.position - ideal.position)[kept] for run in runs])
-
-
 @dataclass(frozen=True)
-class Sensitivity:
-    """Sobol indices of the tool's RMS error, with 95 % confidence; d inputs."""
+class Sensitivity(SobolIndices):
+    """Sobol indices of the tool's RMS error."""
 
-    inputs: tuple[str, ...]
     ranges: tuple[tuple[float, float], ...]
-    """Between which they vary; clearances, friction and speed relative, payload [kg]."""
-    first: np.ndarray
-    """Part of the variance that an input brings about alone, shape (d,)."""
-    first_known: np.ndarray
-    """Half-width of its 95 % confidence interval, shape (d,)."""
-    total: np.ndarray
-    """The same together with all others, shape (d,)."""
-    total_known: np.ndarray
-    """Half-width of its interval, shape (d,)."""
+    """Between which inputs vary; clearances, friction and speed relative, payload [kg]."""
     rms: np.ndarray
     """RMS error of the tool in each run [m]."""
 
     def __str__(self) -> str:
         """As a table."""
         rows = [f"{'input':<34} {'range':<14} first-order       total"]
-        for i, name in enumerate(self.inputs):
+        for i, name in enumerate(self.names):
             low, high = self.ranges[i]
             rows.append(
                 f"{name:<34} {f'{low:g} to {high:g}':<14} "
-                f"{self.first[i]:>5.2f} +- {self.first_known[i]:<6.2f}  "
-                f"{self.total[i]:>5.2f} +- {self.total_known[i]:.2f}"
+                f"{self.first[i]:>5.2f} +- {self.first_confidence[i]:<6.2f}  "
+                f"{self.total[i]:>5.2f} +- {self.total_confidence[i]:.2f}"
             )
         rows.append(
             f"statistical, from {len(self.rms)} simulated runs: RMS error "
             f"{1e3 * self.rms.min():.4g} to {1e3 * self.rms.max():.4g} mm; +- 95 % "
             "confidence of the indices by resampling"
         )
-        if max(self.first_known.max(), self.total_known.max()) > _WIDE:
+        if max(self.first_confidence.max(), self.total_confidence.max()) > _WIDE:
             rows.append("the intervals are wide: more samples (--sobol) tell more")
         return "\n".join(rows)
 
@@ -244,7 +227,7 @@ def sensitivity(
     spread: float = 2.0,
     slowest: float = 0.7,
     payload: float = 0.0,
-    jobs: int | None = 1,
+    jobs: int | None = None,
     keep: Path | None = None,
     progress: bool = False,
 ) -> Sensitivity:
@@ -268,7 +251,7 @@ def sensitivity(
     base = _coarser(simulation)
     inputs = _inputs(base, spread, slowest, payload)
     names = [name for name, _, _ in inputs]
-    analyze, sample = _salib()
+    sample = salib("sample")
     problem = {"num_vars": len(names), "names": names, "bounds": [[0.0, 1.0]] * len(names)}
     points = sample.sample(problem, samples, calc_second_order=False, seed=0)
     work = []
@@ -276,24 +259,18 @@ def sensitivity(
         one = base
         for (_, (low, high), change), x in zip(inputs, point, strict=True):
             one = change(one, low * (high / low) ** x if low > 0.0 else low + x * (high - low))
-        work += [ideal_of(one), replace(one, seed=1 if base.seed is None else base.seed)]
+        work += [ideal_simulation(one), replace(one, seed=1 if base.seed is None else base.seed)]
     courses = traces(work, jobs=jobs, keep=keep, progress=progress)
     rms = np.array(
         [
-            math.sqrt((_errors([run], ideal, one.judged_from) ** 2).sum(axis=2).mean())
+            math.sqrt(
+                (errors([run], ideal)[:, ideal.time >= one.judged_from] ** 2).sum(axis=2).mean()
+            )
             for ideal, run, one in zip(courses[::2], courses[1::2], work[1::2], strict=True)
         ]
     )
-    if np.ptp(rms) == 0.0:  # nothing varies, so nothing brings it about
-        indices = dict.fromkeys(("S1", "S1_conf", "ST", "ST_conf"), np.zeros(len(names)))
-    else:
-        with np.errstate(all="ignore"):
-            indices = analyze.analyze(problem, rms, calc_second_order=False, seed=0)
-    s1, s1_known, st, st_known = (
-        np.asarray(indices[key], float) for key in ("S1", "S1_conf", "ST", "ST_conf")
-    )
     ranges = tuple(bounds for _, bounds, _ in inputs)
-    return Sensitivity(tuple(names), ranges, s1, s1_known, st, st_known, rms)
+    return Sensitivity(**vars(sobol_indices(rms, tuple(names))), ranges=ranges, rms=rms)
 
 
 def check(samples: int | None, spread: float, slowest: float, payload: float) -> None:
@@ -304,15 +281,6 @@ def check(samples: int | None, spread: float, slowest: float, payload: float) ->
     if not 0.0 < require_finite("the slowest speed", slowest, "") <= 1.0:
         raise JointplayError(f"the slowest speed must be in (0, 1], got {slowest:g}")
     require_non_negative("the payload", payload, "kg")
-
-
-def _salib() -> tuple[Any, Any]:
-    try:
-        return import_module("SALib.analyze.sobol"), import_module("SALib.sample.sobol")
-    except ImportError as error:
-        raise JointplayError(
-            f"Sobol indices need SALib ({error}): pip install 'jointplay[sensitivity]'"
-        ) from None
 
 
 Input = tuple[str, tuple[float, float], Callable[[Simulation, float], Simulation]]

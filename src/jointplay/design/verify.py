@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from jointplay import kernel
 from jointplay.analysis.claims import START_UP
-from jointplay.analysis.runs import MOST_RUNS
-from jointplay.analysis.tool_error import deviation
-from jointplay.core.errors import JointplayError, require_whole
-from jointplay.kernel import Status
+from jointplay.analysis.runs import check_numbers, errors, traces
+from jointplay.analysis.twins import ideal_simulation
+from jointplay.core.errors import JointplayError
 from jointplay.mechanism.impact import contact_duration
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.motion.reference import Motion
@@ -57,6 +55,7 @@ def dynamic_error(
     simulation: Simulation | None = None,
     *,
     runs: int = 3,
+    jobs: int | None = None,
     progress: bool = False,
 ) -> DynamicError:
     """Tool's error against the ideal mechanism in runs whose journals start displaced at random.
@@ -66,40 +65,28 @@ def dynamic_error(
         motion: what the drives follow.
         simulation: whose drives, payloads and settings are used; None takes the usual ones.
         runs: how many.
+        jobs: processes; None takes one for each core.
         progress: show bars.
 
     Raises:
         JointplayError: a run that failed; fewer than one run.
     """
-    runs = require_whole("runs", runs, 1, MOST_RUNS)
+    check_numbers(runs, jobs)
     base = simulation or Simulation(mechanism, motion)
     begin = {name: float(x) for name, x in zip(motion.joints, motion.positions[0], strict=True)}
     longest = min(base.step, fitting_step(mechanism, mechanism.configuration(begin)))
+    failed = None
     for part in _FINER:
         step = part * longest
         every = max(round(2e-4 / step), 1)
         own = replace(base, mechanism=mechanism, motion=motion, step=step, record_every=every)
-        error, message = _runs(own, runs, progress)
-        if error is not None:
-            return error
-    raise JointplayError(f"a run that was to verify failed: {message}")
-
-
-def _runs(own: Simulation, runs: int, progress: bool) -> tuple[DynamicError | None, str]:
-    """The perturbed runs against the ideal mechanism's; or None, and why one of them failed."""
-    ideal = replace(own, mechanism=own.mechanism.ideal()).run(progress)
-    since = min(START_UP, 0.5 * float(ideal.time[-1]))
-    peaks, means = [], []
-    for seed in range(1, runs + 1):
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", RuntimeWarning)  # said in the message
-            result = replace(own, seed=seed).run(progress)
-        if result.status == Status.INTERRUPTED:
-            raise KeyboardInterrupt
-        if result.status != Status.COMPLETED:
-            return None, result.message
-        error = deviation(result, ideal)
-        size = np.linalg.norm(error.sel(time=error["time"] >= since).values, axis=1)
-        peaks.append(size.max())
-        means.append(np.sqrt(np.mean(size**2)))
-    return DynamicError(np.array(peaks), np.array(means), since, own.step), ""
+        drawn = [ideal_simulation(own), *(replace(own, seed=seed) for seed in range(1, runs + 1))]
+        try:
+            ideal, *courses = traces(drawn, jobs=jobs, progress=progress)
+        except JointplayError as error:
+            failed = error
+            continue
+        since = min(START_UP, 0.5 * float(ideal.time[-1]))
+        size = np.linalg.norm(errors(courses, ideal)[:, ideal.time >= since], axis=2)
+        return DynamicError(size.max(axis=1), np.sqrt((size**2).mean(axis=1)), since, step)
+    raise JointplayError(f"to verify: {failed}")

@@ -18,7 +18,6 @@ to date; the outcome is an estimate.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -26,11 +25,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from tqdm import tqdm
 
-from jointplay.analysis.runs import MOST_RUNS
+from jointplay.analysis.runs import MOST_RUNS, check_numbers
+from jointplay.analysis.uncertainty import standard_error
 from jointplay.core import files
 from jointplay.core.errors import JointplayError, MissingName, require_positive, require_whole
 from jointplay.joints.base import BoreWear
 from jointplay.kernel import AZIMUTHS
+from jointplay.simulation.ensemble import in_order
 
 if TYPE_CHECKING:
     from jointplay.result.result import Result
@@ -130,6 +131,7 @@ def wear_life(
     blocks: int = 10,
     cycles_per_run: float = 1.0,
     runs: int = 1,
+    jobs: int | None = None,
     progress: bool = False,
 ) -> WearLife:
     """Estimate the cycles until the clearance of `joint` has grown by `growth`.
@@ -146,6 +148,7 @@ def wear_life(
         cycles_per_run: cycles that one run holds.
         runs: runs of each block, their journals perturbed at the start by different seeds; the
             mean of their wear is taken, and their scatter tells how well it is known.
+        jobs: processes for them; None takes one for each core.
         progress: show a bar on standard error.
 
     Returns:
@@ -156,8 +159,8 @@ def wear_life(
     """
     require_positive("growth", growth, "m")
     require_positive("cycles per run", cycles_per_run, "")
-    for name, value in (("blocks", blocks), ("runs", runs)):
-        require_whole(name, value, 1, MOST_RUNS)
+    check_numbers(runs, jobs)
+    require_whole("blocks", blocks, 1, MOST_RUNS)
     _wearing(simulation, joint)
     worn = {name: first_profile(one) for name, one in all_wearing(simulation).items()}
     begun = worn[joint].copy()
@@ -166,7 +169,7 @@ def wear_life(
     reached = False
     try:
         for block in range(blocks):
-            wear, known = _block(with_worn(simulation, worn), joint, runs, bar)
+            wear, known = _block(with_worn(simulation, worn), joint, runs, jobs, bar)
             wear = {name: depth / cycles_per_run for name, depth in wear.items()}
             if wear[joint].max() <= 0.0:
                 raise JointplayError(
@@ -212,29 +215,31 @@ def with_worn(simulation: Simulation, worn: dict[str, np.ndarray]) -> Simulation
     return replace(simulation, mechanism=simulation.mechanism.with_clearance(joints))
 
 
-def perturbed_runs(simulation: Simulation, runs: int) -> Iterator[Result]:
-    """Runs of a simulation with worn bores, with seeds of their own if there are several.
+def wear_of_runs(
+    simulation: Simulation, runs: int, jobs: int | None, bar: tqdm
+) -> list[dict[str, np.ndarray]]:
+    """Depths that each run wears off by joint [m], with seeds of their own if there are several.
 
     Raises:
         JointplayError: one fails.
         KeyboardInterrupt: one is interrupted.
     """
-    for run in range(runs):
-        seed = simulation.seed if runs == 1 else (simulation.seed or 0) + run + 1
-        yield replace(simulation, seed=seed).run().completed("a run with worn bores")
+    first = simulation.seed or 0
+    seeds = [simulation.seed] if runs == 1 else range(first + 1, first + runs + 1)
+    drawn = [replace(simulation, seed=seed) for seed in seeds]
+    return in_order(_depths, drawn, jobs, bar)
+
+
+def _depths(simulation: Simulation) -> dict[str, np.ndarray]:
+    result = simulation.run().completed("a run with worn bores")
+    return {name: depth_of(one, result, name) for name, one in all_wearing(simulation).items()}
 
 
 def _block(
-    simulation: Simulation, joint: str, runs: int, bar: tqdm
+    simulation: Simulation, joint: str, runs: int, jobs: int | None, bar: tqdm
 ) -> tuple[dict[str, np.ndarray], float]:
     """Mean wear of the runs of one block by joint [m], and its relative standard error."""
-    depths: list[dict[str, np.ndarray]] = []
-    wearing = all_wearing(simulation)
-    for result in perturbed_runs(simulation, runs):
-        depths.append({name: depth_of(one, result, name) for name, one in wearing.items()})
-        bar.update()
-    mean = {name: np.mean([one[name] for one in depths], axis=0) for name in wearing}
+    depths = wear_of_runs(simulation, runs, jobs, bar)
+    mean = {name: np.mean([one[name] for one in depths], axis=0) for name in depths[0]}
     total = np.array([one[joint].sum() for one in depths])
-    if runs == 1 or total.mean() == 0.0:
-        return mean, math.nan
-    return mean, float(total.std(ddof=1) / math.sqrt(runs) / total.mean())
+    return mean, standard_error(total) / total.mean() if total.mean() else math.nan

@@ -580,7 +580,7 @@ def identify(
     stiffness: Given | None = None,
     drift: int = DRIFT,
     runs: int = 0,
-    jobs: int = 1,
+    jobs: int | None = None,
     progress: bool = False,
 ) -> Identification:
     """Clearances, friction, play of gears and restitution from measured signals.
@@ -605,7 +605,7 @@ def identify(
             ``{"all": inf}`` are all but gears. What is not said is unknown.
         drift: degree of the polynomial in time by which readings may drift; 0: they do not.
         runs: simulations by which restitution is sought where flights do not tell it; 0: none.
-        jobs: processes for them.
+        jobs: processes for them; None takes one for each core.
         progress: show a bar for them.
 
     Raises:

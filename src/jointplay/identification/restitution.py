@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from scipy.ndimage import median_filter
@@ -14,8 +15,6 @@ from scipy.stats import bootstrap, qmc
 from scipy.stats import t as student
 from tqdm import tqdm
 
-from jointplay.analysis.runs import run_to_the_end
-from jointplay.core import processes
 from jointplay.core.errors import JointplayError
 from jointplay.identification.fit import CONFIDENCE
 from jointplay.identification.measurement import Measurement
@@ -23,6 +22,7 @@ from jointplay.identification.parameters import friction_of, with_clearance
 from jointplay.joints import Clearance
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.result.result import Result
+from jointplay.simulation.ensemble import in_order, run_to_the_end
 from jointplay.simulation.simulation import Simulation
 
 # Impacts in records: when they are, how hard, and numbers that say what a whole measurement has.
@@ -500,7 +500,7 @@ class LikelihoodEstimate:
         return self.distance > _STRANGE
 
 
-def estimate(
+def by_likelihood(
     values: np.ndarray, statistics: np.ndarray, seen: np.ndarray, low: np.ndarray, high: np.ndarray
 ) -> LikelihoodEstimate:
     """The values whose runs have the statistics that were seen.
@@ -699,7 +699,7 @@ def by_simulation(
     spreads: Mapping[str, Mapping[str, float]] | None = None,
     *,
     runs: int = RUNS,
-    jobs: int = 1,
+    jobs: int | None = None,
     seed: int = 0,
     progress: bool = False,
 ) -> tuple[Restitution, ...]:
@@ -712,7 +712,7 @@ def by_simulation(
         spreads: standard deviations of clearances and friction, by joint and name; each run has
             others.
         runs: half over all restitutions, half about what these say.
-        jobs: processes.
+        jobs: processes; None takes one for each core.
         seed: of the runs' values and starts.
         progress: show a bar.
 
@@ -767,7 +767,7 @@ def _fit(
         use = np.isfinite(seen) & np.isfinite(table).all(axis=0) & (np.ptp(table, axis=0) > 1e-9)
     if not use.any():
         return None
-    made = estimate(values, table[:, use], seen[use], low, high)
+    made = by_likelihood(values, table[:, use], seen[use], low, high)
     return made, np.flatnonzero(use)
 
 
@@ -821,19 +821,10 @@ class _Maker:
         seen = self._instruments.statistics(measured)
         self.names, self.seen = tuple(seen), np.array(list(seen.values()))
 
-    def run(self, values: np.ndarray, jobs: int, bar: tqdm) -> np.ndarray:
+    def run(self, values: np.ndarray, jobs: int | None, bar: tqdm) -> np.ndarray:
         """Statistics of runs with the given restitutions (n, p), shape (n, d)."""
         todo = [self._with(row) for row in values]
-        rows = []
-        if jobs == 1:
-            for one in todo:
-                rows.append(_statistics(one, self._instruments))
-                bar.update()
-        else:
-            with processes.pool(min(jobs, len(todo)), "nothing was kept") as pool:
-                for row in pool.map(_statistics, todo, [self._instruments] * len(todo)):
-                    rows.append(row)
-                    bar.update()
+        rows = in_order(partial(_statistics, self._instruments), todo, jobs, bar)
         return np.array([[row[name] for name in self.names] for row in rows])
 
     def _with(self, row: np.ndarray) -> Simulation:
@@ -849,5 +840,5 @@ class _Maker:
         )
 
 
-def _statistics(simulation: Simulation, instruments: Instruments) -> dict[str, float]:
+def _statistics(instruments: Instruments, simulation: Simulation) -> dict[str, float]:
     return instruments.statistics(instruments.look(run(simulation)))

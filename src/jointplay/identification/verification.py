@@ -7,6 +7,7 @@ more of them it agrees: means over visits, and what impacts show, each within wh
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from jointplay.identification.identification import Identification, spreads
 from jointplay.identification.model import tool_positions
 from jointplay.identification.restitution import Instruments, channels, run, sampled_joint
 from jointplay.result.result import AXES, Result
+from jointplay.simulation.ensemble import in_order
 from jointplay.simulation.simulation import Simulation
 
 RUNS = 6
@@ -117,16 +119,19 @@ class Verification:
 def verify(
     simulation: Simulation,
     identification: Identification,
-    progress: bool = False,
+    *,
     runs: int = RUNS,
+    jobs: int | None = None,
+    progress: bool = False,
 ) -> Verification:
     """Run the motion with what was identified, and compare statistics.
 
     Args:
         simulation: of the motion and the loads that were measured, times alike.
         identification: what was identified.
-        progress: show a bar.
         runs: how many, each with other values within the intervals and another start.
+        jobs: processes; None takes one for each core.
+        progress: show a bar.
 
     Raises:
         JointplayError: too few runs; a scenario without motion; nothing to compare; a run that
@@ -144,13 +149,10 @@ def verify(
     instruments = Instruments.of(measured) if impacts else None
     if instruments is not None:
         own = instruments.settings(simulation)
-    means, rows = [], []
-    for number in tqdm(range(runs), desc="verify", disable=not progress, unit="run"):
-        result = run(_perturbed(own, identification, number))
-        if keys:
-            means.append(_means(result, identification))
-        if instruments is not None:
-            rows.append(instruments.statistics(instruments.look(result)))
+    drawn = [_perturbed(own, identification, number) for number in range(runs)]
+    with tqdm(total=runs, desc="verify", disable=not progress, unit="run") as bar:
+        found = in_order(partial(_look, identification, instruments), drawn, jobs, bar)
+    means, rows = [one[0] for one in found], [one[1] for one in found]
     seen = {} if instruments is None else instruments.statistics(measured)
     number = len({kind for kind, _ in keys}) + len(seen)
     parts: _Parts = ({}, {}, {}, {})
@@ -161,6 +163,15 @@ def verify(
         check = _impact_check(name, value, np.array([row[name] for row in rows]), number)
         checks += [] if check is None else [check]
     return Verification(*parts, tuple(checks), runs, _untold(identification))
+
+
+def _look(
+    identification: Identification, instruments: Instruments | None, simulation: Simulation
+) -> tuple[np.ndarray | None, dict[str, float]]:
+    """Means over visits of a run, and the statistics of its impacts, as far as they are asked."""
+    result = run(simulation)
+    means = _means(result, identification) if identification.observed.keys else None
+    return means, {} if instruments is None else instruments.statistics(instruments.look(result))
 
 
 def _untold(identification: Identification) -> tuple[str, ...]:

@@ -7,7 +7,6 @@ import dataclasses
 import io
 import json
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import as_completed
 from dataclasses import dataclass
 from functools import partial
 from importlib.metadata import version
@@ -18,13 +17,14 @@ import numpy as np
 from tqdm import tqdm
 
 from jointplay.analysis import ideal_simulation
-from jointplay.core import files, processes
+from jointplay.core import files
 from jointplay.core.errors import JointplayError
 from jointplay.nonlinear import lyapunov, steady_motion
 from jointplay.nonlinear.poincare import once_per_turn
 from jointplay.nonlinear.run_up import RunUp
 from jointplay.scenario import Scenario
 from jointplay.scenario.settings import Setting, divided, parse, tree
+from jointplay.simulation.ensemble import side_by_side
 from jointplay.simulation.simulation import Simulation
 
 # What `jointplay dynamics` finds for one value: rows of numbers, made in other processes.
@@ -264,7 +264,7 @@ class Table:
         self,
         work: Callable[[tuple[float, ...]], np.ndarray],
         keys: Sequence[tuple[float, ...]],
-        jobs: int,
+        jobs: int | None = None,
         progress: bool = False,
     ) -> int:
         """Find the rows of `keys` that are missing, in processes; returns how many there were.
@@ -274,7 +274,7 @@ class Table:
         Args:
             work: finds a row; can be sent to another process.
             keys: values.
-            jobs: processes; with 1 it is done here.
+            jobs: processes; None takes one for each core, 1 does it here.
             progress: show a bar with the time left.
         """
         missing = [key for key in keys if key not in self.rows]
@@ -282,16 +282,9 @@ class Table:
             return 0
         bar = tqdm(total=len(missing), unit="run", disable=not progress, smoothing=0.1)
         kept = f"what is done is in {str(self.path)!r}; the same command goes on with it"
-        if jobs == 1 or len(missing) == 1:
-            with bar:
-                for key in missing:
-                    self.add(key, *_found(partial(work, key)))
-                    bar.update()
-            return len(missing)
-        with bar, processes.pool(min(jobs, len(missing)), kept) as pool:
-            futures = {pool.submit(work, key): key for key in missing}
-            for future in as_completed(futures):
-                self.add(futures[future], *_found(future.result))
+        with bar, side_by_side(partial(_found, work), missing, jobs, kept=kept) as outcomes:
+            for place, found in outcomes:
+                self.add(missing[place], *found)
                 bar.update()
         return len(missing)
 
@@ -300,9 +293,11 @@ class Table:
         return np.array([self.rows[key] for key in keys]).reshape(len(keys), len(self.columns))
 
 
-def _found(find: Callable[[], np.ndarray]) -> tuple[np.ndarray | None, str]:
+def _found(
+    work: Callable[[tuple[float, ...]], np.ndarray], key: tuple[float, ...]
+) -> tuple[np.ndarray | None, str]:
     try:
-        return find(), ""
+        return work(key), ""
     except JointplayError as error:
         return None, str(error)
 

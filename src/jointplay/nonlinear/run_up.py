@@ -12,12 +12,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jointplay.analysis.runs import run_to_the_end
 from jointplay.core.errors import JointplayError, require_whole
 from jointplay.motion.reference import Motion
 from jointplay.nonlinear.observables import observe
 from jointplay.nonlinear.steady_motion import orders
 from jointplay.result.result import Result
+from jointplay.simulation.ensemble import run_to_the_end
 from jointplay.simulation.simulation import Simulation
 
 

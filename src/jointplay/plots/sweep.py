@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+from jointplay.analysis.uncertainty import convergence, enough, estimate
 from jointplay.core.errors import JointplayError, MissingName
 from jointplay.plots.style import COLOURS, StyledFigure, listed, logarithmic, new_figure, style
 from jointplay.sweeps.plan import SAMPLE
 from jointplay.sweeps.table import coordinate_text, label, measured, samples_of, scale, select
-from jointplay.sweeps.uncertainty import convergence, enough, estimate
 
 MOST_LINES = 12
 

@@ -14,6 +14,7 @@ import xarray as xr
 from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
 
+from jointplay.analysis.uncertainty import estimate
 from jointplay.core.errors import JointplayError
 from jointplay.core.files import check_new
 from jointplay.core.files import write as write_file
@@ -26,7 +27,6 @@ from jointplay.sweeps import open_sweep
 from jointplay.sweeps.case import DONE, FAILED
 from jointplay.sweeps.plan import REPEAT, SAMPLE
 from jointplay.sweeps.table import columns_of, coordinate_text, label, measured, scale, statements
-from jointplay.sweeps.uncertainty import estimate
 
 MOST_ROWS = 400
 """Points of the grid, and failed cases, that the tables show."""

@@ -13,7 +13,6 @@ from tqdm import tqdm
 from jointplay.analysis.certification import add_certificate, figures
 from jointplay.analysis.claims import Measures, measure
 from jointplay.core import signals
-from jointplay.core.errors import JointplayError
 from jointplay.kernel import Status
 from jointplay.mechanism.urdf import GRAVITY as GRAVITY
 from jointplay.mechanism.urdf import shipped
@@ -102,9 +101,7 @@ def _ideal(condition: Condition) -> Result:
 def perturbed(condition: Condition, label: str, seed: int) -> Measures:
     """Measures of one perturbed run of the case `label`."""
     run = scara(CASES[label], condition, ENSEMBLE_RECORD_EVERY, seed).run()
-    if run.status != Status.COMPLETED:
-        raise JointplayError(f"{condition}, {label}, seed {seed}: {run.message}")
-    return measure(run, _ideal(condition))
+    return measure(run.completed(f"{condition}, {label}, seed {seed}"), _ideal(condition))
 
 
 def run_case(label: str, out: Path, progress: bool) -> Result:
@@ -129,7 +126,5 @@ def run_case(label: str, out: Path, progress: bool) -> Result:
 def explicit(label: str) -> dict[str, float]:
     """Figures of the case `label` by the explicit method with the paper's fixed step."""
     simulation = replace(scara(CASES[label]), integrator=EXPLICIT, step=EXPLICIT_STEP_S)
-    result = simulation.run()
-    if result.status != Status.COMPLETED:
-        raise JointplayError(f"{label}, {EXPLICIT}: {result.message}")
+    result = simulation.run().completed(f"{label}, {EXPLICIT}")
     return {name: value for name, (value, _) in figures(result, None).items()}

@@ -4,25 +4,26 @@ from __future__ import annotations
 
 import csv
 import io
-import os
-from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import Future, as_completed
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor, wait
+from contextlib import closing, contextmanager
 from functools import partial
+from operator import call
 from pathlib import Path
 from typing import Any
 
 from tqdm import tqdm
 
 from jointplay.analysis.claims import ISOLATED, START_UP, Measures, Verdict, judge
-from jointplay.core import files, processes
-from jointplay.core.errors import JointplayError
+from jointplay.core import files
+from jointplay.core.processes import Pool, number_of
 from jointplay.mechanism.urdf import GRAVITY
 from jointplay.result.stored import versions
 from jointplay.simulation.initial import PERTURBATION
 from jointplay.study.cases import CASES, CONDITIONS, VARIANTS, Condition, explicit, perturbed
 
-# Ensembles of perturbed runs, kept on disk, for the claims.
+_LOOK_S = 0.2
+"""Interval at which progress is looked at."""
 
 
 class Ensembles:
@@ -35,15 +36,17 @@ class Ensembles:
 
     Attributes:
         measures: results so far, by condition, case and seed.
+        explicit: figures by the explicit method so far, by case.
     """
 
     def __init__(self, runs: int, table: Path, jobs: int | None = None) -> None:
         """Plan the runs."""
         self.runs = runs
         self.table = table
-        self.jobs = jobs or _cores()
+        self.jobs = number_of(jobs)
         self.measures: dict[tuple[Condition, str, int], Measures] = {}
-        self.unwritten: JointplayError | None = None
+        self.explicit: dict[str, dict[str, float]] = {}
+        self._others: list[str] = []
         labels = [label for label, clearance in CASES.items() if clearance is not None]
         self.plan = [
             (condition, label, seed)
@@ -53,33 +56,35 @@ class Ensembles:
         ]
 
     @contextmanager
-    def started(
-        self, others: Sequence[str] = ()
-    ) -> Iterator[tuple[list[Future[Measures]], dict[str, Future[dict[str, float]]]]]:
+    def started(self, others: Sequence[str] = ()) -> Iterator[Future[None]]:
         """Run in the background while the block runs; Ctrl-C in the block ends the processes.
 
         Whatever the block is doing, each run is kept and written to the table when it is done.
 
         Args:
-            others: cases that are also run by the explicit method.
+            others: cases that are also run by the explicit method, see `explicit`.
 
         Yields:
-            The perturbed runs, and the explicit ones by case.
+            What `wait` waits for.
         """
-        futures = []
-        with processes.pool(self.jobs, f"the runs so far are in {str(self.table)!r}") as pool:
-            beside = {label: pool.submit(explicit, label) for label in others}
-            for key in self.plan:
-                future = pool.submit(perturbed, *key)
-                future.add_done_callback(partial(self._keep, key))
-                futures.append(future)
-            yield futures, beside
+        self._others = list(others)
+        kept = f"the runs so far are in {str(self.table)!r}"
+        pool: Pool[Callable[[], Any], Any] = Pool(call, self.jobs, kept=kept)
+        with ThreadPoolExecutor(1) as thread, closing(pool):
+            yield thread.submit(self._collect, pool)
 
-    def _keep(self, key: tuple[Condition, str, int], future: Future[Measures]) -> None:
-        if future.cancelled() or future.exception() is not None:
-            return
+    def _collect(self, pool: Pool[Callable[[], Any], Any]) -> None:
+        """Keep what the processes find, as it comes."""
+        work: list[Callable[[], Any]] = [partial(explicit, label) for label in self._others]
+        work += [partial(perturbed, *key) for key in self.plan]
+        for place, found in pool.run(work):
+            if place < len(self._others):
+                self.explicit[self._others[place]] = found
+            else:
+                self._keep(self.plan[place - len(self._others)], found)
+
+    def _keep(self, key: tuple[Condition, str, int], measures: Measures) -> None:
         condition, label, seed = key
-        measures = future.result()
         row: dict[str, object] = {"gravity": condition.gravity, "inertia": condition.variant}
         row |= {"clearance": label, "seed": seed, **measures}
         text = io.StringIO(newline="")
@@ -88,24 +93,20 @@ class Ensembles:
             writer.writeheader()
         writer.writerow(row)
         self.measures[key] = measures
-        try:
-            files.append(self.table, text.getvalue())
-        except JointplayError as error:
-            self.unwritten = error
+        files.append(self.table, text.getvalue())
 
-    def wait(self, futures: Sequence[Future[Any]], progress: bool) -> None:
+    def wait(self, collecting: Future[None], progress: bool) -> None:
         """Wait for the runs, those by the explicit method among them.
 
         Raises:
             JointplayError: a run did not complete, or the table cannot be written.
         """
-        bar = tqdm(total=len(futures), desc="further runs", unit="run", disable=not progress)
-        with bar:
-            for future in as_completed(futures):
-                future.result()
-                bar.update()
-                if self.unwritten is not None:
-                    raise self.unwritten
+        total = len(self.plan) + len(self._others)
+        with tqdm(total=total, desc="further runs", unit="run", disable=not progress) as bar:
+            while not collecting.done():
+                wait([collecting], _LOOK_S)
+                bar.update(len(self.measures) + len(self.explicit) - bar.n)
+        collecting.result()
 
     def verdicts(self) -> list[Verdict]:
         """Claims under each condition for which at least two runs of each case are there."""
@@ -123,21 +124,6 @@ class Ensembles:
 
 def _seed(item: tuple[tuple[Condition, str, int], Measures]) -> int:
     return item[0][2]
-
-
-def _found(
-    futures: Mapping[str, Future[dict[str, float]]],
-) -> dict[str, dict[str, float]]:
-    """What those that are done have found."""
-    return {
-        label: future.result()
-        for label, future in futures.items()
-        if future.done() and not future.cancelled() and future.exception() is None
-    }
-
-
-def _cores() -> int:
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 # The paper's claims as judged, in tables.

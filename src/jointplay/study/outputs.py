@@ -6,6 +6,7 @@ from pathlib import Path
 
 from jointplay.core import files
 from jointplay.core.errors import JointplayError, require_whole
+from jointplay.core.processes import number_of
 from jointplay.plots.names import file_names
 
 JOINT = "joint_b"
@@ -32,6 +33,5 @@ def folder(out: str | Path, runs: int, jobs: int | None) -> Path:
         raise JointplayError(f"the claims need at least 2 runs (0 leaves them out), got {runs}")
     if runs > MOST_RUNS:
         raise JointplayError(f"at most {MOST_RUNS} runs for each clearance, got {runs}")
-    if jobs is not None:
-        require_whole("jobs", jobs, 1)
+    number_of(jobs)
     return files.claim(out, output_names())

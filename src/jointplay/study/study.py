@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from concurrent.futures import Future
 from pathlib import Path
 
 from jointplay.analysis.claims import Verdict
@@ -11,7 +10,7 @@ from jointplay.core import files, signals
 from jointplay.result.result import Result
 from jointplay.result.stored import versions
 from jointplay.study.cases import BESIDE, CASES, DIFFERS, EXPLICIT, EXPLICIT_STEP_S, run_case
-from jointplay.study.ensembles import Ensembles, _found, write_claims
+from jointplay.study.ensembles import Ensembles, write_claims
 from jointplay.study.outputs import folder
 
 # The study's figures with their numerical errors, and the explicit method beside.
@@ -142,16 +141,15 @@ def run_study(
     first, *rest = CASES
     cases = {first: run_case(first, out, progress)}
     ensembles = Ensembles(runs, out / "ensemble.csv", jobs)
-    beside: dict[str, Future[dict[str, float]]] = {}
     try:
         played = [label for label, clearance in CASES.items() if clearance is not None]
-        with ensembles.started(played) as (futures, beside):
+        with ensembles.started(played) as collecting:
             for label in rest:
                 cases[label] = run_case(label, out, progress)
-            ensembles.wait([*beside.values(), *futures], progress)
+            ensembles.wait(collecting, progress)
     finally:  # whatever happens, what was found is written
         with signals.keeping(f"the tables in {out}"):
-            rows = errors_table(cases, _found(beside))
+            rows = errors_table(cases, ensembles.explicit)
             verdicts = ensembles.verdicts()
             write_errors(rows, measures_table(cases), out)
             if runs:

@@ -37,11 +37,17 @@ from jointplay.sweeps.measures import (
 )
 from jointplay.sweeps.plan import Index, Plan
 
+Case = tuple[Index, Mapping[str, Any]]
+"""A case of a sweep, and what is changed for it."""
+
 DONE, FAILED = 1, 2
 """States of a case that has been run; 0: not yet."""
 
 KEPT_IDEALS = 16
 """Ideal runs that a process remembers for the tool errors of the cases to come."""
+
+_SETTINGS = ("step", "integrator", "macro_step", "tolerance", "record_every", "duration")
+"""Of a run, with which its ideal run is made as well."""
 
 LONGEST_ERROR = 500
 
@@ -236,17 +242,7 @@ class Bench:
         if not result.joints and not simulation.mechanism.gears:
             return result
         inputs = task(result)
-        inputs |= {
-            name: getattr(simulation, name)
-            for name in (
-                "step",
-                "integrator",
-                "macro_step",
-                "tolerance",
-                "record_every",
-                "duration",
-            )
-        }
+        inputs |= {name: getattr(simulation, name) for name in _SETTINGS}
         key = json.dumps(inputs, sort_keys=True)
         if key not in self._ideals:
             twin = replace(ideal_simulation(result), duration=simulation.duration)
@@ -287,7 +283,7 @@ _benches: list[Bench] = []
 _one = threading.Lock()
 
 
-def run_cases(work: Job, cases: Sequence[tuple[Index, Mapping[str, Any]]]) -> list[Outcome]:
+def run_cases(work: Job, cases: Sequence[Case]) -> list[Outcome]:
     """Run some cases in this process, which remembers the sweep until it gets another.
 
     Raises:

@@ -5,17 +5,14 @@ from __future__ import annotations
 import logging
 import queue
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from itertools import islice
 from typing import Any
 
 from jointplay.core.errors import JointplayError, one_line
 from jointplay.result.stored import versions
-from jointplay.sweeps.case import COST, FAILED, Job, Outcome, run_cases
-from jointplay.sweeps.plan import Index
-
-Case = tuple[Index, Mapping[str, Any]]
+from jointplay.sweeps.case import COST, FAILED, Case, Job, Outcome, run_cases
 
 BATCH_S = 2.0
 """Work of one task: the scheduler's own milliseconds are then nothing [s]."""
@@ -114,8 +111,8 @@ class ClusterWorkers:
                     "the same everywhere"
                 )
 
-    def run(self, cases: Iterator[Case]) -> Iterator[Outcome]:
-        """Outcomes of the cases, as they come.
+    def run(self, cases: Iterator[Case]) -> Iterator[tuple[object, Outcome]]:
+        """Cases and their outcomes, as they come.
 
         A worker that dies is of no consequence: the scheduler gives its cases to others.
 
@@ -155,7 +152,9 @@ class ClusterWorkers:
         reason = f": {type(error).__name__}: {one_line(error)}" if error is not None else ""
         return JointplayError(f"the scheduler at {self.address!r} was lost{reason}")
 
-    def _outcomes(self, future: Any, batch: list[Case], submit: Any) -> Iterator[Outcome]:
+    def _outcomes(
+        self, future: Any, batch: list[Case], submit: Any
+    ) -> Iterator[tuple[object, Outcome]]:
         """What a task gave; one that took its workers with it is taken apart."""
         if future.status == "finished":
             try:
@@ -166,7 +165,7 @@ class ClusterWorkers:
             for outcome in outcomes:
                 self._done += 1
                 self._seconds += outcome.values.get(COST, 0.0)
-                yield outcome
+                yield outcome.index, outcome
             return
         cause = self._error(future)
         if isinstance(cause, JointplayError):  # not of a case: of the sweep
@@ -178,7 +177,7 @@ class ClusterWorkers:
                 submit([case])
             return
         text = "several workers died of it (killed, out of memory, or crashed)"
-        yield Outcome(batch[0][0], FAILED, {}, text)
+        yield batch[0][0], Outcome(batch[0][0], FAILED, {}, text)
 
     def _error(self, future: Any) -> BaseException | None:
         if future.status != "error":

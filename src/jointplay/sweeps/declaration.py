@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from jointplay.analysis.uncertainty import read_until
 from jointplay.core.errors import JointplayError, MissingName, require_whole
 from jointplay.core.schema import one_of, unknown_key
 from jointplay.core.units import convert, toml_text
@@ -14,7 +15,6 @@ from jointplay.scenario import Scenario
 from jointplay.scenario.places import Key, dotted
 from jointplay.sweeps.axes import GROWING, METHODS, Axis, read
 from jointplay.sweeps.plan import REPEAT, SAMPLE, WORDS, Plan
-from jointplay.sweeps.uncertainty import read_until
 
 RESERVED = (SAMPLE, REPEAT, "time", "joint", "contact", "axis", "coordinate", "state", "error")
 """Names that no axis can have."""

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from jointplay.analysis.uncertainty import Until
 from jointplay.core.files import is_file, read_text
 from jointplay.mechanism.robots import resolve
 from jointplay.scenario import Scenario
@@ -19,7 +20,6 @@ from jointplay.scenario.load import merge
 from jointplay.scenario.places import Key, dotted
 from jointplay.sweeps.axes import METHODS, Axis, points
 from jointplay.sweeps.keys import put
-from jointplay.sweeps.uncertainty import Until
 
 Index = tuple[int, ...]
 

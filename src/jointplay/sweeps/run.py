@@ -2,30 +2,35 @@
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from itertools import chain
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 import xarray as xr
 from tqdm import tqdm
 
-from jointplay.core.errors import JointplayError, require_whole
+from jointplay import kernel
+from jointplay.core.errors import JointplayError
+from jointplay.core.processes import MOST_DEATHS, Pool, number_of
 from jointplay.core.schema import one_of
 from jointplay.scenario import Scenario
 from jointplay.simulation.run import CHUNK, Run
-from jointplay.sweeps.case import FAILED, Bench, Outcome, job, joints
+from jointplay.sweeps.case import FAILED, Bench, Case, Job, Outcome, job, joints, run_cases
 from jointplay.sweeps.dataset import open_sweep
 from jointplay.sweeps.declaration import plan_of
 from jointplay.sweeps.measures import shipped
 from jointplay.sweeps.plan import REPEAT, SAMPLE, Index, Plan
 from jointplay.sweeps.sealed import METADATA, ROOT, metadata
 from jointplay.sweeps.store import Store, of_sweep, sweep_of_states
+
+if TYPE_CHECKING:
+    from jointplay.sweeps.cluster import ClusterWorkers
 
 # What a sweep would take, found by running the beginning of one of its cases.
 
@@ -58,7 +63,7 @@ class SweepCost:
         )
 
 
-def estimate(made: Plan, bench: Bench, processes: int) -> SweepCost:
+def cost_of(made: Plan, bench: Bench, processes: int) -> SweepCost:
     """Run the beginning of a case, and reckon from its pace."""
     reason: JointplayError | None = None
     for index in made.indices():
@@ -103,14 +108,24 @@ def _size(size: float) -> str:
     return f"{size / 1e3:.0f} kB"
 
 
-class Workers(Protocol):
-    """Who runs cases."""
+Workers: TypeAlias = "Pool[Case, Outcome] | ClusterWorkers"
+"""Who runs cases."""
 
-    def run(self, cases: Iterator[tuple[Index, Mapping[str, Any]]]) -> Iterator[Outcome]:
-        """Outcomes of the cases, as they come."""
 
-    def close(self) -> None:
-        """End; what is being done is given up."""
+def local_workers(work: Job, number: int) -> Pool[Case, Outcome]:
+    """Processes of this machine."""
+    kernel.compiled()  # which they then have
+    return Pool(partial(_case, work), number, lost=_lost, small=True)
+
+
+def _case(work: Job, case: Case) -> Outcome:
+    (outcome,) = run_cases(work, [case])
+    return outcome
+
+
+def _lost(case: Case) -> Outcome:
+    text = f"{MOST_DEATHS} processes died of it (killed, out of memory, or crashed)"
+    return Outcome(case[0], FAILED, {}, text)
 
 
 def sweep(
@@ -195,12 +210,10 @@ def run_plan(
     Returns:
         The plan as it was run: with `until` it may have more samples than it began with.
     """
-    if jobs is not None:
-        require_whole("jobs", jobs, 1)
+    number = number_of(jobs)
     first = probe(made)
-    number = jobs or cores()
     if made.count > MANY and not yes:
-        guess = estimate(made, first, number)
+        guess = cost_of(made, first, number)
         raise JointplayError(f"{made.words}: {guess.words}; if that is meant, --yes runs it")
     _ = made.identity  # reads the files, and says what is missing
     made = _largest_so_far(made, Path(path)) if resume or extend else made
@@ -254,9 +267,7 @@ def workers_for(made: Plan, number: int, scheduler: str | None) -> Workers:
         from jointplay.sweeps.cluster import ClusterWorkers
 
         return ClusterWorkers(job(made, send_files=True), scheduler)
-    from jointplay.sweeps.local import LocalWorkers
-
-    return LocalWorkers(job(made), number)
+    return local_workers(job(made), number)
 
 
 def _run_all(store: Store, workers: Workers, left: int, progress: bool) -> None:
@@ -273,7 +284,7 @@ def _run_all(store: Store, workers: Workers, left: int, progress: bool) -> None:
     )  # fmt: skip
     with bar:
         bar.refresh()
-        for outcome in workers.run(cases):
+        for _, outcome in workers.run(cases):
             store.keep(outcome)
             failed += int(store.state[outcome.index]) == FAILED
             if failed:
@@ -421,8 +432,3 @@ def _check_joints(made: Plan, bench: Bench) -> None:
             names = [*mechanism.joints, *mechanism.loops]
         if name not in names:
             raise JointplayError(f"{made.scenario.path}, sweep: {one_of('joint', name, names)}")
-
-
-def cores() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -8,17 +8,17 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from jointplay.core.errors import JointplayError, MissingName, require_share
-from jointplay.sweeps.case import FAILED
-from jointplay.sweeps.plan import REPEAT, SAMPLE
-from jointplay.sweeps.uncertainty import (
-    Estimate,
+from jointplay.analysis.uncertainty import (
+    IntervalEstimate,
     SobolIndices,
     convergence,
     enough,
     estimate,
     sobol_indices,
 )
+from jointplay.core.errors import JointplayError, MissingName, require_share
+from jointplay.sweeps.case import FAILED
+from jointplay.sweeps.plan import REPEAT, SAMPLE
 
 SHOWN = (
     ("tool_error_rms_total", "µm", 1e6),
@@ -262,8 +262,10 @@ def statements(dataset: xr.Dataset, measure: str, precision: float) -> str:
     known = int(np.isfinite(values).sum())
     lines = [f"{measure}: {known} samples" + (f", {len(values) - known} without a value"
              if known < len(values) else "")]  # fmt: skip
-    lines += [_line(estimate(values, name), factor, unit) for name in ("mean", "std")]
-    lines += [_line(estimate(values, "quantile", p), factor, unit) for p in QUANTILES]
+    lines += [_line(name, estimate(values, name), factor, unit) for name in ("mean", "std")]
+    lines += [
+        _line(f"{100 * p:g} %", estimate(values, "quantile", p), factor, unit) for p in QUANTILES
+    ]
     for name, probability in (("mean", 0.5), ("quantile", 0.95)):
         runs = enough(convergence(values, name, probability), precision)
         what = "mean" if name == "mean" else f"{100 * probability:g} % quantile"
@@ -284,9 +286,9 @@ def statements(dataset: xr.Dataset, measure: str, precision: float) -> str:
     return "\n".join(lines)
 
 
-def _line(statistic: Estimate, factor: float, unit: str) -> str:
+def _line(name: str, statistic: IntervalEstimate, factor: float, unit: str) -> str:
     low, high = (f"{factor * end:.4g}" if np.isfinite(end) else "unknown"
                  for end in (statistic.low, statistic.high))  # fmt: skip
     unit = "" if unit == "1" else unit
-    text = f"  {statistic.name:<5} {factor * statistic.value:.4g} {unit} (95 %: {low} to {high})"
+    text = f"  {name:<5} {factor * statistic.value:.4g} {unit} (95 %: {low} to {high})"
     return text.rstrip()

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -18,11 +20,17 @@ RESAMPLES = 400
 """Bootstrap samples of a confidence interval of a standard deviation."""
 
 
-@dataclass(frozen=True)
-class Estimate:
-    """A statistic of a distribution and its confidence interval."""
+def standard_error(values: Any) -> float:
+    """Standard error of the mean of independent values; not a number of one."""
+    if len(values) < 2:
+        return math.nan
+    return float(np.std(values, ddof=1) / math.sqrt(len(values)))
 
-    name: str
+
+@dataclass(frozen=True)
+class IntervalEstimate:
+    """A figure of independent runs, and its confidence interval."""
+
     value: float
     low: float
     high: float
@@ -34,6 +42,10 @@ class Estimate:
         if not np.isfinite([self.low, self.high]).all() or self.value == 0.0:
             return float("inf") if self.high != self.low or self.value != 0.0 else 0.0
         return 0.5 * (self.high - self.low) / abs(self.value)
+
+    def words(self, scale: float, unit: str) -> str:
+        """The figure with its interval, in the unit that is `scale` times smaller."""
+        return f"{scale * self.value:.4g} {unit} [{scale * self.low:.4g}, {scale * self.high:.4g}]"
 
 
 @dataclass(frozen=True)
@@ -49,7 +61,7 @@ class Until:
     most: int = 65536
     """Samples after which it ends in any case."""
 
-    def estimate(self, values: np.ndarray) -> Estimate:
+    def estimate(self, values: np.ndarray) -> IntervalEstimate:
         """The statistic of the values there are."""
         return estimate(values, self.statistic, self.probability, self.confidence)
 
@@ -89,7 +101,7 @@ def estimate(
     statistic: str = "mean",
     probability: float = 0.5,
     confidence: float = CONFIDENCE,
-) -> Estimate:
+) -> IntervalEstimate:
     """A statistic of independent values, with its confidence interval.
 
     The mean's interval is Student's. The quantile's is the one between order statistics, which
@@ -115,27 +127,24 @@ def estimate(
     x = x[np.isfinite(x)]
     n = len(x)
     if n == 0:
-        return Estimate(statistic, float("nan"), -np.inf, np.inf, 0)
+        return IntervalEstimate(float("nan"), -np.inf, np.inf, 0)
     if statistic == "quantile":
         low, high = order_interval(n, probability, confidence)
         below = float(x[low]) if low >= 0 else -np.inf
         above = float(x[high]) if high < n else np.inf
-        name = f"{100 * probability:g} %"
-        return Estimate(name, float(np.quantile(x, probability)), below, above, n)
+        return IntervalEstimate(float(np.quantile(x, probability)), below, above, n)
     if n < 2:
-        return Estimate(statistic, float(x[0]) if statistic == "mean" else 0.0, -np.inf, np.inf, n)
+        return IntervalEstimate(float(x[0]) if statistic == "mean" else 0.0, -np.inf, np.inf, n)
     if statistic == "mean":
         from scipy import stats
 
         half = stats.t.ppf(0.5 + confidence / 2.0, n - 1) * x.std(ddof=1) / np.sqrt(n)
-        return Estimate(
-            statistic, float(x.mean()), float(x.mean() - half), float(x.mean() + half), n
-        )
+        return IntervalEstimate(float(x.mean()), float(x.mean() - half), float(x.mean() + half), n)
     rng = np.random.default_rng(0)
     deviations = [x[rng.integers(n, size=n)].std(ddof=1) for _ in range(RESAMPLES)]
     tail = (1.0 - confidence) / 2.0
     ends = np.quantile(deviations, [tail, 1.0 - tail])
-    return Estimate(statistic, float(x.std(ddof=1)), float(ends[0]), float(ends[1]), n)
+    return IntervalEstimate(float(x.std(ddof=1)), float(ends[0]), float(ends[1]), n)
 
 
 def order_interval(n: int, probability: float, confidence: float) -> tuple[int, int]:
@@ -150,7 +159,7 @@ def order_interval(n: int, probability: float, confidence: float) -> tuple[int, 
 
 def convergence(
     values: np.ndarray, statistic: str = "mean", probability: float = 0.5, points: int = 40
-) -> list[Estimate]:
+) -> list[IntervalEstimate]:
     """The estimate after the first runs, up to all of them, at numbers equally spaced by ratio."""
     x = np.asarray(values, float).ravel()
     if len(x) < 2:
@@ -159,7 +168,7 @@ def convergence(
     return [estimate(x[:count], statistic, probability) for count in counts]
 
 
-def enough(history: list[Estimate], precision: float) -> int | None:
+def enough(history: list[IntervalEstimate], precision: float) -> int | None:
     """Runs after which the relative precision was reached and kept; None if it was not."""
     runs = None
     for one in history:
@@ -172,15 +181,31 @@ def enough(history: list[Estimate], precision: float) -> int | None:
 
 @dataclass(frozen=True)
 class SobolIndices:
-    """What share of a measure's variance each sampled quantity causes."""
+    """What share of a measure's variance each of d quantities causes, with 95 % confidence."""
 
     names: tuple[str, ...]
     first: np.ndarray
-    """Alone."""
+    """Alone, shape (d,)."""
     first_confidence: np.ndarray
+    """Half-width of its interval, shape (d,)."""
     total: np.ndarray
-    """Together with all others."""
+    """Together with all others, shape (d,)."""
     total_confidence: np.ndarray
+    """Half-width of its interval, shape (d,)."""
+
+
+def salib(part: str) -> Any:
+    """SALib's module for Sobol designs (``sample``) or their indices (``analyze``).
+
+    Raises:
+        JointplayError: it is not installed.
+    """
+    try:
+        return import_module(f"SALib.{part}.sobol")
+    except ImportError as error:
+        raise JointplayError(
+            f"Sobol indices need SALib ({error}): pip install 'jointplay[sensitivity]'"
+        ) from None
 
 
 def sobol_indices(values: np.ndarray, names: tuple[str, ...]) -> SobolIndices:
@@ -196,12 +221,7 @@ def sobol_indices(values: np.ndarray, names: tuple[str, ...]) -> SobolIndices:
     Raises:
         JointplayError: SALib is not installed, or a value is missing.
     """
-    try:
-        from SALib.analyze import sobol
-    except ImportError as error:
-        raise JointplayError(
-            f"Sobol indices need SALib ({error}): pip install 'jointplay[sensitivity]'"
-        ) from None
+    sobol = salib("analyze")
     y = np.asarray(values, float).ravel()
     missing = int(np.count_nonzero(~np.isfinite(y)))
     if missing or len(y) % (len(names) + 2):
