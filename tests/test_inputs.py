@@ -8,7 +8,8 @@ import pytest
 
 import jointplay as jp
 from jointplay.core.schema import explanations, fields_of
-from jointplay.result.inputs import Inputs, Integration
+from jointplay.result.inputs import Inputs
+from jointplay.result.settings import Integration
 from jointplay.scenario.model import IntegrationTable
 from jointplay.simulation.simulation import Settings
 

@@ -408,7 +408,7 @@ def scenario_of(options: argparse.Namespace) -> Scenario:
 
 def _of_robot(options: argparse.Namespace, target: str | None, given: list[Setting]) -> Scenario:
     """The scenario of a bare robot."""
-    from jointplay.result.inputs import Integration, Recording
+    from jointplay.result.settings import Integration, Recording
     from jointplay.scenario.robot import robot_scenario, step_for
     from jointplay.scenario.settings import Setting
 

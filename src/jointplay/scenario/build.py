@@ -27,7 +27,7 @@ from jointplay.mechanism.urdf import Description, read
 from jointplay.motion.cartesian import cartesian_motion
 from jointplay.motion.completion import complete_motion
 from jointplay.motion.reference import INTERPOLATIONS, Motion
-from jointplay.result.inputs import Integration, Limited, Recording
+from jointplay.result.settings import Integration, Limited, Recording
 from jointplay.scenario.model import ANGLE, ANGULAR_SPEED, MOTION_SOURCES, PATHS, Model
 from jointplay.simulation.simulation import Simulation
 

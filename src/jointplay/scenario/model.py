@@ -16,7 +16,7 @@ from jointplay.mechanism.gear import Gear
 from jointplay.mechanism.payload import Payload, Vector
 from jointplay.mechanism.urdf import GRAVITY, STANDARD_GRAVITY
 from jointplay.motion.reference import INTERPOLATIONS
-from jointplay.result.inputs import Integration, Limited, Recording
+from jointplay.result.settings import Integration, Limited, Recording
 
 PATHS = ("joint", "line")
 """Ways between Cartesian waypoints."""
