@@ -23,7 +23,7 @@ import jointplay as jp
 from jointplay.core.files import temporary
 from jointplay.design.poses import along_motion, over_workspace
 from jointplay.design.reduced_files import follow, to_mjcf
-from jointplay.design.reduction import reduce_joint
+from jointplay.design.reduction import reduce
 from jointplay.design.static_budget import budget
 from jointplay.design.verify import dynamic_error
 from jointplay.mechanism.robots import robot_urdf
@@ -143,10 +143,10 @@ def reductions() -> list[str]:
             gears={joint: jp.Gear(1e-3, 0.5, 2e4, 20.0)},
             tool="tool0",
         )
-        fitted = reduce_joint(mechanism, joint, pose)
+        fitted = reduce(mechanism, joint, pose)
         for amplitude, period in ((0.1, 2.0), (0.05, 3.0), (0.15, 2.0)):
             begun = time.process_time()
-            other = reduce_joint(mechanism, joint, pose, amplitude=amplitude, period=period)
+            other = reduce(mechanism, joint, pose, amplitude=amplitude, period=period)
             spent = time.process_time() - begun
             past = replace(fitted, history=other.history)
             seen = follow(to_mjcf(mechanism, fitted), past)

@@ -93,7 +93,7 @@ def test_an_addition_is_one_file_and_goes_all_the_way(name, pendulum, tmp_path):
     loaded = Result.load(result.save(tmp_path / "own.nc"))
     again = loaded.simulation.run()
     assert again.dataset.drop_attrs().identical(result.dataset.drop_attrs())
-    reports.write({"own": loaded}, tmp_path / "report.html", pdf=False)
+    reports.report({"own": loaded}, tmp_path / "report.html", pdf=False)
     said = (tmp_path / "report.html").read_text(encoding="utf-8")
     words = {"law": "half-damped", "joint_kind": "three-sided", "recorded": "distance"}
     assert words.get(name, "own") in said

@@ -6,7 +6,7 @@ from conftest import body, joint, tip
 
 from jointplay import Gear, JointplayError, Mechanism, Motion, RevoluteClearance, Simulation
 from jointplay.cli import main
-from jointplay.design.shares import dynamic_budget, sensitivity
+from jointplay.design.shares import sensitivity, shares
 from jointplay.loads import ComputedTorque
 
 
@@ -31,7 +31,7 @@ def simulation(arm, plays, **options):
 
 def test_hanging_journals_share_the_drop_as_their_clearances(arm):
     # Slowly moved, each journal lies at the bottom of its bore: the tool drops by both clearances.
-    found = dynamic_budget(simulation(arm, {"a": 1e-4, "b": 3e-4}), 1)
+    found = shares(simulation(arm, {"a": 1e-4, "b": 3e-4}), 1)
     assert found.joints == ("a", "b")
     assert found.alone_rms[0] == pytest.approx([1e-4, 3e-4], rel=0.1)
     assert found.rms[0] == pytest.approx(4e-4, rel=0.1)
@@ -40,7 +40,7 @@ def test_hanging_journals_share_the_drop_as_their_clearances(arm):
 
 
 def test_parts_and_interaction_are_the_whole(arm):
-    found = dynamic_budget(simulation(arm, {"a": 2e-4, "b": 2e-4}), 2)
+    found = shares(simulation(arm, {"a": 2e-4, "b": 2e-4}), 2)
     assert found.parts.sum(axis=1) + found.interaction == pytest.approx([1.0, 1.0])
     assert (found.peak >= found.rms).all()
     assert "interaction" in str(found)
@@ -48,7 +48,7 @@ def test_parts_and_interaction_are_the_whole(arm):
 
 
 def test_one_joint_alone_is_the_whole(arm):
-    found = dynamic_budget(simulation(arm, {"b": 2e-4}), 1)
+    found = shares(simulation(arm, {"b": 2e-4}), 1)
     assert found.parts[0] == pytest.approx([1.0])
     assert found.interaction[0] == pytest.approx(0.0, abs=1e-12)
 
@@ -56,7 +56,7 @@ def test_one_joint_alone_is_the_whole(arm):
 def test_a_gear_is_a_source_of_its_own(arm):
     gears = {"a": Gear(1e-3, 0.1, 1e4)}
     soft = ComputedTorque(30.0)
-    found = dynamic_budget(simulation(arm, {"b": 1e-4}, gears=gears, drive=soft), 1)
+    found = shares(simulation(arm, {"b": 1e-4}, gears=gears, drive=soft), 1)
     assert len(found.joints) == 2
     assert found.joints[1].startswith("a")
     assert (found.alone_rms[0] > 1e-5).all()
@@ -89,11 +89,11 @@ def test_ranges_that_make_no_sense_are_named(arm, options, says):
 
 def test_what_has_no_error_to_share_is_refused(arm):
     with pytest.raises(JointplayError, match="no joint or gear has play"):
-        dynamic_budget(simulation(arm, {}))
+        shares(simulation(arm, {}))
     with pytest.raises(JointplayError, match="no motion"):
-        dynamic_budget(Simulation(simulation(arm, {"a": 1e-4}).mechanism, duration=0.1))
+        shares(Simulation(simulation(arm, {"a": 1e-4}).mechanism, duration=0.1))
     with pytest.raises(JointplayError, match="runs"):
-        dynamic_budget(simulation(arm, {"a": 1e-4}), 0)
+        shares(simulation(arm, {"a": 1e-4}), 0)
 
 
 def test_the_command_prints_and_writes(arm, tmp_path, capsys):

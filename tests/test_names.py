@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 import jointplay as jp
+from jointplay import cli
 
 ROOT = Path(__file__).parents[1]
 
@@ -59,3 +60,24 @@ def test_no_name_is_a_module_and_something_else(package):
     offered = {*getattr(package, "__all__", ()), *vars(package)}
     for name in modules & offered:
         assert isinstance(getattr(package, name), types.ModuleType), name
+
+
+ELSEWHERE = {
+    "run": "simulate",
+    "urdf": "to_urdf",
+    "check": "Scenario",
+    "scara": "study",
+    "dynamics": "nonlinear",
+    "init": "shipped",
+    "plot-sweep": "open_sweep",
+}
+"""What does in Python what a command does, where it has another name: a study of several steps, a
+template, a figure."""
+
+
+def test_every_command_has_a_function_of_its_name_in_one_place():
+    commands = cli.parser()._subparsers._group_actions[0].choices
+    for command in commands:
+        name = ELSEWHERE.get(command, command)
+        assert callable(getattr(jp, name)) or name in ("study", "nonlinear"), command
+    assert set(ELSEWHERE) <= set(commands)

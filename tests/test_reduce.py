@@ -11,7 +11,7 @@ from conftest import body, joint
 from jointplay import Gear, JointplayError, Mechanism, RevoluteClearance
 from jointplay.cli import main
 from jointplay.design.reduced_files import follow, to_json, to_mjcf, to_sdf, to_urdf, to_yaml
-from jointplay.design.reduction import reduce_joint
+from jointplay.design.reduction import reduce
 
 GEAR = Gear(play=4e-3, rotor_inertia=0.05, stiffness=2e3, damping=2.0)
 GRAVITY = 9.81
@@ -40,14 +40,14 @@ def bearing(**changes):
 def geared(path):
     """The arm with play in bearing and gear, and what is left of it."""
     mechanism = Mechanism(path, {"j": bearing()}, gears={"j": GEAR})
-    return mechanism, reduce_joint(mechanism, "j", {"k": 0.3}, period=1.6)
+    return mechanism, reduce(mechanism, "j", {"k": 0.3}, period=1.6)
 
 
 @pytest.fixture(scope="module")
 def plain(path):
     """The arm with play in its bearing only."""
     mechanism = Mechanism(path, {"j": bearing()})
-    return mechanism, reduce_joint(mechanism, "j", period=0.8)
+    return mechanism, reduce(mechanism, "j", period=0.8)
 
 
 def test_the_dead_band_is_the_gears_and_none_is_the_bearings(geared, plain):
@@ -94,7 +94,7 @@ def test_the_leans_error_is_what_friction_and_contacts_do_to_it(plain):
     flat = Mechanism(
         mechanism.description.path, {"j": RevoluteClearance.planar(radial_clearance=one.cr)}
     )
-    none = reduce_joint(flat, "j", period=0.4)
+    none = reduce(flat, "j", period=0.4)
     assert (none.tilt, none.tilt_error, none.tilt_rms) == (0.0, 0.0, 0.0)
     assert "lean" not in none.history
 
@@ -276,7 +276,7 @@ def test_json_and_yaml_say_the_same_and_ranges_hold_the_values(geared):
 def test_reductions_refuse_what_cannot_be(path, options, message):
     mechanism = Mechanism(path, {"j": bearing()})
     with pytest.raises(JointplayError, match=message):
-        reduce_joint(mechanism, **options)
+        reduce(mechanism, **options)
 
 
 def test_the_command_writes_all_formats(path, tmp_path, capsys):

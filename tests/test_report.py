@@ -65,7 +65,7 @@ def test_any_mechanism_can_be_reported(tmp_path):
     for case in ("ideal", "0.2 mm"):
         simulation = scenario.simulation(case, {"integration": {"duration": "0.014 s"}})
         results[case] = simulation.run()
-    reports.write(results, tmp_path / "a.html", impacts=1, pdf=False)
+    reports.report(results, tmp_path / "a.html", impacts=1, pdf=False)
     text = (tmp_path / "a.html").read_text(encoding="utf-8")
     assert "piston_pin" in text
 
@@ -84,7 +84,7 @@ def test_balls_oil_and_wear_without_a_motion(urdf, tmp_path):
     }  # fmt: skip
     robot = jp.Mechanism(path, joints, gravity=(0, -9.81, 0))
     result = jp.simulate(robot, duration=0.05, drive=jp.loads.Free(), joint_friction={}, step=5e-6)
-    reports.write({"ball": result}, tmp_path / "a.html", impacts=1)
+    reports.report({"ball": result}, tmp_path / "a.html", impacts=1)
     text = (tmp_path / "a.html").read_text(encoding="utf-8")
     assert "Reynolds" in text
     assert "Archard" in text

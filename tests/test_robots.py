@@ -127,7 +127,7 @@ def test_a_jammed_shoulder_needs_a_small_step_and_the_audit_says_so():
 
 
 def test_names():
-    known = robots.names()
+    known = robots.robots()
     assert {"ur3", "ur5", "ur10", "panda", "kinova", "z1", "xarm7", "so100", "so101"} <= set(known)
     assert len(known) == len({robots.robot_urdf(name) for name in known})
     assert robots.robot_urdf("UR5").name == "ur5_robot.urdf"
@@ -163,7 +163,7 @@ def test_resolve_takes_paths_and_names():
 
 
 def test_every_robot_is_surveyed():
-    found = {name: robots.survey(name) for name in robots.names()}
+    found = {name: robots.survey(name) for name in robots.robots()}
     for name, robot in found.items():
         root = ElementTree.parse(robot.path).getroot()
         joints = {j.get("name"): j.get("type") for j in root.findall("joint")}

@@ -107,7 +107,7 @@ def inert(page):
 def pages(urdf, tmp_path):
     """A report and a playback of a hostile result, read from a file."""
     path = hostile_result(urdf).save(tmp_path / "evil.nc")
-    reports.write(
+    reports.report(
         {EVIL: jp.Result.load(path)}, tmp_path / "report.html", title=EVIL, pdf=False, impacts=1
     )
     played = hostile_result(urdf, contacts=False).save(tmp_path / "evil2.nc")

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 import jointplay as jp
 from jointplay import geometry
-from jointplay.design.wear import wear_life, worn_depth
+from jointplay.design.wear import wear, worn_depth
 
 RI, RJ, HALF = 10e-3, 9.8e-3, 15e-3
 N = 72
@@ -178,7 +178,7 @@ def test_life_of_a_bearing(urdf):
     """Under a constant load the deepest place grows in proportion at first, slower as it widens."""
     growth = 2e-5
     simulation = dataclasses.replace(rubbing(urdf, 30.0, duration=0.1), start="centred")
-    life = wear_life(simulation, "pin", growth, blocks=4)
+    life = wear(simulation, "pin", growth, blocks=4)
     assert life.reached
     assert life.deepest == pytest.approx(growth * np.arange(5) / 4)
     assert (np.diff(life.cycles) > 0).all()
@@ -193,7 +193,7 @@ def test_life_of_a_bearing(urdf):
 
 
 def test_scatter_of_perturbed_runs_is_reported(urdf):
-    life = wear_life(rubbing(urdf, 30.0, duration=0.05), "pin", 1e-6, blocks=1, runs=3)
+    life = wear(rubbing(urdf, 30.0, duration=0.05), "pin", 1e-6, blocks=1, runs=3)
     assert 0.0 <= life.scatter[1] < life.cycles[1]
     assert "+-" in str(life)
 
@@ -210,7 +210,7 @@ def test_interrupted_life_keeps_what_is_known(urdf, monkeypatch):
         return original(self, progress)
 
     monkeypatch.setattr(module.Run, "finish", finish)
-    life = wear_life(simulation, "pin", 1e-6, blocks=5)
+    life = wear(simulation, "pin", 1e-6, blocks=5)
     assert not life.reached
     assert len(life.cycles) == 3
     assert "interrupted" in str(life)
@@ -249,12 +249,12 @@ def test_wrong_questions_are_answered(urdf):
         (("pin", float("nan")), "growth"),
     ):
         with pytest.raises(jp.JointplayError, match=text):
-            wear_life(simulation, *arguments)
+            wear(simulation, *arguments)
     with pytest.raises(jp.JointplayError, match="blocks"):
-        wear_life(simulation, "pin", 1e-5, blocks=0)
+        wear(simulation, "pin", 1e-5, blocks=0)
     still = dataclasses.replace(rubbing(urdf, 0.0, gravity=0.0, duration=0.01), seed=None)
     with pytest.raises(jp.JointplayError, match="does not slide"):
-        wear_life(still, "pin", 1e-5)
+        wear(still, "pin", 1e-5)
 
 
 COMMAND = Path(sys.executable).parent / "jointplay"

@@ -5,15 +5,16 @@ from . import geometry as geometry
 from . import identification as identification
 from . import loads as loads
 from . import nonlinear as nonlinear
+from . import study as study
 from .analysis.certification import certify as certify
 from .core.errors import JointplayError as JointplayError
 from .design.allocation import allocate as allocate
 from .design.iso9283 import iso9283 as iso9283
 from .design.maintenance import maintenance as maintenance
-from .design.reduction import reduce_joint as reduce_joint
-from .design.shares import dynamic_budget as dynamic_budget
+from .design.reduction import reduce as reduce
+from .design.shares import shares as shares
 from .design.static_budget import budget as budget
-from .design.wear import wear_life as wear_life
+from .design.wear import wear as wear
 from .exports import export as export
 from .identification import Measurement as Measurement
 from .identification import identify as identify
@@ -27,15 +28,19 @@ from .joints.materials import material as material
 from .joints.materials import oil as oil
 from .kernel import Status as Status
 from .mechanism import Mechanism as Mechanism
+from .mechanism.export import to_urdf as to_urdf
 from .mechanism.gear import Gear as Gear
 from .mechanism.loop import Loop as Loop
 from .mechanism.payload import Payload as Payload
+from .mechanism.robots import robots as robots
 from .mechanism.urdf import shipped as shipped
 from .motion import Motion as Motion
 from .player import play as play
+from .reports import report as report
 from .result import Result as Result
 from .scenario import Scenario as Scenario
 from .scenario.robot import robot_scenario as robot_scenario
+from .scenario.schema import schema as schema
 from .simulation import Run as Run
 from .simulation import Simulation as Simulation
 from .simulation import simulate as simulate
@@ -43,5 +48,6 @@ from .simulation.ensemble import EnsembleInterrupted as EnsembleInterrupted
 from .simulation.ensemble import ensemble as ensemble
 from .sweeps import open_sweep as open_sweep
 from .sweeps import sweep as sweep
+from .sweeps.table import uncertainty as uncertainty
 
 __version__: str

@@ -71,7 +71,7 @@ def run(options: argparse.Namespace) -> int:
     files.refuse_present(options.out, files_out)  # before anything is loaded that takes time
     from jointplay.design import reduced_files
     from jointplay.design.poses import middle
-    from jointplay.design.reduction import AMPLITUDE, PERIOD, reduce_joint
+    from jointplay.design.reduction import AMPLITUDE, PERIOD, reduce
 
     if scenario and options.clearance is None and "=" not in options.joint[0]:
         options.joint = []  # the scenario says which play it has
@@ -90,7 +90,7 @@ def run(options: argparse.Namespace) -> int:
     mechanism = _with_gear(options, work.mechanism, scenario)
     out = files.claim(options.out, files_out)
     pose = {**middle(mechanism), **_pose(mechanism, work.q)}
-    model = reduce_joint(
+    model = reduce(
         mechanism,
         joint,
         pose,

@@ -89,7 +89,7 @@ def run(options: argparse.Namespace) -> int:
     if claims is None:
         beside = [path / "claims.csv" for path in paths if path.is_dir()]
         claims = next((path for path in beside if path.is_file()), None)
-    written = reports.write(
+    written = reports.report(
         results,
         out,
         title=options.title or f"jointplay: {', '.join(results)}",

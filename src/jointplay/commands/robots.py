@@ -35,7 +35,7 @@ def run(options: argparse.Namespace) -> int:
     if options.name is not None:
         print(_detail(robots.survey(options.name)))
         return 0
-    surveys = [robots.survey(name) for name in robots.names()]
+    surveys = [robots.survey(name) for name in robots.robots()]
     arms = [robot for robot in surveys if robot.serial]
     others = [robot for robot in surveys if not robot.serial]
     print("\n".join(["ARMS (revolute joints on one path)", *map(_entry, arms)]))

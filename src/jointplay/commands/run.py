@@ -458,12 +458,12 @@ def _require_known(target: str) -> None:
     from pathlib import Path
 
     from jointplay.core.files import is_file
-    from jointplay.mechanism.robots import names
+    from jointplay.mechanism.robots import robots
 
     if is_file(Path(target)) or Path(target).suffix or "/" in target or ":" in target:
         return
     try:
-        known = names()
+        known = robots()
     except JointplayError as error:
         raise JointplayError(f"no file {target!r}, and {error}") from None
     near = [name for name in known if target.lower() in name] or difflib.get_close_matches(

@@ -66,7 +66,7 @@ def run(options: argparse.Namespace) -> int:
     if options.out:  # before anything is loaded that takes time
         files.refuse_present(options.out, names)
     from jointplay.analysis.runs import check_numbers
-    from jointplay.design.shares import check, dynamic_budget, sensitivity
+    from jointplay.design.shares import check, sensitivity, shares
 
     payload = 0.0 if options.payload is None else quantity(options.payload, "kg", "--payload")
     check_numbers(options.runs, options.jobs)
@@ -80,7 +80,7 @@ def run(options: argparse.Namespace) -> int:
         "progress": not options.quiet,
     }
     streams.release()
-    budget = dynamic_budget(simulation, options.runs, **some)
+    budget = shares(simulation, options.runs, **some)
     print(f"tool: {simulation.mechanism.tool!r}")
     print(budget)
     if out is not None:

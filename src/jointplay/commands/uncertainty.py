@@ -37,11 +37,11 @@ def run(options: argparse.Namespace) -> int:
     from jointplay.plots.sweep import draw_convergence  # what comes now takes long to import
     from jointplay.sweeps import open_sweep
     from jointplay.sweeps.dataset import reading
-    from jointplay.sweeps.table import statements
+    from jointplay.sweeps.table import uncertainty
 
     dataset = open_sweep(Path(options.store))
     with reading(options.store):
-        print(statements(dataset, options.measure, options.precision))
+        print(uncertainty(dataset, options.measure, options.precision))
     if out is not None:
         files.picture(out, draw_convergence(dataset, options.measure, options.precision))
         print(out)

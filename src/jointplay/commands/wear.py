@@ -51,13 +51,13 @@ def add_cycles(parser: Any, blocks: int, runs: int) -> None:
 def run(options: argparse.Namespace) -> int:
     """Estimate, print, write."""
     from jointplay.core import files
-    from jointplay.design.wear import wear_life
+    from jointplay.design.wear import wear
     from jointplay.scenario import Scenario
 
     growth = quantity(options.growth, "m", "--growth")
     if options.out:
         files.check_new(options.out)
-    life = wear_life(
+    life = wear(
         Scenario.load(options.file, options.trust).simulation(options.case),
         options.joint,
         growth,

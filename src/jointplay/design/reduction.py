@@ -191,7 +191,7 @@ class Reduction:
         return "\n".join(f"{name:<34} {value:>12.5g}  {unit}" for name, value, unit in rows)
 
 
-def reduce_joint(
+def reduce(
     mechanism: Mechanism,
     joint: str,
     pose: Mapping[str, float] | None = None,

@@ -111,7 +111,7 @@ def _share(values: np.ndarray) -> str:
     return f"{text} %"
 
 
-def dynamic_budget(
+def shares(
     simulation: Simulation,
     runs: int = 3,
     *,
@@ -240,7 +240,7 @@ def sensitivity(
             evenly in their logarithms.
         slowest: speed varies between this part of the motion's and the whole; 1: it does not.
         payload: largest mass at the tool, from zero on [kg]; 0: none.
-        jobs, keep, progress: see `dynamic_budget`.
+        jobs, keep, progress: see `shares`.
 
     Raises:
         JointplayError: no play, no motion, a value out of range, SALib missing, a run that fails.

@@ -123,7 +123,7 @@ class WearLife:
         )
 
 
-def wear_life(
+def wear(
     simulation: Simulation,
     joint: str,
     growth: float,

@@ -80,7 +80,7 @@ def _normal(name: str) -> str:
     return name.lower().replace("-", "_").replace(".", "_")
 
 
-def names() -> tuple[str, ...]:
+def robots() -> tuple[str, ...]:
     """Names of all robots.
 
     Raises:

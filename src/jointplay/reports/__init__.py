@@ -40,7 +40,7 @@ IMPACTS = 5
 """Impacts of each case that are followed step by step, unless told otherwise."""
 
 
-def write(
+def report(
     results: Mapping[str, Result],
     path: str | Path,
     *,

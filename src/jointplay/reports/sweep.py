@@ -26,7 +26,7 @@ from jointplay.reports.html import Cell, Html, details, joined, markup, paragrap
 from jointplay.sweeps import open_sweep
 from jointplay.sweeps.case import DONE, FAILED
 from jointplay.sweeps.plan import REPEAT, SAMPLE
-from jointplay.sweeps.table import columns_of, coordinate_text, label, measured, scale, statements
+from jointplay.sweeps.table import columns_of, coordinate_text, label, measured, scale, uncertainty
 
 MOST_ROWS = 400
 """Points of the grid, and failed cases, that the tables show."""
@@ -231,7 +231,7 @@ def _samples(dataset: xr.Dataset) -> Iterator[Drawn]:
 
 def _words(dataset: xr.Dataset) -> Html:
     """What the samples say, and Sobol indices where the design gives them."""
-    said = [statements(dataset, name, PRECISION) for name in _known(dataset)]
+    said = [uncertainty(dataset, name, PRECISION) for name in _known(dataset)]
     return joined([markup("<pre>{}</pre>", text) for text in said])
 
 

@@ -245,7 +245,7 @@ def indices_of(dataset: xr.Dataset, measure: str) -> SobolIndices | None:
     return sobol_indices(values.values.ravel(), tuple(dataset.attrs["sampled"]))
 
 
-def statements(dataset: xr.Dataset, measure: str, precision: float) -> str:
+def uncertainty(dataset: xr.Dataset, measure: str, precision: float) -> str:
     """Mean, standard deviation, quantiles, how many runs are enough, Sobol indices: in lines.
 
     Args:
