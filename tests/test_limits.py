@@ -16,7 +16,7 @@ from conftest import body, joint
 
 import jointplay as jp
 from jointplay import JointplayError, player
-from jointplay.analysis import runs
+from jointplay.analysis import runs, uncertainty
 from jointplay.commands import listed
 from jointplay.commands.run_scenario import file_names
 from jointplay.core import compiler, schema
@@ -30,7 +30,7 @@ from jointplay.nonlinear import lyapunov, observables, poincare
 from jointplay.player import movie
 from jointplay.reports.sections import claim_rows
 from jointplay.study import run_study, scara
-from jointplay.sweeps import axes, uncertainty
+from jointplay.sweeps import axes
 
 JOINTPLAY = str(Path(sys.executable).parent / "jointplay")
 
