@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from jointplay.scenario import Scenario
     from jointplay.scenario.settings import Setting
     from jointplay.simulation.run import Run
+    from jointplay.simulation.simulation import Simulation
 
 
 STOPPED = 1
@@ -64,11 +65,11 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
         case for case in cases if options.certify or scenario.model(case).integration.certify
     }
     out, total = Path(options.out), 0.0
-    given, only_run = {}, None
+    simulations, only_run = {}, None
     for case in cases:  # before anything is written
         records = records_needed(out / files[case], case in certified)
         run = scenario.ready_run(case, not options.quiet, records)
-        given[case] = run.simulation.describe()
+        simulations[case] = run.simulation
         runs = 1 + (further_runs(run.simulation) if case in certified else 0)
         total += runs * run.total_steps * run.simulation.step
         only_run = run if len(cases) == 1 else None
@@ -77,7 +78,7 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
         streams.note(line)
     if options.resume:
         claim(out, ())
-        done = finished(out, files, given)
+        done = finished(out, files, simulations)
         for path in (out / name for name in drawn):
             if path.exists() and not holds(path, MARK):
                 raise JointplayError(f"{str(path)!r} is no figure of a run; name another folder")
@@ -99,6 +100,7 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
     only = None if figures else HISTORIES
     results = {case: load_some(path, scenario.trust, only) for case, path in saved.items()}
     for case, result in results.items():
+        result.simulation = simulations[case]  # rather than built once more from the file
         print(f"\n{case}: {result.message}\n{result.judgement}")
         print("\n".join(_came_out(result, results, not options.quiet)))
     drawable = {case: result for case, result in results.items() if len(result.time) > 1}
@@ -420,13 +422,15 @@ def refuse(out: Path, files: Mapping[str, str], drawn: Iterable[str] = ()) -> No
         raise
 
 
-def finished(out: Path, files: Mapping[str, str], given: Mapping[str, Any]) -> list[str]:
+def finished(
+    out: Path, files: Mapping[str, str], simulations: Mapping[str, Simulation]
+) -> list[str]:
     """Cases whose results are there and whole.
 
     Args:
         out: the folder.
         files: their names by case.
-        given: the simulations as they are now, as plain data, by case.
+        simulations: as they are now, by case.
 
     Raises:
         JointplayError: a result is of another simulation, or was interrupted and left no
@@ -445,7 +449,7 @@ def finished(out: Path, files: Mapping[str, str], given: Mapping[str, Any]) -> l
         result = Result.open(path)
         with result.dataset as dataset:
             was = json.loads(dataset.attrs["simulation"])
-        now = json.loads(json.dumps(given[case]))
+        now = json.loads(json.dumps(simulations[case].describe()))
         if was != now:
             raise JointplayError(
                 f"{str(path)!r} is of another run: {differing(was, now)}; name another folder, or "

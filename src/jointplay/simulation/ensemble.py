@@ -62,7 +62,7 @@ def ensemble(
             grow with the number of runs; it, and what it returns, must be such as `pickle` takes: a
             function of a module, no lambda. None: the results themselves.
         progress: show a bar with the time left, if it takes more than `BAR_AFTER_S`.
-        check_step: see `Run.execute`.
+        check_step: see `Run.finish`.
 
     Returns:
         What `keep` returned, in the order of the simulations. As from `Simulation.run`, a result
