@@ -90,3 +90,9 @@ def test_plotly_is_the_version_that_is_declared():
     assert f"plotly.js (basic - minified) v{declared['version']}".encode() in script[:200]
     named = declared["version"].rpartition(".")[0]
     assert f"plotly.js {named} (basic bundle, MIT)" in (ROOT / "docs/report.md").read_text()
+
+
+def test_pictures_of_the_docs_are_small():
+    pictures = [*(ROOT / "docs").rglob("*.png")]
+    assert pictures
+    assert sum(path.stat().st_size for path in pictures) < 4.5e6  # docs/site/compress.py
