@@ -407,6 +407,8 @@ def test_a_bore_that_wears_lets_the_pose_drift(arm):
     assert "dAP_p" in str(found)
     with pytest.raises(JointplayError, match="nothing in this model drifts"):
         iso9283(pendulum(arm), 3, drift_time=3600.0)
+    with pytest.raises(JointplayError, match=r"at most 3\.2e"):
+        iso9283(pendulum(arm), 3, drift_time=1e20)
 
 
 def test_runs_that_are_kept_are_not_done_again(arm, tmp_path, monkeypatch):

@@ -2,6 +2,7 @@
 
 from itertools import pairwise
 
+import matplotlib as mpl
 import numpy as np
 import pytest
 from matplotlib.colors import to_hex
@@ -201,3 +202,19 @@ def test_a_figure_is_laid_out_and_drawn_once(cases, monkeypatch, tmp_path):
     left = [panel.get_position().x0 for panel in figure.axes]
     assert max(left) - min(left) > 0.4  # two columns, each with room for its labels
     assert min(left) > 0.05
+
+
+def test_letters_that_the_usual_typeface_has_not_come_from_one_that_is_installed(monkeypatch):
+    from matplotlib import font_manager
+
+    from jointplay.plots import style as module
+
+    monkeypatch.setattr(font_manager, "get_font_names", lambda: ["DejaVu Sans", "PingFang SC"])
+    module._fallbacks.cache_clear()
+    with module.style("screen"):
+        assert mpl.rcParams["font.family"] == ["sans-serif", "PingFang SC"]
+    module._fallbacks.cache_clear()
+    monkeypatch.undo()
+    with module.style("paper"):
+        assert mpl.rcParams["font.family"][0] == "serif"
+    module._fallbacks.cache_clear()

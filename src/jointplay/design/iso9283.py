@@ -309,6 +309,8 @@ SPEEDS = (1.0, 0.5, 0.1)
 """Parts of the rated speed at which the standard has a robot tested."""
 DRIFT_S = 8 * 3600.0
 """Time over which the standard has the drift measured [s]."""
+LONGEST_DRIFT_S = 3.2e9
+"""Longest time over which wear is extrapolated: a hundred years [s]."""
 DRIFT_CYCLES = 10
 """Cycles at each time at which a drift is looked at."""
 DRIFT_TIMES = 4
@@ -708,6 +710,13 @@ def iso9283(
     check(simulation, speed, load)
     conditions = Conditions(_load_words(simulation, load), speed, poses)
     simulation = _at(simulation, speed, load)
+    if drift_time is not None:
+        require_positive("time of the drift", drift_time, "s")
+        if drift_time > LONGEST_DRIFT_S:
+            raise JointplayError(
+                f"time of the drift must be at most {LONGEST_DRIFT_S:g} s (100 years), got "
+                f"{drift_time:g} s"
+            )
     if drift_time is not None and not all_wearing(simulation):
         raise JointplayError(f"drift: {what_drifts(simulation)}")
 
@@ -721,7 +730,6 @@ def iso9283(
     drifts: tuple[Drift, ...] = ()
     words = what_drifts(simulation)
     if drift_time is not None:
-        require_positive("time of the drift", drift_time, "s")
         groups = _worn(simulation, drift_time)
         parts = []
         for number, group in enumerate(groups):

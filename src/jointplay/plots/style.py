@@ -9,11 +9,13 @@ import textwrap
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
 import numpy as np
+from matplotlib import font_manager
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogFormatterSciNotation
@@ -79,6 +81,13 @@ STYLES: dict[str, dict[str, Any]] = {
 }
 """``screen``, and ``paper``: serif type, 88 mm wide, embedded TrueType fonts."""
 
+FALLBACKS = (
+    *("Noto Sans CJK SC", "Noto Sans CJK JP", "Noto Sans CJK KR", "Source Han Sans"),
+    *("PingFang SC", "Hiragino Sans", "Apple SD Gothic Neo", "WenQuanYi Micro Hei"),
+    *("Noto Sans Arabic", "Noto Sans Devanagari", "Arial Unicode MS"),
+)
+"""Typefaces that have letters which matplotlib's own has not: those that are installed are used."""
+
 SIZES = {"screen": 1.0, "paper": 0.58}
 """Width of a figure relative to its width on screen: 6 inches become 88 mm."""
 
@@ -92,8 +101,18 @@ def style(name: str = "screen") -> Iterator[None]:
     """
     if name not in STYLES:
         raise MissingName("style", name, STYLES)
-    with mpl.rc_context(STYLES[name]):  # type: ignore[arg-type]
+    own = STYLES[name]
+    family = own.get("font.family", "sans-serif")
+    settings: Any = {**own, "font.family": [family, *_fallbacks()]}
+    with mpl.rc_context(settings):
         yield
+
+
+@cache
+def _fallbacks() -> tuple[str, ...]:
+    """Those of `FALLBACKS` that are installed; matplotlib warns of others."""
+    installed = set(font_manager.get_font_names())
+    return tuple(name for name in FALLBACKS if name in installed)
 
 
 class StyledFigure(Figure):
