@@ -6,6 +6,7 @@ import math
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -27,7 +28,9 @@ from jointplay.cli import main
 from jointplay.contact import Ambrosio
 from jointplay.identification import Measurement, measurement, plan_measurement
 from jointplay.identification.fit import information
+from jointplay.identification.identification import reason
 from jointplay.identification.measurement import resolution, scatter, turns
+from jointplay.identification.parameters import Parameter
 from jointplay.identification.verification import verify
 from jointplay.loads import JointFriction
 
@@ -442,3 +445,27 @@ def test_the_command_plans_and_refuses_in_one_line(arm, tmp_path, capsys):
         said = capsys.readouterr().err
         assert words in said
         assert said.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("clearance", "friction_half_width", "told"),
+    [(1.5e-6, 0.9, False), (1.5e-6, 0.01, True), (5e-5, 0.9, True)],
+)
+def test_next_to_no_play_is_not_told_beside_friction_that_is_not(
+    clearance, friction_half_width, told
+):
+    """Friction that may be anything holds a journal in wide play as still as no play does."""
+    problem = SimpleNamespace(
+        unknowns=(
+            Parameter("j", "radial_clearance", "m", 5e-5, 1e-5, 1e-3),
+            Parameter("j", "friction", "", 0.1, 0.1, 2.0),
+        )
+    )
+    fit = SimpleNamespace(
+        theta=np.array([clearance, 0.1]), half_width=np.array([2e-6, friction_half_width])
+    )
+    said = reason(0, fit, problem, None, None)
+    assert (said == "") is told
+    if not told:
+        assert "j friction, which cannot be told, may hold the journal" in said
+        assert "slowly, in both directions" in said

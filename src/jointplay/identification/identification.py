@@ -295,7 +295,7 @@ def reason(i: int, fit: Fit, problem: LeastSquares, made: Visits, model: StaticM
     one = problem.unknowns[i]
     half = fit.half_width[i]
     if half <= planning.enough(one, fit.theta[i]):
-        return ""
+        return _held_by_friction(i, fit, problem)
     soft = _explained(i, fit, problem, made)
     if soft:
         return soft
@@ -309,6 +309,25 @@ def reason(i: int, fit: Fit, problem: LeastSquares, made: Visits, model: StaticM
         if np.isfinite(half)
         else "next to nothing of it shows above the noise"
     )
+
+
+def _held_by_friction(i: int, fit: Fit, problem: LeastSquares) -> str:
+    """That an interval which begins at zero may be friction's doing, if its friction is not told.
+
+    A journal that friction holds does not move in wide play either: no play, and any play with
+    enough friction, leave the same means.
+    """
+    one = problem.unknowns[i]
+    if not one.name.endswith("clearance") or fit.theta[i] > fit.half_width[i]:
+        return ""
+    for k, other in enumerate(problem.unknowns):
+        if other.joint == one.joint and other.name == "friction" and other.sought:
+            if fit.half_width[k] > planning.enough(other, fit.theta[k]):
+                return (
+                    f"its interval begins at zero, and {other.label}, which cannot be told, may "
+                    "hold the journal wherever it is: pass the places slowly, in both directions"
+                )
+    return ""
 
 
 def _explained(i: int, fit: Fit, problem: LeastSquares, made: Visits) -> str:
