@@ -449,7 +449,7 @@ def test_the_command_plans_and_refuses_in_one_line(arm, tmp_path, capsys):
 
 @pytest.mark.parametrize(
     ("clearance", "friction_half_width", "told"),
-    [(1.5e-6, 0.9, False), (1.5e-6, 0.01, True), (5e-5, 0.9, True)],
+    [(1.5e-7, 0.9, False), (1.5e-7, 0.01, True), (5e-5, 0.9, True)],
 )
 def test_next_to_no_play_is_not_told_beside_friction_that_is_not(
     clearance, friction_half_width, told
@@ -462,7 +462,7 @@ def test_next_to_no_play_is_not_told_beside_friction_that_is_not(
         )
     )
     fit = SimpleNamespace(
-        theta=np.array([clearance, 0.1]), half_width=np.array([2e-6, friction_half_width])
+        theta=np.array([clearance, 0.1]), half_width=np.array([2e-7, friction_half_width])
     )
     said = reason(0, fit, problem, None, None)
     assert (said == "") is told
