@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, Phase, settings
 from sweep_scenario import GRID, SCENARIO
+from warm import System
 
 from jointplay import JointplayError, Mechanism, Motion, RevoluteClearance, Simulation
 from jointplay.kernel.integrators import DEFAULT
@@ -28,6 +29,15 @@ settings.register_profile(
     phases=set(Phase) - {Phase.shrink},
 )
 settings.load_profile("jointplay")
+
+
+@pytest.fixture(autouse=True, scope="session")
+def warm():
+    """Processes that read results, run cases and show robots begin without importing."""
+    with pytest.MonkeyPatch.context() as patch:
+        for module in ("core.hdf5", "sweeps.local", "mechanism.viewer"):
+            patch.setattr(f"jointplay.{module}.sys", System())
+        yield
 
 
 def pytest_terminal_summary(terminalreporter, config):

@@ -10,10 +10,12 @@ import sys
 import tempfile
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import xarray as xr
+from warm import PYTHON
 
 import jointplay as jp
 from jointplay import JointplayError
@@ -83,7 +85,7 @@ def test_names_that_no_file_can_have_are_refused_in_words(name, tmp_path):
 def test_a_folder_is_claimed_by_one_process(tmp_path):
     files.claim(tmp_path / "o", ["r.nc"])
     code = "import sys; from jointplay.core import files; files.claim(sys.argv[1], ['r.nc'])"
-    other = [sys.executable, "-c", code, str(tmp_path / "o")]
+    other = [PYTHON, "-c", code, str(tmp_path / "o")]
     done = subprocess.run(other, capture_output=True, text=True, check=False)
     assert "another process is writing to" in done.stderr
     (tmp_path / "o" / "r.nc").write_text("mine")
@@ -157,7 +159,7 @@ def test_a_file_is_read_however_busy_the_machine_is(saved, tmp_path, monkeypatch
 
 
 def test_without_a_process_to_look_at_it_a_file_is_not_read(saved, monkeypatch):
-    monkeypatch.setattr(sys, "executable", "/nowhere/python")
+    monkeypatch.setattr(hdf5, "sys", SimpleNamespace(executable="/nowhere/python"))
     with pytest.raises(JointplayError, match="no process can be started to look at it: No such"):
         jp.Result.load(saved)
 
@@ -254,9 +256,7 @@ def left(tmp_path, monkeypatch):
     monkeypatch.setenv("TMPDIR", str(tmp_path))
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     monkeypatch.setattr(files, "_swept", set())
-    done = subprocess.run(
-        [sys.executable, "-c", LEAVE], capture_output=True, text=True, check=False
-    )
+    done = subprocess.run([PYTHON, "-c", LEAVE], capture_output=True, text=True, check=False)
     folder = Path(done.stdout.strip())
     assert folder.parent == tmp_path
     aged(folder)
@@ -478,13 +478,14 @@ def test_a_table_that_cannot_grow_is_as_it_was(tmp_path):
     code = """
 import resource, signal, sys
 from pathlib import Path
+from types import SimpleNamespace
 from jointplay.core import files
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 files.append(Path(sys.argv[1]), "1,2\\n")
 resource.setrlimit(resource.RLIMIT_FSIZE, (6, 6))
 files.append(Path(sys.argv[1]), "3,4\\n")
 """
-    done = subprocess.run([sys.executable, "-c", code, path], capture_output=True, check=False)
+    done = subprocess.run([PYTHON, "-c", code, path], capture_output=True, check=False)
     assert b"cannot write" in done.stderr
     assert path.read_text() == "1,2\n"
 

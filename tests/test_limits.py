@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 import xarray as xr
 from conftest import body, joint
+from warm import PYTHON
 
 import jointplay as jp
 from jointplay import JointplayError, player
@@ -492,7 +493,7 @@ def test_links_in_series_are_read_up_to_a_limit_that_is_said(urdf, more, code):
     chain = [body("l1"), joint("j1", "base", "l1")]
     for k in range(2, number + 1):
         chain += [body(f"l{k}"), joint(f"j{k}", f"l{k - 1}", f"l{k}", "fixed")]
-    call = [sys.executable, "-c", SERIES, str(urdf(*chain))]
+    call = [PYTHON, "-c", SERIES, str(urdf(*chain))]
     done = subprocess.run(call, capture_output=True, text=True, check=False)
     assert done.returncode == code, done.stderr[-500:]
     if code:

@@ -1,0 +1,85 @@
+"""The command line without its start: `JOINTPLAY` and `PYTHON` stand for `jointplay` and `python`.
+
+They hand arguments, folder, environment and streams to a process that has imported jointplay and
+its kernels already (else a second and more for each command), are told signals for the copy of it
+that does the work, and end as that ends. What is about a start, limits of the system, or processes
+that are killed takes the real ones.
+"""
+
+import atexit
+import functools
+import os
+import socket
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+CLIENT = """#!{python} -IS
+import json, os, signal, socket, sys
+streams = [int(n) for n in os.listdir("/dev/fd")]
+streams = [n for n in streams if os.path.exists(f"/dev/fd/{{n}}")]
+server = socket.socket(socket.AF_UNIX)
+server.connect({address!r})
+socket.send_fds(server, [b"x"], streams)
+asked = {{"arguments": sys.argv, "folder": os.getcwd(), "environment": dict(os.environ)}}
+lines = server.makefile("rw")
+lines.write(json.dumps(asked | {{"streams": streams}}) + "\\n")
+lines.flush()
+copy = int(lines.readline())
+for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+    signal.signal(number, lambda number, _: os.kill(copy, number))
+status = int(lines.readline())
+if status < 0:
+    if -status != signal.SIGKILL:
+        signal.signal(-status, signal.SIG_DFL)
+    os.kill(os.getpid(), -status)
+os._exit(status)
+"""
+
+
+@functools.cache
+def folder() -> Path:
+    """Starts the process that is copied; returns the folder of what stands for the commands."""
+    made = tempfile.TemporaryDirectory(prefix="warm")
+    place = Path(made.name)
+    address = str(place / "socket")
+    listener = socket.socket(socket.AF_UNIX)
+    listener.bind(address)
+    listener.listen(64)
+    for name in ("jointplay", "python"):
+        (place / name).write_text(CLIENT.format(python=sys.executable, address=address))
+        (place / name).chmod(0o755)
+    server = subprocess.Popen(
+        [sys.executable, Path(__file__).with_name("warm_server.py"), str(listener.fileno()), place],
+        stdin=subprocess.PIPE,  # is closed when these tests end, however they do
+        pass_fds=[listener.fileno()],
+        env={**os.environ, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"},
+        start_new_session=True,
+    )
+    listener.close()
+
+    def end() -> None:
+        server.stdin.close()
+        server.wait()
+        made.cleanup()
+
+    atexit.register(end)
+    return place
+
+
+class System:
+    """`sys` for modules that start processes of their own."""
+
+    @property
+    def executable(self) -> str:
+        return str(folder() / "python")
+
+    def __getattr__(self, name: str):
+        return getattr(sys, name)
+
+
+def __getattr__(name: str) -> str:
+    if name not in ("JOINTPLAY", "PYTHON"):
+        raise AttributeError(name)
+    return str(folder() / name.lower())
