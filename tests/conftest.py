@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, Phase, settings
 from sweep_scenario import GRID, SCENARIO
-from warm import System
+from warm import System, compile_in_turn
 
 from jointplay import JointplayError, Mechanism, Motion, RevoluteClearance, Simulation
 from jointplay.kernel.integrators import DEFAULT
@@ -33,7 +33,9 @@ settings.load_profile("jointplay")
 
 @pytest.fixture(autouse=True, scope="session")
 def warm():
-    """Processes that read results, run cases and show robots begin without importing."""
+    """Processes that read results, run cases and show robots begin without importing; all kernels
+    are compiled once."""
+    compile_in_turn()
     with pytest.MonkeyPatch.context() as patch:
         for module in ("core.hdf5", "sweeps.local", "mechanism.viewer"):
             patch.setattr(f"jointplay.{module}.sys", System())

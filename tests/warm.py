@@ -7,13 +7,20 @@ that are killed takes the real ones.
 """
 
 import atexit
+import fcntl
 import functools
 import os
+import signal
 import socket
 import subprocess
 import sys
 import tempfile
+import threading
+import time
+from contextlib import suppress
 from pathlib import Path
+
+from numba.core.dispatcher import Dispatcher
 
 CLIENT = """#!{python} -IS
 import json, os, signal, socket, sys
@@ -26,7 +33,12 @@ asked = {{"arguments": sys.argv, "folder": os.getcwd(), "environment": dict(os.e
 lines = server.makefile("rw")
 lines.write(json.dumps(asked | {{"streams": streams}}) + "\\n")
 lines.flush()
+for stream in streams:
+    if stream > 2:
+        os.close(stream)  # the copy alone has them, so that they end with it
 copy = int(lines.readline())
+with open({place!r} + f"/{{os.getpid()}}", "w") as file:
+    file.write(f"{{copy}}\\n")
 for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
     signal.signal(number, lambda number, _: os.kill(copy, number))
 status = int(lines.readline())
@@ -48,7 +60,9 @@ def folder() -> Path:
     listener.bind(address)
     listener.listen(64)
     for name in ("jointplay", "python"):
-        (place / name).write_text(CLIENT.format(python=sys.executable, address=address))
+        (place / name).write_text(
+            CLIENT.format(python=sys.executable, address=address, place=made.name)
+        )
         (place / name).chmod(0o755)
     server = subprocess.Popen(
         [sys.executable, Path(__file__).with_name("warm_server.py"), str(listener.fileno()), place],
@@ -66,6 +80,44 @@ def folder() -> Path:
 
     atexit.register(end)
     return place
+
+
+def compile_in_turn() -> None:
+    """Have one process of these tests compile at a time: the others find what it made."""
+    alone, work = threading.RLock(), Dispatcher.compile
+    place = Path(tempfile.gettempdir()) / f"jointplay-tests-compile-{os.getuid()}"
+    depth = 0
+
+    def compiled(dispatcher: Dispatcher, signature: object) -> object:
+        nonlocal depth
+        with alone, place.open("w") as file:
+            if depth == 0:
+                fcntl.flock(file, fcntl.LOCK_EX)
+            depth += 1
+            try:
+                return work(dispatcher, signature)
+            finally:
+                depth -= 1
+
+    Dispatcher.compile = compiled
+
+
+class Process(subprocess.Popen):
+    """One of the two commands; it is the copy that is killed."""
+
+    @functools.cached_property
+    def copy(self) -> int:
+        """The number of the process that does the work."""
+        place = folder() / str(self.pid)
+        while not (place.exists() and place.read_text().endswith("\n")):
+            assert self.poll() is None
+            time.sleep(0.001)
+        return int(place.read_text())
+
+    def kill(self) -> None:
+        """Kill the copy, by whose end this process ends."""
+        with suppress(ProcessLookupError, AssertionError):
+            os.kill(self.copy, signal.SIGKILL)
 
 
 class System:

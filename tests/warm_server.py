@@ -19,6 +19,8 @@ import types
 from contextlib import suppress
 from pathlib import Path
 
+from warm import compile_in_turn
+
 ALSO = (
     *("h5netcdf", "h5py", "zarr", "dask.array", "distributed", "matplotlib.pyplot", "logging"),
     *("matplotlib.backends.backend_agg", "matplotlib.backends.backend_pdf", "fontTools.subset"),
@@ -31,6 +33,7 @@ def warm() -> None:
     """Import all that commands need, and load the kernels."""
     import jointplay as jp
 
+    compile_in_turn()
     for module in pkgutil.walk_packages(jp.__path__, "jointplay."):
         importlib.import_module(module.name)
     for name in ALSO:
@@ -128,7 +131,8 @@ def become(asked: dict) -> None:
     sys.path[1:1] = [place for place in places if place and place not in sys.path]
     program, *arguments = asked["arguments"]
     sys.path[0] = str(Path(sys.executable).parent)
-    sys.executable = str(Path(sys.argv[2]) / "python")  # of which there are copies, too
+    if "REAL_PYTHON" not in os.environ:
+        sys.executable = str(Path(sys.argv[2]) / "python")  # of which there are copies, too
     sys.modules["__main__"] = main = types.ModuleType("__main__")
     if Path(program).name == "jointplay":
         from jointplay.cli import main as command

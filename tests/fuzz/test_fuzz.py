@@ -13,6 +13,7 @@ import generators
 import pytest
 import twins
 from generators import Case, judge
+from warm import PYTHON
 
 from jointplay import cli
 
@@ -22,7 +23,7 @@ CASES = 120
 
 def test_no_input_brings_a_traceback_or_is_taken_in_silence(tmp_path):
     """The first cases of `benchmarks/fuzz.py`, three of every kind and more of most."""
-    command = [sys.executable, FUZZ, "--cases", CASES, "--first", 0, "--kept", tmp_path / "kept"]
+    command = [PYTHON, FUZZ, "--cases", CASES, "--first", 0, "--kept", tmp_path / "kept"]
     done = subprocess.run(list(map(str, command)), capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr[-2000:]
     last = done.stdout.splitlines()[-1]
