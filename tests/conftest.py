@@ -33,11 +33,10 @@ settings.load_profile("jointplay")
 
 @pytest.fixture(autouse=True, scope="session")
 def warm():
-    """Processes that read results, run cases and show robots begin without importing; all kernels
-    are compiled once."""
+    """Processes that read results and run cases begin at once; all kernels are compiled once."""
     compile_in_turn()
     with pytest.MonkeyPatch.context() as patch:
-        for module in ("core.hdf5", "sweeps.local", "mechanism.viewer"):
+        for module in ("core.hdf5", "sweeps.local"):
             patch.setattr(f"jointplay.{module}.sys", System())
         yield
 

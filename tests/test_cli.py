@@ -234,9 +234,22 @@ def test_ctrl_c_keeps_what_was_computed(tmp_path):
     assert np.isfinite(result["q"].values).all()
 
 
-def test_scara_study_end_to_end(tmp_path):
+STUDY = """
+import sys
+from dataclasses import replace
+from jointplay import cli
+from jointplay.study import cases
+scara = cases.scara
+cases.scara = lambda *given: replace(scara(*given), duration=float(sys.argv[1]))
+sys.exit(cli.main(sys.argv[2:]))
+"""
+
+
+@pytest.mark.parametrize("duration", [0.3, pytest.param(3.0, marks=pytest.mark.nightly)])
+def test_scara_study_end_to_end(duration, tmp_path):
     out = tmp_path / "study"
-    done = jointplay("scara", "--out", out, "--runs", "2", timeout=900.0)
+    command = [PYTHON, "-c", STUDY, str(duration), "scara", "--out", str(out), "--runs", "2"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=900.0, check=False)
     assert done.returncode == 0, done.stderr
     assert {path.name for path in out.iterdir()} == set(output_names())
     table = (out / "claims.md").read_text()

@@ -139,7 +139,7 @@ def become(asked: dict) -> None:
 
         sys.argv = [program, *arguments]
         sys.exit(command())
-    while arguments[0] in ("-P", "-u"):
+    if arguments[0] == "-P":
         del arguments[0]
     if arguments[0] == "-m":
         sys.argv = arguments[1:]
