@@ -27,6 +27,7 @@ for arguments in json.loads(sys.argv[1]):
     read, write = os.pipe()
     if os.fork() == 0:
         os.dup2(write, 2)
+        sys.stderr = open(2, "w", 1, closefd=False)
         status = main(arguments)
         sys.stderr.flush()
         with open("found", "w") as found:
@@ -35,7 +36,7 @@ for arguments in json.loads(sys.argv[1]):
     os.close(write)
     with open(read) as said:
         text = said.read()
-    assert os.wait()[1] == 0
+    assert os.wait()[1] == 0, text
     with open("found") as found:
         status, slow = json.load(found)
     print(json.dumps([status, text, slow]))
