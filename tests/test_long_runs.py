@@ -7,12 +7,12 @@ import os
 import re
 import signal
 import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 import xarray as xr
+from warm import JOINTPLAY, PYTHON, Process
 
 import jointplay as jp
 from jointplay.kernel import Status
@@ -22,7 +22,6 @@ from jointplay.simulation import spool
 from jointplay.simulation.working_files import CHECKPOINT, working_paths
 from jointplay.study import scara
 
-JOINTPLAY = str(Path(sys.executable).parent / "jointplay")
 PATIENCE_S = 900.0
 """A deadline for broken code, not a measure of its speed."""
 
@@ -194,7 +193,7 @@ ALLOWED = 80e6
 
 def test_memory_does_not_grow_with_the_length_of_a_run(tmp_path):
     done = subprocess.run(
-        [sys.executable, "-c", CHILD, str(tmp_path)], capture_output=True, text=True, check=True
+        [PYTHON, "-c", CHILD, str(tmp_path)], capture_output=True, text=True, check=True
     )
     before, after, histories = map(float, done.stdout.split())
     assert histories > 2.0 * ALLOWED
@@ -243,7 +242,7 @@ def test_memory_of_the_command_does_not_grow_with_the_length_of_a_run(tmp_path):
     simulation(duration=1e-3).run()  # a first start compiles, which takes memory of its own
     peaks = []
     for duration in ("1", "4"):
-        command = [sys.executable, "-c", RUN, duration, str(tmp_path / duration)]
+        command = [PYTHON, "-c", RUN, duration, str(tmp_path / duration)]
         done = subprocess.run(command, capture_output=True, text=True, check=True)
         word, status, peak = done.stdout.split()[-3:]
         assert (word, status) == ("PEAK", "0"), done.stderr
@@ -256,7 +255,7 @@ def test_memory_of_the_command_does_not_grow_with_the_length_of_a_run(tmp_path):
 
 def start(*arguments):
     command = [JOINTPLAY, *map(str, arguments)]
-    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    return Process(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
 def ended(process):
