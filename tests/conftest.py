@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, Phase, settings
 from sweep_scenario import GRID, SCENARIO
-from warm import System, compile_in_turn
+from warm import System, compile_in_turn, end
 
 from jointplay import JointplayError, Mechanism, Motion, RevoluteClearance, Simulation
 from jointplay.kernel.integrators import DEFAULT
@@ -39,6 +39,10 @@ def warm():
         for module in ("core.hdf5", "sweeps.local"):
             patch.setattr(f"jointplay.{module}.sys", System())
         yield
+
+
+def pytest_sessionfinish():
+    end()
 
 
 def pytest_terminal_summary(terminalreporter, config):

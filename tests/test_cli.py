@@ -215,7 +215,7 @@ def test_run_away_keeps_what_was_computed(tmp_path):
 
 
 def test_ctrl_c_keeps_what_was_computed(tmp_path):
-    command = [START, "run", "--duration", "300", "--no-figures", "--out", str(tmp_path)]
+    command = [JOINTPLAY, "run", "--duration", "300", "--no-figures", "--out", str(tmp_path)]
     process = subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
     seen = ""
     while not re.search(r" \d+\.\d*[1-9]\d*/300.* left", seen):

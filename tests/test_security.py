@@ -181,7 +181,9 @@ def lawful(tmp_path):
     return tmp_path
 
 
-@pytest.mark.parametrize("command", [["play", "--html", "o.html"], ["report", "-o", "o.html"]])
+@pytest.mark.parametrize(
+    "command", [["play", "--html", "o.html"], ["report", "-o", "o.html", "--no-pdf"]]
+)
 def test_a_result_imports_nothing_that_was_not_named(command, lawful):
     call = [JOINTPLAY, command[0], "r.nc", *command[1:], "--quiet"]
     done = subprocess.run(call, cwd=lawful, capture_output=True, text=True, check=False)

@@ -6,7 +6,6 @@ that does the work, and end as that ends. What is about a start, limits of the s
 that are killed takes the real ones.
 """
 
-import atexit
 import fcntl
 import functools
 import os
@@ -51,18 +50,17 @@ os._exit(status)
 
 
 @functools.cache
-def folder() -> Path:
-    """Starts the process that is copied; returns the folder of what stands for the commands."""
+def begin() -> tuple[subprocess.Popen, tempfile.TemporaryDirectory]:
+    """Start the process that is copied, and make what stands for the commands."""
     made = tempfile.TemporaryDirectory(prefix="warm")
     place = Path(made.name)
     address = str(place / "socket")
     listener = socket.socket(socket.AF_UNIX)
     listener.bind(address)
     listener.listen(64)
+    program = CLIENT.format(python=sys.executable, address=address, place=made.name)
     for name in ("jointplay", "python"):
-        (place / name).write_text(
-            CLIENT.format(python=sys.executable, address=address, place=made.name)
-        )
+        (place / name).write_text(program)
         (place / name).chmod(0o755)
     server = subprocess.Popen(
         [sys.executable, Path(__file__).with_name("warm_server.py"), str(listener.fileno()), place],
@@ -72,14 +70,22 @@ def folder() -> Path:
         start_new_session=True,
     )
     listener.close()
+    return server, made
 
-    def end() -> None:
+
+def folder() -> Path:
+    """Where what stands for the commands lies."""
+    return Path(begin()[1].name)
+
+
+def end() -> None:
+    """End the process that is copied, if there is one."""
+    if begin.cache_info().currsize:
+        server, made = begin()
         server.stdin.close()
         server.wait()
         made.cleanup()
-
-    atexit.register(end)
-    return place
+        begin.cache_clear()
 
 
 def compile_in_turn() -> None:

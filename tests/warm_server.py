@@ -99,6 +99,8 @@ class Server:
             place.close()
         above = [fcntl.fcntl(stream, fcntl.F_DUPFD, 200) for stream in streams]
         os.closerange(3, 200)
+        for number in {0, 1, 2} - set(asked["streams"]):
+            os.close(number)
         for stream, number in zip(above, asked["streams"], strict=True):
             os.dup2(stream, number)
             os.close(stream)
@@ -120,9 +122,13 @@ class Server:
 
 def become(asked: dict) -> None:
     """Do what is asked with the streams, folder and environment of who asks."""
-    sys.stdin = sys.__stdin__ = open(0, closefd=False)  # noqa: SIM115
-    sys.stdout = sys.__stdout__ = open(1, "w", closefd=False)  # noqa: SIM115
-    sys.stderr = sys.__stderr__ = open(2, "w", 1, None, "backslashreplace", closefd=False)  # noqa: SIM115
+    for number, name, mode in ((0, "stdin", "r"), (1, "stdout", "w"), (2, "stderr", "w")):
+        errors = "backslashreplace" if number == 2 else None
+        buffered = 1 if number == 2 else -1  # lines
+        there = number in asked["streams"]
+        stream = os.fdopen(number, mode, buffered, None, errors, closefd=False) if there else None
+        setattr(sys, name, stream)
+        setattr(sys, f"__{name}__", stream)
     os.chdir(asked["folder"])
     os.environ.clear()
     os.environ.update(asked["environment"])
@@ -167,7 +173,7 @@ def run(asked: dict) -> None:
         status = 1
     threading._shutdown()
     atexit._run_exitfuncs()
-    with suppress(OSError, ValueError):
+    with suppress(OSError, ValueError, AttributeError):
         sys.stdout.flush()
     os._exit(status or 0)
 
