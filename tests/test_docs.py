@@ -2,7 +2,8 @@
 
 What a page takes for granted - a user's robot, results of an earlier command - lies in the folder
 that it runs in. Commands that set up a machine are `.ci/run`'s business. What an earlier page has
-already is not run again, and the 60 cases of the shipped sweep are simulated for a shorter time.
+already is not run again, only the first run draws its figures, and the 60 cases of the shipped
+sweep are simulated for a shorter time.
 """
 
 import os
@@ -140,11 +141,14 @@ def serve(command):
     process.communicate(timeout=600)
 
 
+DRAWN = 'jointplay run ur5 --joint elbow_joint --radial "0.1 mm" --out ur5'
 SWEEP = "jointplay:scara_sweep.toml"
 
 
 def shorter(command):
-    """The shipped sweep, by a file of that name beside it."""
+    """A run without figures, if not the README's first; the shipped sweep by a file beside it."""
+    if command.startswith("jointplay run") and command != DRAWN:
+        return f"{command} --no-figures"
     if SWEEP not in command:
         return command
     text = jp.shipped("scara_sweep.toml").read_text().replace('"scara', '"jointplay:scara')

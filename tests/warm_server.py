@@ -4,6 +4,7 @@ import atexit
 import fcntl
 import gc
 import importlib
+import io
 import json
 import os
 import pkgutil
@@ -123,10 +124,14 @@ class Server:
 def become(asked: dict) -> None:
     """Do what is asked with the streams, folder and environment of who asks."""
     for number, name, mode in ((0, "stdin", "r"), (1, "stdout", "w"), (2, "stderr", "w")):
-        errors = "backslashreplace" if number == 2 else None
-        buffered = 1 if number == 2 else -1  # lines
-        there = number in asked["streams"]
-        stream = os.fdopen(number, mode, buffered, None, errors, closefd=False) if there else None
+        stream = None
+        if number in asked["streams"]:
+            at_once = mode == "w" and bool(asked["environment"].get("PYTHONUNBUFFERED"))
+            binary = os.fdopen(number, f"{mode}b", 0 if at_once else -1, closefd=False)
+            errors = "backslashreplace" if number == 2 else None
+            stream = io.TextIOWrapper(
+                binary, None, errors, line_buffering=number == 2, write_through=at_once
+            )
         setattr(sys, name, stream)
         setattr(sys, f"__{name}__", stream)
     os.chdir(asked["folder"])
