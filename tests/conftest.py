@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, Phase, settings
 from sweep_scenario import GRID, SCENARIO
+from warm import System, compile_in_turn, end
 
 from jointplay import JointplayError, Mechanism, Motion, RevoluteClearance, Simulation
 from jointplay.kernel.integrators import DEFAULT
@@ -28,6 +29,19 @@ settings.register_profile(
     phases=set(Phase) - {Phase.shrink},
 )
 settings.load_profile("jointplay")
+
+
+@pytest.fixture(autouse=True, scope="session")
+def warm():
+    """Processes that read results begin at once; all kernels are compiled once."""
+    compile_in_turn()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("jointplay.core.hdf5.sys", System())
+        yield
+
+
+def pytest_sessionfinish():
+    end()
 
 
 def pytest_terminal_summary(terminalreporter, config):

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import body, joint
+from warm import JOINTPLAY, PYTHON
 
 from jointplay import JointplayError, Mechanism, Result, plots, simulate
 from jointplay.cli import main
@@ -27,7 +28,8 @@ from jointplay.mechanism.gear import Gear
 from jointplay.mechanism.urdf import shipped
 from jointplay.study import CONDITIONS, output_names, scara, study
 
-JOINTPLAY = str(Path(sys.executable).parent / "jointplay")
+START = str(Path(sys.executable).parent / "jointplay")
+"""The command as a new process."""
 SHORT = ("--duration", "0.02", "--quiet", "--no-figures")
 
 
@@ -53,7 +55,8 @@ def test_help_says_per_cent_as_it_is_written(command, capsys):
 
 
 def test_version():
-    assert re.fullmatch(r"jointplay \d+\.\d+\.\d+\n", jointplay("--version").stdout)
+    done = subprocess.run([START, "--version"], capture_output=True, text=True, check=False)
+    assert re.fullmatch(r"jointplay \d+\.\d+\.\d+\n", done.stdout)
 
 
 def test_help_of_run_says_what_the_scenario_tables_say():
@@ -231,9 +234,22 @@ def test_ctrl_c_keeps_what_was_computed(tmp_path):
     assert np.isfinite(result["q"].values).all()
 
 
-def test_scara_study_end_to_end(tmp_path):
+STUDY = """
+import sys
+from dataclasses import replace
+from jointplay import cli
+from jointplay.study import cases
+scara = cases.scara
+cases.scara = lambda *given: replace(scara(*given), duration=float(sys.argv[1]))
+sys.exit(cli.main(sys.argv[2:]))
+"""
+
+
+@pytest.mark.parametrize("duration", [0.3, pytest.param(3.0, marks=pytest.mark.nightly)])
+def test_scara_study_end_to_end(duration, tmp_path):
     out = tmp_path / "study"
-    done = jointplay("scara", "--out", out, "--runs", "2", timeout=900.0)
+    command = [PYTHON, "-c", STUDY, str(duration), "scara", "--out", str(out), "--runs", "2"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=900.0, check=False)
     assert done.returncode == 0, done.stderr
     assert {path.name for path in out.iterdir()} == set(output_names())
     table = (out / "claims.md").read_text()
@@ -405,7 +421,7 @@ def test_no_name_steers_the_terminal():
         assert done.stderr.count("\n") == 1
         assert done.stderr.rstrip("\n").isprintable(), done.stderr
     code = "from jointplay.cli import main, streams\nwith streams.forgiving(): print('\\x1b[2Jx')"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    done = subprocess.run([PYTHON, "-c", code], capture_output=True, text=True, check=False)
     assert done.stdout == "\\x1b[2Jx\n"
 
 
@@ -442,7 +458,7 @@ iso9283.check = check
 sys.exit(cli.main(sys.argv[1:]))
 """
     given = ["iso9283", "jointplay:scara.toml", "--case", "ideal", "--duration", "0.01", *quiet]
-    command = [sys.executable, "-c", code, *given]
+    command = [PYTHON, "-c", code, *given]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr == "jointplay iso9283: error: wrong\n"
@@ -474,7 +490,7 @@ def told(self, *given):
 Result.save = told
 sys.exit(cli.main(sys.argv[1:]))
 """
-    command = [sys.executable, "-c", code, "run", *SHORT, "--out", str(tmp_path / "o")]
+    command = [PYTHON, "-c", code, "run", *SHORT, "--out", str(tmp_path / "o")]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert "told to stop when all was computed: it is saved" in done.stderr
@@ -482,7 +498,7 @@ sys.exit(cli.main(sys.argv[1:]))
     assert Result.load(tmp_path / "o" / "result.nc").status == Status.COMPLETED
     # Of two cases the second has not begun: that is an interruption.
     two = ["jointplay:scara.toml", "--case", "ideal", "--case", "0.2 mm", "--jobs", "1"]
-    command = [sys.executable, "-c", code, "run", *two, *SHORT, "--out", str(tmp_path / "p")]
+    command = [PYTHON, "-c", code, "run", *two, *SHORT, "--out", str(tmp_path / "p")]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 130
     assert "interrupted; nothing of: 0.2 mm" in done.stderr

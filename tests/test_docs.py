@@ -1,7 +1,9 @@
 """Every command and snippet of README and docs runs as it is written, from top to bottom.
 
 What a page takes for granted - a user's robot, results of an earlier command - lies in the folder
-that it runs in. Commands that set up a machine are `.ci/run`'s business.
+that it runs in. Commands that set up a machine are `.ci/run`'s business. What an earlier page has
+already is not run again, only the first run draws its figures, and the 60 cases of the shipped
+sweep are simulated for a shorter time.
 """
 
 import os
@@ -13,6 +15,7 @@ import sys
 from pathlib import Path
 
 import pytest
+import warm
 from sybil import Sybil
 from sybil.parsers.markdown import CodeBlockParser
 
@@ -20,7 +23,6 @@ import jointplay as jp
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
-JOINTPLAY = Path(sys.executable).parent / "jointplay"
 
 NIGHTLY = ("jointplay scara", "jointplay run --certify")
 """Commands that take long: the study has a test of its own, certificates many."""
@@ -70,7 +72,8 @@ def parsed(page):
 def commands(text):
     """The commands of a block, comments and continuations gone."""
     lines = text.replace("\\\n", " ").splitlines()
-    whole = [re.sub(r"\s+#\s.*$", "", line).strip() for line in lines]
+    plain = [line.replace(".venv/bin/", "") for line in lines]
+    whole = [re.sub(r"\s+#\s.*$", "", line).strip() for line in plain]
     return [line for line in whole if line and not line.startswith("#")]
 
 
@@ -96,7 +99,7 @@ def folder(earlier, tmp_path, monkeypatch):
     """A folder with what users have: a robot, its motion, results of an earlier run."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(str(tmp_path))
-    monkeypatch.setenv("PATH", f"{JOINTPLAY.parent}{os.pathsep}{os.environ['PATH']}")
+    monkeypatch.setenv("PATH", f"{warm.folder()}{os.pathsep}{os.environ['PATH']}")
     monkeypatch.setenv("MPLBACKEND", "agg")
     (tmp_path / "my_robot.urdf").write_text(ROBOT)
     for name, source in {
@@ -138,6 +141,23 @@ def serve(command):
     process.communicate(timeout=600)
 
 
+DRAWN = 'jointplay run ur5 --joint elbow_joint --radial "0.1 mm" --out ur5'
+SWEEP = "jointplay:scara_sweep.toml"
+
+
+def shorter(command):
+    """A run without figures, if not the README's first; the shipped sweep by a file beside it."""
+    if command.startswith("jointplay run") and command != DRAWN:
+        return f"{command} --no-figures"
+    if SWEEP not in command:
+        return command
+    text = jp.shipped("scara_sweep.toml").read_text().replace('"scara', '"jointplay:scara')
+    assert text.count("[integration]") == 1
+    text = text.replace("[integration]", '[integration]\nduration = "50 ms"')
+    Path("scara_sweep.toml").write_text(text)
+    return command.replace(SWEEP, "scara_sweep.toml")
+
+
 def fresh(command):
     """Nothing is overwritten, so a folder that an earlier line filled gives way."""
     found = re.search(r"--out (\S+)", command)
@@ -167,21 +187,33 @@ def test_snippets_run_as_they_are_written(page, folder):
 @pytest.mark.parametrize("page", SHELL, ids=lambda page: str(page.relative_to(ROOT)))
 def test_commands_run_as_they_are_written(page, folder):
     shutil.copy(folder / "one.nc", folder / "run.nc")
+    before = {
+        command
+        for earlier in SHELL[: SHELL.index(page)]
+        for block in blocks(earlier, "sh")
+        for command in commands(block.parsed.text)
+    }
+    here = [line for block in blocks(page, "sh") for line in commands(block.parsed.text)]
+    used = {word for line in here if line not in before for word in line.split()[2:]} - {"--out"}
     for block in parsed(page):
         if block.parsed.language == "text" and block.parsed.text.startswith("time_s,"):
             (folder / "move.csv").write_text(block.parsed.text)
         if block.parsed.language != "sh":
             continue
-        for command in commands(block.parsed.text):
-            plain = command.replace(".venv/bin/", "")
+        for plain in commands(block.parsed.text):
+            if plain in before and not used.intersection(plain.split()[2:]):
+                continue
             if plain.startswith(("python3 -m venv", "mkdocs", *NIGHTLY)):
                 continue
             fresh(plain)
-            run(plain)
+            run(shorter(plain))
 
 
 @pytest.mark.nightly
-@pytest.mark.parametrize("command", ["jointplay run --certify --out certified"])
+@pytest.mark.parametrize(
+    "command",
+    ["jointplay run --certify --out certified", f"jointplay sweep {SWEEP} --out scara.zarr"],
+)
 def test_long_commands_of_the_readme_run(command, folder):
     assert command in (ROOT / "README.md").read_text()
     run(command)

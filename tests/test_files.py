@@ -11,10 +11,12 @@ import sys
 import tempfile
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import xarray as xr
+from warm import PYTHON
 
 import jointplay as jp
 from jointplay import JointplayError
@@ -84,7 +86,7 @@ def test_names_that_no_file_can_have_are_refused_in_words(name, tmp_path):
 def test_a_folder_is_claimed_by_one_process(tmp_path):
     files.claim(tmp_path / "o", ["r.nc"])
     code = "import sys; from jointplay.core import files; files.claim(sys.argv[1], ['r.nc'])"
-    other = [sys.executable, "-c", code, str(tmp_path / "o")]
+    other = [PYTHON, "-c", code, str(tmp_path / "o")]
     done = subprocess.run(other, capture_output=True, text=True, check=False)
     assert "another process is writing to" in done.stderr
     (tmp_path / "o" / "r.nc").write_text("mine")
@@ -158,7 +160,7 @@ def test_a_file_is_read_however_busy_the_machine_is(saved, tmp_path, monkeypatch
 
 
 def test_without_a_process_to_look_at_it_a_file_is_not_read(saved, monkeypatch):
-    monkeypatch.setattr(sys, "executable", "/nowhere/python")
+    monkeypatch.setattr(hdf5, "sys", SimpleNamespace(executable="/nowhere/python"))
     with pytest.raises(JointplayError, match="no process can be started to look at it: No such"):
         jp.Result.load(saved)
 
@@ -193,12 +195,11 @@ EDITS = {
 
 
 @pytest.mark.parametrize("edit", EDITS.values(), ids=EDITS)
-def test_attributes_that_no_run_wrote_are_refused_on_load(edit, result, tmp_path):
+def test_attributes_that_no_run_wrote_are_refused_on_load(edit, result, saved):
     dataset = result.dataset.copy(deep=True)
     edit(dataset)
-    path = files.write(tmp_path / "r.nc", netcdf.pack(dataset))
     with pytest.raises(JointplayError, match="is damaged") as caught:
-        jp.Result.load(path)
+        jp.Result.read(saved, (), lambda _: dataset)
     assert "\n" not in str(caught.value)
 
 
@@ -210,7 +211,7 @@ def _paths(content, path=()):
         yield path
 
 
-def test_every_input_of_another_kind_is_refused_on_load_or_when_built(result, tmp_path):
+def test_every_input_of_another_kind_is_refused_on_load_or_when_built(result, saved):
     given = json.loads(result.dataset.attrs["simulation"])
     for path in _paths(given):
         content = json.loads(result.dataset.attrs["simulation"])
@@ -220,9 +221,8 @@ def test_every_input_of_another_kind_is_refused_on_load_or_when_built(result, tm
         table[path[-1]] = {"no": ["one", "asked"]}
         dataset = result.dataset.copy()
         dataset.attrs["simulation"] = json.dumps(content)
-        file = files.write(tmp_path / "r.nc", netcdf.pack(dataset), overwrite=True)
         with pytest.raises(JointplayError):
-            jp.Run(jp.Result.load(file).simulation)
+            jp.Run(jp.Result.read(saved, (), lambda _, edited=dataset: edited).simulation)
 
 
 REQUIRED = {"kelvin-voigt": {"damping": 100.0}, "anagnostopoulos": {"mass": 1.0}}
@@ -265,9 +265,7 @@ def left(tmp_path, monkeypatch):
     monkeypatch.setenv("TMPDIR", str(tmp_path))
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
     monkeypatch.setattr(files, "_swept", set())
-    done = subprocess.run(
-        [sys.executable, "-c", LEAVE], capture_output=True, text=True, check=False
-    )
+    done = subprocess.run([PYTHON, "-c", LEAVE], capture_output=True, text=True, check=False)
     folder = Path(done.stdout.strip())
     assert folder.parent == tmp_path
     aged(folder)
@@ -502,13 +500,14 @@ def test_a_table_that_cannot_grow_is_as_it_was(tmp_path):
     code = """
 import resource, signal, sys
 from pathlib import Path
+from types import SimpleNamespace
 from jointplay.core import files
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 files.append(Path(sys.argv[1]), "1,2\\n")
 resource.setrlimit(resource.RLIMIT_FSIZE, (6, 6))
 files.append(Path(sys.argv[1]), "3,4\\n")
 """
-    done = subprocess.run([sys.executable, "-c", code, path], capture_output=True, check=False)
+    done = subprocess.run([PYTHON, "-c", code, path], capture_output=True, check=False)
     assert b"cannot write" in done.stderr
     assert path.read_text() == "1,2\n"
 

@@ -24,26 +24,6 @@ SOURCE = PACKAGE.parent
 MODULES = [path for path in stamp.SOURCES if path.parent == PACKAGE]
 HERE = Path(__file__).parent
 
-LONGEST, MOST_ARGUMENTS = 60, 8
-
-
-def functions(path):
-    for node in ast.walk(ast.parse(path.read_text())):
-        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
-            yield node
-
-
-@pytest.mark.parametrize("path", MODULES, ids=[path.name for path in MODULES])
-def test_every_function_of_the_kernel_is_short_and_takes_few_arguments(path):
-    for node in functions(path):
-        first = min([node.lineno, *(one.lineno for one in node.decorator_list)])
-        length = node.end_lineno - first + 1
-        assert length <= LONGEST, f"{node.name} has {length} lines"
-        given = node.args
-        count = len(given.posonlyargs + given.args + given.kwonlyargs)
-        count += (given.vararg is not None) + (given.kwarg is not None)
-        assert count <= MOST_ARGUMENTS, f"{node.name} has {count} arguments"
-
 
 def test_tests_and_benchmarks_reach_no_private_name_of_the_engine():
     private = re.compile(r"(?<![.\w])(kernel|layout|workspace|run|loop|w)\._(?!_)\w+")

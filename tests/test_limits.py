@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import warm
 import xarray as xr
 from conftest import body, joint
 
@@ -373,7 +374,7 @@ def test_a_terminal_that_knows_ascii_only_is_no_obstacle(tmp_path):
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full")
 def test_an_output_that_takes_nothing_is_an_error_of_one_line(tmp_path):
-    done = shell(f"{JOINTPLAY} {' '.join(RUN)} o > /dev/full", tmp_path)
+    done = shell(f"{warm.JOINTPLAY} {' '.join(RUN)} o > /dev/full", tmp_path)
     assert done.returncode == 1
     assert done.stderr == "jointplay: error: cannot print: No space left on device\n"
     assert (tmp_path / "o" / "result.nc").is_file()
@@ -384,7 +385,7 @@ def test_runs_do_without_anyone_to_tell(closed, tmp_path):
     if "full" in closed and not Path("/dev/full").exists():
         pytest.skip("no /dev/full")
     run = " ".join(RUN).replace("--quiet ", "")
-    done = shell(f"{JOINTPLAY} {run} o {closed}", tmp_path)
+    done = shell(f"{warm.JOINTPLAY} {run} o {closed}", tmp_path)
     assert done.returncode == 0
     assert "Traceback" not in done.stderr
     assert jp.Result.load(tmp_path / "o" / "result.nc").message.startswith("completed")
@@ -493,7 +494,7 @@ def test_links_in_series_are_read_up_to_a_limit_that_is_said(urdf, more, code):
     chain = [body("l1"), joint("j1", "base", "l1")]
     for k in range(2, number + 1):
         chain += [body(f"l{k}"), joint(f"j{k}", f"l{k - 1}", f"l{k}", "fixed")]
-    call = [sys.executable, "-c", SERIES, str(urdf(*chain))]
+    call = [warm.PYTHON, "-c", SERIES, str(urdf(*chain))]
     done = subprocess.run(call, capture_output=True, text=True, check=False)
     assert done.returncode == code, done.stderr[-500:]
     if code:

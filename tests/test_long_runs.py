@@ -7,12 +7,12 @@ import os
 import re
 import signal
 import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 import xarray as xr
+from warm import JOINTPLAY, PYTHON, Process
 
 import jointplay as jp
 from jointplay.kernel import Status
@@ -22,7 +22,6 @@ from jointplay.simulation import spool
 from jointplay.simulation.working_files import CHECKPOINT, working_paths
 from jointplay.study import scara
 
-JOINTPLAY = str(Path(sys.executable).parent / "jointplay")
 PATIENCE_S = 900.0
 """A deadline for broken code, not a measure of its speed."""
 
@@ -62,10 +61,10 @@ def same(one, other):
 
 
 CASES = {
-    "clearance": lambda: simulation(duration=0.06, judge_from=0.02, start="centred"),
-    "seed": lambda: simulation(duration=0.05, seed=3),
-    "loop": lambda: crank(True, duration=0.06),
-    "ideal loop": lambda: crank(False, duration=0.06),
+    "clearance": lambda: simulation(duration=0.045, judge_from=0.02, start="centred"),
+    "seed": lambda: simulation(duration=0.045, seed=3),
+    "loop": lambda: crank(True, duration=0.006),
+    "ideal loop": lambda: crank(False, duration=0.006),
     "fixed step": lambda: simulation(duration=0.045, integrator="rk4"),
     "tolerance": lambda: simulation(duration=0.045, tolerance=1e-3),
 }
@@ -81,7 +80,7 @@ def test_histories_on_disk_are_those_in_memory_bit_for_bit(name, small_portions,
 
 def test_payloads_come_and_go_on_disk_as_in_memory(small_portions, tmp_path):
     load = jp.Payload("suction_cup", 0.5, pick=0.011, release=0.043)
-    one = simulation(duration=0.06, payloads=[load])
+    one = simulation(duration=0.045, payloads=[load])
     same(one.run_to(tmp_path / "long.nc"), one.run(check_step=False))
 
 
@@ -184,7 +183,7 @@ def simulation(duration):
 
 simulation(0.01).run_to(sys.argv[1] + "/short.nc")
 before = peak()
-result = simulation(4.0).run_to(sys.argv[1] + "/long.nc")
+result = simulation(2.6).run_to(sys.argv[1] + "/long.nc")
 print(before, peak(), result.dataset.nbytes)
 """
 
@@ -194,7 +193,7 @@ ALLOWED = 80e6
 
 def test_memory_does_not_grow_with_the_length_of_a_run(tmp_path):
     done = subprocess.run(
-        [sys.executable, "-c", CHILD, str(tmp_path)], capture_output=True, text=True, check=True
+        [PYTHON, "-c", CHILD, str(tmp_path)], capture_output=True, text=True, check=True
     )
     before, after, histories = map(float, done.stdout.split())
     assert histories > 2.0 * ALLOWED
@@ -242,21 +241,21 @@ def test_memory_of_the_command_does_not_grow_with_the_length_of_a_run(tmp_path):
     """From the first import to the last line, the summary and the ideal mechanism's run in it."""
     simulation(duration=1e-3).run()  # a first start compiles, which takes memory of its own
     peaks = []
-    for duration in ("1", "4"):
-        command = [sys.executable, "-c", RUN, duration, str(tmp_path / duration)]
+    for duration in ("0.8", "3.2"):
+        command = [PYTHON, "-c", RUN, duration, str(tmp_path / duration)]
         done = subprocess.run(command, capture_output=True, text=True, check=True)
         word, status, peak = done.stdout.split()[-3:]
         assert (word, status) == ("PEAK", "0"), done.stderr
         assert "tool error peak" in done.stdout
         peaks.append(int(peak))
-    with jp.Result.open(tmp_path / "4" / "result.nc").dataset as dataset:
+    with jp.Result.open(tmp_path / "3.2" / "result.nc").dataset as dataset:
         assert dataset.nbytes > 10.0 * GROWTH
     assert peaks[1] - peaks[0] < GROWTH
 
 
 def start(*arguments):
     command = [JOINTPLAY, *map(str, arguments)]
-    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    return Process(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
 
 def ended(process):
@@ -278,7 +277,7 @@ def names(folder):
     return sorted(path.name for path in folder.iterdir())
 
 
-LONG = ("--duration", "6", "--no-figures")
+LONG = ("--duration", "4", "--no-figures")
 
 
 def test_sigterm_writes_a_checkpoint_says_so_and_resume_gives_the_same_bits(tmp_path):

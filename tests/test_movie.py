@@ -1,13 +1,12 @@
 """Pictures and films: what was written, judged by reading it back."""
 
 import subprocess
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from warm import JOINTPLAY
 
 import jointplay as jp
 from jointplay import player
@@ -15,7 +14,6 @@ from jointplay.player import movie
 from jointplay.player.movie import KINDS, Shot, pace, save_movie, speed_for
 from jointplay.study import scara
 
-COMMAND = Path(sys.executable).parent / "jointplay"
 SMALL = {"size": (320, 240), "frames_per_second": 10.0}
 
 
@@ -160,7 +158,7 @@ def test_wrong_options_are_named(arguments, text, tmp_path):
     (tmp_path / "a.nc").write_bytes(b"")
     (tmp_path / "there.mp4").write_bytes(b"")
     done = subprocess.run(
-        [str(COMMAND), "play", "a.nc", *arguments], cwd=tmp_path, capture_output=True, text=True,
+        [JOINTPLAY, "play", "a.nc", *arguments], cwd=tmp_path, capture_output=True, text=True,
         timeout=900,
     )  # fmt: skip
     assert done.returncode == 2

@@ -2,13 +2,11 @@
 
 import shutil
 import subprocess
-import sys
 import threading
 import time
 import urllib.request
 import zlib
 from io import BytesIO
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -16,6 +14,7 @@ import pytest
 from conftest import body, joint
 from hypothesis import given
 from hypothesis import strategies as st
+from warm import JOINTPLAY
 
 import jointplay as jp
 from jointplay import player
@@ -34,7 +33,6 @@ from jointplay.player.tracks import (
 )
 from jointplay.study import scara
 
-COMMAND = Path(sys.executable).parent / "jointplay"
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 GL = ("--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
 
@@ -166,7 +164,7 @@ def test_server_gives_the_page_on_the_loopback_only():
 
 def test_command_serves_and_says_where(cases, tmp_path):
     cases["0.2 mm"].save(tmp_path / "a.nc")
-    command = [str(COMMAND), "play", "a.nc", "--no-browser", "--port", "0", "--no-ghost", "--quiet"]
+    command = [JOINTPLAY, "play", "a.nc", "--no-browser", "--port", "0", "--no-ghost", "--quiet"]
     process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, text=True)
     try:
         line = process.stdout.readline()
@@ -196,7 +194,7 @@ def test_command_serves_and_says_where(cases, tmp_path):
 def test_wrong_input_is_named(arguments, text, cases, tmp_path):
     cases["0.2 mm"].save(tmp_path / "a.nc")
     (tmp_path / "bad.nc").write_bytes(b"nothing")
-    command = [str(COMMAND), "play", *arguments, "--no-browser", "--quiet", "--no-ghost"]
+    command = [JOINTPLAY, "play", *arguments, "--no-browser", "--quiet", "--no-ghost"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=900)
     assert done.returncode == 2
     assert text in done.stderr

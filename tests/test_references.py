@@ -55,7 +55,8 @@ def prose(path):
         kept = (tokenize.STRING, tokenize.COMMENT, getattr(tokenize, "FSTRING_MIDDLE", -1))
         tokens = tokenize.generate_tokens(io.StringIO(text).readline)
         text = "".join(one.string if one.type in kept else "\n" for one in tokens)
-        text = re.sub(r'["\']\s*\n+\s*f?["\']', "", text)
+        text = re.sub(r"\n\s+", "\n", text)
+        text = re.sub(r'["\'][ \t]*\nf?["\']', "", text)
     text = re.sub(r"\n[ \t]*#", "\n", text)
     return NO_CITATION.sub("", re.sub(r"[\s*_]+", " ", text))
 

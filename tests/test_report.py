@@ -2,18 +2,16 @@
 
 import shutil
 import subprocess
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 from conftest import body, joint
+from warm import JOINTPLAY
 
 import jointplay as jp
 from jointplay import reports
 from jointplay.study import scara
 
-COMMAND = Path(sys.executable).parent / "jointplay"
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
 
 
@@ -35,7 +33,7 @@ def page(folder):
 
 
 def call(*arguments):
-    command = [str(COMMAND), *map(str, arguments)]
+    command = [JOINTPLAY, *map(str, arguments)]
     return subprocess.run(command, capture_output=True, text=True, timeout=900, check=False)
 
 

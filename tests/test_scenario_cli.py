@@ -5,17 +5,15 @@ import re
 import signal
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 import trimesh
+from warm import JOINTPLAY
 
 from jointplay import Result
 from jointplay.commands.run_scenario import file_names
 from jointplay.kernel import Status
 from jointplay.mechanism.urdf import shipped
-
-JOINTPLAY = str(Path(sys.executable).parent / "jointplay")
 
 
 def jointplay(*arguments, cwd=None):

@@ -19,6 +19,7 @@ import h5py
 import numpy as np
 import pytest
 from conftest import body, joint
+from warm import JOINTPLAY, PYTHON
 
 import jointplay as jp
 from jointplay import JointplayError, player, reports
@@ -33,7 +34,6 @@ from jointplay.player.server import Server
 from jointplay.result import netcdf
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
-COMMAND = Path(sys.executable).parent / "jointplay"
 
 QUOTE = {'"': "&quot;"}
 EVIL = """</script></title><script>owned=1</script>'"><img src=x onerror="owned=1">"""
@@ -177,13 +177,15 @@ def lawful(tmp_path):
         "jp.simulate(robot, made.motion, duration=1e-3).save('r.nc')\n"
         "pathlib.Path('ran').unlink()\n"
     )
-    subprocess.run([sys.executable, "-c", code], cwd=tmp_path, check=True)
+    subprocess.run([PYTHON, "-c", code], cwd=tmp_path, check=True)
     return tmp_path
 
 
-@pytest.mark.parametrize("command", [["play", "--html", "o.html"], ["report", "-o", "o.html"]])
+@pytest.mark.parametrize(
+    "command", [["play", "--html", "o.html"], ["report", "-o", "o.html", "--no-pdf"]]
+)
 def test_a_result_imports_nothing_that_was_not_named(command, lawful):
-    call = [str(COMMAND), command[0], "r.nc", *command[1:], "--quiet"]
+    call = [JOINTPLAY, command[0], "r.nc", *command[1:], "--quiet"]
     done = subprocess.run(call, cwd=lawful, capture_output=True, text=True, check=False)
     assert not (lawful / "ran").exists()
     assert "Traceback" not in done.stderr
@@ -228,7 +230,7 @@ assert (result.simulation.run()["q"].values == result["q"].values).all()
 
 def test_a_law_typed_in_a_script_is_saved_shown_and_not_run(tmp_path):
     (tmp_path / "script.py").write_text(SCRIPT)
-    subprocess.run([sys.executable, "script.py"], cwd=tmp_path, check=True)
+    subprocess.run([PYTHON, "script.py"], cwd=tmp_path, check=True)
     loaded = jp.Result.load(tmp_path / "r.nc")
     law = loaded.simulation.mechanism.clearance["joint_b"].normal
     assert law.source in SCRIPT
@@ -236,7 +238,7 @@ def test_a_law_typed_in_a_script_is_saved_shown_and_not_run(tmp_path):
     with pytest.raises(JointplayError, match=r"__main__:push.*define it here and make a law"):
         loaded.simulation.run()
     for command in ("play", "--html"), ("report", "-o"):
-        call = [str(COMMAND), command[0], "r.nc", command[1], "o.html", "--quiet"]
+        call = [JOINTPLAY, command[0], "r.nc", command[1], "o.html", "--quiet"]
         subprocess.run(call, cwd=tmp_path, check=True)
         page = (tmp_path / "o.html").read_text(encoding="utf-8")
         assert ("return stiffness * delta" in page) == (command[0] == "report")

@@ -4,6 +4,7 @@ Which modules are loaded does not depend on the machine; how long that takes doe
 """
 
 import importlib
+import json
 import re
 import subprocess
 import sys
@@ -20,12 +21,27 @@ SLOW = (
 """Packages that take a tenth of a second and more."""
 
 PROGRAM = """
-import sys
+import json, os, sys
 from jointplay.cli import main
-status = main(sys.argv[1:])
-print("SLOW", *[name for name in {slow!r} if name in sys.modules])
-sys.exit(status)
+for arguments in json.loads(sys.argv[1]):
+    read, write = os.pipe()
+    if os.fork() == 0:
+        os.dup2(write, 2)
+        sys.stderr = open(2, "w", 1, closefd=False)
+        status = main(arguments)
+        sys.stderr.flush()
+        with open("found", "w") as found:
+            json.dump([status, [name for name in {slow!r} if name in sys.modules]], found)
+        os._exit(0)
+    os.close(write)
+    with open(read) as said:
+        text = said.read()
+    assert os.wait()[1] == 0, text
+    with open("found") as found:
+        status, slow = json.load(found)
+    print(json.dumps([status, text, slow]))
 """
+"""Does one command after the other, each in a copy of a process that has not done any."""
 
 SCENARIO = """
 [robot]
@@ -39,19 +55,19 @@ file = "jointplay:scara_motion.csv"
 """
 
 
-def command(*arguments, folder):
-    """Run a command in a process of its own; returns status, what it said, slow modules."""
+def outcomes(lines, folder):
+    """Status, what was said, and slow modules, of each command."""
     done = subprocess.run(
-        [sys.executable, "-c", PROGRAM.format(slow=SLOW), *map(str, arguments)],
-        cwd=folder, capture_output=True, text=True, timeout=900,
+        [sys.executable, "-c", PROGRAM.format(slow=SLOW), json.dumps(lines)],
+        cwd=folder, stdout=subprocess.PIPE, text=True, timeout=900, check=True,
     )  # fmt: skip
-    last = done.stdout.strip().splitlines()[-1]
-    assert last.startswith("SLOW"), done.stderr
-    return done.returncode, done.stderr, last.split()[1:]
+    found = [line for line in done.stdout.splitlines() if line.startswith("[")]
+    return list(map(json.loads, found))
 
 
-@pytest.fixture
-def folder(tmp_path):
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    tmp_path = tmp_path_factory.mktemp("startup")
     (tmp_path / "good.toml").write_text(SCENARIO.format(more=""))
     (tmp_path / "bad.toml").write_text(SCENARIO.format(more='radial_clearnce = "1 mm"'))
     (tmp_path / "unit.toml").write_text(SCENARIO.format(more='bearing_radius = "10 s"'))
@@ -66,60 +82,67 @@ def folder(tmp_path):
     return tmp_path
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["run", "--out", "full"], "already holds results (result.nc)"),
-        (["run", "good.toml", "--out", "full"], "already holds results (good.nc)"),
-        (["run", "bad.toml", "--out", "new"], "radial_clearance"),
-        (["run", "no_such_robot", "--out", "new"], "no_such_robot"),
-        (["run", "good.toml", "--case", "other", "--out", "new"], "good"),
-        (["check", "bad.toml"], "radial_clearnce"),
-        (["check", "none.toml"], "none.toml"),
-        (["play", "none.nc"], "no result file"),
-        (["play", "a.nc", "--html", "there.html"], "exists"),
-        (["report", "none.nc"], "no result file"),
-        (["report", "a.nc", "-o", "there.html"], "exists"),
-        (["scara", "--out", "full"], "already holds results (case1_0.2mm.nc)"),
-        (["scara", "--out", "new", "--runs", "1"], "at least 2 runs"),
-        (["scara", "--out", "new", "--jobs", "0"], "jobs must be a whole number"),
-        (["budget", "ur5", "--out", "full"], "already holds results (budget.csv)"),
-        (["allocate", "ur5", "--target", "1e-4", "--out", "full"], "(allocation.png)"),
-        (["reduce", "ur5", "--joint", "j", "--out", "full"], "(j.sdf)"),
-        (["iso9283", "good.toml", "--out", "full"], "(iso9283.csv)"),
-        (["shares", "good.toml", "--out", "full"], "(shares.csv)"),
-        (["maintenance", "good.toml", "--target", "1e-4", "--out", "full"], "(maintenance.csv)"),
-        (["identify", "good.toml", "--plan", "--out", "full"], "(plan.txt)"),
-        (["sweep", "good.toml", "--out", "a.zarr"], "--resume"),
-        (["sweep", "good.toml", "--out", "full"], "a folder of other things"),
-        (["plot-sweep", "a.zarr", "x=a", "y=b", "--out", "there.html"], "exists"),
-        (["uncertainty", "a.zarr", "m", "--out", "there.html"], "exists"),
-        (["export", "a.nc", "--out", "table.xyz"], "table.xyz"),
-    ],
-)
-def test_refusals_import_nothing_slow(arguments, words, folder):
-    status, said, slow = command(*arguments, folder=folder)
+REFUSALS = [
+    (["run", "--out", "full"], "already holds results (result.nc)"),
+    (["run", "good.toml", "--out", "full"], "already holds results (good.nc)"),
+    (["run", "bad.toml", "--out", "new"], "radial_clearance"),
+    (["run", "no_such_robot", "--out", "new"], "no_such_robot"),
+    (["run", "good.toml", "--case", "other", "--out", "new"], "good"),
+    (["check", "bad.toml"], "radial_clearnce"),
+    (["check", "none.toml"], "none.toml"),
+    (["play", "none.nc"], "no result file"),
+    (["play", "a.nc", "--html", "there.html"], "exists"),
+    (["report", "none.nc"], "no result file"),
+    (["report", "a.nc", "-o", "there.html"], "exists"),
+    (["scara", "--out", "full"], "already holds results (case1_0.2mm.nc)"),
+    (["scara", "--out", "new", "--runs", "1"], "at least 2 runs"),
+    (["scara", "--out", "new", "--jobs", "0"], "jobs must be a whole number"),
+    (["budget", "ur5", "--out", "full"], "already holds results (budget.csv)"),
+    (["allocate", "ur5", "--target", "1e-4", "--out", "full"], "(allocation.png)"),
+    (["reduce", "ur5", "--joint", "j", "--out", "full"], "(j.sdf)"),
+    (["iso9283", "good.toml", "--out", "full"], "(iso9283.csv)"),
+    (["shares", "good.toml", "--out", "full"], "(shares.csv)"),
+    (["maintenance", "good.toml", "--target", "1e-4", "--out", "full"], "(maintenance.csv)"),
+    (["identify", "good.toml", "--plan", "--out", "full"], "(plan.txt)"),
+    (["sweep", "good.toml", "--out", "a.zarr"], "--resume"),
+    (["sweep", "good.toml", "--out", "full"], "a folder of other things"),
+    (["plot-sweep", "a.zarr", "x=a", "y=b", "--out", "there.html"], "exists"),
+    (["uncertainty", "a.zarr", "m", "--out", "there.html"], "exists"),
+    (["export", "a.nc", "--out", "table.xyz"], "table.xyz"),
+]
+
+
+@pytest.fixture(scope="module")
+def refusals(folder):
+    """What became of each, by its words."""
+    found = outcomes([arguments for arguments, _ in REFUSALS], folder)
+    return dict(zip(map(str, REFUSALS), found, strict=True))
+
+
+@pytest.mark.parametrize("refusal", REFUSALS, ids=lambda refusal: " ".join(refusal[0]))
+def test_refusals_import_nothing_slow(refusal, refusals):
+    status, said, slow = refusals[str(refusal)]
     assert status == 2
-    assert words in said
+    assert refusal[1] in said
     assert len(said.strip().splitlines()) == 1
     assert slow == []
 
 
 def test_a_wrong_unit_may_need_pint_only(folder):
-    status, said, slow = command("check", "unit.toml", folder=folder)
+    ((status, said, slow),) = outcomes([["check", "unit.toml"]], folder)
     assert status == 2
     assert '"10 s"' in said
     assert set(slow) <= {"pint", "scipy"}  # which pint imports
 
 
 def test_a_check_without_a_picture_needs_no_library_of_results_and_figures(folder):
-    status, said, slow = command("check", "good.toml", "--no-picture", folder=folder)
+    ((status, said, slow),) = outcomes([["check", "good.toml", "--no-picture"]], folder)
     assert status == 0, said
     assert not {"xarray", "pandas", "matplotlib", "zarr"} & set(slow)
 
 
 def test_an_occupied_folder_is_not_claimed_and_a_free_one_not_made(folder):
-    command("run", "bad.toml", "--out", "new", folder=folder)
+    assert outcomes([["run", "bad.toml", "--out", "new"]], folder)[0][0] == 2
     assert not (folder / "new").exists()
 
 

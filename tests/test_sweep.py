@@ -3,12 +3,12 @@
 import importlib
 import json
 import subprocess
-import sys
 
 import numpy as np
 import pytest
 import xarray as xr
 from sweep_scenario import GRID, SCENARIO
+from warm import PYTHON
 
 import jointplay as jp
 from jointplay import JointplayError
@@ -345,9 +345,7 @@ def test_a_script_needs_no_guard_to_run_a_sweep(swept, tmp_path):
         f"import jointplay as jp\nd = jp.sweep({str(path)!r}, {str(tmp_path / 's.zarr')!r}, "
         "{'joints.joint_b.friction.mu_d': [0.0, 0.1]}, jobs=2)\nprint(d.sizes['mu_d'])\n"
     )
-    done = subprocess.run(
-        [sys.executable, str(script)], capture_output=True, text=True, check=False
-    )
+    done = subprocess.run([PYTHON, str(script)], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert done.stdout == "2\n"
 

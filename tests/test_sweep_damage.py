@@ -108,9 +108,9 @@ def test_no_flipped_bit_of_a_store_gives_another_number(whole):
     _, store, reference = whole
     rng = random.Random(5)
     files = kept(store)
-    anywhere = rng.choices(files, [one.stat().st_size for one in files], k=250)
+    anywhere = rng.choices(files, [one.stat().st_size for one in files], k=60)
     refused = 0
-    for path in [*files, *files, *anywhere]:
+    for path in [*files, *anywhere]:
         content = path.read_bytes()
         with changed(path, flipped(content, rng.randrange(8 * len(content)))):
             found, said = read(store)
@@ -127,7 +127,7 @@ def test_no_flipped_bit_of_a_store_gives_another_number(whole):
             assert f"chunk {chunk.replace('/', '.')} of array {name!r}" in said
         else:
             assert "metadata of the whole" in said
-    assert refused > 200
+    assert refused > 60
 
 
 DAMAGES = {

@@ -2,14 +2,13 @@
 
 import dataclasses
 import subprocess
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 from conftest import body, joint
 from hypothesis import given
 from hypothesis import strategies as st
+from warm import JOINTPLAY
 
 import jointplay as jp
 from jointplay import geometry
@@ -257,7 +256,6 @@ def test_wrong_questions_are_answered(urdf):
         wear(still, "pin", 1e-5)
 
 
-COMMAND = Path(sys.executable).parent / "jointplay"
 SCENARIO = """
 [robot]
 urdf = "robot.urdf"
@@ -277,7 +275,7 @@ pin = [0, "1.5 rad"]
 def test_command_estimates_and_writes(urdf, tmp_path):
     urdf(body("arm"), joint("pin", "base", "arm"))
     (tmp_path / "s.toml").write_text(SCENARIO)
-    command = [str(COMMAND), "wear", "s.toml", "--joint", "pin", "--quiet"]
+    command = [JOINTPLAY, "wear", "s.toml", "--joint", "pin", "--quiet"]
 
     def call(*more):
         return subprocess.run([*command, *more], cwd=tmp_path, capture_output=True, text=True)

@@ -11,7 +11,6 @@ import random
 import re
 import signal
 import subprocess
-import sys
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,8 +19,9 @@ import pytest
 from conftest import body, joint, tip
 from sweep_scenario import SCENARIO
 from test_identify import MASS, REACH, seen
-from test_kills import JOINTPLAY, PATIENCE_S, end, gone, needs_proc, start
+from test_kills import PATIENCE_S, end, gone, needs_proc, start
 from test_sweep_kills import descendants
+from warm import JOINTPLAY, PYTHON, Process
 
 TELLING = """
 import os, sys
@@ -136,8 +136,8 @@ def check_whole(place):
 def told(command, place, number, wait):
     """Send a signal after a while from when the command listens; returns what came of it."""
     read, write = os.pipe()
-    call = [sys.executable, "-c", TELLING, str(write), *command.call(place)]
-    process = subprocess.Popen(
+    call = [PYTHON, "-c", TELLING, str(write), *command.call(place)]
+    process = Process(
         call, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, pass_fds=[write]
     )
     os.close(write)
@@ -146,7 +146,7 @@ def told(command, place, number, wait):
         process.wait(timeout=wait)
     except subprocess.TimeoutExpired:
         process.send_signal(number)
-    pids = descendants(process.pid) if process.poll() is None else []
+    pids = descendants(process.copy) if process.poll() is None else []
     out, err = process.communicate(timeout=PATIENCE_S)
     listened = os.read(read, 1) == b""  # to the end of the process, that is
     os.close(read)
@@ -196,11 +196,11 @@ def kill_at_random(command, folder, times, rng):
         place = folder / f"k{number}"
         place.mkdir()
         call = [JOINTPLAY, *command.call(place)]
-        process = subprocess.Popen(call, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        process = Process(call, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         try:
             process.wait(timeout=rng.uniform(0.0, 1.1 * command.seconds))
         except subprocess.TimeoutExpired:
-            pids = descendants(process.pid)
+            pids = descendants(process.copy)
             process.kill()
             process.wait()
             gone(pids)

@@ -4,7 +4,6 @@ import re
 import signal
 import socket
 import subprocess
-import sys
 from contextlib import closing
 from types import SimpleNamespace
 
@@ -14,6 +13,7 @@ import xarray as xr
 from sweep_scenario import SCENARIO
 from test_kills import end, gone, needs_proc, start
 from test_sweep_kills import AXES, descendants, grown, resume, same
+from warm import PYTHON, Process
 
 import jointplay as jp
 from jointplay.sweeps import plan_of
@@ -42,8 +42,8 @@ class Cluster:
         self.address = LISTENS.search(said)[1]
 
     def spawn(self, *command):
-        return subprocess.Popen(
-            [sys.executable, "-m", *command],
+        return Process(
+            [PYTHON, "-m", *command],
             cwd=self.folder,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.PIPE,
@@ -122,7 +122,7 @@ def test_a_scheduler_that_is_killed_loses_nothing_that_was_finished(cluster, ref
         "sweep", path, "--out", tmp_path / "s", "--quiet", "--scheduler", cluster.address
     )
     grown(tmp_path / "s", 3)
-    pids = descendants(process.pid)
+    pids = descendants(process.copy)
     cluster.scheduler.kill()
     _, err, status = end(process)
     if status:

@@ -10,7 +10,6 @@ import re
 import shutil
 import signal
 import subprocess
-import sys
 import time
 from contextlib import suppress
 from pathlib import Path
@@ -19,7 +18,8 @@ import numpy as np
 import pytest
 import xarray as xr
 from sweep_scenario import SCENARIO
-from test_kills import JOINTPLAY, alive, children, end, gone, needs_proc, small_disk, start
+from test_kills import alive, begin, children, end, gone, needs_proc, small_disk, start
+from warm import JOINTPLAY, PYTHON
 
 import jointplay as jp
 from jointplay.sweeps import plan_of
@@ -34,6 +34,8 @@ cr = { key = "joints.joint_b.radial_clearance", values = [0, "0.2 mm", "50 mm"] 
 """
 CASES = 60
 PATIENCE_S = 900.0
+REAL = {**os.environ, "REAL_PYTHON": ""}
+"""For a command whose workers are to be its children."""
 
 
 @pytest.fixture(scope="module")
@@ -127,14 +129,15 @@ def kill_at_random(folder, times, seed, path, reference, duration):
     before: dict = {}
     while True:
         store = folder / f"s{number}"
-        process = start("sweep", path, "--out", store, "--resume", "--quiet", "--jobs", 2)
+        command = ("sweep", path, "--out", store, "--resume", "--quiet", "--jobs", 2)
+        process = start(*command, env=REAL)
         if kills < times and wait_for_a_moment(process, store, rng, duration):
             kills += 1
-            pids = descendants(process.pid)
-            victim = rng.choice([process.pid, process.pid, *pids])
+            pids = descendants(process.copy)
+            victim = rng.choice([process.copy, process.copy, *pids])
             with suppress(ProcessLookupError):
                 os.kill(victim, signal.SIGKILL)
-            if victim == process.pid:
+            if victim == process.copy:
                 end(process)
                 gone(pids)
                 after = finished(store) if store.is_dir() else {}
@@ -166,7 +169,7 @@ def test_killed_at_a_hundred_random_moments_a_sweep_gives_what_it_would_have(who
 @needs_proc
 def test_a_driver_that_is_killed_takes_its_workers_along_and_loses_nothing(whole, tmp_path):
     path, reference, _ = whole
-    process = start("sweep", path, "--out", tmp_path / "s", "--quiet", "--jobs", 2)
+    process = begin("sweep", path, "--out", tmp_path / "s", "--quiet", "--jobs", 2)
     grown(tmp_path / "s", 5)
     pids = descendants(process.pid)
     process.kill()
@@ -179,9 +182,9 @@ def test_a_driver_that_is_killed_takes_its_workers_along_and_loses_nothing(whole
 @needs_proc
 def test_a_worker_that_is_killed_is_replaced(whole, tmp_path):
     path, reference, _ = whole
-    process = start("sweep", path, "--out", tmp_path / "s", "--quiet", "--jobs", 2)
+    process = start("sweep", path, "--out", tmp_path / "s", "--quiet", "--jobs", 2, env=REAL)
     grown(tmp_path / "s", 3)
-    os.kill(children(process.pid)[0], signal.SIGKILL)
+    os.kill(children(process.copy)[0], signal.SIGKILL)
     _, err, status = end(process)
     assert status == 0, err
     same(tmp_path / "s", reference)
@@ -302,7 +305,7 @@ except JointplayError as error:
 
 def test_a_full_disk_is_said_once_however_many_chunks_it_stops(small_disk):
     """asyncio would log those that nobody waited for, when the interpreter ends."""
-    command = [sys.executable, "-c", MANY_CHUNKS, str(small_disk / "z")]
+    command = [PYTHON, "-c", MANY_CHUNKS, str(small_disk / "z")]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert "No space left" in done.stdout
     assert done.stderr == ""
@@ -343,8 +346,6 @@ def test_sweeps_leave_no_processes(whole, tmp_path):
         f"jp.sweep({str(whole[0])!r}, {str(tmp_path / 's')!r}, jobs=2)\n"
         "print(open(f'/proc/{os.getpid()}/task/{os.getpid()}/children').read().strip() or 'none')"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", script], capture_output=True, text=True, check=False
-    )
+    done = subprocess.run([PYTHON, "-c", script], capture_output=True, text=True, check=False)
     assert done.stdout.strip() == "none", (done.stdout, done.stderr)
     assert alive(os.getpid())

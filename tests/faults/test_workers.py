@@ -1,16 +1,14 @@
 """Processes that work for another end with it, or when they are told to."""
 
-import multiprocessing
-import os
-import signal
 import subprocess
 import sys
 import time
 
 import pytest
 from test_kills import gone, needs_proc
+from warm import PYTHON
 
-from jointplay.core import processes, signals
+from jointplay.core import processes
 
 
 @needs_proc
@@ -48,23 +46,21 @@ def test_a_worker_ends_with_its_parent_with_and_without_the_kernels_help(way):
     gone([worker])
 
 
-def listen(say, ignored):
-    if ignored:
-        signal.signal(signal.SIGHUP, signal.SIG_IGN)
-    with signals.listening():
-        try:
-            os.kill(os.getpid(), signal.SIGHUP)
-            say.put("went on")
-        except KeyboardInterrupt:
-            say.put("stopped")
+LISTENS = """
+import os, signal, sys
+from jointplay.core import signals
+signal.signal(signal.SIGHUP, getattr(signal, sys.argv[1]))
+with signals.listening():
+    try:
+        os.kill(os.getpid(), signal.SIGHUP)
+        print("went on")
+    except KeyboardInterrupt:
+        print("stopped")
+"""
 
 
-@pytest.mark.parametrize(("ignored", "word"), [(True, "went on"), (False, "stopped")])
-def test_a_signal_that_is_ignored_stays_ignored(ignored, word):
+@pytest.mark.parametrize(("how", "word"), [("SIG_IGN", "went on"), ("SIG_DFL", "stopped")])
+def test_a_signal_that_is_ignored_stays_ignored(how, word):
     """Such as by nohup."""
-    context = multiprocessing.get_context("spawn")
-    say = context.Queue()
-    process = context.Process(target=listen, args=(say, ignored))
-    process.start()
-    assert say.get() == word
-    process.join()
+    done = subprocess.run([PYTHON, "-c", LISTENS, how], capture_output=True, text=True, check=True)
+    assert done.stdout == f"{word}\n"

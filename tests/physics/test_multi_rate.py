@@ -264,7 +264,7 @@ POSES = {
 @pytest.mark.parametrize("friction", FRICTIONS, ids=["ramp", "eq 21", "Coulomb", "falling"])
 @pytest.mark.parametrize("pace", [1.0, 0.1, 0.01], ids=["sliding", "slow", "creeping"])
 @pytest.mark.parametrize("pose", POSES)
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", [0])
 def test_velocity_solve_finds_what_a_brute_force_solution_finds(
     free_mass, friction, pace, pose, seed
 ):

@@ -1,0 +1,143 @@
+"""The command line without its start: `JOINTPLAY` and `PYTHON` stand for `jointplay` and `python`.
+
+They hand arguments, folder, environment and streams to a process that has imported jointplay and
+its kernels already (else a second and more for each command), are told signals for the copy of it
+that does the work, and end as that ends. What is about a start, limits of the system, or processes
+that are killed takes the real ones.
+"""
+
+import fcntl
+import functools
+import os
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from contextlib import suppress
+from pathlib import Path
+
+from numba.core.dispatcher import Dispatcher
+
+CLIENT = """#!{python} -IS
+import json, os, signal, socket, sys
+streams = [int(n) for n in os.listdir("/dev/fd")]
+streams = [n for n in streams if os.path.exists(f"/dev/fd/{{n}}")]
+server = socket.socket(socket.AF_UNIX)
+server.connect({address!r})
+socket.send_fds(server, [b"x"], streams)
+asked = {{"arguments": sys.argv, "folder": os.getcwd(), "environment": dict(os.environ)}}
+lines = server.makefile("rw")
+lines.write(json.dumps(asked | {{"streams": streams}}) + "\\n")
+lines.flush()
+for stream in streams:
+    if stream > 2:
+        os.close(stream)  # the copy alone has them, so that they end with it
+copy = int(lines.readline())
+with open({place!r} + f"/{{os.getpid()}}", "w") as file:
+    file.write(f"{{copy}}\\n")
+for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+    signal.signal(number, lambda number, _: os.kill(copy, number))
+status = int(lines.readline())
+if status < 0:
+    if -status != signal.SIGKILL:
+        signal.signal(-status, signal.SIG_DFL)
+    os.kill(os.getpid(), -status)
+os._exit(status)
+"""
+
+
+@functools.cache
+def begin() -> tuple[subprocess.Popen, tempfile.TemporaryDirectory]:
+    """Start the process that is copied, and make what stands for the commands."""
+    made = tempfile.TemporaryDirectory(prefix="warm")
+    place = Path(made.name)
+    address = str(place / "socket")
+    listener = socket.socket(socket.AF_UNIX)
+    listener.bind(address)
+    listener.listen(64)
+    program = CLIENT.format(python=sys.executable, address=address, place=made.name)
+    for name in ("jointplay", "python"):
+        (place / name).write_text(program)
+        (place / name).chmod(0o755)
+    server = subprocess.Popen(
+        [sys.executable, Path(__file__).with_name("warm_server.py"), str(listener.fileno()), place],
+        stdin=subprocess.PIPE,  # is closed when these tests end, however they do
+        pass_fds=[listener.fileno()],
+        env={**os.environ, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"},
+        start_new_session=True,
+    )
+    listener.close()
+    return server, made
+
+
+def folder() -> Path:
+    """Where what stands for the commands lies."""
+    return Path(begin()[1].name)
+
+
+def end() -> None:
+    """End the process that is copied, if there is one."""
+    if begin.cache_info().currsize:
+        server, made = begin()
+        server.stdin.close()
+        server.wait()
+        made.cleanup()
+        begin.cache_clear()
+
+
+def compile_in_turn() -> None:
+    """Have one process of these tests compile at a time: the others find what it made."""
+    alone, work = threading.RLock(), Dispatcher.compile
+    place = Path(tempfile.gettempdir()) / f"jointplay-tests-compile-{os.getuid()}"
+    depth = 0
+
+    def compiled(dispatcher: Dispatcher, signature: object) -> object:
+        nonlocal depth
+        with alone, place.open("w") as file:
+            if depth == 0:
+                fcntl.flock(file, fcntl.LOCK_EX)
+            depth += 1
+            try:
+                return work(dispatcher, signature)
+            finally:
+                depth -= 1
+
+    Dispatcher.compile = compiled
+
+
+class Process(subprocess.Popen):
+    """One of the two commands; it is the copy that is killed."""
+
+    @functools.cached_property
+    def copy(self) -> int:
+        """The number of the process that does the work."""
+        place = folder() / str(self.pid)
+        while not (place.exists() and place.read_text().endswith("\n")):
+            assert self.poll() is None
+            time.sleep(0.001)
+        return int(place.read_text())
+
+    def kill(self) -> None:
+        """Kill the copy, by whose end this process ends."""
+        with suppress(ProcessLookupError, AssertionError):
+            os.kill(self.copy, signal.SIGKILL)
+
+
+class System:
+    """`sys` for modules that start processes of their own."""
+
+    @property
+    def executable(self) -> str:
+        return str(folder() / "python")
+
+    def __getattr__(self, name: str):
+        return getattr(sys, name)
+
+
+def __getattr__(name: str) -> str:
+    if name not in ("JOINTPLAY", "PYTHON"):
+        raise AttributeError(name)
+    return str(folder() / name.lower())
