@@ -165,18 +165,7 @@ def _execute(
     progress: bool,
     begin: Callable[[Run], None] = lambda _: None,
 ) -> Status:
-    """Run a case and save it together with the scenario it is from; then certify it.
-
-    Args:
-        scenario, case, run: what is run.
-        path: the file.
-        certified: whether the case is certified.
-        progress: show a bar.
-        begin: told of each run before it begins.
-
-    Returns:
-        How it ended.
-    """
+    """Run a case, save it with the scenario it is from, certify it; each run is told to `begin`."""
     from jointplay.analysis.certification import add_certificate
     from jointplay.scenario.settings import words
     from jointplay.simulation.saving import run_and_save
@@ -405,11 +394,6 @@ def refuse_interrupted(out: Path, files: Mapping[str, str]) -> None:
 def refuse(out: Path, files: Mapping[str, str], drawn: Iterable[str] = ()) -> None:
     """Refuse a folder that holds results of a run, or an interrupted one of it.
 
-    Args:
-        out: the folder.
-        files: names of the results by case.
-        drawn: names of the figures.
-
     Raises:
         JointplayError: there is one; of an interrupted run it says how to go on.
     """
@@ -422,11 +406,6 @@ def refuse(out: Path, files: Mapping[str, str], drawn: Iterable[str] = ()) -> No
 
 def finished(out: Path, files: Mapping[str, str], given: Mapping[str, Any]) -> list[str]:
     """Cases whose results are there and whole.
-
-    Args:
-        out: the folder.
-        files: their names by case.
-        given: the simulations as they are now, as plain data, by case.
 
     Raises:
         JointplayError: a result is of another simulation, or was interrupted and left no
