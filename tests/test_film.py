@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 
 import jointplay as jp
 from jointplay.contact import CustomFilm, FilmProperties, PinkusSternlicht, ShortBearing, film_law
-from jointplay.contact.law import compiled_law
+from jointplay.contact.compiled import compiled_law
 
 OIL = 0.03
 FILM = FilmProperties(clearance=1e-4, radius=10e-3, length=8e-3, contacts=1)

@@ -559,10 +559,6 @@ class Identification:
         }
 
 
-# Clearances and friction from measurements: what was found, how well, and what cannot be told.
-
-
-__all__ = ["Identification", "identify"]
 _NORMAL = 1.96
 """Half of a 95 % interval in standard deviations."""
 
@@ -657,7 +653,8 @@ def _by_means(
         raise TooLittle(
             f"loop {next(iter(mechanism.loops))!r}: identify is for robots without closed loops"
         )
-    if not _shows_play(mechanism, measured):
+    links = set(measured.has("link")) & set(mechanism.gears)
+    if not (measured.has("tool") or measured.has("torque") or links):
         raise TooLittle(
             f"{measured.source} has nothing that play would show in: tool x (y, z), JOINT link of "
             "a gear with play, or JOINT torque is needed beside the motors' encoders"
@@ -701,12 +698,6 @@ def _by_means(
         excess=excess,
         elasticity=elasticity(problem, fit, model.elastic),
     )
-
-
-def _shows_play(mechanism: Mechanism, measured: Measurement) -> bool:
-    """Whether there is a signal of which the static model knows."""
-    links = set(measured.has("link")) & set(mechanism.gears)
-    return bool(measured.has("tool") or measured.has("torque") or links)
 
 
 def spreads(found: Identification) -> dict[str, dict[str, float]]:
