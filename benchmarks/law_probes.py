@@ -14,7 +14,7 @@ import numpy as np
 
 import jointplay as jp
 from jointplay.contact import FILM_LAWS, FRICTION_LAWS, NORMAL_LAWS, FilmProperties
-from jointplay.contact.law import MAX_PARAMETERS, compiled_law
+from jointplay.contact.compiled import MAX_PARAMETERS, compiled_law
 from jointplay.core.files import temporary
 from jointplay.mechanism.impact import impact_duration
 

@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 
 import jointplay as jp
 from jointplay.contact import CustomFilm, FilmProperties, PinkusSternlicht, ShortBearing, film_law
-from jointplay.contact.law import compiled_law
+from jointplay.contact.compiled import compiled_law
 
 OIL = 0.03
 FILM = FilmProperties(clearance=1e-4, radius=10e-3, length=8e-3, contacts=1)
@@ -157,7 +157,7 @@ def test_laws_are_described_and_built_again():
             lambda: jp.RevoluteClearance.planar(radial_clearance=1e-6, lubricant=ShortBearing(0.1)),
             "least film thickness",
         ),
-        (lambda: jp.RevoluteClearance.planar(radial_clearance=1e-4, lubricant=0.1), "FilmLaw"),
+        (lambda: jp.RevoluteClearance.planar(radial_clearance=1e-4, lubricant=0.1), "film law"),
     ],
 )
 def test_wrong_values_are_named(make, text):

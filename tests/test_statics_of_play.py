@@ -6,8 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from jointplay import JointplayError, PrismaticClearance, RevoluteClearance, SphericalClearance
-from jointplay.design.levers import BlockPlay, JournalPlay, TurnPlay, play
+from jointplay.design.levers import TurnPlay
 from jointplay.geometry import gaps, touch
+from jointplay.joints.play import BlockPlay, JournalPlay
 
 LENGTHS = st.floats(1e-6, 5e-4)
 NUMBERS = st.floats(-1.0, 1.0)
@@ -56,7 +57,7 @@ def test_no_pose_of_the_journal_without_penetration_is_beyond_the_support_functi
     random = np.random.default_rng(seed)
     joint = bearing(radial_clearance=radial, axial_clearance=axial)
     pushes = loads(seed)
-    bound = play(joint).support(pushes).value
+    bound = joint.play().support(pushes).value
     for _ in range(5):
         assert np.all(pushes @ feasible(joint, random) <= bound * (1.0 + 1e-9))
 
@@ -64,7 +65,7 @@ def test_no_pose_of_the_journal_without_penetration_is_beyond_the_support_functi
 def test_the_bound_of_the_journal_is_reached_but_for_the_second_order():
     joint = bearing()
     random = np.random.default_rng(3)
-    found = play(joint)
+    found = joint.play()
     points = np.array([feasible(joint, random) for _ in range(5000)])
     for push in ([1.0, 0, 0, 0, 0, 0], [0, 0, 1.0, 0, 0, 0], [0, 0, 0, 1.0, 0, 0]):
         reached = (points @ push).max()
@@ -136,16 +137,16 @@ def test_play_is_symmetric_and_grows_with_the_clearance(seed, factor):
         (PrismaticClearance(clearance=1e-4), PrismaticClearance(clearance=1e-4 * factor)),
     ]
     for small, large in joints:
-        value = play(small).support(pushes).value
-        assert np.allclose(play(small).support(-pushes).value, value, rtol=1e-9)
-        assert np.all(play(large).support(pushes).value >= value * (1.0 - 1e-9))
+        value = small.play().support(pushes).value
+        assert np.allclose(small.play().support(-pushes).value, value, rtol=1e-9)
+        assert np.all(large.play().support(pushes).value >= value * (1.0 - 1e-9))
 
 
 @given(seed=st.integers(0, 2**31))
 def test_support_functions_are_convex(seed):
     one, other = loads(seed), loads(seed + 1)
     for joint in (bearing(), bearing(axial_clearance=1e-5), PrismaticClearance(clearance=1e-4)):
-        h = play(joint).support
+        h = joint.play().support
         assert np.all(
             h(one + other).value <= (h(one).value + h(other).value) * (1.0 + 1e-9) + 1e-18
         )
@@ -157,11 +158,11 @@ def test_without_axial_load_a_journal_has_the_closed_form_of_two_rims():
     bend = np.array([push[0, 4], -push[0, 3]]) / joint.lj
     half = push[0, :2] / 2
     wanted = joint.cr * (np.linalg.norm(half + bend) + np.linalg.norm(half - bend))
-    assert play(joint, second_order=False).support(push).value == pytest.approx(wanted, rel=1e-12)
+    assert joint.play(second_order=False).support(push).value == pytest.approx(wanted, rel=1e-12)
 
 
 def test_a_planar_journal_is_a_disc():
-    one = play(RevoluteClearance.planar(radial_clearance=2e-4))
+    one = RevoluteClearance.planar(radial_clearance=2e-4).play()
     value, point = one.support(np.array([[3.0, 4.0, 7.0, 1.0, 1.0, 1.0]]))
     assert value == pytest.approx(5.0 * 2e-4)
     assert point[0] == pytest.approx([1.2e-4, 1.6e-4, 0, 0, 0, 0])
@@ -170,8 +171,8 @@ def test_a_planar_journal_is_a_disc():
 def test_an_open_bearing_bears_no_load_along_its_axis():
     joint = bearing(axial_clearance=None, open_ends=True)
     with pytest.raises(JointplayError, match="lock_axial"):
-        play(joint).support(np.array([[0.0, 0, 1.0, 0, 0, 0]]))
-    assert play(joint).support(np.array([[1.0, 0, 0, 0, 0, 0]])).value[0] > 0.0
+        joint.play().support(np.array([[0.0, 0, 1.0, 0, 0, 0]]))
+    assert joint.play().support(np.array([[1.0, 0, 0, 0, 0, 0]])).value[0] > 0.0
 
 
 @given(seed=st.integers(0, 2**31), x=LENGTHS, y=LENGTHS)
@@ -181,7 +182,7 @@ def test_no_pose_of_a_slider_without_penetration_is_beyond_its_support_function(
     joint = PrismaticClearance(clearance=x, clearance_y=y)
     random = np.random.default_rng(seed)
     pushes = loads(seed) * [1, 1, 0, 1, 1, 1]
-    bound = play(joint).support(pushes).value
+    bound = joint.play().support(pushes).value
     sizes = np.array(joint.dimensions)
     for _ in range(4):
         way = random.normal(size=6) * [1, 1, 0, 30, 30, 30]
@@ -215,7 +216,7 @@ def test_a_worn_bore_is_as_wide_as_its_deepest_place():
     depths[3] = 5e-5
     push = np.array([[1.0, 0, 0, 0, 0, 0]])
     joint = bearing(worn=depths, lock_tilt=True)
-    assert play(joint).support(push).value[0] == pytest.approx(1.5e-4)
+    assert joint.play().support(push).value[0] == pytest.approx(1.5e-4)
 
 
 PLAYS = {

@@ -106,7 +106,8 @@ def _command(parser: argparse.ArgumentParser, options: argparse.Namespace) -> in
         return 0
     try:
         with streams.noting(getattr(options, "quiet", False)):
-            return int(options.handler(options))
+            module = options.command.replace("-", "_")
+            return int(importlib.import_module(f"jointplay.commands.{module}").run(options))
     except JointplayError as error:
         _leave_nothing()
         print(f"jointplay {options.command}: error: {error}", file=sys.stderr)

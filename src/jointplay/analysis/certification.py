@@ -275,10 +275,6 @@ def _ideal(result: Result, progress: bool, begin: Begin) -> Result | None:
 def figures(result: Result, ideal: Result | None) -> dict[str, tuple[float, str]]:
     """Headline figures of a run from `Result.judge_from` on, and what the claims use.
 
-    Args:
-        result: the run.
-        ideal: the ideal mechanism's run that its tool is measured against.
-
     Returns:
         Value and unit by name.
     """

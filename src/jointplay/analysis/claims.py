@@ -15,10 +15,7 @@ from scipy.spatial import cKDTree
 from scipy.special import stdtrit
 
 from jointplay.geometry import Mode
-from jointplay.result.judging import START_UP
 from jointplay.result.result import AXES, Result
-
-__all__ = ["START_UP", "judge", "measure"]
 
 CONFIDENCE = 0.95
 """A difference counts if its confidence interval (Welch) excludes zero."""

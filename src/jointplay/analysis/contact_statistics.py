@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from jointplay.analysis.twins import places
 from jointplay.core.errors import MissingName, require_finite
 from jointplay.geometry import Form, Mode
 from jointplay.result.result import Result
-
-if TYPE_CHECKING:
-    pass
-from jointplay.analysis.twins import places
 
 
 @dataclass(frozen=True)
@@ -74,22 +71,6 @@ def contacts(result: Result, start: float | None = None) -> list[Contacts]:
                 )
             )
     return statistics
-
-
-def number(result: Result, start: float | None = None) -> int:
-    """How many `contacts` there are, from nothing but the largest normal forces.
-
-    Args:
-        result: a run.
-        start: only those that began from this time on [s]; None: from when on the run is judged.
-    """
-    if not result.joints:
-        return 0
-    start = result.judge_from if start is None else require_finite("start", start, "s")
-    touching = result["normal_force_peak"].values > 0.0
-    began = touching.copy()
-    began[1:] &= ~touching[:-1]
-    return int(began[result.time >= start].sum())
 
 
 def shares(

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from jointplay.analysis.contact_statistics import number
 from jointplay.analysis.tool_error import accuracy, deviation, error_at, stops
 from jointplay.analysis.twins import has_play, ideal_simulation, tool_motion
 from jointplay.core.errors import JointplayError
@@ -40,23 +39,14 @@ def reference(result: Result, progress: bool = False) -> Result | None:
         return None
 
 
-def headline(result: Result, ideal: Result | None, start: float = 0.0) -> list[str]:
-    """Lines that say what came out of a run.
-
-    Args:
-        result: the run.
-        ideal: see `reference`; without it nothing is said of the tool.
-        start: nothing before this time is judged [s].
-    """
-    since = f" from {start:g} s on" if start > 0.0 else ""
+def headline(result: Result, ideal: Result | None) -> list[str]:
+    """Lines that say what came out of a run; of the tool nothing without `reference`."""
     lines = []
     if ideal is not None:
-        lines += _tool(result, deviation(result, ideal), start, since)
+        lines += _tool(result, deviation(result, ideal))
     if result.joints:
-        lines += [_force(result, joint, start) for joint in result.joints]
-        # The audit has counted each; records take those that follow each other at once for one.
-        began = number(result, start) if start > 0.0 else result.audit.impacts
-        lines.append(f"contacts{since} {began} in {len(result.joints)} joint(s)")
+        lines += [_force(result, joint) for joint in result.joints]
+        lines.append(f"contacts {result.audit.impacts} in {len(result.joints)} joint(s)")
     simulated = float(result.time[-1]) if len(result.time) else 0.0
     wall = float(result.dataset.attrs.get("wall_time_s", 0.0))
     if wall > 0.0:
@@ -64,27 +54,24 @@ def headline(result: Result, ideal: Result | None, start: float = 0.0) -> list[s
     return lines
 
 
-def _tool(result: Result, error: xr.DataArray, start: float, since: str) -> list[str]:
-    kept = error.sel(time=error["time"] >= start)
+def _tool(result: Result, error: xr.DataArray) -> list[str]:
     last = float(error["time"][-1])
     # Records of another step may end a little earlier.
     early = last < 0.999 * result.time[-1]
     ended = f", whose run ends at {last:.4g} s" if early else ""
-    if not len(kept):
-        return [f"no tool error{since} is known against the ideal mechanism{ended}"]
-    sizes = np.linalg.norm(kept.values, axis=1)
-    at = float(kept["time"][int(sizes.argmax())])
-    rms = accuracy(error, start).rms[-1]
-    peak = f"tool error{since} peak {_mm(sizes.max())} at t = {at:.4g} s, RMS {_mm(rms)}"
-    return [f"{peak} (against the ideal mechanism{ended})", *_at_stops(result, error, start)]
+    sizes = np.linalg.norm(error.values, axis=1)
+    at = float(error["time"][int(sizes.argmax())])
+    rms = accuracy(error, 0.0).rms[-1]
+    peak = f"tool error peak {_mm(sizes.max())} at t = {at:.4g} s, RMS {_mm(rms)}"
+    return [f"{peak} (against the ideal mechanism{ended})", *_at_stops(result, error)]
 
 
-def _at_stops(result: Result, error: xr.DataArray, start: float) -> list[str]:
+def _at_stops(result: Result, error: xr.DataArray) -> list[str]:
     motion = result.simulation.motion
     if motion is None or motion.interpolation in GOES_ON:
         return []
-    times = [stop.end for stop in stops(motion, float(error["time"][-1])) if stop.at_rest]
-    times = [time for time in times if time >= start and time > 0.0]
+    every = stops(motion, float(error["time"][-1]))
+    times = [stop.end for stop in every if stop.at_rest and stop.end > 0.0]
     if not times:
         return []
     sizes = [float(error_at(error, time)[-1]) for time in times]
@@ -98,11 +85,9 @@ def _at_stops(result: Result, error: xr.DataArray, start: float) -> list[str]:
     return [f"at its stops: {each}"]
 
 
-def _force(result: Result, joint: str, start: float) -> str:
-    judged = result.time >= start
-    forces = result["joint_force_peak"].sel(joint=joint).values[judged]
-    sizes = np.linalg.norm(forces, axis=1)
-    at = float(result.time[judged][int(sizes.argmax())])
+def _force(result: Result, joint: str) -> str:
+    sizes = np.linalg.norm(result["joint_force_peak"].sel(joint=joint).values, axis=1)
+    at = float(result.time[int(sizes.argmax())])
     return f"peak force in {joint} {sizes.max():.4g} N at t = {at:.4g} s"
 
 

@@ -140,10 +140,6 @@ def tool_motion(simulation: Simulation, progress: bool = False) -> Result:
 
     Neither the forces in its joints are found, nor how far it is off because of its step.
 
-    Args:
-        simulation: what is run, such as an `ideal_simulation`.
-        progress: show a bar on standard error.
-
     Raises:
         JointplayError: it cannot be simulated.
     """

@@ -85,10 +85,6 @@ def name_and_value(text: str, names: Collection[str] = ()) -> tuple[str, str | N
 
     Names may have signs of equality of their own: the number comes after the last one. A name that
     would be mistaken may stand in double quotes.
-
-    Args:
-        text: of the option.
-        names: those that there are, if they are known.
     """
     quoted = re.fullmatch(r'("(?:[^"\\]|\\.)*")(?:=(.*))?', text)
     if text in names:

@@ -56,7 +56,6 @@ def add(commands: Any) -> None:
     parser.add_argument("--out", metavar="DIR", help="folder for allocation.csv and the figure")
     add_jobs(parser)
     add_quiet(parser)
-    parser.set_defaults(handler=run)
 
 
 def run(options: argparse.Namespace) -> int:

@@ -37,7 +37,6 @@ def add(commands: Any) -> None:
         "(0.4 s a pose with one joint, up to 3.5 s with six)",
     )
     parser.add_argument("--out", metavar="DIR", help="folder for budget.csv and the figures")
-    parser.set_defaults(handler=run)
 
 
 def run(options: argparse.Namespace) -> int:

@@ -38,7 +38,6 @@ def add(commands: Any) -> None:
     )
     group.add_argument("--no-picture", action="store_true", help="do not draw it")
     add_trust(parser)
-    parser.set_defaults(handler=run)
 
 
 def run(options: argparse.Namespace) -> int:

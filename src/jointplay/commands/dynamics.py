@@ -18,9 +18,6 @@ if TYPE_CHECKING:
     from jointplay.nonlinear.rows import Study, Table
 
 
-# `jointplay dynamics`: bifurcations, Poincare maps, Lyapunov exponents, basins of attraction.
-
-
 KINDS = {
     "turns": "quantities over the crank's angle, beside those of the ideal mechanism",
     "bifurcation": "a quantity once a turn, over the values of a key (--vary)",
@@ -88,7 +85,6 @@ def add(commands: Any) -> None:
     parser.add_argument("--out", required=True, metavar="DIR", help="folder for table and figure")
     add_quiet(parser)
     add_trust(parser)
-    parser.set_defaults(handler=run)
 
 
 def run(options: argparse.Namespace) -> int:

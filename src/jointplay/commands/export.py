@@ -36,7 +36,6 @@ def add(commands: Any) -> None:
     )
     add_quiet(parser)
     add_trust(parser)
-    parser.set_defaults(handler=run)
 
 
 def run(options: argparse.Namespace) -> int:

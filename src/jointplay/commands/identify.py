@@ -8,7 +8,7 @@ import math
 from dataclasses import replace
 from typing import Any
 
-from jointplay.commands import add_jobs
+from jointplay.commands import add_jobs, add_quiet
 from jointplay.commands.mechanism import add_robot, quantity, task
 from jointplay.core.errors import JointplayError
 
@@ -88,8 +88,8 @@ def add(commands: Any) -> None:
     _add_simulated(parser)
     _add_plan(parser)
     parser.add_argument("--out", metavar="DIR", help="folder for tables (CSV, JSON) and figure")
-    parser.add_argument("--quiet", action="store_true", help="show no progress")
-    parser.set_defaults(handler=run, pose=None, workspace=None)
+    add_quiet(parser)
+    parser.set_defaults(pose=None, workspace=None)
 
 
 def _add_simulated(parser: Any) -> None:

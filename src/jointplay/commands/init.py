@@ -28,7 +28,6 @@ def add(commands: Any) -> None:
         metavar="NAME",
         help="of the file; .toml is added if missing (default scenario.toml)",
     )
-    parser.set_defaults(handler=run)
 
 
 def run(options: argparse.Namespace) -> int:

@@ -6,6 +6,7 @@ import argparse
 from dataclasses import replace
 from typing import Any
 
+from jointplay.commands import add_quiet
 from jointplay.commands import run as run_command
 from jointplay.commands.mechanism import quantity
 from jointplay.core import streams
@@ -69,10 +70,7 @@ def add(commands: Any) -> None:
         "it runs, the cycles: given again, it goes on where it was interrupted",
     )
     groups = run_command.add_inputs(parser)
-    groups["integration and output"].add_argument(
-        "--quiet", action="store_true", help="show no progress"
-    )
-    parser.set_defaults(handler=run)
+    add_quiet(groups["integration and output"])
 
 
 def run(options: argparse.Namespace) -> int:

@@ -32,7 +32,6 @@ def add(commands: Any) -> None:
         help="factor within which wear rates are known, for the spread (default 3)",
     )
     parser.add_argument("--out", metavar="DIR", help="folder for maintenance.csv and the figure")
-    parser.set_defaults(handler=run)
 
 
 def run(options: argparse.Namespace) -> int:

@@ -235,6 +235,7 @@ def _clearance(
 
     With loops, those are all joints; one that closes a loop keeps its kind and its bearing.
     """
+    from jointplay.joints import JOINT_KINDS, replacing
     from jointplay.mechanism.mechanism import frame_index
 
     entries = plain.description.joints
@@ -269,17 +270,12 @@ def _clearance(
         elif name in plain.loops:
             clearances[name] = _bearing(options, plain.loop_class(name), radial)
         else:
-            clearances[name] = _bearing(options, _kind_for(entries[name].kind), radial)
+            clearances[name] = _bearing(
+                options, JOINT_KINDS[replacing(entries[name].kind)[0]], radial
+            )
     if clearances:
         notes.append(f"play: {_words(clearances)}")
     return clearances
-
-
-def _kind_for(entry: str) -> type[Clearance]:
-    """Kind of joint with clearance in place of a URDF joint."""
-    from jointplay.joints import JOINT_KINDS, replacing
-
-    return JOINT_KINDS[replacing(entry)[0]]
 
 
 def _bearing(options: argparse.Namespace, kind: type[Clearance], radial: float) -> Clearance:

@@ -66,7 +66,6 @@ def add(commands: Any) -> None:
     film.add_argument("--view", metavar="VIEW", help="both, robot or closeup (default both)")
     add_quiet(parser)
     add_trust(parser)
-    parser.set_defaults(handler=run)
 
 
 def run(options: argparse.Namespace) -> int:

@@ -30,7 +30,6 @@ def add(commands: Any) -> None:
         "takes only the cases nearest to a value",
     )
     parser.add_argument("--out", metavar="FILE", help="picture (default: beside STORE, as .png)")
-    parser.set_defaults(handler=run)
 
 
 def run(options: argparse.Namespace) -> int:

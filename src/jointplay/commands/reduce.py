@@ -56,7 +56,7 @@ def add(commands: Any) -> None:
     group.add_argument("--check", action="store_true", help="run the MJCF in MuJoCo and compare")
     group.add_argument("--out", metavar="DIR", required=True, help="folder for the files")
     add_quiet(group)
-    parser.set_defaults(handler=run, motion=None, workspace=None)
+    parser.set_defaults(motion=None, workspace=None)
 
 
 def run(options: argparse.Namespace) -> int:

@@ -59,7 +59,6 @@ def add(commands: Any) -> None:
     parser.add_argument("--no-pdf", action="store_true", help="write the page only")
     parser.add_argument("--quiet", action="store_true", help="do not say what is being done")
     add_trust(parser)
-    parser.set_defaults(handler=run)
 
 
 def _is_sweep(path: Path) -> bool:

@@ -25,7 +25,6 @@ def add(commands: Any) -> None:
     parser.add_argument(
         "name", nargs="?", metavar="NAME", help="one robot, or the path of a URDF, in detail"
     )
-    parser.set_defaults(handler=run)
 
 
 def run(options: argparse.Namespace) -> int:

@@ -291,7 +291,6 @@ def add(commands: Any) -> None:
     )
     group.add_argument("--no-figures", action="store_true", help="write no figures")
     add_quiet(group)
-    run.set_defaults(handler=execute)
 
 
 def add_inputs(run: Any) -> dict[str, Any]:
@@ -363,7 +362,7 @@ def explain(parser: argparse.ArgumentParser) -> None:
                 action.help = explanation(known[name])
 
 
-def execute(options: argparse.Namespace) -> int:
+def run(options: argparse.Namespace) -> int:
     """Make the scenario that the options describe, and run it."""
     from pathlib import Path
 

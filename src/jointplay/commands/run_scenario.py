@@ -167,18 +167,7 @@ def _execute(
     progress: bool,
     begin: Callable[[Run], None] = lambda _: None,
 ) -> Status:
-    """Run a case and save it together with the scenario it is from; then certify it.
-
-    Args:
-        scenario, case, run: what is run.
-        path: the file.
-        certified: whether the case is certified.
-        progress: show a bar.
-        begin: told of each run before it begins.
-
-    Returns:
-        How it ended.
-    """
+    """Run a case, save it with the scenario it is from, certify it; each run is told to `begin`."""
     from jointplay.analysis.certification import add_certificate
     from jointplay.scenario.settings import words
     from jointplay.simulation.saving import run_and_save
@@ -407,11 +396,6 @@ def refuse_interrupted(out: Path, files: Mapping[str, str]) -> None:
 def refuse(out: Path, files: Mapping[str, str], drawn: Iterable[str] = ()) -> None:
     """Refuse a folder that holds results of a run, or an interrupted one of it.
 
-    Args:
-        out: the folder.
-        files: names of the results by case.
-        drawn: names of the figures.
-
     Raises:
         JointplayError: there is one; of an interrupted run it says how to go on.
     """
@@ -426,11 +410,6 @@ def finished(
     out: Path, files: Mapping[str, str], simulations: Mapping[str, Simulation]
 ) -> list[str]:
     """Cases whose results are there and whole.
-
-    Args:
-        out: the folder.
-        files: their names by case.
-        simulations: as they are now, by case.
 
     Raises:
         JointplayError: a result is of another simulation, or was interrupted and left no

@@ -35,7 +35,6 @@ def add(commands: Any) -> None:
     )
     add_jobs(scara)
     add_quiet(scara)
-    scara.set_defaults(handler=run)
 
 
 def run(options: argparse.Namespace) -> int:

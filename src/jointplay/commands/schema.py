@@ -9,14 +9,13 @@ from typing import Any
 
 def add(commands: Any) -> None:
     """Add the command's parser."""
-    parser = commands.add_parser(
+    commands.add_parser(
         "schema",
         help="print the JSON schema of scenario files, for editors",
         description="Print the JSON schema of scenario files. Saved as scenario.schema.json beside "
         "a scenario whose first line is `#:schema scenario.schema.json`, it gives editors with "
         "Taplo (Even Better TOML) completion, explanations and checks.",
     )
-    parser.set_defaults(handler=run)
 
 
 def run(options: argparse.Namespace) -> int:

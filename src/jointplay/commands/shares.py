@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
+from jointplay.commands import add_quiet
 from jointplay.commands import run as run_command
 from jointplay.commands.iso9283 import simulation_of
 from jointplay.commands.mechanism import quantity
@@ -52,10 +53,7 @@ def add(commands: Any) -> None:
         "--out", metavar="DIR", help="folder for the table, the figure and, to go on, the runs"
     )
     groups = run_command.add_inputs(parser)
-    groups["integration and output"].add_argument(
-        "--quiet", action="store_true", help="show no progress"
-    )
-    parser.set_defaults(handler=run)
+    add_quiet(groups["integration and output"])
 
 
 def run(options: argparse.Namespace) -> int:

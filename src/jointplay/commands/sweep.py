@@ -39,7 +39,6 @@ def add(commands: Any) -> None:
     parser.add_argument("--rows", type=int, default=20, metavar="N", help="of the table (20)")
     add_quiet(parser)
     add_trust(parser)
-    parser.set_defaults(handler=run)
 
 
 def run(options: argparse.Namespace) -> int:

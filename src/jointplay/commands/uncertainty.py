@@ -26,7 +26,6 @@ def add(commands: Any) -> None:
         help="relative half width of the interval that is enough (default 0.05)",
     )
     parser.add_argument("--out", metavar="FILE", help="draw the convergence")
-    parser.set_defaults(handler=run)
 
 
 def run(options: argparse.Namespace) -> int:

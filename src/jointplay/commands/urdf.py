@@ -45,7 +45,6 @@ def add(commands: Any) -> None:
         )
     add_unphysical(parser)
     parser.add_argument("--out", metavar="FILE", required=True, help="the URDF to write")
-    parser.set_defaults(handler=run)
 
 
 def run(options: argparse.Namespace) -> int:

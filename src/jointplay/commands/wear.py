@@ -25,7 +25,6 @@ def add(commands: Any) -> None:
         "--growth", required=True, metavar="LENGTH", help='growth of its clearance, "0.1 mm" or [m]'
     )
     parser.add_argument("--out", metavar="CSV", help="write cycles and depths after each block")
-    parser.set_defaults(handler=run)
 
 
 def add_cycles(parser: Any, blocks: int, runs: int) -> None:

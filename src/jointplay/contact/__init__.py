@@ -116,10 +116,7 @@ register(FilmLaw, Family("law", "film law", FILM_LAWS | {"custom-film": CustomFi
 
 
 def normal_law(description: Mapping[str, Any] | str) -> NormalForceLaw:
-    """Build the normal-force law that `NormalForceLaw.describe` described.
-
-    Args:
-        description: ``law`` and the law's fields, or the law's word alone.
+    """Build the normal-force law that `NormalForceLaw.describe` described, or that a word names.
 
     Raises:
         JointplayError: no law of that name; a field that the law does not have, or lacks, or of an

@@ -29,10 +29,6 @@ from dataclasses import dataclass, fields, replace
 from typing import Any, ClassVar, NamedTuple, Self
 
 from jointplay.contact.compiled import (
-    MAX_PARAMETERS,
-    address,
-    check_parameters,
-    compiled_law,
     parameter_names,
 )
 from jointplay.core.errors import JointplayError, require_non_negative
@@ -221,18 +217,3 @@ def require_static(law: Any) -> None:
         raise JointplayError(
             f"mu_s must be at least mu_d = {law.mu_d:g}, got {law.mu_s:g}", where=("mu_s",)
         )
-
-
-__all__ = [
-    "BRISTLE_NUMBERS",
-    "FILM_NUMBERS",
-    "MAX_PARAMETERS",
-    "ContactProperties",
-    "FrictionLaw",
-    "Law",
-    "NormalForceLaw",
-    "address",
-    "check_parameters",
-    "compiled_law",
-    "require_static",
-]

@@ -132,11 +132,7 @@ def address_of(typingctx: Any, array: Any) -> Any:
 
 
 def calling(signature: Any) -> Any:
-    """Function of an address and a tuple of arguments: it calls what is compiled there.
-
-    Args:
-        signature: of what is called.
-    """
+    """Function of an address and a tuple of arguments: it calls what is compiled there."""
 
     @intrinsic
     def call(typingctx: Any, at: Any, arguments: Any) -> Any:
@@ -158,10 +154,6 @@ def calling_with_arrays(given: int, answers: int) -> Any:
 
     That gets k, the numbers of a tuple as an array, the array or pointer d from index `first` on,
     and an array for what it answers, which is returned as a tuple.
-
-    Args:
-        given: size of the tuple.
-        answers: size of what is returned.
     """
 
     @intrinsic

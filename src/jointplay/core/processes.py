@@ -308,9 +308,6 @@ def in_parallel(work: Callable[[], Value]) -> Iterator[Callable[[], Value]]:
     Where processes cannot be forked, or there is one core, the work is done here, when the
     function is called.
 
-    Args:
-        work: is done once; what it returns or raises can be pickled.
-
     Raises:
         JointplayError: by the function: the process was ended from outside.
     """

@@ -438,12 +438,7 @@ class Draft:
 
 
 def make(checked: Any, objects: bool = True) -> Any:
-    """The value of what `check` gave, drafts within it made.
-
-    Args:
-        checked: drafts, and lists and dictionaries of them.
-        objects: without, drafts of the package's objects (`Described`) are left.
-    """
+    """The value of what `check` gave, drafts within it made."""
     if isinstance(checked, Draft):
         left = not objects and issubclass(checked.kind, Described)
         return checked if left else checked.make(objects)
@@ -464,10 +459,6 @@ def make(checked: Any, objects: bool = True) -> Any:
 
 def read(kind: type[T] | Any, data: Any) -> Any:
     """The value that plain data describe.
-
-    Args:
-        kind: a class or a type hint.
-        data: numbers, text, lists and dictionaries.
 
     Raises:
         JointplayError: what cannot be; `where` has its place in the data.

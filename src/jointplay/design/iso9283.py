@@ -26,8 +26,6 @@ from jointplay.simulation.ensemble import run_to_the_end
 from jointplay.simulation.run import Run
 from jointplay.simulation.simulation import Simulation
 
-# How the tool comes to rest at a stop (ISO 9283:1998, clauses 7.4 and 7.5).
-
 
 @dataclass(frozen=True)
 class Settling:
@@ -263,8 +261,6 @@ def _both(pairs: list[tuple[IntervalEstimate, IntervalEstimate]]) -> Orientation
     return Orientation((a, b, c), (ra, rb, rc))
 
 
-# Figures of ISO 9283:1998 from simulated cycles.
-#
 # ISO 9283:1998, Manipulating industrial robots: performance criteria and related test methods.
 # Names and symbols are those of its clauses. Seen of the standard were its pages of contents only
 # (numbers and titles of the clauses, public previews); formulas, conditions and numbers of cycles
@@ -305,10 +301,6 @@ def _both(pairs: list[tuple[IntervalEstimate, IntervalEstimate]]) -> Orientation
 
 LEAST_CYCLES = 3
 """With fewer, nothing can be said of the scatter."""
-SPEEDS = (1.0, 0.5, 0.1)
-"""Parts of the rated speed at which the standard has a robot tested."""
-DRIFT_S = 8 * 3600.0
-"""Time over which the standard has the drift measured [s]."""
 LONGEST_DRIFT_S = 3.2e9
 """Longest time over which wear is extrapolated: a hundred years [s]."""
 DRIFT_CYCLES = 10

@@ -10,8 +10,7 @@ import pinocchio as pin
 
 from jointplay.core.errors import JointplayError, require_finite
 from jointplay.design import loops
-from jointplay.joints import Clearance
-from jointplay.joints.play import BallPlay, BlockPlay, Cone, Cones, JournalPlay, Play, Support
+from jointplay.joints.play import Cone, Cones, Play, Support
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.mechanism.model import z_to
 
@@ -39,9 +38,6 @@ from jointplay.mechanism.model import z_to
 # lean gives, so that h is never too small; `excess` says by which part it may be too large.
 
 
-__all__ = ["BallPlay", "BlockPlay", "JournalPlay", "Play", "Support", "TurnPlay", "play"]
-
-
 @dataclass(frozen=True)
 class TurnPlay(Play):
     """A gear's backlash: the joint turns about its axis while the motor stands."""
@@ -67,22 +63,6 @@ class TurnPlay(Play):
         return Support(np.abs(loads[:, 5]) * self.half, point)
 
 
-def play(joint: Clearance, second_order: bool = True) -> Play:
-    """The set of displacements that a joint with clearance allows.
-
-    The drive holds the joint's own coordinate. A worn bore counts as a round one, as wide as its
-    deepest place.
-
-    Args:
-        joint: of any kind.
-        second_order: widen the set so that it contains all poses without penetration; without, it
-            is proportional to the clearances.
-    """
-    return joint.play(second_order)
-
-
-# From the play of each joint to the motion of the tool: sources of play and their levers.
-#
 # In a tree a joint's play moves all that it carries. In a closed loop the joints that are not
 # driven follow (`loops`), the tool with them; and plays of one loop may hold each other
 # (`Part.tie`).
@@ -134,15 +114,9 @@ def sources(
     driven: Sequence[str] | None = None,
     loops: bool = False,
 ) -> tuple[Part, ...]:
-    """Every source of play, and how it moves the tool at each pose; see `budget`.
+    """Every source of play, and how it moves the tool at each pose; arguments are `budget`'s.
 
-    Args:
-        mechanism: see `budget`; so are the other arguments.
-        poses: see there.
-        force: see there.
-        second_order: see there.
-        driven: see there.
-        loops: the caller heeds `Part.tie`; else mechanisms with loops are refused.
+    With `loops` the caller heeds `Part.tie`; else mechanisms with loops are refused.
     """
     if mechanism.loops and not loops:
         raise JointplayError(
@@ -158,7 +132,7 @@ def sources(
     push = np.array([require_finite("force on the tool", f, "N") for f in force])
     if push.shape != (3,):
         raise JointplayError(f"the force on the tool must have three components, got {force!r}")
-    names = [(name, play(joint, second_order)) for name, joint in mechanism.clearance.items()]
+    names = [(name, joint.play(second_order)) for name, joint in mechanism.clearance.items()]
     gears = [(name, TurnPlay(gear.play / 2.0)) for name, gear in mechanism.gears.items()]
     labels = [*names, *gears]
     moves = np.zeros((len(labels), len(q), 6, 6))

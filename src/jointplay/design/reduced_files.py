@@ -293,8 +293,6 @@ class Followed:
     lean_error: float | None = None
     """Largest difference of the axis' lean, a vector, after a tenth of the time [rad]; None if the
     file's joint cannot lean."""
-    lean_rms: float | None = None
-    """[rad]."""
 
 
 def follow(text: str, reduction: Reduction) -> Followed:

@@ -24,7 +24,7 @@ from scipy.optimize import nnls
 
 from jointplay.core.errors import JointplayError, MissingName, require_positive
 from jointplay.core.schema import plain
-from jointplay.design.levers import place, play, sources
+from jointplay.design.levers import place, sources
 from jointplay.design.poses import moving
 from jointplay.design.verify import fitting_step
 from jointplay.joints import JOINT_KINDS, Clearance, Coordinate
@@ -61,13 +61,7 @@ class Leaning:
 
 
 def compare_leans(mechanism: Mechanism, joint: str, q: np.ndarray) -> Leaning | None:
-    """Compare leans in the configurations q (n, nq) of a run; None if the joint cannot lean.
-
-    Args:
-        mechanism: with clearance in this joint.
-        joint: its name.
-        q: of the run's records.
-    """
+    """Compare leans in the configurations q (n, nq) of a run; None if the joint cannot lean."""
     clearance = mechanism.clearance.get(joint)
     if clearance is None or clearance.hinge is None or not clearance.hinge.leans:
         return None
@@ -89,7 +83,7 @@ def compare_leans(mechanism: Mechanism, joint: str, q: np.ndarray) -> Leaning | 
     moment = source.load[:, 3:5]
     size = np.linalg.norm(moment, axis=1, keepdims=True)
     unit = np.divide(moment, size, out=np.zeros_like(moment), where=size > 0.0)
-    _, tilt = play(clearance, second_order=False).reach
+    _, tilt = clearance.play(second_order=False).reach
     # The body turns about its moment; its axis goes across it.
     sign = -1.0 if clearance.exchanged else 1.0
     lean = sign * tilt * np.column_stack([unit[:, 1], -unit[:, 0], np.zeros(len(unit))])
@@ -411,7 +405,7 @@ def _across(
     hinge = clearance.hinge
     (part, *_) = sources(mechanism, pose)
     load = part.load[0]
-    _, tilt = play(clearance, second_order=False).reach
+    _, tilt = clearance.play(second_order=False).reach
     arm = hinge.length / 2.0
     # Each rim carries half the force, and what the moment over the length asks for.
     push = math.hypot(load[0], load[1]) / 2.0

@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from jointplay import kernel
-from jointplay.analysis.claims import START_UP
 from jointplay.analysis.runs import check_numbers, errors, traces
 from jointplay.analysis.twins import ideal_simulation
 from jointplay.core.errors import JointplayError
 from jointplay.mechanism.impact import contact_duration
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.motion.reference import Motion
+from jointplay.result.judging import START_UP
 from jointplay.simulation.simulation import Simulation
 
 LONGEST_STEP_S = 1e-5

@@ -56,10 +56,6 @@ def _unit(result: Result, name: str, index: tuple[int, ...]) -> str:
 def dataframe(result: Result, every: int = 1) -> pd.DataFrame:
     """A pandas table, one row a record, one column a number.
 
-    Args:
-        result: the run.
-        every: only each n-th record and the last (`result.thinning`).
-
     Returns:
         The time [s] is a column. ``attrs["units"]`` has the units by column, ``attrs["message"]``
         how the run ended.

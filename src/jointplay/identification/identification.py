@@ -321,12 +321,12 @@ def _held_by_friction(i: int, fit: Fit, problem: LeastSquares) -> str:
     if not one.name.endswith("clearance") or fit.theta[i] > fit.half_width[i]:
         return ""
     for k, other in enumerate(problem.unknowns):
-        if other.joint == one.joint and other.name == "friction" and other.sought:
-            if fit.half_width[k] > planning.enough(other, fit.theta[k]):
-                return (
-                    f"its interval begins at zero, and {other.label}, which cannot be told, may "
-                    "hold the journal wherever it is: pass the places slowly, in both directions"
-                )
+        rubs = other.joint == one.joint and other.name == "friction" and other.sought
+        if rubs and fit.half_width[k] > planning.enough(other, fit.theta[k]):
+            return (
+                f"its interval begins at zero, and {other.label}, which cannot be told, may "
+                "hold the journal wherever it is: pass the places slowly, in both directions"
+            )
     return ""
 
 
@@ -578,10 +578,6 @@ class Identification:
         }
 
 
-# Clearances and friction from measurements: what was found, how well, and what cannot be told.
-
-
-__all__ = ["Identification", "identify"]
 _NORMAL = 1.96
 """Half of a 95 % interval in standard deviations."""
 
@@ -676,7 +672,8 @@ def _by_means(
         raise TooLittle(
             f"loop {next(iter(mechanism.loops))!r}: identify is for robots without closed loops"
         )
-    if not _shows_play(mechanism, measured):
+    links = set(measured.has("link")) & set(mechanism.gears)
+    if not (measured.has("tool") or measured.has("torque") or links):
         raise TooLittle(
             f"{measured.source} has nothing that play would show in: tool x (y, z), JOINT link of "
             "a gear with play, or JOINT torque is needed beside the motors' encoders"
@@ -720,12 +717,6 @@ def _by_means(
         excess=excess,
         elasticity=elasticity(problem, fit, model.elastic),
     )
-
-
-def _shows_play(mechanism: Mechanism, measured: Measurement) -> bool:
-    """Whether there is a signal of which the static model knows."""
-    links = set(measured.has("link")) & set(mechanism.gears)
-    return bool(measured.has("tool") or measured.has("torque") or links)
 
 
 def spreads(found: Identification) -> dict[str, dict[str, float]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -397,20 +397,6 @@ class Visits:
     def __len__(self) -> int:
         """How many there are."""
         return len(self.time)
-
-    def only(self, chosen: np.ndarray) -> Visits:
-        """Those that are chosen (a mask); the way is the same."""
-        number = np.cumsum(chosen) - 1
-        at = self.path_visit
-        belongs = np.where((at >= 0) & chosen[np.maximum(at, 0)], number[np.maximum(at, 0)], -1)
-        near = np.clip(number[self.path_near], 0, None)
-        parts = ("time", "position", "speed", "acceleration", "direction", "stopped", "force")
-        return replace(
-            self,
-            **{name: getattr(self, name)[chosen] for name in (*parts, "cell")},
-            path_visit=belongs,
-            path_near=near,
-        )
 
 
 def no_visits() -> tuple[Visits, Observed]:

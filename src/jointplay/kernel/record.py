@@ -92,14 +92,7 @@ def record(run):
 def columns_of(
     nv: int, nj: int, width: int, loads: Sequence[LoadSite]
 ) -> tuple[dict[str, slice], int]:
-    """Columns of a record by name, and their number.
-
-    Args:
-        nv: number of coordinates.
-        nj: number of joints with clearance.
-        width: contacts of a joint at most.
-        loads: what else acts.
-    """
+    """Columns of a record by name, and their number."""
     widths = {
         "time": 1,
         "q": nv,

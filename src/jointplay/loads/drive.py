@@ -9,13 +9,13 @@ from __future__ import annotations
 from abc import ABC
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from jointplay import kernel
 from jointplay.core.errors import JointplayError, MissingName, require_finite
-from jointplay.core.schema import Described, Family, check_fields, quantity, read, register
+from jointplay.core.schema import Described, Family, check_fields, quantity, register
 
 if TYPE_CHECKING:
     from jointplay.mechanism.mechanism import Mechanism
@@ -198,16 +198,6 @@ DRIVES: dict[str, type[Drive]] = {
 
 
 register(Drive, Family("kind", "drive", DRIVES))
-
-
-def drive_from_description(description: Mapping[str, Any]) -> Drive:
-    """Build the drive that `Drive.describe` described.
-
-    Raises:
-        JointplayError: no drive of that kind, or a value that cannot be.
-    """
-    drive: Drive = read(Drive, description)
-    return drive
 
 
 def assign(

@@ -48,11 +48,6 @@ def bounds(mechanism: Mechanism) -> dict[str, float]:
 def check_motion(mechanism: Mechanism, motion: Motion, joints: Sequence[str]) -> list[str]:
     """Hold a reference against the limits of position and speed.
 
-    Args:
-        mechanism: whose URDF has them.
-        motion: the reference.
-        joints: that follow it.
-
     Returns:
         Speeds beyond their limits, a line each.
 
@@ -107,10 +102,6 @@ def beyond(
 
 def worst(mechanism: Mechanism, q: np.ndarray, v: np.ndarray, effort: np.ndarray) -> np.ndarray:
     """Records by which `beyond` says of these what it says of all.
-
-    Args:
-        mechanism: whose URDF has the limits.
-        q, v, effort: as in `beyond`, at least one record.
 
     Returns:
         Their places, ascending.

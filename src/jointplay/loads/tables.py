@@ -24,9 +24,6 @@ from jointplay.mechanism.mechanism import Mechanism
 from jointplay.motion.ideal import IdealMotion
 from jointplay.motion.reference import Motion
 
-# What drives are to do, tabulated for the kernels: of a long run a few blocks at a time.
-
-
 REFERENCE_NODE_S = 1e-4
 """Interval at which the reference is tabulated; between nodes it is linear [s].
 

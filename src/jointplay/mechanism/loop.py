@@ -195,15 +195,13 @@ def _open(mechanism: Mechanism, q: np.ndarray) -> np.ndarray:
 def _free(mechanism: Mechanism, held: Sequence[int], journals: bool) -> np.ndarray:
     """Coordinates that may be moved: not `held`; of journals only what the ideal joint has too,
     unless all of them are wanted."""
-    own = {mechanism.coordinate(name) for name in mechanism.clearance if _in_tree(mechanism, name)}
+    own = {
+        mechanism.coordinate(name) for name in mechanism.clearance if name not in mechanism.loops
+    }
     for name in mechanism.locks:
         own.update(mechanism.carriage(name))
     every = (i for i in range(mechanism.model.nv) if journals or i in own or not mechanism.plays(i))
     return np.array([i for i in every if i not in held], int)
-
-
-def _in_tree(mechanism: Mechanism, name: str) -> bool:
-    return name not in mechanism.loops
 
 
 def _closed(

@@ -35,9 +35,6 @@ if TYPE_CHECKING:
     from jointplay.mechanism.visuals import Visuals
 
 
-# What Pinocchio's users expect of a mechanism besides its model: shapes and a visualizer.
-
-
 # Where bearing and journal of joints are, how they move, and what holds loops together.
 
 

@@ -14,6 +14,7 @@ import trimesh
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
+from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from mpl_toolkits.mplot3d.proj3d import proj_transform
 
@@ -257,12 +258,9 @@ def _write(axes: Any, notes: Sequence[_Note]) -> None:
             axes.add_artist(Line2D(*ends, color=colour, lw=0.6, zorder=5))
         axes.text2D(
             left, middle, text, color=colour, fontsize=_TYPE, va="center", zorder=6,
-            transform=axes.transData, **_halo(),
+            transform=axes.transData,
+            path_effects=[withStroke(linewidth=2.5, foreground="white")],
         )  # fmt: skip
-
-
-def _halo() -> dict[str, Any]:
-    return {"path_effects": [withStroke(linewidth=2.5, foreground="white")]}
 
 
 def _frame(axes: Any, low: np.ndarray, high: np.ndarray, view: tuple[float, float]) -> None:
@@ -275,11 +273,5 @@ def _frame(axes: Any, low: np.ndarray, high: np.ndarray, view: tuple[float, floa
     axes.set(xlabel="x [m]", ylabel="y [m]", zlabel="z [m]")
     axes.tick_params(labelsize=7)
     for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
-        axis.set_major_locator(_few())
+        axis.set_major_locator(MaxNLocator(4))
         axis.pane.set_alpha(0.15)
-
-
-def _few() -> Any:
-    from matplotlib.ticker import MaxNLocator
-
-    return MaxNLocator(4)

@@ -201,9 +201,6 @@ class Survey:
 def survey(place: str | Path) -> Survey:
     """Load a robot and look at what it is made of.
 
-    Args:
-        place: name of one of the package's robots, or path of a URDF.
-
     Raises:
         JointplayError, MissingName: no such robot, or no well-formed URDF.
     """

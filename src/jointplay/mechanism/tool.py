@@ -31,9 +31,6 @@ def choose_tool(description: Description) -> tuple[str, str]:
     The longest chain of moving joints from the base, up to where it forks into shorter branches or
     a joint is called a finger's; of what is fixed to its last link, a frame with a tool's name, or
     else the last link itself.
-
-    Args:
-        description: the URDF.
     """
     children: dict[str, list[JointEntry]] = defaultdict(list)
     for joint in description.joints.values():
@@ -54,13 +51,7 @@ def choose_tool(description: Description) -> tuple[str, str]:
 
 
 def _chain(root: str, children: dict[str, list[JointEntry]], fingers: bool) -> tuple[str, str]:
-    """Last link of the longest chain of moving joints, and its joint ("": none).
-
-    Args:
-        root: the base.
-        children: joints by the name of their parent link.
-        fingers: whether joints that are called a finger's count.
-    """
+    """Last link of the longest chain of moving joints, and its joint ("": none)."""
 
     def moving(link: str) -> list[tuple[str, str]]:
         """Moving joints next to a link, and the links they move, with all that is fixed to it."""

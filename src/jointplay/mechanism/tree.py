@@ -524,8 +524,6 @@ def react(
 stamp(react, (Path(__file__),))
 
 
-# The bodies of a Pinocchio model at many states at once: motion, energies, forces in the joints.
-#
 # Pinocchio does one state per call, and what it leaves must be fetched array by array:
 # microseconds, of which the arithmetic is a few tenths. Here all states of a run are one call of
 # a compiled loop. Every joint is split into joints of one coordinate, with bodies of no mass

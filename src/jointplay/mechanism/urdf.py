@@ -165,9 +165,6 @@ class Declared:
         return transmissions
 
 
-# A joint as the URDF declares it.
-
-
 @dataclass(frozen=True)
 class JointEntry:
     """A joint as the URDF declares it."""
@@ -608,9 +605,6 @@ def _check_inertia(name: str, inertial: ElementTree.Element) -> None:
         raise JointplayError(
             f"{owner} has {moments}: no rigid body has {high:.4g} > {low:.4g} + {middle:.4g}{hint}"
         )
-
-
-# Gravity, unless told otherwise.
 
 
 STANDARD_GRAVITY = (0.0, 0.0, -9.81)

@@ -131,10 +131,6 @@ def _inside(path: Path, folder: Path) -> bool:
 def visuals(mechanism: Mechanism, folders: Sequence[str | Path] = ()) -> Visuals:
     """Shapes of `mechanism`, meshes included.
 
-    Args:
-        mechanism: with or without clearance.
-        folders: where else meshes may be.
-
     Raises:
         JointplayError: a given folder does not exist.
     """
@@ -162,10 +158,6 @@ def visuals(mechanism: Mechanism, folders: Sequence[str | Path] = ()) -> Visuals
 def collisions(mechanism: Mechanism, folders: Sequence[str | Path] = ()) -> Visuals:
     """The URDF's collision shapes, with no pairs of them chosen and no stand-ins.
 
-    Args:
-        mechanism: with or without clearance.
-        folders: where else meshes may be.
-
     Raises:
         JointplayError: a given folder does not exist.
     """
@@ -179,11 +171,6 @@ def collisions(mechanism: Mechanism, folders: Sequence[str | Path] = ()) -> Visu
 
 def visualizer(mechanism: Mechanism, folders: Sequence[str | Path], open_browser: bool) -> Any:
     """Pinocchio's MeshcatVisualizer with the mechanism loaded and shown, loops closed.
-
-    Args:
-        mechanism: what is shown.
-        folders: where else meshes may be.
-        open_browser: whether to open a window of the browser.
 
     Raises:
         JointplayError: a given folder does not exist, loops cannot be closed, or the server does
@@ -396,10 +383,6 @@ class Look:
 
 def look(mechanism: Mechanism, folders: Sequence[str | Path] = ()) -> Look:
     """What is seen of `mechanism`, with or without clearance.
-
-    Args:
-        mechanism: what is looked at.
-        folders: where else meshes may be.
 
     Raises:
         JointplayError: a given folder does not exist.

@@ -414,15 +414,7 @@ def _line(
     number: int,
     random: np.random.Generator,
 ) -> list[tuple[float, np.ndarray]]:
-    """Times and configurations on the line to waypoint `number`, its beginning left out.
-
-    Args:
-        arm: the robot.
-        q: configuration at the beginning.
-        times, targets: of beginning and end, and possibly more.
-        number: of the end, counted from 1.
-        random: for restarts.
-    """
+    """Times and configurations on the line to waypoint `number`, its beginning left out."""
     (begin, before), (end, after) = targets[0], targets[1]
     way, axis = end - begin, np.zeros(3)
     if before is not None and after is not None:

@@ -147,7 +147,8 @@ def stretching(
         run.begin()
     first, second = (run.workspace for run in runs)
     scale, free = _weights(runs[0])
-    apart = np.random.default_rng(0).normal(size=len(scale)) / _angles(scale)
+    of_angles = np.tile(scale[: len(scale) // 2], 2)
+    apart = np.random.default_rng(0).normal(size=len(scale)) / of_angles
     logarithms = []
     steps = round(interval / simulation.step)
     for _ in range(round(runs[0].total_steps / steps)):
@@ -168,11 +169,6 @@ def stretching(
         apart = free * np.concatenate([second.q - first.q, second.v - first.v])
         logarithms.append(math.log(np.linalg.norm(scale * apart) / APART))
     return np.array(logarithms)
-
-
-def _angles(scale: np.ndarray) -> np.ndarray:
-    """Weights of the coordinates, for both halves of a state."""
-    return np.tile(scale[: len(scale) // 2], 2)
 
 
 def _weights(run: Run) -> tuple[np.ndarray, np.ndarray]:

@@ -270,12 +270,6 @@ class Table:
         """Find the rows of `keys` that are missing, in processes; returns how many there were.
 
         A value that fails with a `JointplayError` is kept with its message; the others go on.
-
-        Args:
-            work: finds a row; can be sent to another process.
-            keys: values.
-            jobs: processes; None takes one for each core, 1 does it here.
-            progress: show a bar with the time left.
         """
         missing = [key for key in keys if key not in self.rows]
         if not missing:

@@ -55,11 +55,6 @@ def page(
 
     Moments between impacts are left out until the page has no more than `MOST_BYTES`.
 
-    Args:
-        cases: results by label.
-        title: of the page; None makes one of the labels.
-        options: see `scene.build`.
-
     Raises:
         JointplayError: see `scene.build`.
     """
@@ -79,11 +74,6 @@ def page(
 
 def save_html(cases: Mapping[str, Result], path: str | Path, **options: Any) -> Path:
     """Write one self-contained page that plays `cases`; it needs no server and no network.
-
-    Args:
-        cases: results by label.
-        path: a new file.
-        options: see `page`.
 
     Raises:
         JointplayError: the file exists or cannot be written; see also `scene.build`.
@@ -153,16 +143,3 @@ def save_movie(cases: Mapping[str, Result], path: str | Path, **options: Any) ->
     from jointplay.player import movie
 
     return movie.save_movie(cases, path, **options)
-
-
-__all__ = [
-    "MOST_BYTES",
-    "Scene",
-    "Server",
-    "build",
-    "load",
-    "page",
-    "play",
-    "save_html",
-    "save_movie",
-]

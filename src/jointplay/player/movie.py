@@ -190,13 +190,6 @@ def save_movie(
 ) -> MovieFile:
     """Make a picture (.png) or a film (.gif, .mp4, .webm) of results.
 
-    Args:
-        cases: results by label.
-        path: a new file.
-        shot: what is shown, and how.
-        progress: show a bar.
-        options: see `page`.
-
     Raises:
         JointplayError: see `check`, `Shot` and `page`; there is no Chromium.
     """
@@ -210,15 +203,7 @@ def save_movie(
 def film(
     content: bytes, contents: Mapping[str, Any], path: Path, shot: Shot, progress: bool = False
 ) -> MovieFile:
-    """Film a page; see `save_movie`.
-
-    Args:
-        content: the page.
-        contents: of its scene.
-        path: a new file, as `check` returned it.
-        shot: what is shown, and how.
-        progress: show a bar.
-    """
+    """Film a page; see `save_movie`."""
     from tqdm import tqdm
 
     suffix = path.suffix.lower()

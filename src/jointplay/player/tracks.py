@@ -53,9 +53,6 @@ def peaks(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
     Whose import takes half as long as all of `jointplay play`.
 
-    Args:
-        values: shape (n,).
-
     Returns:
         Number of the middle of each peak, and its prominence: its height above the higher one of
         the lowest points on its two sides, up to where the curve is higher than the peak.
@@ -175,9 +172,6 @@ class Packer:
         """Append the triangles of a surface whose points are in the order of their first use.
 
         Each number of a point is kept as how far it lies behind the next new point: mostly little.
-
-        Args:
-            triangles: numbers of their points, shape (m, 3).
         """
         used = triangles.reshape(-1).astype(np.int64)
         fresh = np.maximum.accumulate(np.concatenate([[-1], used[:-1]])) + 1

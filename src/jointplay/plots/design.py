@@ -63,13 +63,7 @@ def bars(budget: Budget, pose: int | None = None) -> Figure:
 
 
 def robot(mechanism: Mechanism, budget: Budget, q: np.ndarray) -> Figure:
-    """The robot, each body coloured by its joint's share of the worst case at the worst pose.
-
-    Args:
-        mechanism: the robot.
-        budget: its budget.
-        q: the budget's configurations, shape (n, nq).
-    """
+    """The robot, each body coloured by its joint's share of the worst case at the worst pose."""
     share: dict[str, float] = {}
     gears = {name + GEAR: name for name in mechanism.gears}
     for name, value in zip(budget.joints, budget.shares, strict=True):
@@ -194,9 +188,6 @@ def workspace_map(budget: Budget) -> Figure:
         figure.colorbar(drawn, ax=axes, label=f"worst-case error of {budget.tool!r} [mm]")
         footnote(figure, budget.accuracy)
     return figure
-
-
-# Figure of an allocation: which clearance each joint gets, and what it adds to the error.
 
 
 def allocation(allotment: Allocation) -> Figure:
@@ -381,9 +372,6 @@ def _note(figure: Figure, performance: Iso9283) -> None:
     footnote(figure, text)
 
 
-# Figure of wear: the tool's error and the joints' clearances over the cycles.
-
-
 def wear_course(estimate: Maintenance) -> Figure:
     """The tool's error up to its tolerance, and each joint's growth of clearance."""
     aside = np.sqrt(np.cumsum(np.nan_to_num(estimate.scatter) ** 2))
@@ -418,9 +406,6 @@ def wear_course(estimate: Maintenance) -> Figure:
     return figure
 
 
-# Figure of a reduced joint: motor against link through reversals, full model and reduced.
-
-
 def reversals(reduction: Reduction) -> Figure:
     """The lag of the link behind the motor in time, and over the motor's angle (hysteresis)."""
     past = reduction.history
@@ -446,9 +431,6 @@ def reversals(reduction: Reduction) -> Figure:
             f"RMS difference {1e6 * reduction.angle_rms:.3g} urad; dotted: the dead band",
         )
     return figure
-
-
-# Figure of a dynamic budget: each joint alone, all together, and the shares.
 
 
 def share_bars(budget: DynamicBudget) -> Figure:

@@ -15,13 +15,13 @@ from jointplay import analysis
 from jointplay.core.errors import JointplayError, MissingName
 from jointplay.geometry import Form, Mode
 from jointplay.loads.terms import TERMS
+from jointplay.plots.palette import MODE_COLOURS
 from jointplay.plots.style import (
     AXIS_COLOURS,
     COLOURS,
     COMPONENTS,
     CONTACT_COLOURS,
     MARKERS,
-    MODE_COLOURS,
     MODE_NAMES,
     Drawing,
     contact_line,
@@ -33,9 +33,6 @@ from jointplay.plots.style import (
     timeline,
 )
 from jointplay.result.result import AXES, Result
-
-# Plots of the joints with clearance of one run: orbit, gaps, contacts, modes, impacts.
-
 
 _TICKS = 5
 """Intervals between the ticks of an orbit, at most."""
@@ -197,9 +194,6 @@ class JointPlots(Drawing):
         return figure_of(panel)
 
 
-# Plots of the tool of one run: path, speed, deviation, vibration.
-
-
 class ToolPlots(Drawing):
     """Plots of the tool."""
 
@@ -246,9 +240,6 @@ class ToolPlots(Drawing):
             axis: x, y, z, total, or None for x, y and z.
             ideal: the ideal robot's run; None simulates it (`analysis.twin`).
             of: one of `analysis.tool_error.TOOL_MOTIONS`.
-            ax: see the class.
-            style: see the class.
-            line: see the class.
         """
         if not analysis.has_play(self.result):
             raise JointplayError(
@@ -295,9 +286,6 @@ class ToolPlots(Drawing):
             ideal: ideal run whose motion is subtracted; needed for ``deviation``.
             of: ``acceleration`` or ``deviation``.
             start: records before this are left out [s]; None: before the run is judged.
-            ax: see the class.
-            style: see the class.
-            line: see the class.
         """
         if axis is not None and axis not in COMPONENTS:
             raise MissingName("axis", axis, COMPONENTS)
@@ -319,8 +307,6 @@ class ToolPlots(Drawing):
         return figure_of(panel)
 
 
-# `result.plot`: every quantity of one run, each drawn into one pair of axes.
-#
 # Figures of several cases are made of the same methods; see `jointplay.plots.figures`.
 
 
@@ -372,9 +358,6 @@ class Plots(ToolPlots, JointPlots):
             names: of coordinates, all of them with the same unit; None takes those of the joints
                 without clearance that turn, or if there are none those that slide.
             of: ``q`` [rad or m], ``v`` [rad/s or m/s] or ``drive`` [N m or N].
-            ax: see the class.
-            style: see the class.
-            line: see the class.
         """
         units = {
             "q": {"rad": "rad", "m": "m"},
@@ -427,9 +410,6 @@ class Plots(ToolPlots, JointPlots):
         Args:
             axis: x, y, z, total, or None for x, y and z.
             joint: a clearance joint, or for an ideal run any moving joint; None takes the first.
-            ax: see the class.
-            style: see the class.
-            line: see the class.
         """
         if self.result.joints:
             forces = self.result["joint_force_peak"].sel(joint=self._joint("forces", joint))

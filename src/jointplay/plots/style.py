@@ -22,26 +22,8 @@ from matplotlib.ticker import LogFormatterSciNotation
 
 from jointplay.core import files
 from jointplay.core.errors import JointplayError, MissingName
-from jointplay.plots.palette import AXIS_COLOURS, COLOURS, MODE_COLOURS
+from jointplay.plots.palette import AXIS_COLOURS, COLOURS
 from jointplay.result.result import AXES, Result
-
-# One look and one palette for every figure, on screen and in print.
-
-
-__all__ = [
-    "AXIS_COLOURS",
-    "COLOURS",
-    "MODE_COLOURS",
-    "SIZES",
-    "STYLES",
-    "StyledFigure",
-    "footnote",
-    "listed",
-    "literal",
-    "logarithmic",
-    "new_figure",
-    "style",
-]
 
 _SMALL_PRINT, _LETTERS_AN_INCH = 5.5, 24
 """Size of footnotes [pt], and how many of their letters stand side by side."""

@@ -106,12 +106,7 @@ def load(
 
 
 def build(results: Mapping[str, Result], say: Say) -> list[Case]:
-    """Find or simulate the ideal references.
-
-    Args:
-        results: by label.
-        say: told what is being simulated.
-    """
+    """Find or simulate the ideal references."""
     cases = [Case(label, result, colour) for label, result, colour in coloured(results)]
     for case in cases:
         if not analysis.has_play(case.result):
@@ -121,13 +116,7 @@ def build(results: Mapping[str, Result], say: Say) -> list[Case]:
 
 
 def follow_impacts(cases: Iterable[Case], number: int, say: Say) -> None:
-    """Repeat the runs, and keep the largest impacts of each step by step.
-
-    Args:
-        cases: which get them.
-        number: how many of each case.
-        say: told what is being repeated.
-    """
+    """Repeat the runs, and keep the largest impacts of each step by step."""
     for case in cases:
         if case.joints and number:
             _follow(case, number, say)

@@ -14,7 +14,8 @@ from jointplay.analysis.spectra import TooShort
 from jointplay.geometry import Mode
 from jointplay.plots.figures import force_joints, is_paper, plane_of
 from jointplay.plots.names import PAPER
-from jointplay.plots.style import CONTACT_COLOURS, MODE_COLOURS, MODE_NAMES
+from jointplay.plots.palette import MODE_COLOURS
+from jointplay.plots.style import CONTACT_COLOURS, MODE_NAMES
 from jointplay.reports.cases import Case
 from jointplay.result.result import AXES, Result
 

@@ -478,9 +478,6 @@ def spectra(cases: Sequence[Case], start: float) -> Html:
     return joined([*parts, paragraph(note), bullets(made)])
 
 
-# The first table: one row for each case with the figures that matter most.
-
-
 def glance(cases: Sequence[Case], start: float) -> Html:
     """One row for each case with the figures that matter most."""
     head = [

@@ -48,13 +48,6 @@ def write(
 ) -> list[Path]:
     """Write a report on a sweep.
 
-    Args:
-        store: of `jointplay sweep`.
-        path: the page, ending in .html; the figures' PDF gets the same name with .pdf.
-        title: of the page.
-        pdf: write the PDF too.
-        say: told what is being done.
-
     Returns:
         The files written.
 

@@ -274,10 +274,6 @@ def out_of_range(mechanism: Mechanism, statistics: Mapping[str, np.ndarray]) -> 
     """Say in what a run left the range of its normal-force and film laws, a line each.
 
     Afterwards, from the deepest penetration and the fastest approach of each contact that began.
-
-    Args:
-        mechanism: what was simulated.
-        statistics: `Workspace.contact_statistics`.
     """
     lines: dict[str, None] = {}  # a set that keeps its order
     for j, (name, joint) in enumerate(mechanism.clearance.items()):
@@ -372,28 +368,16 @@ class Auditor:
             effort: of drives and controllers (n, nv).
             elastic: energy stored in contacts, gears and loads [J].
         """
-        for begin in range(0, records.rows, PORTION):
-            at = slice(begin, begin + PORTION)
-            self._look(
-                records.part(begin, begin + PORTION),
-                [values[at] for values in energies],
-                work[at],
-                residual[at],
-                drift[at] if len(drift) else drift,
-                effort[at],
-                elastic[at],
-            )
-
-    def _look(
-        self,
-        records: Records,
-        energies: Sequence[np.ndarray],
-        work: np.ndarray,
-        residual: np.ndarray,
-        drift: np.ndarray,
-        effort: np.ndarray,
-        elastic: np.ndarray,
-    ) -> None:
+        if not 0 < records.rows <= PORTION:
+            for begin in range(0, records.rows, PORTION):
+                at = slice(begin, begin + PORTION)
+                given = (work, residual, drift, effort, elastic)
+                self.watch(
+                    records.part(begin, begin + PORTION),
+                    [values[at] for values in energies],
+                    *(values[at] for values in given),
+                )
+            return
         q = records.recorded("q")
         if self._start is None:
             self._start = q[0].copy()

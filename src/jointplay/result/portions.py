@@ -54,11 +54,6 @@ class Growing:
         known.min_size, known.max_size = INDEX_BYTES, INDEX_BYTES
         self._h5.id.set_mdc_config(known)
 
-    @property
-    def index_bytes(self) -> int:
-        """Of where the chunks are in the file so much is in memory [bytes]."""
-        return int(self._h5.id.get_mdc_size()[2])
-
     def append(self, records: xr.Dataset) -> None:
         """Append the next records.
 

@@ -234,9 +234,6 @@ def _wrong(path: Path, what: str) -> JointplayError:
     return JointplayError(f"{str(path)!r} is damaged or not a result: {' '.join(what.split())}")
 
 
-# With what a result was made.
-
-
 def versions() -> dict[str, str]:
     """Versions of this package, Python and the libraries that enter a result."""
     return dict(_versions())

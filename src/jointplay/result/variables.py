@@ -165,9 +165,6 @@ class Acting:
         return Pushes(efforts, tuple(bodies), given)
 
 
-# What histories are made of: motion of the bodies, contacts, forces of ideal joints.
-
-
 @dataclass(frozen=True)
 class Phase:
     """A stretch of a run in which the bodies keep their inertias."""

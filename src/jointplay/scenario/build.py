@@ -349,9 +349,6 @@ def complete(
     return added.motion, added.told()
 
 
-# From a checked scenario to the simulation that it describes.
-
-
 def build(model: Model, folder: Path, built: Built) -> tuple[Simulation, list[str]]:
     """Simulation that `model` describes; its paths are relative to `folder`.
 

@@ -150,12 +150,7 @@ _STILL = 1e-6
 
 
 def undetermined(mechanism: Mechanism, q: np.ndarray) -> np.ndarray:
-    """Motions that cost no energy, one a column, shape (nv, n); none in a sound mechanism.
-
-    Args:
-        mechanism: whose inertias are looked at.
-        q: configuration, shape (nq,).
-    """
+    """Motions that cost no energy, one a column, shape (nv, n); none in a sound mechanism."""
     model = mechanism.model
     if not model.nv:
         raise JointplayError("nothing can move: the mechanism has no joint that is not fixed")
@@ -171,12 +166,7 @@ def undetermined(mechanism: Mechanism, q: np.ndarray) -> np.ndarray:
 
 
 def require_inertia(mechanism: Mechanism, q: np.ndarray) -> None:
-    """Raise if joints move links that nothing gives inertia; all of them are named.
-
-    Args:
-        mechanism: what shall be simulated.
-        q: configuration, shape (nq,).
-    """
+    """Raise if joints move links that nothing gives inertia; all of them are named."""
     motions = undetermined(mechanism, q)
     if not motions.size:
         return

@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from jointplay.result.result import Result
     from jointplay.simulation.simulation import Simulation
 
-__all__ = ["EnsembleInterrupted", "ensemble"]
 
 Item = TypeVar("Item")
 Value = TypeVar("Value")

@@ -159,11 +159,6 @@ def _named(mechanism: Mechanism, name: str, followed: Sequence[str]) -> list[int
 def place(simulation: Simulation, mechanism: Mechanism, followed: Sequence[str]) -> Start:
     """Loops closed, journals centred or where they were given, and speeds that fit.
 
-    Args:
-        simulation: has `state` and motion.
-        mechanism: what is placed.
-        followed: joints whose drives follow the motion.
-
     Raises:
         JointplayError: a state of what does not exist, follows the motion, or does not fit.
     """
@@ -202,17 +197,7 @@ def rest(
     friction: Mapping[str, JointFriction],
     loads: StandingLoads,
 ) -> Rest:
-    """Where the machine stands; see `statics`.
-
-    Args:
-        simulation: has the motion.
-        start: journals centred.
-        bodies: the mechanism's model, payloads in hand.
-        workspace: with the state of `start`.
-        drives: of every moving joint.
-        friction: by joint.
-        loads: what else acts.
-    """
+    """Where the machine stands; see `statics`."""
     mechanism = start.mechanism
     along = np.zeros(bodies.nv)
     if simulation.motion is not None:

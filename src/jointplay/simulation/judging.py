@@ -10,7 +10,7 @@ import numpy as np
 
 from jointplay.core.errors import JointplayError, require_non_negative
 from jointplay.motion.reference import Motion
-from jointplay.result.judging import after_start_up
+from jointplay.result.judging import START_UP
 
 if TYPE_CHECKING:
     from jointplay.simulation.simulation import Simulation
@@ -42,7 +42,8 @@ def judged_from(simulation: Simulation) -> float:
         start = settled(simulation, simulation.settle, duration)
     else:
         falls = not simulation.stands or simulation.seed is not None
-        return after_start_up(duration, falls and bool(simulation.mechanism.clearance))
+        falls = falls and bool(simulation.mechanism.clearance)
+        return START_UP if falls and duration > 2.0 * START_UP else 0.0
     if start >= duration:
         raise JointplayError(
             f"figures would be judged from {start:g} s on, but the run ends at {duration:g} s"

@@ -22,9 +22,6 @@ from jointplay.mechanism.urdf import MOST_LETTERS
 from jointplay.result.variables import Phase
 from jointplay.simulation.loop import TimeLoop
 
-# From the loads of a simulation to what the kernels know of them, and who samples when.
-
-
 LARGEST_STEP_TURN = 1.0
 """Step times natural frequency of springs above which it is refused: 6 steps a period [rad]."""
 
@@ -190,9 +187,6 @@ class Sampling:
                 seen = list(site.seen)
                 torques = load.torques(sampler, w.time, q[seen].copy(), v[seen].copy())
                 hold(site.numbers, w.time, torques, jumps)
-
-
-# What happens to the bodies during a run: payloads are picked up and released.
 
 
 class Events:
@@ -422,9 +416,6 @@ def _axis(mechanism: Mechanism, name: str) -> tuple[int, np.ndarray, bool]:
     local = pin.getJointJacobian(model, data, index, pin.ReferenceFrame.LOCAL)
     column = local.reshape(6, model.nv)[:, model.joints[index].idx_v]
     return index, column[:3] if slides else column[3:], slides
-
-
-# What looks at a run between its steps: sampled controllers, friction that follows forces.
 
 
 class Watch:

@@ -17,9 +17,6 @@ from jointplay.kernel.workspace import Workspace
 from jointplay.mechanism.loop import PROXIMAL
 from jointplay.mechanism.tree import Frame, Tree
 
-# The time loop between two events: who calls Pinocchio when, and the kernels in between.
-
-
 LOOP_CORRECTION = 0.1
 """Frequency of Baumgarte's stabilisation of ideal loops, times the step; of single-rate methods."""
 
@@ -386,9 +383,6 @@ class Adaptive(MultiRate):
         if moved == 0.0:
             return 0.0
         return max(size(one[1] - other[1]), size(one[0] - other[0]) / span) / moved
-
-
-# Explicit methods: Pinocchio at every stage.
 
 
 class SingleRate(TimeLoop):

@@ -60,9 +60,6 @@ CHUNK = 2000
 """Steps between two looks at the clock and the keyboard, at most."""
 
 
-# How a run ended, in words.
-
-
 def message(
     mechanism: Mechanism, workspace: Workspace, status: Status, loads: Sequence[str] = ()
 ) -> str:
@@ -100,9 +97,6 @@ def message(
             )
             remedy = "correct the law"
     return f"stopped {at}: {what}; {remedy}. State: {state}"
-
-
-# One instant of a run, to be read.
 
 
 @dataclass(frozen=True)
@@ -211,9 +205,6 @@ def moment_of(
     for array, values in zip(workspace.state(), kept, strict=True):
         np.copyto(array, values)
     return moment
-
-
-# A run: a simulation made ready to step, that one can hold, watch and continue.
 
 
 class Run:

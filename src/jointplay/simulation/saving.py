@@ -54,13 +54,6 @@ def run_and_save(
 ) -> tuple[Status, Result | None]:
     """Run and save; told to stop, the run is saved as far as it came, with a checkpoint beside it.
 
-    Args:
-        run: made ready, or continued.
-        path: the file.
-        progress: show a bar.
-        notes: further attributes of the file.
-        overwrite: whether a file of that name is replaced.
-
     Returns:
         How it ended, and the result; None of a run whose records are on disk: the file has it.
 

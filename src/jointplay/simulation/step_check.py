@@ -75,12 +75,6 @@ def step_error(
 
     A method of the order p is off by d / (2^p - 1) if twice the step changes it by d. Here p is 1,
     or what the changes by twice and half the step say, at most 4: rattling gears have no order.
-
-    Args:
-        run: the run.
-        result: what it gave.
-        start: q and v at its start.
-        progress: show bars.
     """
     try:
         coarse = _difference(run, result, start, 2.0, progress)

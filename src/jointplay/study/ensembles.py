@@ -14,10 +14,11 @@ from typing import Any
 
 from tqdm import tqdm
 
-from jointplay.analysis.claims import ISOLATED, START_UP, Measures, Verdict, judge
+from jointplay.analysis.claims import ISOLATED, Measures, Verdict, judge
 from jointplay.core import files
 from jointplay.core.processes import Pool, number_of
 from jointplay.mechanism.urdf import GRAVITY
+from jointplay.result.judging import START_UP
 from jointplay.result.stored import versions
 from jointplay.simulation.initial import PERTURBATION
 from jointplay.study.cases import CASES, CONDITIONS, VARIANTS, Condition, explicit, perturbed
@@ -59,13 +60,8 @@ class Ensembles:
     def started(self, others: Sequence[str] = ()) -> Iterator[Future[None]]:
         """Run in the background while the block runs; Ctrl-C in the block ends the processes.
 
-        Whatever the block is doing, each run is kept and written to the table when it is done.
-
-        Args:
-            others: cases that are also run by the explicit method, see `explicit`.
-
-        Yields:
-            What `wait` waits for.
+        Whatever the block is doing, each run is kept and written to the table when it is done. The
+        cases `others` are also run by the explicit method. Yields what `wait` waits for.
         """
         self._others = list(others)
         kept = f"the runs so far are in {str(self.table)!r}"

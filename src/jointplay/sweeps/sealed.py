@@ -206,11 +206,6 @@ def damaged(path: Path, words: str) -> JointplayError:
 def kind(name: str, array: Mapping[str, Any], attributes: Mapping[str, Any]) -> str:
     """What an array is.
 
-    Args:
-        name: of the array.
-        array: its metadata.
-        attributes: of the store.
-
     Returns:
         ``coordinate`` for values of the sweep's dimensions, ``cases`` for what is kept of the
         cases, ``labels`` for what histories have along their own dimensions.
@@ -348,10 +343,6 @@ def _file(root: Path, key: str, most: int) -> bytes:
 
 def _check_chunk(content: bytes, array: Mapping[str, Any] | None) -> None:
     """Refuse a chunk that has changed, or is not of its array's size.
-
-    Args:
-        content: of its file.
-        array: metadata of its array; None if they are damaged.
 
     Raises:
         ValueError: why.

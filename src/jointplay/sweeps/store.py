@@ -115,12 +115,6 @@ def write(store: Store, name: str, index: Index, history: History) -> None:
         JointplayError: it was recorded at other times than those of the cases before.
 
     A chunk is one case, so that writing it again, after a kill, gives what it was.
-
-    Args:
-        store: where.
-        name: of the variable.
-        index: the case.
-        history: its values; without attributes if the case does not have the variable.
     """
     if not history.attrs:
         return
@@ -170,8 +164,6 @@ def _places(store: Store, dimension: str, history: History) -> np.ndarray:
     return np.array([known.index(label) for label in own], int)
 
 
-# The store of a sweep: labelled Zarr arrays over its dimensions, and a journal of what is done.
-#
 # A finished case is one line of the journal. The arrays are filled from it now and then, and at
 # the end; filled again, they are what they were. So whatever is killed, and whenever, nothing
 # that was finished is lost: the journal is emptied only when all that it says is in the arrays
@@ -335,14 +327,8 @@ class Store:
         """Have what is damaged written again, or the cases run again whose numbers it held.
 
         Killed at any moment it is done again: what is damaged goes only when the states on disk
-        and the journal say that its cases have not been run.
-
-        Args:
-            hurt: what `sealed.survey` has found.
-            attrs: of the store.
-
-        Returns:
-            Whether that can be; otherwise all has to be made anew.
+        and the journal say that its cases have not been run. Returns whether that can be;
+        otherwise all has to be made anew.
         """
         root = sealed.metadata(self.path, ROOT)
         arrays = (root.get("consolidated_metadata") or {}).get("metadata", {})
@@ -382,13 +368,7 @@ class Store:
         return True
 
     def _forget(self, again: np.ndarray, gone: Sequence[Path], journal: Path) -> None:
-        """Have cases count as not run, then delete the chunks in which they are damaged.
-
-        Args:
-            again: which cases.
-            gone: the chunks; those of the states first, then those of the errors.
-            journal: in which they may stand too.
-        """
+        """Have cases count as not run, then delete the chunks in which they are damaged."""
         if files.is_file(journal):
             found = [e for e, _ in entries(journal.read_bytes())]
             kept = [e for e in found if (o := outcome_of(e, again.shape)) and not again[o.index]]

@@ -34,12 +34,7 @@ PREFIXES = (("m", 1e-3, "mm"), ("m", 1e-6, "µm"), ("Pa", 1e9, "GPa"), ("s", 1e-
 
 
 def table(dataset: xr.Dataset, rows: int = 20) -> str:
-    """Means over repeats and samples at each point of the grid, and what failed, in lines.
-
-    Args:
-        dataset: of `open_sweep`.
-        rows: points that are shown.
-    """
+    """Means over repeats and samples at each point of the grid, and what failed, in lines."""
     state = dataset["state"].values
     dims = [d for d in dataset.attrs["sizes"] if d not in (SAMPLE, REPEAT)]
     over = [d for d in dataset.attrs["sizes"] if d in (SAMPLE, REPEAT)]
