@@ -9,7 +9,6 @@ that are killed takes the real ones.
 import fcntl
 import functools
 import os
-import signal
 import socket
 import subprocess
 import sys
@@ -109,7 +108,7 @@ def compile_in_turn() -> None:
 
 
 class Process(subprocess.Popen):
-    """One of the two commands; it is the copy that is killed."""
+    """One of the two commands; signals go to the copy at once."""
 
     @functools.cached_property
     def copy(self) -> int:
@@ -120,10 +119,11 @@ class Process(subprocess.Popen):
             time.sleep(0.001)
         return int(place.read_text())
 
-    def kill(self) -> None:
-        """Kill the copy, by whose end this process ends."""
-        with suppress(ProcessLookupError, AssertionError):
-            os.kill(self.copy, signal.SIGKILL)
+    def send_signal(self, sig: int) -> None:
+        """Send it to the copy, by whose end this process ends."""
+        with suppress(ProcessLookupError):
+            if self.poll() is None:
+                os.kill(self.copy, sig)
 
 
 class System:
