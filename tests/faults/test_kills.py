@@ -16,6 +16,7 @@ import pytest
 from warm import JOINTPLAY, PYTHON, Process
 
 import jointplay as jp
+from jointplay.core import signals
 from jointplay.kernel import Status
 
 PATIENCE_S = 900.0
@@ -331,3 +332,15 @@ def test_the_rest_of_a_killed_run_is_called_that(left, word, tmp_path):
     assert status == 2
     assert f"is {word}, left by a run that was killed" in err
     assert "delete it, or name another folder" in err
+
+
+def test_a_signal_in_the_midst_of_a_write_is_answered_all_the_same(monkeypatch, capfd):
+    class Busy:
+        def write(self, text):
+            raise RuntimeError("reentrant call inside <_io.BufferedWriter name='<stderr>'>")
+
+        flush = write
+
+    monkeypatch.setattr(sys, "stderr", Busy())
+    signals.say("stopping")
+    assert capfd.readouterr().err == "\nstopping\n"

@@ -6,6 +6,7 @@ gives up what is not yet saved, and says so.
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
 import threading
@@ -74,7 +75,10 @@ def _told(*_: Any) -> None:
 def say(text: str) -> None:
     """Tell the user, if there is anyone to be told."""
     with suppress(OSError, ValueError, AttributeError):  # closed, full, or none
-        print(f"\n{text}", file=sys.stderr, flush=True)
+        try:
+            print(f"\n{text}", file=sys.stderr, flush=True)
+        except RuntimeError:  # a signal came while a bar was being written
+            os.write(sys.__stderr__.fileno() if sys.__stderr__ else 2, f"\n{text}\n".encode())
 
 
 @contextmanager
