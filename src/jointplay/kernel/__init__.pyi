@@ -4,7 +4,7 @@ from .layout import MIN_APPROACH_SPEED as MIN_APPROACH_SPEED
 from .words import AZIMUTHS as AZIMUTHS
 from .words import JOINT_FRICTION_SPEED as JOINT_FRICTION_SPEED
 from .words import POWERS as POWERS
-from .words import THERE as THERE
+from .words import REACHED as REACHED
 from .words import WELL_RESOLVED_STEPS as WELL_RESOLVED_STEPS
 from .words import Command as Command
 from .words import Status as Status

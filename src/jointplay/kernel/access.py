@@ -88,14 +88,14 @@ def bodies(run):
 
 
 @internal
-def holds(run):
+def held_pairs(run):
     """Records of the points held together."""
     return carray(_hold(run.holds), (run.nh,))
 
 
 @internal
-def fail(run, status, contact):
-    """Keep the first failure: what follows it only echoes it."""
+def record_failure(run, status, contact):
+    """Keep the first failure: later ones follow from it."""
     if run.status == 0:
         run.status = status
         run.bad_contact = contact

@@ -11,14 +11,14 @@ import math
 
 from jointplay.core.compiler import internal
 from jointplay.kernel.access import bodies, floats
-from jointplay.kernel.frames import add, along, cross, put, scale, vector
+from jointplay.kernel.frames import add, add_scaled, cross, get_vector, scale, set_vector
 
 
 @internal
-def times(columns, x, y, z):
+def matrix_times_vector(columns, x, y, z):
     """Matrix, given by its nine numbers column by column, times a vector."""
-    first = along(scale(x, vector(columns, 0)), y, vector(columns, 3))
-    return along(first, z, vector(columns, 6))
+    first = add_scaled(scale(x, get_vector(columns, 0)), y, get_vector(columns, 3))
+    return add_scaled(first, z, get_vector(columns, 6))
 
 
 @internal
@@ -32,48 +32,50 @@ def place_bodies(run, q):
         body = every[b]
         parent, turn, i = every[body.parent], body.turn, body.coordinate
         origin = add(
-            vector(parent.origin, 0),
-            times(parent.rotation, body.shift[0], body.shift[1], body.shift[2]),
+            get_vector(parent.origin, 0),
+            matrix_times_vector(parent.rotation, body.shift[0], body.shift[1], body.shift[2]),
         )
-        x = times(parent.rotation, turn[0], turn[3], turn[6])
-        y = times(parent.rotation, turn[1], turn[4], turn[7])
-        axis = times(parent.rotation, turn[2], turn[5], turn[8])
+        x = matrix_times_vector(parent.rotation, turn[0], turn[3], turn[6])
+        y = matrix_times_vector(parent.rotation, turn[1], turn[4], turn[7])
+        axis = matrix_times_vector(parent.rotation, turn[2], turn[5], turn[8])
         if body.slides != 0:
-            origin = along(origin, q[i], axis)
-            put(columns, 6 * i, axis)
+            origin = add_scaled(origin, q[i], axis)
+            set_vector(columns, 6 * i, axis)
         else:
             c, s = math.cos(q[i]), math.sin(q[i])
-            x, y = along(scale(c, x), s, y), along(scale(c, y), -s, x)
-            put(columns, 6 * i, cross(origin, axis))
-            put(columns, 6 * i + 3, axis)
-        put(body.rotation, 0, x)
-        put(body.rotation, 3, y)
-        put(body.rotation, 6, axis)
-        put(body.origin, 0, origin)
+            x, y = add_scaled(scale(c, x), s, y), add_scaled(scale(c, y), -s, x)
+            set_vector(columns, 6 * i, cross(origin, axis))
+            set_vector(columns, 6 * i + 3, axis)
+        set_vector(body.rotation, 0, x)
+        set_vector(body.rotation, 3, y)
+        set_vector(body.rotation, 6, axis)
+        set_vector(body.origin, 0, origin)
 
 
 @internal
-def lifted(body, arm):
-    """Acceleration at constant speeds of a point `arm` from a body's origin."""
-    omega = vector(body.omega, 0)
-    turning = cross(vector(body.alpha, 0), arm)
-    return add(vector(body.lift, 0), add(turning, cross(omega, cross(omega, arm))))
+def point_acceleration(body, arm):
+    """Acceleration of a point at `arm` from a body's origin, at constant generalised velocities."""
+    omega = get_vector(body.omega, 0)
+    turning = cross(get_vector(body.alpha, 0), arm)
+    return add(get_vector(body.lift, 0), add(turning, cross(omega, cross(omega, arm))))
 
 
 @internal
-def swing_bodies(run, v):
+def find_body_rates(run, v):
     """Angular velocities of the bodies just placed, and accelerations at constant speeds v."""
     every = bodies(run)
     for b in range(1, run.nb):
         body = every[b]
         parent, rate = every[body.parent], v[body.coordinate]
-        axis, omega = vector(body.rotation, 6), vector(parent.omega, 0)
-        lift = lifted(parent, along(vector(body.origin, 0), -1.0, vector(parent.origin, 0)))
-        alpha, across = vector(parent.alpha, 0), scale(rate, cross(omega, axis))
+        axis, omega = get_vector(body.rotation, 6), get_vector(parent.omega, 0)
+        lift = point_acceleration(
+            parent, add_scaled(get_vector(body.origin, 0), -1.0, get_vector(parent.origin, 0))
+        )
+        alpha, across = get_vector(parent.alpha, 0), scale(rate, cross(omega, axis))
         if body.slides != 0:
-            lift = along(lift, 2.0, across)
+            lift = add_scaled(lift, 2.0, across)
         else:
-            omega, alpha = along(omega, rate, axis), add(alpha, across)
-        put(body.omega, 0, omega)
-        put(body.alpha, 0, alpha)
-        put(body.lift, 0, lift)
+            omega, alpha = add_scaled(omega, rate, axis), add(alpha, across)
+        set_vector(body.omega, 0, omega)
+        set_vector(body.alpha, 0, alpha)
+        set_vector(body.lift, 0, lift)

@@ -1,8 +1,8 @@
-"""One joint's contacts: where they touch, what they answer to a velocity, what they remember.
+"""One joint's contacts: gaps, forces and their slopes, and the state that outlasts a step.
 
-`touch` finds the gaps (eqs 4-9) of a pose. `respond` gives the joint's wrench for the twist that it
-meets (eqs 18-21) and, for the velocity solve, how the wrench changes with the twist. `remember`
-then makes the state one of the trajectory.
+`find_gaps` finds the gaps (eqs 4-9) of a pose. `add_contact_forces` adds the contact forces at the
+joint's twist to its wrench (eqs 18-21), `add_contact_slope` the derivative of the wrench by the
+twist, for the velocity solve. `commit_contacts` accepts the state as one of the trajectory.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from jointplay.contact.calls import call_bristle, call_friction, call_normal
 from jointplay.core.compiler import address_of, internal, pointer
 from jointplay.geometry import Shape, touch_cylinder
 from jointplay.geometry import touch as touch_shape
-from jointplay.kernel.access import contacts, fail, matrix
-from jointplay.kernel.frames import add, along, cross, dot, length, put, scale, vector
+from jointplay.kernel.access import contacts, matrix, record_failure
+from jointplay.kernel.frames import add, add_scaled, cross, dot, get_vector, norm, scale, set_vector
 from jointplay.kernel.layout import FRICTION, MIN_APPROACH_SPEED, NORMAL, STORED
 from jointplay.kernel.words import AZIMUTHS, WELL_RESOLVED_STEPS, Status
 
@@ -29,7 +29,7 @@ _LEAST_DIFFERENCE = 1e-9
 
 
 @internal
-def _place(joint, k):
+def _contact_place(joint, k):
     """Gap of contact k at the joint's pose, its arm (3) and direction (3)."""
     pose, dimensions = joint.pose, pointer(joint.dimensions)
     if joint.shape == _CYLINDER:
@@ -41,13 +41,13 @@ def _place(joint, k):
 
 
 @internal
-def gap_of(joint, k):
+def contact_gap(joint, k):
     """Gap of contact k at the joint's pose."""
-    return _place(joint, k)[0]
+    return _contact_place(joint, k)[0]
 
 
 @internal
-def touch(run, j, joint):
+def find_gaps(run, j, joint):
     """Find gap, place and normal of each contact of joint j; returns whether any touches.
 
     Elastic forces follow, for they depend on the depth alone.
@@ -55,34 +55,34 @@ def touch(run, j, joint):
     touching = False
     for k in range(joint.count):
         contact = contacts(run, j)[k]
-        gap, rx, ry, rz, nx, ny, nz = _place(joint, k)
+        gap, rx, ry, rz, nx, ny, nz = _contact_place(joint, k)
         contact.gap = gap
         contact.touching = 0
         if gap >= 0.0:
             continue
         if gap < joint.limit:
-            fail(run, _BROKE_OUT, run.width * j + k)
+            record_failure(run, _BROKE_OUT, run.width * j + k)
             continue
         if k < joint.must_not_touch:
-            fail(run, _FILM_BROKE, run.width * j + k)
+            record_failure(run, _FILM_BROKE, run.width * j + k)
             continue
         contact.touching = 1
         touching = True
-        put(contact.arm, 0, (rx, ry, rz))
-        put(contact.direction, 0, (nx, ny, nz))
+        set_vector(contact.arm, 0, (rx, ry, rz))
+        set_vector(contact.direction, 0, (nx, ny, nz))
         law = address_of(contact.parameters)
         contact.elastic = call_normal(joint.normal_law, (-gap, 0.0, 1.0, law))
     return touching
 
 
 @internal
-def _meet(joint, contact):
+def _find_contact_velocity(joint, contact):
     """Rate of penetration, sliding velocity and its magnitude at a contact, from the twist."""
-    arm, normal = vector(contact.arm, 0), vector(contact.direction, 0)
-    velocity = add(vector(joint.twist, 0), cross(vector(joint.twist, 3), arm))
+    arm, normal = get_vector(contact.arm, 0), get_vector(contact.direction, 0)
+    velocity = add(get_vector(joint.twist, 0), cross(get_vector(joint.twist, 3), arm))
     rate = -dot(normal, velocity)
-    slip = along(velocity, rate, normal)
-    return rate, slip, length(slip)
+    slip = add_scaled(velocity, rate, normal)
+    return rate, slip, norm(slip)
 
 
 @internal
@@ -110,15 +110,15 @@ def _normal_force(joint, contact, rate):
 
 
 @internal
-def _ask_bristles(run, joint, contact, speed, normal, dwell):
-    """Let the law with bristles write its numbers, see `BristleLaw`, into `law_numbers`."""
+def _evaluate_bristle_law(run, joint, contact, speed, normal, dwell):
+    """Evaluate the bristle law (see `BristleLaw`) into `law_numbers`."""
     law, out = address_of(joint.friction_parameters), address_of(run.law_numbers)
     call_bristle(joint.friction_law, (speed, normal, dwell, law, out))
 
 
 @internal
-def bend(run, j, joint, elapsed):
-    """Bend the bristles of joint j for `elapsed` seconds at the velocities of its twist.
+def advance_bristles(run, j, joint, elapsed):
+    """Integrate the bristle deflections of joint j over `elapsed` [s] at the present twist.
 
     They bend from where the last step left them: dz/dt = A v - r z, exactly for constant v.
     """
@@ -126,52 +126,54 @@ def bend(run, j, joint, elapsed):
         contact = contacts(run, j)[k]
         if contact.touching == 0:
             continue
-        rate, slip, speed = _meet(joint, contact)
+        rate, slip, speed = _find_contact_velocity(joint, contact)
         normal, _, _ = _normal_force(joint, contact, rate)
-        _ask_bristles(run, joint, contact, speed, normal, contact.dwell)
+        _evaluate_bristle_law(run, joint, contact, speed, normal, contact.dwell)
         out = run.law_numbers
         contact.dwell_now = out[6] + (contact.dwell - out[6]) * math.exp(-out[7] * elapsed)
-        direction = vector(contact.direction, 0)
-        z = vector(contact.bend, 0)
-        z = along(z, -dot(direction, z), direction)
+        direction = get_vector(contact.direction, 0)
+        z = get_vector(contact.bend, 0)
+        z = add_scaled(z, -dot(direction, z), direction)
         left = math.exp(-out[1] * elapsed)
         gain = out[0] * (elapsed if out[1] * elapsed < 1e-9 else (1.0 - left) / out[1])
-        put(contact.bent, 0, add(scale(left, z), scale(gain, slip)))
+        set_vector(contact.bent, 0, add(scale(left, z), scale(gain, slip)))
 
 
 @internal
-def _bristles_hold(run, joint, contact, normal, slip, speed):
+def _bristle_force(run, joint, contact, normal, slip, speed):
     """Force of the bristles: -(k z + d (A v - r z)), no longer than the cap, and - c v.
 
     With it, how it falls with velocities across it.
     """
-    _ask_bristles(run, joint, contact, speed, normal, contact.dwell_now)
+    _evaluate_bristle_law(run, joint, contact, speed, normal, contact.dwell_now)
     out = run.law_numbers
     damper = out[3] * out[0]
     pull = out[2] - out[3] * out[1]
-    force = add(scale(-pull, vector(contact.bent, 0)), scale(-damper, slip))
-    size = length(force)
+    force = add(scale(-pull, get_vector(contact.bent, 0)), scale(-damper, slip))
+    size = norm(force)
     if size > out[5]:
         force = scale(out[5] / size, force)
         damper *= out[5] / size
-    return along(force, -out[4], slip), damper + out[4]
+    return add_scaled(force, -out[4], slip), damper + out[4]
 
 
 @internal
-def _bristles_slope(run, joint, contact, slip):
+def _bristle_slope(run, joint, contact, slip):
     """Direction of sliding, the bristles' force per velocity along it, and its fall across."""
     speed, normal = contact.speed, contact.normal_now
     more = speed * _DIFFERENCE + _LEAST_DIFFERENCE
-    force, across = _bristles_hold(run, joint, contact, normal, slip, speed)
+    force, across = _bristle_force(run, joint, contact, normal, slip, speed)
     if speed <= 0.0:
         return (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), across
     t = scale(1.0 / speed, slip)
-    further, _ = _bristles_hold(run, joint, contact, normal, along(slip, more, t), speed + more)
-    return t, scale(1.0 / more, along(further, -1.0, force)), across
+    further, _ = _bristle_force(
+        run, joint, contact, normal, add_scaled(slip, more, t), speed + more
+    )
+    return t, scale(1.0 / more, add_scaled(further, -1.0, force)), across
 
 
 @internal
-def _rub_slope(joint, contact, slip):
+def _friction_slope(joint, contact, slip):
     """Direction of sliding, friction (eqs 20, 21) per velocity along it, and its fall across."""
     speed, normal, mu = contact.speed, contact.normal_now, contact.mu
     law = address_of(joint.friction_parameters)
@@ -184,9 +186,9 @@ def _rub_slope(joint, contact, slip):
 
 
 @internal
-def _stiffen(joint, contact, b):
+def _add_slope(joint, contact, b):
     """Add the slope of a force at a contact, matrix `b` (3 columns), to the joint's: X^T b X."""
-    arm, stiff = vector(contact.arm, 0), joint.stiff
+    arm, stiff = get_vector(contact.arm, 0), joint.stiff
     for c in range(3):
         turned = cross(arm, b[c])
         for r in range(3):
@@ -195,9 +197,9 @@ def _stiffen(joint, contact, b):
     # The velocity of the point is u + w x r: columns of b (-[r]).
     x, y, z = arm
     columns = (
-        along(scale(-z, b[1]), y, b[2]),
-        along(scale(z, b[0]), -x, b[2]),
-        along(scale(-y, b[0]), x, b[1]),
+        add_scaled(scale(-z, b[1]), y, b[2]),
+        add_scaled(scale(z, b[0]), -x, b[2]),
+        add_scaled(scale(-y, b[0]), x, b[1]),
     )
     for c in range(3):
         turned = cross(arm, columns[c])
@@ -207,58 +209,58 @@ def _stiffen(joint, contact, b):
 
 
 @internal
-def add_stiffness(run, j, joint):
-    """Add how the contacts' answer changes with the joint's twist to `stiff`; after `respond`."""
+def add_contact_slope(run, j, joint):
+    """Add the derivative of the wrench by the twist to `stiff`; after `add_contact_forces`."""
     for k in range(joint.count):
         contact = contacts(run, j)[k]
         if contact.touching == 0:
             continue
-        rate, slip, _ = _meet(joint, contact)
+        rate, slip, _ = _find_contact_velocity(joint, contact)
         if joint.bristles != 0:
-            t, b, fall = _bristles_slope(run, joint, contact, slip)
+            t, b, fall = _bristle_slope(run, joint, contact, slip)
             mu = 0.0  # what the normal force does to the bristles is left to the next trial
         else:
-            t, b, fall = _rub_slope(joint, contact, slip)
+            t, b, fall = _friction_slope(joint, contact, slip)
             mu = contact.mu
         more = contact.reference * _DIFFERENCE
         higher, _, _ = _normal_force(joint, contact, rate + more)
         damping = (higher - contact.normal_now) / more
-        n = vector(contact.direction, 0)
-        a = along(scale(-damping, n), mu * damping, t)
+        n = get_vector(contact.direction, 0)
+        a = add_scaled(scale(-damping, n), mu * damping, t)
         # a n^T + b t^T - fall (1 - n n^T - t t^T), column by column
-        a, b = along(a, fall, n), along(b, fall, t)
+        a, b = add_scaled(a, fall, n), add_scaled(b, fall, t)
         columns = (
             add(add(scale(n[0], a), scale(t[0], b)), (-fall, 0.0, 0.0)),
             add(add(scale(n[1], a), scale(t[1], b)), (0.0, -fall, 0.0)),
             add(add(scale(n[2], a), scale(t[2], b)), (0.0, 0.0, -fall)),
         )
-        _stiffen(joint, contact, columns)
+        _add_slope(joint, contact, columns)
 
 
 @internal
-def respond(run, j, joint):
-    """Add the contacts' answer to the joint's twist to its wrench."""
+def add_contact_forces(run, j, joint):
+    """Add the contact forces at the joint's twist to its wrench."""
     wrench = joint.wrench
     for k in range(joint.count):
         contact = contacts(run, j)[k]
         if contact.touching == 0:
             continue
-        rate, slip, speed = _meet(joint, contact)
+        rate, slip, speed = _find_contact_velocity(joint, contact)
         normal, approach, reference = _normal_force(joint, contact, rate)
         contact.rate, contact.speed = rate, speed
         contact.approach, contact.reference = approach, reference
         if joint.bristles != 0:
-            friction, _ = _bristles_hold(run, joint, contact, normal, slip, speed)
+            friction, _ = _bristle_force(run, joint, contact, normal, slip, speed)
         else:
             law = address_of(joint.friction_parameters)
             contact.mu = call_friction(joint.friction_law, (speed, law))
             friction = scale(-contact.mu * normal / speed if speed > 0.0 else 0.0, slip)
         contact.normal_now = normal
-        contact.tangential_now = length(friction)
+        contact.tangential_now = norm(friction)
         contact.rubbed = -dot(friction, slip)
-        force = along(friction, normal, vector(contact.direction, 0))
-        put(contact.force, 0, force)
-        moment = cross(vector(contact.arm, 0), force)
+        force = add_scaled(friction, normal, get_vector(contact.direction, 0))
+        set_vector(contact.force, 0, force)
+        moment = cross(get_vector(contact.arm, 0), force)
         for r in range(3):
             wrench[r] += force[r]
             wrench[3 + r] += moment[r]
@@ -266,7 +268,7 @@ def respond(run, j, joint):
 
 @internal
 def add_dissipation(run, j, joint):
-    """Add what the contacts of joint j lose to the powers, and stop where a law has failed."""
+    """Add the power dissipated in the contacts of joint j; stop the run where a law has failed."""
     for k in range(joint.count):
         contact = contacts(run, j)[k]
         if contact.touching == 0:
@@ -275,11 +277,11 @@ def add_dissipation(run, j, joint):
         run.power[FRICTION] += contact.rubbed
         finite = math.isfinite(contact.normal_now + contact.elastic + contact.tangential_now)
         if not finite or (joint.bristles == 0 and contact.rubbed < 0.0):
-            fail(run, _BAD_FORCE, run.width * j + k)
+            record_failure(run, _BAD_FORCE, run.width * j + k)
 
 
 @internal
-def gather(joint, contact_rows, stage, part):
+def average_stage_forces(joint, contact_rows, stage, part):
     """Add the forces at a stage to the means over a step, of which it stands for a `part`."""
     mean, film = joint.mean_force, joint.mean_film_force
     for r in range(3):
@@ -289,18 +291,22 @@ def gather(joint, contact_rows, stage, part):
         contact = contact_rows[k]
         if stage == 0:
             contact.mean_normal = 0.0
-            put(contact.mean_friction, 0, (0.0, 0.0, 0.0))
+            set_vector(contact.mean_friction, 0, (0.0, 0.0, 0.0))
         if contact.touching != 0:
             contact.mean_normal += part * contact.normal_now
-            friction = along(
-                vector(contact.force, 0), -contact.normal_now, vector(contact.direction, 0)
+            friction = add_scaled(
+                get_vector(contact.force, 0), -contact.normal_now, get_vector(contact.direction, 0)
             )
-            put(contact.mean_friction, 0, along(vector(contact.mean_friction, 0), part, friction))
+            set_vector(
+                contact.mean_friction,
+                0,
+                add_scaled(get_vector(contact.mean_friction, 0), part, friction),
+            )
 
 
 @internal
-def remember(run, j, joint, duration):
-    """Make the contacts' state one of the trajectory, whose forces act for `duration` [s].
+def commit_contacts(run, j, joint, duration):
+    """Accept the contacts' state as one of the trajectory; its forces act for `duration` [s].
 
     What is kept for record and audit is a force that acted: that of the state, or, where a step
     has stages, their mean over the step that led to the state.
@@ -312,7 +318,7 @@ def remember(run, j, joint, duration):
         contact.deepest = min(contact.deepest, contact.gap)
         if averaged:
             contact.normal = contact.mean_normal
-            contact.tangential = length(vector(contact.mean_friction, 0))
+            contact.tangential = norm(get_vector(contact.mean_friction, 0))
         elif contact.touching != 0:
             contact.normal, contact.tangential = contact.normal_now, contact.tangential_now
         else:
@@ -324,7 +330,7 @@ def remember(run, j, joint, duration):
             if contact.gap >= 0.0 and contact.steps > 0.0:
                 run.events += 1
                 contact.own_impulse += impulse
-                _end(contact)
+                _end_contact(contact)
             continue
         if contact.steps == 0.0:
             run.events += 1
@@ -334,20 +340,20 @@ def remember(run, j, joint, duration):
         contact.steps += 1.0
         contact.own_impulse += impulse
         if joint.bristles != 0:
-            put(contact.bend, 0, vector(contact.bent, 0))
+            set_vector(contact.bend, 0, get_vector(contact.bent, 0))
             contact.dwell = contact.dwell_now
         if k < joint.wearing:
-            _count_sliding(joint, k, vector(contact.direction, 0), impulse * contact.speed)
-    force = vector(joint.mean_force, 0) if averaged else vector(joint.wrench, 0)
-    put(joint.impulse, 0, along(vector(joint.impulse, 0), duration, force))
+            _count_sliding(joint, k, get_vector(contact.direction, 0), impulse * contact.speed)
+    force = get_vector(joint.mean_force, 0) if averaged else get_vector(joint.wrench, 0)
+    set_vector(joint.impulse, 0, add_scaled(get_vector(joint.impulse, 0), duration, force))
     square = dot(force, force)
     if square > joint.peak_square:
         joint.peak_square = square
-        put(joint.peak, 0, force)
+        set_vector(joint.peak, 0, force)
 
 
 @internal
-def _end(contact):
+def _end_contact(contact):
     """Count a contact that has ended, and how well it was resolved."""
     contact.ended += 1.0
     contact.fastest = max(contact.fastest, contact.ddelta0)
@@ -357,7 +363,7 @@ def _end(contact):
         contact.impulse_under += contact.own_impulse
     contact.steps = 0.0
     contact.dwell = 0.0
-    put(contact.bend, 0, (0.0, 0.0, 0.0))
+    set_vector(contact.bend, 0, (0.0, 0.0, 0.0))
 
 
 @internal

@@ -11,7 +11,7 @@ from jointplay.kernel.words import JOINT_FRICTION_SPEED
 
 
 @internal
-def _reference(run, time):
+def _reference_rows(run, time):
     """Rows of the reference (2, 3, nu) around a time, and how far between them it is (0 to 1)."""
     place = time / run.reference_interval
     node = min(int(place), run.nref - 2)
@@ -20,35 +20,35 @@ def _reference(run, time):
 
 
 @internal
-def prescribe(run, q, v, time):
-    """Put prescribed coordinates where they must be, and keep armature x acceleration in drive.
+def prescribe_motion(run, q, v, time):
+    """Set prescribed coordinates to the reference, and keep armature x acceleration in drive.
 
     Cubic Hermite interpolation between the nodes of the reference.
     """
-    rows, s = _reference(run, time)
+    rows, s = _reference_rows(run, time)
     nu, h = run.nu, run.reference_interval
     effort = floats(run.drive, run.nv)
-    for drive in drives(run):
-        if drive.armature <= 0.0:
+    for row in drives(run):
+        if row.armature <= 0.0:
             continue
-        i, u = drive.coordinate, drive.column
+        i, u = row.coordinate, row.column
         q0, v0 = rows[u], h * rows[nu + u]
         rise, v1 = rows[3 * nu + u] - q0, h * rows[4 * nu + u]
         b, c = 3.0 * rise - 2.0 * v0 - v1, v0 + v1 - 2.0 * rise
         q[i] = q0 + s * (v0 + s * (b + s * c))
         v[i] = (v0 + s * (2.0 * b + 3.0 * s * c)) / h
-        effort[i] = drive.armature * (2.0 * b + 6.0 * s * c) / (h * h)
+        effort[i] = row.armature * (2.0 * b + 6.0 * s * c) / (h * h)
 
 
 @internal
-def drive(run, q, v, time, tau):
-    """Write the drives' efforts at state (q, v) into `drive` and add them to tau."""
-    rows, part = _reference(run, time)
+def apply_drives(run, q, v, time, tau):
+    """Write the drives' efforts at state (q, v) into `apply_drives` and add them to tau."""
+    rows, part = _reference_rows(run, time)
     nu = run.nu
     effort = floats(run.drive, run.nv)
     for one in drives(run):
         i = one.coordinate
-        if one.armature <= 0.0:  # prescribed: `prescribe` has written it
+        if one.armature <= 0.0:  # prescribed: `prescribe_motion` has written it
             u = one.column
             position = rows[u] + part * (rows[3 * nu + u] - rows[u])
             u += nu
@@ -63,7 +63,7 @@ def drive(run, q, v, time, tau):
 
 
 @internal
-def work_of_drives(run, v):
+def add_drive_power(run, v):
     """Add the power of the drives whose effort is known to the powers."""
     effort = floats(run.drive, run.nv)
     for one in drives(run):
@@ -72,7 +72,7 @@ def work_of_drives(run, v):
 
 
 @internal
-def work_of_prescribed(run, v, a):
+def add_prescribed_power(run, v, a):
     """Complete the effort of prescribed motion, the acceleration known, and add its power."""
     effort = floats(run.drive, run.nv)
     for one in drives(run):
@@ -104,8 +104,8 @@ def apply_joint_friction(run, v, tau):
 
 
 @internal
-def _torque(gear, q, v):
-    """Torque that a gear passes, the part of it that is elastic, its side, and the teeth's rate."""
+def _gear_torque(gear, q, v):
+    """Torque that a gear transmits, its elastic part, the side in contact, and the teeth's rate."""
     twist = q[gear.motor] - q[gear.link]
     depth = abs(twist) - gear.half_play
     if depth <= 0.0:
@@ -117,24 +117,24 @@ def _torque(gear, q, v):
 
 
 @internal
-def turn_gears(run, q, v, tau):
+def apply_gears(run, q, v, tau):
     """Add the torque of all gears: none within their play, a spring and a damper beyond."""
     for gear in gears(run):
-        torque, _, side, _ = _torque(gear, q, v)
+        torque, _, side, _ = _gear_torque(gear, q, v)
         tau[gear.motor] -= side * torque
         tau[gear.link] += side * torque
 
 
 @internal
-def steepen_joints(run, q, v):
-    """Add how joint friction and gears change with the velocity to the run's slope."""
+def add_joint_slopes(run, q, v):
+    """Add the derivatives of joint friction and gear torques by velocity to the slope."""
     slope, place = matrix(run.slope, run.active, run.active), integers(run.place, run.nv)
     for row in frictions(run):
         i = place[row.coordinate]
         _, rise = _joint_friction(row, v[row.coordinate])
         slope[i, i] -= rise
     for gear in gears(run):
-        torque, _, _, _ = _torque(gear, q, v)
+        torque, _, _, _ = _gear_torque(gear, q, v)
         if torque > 0.0:
             m, k = place[gear.motor], place[gear.link]
             slope[m, m] -= gear.damping
@@ -144,11 +144,11 @@ def steepen_joints(run, q, v):
 
 
 @internal
-def lose_in_joints(run, q, v):
-    """Add what joint friction and gears lose at state (q, v) to the powers."""
+def add_joint_losses(run, q, v):
+    """Add the power dissipated in joint friction and gears at state (q, v)."""
     for row in frictions(run):
         friction, _ = _joint_friction(row, v[row.coordinate])
         run.power[JOINT_FRICTION] += friction * v[row.coordinate]
     for gear in gears(run):
-        torque, elastic, _, rate = _torque(gear, q, v)
+        torque, elastic, _, rate = _gear_torque(gear, q, v)
         run.power[GEAR] += (torque - elastic) * rate

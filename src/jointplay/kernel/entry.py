@@ -15,11 +15,12 @@ from jointplay.kernel import multirate, singlerate
 from jointplay.kernel import record as records
 from jointplay.kernel.access import TABLE
 from jointplay.kernel.sources import stamp
-from jointplay.kernel.words import THERE, Command
+from jointplay.kernel.words import REACHED, Command
 
 (
-    _ADVANCE, _PLAN, _RESTART, _SET_OFF, _SETTLE_MACRO, _FINISH, _BEGIN, _REFRESH,
-    _LOAD, _SETTLE, _RECORD, _EULER, _RUNGE_KUTTA, _TAKE_MIDDLE, _ADAPTIVE_STEP,
+    _ADVANCE, _PLAN, _RESTART, _START_HALF_STEP, _SYNCHRONIZE, _RECORD_LAST_STATE, _BEGIN,
+    _REFRESH, _EVALUATE_FORCES, _COMPLETE_STEP, _RECORD, _EULER, _RUNGE_KUTTA, _CHECK_PREDICTION,
+    _ADAPTIVE_STEP,
 ) = (int(command) for command in Command)  # fmt: skip
 
 
@@ -27,26 +28,26 @@ from jointplay.kernel.words import THERE, Command
 def enter(table, command) -> int:
     """Carry out a `Command` of the multi-rate method on a run (`layout.RUN`, an array of one).
 
-    Returns the run's status, or `THERE`, where `ADVANCE` has come to the step that it should not
+    Returns the run's status, or `REACHED`, where `ADVANCE` has come to the step that it should not
     go beyond.
     """
     run = table[0]
     if command == _ADVANCE:
         multirate.advance(run)
         if run.status == 0 and run.step >= run.until:
-            return THERE
-    elif command == _TAKE_MIDDLE:
-        multirate.judge(run)
-    elif command == _SETTLE_MACRO:
-        multirate.settle_macro(run)
+            return REACHED
+    elif command == _CHECK_PREDICTION:
+        multirate.check_prediction(run)
+    elif command == _SYNCHRONIZE:
+        multirate.synchronize(run)
     elif command == _PLAN:
-        multirate.plan(run)
+        multirate.plan_macro_step(run)
     elif command == _RESTART:
         multirate.restart(run)
-    elif command == _SET_OFF:
-        multirate.set_off(run)
-    elif command == _FINISH:
-        multirate.finish(run)
+    elif command == _START_HALF_STEP:
+        multirate.start_half_step(run)
+    elif command == _RECORD_LAST_STATE:
+        multirate.record_last_state(run)
     return run.status
 
 
@@ -56,7 +57,7 @@ def enter_adaptive(table, command) -> int:
     run = table[0]
     if command == _ADAPTIVE_STEP:
         multirate.adaptive_step(run)
-        multirate.leave(run)
+        multirate.end_macro_step(run)
     return run.status
 
 
@@ -68,21 +69,21 @@ def enter_single(table, command) -> int:
         singlerate.semi_implicit_euler(run)
     elif command == _RUNGE_KUTTA:
         singlerate.runge_kutta_4(run)
-    elif command == _LOAD:
-        singlerate.load(run)
+    elif command == _EVALUATE_FORCES:
+        singlerate.evaluate_forces(run)
     elif command in (_BEGIN, _REFRESH):
         singlerate.begin(run, command == _BEGIN)
-    elif command == _SETTLE:
-        records.settle(run)
+    elif command == _COMPLETE_STEP:
+        records.complete_step(run)
     elif command == _RECORD:
-        records.settle(run)
-        records.record(run)
+        records.complete_step(run)
+        records.write_record(run)
     return run.status
 
 
 ENTRIES = (enter, enter_adaptive, enter_single)
 
-_SINGLE = (_BEGIN, _REFRESH, _LOAD, _SETTLE, _RECORD, _EULER, _RUNGE_KUTTA)
+_SINGLE = (_BEGIN, _REFRESH, _EVALUATE_FORCES, _COMPLETE_STEP, _RECORD, _EULER, _RUNGE_KUTTA)
 
 for _entry in ENTRIES:
     stamp(_entry)

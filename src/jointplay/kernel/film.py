@@ -6,8 +6,8 @@ import math
 
 from jointplay.contact.calls import call_film
 from jointplay.core.compiler import address_of, internal
-from jointplay.kernel.access import fail
-from jointplay.kernel.frames import add, along, cross, scale, vector
+from jointplay.kernel.access import record_failure
+from jointplay.kernel.frames import add, add_scaled, cross, get_vector, scale
 from jointplay.kernel.layout import FILM
 from jointplay.kernel.words import Status
 
@@ -17,7 +17,7 @@ _DIFFERENCE = 1e-4
 
 
 @internal
-def _law(run, joint, e, part, direction, velocity):
+def _evaluate_law(run, joint, e, part, direction, velocity):
     """Force (2) of a section along x and y, its moment, and its damping, at a velocity (x, y)."""
     clearance = joint.clearance
     ratio = min(e / clearance, joint.thinnest)
@@ -37,7 +37,7 @@ def _law(run, joint, e, part, direction, velocity):
 
 
 @internal
-def _section(joint, section):
+def _section_state(joint, section):
     """Where a section stands: its arm, eccentricity, direction of it, and share of the film."""
     pose = joint.pose
     height = joint.section * (1.0 - 2.0 * section)
@@ -52,7 +52,7 @@ def _section(joint, section):
 
 
 @internal
-def _lagged(run, joint, section, place, velocity):
+def _lagged_force(run, joint, section, place, velocity):
     """Force and moment of a section for an explicit step, which cannot follow a stiff film.
 
     Where dt C/m is not small the force is a mean of what the law says and of the force of the last
@@ -60,13 +60,13 @@ def _lagged(run, joint, section, place, velocity):
     """
     e, part, direction = place
     memory = joint.film_memory
-    fx, fy, turn, damping = _law(run, joint, e, part, direction, velocity)
+    fx, fy, turn, damping = _evaluate_law(run, joint, e, part, direction, velocity)
     stiff = damping * run.dt / joint.lag_mass
     ahead = stiff / (1.0 + stiff)
     if memory[section, 4] > 0.0 and ahead > 0.0:
         ux = velocity[0] + ahead * (velocity[0] - memory[section, 2])
         uy = velocity[1] + ahead * (velocity[1] - memory[section, 3])
-        fx, fy, turn, damping = _law(run, joint, e, part, direction, (ux, uy))
+        fx, fy, turn, damping = _evaluate_law(run, joint, e, part, direction, (ux, uy))
         stiff = damping * run.dt / joint.lag_mass
         ahead = stiff / (1.0 + stiff)
     else:
@@ -77,7 +77,7 @@ def _lagged(run, joint, section, place, velocity):
 
 
 @internal
-def _stiffen(run, joint, place, velocity, arm, force):
+def _add_slope(run, joint, place, velocity, arm, force):
     """Add the slope of a section's force with its velocity to the joint's."""
     e, part, direction = place
     size = math.sqrt(velocity[0] * velocity[0] + velocity[1] * velocity[1])
@@ -86,7 +86,7 @@ def _stiffen(run, joint, place, velocity, arm, force):
     for c in range(2):
         ux = velocity[0] + (more if c == 0 else 0.0)
         uy = velocity[1] + (more if c == 1 else 0.0)
-        fx, fy, _, _ = _law(run, joint, e, part, direction, (ux, uy))
+        fx, fy, _, _ = _evaluate_law(run, joint, e, part, direction, (ux, uy))
         column = ((fx - force[0]) / more, (fy - force[1]) / more, 0.0)
         turned = cross(arm, column)
         # Velocity of the section per angular velocity: row c of -[arm].
@@ -100,8 +100,8 @@ def _stiffen(run, joint, place, velocity, arm, force):
 
 
 @internal
-def carry(run, joint, lag):
-    """Add the film's answer to the joint's twist to its wrench.
+def add_film_forces(run, joint, lag):
+    """Add the film's forces at the joint's twist to its wrench.
 
     With `lag` the force is that of an explicit step.
     """
@@ -109,17 +109,17 @@ def carry(run, joint, lag):
     for r in range(6):
         film[r] = 0.0
     for section in range(joint.sections):
-        arm, e, direction, part = _section(joint, section)
+        arm, e, direction, part = _section_state(joint, section)
         if part <= 0.0:
             continue
-        at = add(vector(joint.twist, 0), cross(vector(joint.twist, 3), arm))
+        at = add(get_vector(joint.twist, 0), cross(get_vector(joint.twist, 3), arm))
         velocity, place = (at[0], at[1]), (e, part, direction)
         if lag:
-            fx, fy, turn = _lagged(run, joint, section, place, velocity)
+            fx, fy, turn = _lagged_force(run, joint, section, place, velocity)
         else:
-            fx, fy, turn, _ = _law(run, joint, e, part, direction, velocity)
+            fx, fy, turn, _ = _evaluate_law(run, joint, e, part, direction, velocity)
         force = (fx, fy, 0.0)
-        moment = along(cross(arm, force), turn, (0.0, 0.0, 1.0))
+        moment = add_scaled(cross(arm, force), turn, (0.0, 0.0, 1.0))
         for r in range(3):
             film[r] += force[r]
             film[3 + r] += moment[r]
@@ -128,37 +128,37 @@ def carry(run, joint, lag):
 
 
 @internal
-def steepen_film(run, joint):
-    """Add how the film's answer changes with the joint's twist to `stiff`."""
+def add_film_slope(run, joint):
+    """Add the derivative of the film's wrench by the joint's twist to `stiff`."""
     for section in range(joint.sections):
-        arm, e, direction, part = _section(joint, section)
+        arm, e, direction, part = _section_state(joint, section)
         if part <= 0.0:
             continue
-        at = add(vector(joint.twist, 0), cross(vector(joint.twist, 3), arm))
+        at = add(get_vector(joint.twist, 0), cross(get_vector(joint.twist, 3), arm))
         velocity = (at[0], at[1])
-        fx, fy, _, _ = _law(run, joint, e, part, direction, velocity)
-        _stiffen(run, joint, (e, part, direction), velocity, arm, (fx, fy))
+        fx, fy, _, _ = _evaluate_law(run, joint, e, part, direction, velocity)
+        _add_slope(run, joint, (e, part, direction), velocity, arm, (fx, fy))
 
 
 @internal
-def lose_to_film(run, j, joint):
-    """Add what the film loses to the powers, and stop where its law has failed."""
+def add_film_losses(run, j, joint):
+    """Add the power dissipated in the film; stop the run where its law has failed."""
     wrench, twist = joint.film_wrench, joint.twist
     for r in range(6):
         run.power[FILM] -= wrench[r] * twist[r]
     if not math.isfinite(wrench[0] + wrench[1] + wrench[5]):
-        fail(run, _BAD_FORCE, run.width * j)
+        record_failure(run, _BAD_FORCE, run.width * j)
 
 
 @internal
-def remember_film(run, joint):
+def commit_film(run, joint):
     """Keep the sections' force and velocity for the lag of the next explicit step."""
     memory = joint.film_memory
     for section in range(joint.sections):
-        arm, e, direction, part = _section(joint, section)
-        at = add(vector(joint.twist, 0), cross(vector(joint.twist, 3), arm))
+        arm, e, direction, part = _section_state(joint, section)
+        at = add(get_vector(joint.twist, 0), cross(get_vector(joint.twist, 3), arm))
         fx, fy = 0.0, 0.0
         if part > 0.0:
-            fx, fy, _ = _lagged(run, joint, section, (e, part, direction), (at[0], at[1]))
+            fx, fy, _ = _lagged_force(run, joint, section, (e, part, direction), (at[0], at[1]))
         memory[section, 0], memory[section, 1] = fx, fy
         memory[section, 2], memory[section, 3], memory[section, 4] = at[0], at[1], 1.0

@@ -24,13 +24,13 @@ inlined = njit(inline="always", error_model="numpy")
 
 
 @inlined
-def vector(array, at):
+def get_vector(array, at):
     """Three numbers of an array, from index `at` on."""
     return array[at], array[at + 1], array[at + 2]
 
 
 @inlined
-def put(array, at, a):
+def set_vector(array, at, a):
     """Write a vector into an array, from index `at` on."""
     array[at], array[at + 1], array[at + 2] = a
 
@@ -48,7 +48,7 @@ def scale(s, a):
 
 
 @inlined
-def along(a, s, b):
+def add_scaled(a, s, b):
     """a + s b."""
     return a[0] + s * b[0], a[1] + s * b[1], a[2] + s * b[2]
 
@@ -70,7 +70,7 @@ def cross(a, b):
 
 
 @inlined
-def length(a):
+def norm(a):
     """|a|."""
     return math.sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])
 
@@ -91,7 +91,7 @@ def pose_of_virtual_link(q, joint):
 
 
 @internal
-def _world(rotation, translation, placement):
+def _world_pose(rotation, translation, placement):
     """World orientation (9, row by row) and place (3) of a placement in a joint's frame.
 
     Pinocchio's rotations are stored column by column.
@@ -99,8 +99,8 @@ def _world(rotation, translation, placement):
     r0 = (rotation[0], rotation[3], rotation[6])
     r1 = (rotation[1], rotation[4], rotation[7])
     r2 = (rotation[2], rotation[5], rotation[8])
-    p0, p1, p2 = vector(placement, 0), vector(placement, 3), vector(placement, 6)
-    place = vector(placement, 9)
+    p0, p1, p2 = get_vector(placement, 0), get_vector(placement, 3), get_vector(placement, 6)
+    place = get_vector(placement, 9)
     rows = (
         add(add(scale(r0[0], p0), scale(r0[1], p1)), scale(r0[2], p2)),
         add(add(scale(r1[0], p0), scale(r1[1], p1)), scale(r1[2], p2)),
@@ -115,7 +115,7 @@ def _world(rotation, translation, placement):
 
 
 @internal
-def _in_axes(rows, a):
+def _rotate_back(rows, a):
     """R^T a for a matrix R given by its rows."""
     return add(add(scale(a[0], rows[0]), scale(a[1], rows[1])), scale(a[2], rows[2]))
 
@@ -127,37 +127,37 @@ def pose_of_frames(run, joint, pose, reach):
     Only coordinates that move one of both and not the other enter, so that a common motion cannot
     blur what they do.
     """
-    bearing, origin = _world(
+    bearing, origin = _world_pose(
         floats(joint.bearing_rotation, 9),
         floats(joint.bearing_translation, 3),
         joint.bearing_placement,
     )
-    journal, place = _world(
+    journal, place = _world_pose(
         floats(joint.journal_rotation, 9),
         floats(joint.journal_translation, 3),
         joint.journal_placement,
     )
-    put(pose, 0, _in_axes(bearing, along(place, -1.0, origin)))
+    set_vector(pose, 0, _rotate_back(bearing, add_scaled(place, -1.0, origin)))
     for i in range(3):
         row = (0.0, 0.0, 0.0)
         for k in range(3):
-            row = along(row, bearing[k][i], journal[k])
-        put(pose, 3 + 3 * i, row)
+            row = add_scaled(row, bearing[k][i], journal[k])
+        set_vector(pose, 3 + 3 * i, row)
     n = joint.nsupport
     columns = floats(run.jacobian, 6 * run.nv)
     support, signs = integers(joint.support, n), integers(joint.signs, n)
     for k in range(n):
         i = 6 * support[k]
-        turning = scale(1.0 * signs[k], vector(columns, i + 3))
-        moving = add(scale(1.0 * signs[k], vector(columns, i)), cross(turning, place))
-        moving, turning = _in_axes(bearing, moving), _in_axes(bearing, turning)
+        turning = scale(1.0 * signs[k], get_vector(columns, i + 3))
+        moving = add(scale(1.0 * signs[k], get_vector(columns, i)), cross(turning, place))
+        moving, turning = _rotate_back(bearing, moving), _rotate_back(bearing, turning)
         for r in range(3):
             reach[r * n + k] = moving[r]
             reach[(3 + r) * n + k] = turning[r]
 
 
 @internal
-def twist_by(joint, reach, v, out):
+def frame_twist(joint, reach, v, out):
     """Motion (6) of what `reach` moves at velocities v."""
     n = joint.nsupport
     support = integers(joint.support, n)
@@ -169,11 +169,11 @@ def twist_by(joint, reach, v, out):
 
 
 @internal
-def twist(joint, v):
+def find_twist(joint, v):
     """Put velocity of the journal's centre and angular velocity, in bearing axes, into `twist`."""
     out = joint.twist
     if joint.first < 0:
-        twist_by(joint, floats(joint.reach, 6 * joint.nsupport), v, out)
+        frame_twist(joint, floats(joint.reach, 6 * joint.nsupport), v, out)
         return
     first, swing = joint.first, joint.swing
     sy, cy, sp, cp = swing[0], swing[1], swing[2], swing[3]
@@ -185,7 +185,7 @@ def twist(joint, v):
 
 
 @internal
-def push(joint, tau):
+def project_wrench(joint, tau):
     """Project the joint's wrench on the coordinates: tau += J^T w."""
     wrench = joint.wrench
     if joint.first < 0:
@@ -208,7 +208,7 @@ def push(joint, tau):
 
 
 @internal
-def slope_of_frames(one, place, slope):
+def project_frame_slope(one, place, slope):
     """Project the slope of a wrench between frames on the coordinates: slope += J^T K J."""
     n, stiff = one.nsupport, one.stiff
     reach, support = matrix(one.reach, 6, n), integers(one.support, n)
@@ -223,12 +223,12 @@ def slope_of_frames(one, place, slope):
 
 
 @internal
-def push_slope(run, joint):
+def project_slope(run, joint):
     """Project the slope of the joint's wrench on the coordinates: slope += J^T K J."""
     slope, stiff = matrix(run.slope, run.active, run.active), joint.stiff
     place = integers(run.place, run.nv)
     if joint.first < 0:
-        slope_of_frames(joint, place, slope)
+        project_frame_slope(joint, place, slope)
         return
     at, swing = place[joint.first], joint.swing
     sy, cy, sp, cp = swing[0], swing[1], swing[2], swing[3]

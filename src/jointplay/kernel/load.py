@@ -22,8 +22,8 @@ import math
 from numba import types
 
 from jointplay.core.compiler import NUMBERS, calling, internal, pointer
-from jointplay.kernel.access import fail, floats, integers, loads, matrix
-from jointplay.kernel.frames import pose_of_frames, slope_of_frames, twist_by
+from jointplay.kernel.access import floats, integers, loads, matrix, record_failure
+from jointplay.kernel.frames import frame_twist, pose_of_frames, project_frame_slope
 from jointplay.kernel.words import ALWAYS, IF_PRESSED, Status
 
 _BAD_LOAD = int(Status.BAD_LOAD)
@@ -39,14 +39,14 @@ _call = calling(LOAD_LAW)
 
 
 @internal
-def _size(load):
+def _answer_size(load):
     """How many numbers the law gives."""
     return 6 if load.frames != 0 else load.npushed
 
 
 @internal
-def _ask(load, time):
-    """Let the law write its answer to what the load sees now into `out`."""
+def _evaluate_law(load, time):
+    """Evaluate the law at the load's present inputs, into `out`."""
     seen = pointer(load.place), pointer(load.rate)
     _call(load.law, (time, *seen, pointer(load.numbers), pointer(load.out)))
     if load.bounded != 0:
@@ -57,18 +57,18 @@ def _ask(load, time):
 
 
 @internal
-def _see_places(load, q):
-    """Put the coordinates that a load sees into its x."""
+def _read_positions(load, q):
+    """Copy the coordinates on which the load depends into its x."""
     seen, place = integers(load.seen, load.nseen), floats(load.place, load.nseen)
     for k in range(load.nseen):
         place[k] = q[seen[k]]
 
 
 @internal
-def _see_rates(load, v):
-    """Put the velocities that a load sees into its dx."""
+def _read_velocities(load, v):
+    """Copy the velocities on which the load depends into its dx."""
     if load.frames != 0:
-        twist_by(load, floats(load.reach, 6 * load.nsupport), v, load.twist)
+        frame_twist(load, floats(load.reach, 6 * load.nsupport), v, load.twist)
         return
     seen, rate = integers(load.seen, load.nseen), floats(load.rate, load.nseen)
     for k in range(load.nseen):
@@ -76,20 +76,20 @@ def _see_rates(load, v):
 
 
 @internal
-def _ask_at_rest(load, time):
-    """Write the answer at rest into `out` and `elastic`."""
+def _evaluate_law_at_rest(load, time):
+    """Evaluate the law at zero velocity, into `out` and `elastic`."""
     n = 6 if load.frames != 0 else load.nseen
     rate = floats(load.rate, n)
     for k in range(n):
         rate[k] = 0.0
-    _ask(load, time)
-    out, elastic = floats(load.out, _size(load)), floats(load.elastic, _size(load))
-    for i in range(_size(load)):
+    _evaluate_law(load, time)
+    out, elastic = floats(load.out, _answer_size(load)), floats(load.elastic, _answer_size(load))
+    for i in range(_answer_size(load)):
         elastic[i] = out[i]
 
 
 @internal
-def _push(load, sign, forces, tau):
+def _project_forces(load, sign, forces, tau):
     """Add the generalised forces of `forces`, times `sign`, to tau."""
     if load.frames != 0:
         n = load.nsupport
@@ -106,7 +106,7 @@ def _push(load, sign, forces, tau):
 
 
 @internal
-def find_loads(run, q, v, marks):
+def evaluate_loads(run, q, v, marks):
     """Answer of all loads at q, but for what depends on velocity: into `load_push`.
 
     Coordinates on which the rest acts are marked. v are the extrapolated velocities.
@@ -118,19 +118,19 @@ def find_loads(run, q, v, marks):
         if load.frames != 0:
             pose_of_frames(run, load, load.pose, floats(load.reach, 6 * load.nsupport))
         else:
-            _see_places(load, q)
+            _read_positions(load, q)
         load.active = 0
         if load.stores == 0:
-            _see_rates(load, v)
-            _ask(load, run.time)
-            _push(load, 1.0, floats(load.out, _size(load)), tau)
+            _read_velocities(load, v)
+            _evaluate_law(load, run.time)
+            _project_forces(load, 1.0, floats(load.out, _answer_size(load)), tau)
             continue
-        _ask_at_rest(load, run.time)
-        elastic = floats(load.elastic, _size(load))
-        _push(load, 1.0, elastic, tau)
+        _evaluate_law_at_rest(load, run.time)
+        elastic = floats(load.elastic, _answer_size(load))
+        _project_forces(load, 1.0, elastic, tau)
         pressed = load.implicit == ALWAYS
         if load.implicit == IF_PRESSED:
-            for i in range(_size(load)):
+            for i in range(_answer_size(load)):
                 pressed = pressed or elastic[i] != 0.0
         if not pressed:
             continue
@@ -144,7 +144,7 @@ def find_loads(run, q, v, marks):
 
 @internal
 def apply_loads(run, base, h):
-    """Add what `find_loads` found to the forces tau, and what it does in h to the velocities."""
+    """Add the forces from `evaluate_loads` to tau, and their impulse over h to the velocities."""
     nv = run.nv
     push, tau = floats(run.load_push, nv), floats(run.tau, nv)
     minv = matrix(run.minv, nv, nv)
@@ -157,26 +157,26 @@ def apply_loads(run, base, h):
 
 
 @internal
-def damp_loads(run, v, tau):
-    """Add to tau what of the loads depends on velocity."""
+def apply_velocity_loads(run, v, tau):
+    """Add the velocity-dependent part of the loads to tau."""
     for load in loads(run):
         if load.active == 0:
             continue
-        _see_rates(load, v)
-        _ask(load, run.time)
-        n = _size(load)
-        _push(load, 1.0, floats(load.out, n), tau)
-        _push(load, -1.0, floats(load.elastic, n), tau)
+        _read_velocities(load, v)
+        _evaluate_law(load, run.time)
+        n = _answer_size(load)
+        _project_forces(load, 1.0, floats(load.out, n), tau)
+        _project_forces(load, -1.0, floats(load.elastic, n), tau)
 
 
 @internal
-def steepen_loads(run):
-    """Add how the loads' answer changes with the velocity to the slope, after `damp_loads`."""
+def add_load_slopes(run):
+    """Add the loads' derivative by velocity to the slope, after `apply_velocity_loads`."""
     slope, place = matrix(run.slope, run.active, run.active), integers(run.place, run.nv)
     for load in loads(run):
         if load.active == 0:
             continue
-        frames, m = load.frames != 0, _size(load)
+        frames, m = load.frames != 0, _answer_size(load)
         n = 6 if frames else load.nseen
         rate, out = floats(load.rate, n), floats(load.out, m)
         kept = floats(load.elastic + 8 * m, m)
@@ -186,7 +186,7 @@ def steepen_loads(run):
             now = rate[c]
             more = _DIFFERENCE * (abs(now) + 1.0)
             rate[c] = now + more
-            _ask(load, run.time)
+            _evaluate_law(load, run.time)
             rate[c] = now
             for r in range(m):
                 rise = (out[r] - kept[r]) / more
@@ -198,7 +198,7 @@ def steepen_loads(run):
         for i in range(m):
             out[i] = kept[i]
         if frames:
-            slope_of_frames(load, place, slope)
+            project_frame_slope(load, place, slope)
 
 
 @internal
@@ -206,9 +206,9 @@ def find_load_powers(run, v):
     """Powers of the loads at velocities v; stops the run where a law has failed."""
     for index in range(run.nl):
         load = loads(run)[index]
-        n = _size(load)
+        n = _answer_size(load)
         out, elastic = floats(load.out, n), floats(load.elastic, n)
-        _see_rates(load, v)
+        _read_velocities(load, v)
         if load.stores != 0 and load.implicit != 0 and load.active == 0:
             for i in range(n):
                 out[i] = elastic[i]
@@ -220,35 +220,35 @@ def find_load_powers(run, v):
             total += (out[i] - elastic[i] if load.stores != 0 else out[i]) * speed
         load.power = total
         if not finite:
-            fail(run, _BAD_LOAD, index)
+            record_failure(run, _BAD_LOAD, index)
 
 
 @internal
-def load_now(run, q, v, time, tau):
+def apply_current_loads(run, q, v, time, tau):
     """Add the forces of all loads at state (q, v) to tau, and find their powers."""
     for load in loads(run):
         if load.frames != 0:
             pose_of_frames(run, load, load.pose, floats(load.reach, 6 * load.nsupport))
         else:
-            _see_places(load, q)
+            _read_positions(load, q)
         if load.stores != 0:
-            _ask_at_rest(load, time)
+            _evaluate_law_at_rest(load, time)
         load.active = 1
-        _see_rates(load, v)
-        _ask(load, time)
-        _push(load, 1.0, floats(load.out, _size(load)), tau)
+        _read_velocities(load, v)
+        _evaluate_law(load, time)
+        _project_forces(load, 1.0, floats(load.out, _answer_size(load)), tau)
     find_load_powers(run, v)
 
 
 @internal
-def work_of_loads(run, duration):
-    """Let the loads work at their powers for `duration`."""
+def add_load_work(run, duration):
+    """Add the loads' work at their present powers over `duration`."""
     for load in loads(run):
         load.work += duration * load.power
 
 
 @internal
-def settle_loads(run):
+def complete_load_work(run):
     """Complete the works of a single-rate step by the trapezoidal rule, if they are pending."""
     for load in loads(run):
         if run.pending != 0:
@@ -257,7 +257,7 @@ def settle_loads(run):
 
 
 @internal
-def gather_works(run, stage, weight):
+def add_stage_work(run, stage, weight):
     """Add a stage's part to the works of a Runge-Kutta step; with the fourth they are done."""
     for load in loads(run):
         load.gathered = weight * load.power + (0.0 if stage == 0 else load.gathered)
@@ -269,7 +269,7 @@ def gather_works(run, stage, weight):
 def record_loads(run, row, at):
     """Write answers, then works, into a record's row from place `at`."""
     for load in loads(run):
-        n = _size(load)
+        n = _answer_size(load)
         out = floats(load.out, n)
         for i in range(n):
             row[at + i] = out[i]

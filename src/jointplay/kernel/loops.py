@@ -5,52 +5,57 @@ constant speeds. From Pinocchio's M^-1 and a of the open tree follow, row j of J
 
     u = M^-1 j / sqrt(j M^-1 j),    a <- a - u (j a + g) / sqrt(j M^-1 j),    M^-1 <- M^-1 - u u^T
 
-the row with the largest j M^-1 j first. What is left in the end is zero for rows that say again
-what others have said. The same steps close what a loop has drifted apart, in positions and speeds.
+the row with the largest j M^-1 j first. Rows that depend linearly on others are left with
+j M^-1 j = 0 and are skipped. The same steps correct the drift of loops.
 """
 
 from __future__ import annotations
 
 from jointplay.core.compiler import internal
-from jointplay.kernel.access import bodies, floats, holds, matrix
-from jointplay.kernel.bodies import lifted, place_bodies, swing_bodies, times
-from jointplay.kernel.frames import add, cross, vector
+from jointplay.kernel.access import bodies, floats, held_pairs, matrix
+from jointplay.kernel.bodies import (
+    find_body_rates,
+    matrix_times_vector,
+    place_bodies,
+    point_acceleration,
+)
+from jointplay.kernel.frames import add, cross, get_vector
 
 REDUNDANT = 1e-10
-"""Rows of less inverse mass than this, relative to the first one's, hold nothing any more."""
+"""Rows of less inverse mass than this, relative to the first one's, are redundant."""
 
 
 @internal
-def _hold(run, k, sign, at, place, lacking, moving):
-    """Add one point of held pair k to its rows, and its place or acceleration to `lacking`."""
+def _add_point_rows(run, k, sign, at, place, residual, moving):
+    """Add one point of held pair k to its rows, and its position or acceleration to `residual`."""
     rows = matrix(run.held, 3 * run.nh, run.nv)
     columns, every = floats(run.jacobian, 6 * run.nv), bodies(run)
-    arm = times(every[at].rotation, place[0], place[1], place[2])
-    point = add(vector(every[at].origin, 0), arm)
-    value = lifted(every[at], arm) if moving else point
+    arm = matrix_times_vector(every[at].rotation, place[0], place[1], place[2])
+    point = add(get_vector(every[at].origin, 0), arm)
+    value = point_acceleration(every[at], arm) if moving else point
     for r in range(3):
-        lacking[3 * k + r] += sign * value[r]
+        residual[3 * k + r] += sign * value[r]
     b = at
     while b > 0:
         i = every[b].coordinate
-        column = add(vector(columns, 6 * i), cross(vector(columns, 6 * i + 3), point))
+        column = add(get_vector(columns, 6 * i), cross(get_vector(columns, 6 * i + 3), point))
         for r in range(3):
             rows[3 * k + r, i] += sign * column[r]
         b = every[b].parent
 
 
 @internal
-def _rows(run, lacking, moving):
-    """Find the rows of all pairs, the bodies placed, and what each pair lacks."""
+def _find_rows(run, residual, moving):
+    """Find the constraint rows of all pairs and their residuals, once the bodies are placed."""
     rows = floats(run.held, 3 * run.nh * run.nv)
     for i in range(3 * run.nh * run.nv):
         rows[i] = 0.0
     for i in range(3 * run.nh):
-        lacking[i] = 0.0
+        residual[i] = 0.0
     for k in range(run.nh):
-        hold = holds(run)[k]
-        _hold(run, k, 1.0, hold.one, hold.place, lacking, moving)
-        _hold(run, k, -1.0, hold.other, hold.other_place, lacking, moving)
+        hold = held_pairs(run)[k]
+        _add_point_rows(run, k, 1.0, hold.one, hold.place, residual, moving)
+        _add_point_rows(run, k, -1.0, hold.other, hold.other_place, residual, moving)
 
 
 @internal
@@ -65,8 +70,8 @@ def _inverse_mass_of(rows, minv, r):
 
 
 @internal
-def _constrain(run, minv, lacking, x):
-    """Take from `minv` what the rows forbid, and from the vectors x (2, nv) what they lack."""
+def _constrain(run, minv, residual, x):
+    """Project `minv` onto the motions that the rows allow; correct x (2, nv) by the residuals."""
     nv, size = run.nv, 3 * run.nh
     rows = matrix(run.held, size, nv)
     first = 0.0
@@ -86,7 +91,7 @@ def _constrain(run, minv, lacking, x):
             for k in range(nv):
                 u[i] += minv[i, k] * rows[best, k]
         for one in range(2):
-            open_by = lacking[one, best]
+            open_by = residual[one, best]
             for i in range(nv):
                 open_by += rows[best, i] * x[one, i]
             for i in range(nv):
@@ -97,40 +102,40 @@ def _constrain(run, minv, lacking, x):
 
 
 @internal
-def project(run, q, v):
-    """Put into `found_minv` and `found_free` those of the closed mechanism at the state (q, v)."""
+def project_dynamics(run, q, v):
+    """Find the closed mechanism's `found_minv` and `found_free` at the state (q, v)."""
     nv = run.nv
     given, free = matrix(run.open_minv, nv, nv), floats(run.open_free, nv)
     minv, acceleration = matrix(run.found_minv, nv, nv), floats(run.found_free, nv)
-    x, lacking = matrix(run.closing, 2, nv), matrix(run.lacking, 2, 3 * run.nh)
+    x, residual = matrix(run.closing, 2, nv), matrix(run.lacking, 2, 3 * run.nh)
     place_bodies(run, q)
-    swing_bodies(run, v)
-    _rows(run, lacking[0], True)
+    find_body_rates(run, v)
+    _find_rows(run, residual[0], True)
     for i in range(nv):
         x[0, i], x[1, i] = free[i], 0.0
         for k in range(nv):
             minv[i, k] = given[i, k] if i <= k else given[k, i]
-    _constrain(run, minv, lacking, x)
+    _constrain(run, minv, residual, x)
     for i in range(nv):
         acceleration[i] = x[0, i]
 
 
 @internal
-def close(run):
-    """Close at once what has drifted apart since the last macro step, in places and speeds."""
+def correct_drift(run):
+    """Correct the drift of the loops since the last macro step, in positions and velocities."""
     nv = run.nv
     q, half, a = floats(run.q, nv), floats(run.half, nv), floats(run.a, nv)
     given, minv = matrix(run.open_minv, nv, nv), matrix(run.closing_minv, nv, nv)
-    x, lacking = matrix(run.closing, 2, nv), matrix(run.lacking, 2, 3 * run.nh)
+    x, residual = matrix(run.closing, 2, nv), matrix(run.lacking, 2, 3 * run.nh)
     place_bodies(run, q)
-    _rows(run, lacking[0], False)
+    _find_rows(run, residual[0], False)
     for r in range(3 * run.nh):
-        lacking[1, r] = 0.0
+        residual[1, r] = 0.0
     for i in range(nv):
         x[0, i], x[1, i] = 0.0, half[i] + 0.5 * run.dt_before * a[i]
         for k in range(nv):
             minv[i, k] = given[i, k] if i <= k else given[k, i]
-    _constrain(run, minv, lacking, x)
+    _constrain(run, minv, residual, x)
     for i in range(nv):
         q[i] += x[0, i]
         half[i] = x[1, i] - 0.5 * run.dt_before * a[i]

@@ -20,23 +20,23 @@ import math
 import numpy as np
 
 from jointplay.core.compiler import internal
-from jointplay.kernel.access import contacts, drives, fail, floats, joints, matrix
+from jointplay.kernel.access import contacts, drives, floats, joints, matrix, record_failure
 from jointplay.kernel.bodies import place_bodies
-from jointplay.kernel.contact import add_dissipation, gap_of, remember
-from jointplay.kernel.drive import drive, lose_in_joints, prescribe, work_of_drives
-from jointplay.kernel.film import lose_to_film
+from jointplay.kernel.contact import add_dissipation, commit_contacts, contact_gap
+from jointplay.kernel.drive import add_drive_power, add_joint_losses, apply_drives, prescribe_motion
+from jointplay.kernel.film import add_film_losses
 from jointplay.kernel.layout import DRIVE, POWERS, SPEED_LIMIT
-from jointplay.kernel.load import apply_loads, find_load_powers, work_of_loads
-from jointplay.kernel.loops import close, project
-from jointplay.kernel.record import due, record
+from jointplay.kernel.load import add_load_work, apply_loads, find_load_powers
+from jointplay.kernel.loops import correct_drift, project_dynamics
+from jointplay.kernel.record import is_due, write_record
 from jointplay.kernel.solve import (
     LEAST_COMPLIANCE,
     SPEED,
     TRIALS,
-    answer,
+    evaluate_velocity_forces,
     find_pose,
-    find_touching,
-    solve,
+    find_velocity_forces,
+    solve_velocity,
 )
 from jointplay.kernel.words import Status
 
@@ -115,10 +115,10 @@ def _bounded(run):
 
 
 @internal
-def plan(run):
+def plan_macro_step(run):
     """Choose the length of the next macro step and predict its path."""
     if run.nh > 0:
-        close(run)
+        correct_drift(run)
     run.macro = _bounded(run)
     _predict(run)
 
@@ -133,7 +133,7 @@ def _find_path_error(run):
     nv = run.nv
     apart = run.path_start + 0.5 * run.path_span - run.middle_time
     square = apart * (apart + run.middles_apart)
-    answer, found_free = matrix(run.found_minv, nv, nv), floats(run.found_free, nv)
+    found, found_free = matrix(run.found_minv, nv, nv), floats(run.found_free, nv)
     middle, slope = matrix(run.minv_middle, nv, nv), matrix(run.minv_slope, nv, nv)
     curve, free_curve = matrix(run.minv_curve, nv, nv), floats(run.free_curve, nv)
     free_middle, free_slope = floats(run.free_middle, nv), floats(run.free_slope, nv)
@@ -153,7 +153,7 @@ def _find_path_error(run):
         miss = found_free[i] - free_middle[i] - apart * free_slope[i] - square * free_curve[i]
         acceleration = found_free[i]
         for k in range(nv):
-            value = answer[i, k] if i <= k else answer[k, i]
+            value = found[i, k] if i <= k else found[k, i]
             force = push[k] + effort[k] + loaded[k]
             change = apart * slope[i, k] + square * curve[i, k]
             miss += (value - middle[i, k] - change) * force
@@ -165,27 +165,27 @@ def _find_path_error(run):
 
 
 @internal
-def _draw(answer, middle, slope, curve, value, rate, known, lengths):
+def _fit_parabola(found, middle, slope, curve, value, rate, known, lengths):
     """Draw the parabola through a new middle and the last two `known`; begin at the step's start.
 
     `lengths`: half of the macro step, and how far apart the last two middles and those before are.
     """
     s, apart, before = -lengths[0], lengths[1], lengths[2]
-    for i in range(answer.size):
+    for i in range(found.size):
         bend = 0.0
         if known > 0:
-            rise = (answer[i] - middle[i]) / apart
+            rise = (found[i] - middle[i]) / apart
             bend = (rise - slope[i]) / (apart + before) if known > 1 else 0.0
             slope[i] = rise
         else:
             slope[i] = 0.0
-        curve[i], middle[i] = bend, answer[i]
-        value[i] = answer[i] + s * (slope[i] + bend * (s + apart))
+        curve[i], middle[i] = bend, found[i]
+        value[i] = found[i] + s * (slope[i] + bend * (s + apart))
         rate[i] = slope[i] + bend * (2.0 * s + apart)
 
 
 @internal
-def _take_middle(run):
+def _accept_middle(run):
     """Take Pinocchio's answer at the predicted middle, and draw the parabola through the last ones.
 
     Where a contact has begun or ended in between, velocities have jumped, and the acceleration
@@ -199,16 +199,16 @@ def _take_middle(run):
     if run.events > 0:
         run.known_free = 0
     lengths = (0.5 * span, apart, run.middles_apart)
-    answer = matrix(run.found_minv, nv, nv)
+    found = matrix(run.found_minv, nv, nv)
     for i in range(nv):
         for k in range(i):
-            answer[i, k] = answer[k, i]
-    _draw(
+            found[i, k] = found[k, i]
+    _fit_parabola(
         floats(run.found_minv, nv * nv), floats(run.minv_middle, nv * nv),
         floats(run.minv_slope, nv * nv), floats(run.minv_curve, nv * nv),
         floats(run.minv, nv * nv), floats(run.minv_rate, nv * nv), run.known_middles, lengths,
     )  # fmt: skip
-    _draw(
+    _fit_parabola(
         floats(run.found_free, nv), floats(run.free_middle, nv), floats(run.free_slope, nv),
         floats(run.free_curve, nv), floats(run.free, nv), floats(run.free_rate, nv),
         run.known_free, lengths,
@@ -220,14 +220,14 @@ def _take_middle(run):
 
 
 @internal
-def judge(run):
-    """Take Pinocchio's answer, or plan a shorter macro step where it is too far from expected.
+def check_prediction(run):
+    """Accept Pinocchio's result, or plan a shorter macro step if it is too far from the prediction.
 
     Then `refused` is set.
     """
     if run.nh > 0:
         path = matrix(run.path, ROWS, run.nv)
-        project(run, path[MIDDLE], path[MIDDLE_SPEED])
+        project_dynamics(run, path[MIDDLE], path[MIDDLE_SPEED])
     _find_path_error(run)
     error, macro, unit = run.path_error, run.macro, run.unit
     run.refused = 0
@@ -245,12 +245,12 @@ def judge(run):
         if macro == run.until - run.step and factor >= 1.0:
             best = max(best, run.wish)  # it was not this macro step's own error that cut it short
         run.wish = min(max(best, 1), run.longest)
-    _take_middle(run)
+    _accept_middle(run)
 
 
 @internal
-def leave(run):
-    """See how fast angles change at the end of a macro step, and how far off its path it ended."""
+def end_macro_step(run):
+    """Measure at the end of a macro step how fast angles change and how far it left its path."""
     nv = run.nv
     path, half, turning = matrix(run.path, ROWS, nv), floats(run.half, nv), floats(run.turning, nv)
     done = run.time - run.path_start
@@ -264,18 +264,18 @@ def leave(run):
 
 @internal
 def begin(run):
-    """Let inverse mass matrix, free acceleration and path begin at the state just evaluated."""
+    """Start inverse mass matrix, free acceleration and path at the state just evaluated."""
     nv = run.nv
     path, half, a = matrix(run.path, ROWS, nv), floats(run.half, nv), floats(run.a, nv)
     for i in range(nv):
         path[HALF, i], path[JERK, i] = half[i], 0.0
         path[ACCELERATION, i] = path[MEAN, i] = a[i]
-    answer, middle = matrix(run.found_minv, nv, nv), matrix(run.minv_middle, nv, nv)
+    found, middle = matrix(run.found_minv, nv, nv), matrix(run.minv_middle, nv, nv)
     free, free_middle = floats(run.found_free, nv), floats(run.free_middle, nv)
     for i in range(nv):
         free_middle[i] = free[i]
         for k in range(nv):
-            middle[i, k] = answer[i, k] if i <= k else answer[k, i]
+            middle[i, k] = found[i, k] if i <= k else found[k, i]
     run.middle_time, run.departure = run.time, 0.0
     run.known_middles = run.known_free = 1
     run.mean_time = run.time
@@ -295,7 +295,7 @@ LEAST_PART_OF_STEP = 1e-3
 
 
 @internal
-def _base(run, q, half, v, base, h):
+def _base_velocity(run, q, half, v, base, h):
     """Velocity without what depends on it: drives at an extrapolated v, inertia, gravity."""
     nv = run.nv
     a, tau = floats(run.a, nv), floats(run.tau, nv)
@@ -307,11 +307,11 @@ def _base(run, q, half, v, base, h):
         for one in drives(run):
             if one.armature > 0.0:
                 half[one.coordinate] -= q[one.coordinate] / run.dt_before
-        prescribe(run, q, v, run.time)
+        prescribe_motion(run, q, v, run.time)
         for one in drives(run):
             if one.armature > 0.0:
                 half[one.coordinate] += q[one.coordinate] / run.dt_before
-    drive(run, q, v, run.time, tau)
+    apply_drives(run, q, v, run.time, tau)
     for i in range(nv):
         base[i] = half[i] + h * free[i]
     for one in drives(run):
@@ -325,7 +325,7 @@ def _base(run, q, half, v, base, h):
 
 
 @internal
-def _complete(run, half, v, base, h):
+def _complete_velocities(run, half, v, base, h):
     """Velocities that the solve left out, and all accelerations; returns their size."""
     nv = run.nv
     a, push, minv = floats(run.a, nv), floats(run.contact_push, nv), matrix(run.minv, nv, nv)
@@ -346,8 +346,8 @@ def _powers(run, q, v):
     nv = run.nv
     for i in range(_NP):
         run.power[i] = 0.0
-    work_of_drives(run, v)
-    lose_in_joints(run, q, v)
+    add_drive_power(run, v)
+    add_joint_losses(run, q, v)
     if run.nl > 0:
         find_load_powers(run, v)
     for j in range(run.nj):
@@ -355,7 +355,7 @@ def _powers(run, q, v):
         if joint.touching != 0:
             add_dissipation(run, j, joint)
             if joint.sections > 0:
-                lose_to_film(run, j, joint)
+                add_film_losses(run, j, joint)
     if run.prescribed == 0:
         return
     effort, minv = floats(run.drive, nv), matrix(run.minv, nv, nv)
@@ -378,24 +378,24 @@ def evaluate(run):
     base = floats(run.scratch, nv)
     push = floats(run.contact_push, nv)
     h = 0.5 * run.dt_before
-    _base(run, q, half, v, base, h)
-    find_touching(run, q, half)
+    _base_velocity(run, q, half, v, base, h)
+    find_velocity_forces(run, q, half)
     if run.nl > 0:
         apply_loads(run, base, h)
     if run.active > 0:
-        solve(run, q, base, v, h)
+        solve_velocity(run, q, base, v, h)
     else:
         for i in range(nv):
             push[i] = 0.0
-    size = _complete(run, half, v, base, h)
+    size = _complete_velocities(run, half, v, base, h)
     _powers(run, q, v)
     if not size < SPEED_LIMIT:  # true for NaN as well
-        fail(run, _RUN_AWAY, 0)
+        record_failure(run, _RUN_AWAY, 0)
 
 
 @internal
-def _follow(values, rates, curves, size, dt):
-    """Go `dt` along parabolas."""
+def _advance_parabolas(values, rates, curves, size, dt):
+    """Advance values along parabolas by `dt`."""
     value, rate, curve = floats(values, size), floats(rates, size), floats(curves, size)
     for i in range(size):
         value[i] += dt * (rate[i] + dt * curve[i])
@@ -411,27 +411,27 @@ def _step(run, dt):
     for i in range(nv):
         half[i] = v[i] + ratio * (v[i] - half[i])
         q[i] += dt * half[i]
-    _follow(run.free, run.free_rate, run.free_curve, nv, dt)
-    _follow(run.minv, run.minv_rate, run.minv_curve, nv * nv, dt)
+    _advance_parabolas(run.free, run.free_rate, run.free_curve, nv, dt)
+    _advance_parabolas(run.minv, run.minv_rate, run.minv_curve, nv * nv, dt)
     run.dt_before = dt
 
 
 @internal
-def _pass(run, dt, recorded):
-    """Let the state just evaluated be one of the trajectory, `dt` before the next; record it."""
+def _commit_state(run, dt, recorded):
+    """Accept and record the state just evaluated, `dt` before the next."""
     before = 0.5 * run.dt_before if run.fresh == 0 else 0.0
     for i in range(_NP):
         run.work[i] += before * run.power[i]
     if run.nl > 0:
-        work_of_loads(run, before)
+        add_load_work(run, before)
     for j in range(run.nj):
-        remember(run, j, joints(run)[j], before + 0.5 * dt)
+        commit_contacts(run, j, joints(run)[j], before + 0.5 * dt)
     if recorded:
-        record(run)
+        write_record(run)
     for i in range(_NP):
         run.work[i] += 0.5 * dt * run.power[i]
     if run.nl > 0:
-        work_of_loads(run, 0.5 * dt)
+        add_load_work(run, 0.5 * dt)
     run.fresh = 0
 
 
@@ -450,12 +450,12 @@ def _least_gap(run, part, dt):
         find_pose(run, joint, there)
         for k in range(joint.count):
             if contacts(run, j)[k].touching == 0:
-                least = min(least, gap_of(joint, k))
+                least = min(least, contact_gap(joint, k))
     return least
 
 
 @internal
-def _onset(run, dt):
+def _contact_onset(run, dt):
     """Part of the way to the next state at which a contact begins; 1 if none does."""
     if _least_gap(run, 1.0, dt) >= 0.0:
         return 1.0
@@ -478,13 +478,13 @@ def macro_step(run):
     run.macros += 1
     for k in range(run.macro):
         evaluate(run)
-        _pass(run, run.dt, due(run))
+        _commit_state(run, run.dt, is_due(run))
         if run.status != 0:
             return
         _step(run, run.dt)
         run.step += 1
         run.time = run.step * run.dt
-        leave(run)
+        end_macro_step(run)
         if run.departure > run.departure_limit and k + 1 >= LEAST_DONE:
             return
 
@@ -500,13 +500,13 @@ def adaptive_step(run):
         done = 0.0
         while done < 1.0:
             evaluate(run)
-            pushed += _pushed(run) * run.dt_before
+            pushed += _implicit_acceleration(run) * run.dt_before
             run.step = first + k * run.macro // run.micro
-            recorded = done == 0.0 and k * run.macro % run.micro == 0 and due(run)
+            recorded = done == 0.0 and k * run.macro % run.micro == 0 and is_due(run)
             # A state is what it is however long the next step: look for an onset on the way.
             remaining = (1.0 - done) * dt
-            part = _onset(run, remaining)
-            _pass(run, part * remaining, recorded)
+            part = _contact_onset(run, remaining)
+            _commit_state(run, part * remaining, recorded)
             if run.status != 0:
                 return
             _step(run, part * remaining)
@@ -518,7 +518,7 @@ def adaptive_step(run):
 
 
 @internal
-def _pushed(run):
+def _implicit_acceleration(run):
     """Acceleration by what depends on velocity, as the root of twice a kinetic energy."""
     nv = run.nv
     push, minv = floats(run.contact_push, nv), matrix(run.minv, nv, nv)
@@ -531,25 +531,25 @@ def _pushed(run):
 
 
 @internal
-def settle_macro(run):
-    """Evaluate the state for something that is going to change it, and complete its works."""
+def synchronize(run):
+    """Evaluate velocity and forces at the present instant, and complete the work up to it."""
     evaluate(run)
     if run.fresh == 0:
         for i in range(_NP):
             run.work[i] += 0.5 * run.dt_before * run.power[i]
-        work_of_loads(run, 0.5 * run.dt_before)
+        add_load_work(run, 0.5 * run.dt_before)
 
 
 @internal
-def finish(run):
+def record_last_state(run):
     """Record the state at the end of the last macro step."""
     evaluate(run)
-    _pass(run, 0.0, True)
+    _commit_state(run, 0.0, True)
 
 
 @internal
 def restart(run):
-    """Forget the past: something outside has set q and v."""
+    """Discard the history, after q and v were set from outside."""
     nv = run.nv
     v, half, a = floats(run.v, nv), floats(run.half, nv), floats(run.a, nv)
     run.touching = run.known_middles = run.known_free = run.events = 0
@@ -560,21 +560,21 @@ def restart(run):
 
 
 @internal
-def set_off(run):
+def start_half_step(run):
     """Put `half` half a step before the state (q, v), with the forces at it."""
     if run.nh > 0:
-        project(run, floats(run.q, run.nv), floats(run.v, run.nv))
+        project_dynamics(run, floats(run.q, run.nv), floats(run.v, run.nv))
     nv = run.nv
     q, v, half = floats(run.q, nv), floats(run.v, nv), floats(run.half, nv)
     a, tau, push = floats(run.a, nv), floats(run.tau, nv), floats(run.contact_push, nv)
     free, minv = floats(run.found_free, nv), matrix(run.found_minv, nv, nv)
     if run.prescribed != 0:
-        prescribe(run, q, v, run.time)
+        prescribe_motion(run, q, v, run.time)
     for i in range(nv):
         tau[i] = 0.0
-    drive(run, q, v, run.time, tau)
-    find_touching(run, q, v)
-    answer(run, q, v)
+    apply_drives(run, q, v, run.time, tau)
+    find_velocity_forces(run, q, v)
+    evaluate_velocity_forces(run, q, v)
     loaded = floats(run.load_push, nv)
     for i in range(nv):
         tau[i] += loaded[i]
@@ -589,8 +589,8 @@ def set_off(run):
 
 @internal
 def advance(run):
-    """Do the macro step that was planned, Pinocchio asked, and plan the next."""
-    judge(run)
+    """Do the planned macro step with Pinocchio's result, and plan the next."""
+    check_prediction(run)
     if run.refused != 0:
         return
     first, macro = run.step, run.macro
@@ -599,4 +599,4 @@ def advance(run):
     if run.fixed == 0 and done < macro:
         run.wish = min(max(2 * done, LEAST_STEPS), run.longest)
     if run.status == 0 and run.step < run.until:
-        plan(run)
+        plan_macro_step(run)

@@ -8,8 +8,8 @@ import numpy as np
 
 from jointplay.core.compiler import internal
 from jointplay.kernel.access import contacts, floats, joints, matrix
-from jointplay.kernel.drive import work_of_prescribed
-from jointplay.kernel.load import record_loads, settle_loads
+from jointplay.kernel.drive import add_prescribed_power
+from jointplay.kernel.load import complete_load_work, record_loads
 from jointplay.kernel.sites import LoadSite
 from jointplay.kernel.words import POWERS
 
@@ -17,7 +17,7 @@ _NP = len(POWERS)
 
 
 @internal
-def due(run):
+def is_due(run):
     """Whether the present step is to be recorded."""
     if run.step % run.every == 0:
         return True
@@ -29,24 +29,24 @@ def due(run):
 
 
 @internal
-def settle(run):
+def complete_step(run):
     """Complete what a single-rate method could not know before the acceleration was.
 
     That is the effort of prescribed motion, and with it the work of the last step by the
     trapezoidal rule, if that is pending.
     """
     if run.prescribed != 0:
-        work_of_prescribed(run, floats(run.v, run.nv), floats(run.a, run.nv))
+        add_prescribed_power(run, floats(run.v, run.nv), floats(run.a, run.nv))
     for i in range(_NP):
         if run.pending != 0:
             run.work[i] += 0.5 * run.dt * (run.before[i] + run.power[i])
         run.before[i] = run.power[i]
-    settle_loads(run)
+    complete_load_work(run)
     run.pending = 0
 
 
 @internal
-def record(run):
+def write_record(run):
     """Write the current state and the peaks since the last record, and begin new peaks."""
     if run.row >= run.rows:
         return
@@ -89,7 +89,7 @@ def record(run):
 # Where each quantity stands in what the kernels write.
 
 
-def columns_of(
+def record_columns(
     nv: int, nj: int, width: int, loads: Sequence[LoadSite]
 ) -> tuple[dict[str, slice], int]:
     """Columns of a record by name, and their number."""
@@ -116,7 +116,7 @@ def columns_of(
     return fields, at
 
 
-def statistics_of(contacts: np.ndarray) -> dict[str, np.ndarray]:
+def contact_statistics(contacts: np.ndarray) -> dict[str, np.ndarray]:
     """What records of contacts (nj, width) have counted, of the same shape.
 
     Counts, steps, impulses [N s], smallest gap [m], fastest approach [m/s].

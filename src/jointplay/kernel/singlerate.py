@@ -5,27 +5,35 @@ A stage is one compiled call and one `pin.aba` call:
     record state n, integrate to n+1, drive efforts and contact forces at n+1  -> tau
     pin.aba(model, data, q, v, tau)                                            -> data.ddq
 
-Where joints are reached through frames, Pinocchio's Jacobians come between, and `load` after them.
+Where joints are reached through frames, Pinocchio's Jacobians come between, and
+`evaluate_forces` after them.
 """
 
 from __future__ import annotations
 
 from jointplay.core.compiler import internal
-from jointplay.kernel.access import contacts, fail, floats, joints
-from jointplay.kernel.contact import add_dissipation, bend, gather, remember, respond, touch
-from jointplay.kernel.drive import (
-    apply_joint_friction,
-    drive,
-    lose_in_joints,
-    prescribe,
-    turn_gears,
-    work_of_drives,
+from jointplay.kernel.access import contacts, floats, joints, record_failure
+from jointplay.kernel.contact import (
+    add_contact_forces,
+    add_dissipation,
+    advance_bristles,
+    average_stage_forces,
+    commit_contacts,
+    find_gaps,
 )
-from jointplay.kernel.film import carry, lose_to_film, remember_film
-from jointplay.kernel.frames import pose_of_frames, pose_of_virtual_link, push, twist
+from jointplay.kernel.drive import (
+    add_drive_power,
+    add_joint_losses,
+    apply_drives,
+    apply_gears,
+    apply_joint_friction,
+    prescribe_motion,
+)
+from jointplay.kernel.film import add_film_forces, add_film_losses, commit_film
+from jointplay.kernel.frames import find_twist, pose_of_frames, pose_of_virtual_link, project_wrench
 from jointplay.kernel.layout import POWERS, SPEED_LIMIT
-from jointplay.kernel.load import gather_works, load_now
-from jointplay.kernel.record import due, record, settle
+from jointplay.kernel.load import add_stage_work, apply_current_loads
+from jointplay.kernel.record import complete_step, is_due, write_record
 from jointplay.kernel.words import Status
 
 _NP = len(POWERS)
@@ -33,7 +41,7 @@ _RUN_AWAY = int(Status.RUN_AWAY)
 
 
 @internal
-def _contact(run, j, q, v, tau, elapsed):
+def _evaluate_joint(run, j, q, v, tau, elapsed):
     """Add the forces of joint j at state (q, v) to tau and its losses to the powers.
 
     `elapsed` is the time since its bristles were last bent [s].
@@ -45,22 +53,22 @@ def _contact(run, j, q, v, tau, elapsed):
         pose_of_frames(run, joint, joint.pose, floats(joint.reach, 6 * joint.nsupport))
     for r in range(6):
         joint.wrench[r] = 0.0
-    touching = touch(run, j, joint)
+    touching = find_gaps(run, j, joint)
     if not touching and joint.sections == 0:
         return
-    twist(joint, v)
+    find_twist(joint, v)
     if joint.sections > 0:
-        carry(run, joint, True)
-        lose_to_film(run, j, joint)
+        add_film_forces(run, joint, True)
+        add_film_losses(run, j, joint)
     if joint.bristles != 0:
-        bend(run, j, joint, elapsed)
-    respond(run, j, joint)
+        advance_bristles(run, j, joint, elapsed)
+    add_contact_forces(run, j, joint)
     add_dissipation(run, j, joint)
-    push(joint, tau)
+    project_wrench(joint, tau)
 
 
 @internal
-def _load(run, q, v, time):
+def _evaluate_state(run, q, v, time):
     """Generalised forces tau and powers at state (q, v).
 
     With `run.commit` the state is one of the trajectory, not an intermediate stage: the contacts'
@@ -74,46 +82,46 @@ def _load(run, q, v, time):
         size += abs(v[i])
     for i in range(_NP):
         run.power[i] = 0.0
-    drive(run, q, v, time, tau)
-    work_of_drives(run, v)
+    apply_drives(run, q, v, time, tau)
+    add_drive_power(run, v)
     apply_joint_friction(run, v, tau)
-    turn_gears(run, q, v, tau)
-    lose_in_joints(run, q, v)
-    load_now(run, q, v, time, tau)
+    apply_gears(run, q, v, tau)
+    add_joint_losses(run, q, v)
+    apply_current_loads(run, q, v, time, tau)
     if not size < SPEED_LIMIT:  # true for NaN as well
-        fail(run, _RUN_AWAY, 0)
+        record_failure(run, _RUN_AWAY, 0)
     committed = run.commit != 0
     elapsed = run.dt if committed and run.step > 0 else time - run.time
     for j in range(run.nj):
-        _contact(run, j, q, v, tau, elapsed)
+        _evaluate_joint(run, j, q, v, tau, elapsed)
         if committed:
-            remember(run, j, joints(run)[j], run.dt if run.step > 0 else 0.0)
+            commit_contacts(run, j, joints(run)[j], run.dt if run.step > 0 else 0.0)
             if joints(run)[j].sections > 0:
-                remember_film(run, joints(run)[j])
+                commit_film(run, joints(run)[j])
 
 
 @internal
-def load(run):
+def evaluate_forces(run):
     """Forces at the state that a method prepared, Jacobians given."""
-    _load(run, floats(run.q, run.nv), floats(run.v, run.nv), run.load_time)
+    _evaluate_state(run, floats(run.q, run.nv), floats(run.v, run.nv), run.load_time)
 
 
 @internal
-def _evaluate(run, q, v, time, commit):
-    """Prepare the evaluation of the acceleration at state (q, v), or leave that to `load`."""
+def _prepare_evaluation(run, q, v, time, commit):
+    """Prepare the acceleration at state (q, v), or leave that to `evaluate_forces`."""
     run.commit = 1 if commit else 0
     if run.prescribed != 0:
-        prescribe(run, q, v, time)
+        prescribe_motion(run, q, v, time)
     if run.through_frames != 0:
         run.load_time = time
     else:
-        _load(run, q, v, time)
+        _evaluate_state(run, q, v, time)
 
 
 @internal
 def begin(run, commit):
     """Forces at the current state."""
-    _evaluate(run, floats(run.q, run.nv), floats(run.v, run.nv), run.time, commit)
+    _prepare_evaluation(run, floats(run.q, run.nv), floats(run.v, run.nv), run.time, commit)
 
 
 @internal
@@ -121,16 +129,16 @@ def semi_implicit_euler(run):
     """Step by v += a dt, q += v dt (first order)."""
     nv = run.nv
     q, v, a = floats(run.q, nv), floats(run.v, nv), floats(run.a, nv)
-    settle(run)
-    if due(run):
-        record(run)
+    complete_step(run)
+    if is_due(run):
+        write_record(run)
     for i in range(nv):
         v[i] += run.dt * a[i]
         q[i] += run.dt * v[i]
     run.pending = 1
     run.step += 1
     run.time = run.step * run.dt
-    _evaluate(run, q, v, run.time, True)
+    _prepare_evaluation(run, q, v, run.time, True)
 
 
 @internal
@@ -145,16 +153,16 @@ def runge_kutta_4(run):
     # State at the start of the step, weighted sums of its slopes, and those of the works.
     scratch = floats(run.scratch, 4 * nv + _NP)
     dt, stage = run.dt, run.stage
-    settle(run)
-    if stage == 0 and due(run):
-        record(run)
+    complete_step(run)
+    if stage == 0 and is_due(run):
+        write_record(run)
     weight = dt / 6.0 if stage == 0 or stage == 3 else dt / 3.0
     for i in range(_NP):
         done = 0.0 if stage == 0 else scratch[4 * nv + i]
         scratch[4 * nv + i] = done + weight * run.power[i]
-    gather_works(run, stage, weight)
+    add_stage_work(run, stage, weight)
     for j in range(run.nj):
-        gather(joints(run)[j], contacts(run, j), stage, weight / dt)
+        average_stage_forces(joints(run)[j], contacts(run, j), stage, weight / dt)
     ahead = dt if stage == 2 else 0.5 * dt
     for i in range(nv):
         if stage == 0:
@@ -172,7 +180,7 @@ def runge_kutta_4(run):
             v[i] = scratch[nv + i] + ahead * a[i]
     if stage < 3:
         run.stage = stage + 1
-        _evaluate(run, q, v, run.time + ahead, False)
+        _prepare_evaluation(run, q, v, run.time + ahead, False)
         return
     run.stage = 0
     run.averaged = 1
@@ -180,4 +188,4 @@ def runge_kutta_4(run):
         run.work[i] += scratch[4 * nv + i]
     run.step += 1
     run.time = run.step * dt
-    _evaluate(run, q, v, run.time, True)
+    _prepare_evaluation(run, q, v, run.time, True)

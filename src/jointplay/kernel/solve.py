@@ -22,18 +22,23 @@ import math
 from jointplay.core.compiler import internal
 from jointplay.kernel.access import floats, frictions, gears, integers, joints, matrix
 from jointplay.kernel.bodies import place_bodies
-from jointplay.kernel.contact import add_stiffness, bend, respond, touch
-from jointplay.kernel.drive import apply_joint_friction, steepen_joints, turn_gears
-from jointplay.kernel.film import carry, steepen_film
+from jointplay.kernel.contact import (
+    add_contact_forces,
+    add_contact_slope,
+    advance_bristles,
+    find_gaps,
+)
+from jointplay.kernel.drive import add_joint_slopes, apply_gears, apply_joint_friction
+from jointplay.kernel.film import add_film_forces, add_film_slope
 from jointplay.kernel.frames import (
+    find_twist,
     inlined,
     pose_of_frames,
     pose_of_virtual_link,
-    push,
-    push_slope,
-    twist,
+    project_slope,
+    project_wrench,
 )
-from jointplay.kernel.load import damp_loads, find_loads, steepen_loads
+from jointplay.kernel.load import add_load_slopes, apply_velocity_loads, evaluate_loads
 
 TOLERANCE = 1e-9
 """Error of the velocity solve, as the root of twice its kinetic energy [kg^0.5 m/s]."""
@@ -69,7 +74,7 @@ def find_pose(run, joint, q):
 
 
 @internal
-def find_touching(run, q, half):
+def find_velocity_forces(run, q, half):
     """Find what depends on the velocity at q, and list the coordinates that it moves."""
     nv = run.nv
     touched, place = integers(run.touched, nv), integers(run.place, nv)
@@ -81,7 +86,7 @@ def find_touching(run, q, half):
     for j in range(run.nj):
         joint = joints(run)[j]
         find_pose(run, joint, q)
-        touching = touch(run, j, joint)
+        touching = find_gaps(run, j, joint)
         run.touching += 1 if touching else 0
         joint.touching = 1 if touching or joint.sections > 0 else 0
         for r in range(6):
@@ -89,8 +94,8 @@ def find_touching(run, q, half):
         if joint.touching == 0:
             continue
         if joint.bristles != 0:
-            twist(joint, half)
-            bend(run, j, joint, run.dt_before)
+            find_twist(joint, half)
+            advance_bristles(run, j, joint, run.dt_before)
         support = integers(joint.support, joint.nsupport)
         for k in range(joint.nsupport):
             marks[support[k]] = 1.0
@@ -100,7 +105,7 @@ def find_touching(run, q, half):
         if abs(q[gear.motor] - q[gear.link]) > gear.half_play:
             marks[gear.motor] = marks[gear.link] = 1.0
     if run.nl > 0:
-        find_loads(run, q, floats(run.v, nv), marks)
+        evaluate_loads(run, q, floats(run.v, nv), marks)
     n = 0
     for i in range(nv):
         if marks[i] != 0.0:
@@ -111,8 +116,8 @@ def find_touching(run, q, half):
 
 
 @internal
-def answer(run, q, v):
-    """Put tau_c at state (q, v) into `contact_push`."""
+def evaluate_velocity_forces(run, q, v):
+    """Evaluate tau_c at state (q, v) into `contact_push`."""
     tau = floats(run.contact_push, run.nv)
     for i in range(run.nv):
         tau[i] = 0.0
@@ -120,22 +125,22 @@ def answer(run, q, v):
         joint = joints(run)[j]
         if joint.touching == 0:
             continue
-        twist(joint, v)
+        find_twist(joint, v)
         for r in range(6):
             joint.wrench[r] = 0.0
         if joint.sections > 0:
-            carry(run, joint, False)
-        respond(run, j, joint)
-        push(joint, tau)
+            add_film_forces(run, joint, False)
+        add_contact_forces(run, j, joint)
+        project_wrench(joint, tau)
     apply_joint_friction(run, v, tau)
-    turn_gears(run, q, v, tau)
+    apply_gears(run, q, v, tau)
     if run.nl > 0:
-        damp_loads(run, v, tau)
+        apply_velocity_loads(run, v, tau)
 
 
 @internal
-def _slopes(run, q, v):
-    """Put the slope of tau_c at the state of the last `answer` into `slope`."""
+def _evaluate_slopes(run, q, v):
+    """Evaluate the Jacobian of tau_c at the last evaluated state into `slope`."""
     slope = floats(run.slope, run.active * run.active)
     for i in range(run.active * run.active):
         slope[i] = 0.0
@@ -147,17 +152,17 @@ def _slopes(run, q, v):
             for c in range(6):
                 joint.stiff[r, c] = 0.0
         if joint.sections > 0:
-            steepen_film(run, joint)
-        add_stiffness(run, j, joint)
-        push_slope(run, joint)
-    steepen_joints(run, q, v)
+            add_film_slope(run, joint)
+        add_contact_slope(run, j, joint)
+        project_slope(run, joint)
+    add_joint_slopes(run, q, v)
     if run.nl > 0:
-        steepen_loads(run)
+        add_load_slopes(run)
 
 
 @inlined
-def _misfit(run, h, n):
-    """Write what the velocities lack of solving the equation; returns its size squared."""
+def _residual(run, h, n):
+    """Write the residual of the velocity equation; returns its squared norm."""
     trial, compliance = matrix(run.trial, TRIALS, run.nv), matrix(run.compliance, n, n)
     size = 0.0
     for a in range(n):
@@ -171,16 +176,16 @@ def _misfit(run, h, n):
 
 
 @internal
-def _try(run, q, v, h):
+def _evaluate_trial(run, q, v, h):
     """Evaluate tau_c at the velocities in `trial`; returns the error squared."""
     n, touched = run.active, integers(run.touched, run.nv)
     trial, tau = matrix(run.trial, TRIALS, run.nv), floats(run.contact_push, run.nv)
     for a in range(n):
         v[touched[a]] = trial[SPEED, a]
-    answer(run, q, v)
+    evaluate_velocity_forces(run, q, v)
     for a in range(n):
         trial[PUSH, a] = tau[touched[a]]
-    return _misfit(run, h, 6) if n == 6 else _misfit(run, h, n)
+    return _residual(run, h, 6) if n == 6 else _residual(run, h, n)
 
 
 @internal
@@ -221,8 +226,8 @@ def _factor(run, h):
 
 
 @inlined
-def _aim(run, n):
-    """Put the step that the last factored matrix asks for into `trial`."""
+def _newton_step(run, n):
+    """Write the Newton step of the last factored matrix into `trial`."""
     trial, inverse = matrix(run.trial, TRIALS, run.nv), matrix(run.inverse, n, n)
     for a in range(n):
         total = 0.0
@@ -233,8 +238,8 @@ def _aim(run, n):
 
 
 @internal
-def _start(run, base, h):
-    """Begin with the forces of the last step; returns the error squared that is good enough."""
+def _initial_guess(run, base, h):
+    """Start from the forces of the last step; returns the squared tolerance of the residual."""
     n, touched = run.active, integers(run.touched, run.nv)
     minv, compliance = matrix(run.minv, run.nv, run.nv), matrix(run.compliance, n, n)
     trial, tau = matrix(run.trial, TRIALS, run.nv), floats(run.contact_push, run.nv)
@@ -256,43 +261,43 @@ def _start(run, base, h):
 
 
 @internal
-def _walk(run, q, v, h, part):
-    """Go a part of the step from the last velocities; returns the error squared there."""
+def _take_step(run, q, v, h, part):
+    """Take a part of the Newton step; returns the squared residual there."""
     trial = matrix(run.trial, TRIALS, run.nv)
     for a in range(run.active):
         trial[SPEED, a] = trial[LAST, a] + part * trial[STEP, a]
-    return _try(run, q, v, h)
+    return _evaluate_trial(run, q, v, h)
 
 
 @internal
-def solve(run, q, base, v, h):
-    """Find v on the coordinates that `find_touching` listed, by Newton's method.
+def solve_velocity(run, q, base, v, h):
+    """Find v on the coordinates that `find_velocity_forces` listed, by Newton's method.
 
     The matrix of an earlier step is used as long as each trial brings the error down by
     `CONTRACTION`. Where it does not get there the last velocity is taken, and counted.
     """
     n = run.active
-    limit = _start(run, base, h)
-    error, trials = _try(run, q, v, h), 1
+    limit = _initial_guess(run, base, h)
+    error, trials = _evaluate_trial(run, q, v, h), 1
     old = run.factored == n
     while not error <= limit:
         if trials >= MOST_TRIALS or not math.isfinite(error):
             run.unsolved += 1
             break
         if not old:
-            _slopes(run, q, v)
+            _evaluate_slopes(run, q, v)
             _factor(run, h)
-        _aim(run, 6) if n == 6 else _aim(run, n)
+        _newton_step(run, 6) if n == 6 else _newton_step(run, n)
         least, part = error, 1.0
-        error, trials = _walk(run, q, v, h, part), trials + 1
+        error, trials = _take_step(run, q, v, h, part), trials + 1
         if old:
             old = error < CONTRACTION * CONTRACTION * least
             if not error < least:
-                error = _walk(run, q, v, h, 0.0)
+                error = _take_step(run, q, v, h, 0.0)
             continue
         while not error < least and part > LEAST_PART and trials < MOST_TRIALS:
             part *= 0.5
-            error, trials = _walk(run, q, v, h, part), trials + 1
+            error, trials = _take_step(run, q, v, h, part), trials + 1
         old = error < CONTRACTION * CONTRACTION * least
     run.solves += 1
     run.iterations += trials

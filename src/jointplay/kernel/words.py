@@ -1,4 +1,4 @@
-"""Words of the kernels that others use too; no compiler is needed to know them."""
+"""Constants of the kernels that other modules use too; importing them needs no compiler."""
 
 from __future__ import annotations
 
@@ -23,22 +23,22 @@ class Command(IntEnum):
     ADVANCE = 0
     PLAN = 1
     RESTART = 2
-    SET_OFF = 3
-    SETTLE_MACRO = 4
-    FINISH = 5
+    START_HALF_STEP = 3
+    SYNCHRONIZE = 4
+    RECORD_LAST_STATE = 5
     BEGIN = 6
     REFRESH = 7
-    LOAD = 8
-    SETTLE = 9
+    EVALUATE_FORCES = 8
+    COMPLETE_STEP = 9
     RECORD = 10
     SEMI_IMPLICIT_EULER = 11
     RUNGE_KUTTA_4 = 12
-    TAKE_MIDDLE = 13
+    CHECK_PREDICTION = 13
     ADAPTIVE_STEP = 14
 
 
-THERE = -1
-"""What an entry returns where a run has got as far as it should for now."""
+REACHED = -1
+"""Returned by an entry where a run has reached the step up to which it was asked to go."""
 
 POWERS = (
     "drive",
@@ -53,10 +53,10 @@ AZIMUTHS = 72
 """Places around the bore at which sliding work is counted, the first on the bearing's x axis."""
 
 JOINT_FRICTION_SPEED = 1e-3
-"""Speed over which dry joint friction turns its sign [rad/s or m/s]."""
+"""Speed over which dry joint friction changes its sign [rad/s or m/s]."""
 
 WELL_RESOLVED_STEPS = 10
 """A contact of fewer steps than this is not resolved."""
 
 NEVER, ALWAYS, IF_PRESSED = range(3)
-"""When a load depends on velocity; IF_PRESSED: where its answer at rest is not zero."""
+"""When a load depends on velocity; IF_PRESSED: where its force at rest is not zero."""

@@ -11,7 +11,7 @@ import pinocchio as pin
 from jointplay.core.errors import JointplayError
 from jointplay.kernel import Command, Status, compiled, layout
 from jointplay.kernel.multirate import MIDDLE, MIDDLE_SPEED, ROWS
-from jointplay.kernel.record import columns_of, statistics_of
+from jointplay.kernel.record import contact_statistics, record_columns
 from jointplay.kernel.sites import (
     PARTS,
     CarriedFrame,
@@ -169,7 +169,7 @@ class Workspace(Pointed):
         super().__init__(layout.RUN, ("joints", "loads"))
         self._own_acceleration = own_acceleration
         self._addresses["run"] |= {"record", "windows"}
-        self.fields, columns = columns_of(nv, len(sites), width, loads)
+        self.fields, columns = record_columns(nv, len(sites), width, loads)
         # Views of single fields: to look a field up costs more than to read it.
         self._row, self._step = self.run["row"], self.run["step"]
         self._time, self._status = self.run["time"], self.run["status"]
@@ -546,5 +546,5 @@ class Workspace(Pointed):
         return self.record[: self.rows - self.kept_elsewhere, self.fields[name]]
 
     def contact_statistics(self) -> dict[str, np.ndarray]:
-        """Per joint and contact, (nj, width): see `record.statistics_of`."""
-        return statistics_of(self.contacts)
+        """Per joint and contact, (nj, width): see `record.contact_statistics`."""
+        return contact_statistics(self.contacts)

@@ -165,7 +165,9 @@ def stretching(
             run.begin()
             if not run.advance(steps):
                 raise JointplayError(run.message(run.workspace.status))
-            run.workspace.do(Command.SETTLE if run.method.single_rate else Command.SETTLE_MACRO)
+            run.workspace.do(
+                Command.COMPLETE_STEP if run.method.single_rate else Command.SYNCHRONIZE
+            )
         apart = free * np.concatenate([second.q - first.q, second.v - first.v])
         logarithms.append(math.log(np.linalg.norm(scale * apart) / APART))
     return np.array(logarithms)

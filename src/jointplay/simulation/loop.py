@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from jointplay.kernel import THERE, Command, compiled, entry_of, layout
+from jointplay.kernel import REACHED, Command, compiled, entry_of, layout
 from jointplay.kernel.integrators import Integrator
 from jointplay.kernel.sites import CarriedFrame, ContactSite, LoadSite
 from jointplay.kernel.workspace import Workspace
@@ -239,11 +239,11 @@ class MultiRate(TimeLoop):
         w, self._planned_on = self.workspace, False
         w.do(Command.RESTART)
         self._ask(w.q, w.v)
-        w.do(Command.SET_OFF)
+        w.do(Command.START_HALF_STEP)
 
     def settle(self) -> None:
         """Find the velocity at the present instant."""
-        self.workspace.do(Command.SETTLE_MACRO)
+        self.workspace.do(Command.SYNCHRONIZE)
 
     def velocity(self) -> np.ndarray:
         """From those half a step ago, with the last acceleration."""
@@ -280,11 +280,11 @@ class MultiRate(TimeLoop):
             if state == 0 and pause is not None and self.workspace.steps >= pause:
                 self._planned_on = True
                 return True
-        return bool(state == THERE)
+        return bool(state == REACHED)
 
     def finish(self) -> None:
         """Record the last state."""
-        self.workspace.do(Command.FINISH)
+        self.workspace.do(Command.RECORD_LAST_STATE)
 
 
 class Adaptive(MultiRate):
@@ -334,7 +334,7 @@ class Adaptive(MultiRate):
         self._refused[0] = 1
         while self._refused.item():
             self._ask(*self._middle)
-            self.workspace.do(Command.TAKE_MIDDLE)
+            self.workspace.do(Command.CHECK_PREDICTION)
         macro = self._planned.item()
         span = macro * self._dt
         for kept, array in zip(self._kept, self._state, strict=True):
@@ -401,13 +401,13 @@ class SingleRate(TimeLoop):
         self._begun = True
         if self.workspace.needs_jacobians:
             pin.computeJointJacobians(self.model, self.data, self.workspace.q)
-            self.workspace.do(Command.LOAD)
+            self.workspace.do(Command.EVALUATE_FORCES)
         dynamics, state = self._call
         dynamics(*state)
 
     def settle(self) -> None:
         """Complete the work of the last step."""
-        self.workspace.do(Command.SETTLE)
+        self.workspace.do(Command.COMPLETE_STEP)
 
     def recall(self, memory: Mapping[str, float]) -> None:
         """Do not begin from the start again."""
@@ -418,7 +418,7 @@ class SingleRate(TimeLoop):
         if pause is not None:
             steps = min(steps, max(pause - self.workspace.steps, 1))
         enter, run = compiled(self.method.command), self.workspace.run
-        command, load = int(self.method.command), int(Command.LOAD)
+        command, load = int(self.method.command), int(Command.EVALUATE_FORCES)
         dynamics, state = self._call
         jacobians, place = pin.computeJointJacobians, (self.model, self.data, self.workspace.q)
         through_frames = self.workspace.needs_jacobians
