@@ -18,7 +18,7 @@ from tqdm import tqdm
 import jointplay as jp
 from jointplay.kernel import Status
 from jointplay.result import histories, variables
-from jointplay.result.variables import Pushes
+from jointplay.result.variables import LoadWrenches
 
 WHOLE, MOTION, FORCES = "whole result", "motion of the bodies", "forces in the joints"
 
@@ -62,9 +62,9 @@ def measure(simulation, repeats, bar):
     mechanism, w = run.mechanism, run.workspace
     rows = w.rows
     q, v = (np.ascontiguousarray(w.recorded(name)) for name in ("q", "v"))
-    none = Pushes(np.zeros_like(q), (), np.zeros((rows, 0, 6)))
+    none = LoadWrenches(np.zeros_like(q), (), np.zeros((rows, 0, 6)))
     records = histories.records_of(w)
-    stretches = variables.stretches_of(run.phases, 0, rows)
+    stretches = variables.phase_stretches(run.phases, 0, rows)
     end = (Status.COMPLETED, "", 0.0)
     samples = {WHOLE: [], MOTION: [], FORCES: [], "one record": []}
     for turn in range(repeats + 1):

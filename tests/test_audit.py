@@ -98,8 +98,11 @@ def test_sound_run_does_not_warn():
         ({"friction_fed": 0.02}, "friction gave back 0.02 J"),
         ({"penetration_over_clearance": 0.6}, "60 % of its clearance"),
         ({"step_error": 8e-3, "relative_step_error": 0.09}, "tool is off by about 0.008 m"),
-        ({"relative_step_error": 0.09}, "another motion: all coordinates by 9 %"),  # a file edited
-        ({"step_error": math.inf, "relative_step_error": math.inf}, "the run ends otherwise"),
+        (
+            {"relative_step_error": 0.09},
+            "a different motion: all coordinates by 9 %",
+        ),  # a file edited
+        ({"step_error": math.inf, "relative_step_error": math.inf}, "the run ends differently"),
         ({"tooth_steps": 6.0}, "gear teeth last 6 steps"),
         ({"friction_step_limit": 4e-6}, "does not follow friction"),
         ({"friction_step_limit": 5e-6}, "does not follow friction"),
@@ -172,12 +175,13 @@ def test_figures_that_are_not_given_are_none():
         ({}, "journals start centred"),
         (
             {"start": "rest", "start_residual": 1e-8, "start_load": 72.41, "peak_force": 82.7},
-            "journals start at rest (unbalanced 1e-08 N of 72.4 N); largest joint force 82.7 N, "
-            "judged from the start",
+            "journals start at rest (residual force 1e-08 N of 72.4 N); largest joint force "
+            "82.7 N, judged from the start",
         ),
         (
             {"start_residual": 0.2, "start_load": 3.0},
-            "journals start centred, for no place of rest was found (unbalanced 0.2 N of 3 N)",
+            "journals start centred, because no equilibrium was found "
+            "(residual force 0.2 N of 3 N)",
         ),
         (
             {

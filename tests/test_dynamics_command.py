@@ -26,9 +26,9 @@ SPEEDS = ["--vary", "motion.speeds.crank_pin=4000:5000:2 rpm"]
         ("bifurcation", SPEEDS, "of 2 values"),
         ("poincare", [], "the section"),
         ("lyapunov", [], "largest Lyapunov exponent"),
-        ("lyapunov", SPEEDS, "2 of 2 runs done now"),
+        ("lyapunov", SPEEDS, "2 of 2 runs computed now"),
         ("recurrence", [], "recurrence rate"),
-        ("waterfall", SPEEDS, "2 of 2 runs done now"),
+        ("waterfall", SPEEDS, "2 of 2 runs computed now"),
         ("basin", ["--grid", "2"], "of the starts"),
     ],
 )
@@ -45,7 +45,7 @@ def test_what_is_done_is_not_run_again_and_half_a_row_is(tmp_path, capsys):
     whole = table.read_bytes()
     table.write_bytes(whole[:-20])  # as a full disk would leave it
     assert dynamics("bifurcation", tmp_path, *SPEEDS) == 0
-    assert "1 of 2 runs done now, 1 were there" in capsys.readouterr().out
+    assert "1 of 2 runs computed now, 1 from earlier" in capsys.readouterr().out
     assert table.read_bytes() == whole
 
 
@@ -53,7 +53,7 @@ def test_more_values_use_those_that_are_there(tmp_path, capsys):
     assert dynamics("bifurcation", tmp_path, *SPEEDS) == 0
     finer = ["--vary", "motion.speeds.crank_pin=4000:5000:3 rpm"]
     assert dynamics("bifurcation", tmp_path, *finer) == 0
-    assert "1 of 3 runs done now, 2 were there" in capsys.readouterr().out
+    assert "1 of 3 runs computed now, 2 from earlier" in capsys.readouterr().out
 
 
 def test_processes_find_the_same_rows(tmp_path):

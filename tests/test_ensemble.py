@@ -152,7 +152,7 @@ def threads(_):
 def test_numerical_libraries_have_one_thread_in_each_process():
     np.linalg.inv(np.eye(2))
     for jobs in (1, 2):
-        with module.side_by_side(threads, range(2), jobs) as outcomes:
+        with module.run_parallel(threads, range(2), jobs) as outcomes:
             for _, found in outcomes:
                 assert set(found) == {1}
 

@@ -209,7 +209,7 @@ def test_of_the_index_of_a_long_file_little_is_in_memory(monkeypatch, tmp_path):
         return xr.Dataset(histories, {"time": np.arange(8.0) + 8.0 * k})
 
     with (tmp_path / "long.nc").open("w+b") as file:
-        made = portions.Growing(file, portion(0))
+        made = portions.GrowingDataset(file, portion(0))
         for k in range(1, 300):
             made.append(portion(k))
         assert made._h5.id.get_mdc_size()[2] <= portions.INDEX_BYTES

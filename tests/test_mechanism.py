@@ -75,7 +75,7 @@ def test_virtual_work_of_the_virtual_link_is_action_and_reaction():
     workspace.v[:] = np.linspace(-0.3, 0.4, model.nv)
     workspace.drives["kp"] = workspace.drives["kd"] = 0.0
     workspace.reference[:] = 0.0
-    assert workspace.do(Command.BEGIN) == Status.COMPLETED
+    assert workspace.execute(Command.BEGIN) == Status.COMPLETED
     by_coordinates = pin.aba(model, data, workspace.q, workspace.v, workspace.tau).copy()
 
     # The same forces as wrenches on the two bodies, at the contact points.

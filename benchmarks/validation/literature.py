@@ -291,7 +291,7 @@ def _begin_nudged(run, transient: int, nudge: float) -> None:
     """Begin, go through the transient, and move the slider."""
     run.begin()
     run.advance(round(transient * TURN / STEP))
-    run.settle()
+    run.synchronize()
     run.workspace.q[2] += nudge
     run.begin()
 

@@ -118,7 +118,8 @@ def _command(parser: argparse.ArgumentParser, options: argparse.Namespace) -> in
         _leave_nothing()
         reason = f"one is far too large or too small: {error}"
         print(
-            f"jointplay {options.command}: error: these numbers cannot be computed with, {reason}",
+            f"jointplay {options.command}: error: "
+            f"these numbers cannot be used in computations: {reason}",
             file=sys.stderr,
         )
         return BAD_INPUT

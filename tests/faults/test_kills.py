@@ -202,7 +202,7 @@ def until(process, words):
 def test_ctrl_c_while_a_result_is_saved_lets_it_be_saved(tmp_path):
     process = saving(tmp_path / "o")
     process.send_signal(signal.SIGINT)
-    until(process, "once more gives it up")
+    until(process, "interrupt again to discard it")
     process.stdin.write("\n")
     process.stdin.flush()
     _, err, status = end(process)
@@ -215,7 +215,7 @@ def test_ctrl_c_while_a_result_is_saved_lets_it_be_saved(tmp_path):
 def test_a_second_ctrl_c_gives_up_and_says_what(tmp_path):
     process = saving(tmp_path / "o")
     process.send_signal(signal.SIGINT)
-    until(process, "once more gives it up")
+    until(process, "interrupt again to discard it")
     process.send_signal(signal.SIGINT)
     _, err, status = end(process)
     assert status == 130

@@ -202,7 +202,7 @@ def test_a_case_that_kills_its_worker_every_time_has_failed_and_the_rest_goes_on
     path.write_text(SCENARIO.format(axes=axes, options=options, duration="1 ms"))
     found = jp.sweep(path, tmp_path / "s", jobs=2)
     assert found["state"].values.tolist() == [2, 1, 1]
-    assert "3 processes died of it" in str(found["error"].values[0])
+    assert "3 worker processes ended while running this case" in str(found["error"].values[0])
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

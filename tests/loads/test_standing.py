@@ -8,7 +8,7 @@ from conftest import body, joint
 import jointplay as jp
 from jointplay.loads import Controller, CurveSpring, Spring, Stop, TorsionSpring, Wrench
 from jointplay.simulation.loads import load_site
-from jointplay.simulation.statics import StandingLoads
+from jointplay.simulation.statics import StaticLoads
 
 PLAY = {"radial_clearance": 1e-4, "axial_clearance": 1e-4}
 MASS, REACH = 1.5, 0.1
@@ -80,7 +80,7 @@ def test_a_journal_that_a_spring_presses_stays_where_it_rests(urdf, integrator):
 def test_slopes_are_those_of_the_energy(urdf, load):
     mechanism = arm(urdf, (0.0, 0.0, 0.0))
     model, data = mechanism.model, mechanism.model.createData()
-    pushing = StandingLoads({"it": load}, mechanism, [load_site(load, mechanism, {})])
+    pushing = StaticLoads({"it": load}, mechanism, [load_site(load, mechanism, {})])
     q = 0.1 + 0.05 * np.random.default_rng(3).normal(size=model.nq)
 
     def slope(at):
@@ -101,7 +101,7 @@ def test_slopes_are_those_of_the_energy(urdf, load):
 def test_curvature_of_a_torsion_spring_is_its_stiffness(urdf):
     mechanism = arm(urdf, (0.0, 0.0, 0.0))
     load = TorsionSpring("b", 5.0, damping=3.0)
-    pushing = StandingLoads({"it": load}, mechanism, [load_site(load, mechanism, {})])
+    pushing = StaticLoads({"it": load}, mechanism, [load_site(load, mechanism, {})])
     q, data = np.zeros(mechanism.model.nq), mechanism.model.createData()
     pin.computeJointJacobians(mechanism.model, data, q)
     _, curvature = pushing.slopes(data, q)

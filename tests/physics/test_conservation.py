@@ -99,7 +99,7 @@ def test_angular_momentum_about_a_free_hinge_survives_impacts(urdf, axis):
 def momentum_rate(run, wrong=0.0):
     """Rate of the momentum over the contact force, at the run's state; `wrong` falsifies tau."""
     workspace, robot = run.workspace, run.mechanism
-    assert workspace.do(Command.BEGIN) == Status.COMPLETED
+    assert workspace.execute(Command.BEGIN) == Status.COMPLETED
     q, v, tau = workspace.q, workspace.v, workspace.tau.copy()
     assert not tau[:3].any()
     force = np.linalg.norm(tau[3:6])
@@ -153,7 +153,7 @@ def test_internal_forces_do_no_work_in_rigid_motion(urdf):
     )
     robot, run = flying(path, ["pin"], [5.0], journals=0.0)
     run.workspace.q[1:] = [1.5e-4, 1.7e-4, 2.1e-4, 0.4, 3e-3, -2e-3]
-    assert run.workspace.do(Command.BEGIN) == Status.COMPLETED
+    assert run.workspace.execute(Command.BEGIN) == Status.COMPLETED
     q, v, tau = run.workspace.q, run.workspace.v, run.workspace.tau
     force = np.linalg.norm(tau[1:4])
     assert force > 100.0

@@ -10,7 +10,7 @@ from conftest import body, joint, still
 import jointplay as jp
 from jointplay.joints import PrismaticClearance, SphericalClearance
 from jointplay.scenario import Scenario
-from jointplay.simulation.statics import Balance, StandingLoads, weight_curvature
+from jointplay.simulation.statics import StaticEquilibrium, StaticLoads, weight_curvature
 
 PIN = {"radial_clearance": 1e-4, "axial_clearance": 1e-4}
 WEIGHT = 2.0 * 9.81
@@ -115,8 +115,8 @@ def test_a_machine_rests_in_one_place_whatever_the_way_to_it(urdf):
     run = jp.Run(standing(robot, drive=jp.loads.Prescribed()))
     q = np.zeros(robot.model.nq)
     drives = dict.fromkeys("ab", jp.loads.Prescribed())
-    balance = Balance(
-        robot, robot.model, q, q, drives, (), np.zeros(0), {}, StandingLoads({}, robot, []), q
+    balance = StaticEquilibrium(
+        robot, robot.model, q, q, drives, (), np.zeros(0), {}, StaticLoads({}, robot, []), q
     )
     random, places = np.random.default_rng(2), []
     for _ in range(5):
@@ -215,7 +215,7 @@ def test_perturbed_journals_start_between_rest_and_a_random_place(urdf):
 def test_what_no_joint_can_bear_is_said(urdf):
     soft = jp.RevoluteClearance.planar(radial_clearance=1e-4, normal=jp.contact.LinearSpring(1e-3))
     robot = pendulum(urdf, soft)
-    with pytest.raises(jp.JointplayError, match="no place of rest was found"):
+    with pytest.raises(jp.JointplayError, match="no equilibrium was found"):
         jp.Run(standing(robot, start="rest"))
     run = jp.Run(standing(robot))
     assert run.simulation.start == "centred"

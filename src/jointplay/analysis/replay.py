@@ -99,8 +99,8 @@ def replay(result: Result, windows: Sequence[tuple[float, float]]) -> Replay:
     spans = [(max(0, round(a / step)), min(steps, round(b / step))) for a, b in windows]
     run = Run(simulation)
     workspace = run.workspace
-    workspace.watch([(a, b) for a, b in spans if a <= b])
-    workspace.make_room(len(workspace.record) + sum(max(0, b - a + 1) for a, b in spans))
+    workspace.record_windows([(a, b) for a, b in spans if a <= b])
+    workspace.reserve_records(len(workspace.record) + sum(max(0, b - a + 1) for a, b in spans))
     _repeat(run, steps)
     again = histories(
         run.mechanism,

@@ -20,7 +20,7 @@ from jointplay.contact.trust import files_of
 from jointplay.core import files
 from jointplay.core.errors import JointplayError, require_whole
 from jointplay.core.processes import number_of
-from jointplay.simulation.ensemble import run_to_the_end, side_by_side
+from jointplay.simulation.ensemble import run_parallel, run_to_the_end
 from jointplay.simulation.simulation import Simulation
 
 
@@ -98,7 +98,7 @@ def traces(
     bar = tqdm(total=count, initial=len(runs), disable=not progress, desc=what, unit="run")
     kept = f"the runs so far are in {str(keep)!r}" if keep else "nothing was kept"
     names = list(todo)
-    with bar, side_by_side(_run, todo.values(), jobs, kept=kept) as outcomes:
+    with bar, run_parallel(_run, todo.values(), jobs, kept=kept) as outcomes:
         for place, trace in outcomes:
             runs[names[place]] = trace
             _write(keep, names[place], trace)

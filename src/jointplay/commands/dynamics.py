@@ -213,7 +213,7 @@ class FigureJob:
         """Numbers for each key, found or read; failures are said."""
         table = self.table(columns)
         done = table.fill(work, keys, self.options.jobs, not self.options.quiet)
-        print(f"{done} of {len(keys)} runs done now, {len(keys) - done} were there")
+        print(f"{done} of {len(keys)} runs computed now, {len(keys) - done} from earlier")
         failed = [key for key in keys if key in table.failures]
         for key in failed[:3]:
             at = f" at {', '.join(f'{x:g}' for x in key)}" if key else ""

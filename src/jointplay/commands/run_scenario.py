@@ -48,13 +48,13 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
     from jointplay.core.files import claim, holds
     from jointplay.plots.names import MARK
 
-    cases = _chosen(scenario, options.case)
+    cases = _choose_cases(scenario, options.case)
     jobs = processes.number_of(options.jobs, cases)
     files = dict(zip(cases, file_names(cases), strict=True))
     figures = scenario.figures and not options.no_figures
     drawn = _figures(scenario, cases) if figures else []
     if not options.resume:
-        refuse(Path(options.out), files, drawn)
+        check_output_folder(Path(options.out), files, drawn)
     from jointplay import plots  # what comes now takes long to import
     from jointplay.analysis.certification import further_runs
     from jointplay.analysis.headline import HISTORIES
@@ -78,12 +78,12 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
         streams.note(line)
     if options.resume:
         claim(out, ())
-        done = finished(out, files, simulations)
+        done = finished_cases(out, files, simulations)
         for path in (out / name for name in drawn):
             if path.exists() and not holds(path, MARK):
                 raise JointplayError(f"{str(path)!r} is no figure of a run; name another folder")
     else:
-        refuse_interrupted(out, files)
+        check_not_interrupted(out, files)
         done = []
         claim(out, [*files.values(), *drawn])
     streams.release()
@@ -91,10 +91,10 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
     progress = not options.quiet
     told = False
     if jobs == 1 or len(left) <= 1:
-        told = _one_by_one(scenario, left, certified, out, progress, only_run)
+        told = _run_serially(scenario, left, certified, out, progress, only_run)
         only_run = None
     else:
-        told = _side_by_side(scenario, left, certified, out, jobs, total, progress)
+        told = _run_parallel(scenario, left, certified, out, jobs, total, progress)
     saved = {case: out / name for case, name in files.items() if (out / name).exists()}
     # A long run's histories fill memory; where nothing is drawn, few of them are looked at.
     only = None if figures else HISTORIES
@@ -102,7 +102,7 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
     for case, result in results.items():
         result.simulation = simulations[case]  # rather than built once more from the file
         print(f"\n{case}: {result.message}\n{result.judgement}")
-        print("\n".join(_came_out(result, results, not options.quiet)))
+        print("\n".join(_case_headline(result, results, not options.quiet)))
     drawable = {case: result for case, result in results.items() if len(result.time) > 1}
     if figures and drawable:
         plots.save(drawable, out)
@@ -127,7 +127,7 @@ def _figures(scenario: Scenario, cases: Sequence[str]) -> list[str]:
     return file_names(all(is_paper_robot(scenario.model(case).robot.urdf) for case in cases))
 
 
-def _came_out(result: Result, results: Mapping[str, Result], progress: bool) -> list[str]:
+def _case_headline(result: Result, results: Mapping[str, Result], progress: bool) -> list[str]:
     """The headline of a case; its ideal mechanism is another case, or simulated for it."""
     from jointplay.analysis import is_twin
     from jointplay.analysis.headline import headline, reference
@@ -136,7 +136,7 @@ def _came_out(result: Result, results: Mapping[str, Result], progress: bool) -> 
     return headline(result, ideal or reference(result, progress))
 
 
-def _chosen(scenario: Scenario, wanted: Sequence[str]) -> list[str]:
+def _choose_cases(scenario: Scenario, wanted: Sequence[str]) -> list[str]:
     for case in wanted:
         if case not in scenario.cases:
             raise MissingName("case", case, scenario.cases)
@@ -181,7 +181,7 @@ def _execute(
     if scenario.settings:
         notes["settings"] = "\n".join(words(scenario.settings))
     begin(run)
-    resumed = go_on(run, path)
+    resumed = resume_run(run, path)
     status, result = run_and_save(run, path, progress, notes, overwrite=resumed)
     if certified:
         assert result is not None  # such runs stay in memory
@@ -189,7 +189,7 @@ def _execute(
     return status
 
 
-def _one_by_one(
+def _run_serially(
     scenario: Scenario,
     files: dict[str, str],
     certified: set[str],
@@ -219,7 +219,7 @@ def _one_by_one(
     return False
 
 
-def _side_by_side(
+def _run_parallel(
     scenario: Scenario,
     files: dict[str, str],
     certified: set[str],
@@ -261,17 +261,19 @@ def _side_by_side(
                     )
                     bar.update(now - bar.n)
             except BaseException:
-                _wind_up(pool, items, left)
+                _stop_workers(pool, items, left)
                 raise
     except KeyboardInterrupt:
         return True
     return False
 
 
-def _wind_up(pool: processes.Pool[_Item, None], items: Sequence[_Item], left: list[str]) -> None:
+def _stop_workers(
+    pool: processes.Pool[_Item, None], items: Sequence[_Item], left: list[str]
+) -> None:
     """Have the processes save their runs as far as they came; told to stop again, end them."""
     if signals.stop_requested():
-        signals.say("stopping; saving what was computed (once more gives it up)")
+        signals.say("stopping; saving what was computed (interrupt again to discard it)")
     try:
         for process in pool.processes.values():
             process.terminate()  # which ends a run as Ctrl-C does
@@ -281,7 +283,7 @@ def _wind_up(pool: processes.Pool[_Item, None], items: Sequence[_Item], left: li
                     left.remove(items[place][1])
     except KeyboardInterrupt:
         pool.close()
-        signals.say(f"gave up what was not saved: {', '.join(left) or 'nothing'}")
+        signals.say(f"discarded without saving: {', '.join(left) or 'nothing'}")
 
 
 _ending = False
@@ -324,12 +326,12 @@ def _work(
             return
         scenario = Scenario(text, path, trust, settings)
         prepared = scenario.ready_run(case, records=records_needed(target, certified))
-        with _ticking(clocks, begun, index) as begin:
+        with _progress_reporter(clocks, begun, index) as begin:
             _execute(scenario, case, prepared, target, certified, False, begin)
 
 
 @contextmanager
-def _ticking(clocks: Any, begun: Any, index: int) -> Iterator[Callable[[Run], None]]:
+def _progress_reporter(clocks: Any, begun: Any, index: int) -> Iterator[Callable[[Run], None]]:
     """Tell the parent how far the runs of a case have come; gives what each run is begun with."""
     over = threading.Event()
     runs: list[Run] = []
@@ -342,7 +344,7 @@ def _ticking(clocks: Any, begun: Any, index: int) -> Iterator[Callable[[Run], No
         nonlocal past
         if runs:
             past += runs.pop().workspace.time
-        run.guards.append(_not_after_the_end)
+        run.guards.append(_check_started)
         run.between.append(lambda: _ending)
         runs.append(run)
         begun[index] += 1
@@ -362,7 +364,7 @@ def _ticking(clocks: Any, begun: Any, index: int) -> Iterator[Callable[[Run], No
 
 
 @contextmanager
-def _not_after_the_end() -> Iterator[None]:
+def _check_started() -> Iterator[None]:
     """Told to stop before the time loop began, there is nothing to be kept."""
     if _ending:
         raise KeyboardInterrupt
@@ -377,7 +379,7 @@ def records_needed(path: Path, certified: bool) -> Path | None:
     return None if certified else working_paths(path)[0]
 
 
-def refuse_interrupted(out: Path, files: Mapping[str, str]) -> None:
+def check_not_interrupted(out: Path, files: Mapping[str, str]) -> None:
     """Refuse a folder with an interrupted run, which would be lost.
 
     Raises:
@@ -393,7 +395,7 @@ def refuse_interrupted(out: Path, files: Mapping[str, str]) -> None:
             )
 
 
-def refuse(out: Path, files: Mapping[str, str], drawn: Iterable[str] = ()) -> None:
+def check_output_folder(out: Path, files: Mapping[str, str], drawn: Iterable[str] = ()) -> None:
     """Refuse a folder that holds results of a run, or an interrupted one of it.
 
     Raises:
@@ -402,11 +404,11 @@ def refuse(out: Path, files: Mapping[str, str], drawn: Iterable[str] = ()) -> No
     try:
         refuse_present(out, [*files.values(), *drawn])
     except JointplayError:
-        refuse_interrupted(out, files)
+        check_not_interrupted(out, files)
         raise
 
 
-def finished(
+def finished_cases(
     out: Path, files: Mapping[str, str], simulations: Mapping[str, Simulation]
 ) -> list[str]:
     """Cases whose results are there and whole.
@@ -417,7 +419,7 @@ def finished(
     """
     from jointplay.kernel import Status
     from jointplay.result.result import Result
-    from jointplay.simulation.checkpoint import differing
+    from jointplay.simulation.checkpoint import first_difference
 
     cases = []
     for case, name in files.items():
@@ -431,8 +433,8 @@ def finished(
         now = json.loads(json.dumps(simulations[case].describe()))
         if was != now:
             raise JointplayError(
-                f"{str(path)!r} is of another run: {differing(was, now)}; name another folder, or "
-                "change it back"
+                f"{str(path)!r} is of another run: {first_difference(was, now)}; name "
+                "another folder, or change it back"
             )
         if result.status == Status.INTERRUPTED:
             raise JointplayError(
@@ -443,7 +445,7 @@ def finished(
     return cases
 
 
-def go_on(run: Run, path: Path) -> bool:
+def resume_run(run: Run, path: Path) -> bool:
     """Bring a run to its checkpoint, if there is one; returns whether there is."""
     kept = working_paths(path)[1]
     if not kept.exists():

@@ -64,7 +64,7 @@ def check_parameters(values: tuple[float, ...], law: str) -> tuple[float, ...]:
     """Return `values` if a contact can hold them, else raise naming the `law`."""
     if len(values) > MAX_PARAMETERS:
         raise JointplayError(
-            f"law {law!r} has {len(values)} parameters; at most {MAX_PARAMETERS} are possible"
+            f"law {law!r} has {len(values)} parameters; at most {MAX_PARAMETERS} are allowed"
         )
     for value in values:
         if not math.isfinite(value):

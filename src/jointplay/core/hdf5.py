@@ -159,7 +159,7 @@ def _check(h5py: Any, file: Any) -> None:
         kind = root.links.get_info(name).type
         if kind != h5py.h5l.TYPE_HARD:
             words = {h5py.h5l.TYPE_SOFT: "a soft link", h5py.h5l.TYPE_EXTERNAL: "an external link"}
-            raise _Refused(f"{shown!r} is {words.get(kind, 'a link of a foreign kind')}")
+            raise _Refused(f"{shown!r} is {words.get(kind, 'a link of an unknown kind')}")
         dataset = h5py.h5o.open(root, name)
         if not isinstance(dataset, h5py.h5d.DatasetID):
             raise _Refused(f"{shown!r} is no dataset")
@@ -175,7 +175,7 @@ def _check_storage(h5py: Any, dataset: Any, name: str) -> None:
     if made.get_layout() == h5py.h5d.VIRTUAL:
         raise _Refused(f"{name!r} is a virtual dataset, of other files")
     if made.get_layout() not in (h5py.h5d.COMPACT, h5py.h5d.CONTIGUOUS, h5py.h5d.CHUNKED):
-        raise _Refused(f"{name!r} has a foreign layout")
+        raise _Refused(f"{name!r} has an unknown layout")
     for number in range(made.get_nfilters()):
         code = made.get_filter(number)[0]
         if code not in _FILTERS:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 INTERRUPTED = 130
 """Exit status after being told to stop."""
 
-SAVED = "told to stop when all was computed: it is saved"
+SAVED = "stop requested after the computation had ended: the result is saved"
 """What is said where that comes too late to stop anything."""
 
 SIGNALS = tuple(
@@ -69,7 +69,7 @@ def _told(*_: Any) -> None:
         raise KeyboardInterrupt
     if _state.told > 1:
         raise GivenUp(f"gave up {_state.keeping}")
-    say(f"stopping; saving {_state.keeping} (once more gives it up)")
+    say(f"stopping; saving {_state.keeping} (interrupt again to discard it)")
 
 
 def say(text: str) -> None:

@@ -16,7 +16,7 @@ from jointplay.design import loops
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.motion.cartesian import joint_limits
 from jointplay.motion.reference import Motion
-from jointplay.simulation.initial import pair
+from jointplay.simulation.initial import position_and_speed
 from jointplay.simulation.simulation import Simulation
 
 ALONG = 60
@@ -168,7 +168,7 @@ def middle(mechanism: Mechanism) -> dict[str, float]:
 
 def start_of(simulation: Simulation) -> dict[str, float]:
     """Positions with which a simulation begins, as far as they are given, by coordinate."""
-    begin = {name: pair(name, value)[0] for name, value in simulation.state.items()}
+    begin = {name: position_and_speed(name, value)[0] for name, value in simulation.state.items()}
     return {name: value for name, value in begin.items() if value is not None}
 
 

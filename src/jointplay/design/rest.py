@@ -35,7 +35,7 @@ from jointplay.loads.wrench import Wrench
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.motion.reference import Motion
 from jointplay.simulation.loads import load_site
-from jointplay.simulation.statics import Balance, StandingLoads, depths, weight_curvature
+from jointplay.simulation.statics import StaticEquilibrium, StaticLoads, depths, weight_curvature
 
 AGREES_M = 1e-6
 """Distance within which `Standing.rest` has the tool where a run with start="rest" begins [m]."""
@@ -165,7 +165,7 @@ class Standing:
             x, y, z = map(float, self.force)
             loads = {"tool": Wrench(mechanism.tool, force=(x, y, z))}
         sites = [load_site(one, mechanism, {}) for one in loads.values()]
-        balance = Balance(
+        balance = StaticEquilibrium(
             mechanism,
             model,
             q,
@@ -174,7 +174,7 @@ class Standing:
             tables.drives,
             reference.table[0],
             {},
-            StandingLoads(loads, mechanism, sites),
+            StaticLoads(loads, mechanism, sites),
             np.zeros(model.nv),
         )
         found = balance.settle(None if mechanism.loops else self._near(pose))

@@ -159,7 +159,7 @@ class Budget:
         begins = "" if self.standing.force.any() else " (where a run with start=rest begins)"
         place = ", ".join(f"{1e3 * value:.4f}" for value in whole_rest[:3])
         rows.append(
-            "at rest without friction: no place is found where it rests"
+            "at rest without friction: no equilibrium was found"
             if np.isnan(whole_rest).any()
             else f"at rest without friction, along x, y, z: {place} mm{begins}"
         )

@@ -31,7 +31,7 @@ from jointplay.core import files
 from jointplay.core.errors import JointplayError, MissingName, require_positive, require_whole
 from jointplay.joints.base import BoreWear
 from jointplay.kernel import AZIMUTHS
-from jointplay.simulation.ensemble import in_order
+from jointplay.simulation.ensemble import run_in_order
 
 if TYPE_CHECKING:
     from jointplay.result.result import Result
@@ -227,7 +227,7 @@ def wear_of_runs(
     first = simulation.seed or 0
     seeds = [simulation.seed] if runs == 1 else range(first + 1, first + runs + 1)
     drawn = [replace(simulation, seed=seed) for seed in seeds]
-    return in_order(_depths, drawn, jobs, bar)
+    return run_in_order(_depths, drawn, jobs, bar)
 
 
 def _depths(simulation: Simulation) -> dict[str, np.ndarray]:

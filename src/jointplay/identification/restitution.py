@@ -22,7 +22,7 @@ from jointplay.identification.parameters import friction_of, with_clearance
 from jointplay.joints import Clearance
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.result.result import Result
-from jointplay.simulation.ensemble import in_order, run_to_the_end
+from jointplay.simulation.ensemble import run_in_order, run_to_the_end
 from jointplay.simulation.simulation import Simulation
 
 # Impacts in records: when they are, how hard, and numbers that say what a whole measurement has.
@@ -824,7 +824,7 @@ class _Maker:
     def run(self, values: np.ndarray, jobs: int | None, bar: tqdm) -> np.ndarray:
         """Statistics of runs with the given restitutions (n, p), shape (n, d)."""
         todo = [self._with(row) for row in values]
-        rows = in_order(partial(_statistics, self._instruments), todo, jobs, bar)
+        rows = run_in_order(partial(_statistics, self._instruments), todo, jobs, bar)
         return np.array([[row[name] for name in self.names] for row in rows])
 
     def _with(self, row: np.ndarray) -> Simulation:

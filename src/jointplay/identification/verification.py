@@ -19,7 +19,7 @@ from jointplay.identification.identification import Identification, spreads
 from jointplay.identification.model import tool_positions
 from jointplay.identification.restitution import Instruments, channels, run, sampled_joint
 from jointplay.result.result import AXES, Result
-from jointplay.simulation.ensemble import in_order
+from jointplay.simulation.ensemble import run_in_order
 from jointplay.simulation.simulation import Simulation
 
 RUNS = 6
@@ -151,7 +151,7 @@ def verify(
         own = instruments.settings(simulation)
     drawn = [_perturbed(own, identification, number) for number in range(runs)]
     with tqdm(total=runs, desc="verify", disable=not progress, unit="run") as bar:
-        found = in_order(partial(_look, identification, instruments), drawn, jobs, bar)
+        found = run_in_order(partial(_look, identification, instruments), drawn, jobs, bar)
     means, rows = [one[0] for one in found], [one[1] for one in found]
     seen = {} if instruments is None else instruments.statistics(measured)
     number = len({kind for kind, _ in keys}) + len(seen)

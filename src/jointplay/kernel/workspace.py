@@ -29,7 +29,7 @@ LEFT_OUT = "reference"
 """Array that a simulation makes again and no copy needs."""
 
 
-class Pointed:
+class PointerRecord:
     """A record that points to arrays.
 
     Args:
@@ -52,7 +52,7 @@ class Pointed:
         for name, value in fields.items():
             self.run[name] = value
 
-    def _point(self, name: str, array: np.ndarray) -> np.ndarray:
+    def _set_pointer(self, name: str, array: np.ndarray) -> np.ndarray:
         """Let the record's field `name` point to an array."""
         self.run[name] = array.ctypes.data
         self._kept.append(array)
@@ -60,36 +60,38 @@ class Pointed:
         self._addresses["run"].add(name)
         return array
 
-    def _room(self, name: str, *shape: int) -> np.ndarray:
+    def _allocate(self, name: str, *shape: int) -> np.ndarray:
         """Let the record's field `name` point to an array of zeros."""
-        return self._point(name, np.zeros(shape))
+        return self._set_pointer(name, np.zeros(shape))
 
-    def _point_row(self, row: np.ndarray, arrays: Mapping[str, np.ndarray], called: str) -> None:
+    def _set_row_pointers(
+        self, row: np.ndarray, arrays: Mapping[str, np.ndarray], called: str
+    ) -> None:
         """Let fields of one of an array of records point to arrays, to be `called` so."""
         for name, array in arrays.items():
             row[name] = array.ctypes.data
             self._kept.append(array)
             self._arrays[called.format(name)] = array
 
-    def _own(self) -> dict[str, np.ndarray]:
+    def _owned_arrays(self) -> dict[str, np.ndarray]:
         own = {name: array for name, array in self._arrays.items() if name != LEFT_OUT}
         return own | {"run": self.run}
 
-    def _taken(self) -> dict[str, np.ndarray]:
+    def _copy_arrays(self) -> dict[str, np.ndarray]:
         """Copies of all arrays by name, without `LEFT_OUT`; addresses are zero."""
-        copies = {name: array.copy() for name, array in self._own().items()}
+        copies = {name: array.copy() for name, array in self._owned_arrays().items()}
         for name, fields in self._addresses.items():
             for field in fields:
                 copies[name][field] = 0
         return copies
 
-    def _put_back(
+    def _write_back(
         self,
         kept: Mapping[str, np.ndarray],
         state: Mapping[str, Mapping[str, float]],
         fixed: Collection[str],
     ) -> None:
-        """Write what `_taken` found into the arrays.
+        """Write what `_copy_arrays` found into the arrays.
 
         Sizes, places and addresses are not taken from it: it can come from a file, and compiled
         code goes by them wherever they lead.
@@ -105,7 +107,7 @@ class Pointed:
             JointplayError: it is that of another simulation, or no step leads to it; nothing is
                 written then.
         """
-        own = self._own()
+        own = self._owned_arrays()
         for name, array in own.items():
             given = kept.get(name)
             if given is None or given.shape != array.shape or given.dtype != array.dtype:
@@ -129,7 +131,7 @@ class Pointed:
             np.copyto(target, source)
 
 
-class Workspace(Pointed):
+class Workspace(PointerRecord):
     """The arrays of one run and the record through which the kernels reach them.
 
     Args:
@@ -178,13 +180,13 @@ class Workspace(Pointed):
         """Macro steps in which the shortest adaptive micro steps did not reach the tolerance."""
         self._make_state(nv)
         self._make_solve(nv)
-        self._use(data, nv, own_acceleration)
+        self._link_pinocchio(data, nv, own_acceleration)
         self._make_tables(tables, nv)
-        self.joints = self._point("joints", np.zeros(len(sites), layout.JOINT))
-        self.contacts = self._point("contacts", np.zeros((len(sites), width), layout.CONTACT))
+        self.joints = self._set_pointer("joints", np.zeros(len(sites), layout.JOINT))
+        self.contacts = self._set_pointer("contacts", np.zeros((len(sites), width), layout.CONTACT))
         for name in ("shortest", "gap_min", "deepest"):
             self.contacts[name] = np.inf
-        self.loads = self._point("loads", np.zeros(len(loads), layout.LOAD))
+        self.loads = self._set_pointer("loads", np.zeros(len(loads), layout.LOAD))
         self.sites, self.load_sites = tuple(sites), tuple(loads)
         self.sliding_work: list[np.ndarray] = []
         """For each joint, normal force x sliding distance by contact and azimuth [N m]."""
@@ -195,7 +197,7 @@ class Workspace(Pointed):
         self.windows = np.zeros((0, 2))
         self.record = np.zeros((rows, columns))
         self.kept_elsewhere = 0
-        """Records that are no longer in memory, see `give_records`."""
+        """Records that are no longer in memory, see `release_records`."""
         through_frames = any(site.first is None for site in sites) or self.loads["frames"].any()
         self._set(
             nv=nv,
@@ -212,51 +214,55 @@ class Workspace(Pointed):
 
     def _make_state(self, nv: int) -> None:
         """Room for the state, for what acts on it, and for what the macro steps know of it."""
-        self.q, self.v, self.tau = (self._room(name, nv) for name in ("q", "v", "tau"))
-        self.half, self.drive = self._room("half", nv), self._room("drive", nv)
+        self.q, self.v, self.tau = (self._allocate(name, nv) for name in ("q", "v", "tau"))
+        self.half, self.drive = self._allocate("half", nv), self._allocate("drive", nv)
         self._changing += [self.q, self.v, self.half, self.drive, self.tau]
-        self._changing += [self._room(name, nv) for name in ("contact_push", "load_push", "free")]
-        self._changing.append(self._room("minv", nv, nv))
-        self._changing += [self._room("free_rate", nv), self._room("minv_rate", nv, nv)]
+        self._changing += [
+            self._allocate(name, nv) for name in ("contact_push", "load_push", "free")
+        ]
+        self._changing.append(self._allocate("minv", nv, nv))
+        self._changing += [self._allocate("free_rate", nv), self._allocate("minv_rate", nv, nv)]
         for name in ("free_middle", "free_slope", "free_curve"):
-            self._room(name, nv)
+            self._allocate(name, nv)
         for name in ("minv_middle", "minv_slope", "minv_curve"):
-            self._room(name, nv, nv)
-        path = self._room("path", ROWS, nv)
+            self._allocate(name, nv, nv)
+        path = self._allocate("path", ROWS, nv)
         self.middle = (path[MIDDLE], path[MIDDLE_SPEED])
 
     def _make_solve(self, nv: int) -> None:
         """Room for the velocity solve, and for Runge-Kutta."""
         for name in ("compliance", "slope", "system"):
-            self._room(name, nv, nv)
-        self._changing.append(self._room("inverse", nv, nv))
-        self._room("trial", 7, nv)
-        self._room("scratch", 4 * nv + len(POWERS))
+            self._allocate(name, nv, nv)
+        self._changing.append(self._allocate("inverse", nv, nv))
+        self._allocate("trial", 7, nv)
+        self._allocate("scratch", 4 * nv + len(POWERS))
         for name in ("touched", "place"):
-            self._point(name, np.zeros(nv, np.int64))
+            self._set_pointer(name, np.zeros(nv, np.int64))
 
-    def _use(self, data: pin.Data, nv: int, own_acceleration: bool) -> None:
+    def _link_pinocchio(self, data: pin.Data, nv: int, own_acceleration: bool) -> None:
         """Let the kernels read what Pinocchio finds."""
-        self.inverse_mass = self._point("found_minv", data.Minv)
-        self._point("found_free", data.ddq)
-        self._point("jacobian", data.J)
+        self.inverse_mass = self._set_pointer("found_minv", data.Minv)
+        self._set_pointer("found_free", data.ddq)
+        self._set_pointer("jacobian", data.J)
         if own_acceleration:
-            self.acceleration = self._room("a", nv)
+            self.acceleration = self._allocate("a", nv)
             self._changing.append(self.acceleration)
         else:
-            self.acceleration = self._point("a", data.ddq)
+            self.acceleration = self._set_pointer("a", data.ddq)
 
     def _make_tables(self, tables: CoordinateTables, nv: int) -> None:
         """Let the kernels read what acts on single coordinates."""
-        self.drives = self._point("drives", tables.drives)
-        self.turning = self._room("turning", nv)
+        self.drives = self._set_pointer("drives", tables.drives)
+        self.turning = self._allocate("turning", nv)
         prescribed = self.drives["armature"] > 0.0
-        weights = self._room("weights", nv)
+        weights = self._allocate("weights", nv)
         weights[:] = 1.0
         weights[self.drives["coordinate"][prescribed]] = 0.0
-        self.frictions = self._point("frictions", tables.frictions)
-        self.gears = self._point("gears", tables.gears)
-        self.reference = self._point("reference", np.ascontiguousarray(tables.reference, float))
+        self.frictions = self._set_pointer("frictions", tables.frictions)
+        self.gears = self._set_pointer("gears", tables.gears)
+        self.reference = self._set_pointer(
+            "reference", np.ascontiguousarray(tables.reference, float)
+        )
         self._nodes = tables.nodes
         self._set(
             nu=self.reference.shape[1] // 3,
@@ -277,7 +283,7 @@ class Workspace(Pointed):
         if site.first is None:
             assert site.carriers is not None
             assert site.signs is not None
-            support, signs = self._reach("joints", joint, site.carriers, site.signs, data)
+            support, signs = self._link_frames("joints", joint, site.carriers, site.signs, data)
         else:
             support = site.first + np.arange(6)
             signs = np.ones(6, np.int64)
@@ -289,7 +295,7 @@ class Workspace(Pointed):
             "reach": np.zeros((6, n)),
             "sliding_work": self.sliding_work[j],
         }
-        self._point_row(joint, arrays, "{}." + str(j))
+        self._set_row_pointers(joint, arrays, "{}." + str(j))
         self._addresses["joints"] |= {*arrays, "normal_law", "friction_law", "film_law"}
         joint["friction_parameters"][: len(site.friction_parameters)] = site.friction_parameters
         joint["first"] = layout.NO_VIRTUAL_LINK if site.first is None else site.first
@@ -305,7 +311,7 @@ class Workspace(Pointed):
                 joint[name] = getattr(site.film, name)
             joint["film_parameters"][: len(site.film.parameters)] = site.film.parameters
 
-    def _reach(
+    def _link_frames(
         self, kind: str, row: np.ndarray, carriers: Carriers, signs: np.ndarray, data: pin.Data
     ) -> tuple[np.ndarray, np.ndarray]:
         """Let a joint or load be reached through its frames; returns support and signs."""
@@ -335,7 +341,7 @@ class Workspace(Pointed):
             self._changing.append(arrays["out"])
         else:
             assert site.signs is not None
-            support, signs = self._reach("loads", load, site.carriers, site.signs, data)
+            support, signs = self._link_frames("loads", load, site.carriers, site.signs, data)
             n = len(support)
             arrays |= {"support": support.astype(np.int64), "signs": signs}
             arrays["reach"] = np.zeros((6, n))
@@ -345,22 +351,22 @@ class Workspace(Pointed):
             here = self.loads.ctypes.data + index * layout.LOAD.itemsize
             for name, field in (("place", "pose"), ("rate", "twist"), ("out", "wrench")):
                 load[name] = here + places[field][1]
-        self._point_row(load, arrays, "load.{}." + str(index))
+        self._set_row_pointers(load, arrays, "load.{}." + str(index))
         self._addresses["loads"] |= {*arrays, "law", "place", "rate", "out"}
         load["law"], load["stores"], load["implicit"] = site.law, site.stores, site.implicit
         load["nseen"], load["npushed"] = len(site.seen), len(site.pushed)
         load["bounded"] = int(bool(site.bounds))
 
     def place(self, bodies: np.ndarray, carried: Sequence[CarriedFrame]) -> None:
-        """Have the kernels place the bodies that joints are reached through, instead of Pinocchio.
+        """Let the kernels, not Pinocchio, compute the poses of the bodies that carry joints.
 
         Args:
             bodies: of `layout.BODY`, the ground first.
             carried: bearing and journal, in turn, of every joint that is reached through frames;
                 then both frames of every load that acts between two.
         """
-        self._point("bodies", bodies)
-        self._room("jacobian", len(self.q), 6)
+        self._set_pointer("bodies", bodies)
+        self._allocate("jacobian", len(self.q), 6)
         frames = iter(carried)
         sites: list[ContactSite | LoadSite] = [*self.sites, *self.load_sites]
         for joint, site in zip([*self.joints, *self.loads], sites, strict=True):
@@ -373,14 +379,14 @@ class Workspace(Pointed):
                 joint[f"{part}_placement"] = place
         self._set(nb=len(bodies), through_frames=0)
 
-    def hold(self, holds: np.ndarray) -> None:
+    def set_held_pairs(self, holds: np.ndarray) -> None:
         """Have the kernels close the loops without clearance; after `place`.
 
         Args:
             holds: of `layout.HOLD`.
         """
         nv, rows = len(self.q), 3 * len(holds)
-        self._point("holds", holds)
+        self._set_pointer("holds", holds)
         self.run["open_minv"], self.run["open_free"] = (
             self.run["found_minv"],
             self.run["found_free"],
@@ -388,11 +394,11 @@ class Workspace(Pointed):
         self._addresses["run"] |= {"open_minv", "open_free"}
         for name in ("minv", "free"):  # Pinocchio's, which the next plan looks at
             self._arrays[f"open_{name}"] = self._arrays[f"found_{name}"]
-        self._room("found_free", nv)
+        self._allocate("found_free", nv)
         for name in ("found_minv", "closing_minv"):
-            self._room(name, nv, nv)
+            self._allocate(name, nv, nv)
         for name, shape in {"held": (rows, nv), "lacking": (2, rows), "closing": (2, nv)}.items():
-            self._room(name, *shape)
+            self._allocate(name, *shape)
         self._set(nh=len(holds))
 
     def state(self) -> list[np.ndarray]:
@@ -405,7 +411,7 @@ class Workspace(Pointed):
 
         The table of the reference is left out; addresses are zero.
         """
-        copies = self._taken()
+        copies = self._copy_arrays()
         copies["written"] = self.record[: self.rows - self.kept_elsewhere].copy()
         copies["kept_elsewhere"] = np.array(self.kept_elsewhere)
         return copies
@@ -431,7 +437,7 @@ class Workspace(Pointed):
         for name, about in near.items():
             if not abs(float(now[name]) - about) <= (longest + 1) * dt:
                 raise JointplayError(f"{name!r} is not that of its step")
-        self._put_back(kept, self._state_numbers(), ("dimensions", "dt", "reference_interval"))
+        self._write_back(kept, self._state_numbers(), ("dimensions", "dt", "reference_interval"))
         self.kept_elsewhere = elsewhere
         self._set(nwindows=len(self.windows), nref=self._nodes)
         self._place_records()
@@ -463,12 +469,12 @@ class Workspace(Pointed):
             "place": {"": float(last)},
         }
 
-    def make_room(self, rows: int) -> None:
+    def reserve_records(self, rows: int) -> None:
         """Have room for `rows` records, before the first of them is written."""
         self.record = np.zeros((rows, self.record.shape[1]))
         self._place_records()
 
-    def give_records(self) -> np.ndarray:
+    def release_records(self) -> np.ndarray:
         """The records in memory, to be kept elsewhere; the next ones take their place.
 
         Returns:
@@ -485,19 +491,19 @@ class Workspace(Pointed):
         room = self.kept_elsewhere + len(self.record)
         self._set(record=self.record.ctypes.data - before, rows=room)
 
-    def refer(self, reference: np.ndarray, first: int) -> None:
+    def set_reference_block(self, reference: np.ndarray, first: int) -> None:
         """Let drives go by another part of the reference, which begins with its node `first`."""
         self.reference = self._arrays["reference"] = np.ascontiguousarray(reference, float)
         before = first * self.reference.strides[0]
         self.run["reference"] = self.reference.ctypes.data - before
 
-    def watch(self, windows: Sequence[tuple[int, int]]) -> None:
+    def record_windows(self, windows: Sequence[tuple[int, int]]) -> None:
         """Record every step from the first to the last of each of these pairs of steps, too."""
         self.windows = np.array(windows, float).reshape(-1, 2)
         self._set(windows=self.windows.ctypes.data, nwindows=len(self.windows))
 
-    def do(self, command: Command) -> Status:
-        """Let the kernels carry out a command; returns the run's status."""
+    def execute(self, command: Command) -> Status:
+        """Execute a command in the kernels; returns the run's status."""
         return Status(compiled(command)(self.run, int(command)))
 
     @property

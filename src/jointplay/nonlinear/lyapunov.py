@@ -165,7 +165,7 @@ def stretching(
             run.begin()
             if not run.advance(steps):
                 raise JointplayError(run.message(run.workspace.status))
-            run.workspace.do(
+            run.workspace.execute(
                 Command.COMPLETE_STEP if run.method.single_rate else Command.SYNCHRONIZE
             )
         apart = free * np.concatenate([second.q - first.q, second.v - first.v])

@@ -24,7 +24,7 @@ from jointplay.nonlinear.poincare import once_per_turn
 from jointplay.nonlinear.run_up import RunUp
 from jointplay.scenario import Scenario
 from jointplay.scenario.settings import Setting, divided, parse, tree
-from jointplay.simulation.ensemble import side_by_side
+from jointplay.simulation.ensemble import run_parallel
 from jointplay.simulation.simulation import Simulation
 
 # What `jointplay dynamics` finds for one value: rows of numbers, made in other processes.
@@ -276,7 +276,7 @@ class Table:
             return 0
         bar = tqdm(total=len(missing), unit="run", disable=not progress, smoothing=0.1)
         kept = f"what is done is in {str(self.path)!r}; the same command goes on with it"
-        with bar, side_by_side(partial(_found, work), missing, jobs, kept=kept) as outcomes:
+        with bar, run_parallel(partial(_found, work), missing, jobs, kept=kept) as outcomes:
             for place, found in outcomes:
                 self.add(missing[place], *found)
                 bar.update()

@@ -257,7 +257,7 @@ _OF_CONTACTS = (
 
 
 def audits(cases: Sequence[Case]) -> Html:
-    """The runs' judgement of themselves."""
+    """Audits of the runs."""
     given = [_judged(case) for case in cases]
     rows: list[list[Cell]] = [
         [name, *(one[name] for one in given)]
@@ -272,13 +272,13 @@ def audits(cases: Sequence[Case]) -> Html:
     return joined(
         [
             table(["of the run", *map(dark, cases)], rows, name="audit-table"),
-            bullets(warnings) or paragraph("No run has anything to warn of."),
+            bullets(warnings) or paragraph("No run has warnings."),
         ]
     )
 
 
 def _judged(case: Case) -> dict[str, Cell]:
-    """What a run says of itself, by name; None where it has no such thing."""
+    """Audit figures of a run by name; None where a figure does not apply."""
     audit, attributes = case.result.audit, case.result.dataset.attrs
     contact: dict[str, Cell] = dict.fromkeys(_OF_CONTACTS)
     if case.joints:

@@ -131,7 +131,7 @@ def _glance(dataset: xr.Dataset) -> Html:
     ]
     if "warnings" in dataset:
         worried = int((dataset["warnings"].values > 0).sum())
-        rows.append(["runs that warn of themselves", worried])
+        rows.append(["runs with warnings", worried])
     return table(["", ""], rows)
 
 

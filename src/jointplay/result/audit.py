@@ -218,8 +218,10 @@ class Audit(Described):
         """How the run began and its largest force, and from when on that is judged; a line."""
         began = f"journals start {'at rest' if self.start == 'rest' else 'centred'}"
         if self.start_residual is not None:
-            reason = "" if self.start == "rest" else ", for no place of rest was found"
-            began += f"{reason} (unbalanced {self.start_residual:.1g} N of {self.start_load:.3g} N)"
+            reason = "" if self.start == "rest" else ", because no equilibrium was found"
+            began += (
+                f"{reason} (residual force {self.start_residual:.1g} N of {self.start_load:.3g} N)"
+            )
         if self.peak_force is None:
             return began
         if not self.judged_from:
@@ -233,12 +235,13 @@ class Audit(Described):
         """What to say of a step that another step contradicts."""
         relative = self.relative_step_error
         if relative is None or not math.isfinite(relative):
-            return "with half the step the run ends otherwise: reduce the step"
+            return "with half the step the run ends differently: reduce the step"
         tool = (
             "" if self.step_error is None else f"the tool is off by about {self.step_error:.2g} m, "
         )
         return (
-            f"half the step gives another motion: {tool}all coordinates by {100 * relative:.2g} % "
+            f"half the step gives a different motion: {tool}all coordinates by "
+            f"{100 * relative:.2g} % "
             "of how far they move: reduce the step"
         )
 
@@ -319,7 +322,7 @@ MOST_WORST = 64
 
 
 class Auditor:
-    """Watches the histories of a run pass.
+    """Collects the audit figures of a run from its histories.
 
     Args:
         mechanism: what was simulated.
@@ -347,7 +350,7 @@ class Auditor:
         self._twists = dict.fromkeys(mechanism.gears, 0.0)
         self._worst: list[tuple[np.ndarray, ...]] = []
 
-    def watch(
+    def add_records(
         self,
         records: Records,
         energies: Sequence[np.ndarray],
@@ -357,7 +360,7 @@ class Auditor:
         effort: np.ndarray,
         elastic: np.ndarray,
     ) -> None:
-        """Look at the next histories.
+        """Take the next histories into account.
 
         Args:
             records: the next records.
@@ -372,7 +375,7 @@ class Auditor:
             for begin in range(0, records.rows, PORTION):
                 at = slice(begin, begin + PORTION)
                 given = (work, residual, drift, effort, elastic)
-                self.watch(
+                self.add_records(
                     records.part(begin, begin + PORTION),
                     [values[at] for values in energies],
                     *(values[at] for values in given),

@@ -21,20 +21,20 @@ from jointplay.result.audit import PORTION, Auditor, Judgement
 from jointplay.result.result import AXES, FORMAT, Result
 from jointplay.result.stored import versions
 from jointplay.result.variables import (
-    Acting,
+    BoundLoads,
     Phase,
     Records,
     Variables,
+    applied_effort,
     contact_names,
     contact_variables,
-    drift_of,
     gear_energy,
     kinematics,
-    motion,
-    reacting_effort,
+    loop_drift,
+    motion_variables,
+    phase_stretches,
     reactions,
     sliding_work,
-    stretches_of,
     unit_of,
 )
 
@@ -76,7 +76,7 @@ class HistoryBuilder:
         """Nothing is made yet."""
         self._mechanism, self._simulation, self._friction = mechanism, simulation, friction
         self._reactions = reactions
-        self._acting = Acting(mechanism, loads or {})
+        self._acting = BoundLoads(mechanism, loads or {})
         self._auditor = Auditor(mechanism, simulation, judged_from)
         self._energy: np.ndarray | None = None
         self._orientation: np.ndarray | None = None
@@ -93,10 +93,10 @@ class HistoryBuilder:
         """
         mechanism, acting, n = self._mechanism, self._acting, records.rows
         q, v = (np.ascontiguousarray(records.recorded(name)) for name in ("q", "v"))
-        stretches = stretches_of(phases, records.first, n)
+        stretches = phase_stretches(phases, records.first, n)
         body = kinematics(mechanism, q, v, stretches, acting.pairs)
-        self._turn(body["orientation"])
-        variables = motion(mechanism, records, q, v, body)
+        self._continue_orientation(body["orientation"])
+        variables = motion_variables(mechanism, records, q, v, body)
         work = records.recorded("work")
         for index, term in enumerate(TERMS):
             text = f"{term.variable.replace('_', ' ')} since t = 0"
@@ -108,13 +108,13 @@ class HistoryBuilder:
         elif self._reactions:
             held = [self._constraints(phase, q[first]) for first, _, phase in stretches]
             pushes = acting.pushes(body, records)
-            effort = reacting_effort(mechanism, v, records, self._friction, pushes)
+            effort = applied_effort(mechanism, v, records, self._friction, pushes)
             forces = reactions(mechanism, q, v, effort, stretches, held, pushes)
             text = "constraint force of the parent on the child at the joint, world axes"
             variables["reaction_force"] = (("time", "moving_joint", "axis"), forces, "N", text)
         drift = np.zeros(0)
         if self._strict:
-            gaps = [drift_of(mechanism, name, body["poses"][name]) for name in self._strict]
+            gaps = [loop_drift(mechanism, name, body["poses"][name]) for name in self._strict]
             drift = np.stack(gaps, axis=1)
             variables["loop_drift"] = (("time", "loop"), drift, "m", "gap of the ideal loop")
         variables["contact_elastic_energy"] = (("time",), elastic, "J", "stored in the contacts")
@@ -137,10 +137,10 @@ class HistoryBuilder:
         variables["energy_residual"] = (("time",), residual, "J", "error of the energy balance")
         energies = (body["kinetic"], body["potential"])
         effort = records.recorded("drive") + acting.driven(records)
-        self._auditor.watch(records, energies, work, residual, drift, effort, elastic)
+        self._auditor.add_records(records, energies, work, residual, drift, effort, elastic)
         return _dataset(variables, coordinates | self._coordinates(records))
 
-    def _turn(self, orientation: np.ndarray) -> None:
+    def _continue_orientation(self, orientation: np.ndarray) -> None:
         """Let orientations go on from the last ones without a jump in sign."""
         if not len(orientation):
             return
@@ -183,7 +183,7 @@ class HistoryBuilder:
             coordinates["loop"] = self._strict
         return coordinates
 
-    def whole(self, workspace: Workspace) -> dict[str, xr.DataArray]:
+    def totals(self, workspace: Workspace) -> dict[str, xr.DataArray]:
         """Variables that count over the whole run, by name; their azimuths are in them."""
         if not any(joint.wears for joint in self._mechanism.clearance.values()):
             return {}
@@ -258,7 +258,7 @@ def histories(
         dataset = _joined(
             [made.portion(part, phases)[list(only)] for part in records.parts(PORTION)]
         )
-    whole = made.whole(workspace)
+    whole = made.totals(workspace)
     if whole:  # to assign nothing takes milliseconds
         dataset = dataset.assign(whole)
     dataset.attrs = made.attributes(workspace, status, message, wall_time, judgement)

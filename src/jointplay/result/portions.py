@@ -22,7 +22,7 @@ INDEX_BYTES = 1 << 18
 """So much of where the chunks are in the file is in memory, however many there are [bytes]."""
 
 
-class Growing:
+class GrowingDataset:
     """Dataset in a file, to which records are appended.
 
     Args:
@@ -47,7 +47,7 @@ class Growing:
         file.write(content)
         file.flush()
         self._rows = first.sizes["time"]
-        self._disk = _Disk(file)
+        self._disk = _CheckedFile(file)
         self._h5 = h5py.File(self._disk, "r+")
         known = self._h5.id.get_mdc_config()
         known.set_initial_size, known.initial_size = True, INDEX_BYTES
@@ -96,7 +96,7 @@ class Growing:
         self._h5.close()
 
 
-class _Disk(io.RawIOBase):
+class _CheckedFile(io.RawIOBase):
     """A file that takes all that HDF5 writes, and tells afterwards what it could not.
 
     HDF5 ends the process if a file cannot be closed because the disk is full.

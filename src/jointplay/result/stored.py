@@ -85,31 +85,31 @@ def check(dataset: xr.Dataset, path: Path) -> None:
     """
     for name in _TEXTS:
         if not isinstance(dataset.attrs.get(name), str):
-            raise _wrong(path, f"its attribute {name!r} is missing or no text")
+            raise _damaged(path, f"its attribute {name!r} is missing or no text")
     for name, value in dataset.attrs.items():
         if isinstance(value, str) and not _writable(value):
-            raise _wrong(path, f"its attribute {name!r} is no text")
+            raise _damaged(path, f"its attribute {name!r} is no text")
     status = dataset.attrs["status"]
     if status.upper() not in Status.__members__:
         known = ", ".join(one.name.lower() for one in Status)
-        raise _wrong(path, f"it has the status {_short(status)}; known are {known}")
+        raise _damaged(path, f"it has the status {_short(status)}; known are {known}")
     audit = _checked(path, dataset, "audit", Audit)
     given = _checked(path, dataset, "simulation", Inputs)
     _require_all(path, "simulation: mechanism", Mechanism, given["mechanism"])
     if audit["step"] != given["step"]:
-        raise _wrong(
+        raise _damaged(
             path, f"its step is {given['step']!r} s in one place and {audit['step']!r} in another"
         )
     if "certificate" in dataset.attrs:
         _check_certificate(dataset, path)
     versions = dataset.attrs.get("versions", "{}")
     if not isinstance(_json(path, "versions", versions), dict):
-        raise _wrong(path, f"its attribute 'versions' is no table: {_short(versions)}")
+        raise _damaged(path, f"its attribute 'versions' is no table: {_short(versions)}")
     wall = dataset.attrs.get("wall_time_s", 0.0)
     try:
         float(wall)
     except (TypeError, ValueError):
-        raise _wrong(path, f"its attribute 'wall_time_s' is no number: {_short(wall)}") from None
+        raise _damaged(path, f"its attribute 'wall_time_s' is no number: {_short(wall)}") from None
     _check_histories(dataset, path, given)
 
 
@@ -119,7 +119,7 @@ def _check_certificate(dataset: xr.Dataset, path: Path) -> None:
         for figure in Certificate.from_description(given).figures:
             str(figure)
     except (ArithmeticError, ValueError) as error:
-        raise _wrong(path, f"certificate: a figure cannot be shown: {error}") from None
+        raise _damaged(path, f"certificate: a figure cannot be shown: {error}") from None
 
 
 def _json(path: Path, name: str, text: Any) -> Any:
@@ -128,7 +128,7 @@ def _json(path: Path, name: str, text: Any) -> Any:
         json.dumps(given, ensure_ascii=False).encode()  # half characters cannot be shown
         return given
     except (TypeError, ValueError, RecursionError) as error:
-        raise _wrong(path, f"its attribute {name!r} is no JSON: {error}") from None
+        raise _damaged(path, f"its attribute {name!r} is no JSON: {error}") from None
 
 
 def _checked(path: Path, dataset: xr.Dataset, name: str, kind: type) -> Any:
@@ -138,9 +138,9 @@ def _checked(path: Path, dataset: xr.Dataset, name: str, kind: type) -> Any:
         schema.check(kind, given)
     except JointplayError as error:
         place = "".join(f"{part}: " for part in (".".join(map(str, error.where)),) if part)
-        raise _wrong(path, f"{name}: {place}{error}") from None
+        raise _damaged(path, f"{name}: {place}{error}") from None
     except (RecursionError, OverflowError) as error:
-        raise _wrong(path, f"{name}: {error}") from None
+        raise _damaged(path, f"{name}: {error}") from None
     _require_all(path, name, kind, given)
     return given
 
@@ -149,7 +149,7 @@ def _require_all(path: Path, name: str, kind: type, given: Mapping[str, Any]) ->
     """Refuse a table that lacks a key: runs write all, what is usual too."""
     for key in schema.fields_of(kind):
         if key not in given:
-            raise _wrong(path, f"{name}: the key {key} is missing")
+            raise _damaged(path, f"{name}: the key {key} is missing")
 
 
 def _check_histories(dataset: xr.Dataset, path: Path, given: Any) -> None:
@@ -159,29 +159,31 @@ def _check_histories(dataset: xr.Dataset, path: Path, given: Any) -> None:
         names = given["mechanism"]["clearance"]
         for joint in _names(dataset, path, "joint"):
             if joint not in names:
-                raise _wrong(path, f"it has histories of the joint {_short(joint)}, not its inputs")
+                raise _damaged(
+                    path, f"it has histories of the joint {_short(joint)}, not its inputs"
+                )
         _names(dataset, path, "contact")
     else:
         wanted |= _WITHOUT_PLAY
     for name, dims in wanted.items():
         if name not in dataset.data_vars:
-            raise _wrong(path, f"it has no variable {name!r}")
+            raise _damaged(path, f"it has no variable {name!r}")
         if dataset[name].dims != dims:
             own = ", ".join(map(str, dataset[name].dims))
-            raise _wrong(path, f"{name} has the dimensions ({own}), not ({', '.join(dims)})")
+            raise _damaged(path, f"{name} has the dimensions ({own}), not ({', '.join(dims)})")
         if not isinstance(dataset[name].attrs.get("units"), str):
-            raise _wrong(path, f"{name} has no units")
+            raise _damaged(path, f"{name} has no units")
     for variable, values in dataset.data_vars.items():
         if values.dtype.kind not in "fiu":
-            raise _wrong(path, f"{variable} holds {values.dtype}, not real numbers")
+            raise _damaged(path, f"{variable} holds {values.dtype}, not real numbers")
     _check_times(dataset, path)
     _names(dataset, path, "coordinate")
     _names(dataset, path, "coordinate_unit", "coordinate")
     if _names(dataset, path, "axis") != _AXES:
-        raise _wrong(path, f"its axes are {_short(_names(dataset, path, 'axis'))}, not x, y, z")
+        raise _damaged(path, f"its axes are {_short(_names(dataset, path, 'axis'))}, not x, y, z")
     if _names(dataset, path, "quaternion") != [*"wxyz"]:
         order = _short(_names(dataset, path, "quaternion"))
-        raise _wrong(path, f"its quaternions are {order}, not w, x, y, z")
+        raise _damaged(path, f"its quaternions are {order}, not w, x, y, z")
     if "moving_joint" in dataset.dims:
         _names(dataset, path, "moving_joint")
 
@@ -189,14 +191,14 @@ def _check_histories(dataset: xr.Dataset, path: Path, given: Any) -> None:
 def _check_times(dataset: xr.Dataset, path: Path) -> None:
     """Times must increase; of a file opened lazily a piece is in memory at a time."""
     if "time" not in dataset.coords or dataset["time"].dtype.kind != "f":
-        raise _wrong(path, "it has no times")
+        raise _damaged(path, "it has no times")
     time, before = dataset.variables["time"], -np.inf
     for first in range(0, time.size, _AT_ONCE):
         values = np.append(before, time[first : first + _AT_ONCE].values)
         late = np.flatnonzero(~(np.diff(values) > 0.0))
         if late.size or not np.isfinite(values[-1]):
             at = int(late[0]) if late.size else len(values) - 2
-            raise _wrong(
+            raise _damaged(
                 path,
                 f"its times must increase, but record {first + at + 1} of {time.size} is at "
                 f"{values[at + 1]:g} s behind {values[at]:g} s",
@@ -208,12 +210,12 @@ def _names(dataset: xr.Dataset, path: Path, name: str, dimension: str = "") -> l
     """The texts of the coordinate `name`, which is the dimension itself unless one is given."""
     dimension = dimension or name
     if name not in dataset.coords or dataset[name].dims != (dimension,):
-        raise _wrong(path, f"it has no {name!r} along {dimension!r}")
+        raise _damaged(path, f"it has no {name!r} along {dimension!r}")
     values = dataset[name].values.tolist()
     if not values and dimension != "contact":
-        raise _wrong(path, f"it has nothing along {dimension!r}")
+        raise _damaged(path, f"it has nothing along {dimension!r}")
     if not all(isinstance(value, str) and _writable(value) for value in values):
-        raise _wrong(path, f"names along {dimension!r} are no text: {_short(values)}")
+        raise _damaged(path, f"names along {dimension!r} are no text: {_short(values)}")
     return values
 
 
@@ -230,7 +232,7 @@ def _short(value: Any) -> str:
     return text if len(text) <= 60 else f"{text[:57]}..."
 
 
-def _wrong(path: Path, what: str) -> JointplayError:
+def _damaged(path: Path, what: str) -> JointplayError:
     return JointplayError(f"{str(path)!r} is damaged or not a result: {' '.join(what.split())}")
 
 

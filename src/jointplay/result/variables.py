@@ -65,7 +65,7 @@ Variables = dict[str, tuple[tuple[str, ...], np.ndarray, str, str]]
 
 
 @dataclass(frozen=True)
-class Pushes:
+class LoadWrenches:
     """What loads pushed on, by record."""
 
     efforts: np.ndarray
@@ -76,7 +76,7 @@ class Pushes:
     """Force [N] and moment about the world's origin [N m], world axes (n, bodies, 6)."""
 
 
-class Acting:
+class BoundLoads:
     """The loads of a run, bound to its mechanism.
 
     Attributes:
@@ -143,7 +143,7 @@ class Acting:
                 efforts[:, list(self._sites[name].pushed)] += answers
         return efforts
 
-    def pushes(self, body: Mapping[str, Any], records: Records) -> Pushes:
+    def pushes(self, body: Mapping[str, Any], records: Records) -> LoadWrenches:
         """What the loads pushed on; arguments as in `histories`."""
         n = records.rows
         efforts = np.zeros((n, self.mechanism.model.nv))
@@ -162,7 +162,7 @@ class Acting:
             bodies += [site.frames[0][0], site.frames[1][0]]
             wrenches += [-whole, whole]
         given = np.stack(wrenches, axis=1) if wrenches else np.zeros((n, 0, 6))
-        return Pushes(efforts, tuple(bodies), given)
+        return LoadWrenches(efforts, tuple(bodies), given)
 
 
 @dataclass(frozen=True)
@@ -176,7 +176,7 @@ class Phase:
     """What payloads have brought in since the start, when they were picked and released [J]."""
 
 
-def motion(
+def motion_variables(
     mechanism: Mechanism, records: Records, q: np.ndarray, v: np.ndarray, body: Mapping[str, Any]
 ) -> Variables:
     """Variables of the coordinates, the tool, and gravity."""
@@ -186,13 +186,13 @@ def motion(
         "drive": (("time", "coordinate"), records.recorded("drive"), "", "drive efforts"),
         "tool_position": (("time", "axis"), body["position"], "m", f"{mechanism.tool}, world axes"),
         "tool_velocity": (("time", "axis"), body["velocity"], "m/s", "of the tool, world axes"),
-        **turning(body),
+        **orientation_variables(body),
         "kinetic_energy": (("time",), body["kinetic"], "J", "kinetic energy"),
         "potential_energy": (("time",), body["potential"], "J", "potential energy of gravity"),
     }
 
 
-def turning(body: Mapping[str, Any]) -> dict[str, Any]:
+def orientation_variables(body: Mapping[str, Any]) -> dict[str, Any]:
     """The tool's orientation and angular velocity."""
     text = "orientation of the tool in the world, unit quaternion w, x, y, z"
     return {
@@ -219,7 +219,7 @@ def unit_of(mechanism: Mechanism, coordinate: Coordinate) -> str:
     return "m" if mechanism.description.joints[coordinate.joint].slides else "rad"
 
 
-def stretches_of(phases: Sequence[Phase], first: int, n: int) -> list[tuple[int, int, Phase]]:
+def phase_stretches(phases: Sequence[Phase], first: int, n: int) -> list[tuple[int, int, Phase]]:
     """First record, end and phase of each stretch of the n records from `first` on; none empty."""
     begins = [max(phase.row - first, 0) for phase in phases]
     ends = [min(begin, n) for begin in begins[1:]] + [n]
@@ -255,22 +255,22 @@ def kinematics(
     pairs += more.values()
     frame = mechanism.model.frames[mechanism.tool_frame]
     tool = int(frame.parentJoint), frame.placement
-    motion, n = BodyMotion.of(len(q), len(pairs)), len(q)
+    body, n = BodyMotion.of(len(q), len(pairs)), len(q)
     for first, end, phase in stretches:
-        Tree(phase.model).move(motion, first, end, q, v, tool, pairs)
+        Tree(phase.model).move(body, first, end, q, v, tool, pairs)
     return {
-        "position": motion.tool[:, :3],
-        "velocity": motion.tool[:, 3:],
-        "orientation": motion.orientation,
-        "spin": motion.spin,
-        "kinetic": motion.energy[:, 0],
-        "potential": motion.energy[:, 1],
-        "bearings": dict(zip(names, motion.bearings.reshape(len(pairs), n, 3, 3), strict=True)),
-        "poses": dict(zip(names, motion.poses, strict=True)),
+        "position": body.tool[:, :3],
+        "velocity": body.tool[:, 3:],
+        "orientation": body.orientation,
+        "spin": body.spin,
+        "kinetic": body.energy[:, 0],
+        "potential": body.energy[:, 1],
+        "bearings": dict(zip(names, body.bearings.reshape(len(pairs), n, 3, 3), strict=True)),
+        "poses": dict(zip(names, body.poses, strict=True)),
     }
 
 
-def drift_of(mechanism: Mechanism, name: str, poses: np.ndarray) -> np.ndarray:
+def loop_drift(mechanism: Mechanism, name: str, poses: np.ndarray) -> np.ndarray:
     """Largest `misfit` of an ideal loop or a lock, by the journal's poses (n, 12): (n,) [m]."""
     parts = [poses[:, :3]]
     if name not in mechanism.loops:
@@ -354,12 +354,12 @@ def sliding_work(mechanism: Mechanism, workspace: Workspace) -> np.ndarray:
     return counted
 
 
-def reacting_effort(
+def applied_effort(
     mechanism: Mechanism,
     v: np.ndarray,
     records: Records,
     friction: Mapping[str, JointFriction],
-    pushes: Pushes,
+    pushes: LoadWrenches,
 ) -> np.ndarray:
     """What drives, loads and friction push on the coordinates, shape (n, nv)."""
     effort = records.recorded("drive") + pushes.efforts
@@ -376,7 +376,7 @@ def reactions(
     effort: np.ndarray,
     stretches: Sequence[tuple[int, int, Phase]],
     constraints: Sequence[Sequence[pin.RigidConstraintModel]],
-    pushes: Pushes,
+    pushes: LoadWrenches,
 ) -> np.ndarray:
     """Constraint forces at the joints of an ideal mechanism, world axes (n, joints, 3) [N].
 

@@ -93,7 +93,7 @@ def contact_site(mechanism: Mechanism, name: str, q: np.ndarray) -> ContactSite:
     )
 
 
-def _beside(mechanism: Mechanism, name: str) -> str:
+def _link_masses(mechanism: Mechanism, name: str) -> str:
     """The two links of a joint with clearance, with their masses."""
     sides = mechanism.bearing_frame(name)[0], mechanism.journal_frame(name)[0]
     if name in mechanism.loops:
@@ -118,17 +118,17 @@ def check_step(mechanism: Mechanism, mass_of_all: float, step: float, q: np.ndar
         if not mass >= NO_MASS * mass_of_all:
             raise JointplayError(
                 f"a contact in joint {name!r} would meet a mass of {mass:.2g} kg only, of "
-                f"{mass_of_all:.3g} kg in all: {_beside(mechanism, name)}; give the lighter one "
-                "more mass or inertia in the URDF"
+                f"{mass_of_all:.3g} kg in all: {_link_masses(mechanism, name)}; give the "
+                "lighter one more mass or inertia in the URDF"
             )
         impact = f"the contact stiffness at {name!r}: an impact at {REFERENCE_SPEED:g} m/s"
-        _require_short(step, contact_duration(mechanism, name, q), impact)
+        _check_step_resolves(step, contact_duration(mechanism, name, q), impact)
     for name in mechanism.gears:
         impact = f"the stiffness of the gear at {name!r}: an impact of its teeth"
-        _require_short(step, tooth_duration(mechanism, name, q), impact)
+        _check_step_resolves(step, tooth_duration(mechanism, name, q), impact)
 
 
-def _require_short(step: float, duration: float, impact: str) -> None:
+def _check_step_resolves(step: float, duration: float, impact: str) -> None:
     """Refuse a step in which an impact passes unseen."""
     if duration < MIN_CONTACT_STEPS * step:
         raise JointplayError(
@@ -149,7 +149,7 @@ _STILL = 1e-6
 """Motion that passes for none, relative to the fastest coordinate [1, m or 1/m]."""
 
 
-def undetermined(mechanism: Mechanism, q: np.ndarray) -> np.ndarray:
+def massless_motions(mechanism: Mechanism, q: np.ndarray) -> np.ndarray:
     """Motions that cost no energy, one a column, shape (nv, n); none in a sound mechanism."""
     model = mechanism.model
     if not model.nv:
@@ -167,7 +167,7 @@ def undetermined(mechanism: Mechanism, q: np.ndarray) -> np.ndarray:
 
 def require_inertia(mechanism: Mechanism, q: np.ndarray) -> None:
     """Raise if joints move links that nothing gives inertia; all of them are named."""
-    motions = undetermined(mechanism, q)
+    motions = massless_motions(mechanism, q)
     if not motions.size:
         return
     model, data = mechanism.model, mechanism.data

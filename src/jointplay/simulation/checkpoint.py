@@ -36,7 +36,7 @@ def save(run: Run, path: Path) -> Path:
     on_disk = run.on_disk if run.on_disk is not None and run.on_disk.needed else None
     records = None
     if on_disk is not None:
-        records = {"file": on_disk.path.name, "run": on_disk.spill(sync=True).name}
+        records = {"file": on_disk.path.name, "run": on_disk.write_to_disk(sync=True).name}
     arrays = run.workspace.snapshot()
     for name, values in (memory.pop("unjudged") or {}).items():
         arrays[_STATISTICS + name] = values
@@ -60,7 +60,7 @@ def resume(path: Path, trust: Collection[str]) -> Run:
     from jointplay.simulation.simulation import Simulation
 
     arrays, head = read(path)
-    with _telling(path):
+    with _naming_checkpoint(path):
         # It names a file beside it, which must hold records of this very run: nothing else is read,
         # written or deleted because a checkpoint says so.
         records = None if head["records"] is None else path.with_name(head["records"]["file"])
@@ -102,23 +102,25 @@ def continue_run(run: Run, path: Path) -> None:
     was, now = head["simulation"], json.loads(json.dumps(run.simulation.describe()))
     if was != now:
         raise JointplayError(
-            f"{str(path)!r} is of another run: {differing(was, now)}; name another folder, or "
-            "change it back"
+            f"{str(path)!r} is of another run: {first_difference(was, now)}; name "
+            "another folder, or change it back"
         )
-    with _telling(path):
+    with _naming_checkpoint(path):
         _restore(run, arrays, head)
 
 
-def differing(was: Any, now: Any, place: str = "") -> str:
+def first_difference(was: Any, now: Any, place: str = "") -> str:
     """The first thing in which two pieces of plain data differ, in a few words."""
     if isinstance(was, dict) and isinstance(now, dict):
         for key in {**was, **now}:
             if was.get(key) != now.get(key):
-                return differing(was.get(key), now.get(key), f"{place}.{key}" if place else key)
+                return first_difference(
+                    was.get(key), now.get(key), f"{place}.{key}" if place else key
+                )
     if isinstance(was, list) and isinstance(now, list) and len(was) == len(now):
         for k, (one, other) in enumerate(zip(was, now, strict=True)):
             if one != other:
-                return differing(one, other, f"{place}[{k}]")
+                return first_difference(one, other, f"{place}[{k}]")
     return f"{place} is {_short(now)}, and was {_short(was)}"
 
 
@@ -138,12 +140,12 @@ def _restore(run: Run, arrays: dict[str, np.ndarray], head: dict[str, Any]) -> N
         if run.on_disk is None:
             raise JointplayError("its records are on disk")
         run.on_disk.name = head["records"]["run"]
-        run.on_disk.spill()
+        run.on_disk.write_to_disk()
     run.recall(head["memory"] | {"unjudged": unjudged or None})
 
 
 @contextmanager
-def _telling(path: Path) -> Iterator[None]:
+def _naming_checkpoint(path: Path) -> Iterator[None]:
     """Say of errors in the block which checkpoint they are about."""
     try:
         yield

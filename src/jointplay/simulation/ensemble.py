@@ -77,7 +77,7 @@ def ensemble(
     bar = tqdm(total=total, unit="run", disable=not progress, delay=BAR_AFTER_S)
     one = partial(_run, keep, check_step)
     try:
-        with bar, side_by_side(one, simulations, jobs, name="simulations") as outcomes:
+        with bar, run_parallel(one, simulations, jobs, name="simulations") as outcomes:
             for place, (value, warned) in outcomes:
                 kept[place] = value
                 for category, text in warned:
@@ -118,12 +118,12 @@ def run_to_the_end(simulation: Simulation, words: str) -> Result:
     return result.completed(words)
 
 
-def in_order(
+def run_in_order(
     work: Callable[[Item], Value], items: Iterable[Item], jobs: int | None, bar: tqdm
 ) -> list[Value]:
-    """What came of the items, in their order; each moves the bar by one. See `side_by_side`."""
+    """What came of the items, in their order; each moves the bar by one. See `run_parallel`."""
     found: dict[int, Value] = {}
-    with side_by_side(work, items, jobs) as outcomes:
+    with run_parallel(work, items, jobs) as outcomes:
         for place, value in outcomes:
             found[place] = value
             bar.update()
@@ -131,7 +131,7 @@ def in_order(
 
 
 @contextmanager
-def side_by_side(
+def run_parallel(
     work: Callable[[Item], Value],
     items: Iterable[Item],
     jobs: int | None = None,
@@ -154,14 +154,14 @@ def side_by_side(
     """
     number = number_of(jobs, items)
     if number == 1:
-        yield _here(work, items, name)
+        yield _run_serially(work, items, name)
         return
     kernel.compiled()  # once, for all of them
     with closing(Pool(work, number, kept=kept, name=name)) as pool:
         yield pool.run(items)
 
 
-def _here(
+def _run_serially(
     work: Callable[[Item], Value], items: Iterable[Item], name: str
 ) -> Iterator[tuple[int, Value]]:
     for place, item in enumerate(items):

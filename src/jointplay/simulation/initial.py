@@ -21,11 +21,11 @@ from jointplay.mechanism.loop import (
 )
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.simulation.statics import (
-    Balance,
     ElasticJoint,
     Rest,
-    StandingLoads,
-    limited,
+    StaticEquilibrium,
+    StaticLoads,
+    limited_freedoms,
     relative_pose,
 )
 
@@ -47,7 +47,7 @@ State = Mapping[str, Any]
 """By name of a joint or coordinate: position, or a pair of position and speed, None if free."""
 
 
-def pair(name: str, value: Any) -> tuple[float | None, float | None]:
+def position_and_speed(name: str, value: Any) -> tuple[float | None, float | None]:
     """Position and speed that were given for a coordinate, checked.
 
     Raises:
@@ -59,15 +59,15 @@ def pair(name: str, value: Any) -> tuple[float | None, float | None]:
             f"state of {name!r} must be a position or a pair of position and speed, got {value!r}"
         )
     words = ("start of joint", "rad or m"), ("speed at the start of joint", "rad/s or m/s")
-    place, speed = (
+    position, speed = (
         None if one is None else require_finite(f"{what} {name!r}", one, unit)
         for one, (what, unit) in zip(given, words, strict=True)
     )
-    return place, speed
+    return position, speed
 
 
 @dataclass
-class Start:
+class InitialState:
     """The initial state, and what of it was given.
 
     Attributes:
@@ -113,7 +113,7 @@ class Start:
                     if limits:
                         self.q[i] += PERTURBATION * shift if at_rest else shift
             if at_rest:
-                for part in set(limited(joint)).intersection(VIRTUAL_LINK[3:]):
+                for part in set(limited_freedoms(joint)).intersection(VIRTUAL_LINK[3:]):
                     i = mechanism.coordinates.index(Coordinate(name, part))
                     self.q[i] -= PERTURBATION * self.q[i] if i not in self.given else 0.0
         self.q = assemble(mechanism, self.q, self.led, offsets)
@@ -156,7 +156,9 @@ def _named(mechanism: Mechanism, name: str, followed: Sequence[str]) -> list[int
     return indices
 
 
-def place(simulation: Simulation, mechanism: Mechanism, followed: Sequence[str]) -> Start:
+def initial_state(
+    simulation: Simulation, mechanism: Mechanism, followed: Sequence[str]
+) -> InitialState:
     """Loops closed, journals centred or where they were given, and speeds that fit.
 
     Raises:
@@ -167,7 +169,7 @@ def place(simulation: Simulation, mechanism: Mechanism, followed: Sequence[str])
     moving: list[int] = []
     given: list[int] = []
     for name, value in simulation.state.items():
-        position, speed = pair(name, value)
+        position, speed = position_and_speed(name, value)
         at = _named(mechanism, name, followed)
         if position is not None:
             q[at] = position
@@ -185,17 +187,17 @@ def place(simulation: Simulation, mechanism: Mechanism, followed: Sequence[str])
             q[at], v[at] = positions[0, index], velocities[0, index]
             led += at
     q = assemble(mechanism, q, held + led)
-    return Start(mechanism, v, q, v, given, held, led, moving + led)
+    return InitialState(mechanism, v, q, v, given, held, led, moving + led)
 
 
-def rest(
+def find_rest(
     simulation: Simulation,
-    start: Start,
+    start: InitialState,
     bodies: pin.Model,
     workspace: Workspace,
     drives: Mapping[str, Drive],
     friction: Mapping[str, JointFriction],
-    loads: StandingLoads,
+    loads: StaticLoads,
 ) -> Rest:
     """Where the machine stands; see `statics`."""
     mechanism = start.mechanism
@@ -211,7 +213,7 @@ def rest(
     gaps = misfit(mechanism, start.q) if mechanism.loops else {}
     if any(np.abs(gap).max() > ASSEMBLY_TOLERANCE_M for gap in gaps.values()):
         given += start.held  # which have put journals aside: there they shall be
-    balance = Balance(
+    balance = StaticEquilibrium(
         mechanism,
         bodies,
         workspace.q,
@@ -234,7 +236,7 @@ HELD_ASIDE_M = 1e-9
 """How far a journal is moved into contacts that hold it, at most [m]."""
 
 
-def displace(mechanism: Mechanism, q: np.ndarray, distance: Sequence[float]) -> None:
+def displace_journals(mechanism: Mechanism, q: np.ndarray, distance: Sequence[float]) -> None:
     """Move every journal aside by `distance` along x, y and z of its bearing [m].
 
     Where contacts hold it, by no more than `HELD_ASIDE_M`: pressed further into them, a machine at

@@ -39,9 +39,9 @@ def judged_from(simulation: Simulation) -> float:
             )
         start = require_non_negative("judge_from", simulation.judge_from, "s")
     elif simulation.settle is not None:
-        start = settled(simulation, simulation.settle, duration)
+        start = settling_time(simulation, simulation.settle, duration)
     else:
-        falls = not simulation.stands or simulation.seed is not None
+        falls = not simulation.starts_at_rest or simulation.seed is not None
         falls = falls and bool(simulation.mechanism.clearance)
         return START_UP if falls and duration > 2.0 * START_UP else 0.0
     if start >= duration:
@@ -51,7 +51,7 @@ def judged_from(simulation: Simulation) -> float:
     return start
 
 
-def settled(simulation: Simulation, settle: float | str, duration: float) -> float:
+def settling_time(simulation: Simulation, settle: float | str, duration: float) -> float:
     """Time in which a motion settles [s], of seconds or of turns."""
     if not isinstance(settle, str):
         return require_non_negative("settle", settle, "s", ("settle",))
@@ -71,7 +71,7 @@ def settled(simulation: Simulation, settle: float | str, duration: float) -> flo
         raise JointplayError(
             f"settle = {settle!r}: no joint follows a motion; give seconds", ("settle",)
         )
-    times = [_turned(motion, name, number, duration) for name in turning]
+    times = [_time_of_turns(motion, name, number, duration) for name in turning]
     first = min(times)
     if math.isinf(first):
         raise JointplayError(
@@ -81,7 +81,7 @@ def settled(simulation: Simulation, settle: float | str, duration: float) -> flo
     return first
 
 
-def _turned(motion: Motion, joint: str, turns: float, duration: float) -> float:
+def _time_of_turns(motion: Motion, joint: str, turns: float, duration: float) -> float:
     """When a joint of the motion is so many turns from its start [s]; infinite if it never is."""
     times = np.linspace(0.0, duration, _NODES)
     position = motion(times)[0][:, motion.joints.index(joint)]

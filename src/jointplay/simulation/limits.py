@@ -21,7 +21,7 @@ MOST_STEPS = 10**12
 """Most steps of a run: they would take months."""
 
 
-def numbers(simulation: Simulation, method: Integrator) -> tuple[float, float, int]:
+def check_integration(simulation: Simulation, method: Integrator) -> tuple[float, float, int]:
     """Refuse settings that make no sense; returns step, duration [s] and the number of steps."""
     step = require_positive("step", simulation.step, "s", ("step",))
     if simulation.macro_step is not None:
@@ -56,7 +56,7 @@ def numbers(simulation: Simulation, method: Integrator) -> tuple[float, float, i
     return step, duration, steps
 
 
-def friction(simulation: Simulation) -> Mapping[str, JointFriction]:
+def joint_friction(simulation: Simulation) -> Mapping[str, JointFriction]:
     """Friction by joint: what is given, or the URDF's."""
     frictions, joints = simulation.joint_friction, simulation.mechanism.joints
     if frictions is None:
@@ -70,7 +70,7 @@ def friction(simulation: Simulation) -> Mapping[str, JointFriction]:
     return frictions
 
 
-def bounds(simulation: Simulation, followed: Sequence[str]) -> dict[str, float]:
+def effort_bounds(simulation: Simulation, followed: Sequence[str]) -> dict[str, float]:
     """Hold the motion against the URDF's limits; returns the efforts that are to be cut."""
     way = limits_of_joints.require_known(simulation.limits)
     if way == "ignore":

@@ -152,7 +152,7 @@ class Sampling:
         """Whether there are any."""
         return bool(self._members)
 
-    def until_next(self, step: int) -> int | None:
+    def steps_until_next(self, step: int) -> int | None:
         """Steps from `step` until a sample is due after it; None if none ever is."""
         return min((every - step % every for _, _, every, _ in self._members), default=None)
 
@@ -170,7 +170,7 @@ class Sampling:
             if state is not None:
                 cast(Any, sampler).recall(state)
 
-    def due(self, step: int) -> bool:
+    def is_due(self, step: int) -> bool:
         """Whether a sample is due at `step`."""
         return any(step % every == 0 for _, _, every, _ in self._members)
 
@@ -232,7 +232,7 @@ class Events:
         """Step before which something happens; None if nothing will."""
         return self._planned[-1][0] if self._planned else None
 
-    def happen(self, w: Workspace) -> None:
+    def apply_due_events(self, w: Workspace) -> None:
         """Pick and release what is due in the state of a workspace."""
         while self._planned and self._planned[-1][0] <= w.steps:
             _, payload, picked = self._planned.pop()
@@ -287,7 +287,7 @@ REACTION_S = 2e-4
 """Interval over which a transmitted force is a mean [s]."""
 
 
-class Reactions:
+class ReactionLoads:
     """The loads of a run that follow the force that their joint transmits.
 
     Args:
@@ -325,11 +325,11 @@ class Reactions:
         """Whether there are any."""
         return bool(self._members)
 
-    def until_next(self, step: int) -> int | None:
+    def steps_until_next(self, step: int) -> int | None:
         """Steps from `step` until they are found again; None if never."""
         return self.every - step % self.every if self._members else None
 
-    def due(self, step: int) -> bool:
+    def is_due(self, step: int) -> bool:
         """Whether they are found at `step`."""
         return bool(self._members) and step % self.every == 0
 
@@ -355,7 +355,7 @@ class Reactions:
             numbers[TIME], numbers[LEVEL], numbers[RATE] = w.time, level, 0.0
         self._before = (w.time, w.q.copy(), v.copy())
 
-    def follow(self, model: pin.Model, v: np.ndarray) -> None:
+    def update(self, model: pin.Model, v: np.ndarray) -> None:
         """Take the mean forces since the last time, and draw them on along a line."""
         w = self._workspace
         assert self._before is not None
@@ -418,8 +418,8 @@ def _axis(mechanism: Mechanism, name: str) -> tuple[int, np.ndarray, bool]:
     return index, column[:3] if slides else column[3:], slides
 
 
-class Watch:
-    """The loads of a run that look at its state, and when.
+class LoadSchedule:
+    """The loads of a run that are updated from its state, and when.
 
     Args:
         loads: all loads, by name.
@@ -445,18 +445,18 @@ class Watch:
         """Find them."""
         self._workspace, self._model = workspace, model
         self._sampling = Sampling(loads, sites, workspace, step)
-        self._reactions = Reactions(loads, sites, mechanism, workspace, step)
+        self._reactions = ReactionLoads(loads, sites, mechanism, workspace, step)
 
-    def until_next(self, step: int) -> int | None:
+    def steps_until_next(self, step: int) -> int | None:
         """Steps from `step` until one of them looks again; None if none ever does."""
-        waits = (self._sampling.until_next(step), self._reactions.until_next(step))
+        waits = (self._sampling.steps_until_next(step), self._reactions.steps_until_next(step))
         return min((due for due in waits if due is not None), default=None)
 
-    def due(self, step: int) -> bool:
+    def is_due(self, step: int) -> bool:
         """Whether one of them looks at `step`."""
-        return self._sampling.due(step) or self._reactions.due(step)
+        return self._sampling.is_due(step) or self._reactions.is_due(step)
 
-    def set_off(self, loop: TimeLoop) -> None:
+    def start(self, loop: TimeLoop) -> None:
         """Let a loop begin, once more when the forces that joints transmit are known."""
         w = self._workspace
         self._sampling.sample(w.q, w.v, jumps=False)
@@ -468,12 +468,12 @@ class Watch:
     def look(self, loop: TimeLoop, last: bool) -> None:
         """Let those look at the state whose time it is; no controller samples the last one."""
         w = self._workspace
-        if self._reactions.due(w.steps):
-            self._reactions.follow(self._model, loop.velocity())
-        if last or not self._sampling.due(w.steps):
+        if self._reactions.is_due(w.steps):
+            self._reactions.update(self._model, loop.velocity())
+        if last or not self._sampling.is_due(w.steps):
             return
         if loop.method.single_rate:
-            loop.settle()
+            loop.synchronize()
             self._sampling.sample(w.q, w.v, jumps=False)
             loop.begin()
         else:

@@ -113,7 +113,7 @@ class TimeLoop(ABC):
         """Make ready to step from the workspace's state, or from one that an event has changed."""
 
     @abstractmethod
-    def settle(self) -> None:
+    def synchronize(self) -> None:
         """Make the workspace's state (q, v) whole, for an event that is going to change it."""
 
     def velocity(self) -> np.ndarray:
@@ -227,9 +227,9 @@ class MultiRate(TimeLoop):
         if held:
             pairs = zip(carried[len(reached) :: 2], carried[len(reached) + 1 :: 2], strict=True)
             points = [(i, j, one[9:], other[9:]) for (i, one), (j, other) in pairs]
-            w.hold(np.array(points, layout.HOLD))
+            w.set_held_pairs(np.array(points, layout.HOLD))
 
-    def _ask(self, q: np.ndarray, v: np.ndarray) -> None:
+    def _run_pinocchio(self, q: np.ndarray, v: np.ndarray) -> None:
         """Have Pinocchio find inverse mass matrix, and acceleration without forces, of a state."""
         _aba(self.model, self.data, q, v, self._zero, self._none, _WORLD)
         _inverse(self.model, self.data)
@@ -237,13 +237,13 @@ class MultiRate(TimeLoop):
     def begin(self) -> None:
         """Evaluate forces and acceleration, and set off half a step before."""
         w, self._planned_on = self.workspace, False
-        w.do(Command.RESTART)
-        self._ask(w.q, w.v)
-        w.do(Command.START_HALF_STEP)
+        w.execute(Command.RESTART)
+        self._run_pinocchio(w.q, w.v)
+        w.execute(Command.START_HALF_STEP)
 
-    def settle(self) -> None:
+    def synchronize(self) -> None:
         """Find the velocity at the present instant."""
-        self.workspace.do(Command.SYNCHRONIZE)
+        self.workspace.execute(Command.SYNCHRONIZE)
 
     def velocity(self) -> np.ndarray:
         """From those half a step ago, with the last acceleration."""
@@ -254,7 +254,7 @@ class MultiRate(TimeLoop):
     def look(self) -> None:
         """Find the velocity at the present instant, for a moment."""
         if not self.workspace.run["fresh"][0]:
-            self.settle()
+            self.synchronize()
 
     def memory(self) -> dict[str, float]:
         """Whether the next macro step is planned already."""
@@ -284,7 +284,7 @@ class MultiRate(TimeLoop):
 
     def finish(self) -> None:
         """Record the last state."""
-        self.workspace.do(Command.RECORD_LAST_STATE)
+        self.workspace.execute(Command.RECORD_LAST_STATE)
 
 
 class Adaptive(MultiRate):
@@ -330,11 +330,11 @@ class Adaptive(MultiRate):
     def stretch(self, steps: int, pause: int | None = None) -> bool:
         """Do one macro step, of no more than `steps` steps, as finely as it needs."""
         self._until[0] = self.workspace.steps + steps
-        self.workspace.do(Command.PLAN)
+        self.workspace.execute(Command.PLAN)
         self._refused[0] = 1
         while self._refused.item():
-            self._ask(*self._middle)
-            self.workspace.do(Command.CHECK_PREDICTION)
+            self._run_pinocchio(*self._middle)
+            self.workspace.execute(Command.CHECK_PREDICTION)
         macro = self._planned.item()
         span = macro * self._dt
         for kept, array in zip(self._kept, self._state, strict=True):
@@ -343,12 +343,12 @@ class Adaptive(MultiRate):
         records = macro // self._every if macro % self._every == 0 else 1
         halvings = math.ceil(math.log2(max(0.5 * span / (self._micro_step * records), 1.0)) - 1e-9)
         micro = records * 2**halvings
-        coarse = self._try(micro)
+        coarse = self._try_micro_steps(micro)
         while True:
             for kept, array in zip(self._kept, self._state, strict=True):
                 np.copyto(array, kept)
             micro *= 2
-            fine = self._try(micro)
+            fine = self._try_micro_steps(micro)
             error = self._difference(coarse, fine, span)
             if not error > self._tolerated:
                 break
@@ -360,11 +360,11 @@ class Adaptive(MultiRate):
         self._micro_step = span / micro * (2.0 if error < 0.1 * self._tolerated else 1.0)
         return not self.workspace.failed
 
-    def _try(self, micro: int) -> tuple[np.ndarray, np.ndarray]:
+    def _try_micro_steps(self, micro: int) -> tuple[np.ndarray, np.ndarray]:
         """Do the macro step with so many micro steps; returns q and v at its end."""
         w = self.workspace
         w.run["micro"] = micro
-        w.do(Command.ADAPTIVE_STEP)
+        w.execute(Command.ADAPTIVE_STEP)
         return w.q.copy(), self.velocity()
 
     def _difference(
@@ -397,17 +397,17 @@ class SingleRate(TimeLoop):
 
     def begin(self) -> None:
         """Evaluate forces and acceleration."""
-        self.workspace.do(Command.REFRESH if self._begun else Command.BEGIN)
+        self.workspace.execute(Command.REFRESH if self._begun else Command.BEGIN)
         self._begun = True
         if self.workspace.needs_jacobians:
             pin.computeJointJacobians(self.model, self.data, self.workspace.q)
-            self.workspace.do(Command.EVALUATE_FORCES)
+            self.workspace.execute(Command.EVALUATE_FORCES)
         dynamics, state = self._call
         dynamics(*state)
 
-    def settle(self) -> None:
+    def synchronize(self) -> None:
         """Complete the work of the last step."""
-        self.workspace.do(Command.COMPLETE_STEP)
+        self.workspace.execute(Command.COMPLETE_STEP)
 
     def recall(self, memory: Mapping[str, float]) -> None:
         """Do not begin from the start again."""
@@ -434,4 +434,4 @@ class SingleRate(TimeLoop):
 
     def finish(self) -> None:
         """Record the last state."""
-        self.workspace.do(Command.RECORD)
+        self.workspace.execute(Command.RECORD)

@@ -38,7 +38,7 @@ from jointplay.result.variables import Phase
 from jointplay.simulation import checkpoint, initial, limits, step_check
 from jointplay.simulation import loads as acting
 from jointplay.simulation.assemble import check_step, contact_site, require_inertia
-from jointplay.simulation.loads import Events, Watch
+from jointplay.simulation.loads import Events, LoadSchedule
 from jointplay.simulation.loop import (
     LONGEST_MACRO_STEP_S,
     LOOP_CORRECTION,
@@ -48,8 +48,8 @@ from jointplay.simulation.loop import (
     TimeLoop,
 )
 from jointplay.simulation.progress import Bar
-from jointplay.simulation.spool import OnDisk
-from jointplay.simulation.statics import StandingLoads
+from jointplay.simulation.spool import DiskRecords
+from jointplay.simulation.statics import StaticLoads
 
 if TYPE_CHECKING:
     from jointplay.result.result import Result
@@ -60,7 +60,7 @@ CHUNK = 2000
 """Steps between two looks at the clock and the keyboard, at most."""
 
 
-def message(
+def end_message(
     mechanism: Mechanism, workspace: Workspace, status: Status, loads: Sequence[str] = ()
 ) -> str:
     """One line on how a run ended; `loads` are their names."""
@@ -77,7 +77,7 @@ def message(
     if status == Status.BAD_LOAD:
         what, remedy = f"the load {loads[joint]!r} gave a non-finite value", "correct it"
     elif status == Status.RUN_AWAY:
-        what = "the state ran away or is not a number"
+        what = "the state diverged or is not a number"
         remedy = "reduce the step or the drive's bandwidth"
     else:
         name = list(mechanism.clearance)[joint]
@@ -226,30 +226,30 @@ class Run:
     ) -> None:
         """Check the numbers, place the journals, tabulate the drives."""
         try:
-            self._make_ready(simulation, progress, records)
+            self._prepare(simulation, progress, records)
         except (ArithmeticError, np.linalg.LinAlgError) as error:
             raise JointplayError(
-                f"these numbers cannot be computed with, one is far too large or small: {error}"
+                f"a number is far too large or too small to compute with: {error}"
             ) from None
 
-    def _make_ready(self, simulation: Simulation, progress: bool, records: Path | None) -> None:
+    def _prepare(self, simulation: Simulation, progress: bool, records: Path | None) -> None:
         self.simulation = simulation
         self.label = ""  # what the progress bar calls the run
         self.mechanism = mechanism = simulation.mechanism
         self.method: Integrator = integrator(simulation.integrator)
-        step, duration, self.total_steps = limits.numbers(simulation, self.method)
+        step, duration, self.total_steps = limits.check_integration(simulation, self.method)
         acting.check(simulation.loads)
         drives = assign(mechanism, simulation.motion, simulation.drive)
         every = simulation.record_every
         if records is None:
             nodes = table_nodes(simulation.motion, drives, duration)
             limits.check_memory(mechanism, duration, self.total_steps, every, nodes)
-        self.friction = limits.friction(simulation)
+        self.friction = limits.joint_friction(simulation)
         followed = [name for name, drive in drives.items() if drive.follows]
-        bounds = limits.bounds(simulation, followed)
-        start = initial.place(simulation, mechanism, followed)
+        bounds = limits.effort_bounds(simulation, followed)
+        start = initial.initial_state(simulation, mechanism, followed)
         require_inertia(mechanism, start.q)
-        if simulation.seed is not None and not simulation.stands:
+        if simulation.seed is not None and not simulation.starts_at_rest:
             start.perturb(simulation.seed, at_rest=False)
         macro = simulation.macro_step or LONGEST_MACRO_STEP_S
         tables, armature, self._reference = tabulate(
@@ -281,9 +281,9 @@ class Run:
             own_acceleration=not self.method.single_rate,
             loads=sites,
         )
-        self.on_disk = None if records is None else self._written(records, macro)
+        self.on_disk = None if records is None else self._spool_records(records, macro)
         """Where records go that memory has no room for."""
-        self._watch = Watch(simulation.loads, sites, mechanism, self.model, w, step)
+        self._watch = LoadSchedule(simulation.loads, sites, mechanism, self.model, w, step)
         w.q[:], w.v[:] = start.q, start.v
         self._events = Events(
             mechanism, self.model, simulation.payloads, step, simulation.record_every
@@ -292,8 +292,8 @@ class Run:
         acting.check_step(simulation.loads, mechanism, step, start.q)
         self.rest: initial.Rest | None = None
         """Where the search for the place of rest ended; None if journals start centred."""
-        if simulation.stands and (mechanism.clearance or mechanism.gears):
-            self._stand(start, drives, sites)
+        if simulation.starts_at_rest and (mechanism.clearance or mechanism.gears):
+            self._start_at_rest(start, drives, sites)
         self.judged_from = simulation.judged_from
         """When figures begin to be judged [s]."""
         self._unjudged: dict[str, np.ndarray] | None = None
@@ -307,21 +307,21 @@ class Run:
         """Called between stretches; the run stops, to be continued or not, if one says True."""
         self._loop = self._make_loop(mechanism.constraints(w.q, LOOP_CORRECTION / step))
 
-    def _written(self, records: Path, macro: float) -> OnDisk:
+    def _spool_records(self, records: Path, macro: float) -> DiskRecords:
         """Have the records written to a file as they are made."""
         step, every = self.simulation.step, self.simulation.record_every
         most = CHUNK + math.ceil(macro / step) + 2
-        return OnDisk(records, self.workspace, self.total_steps // every + 2, most)
+        return DiskRecords(records, self.workspace, self.total_steps // every + 2, most)
 
-    def _stand(
-        self, start: initial.Start, drives: Mapping[str, Drive], sites: Sequence[LoadSite]
+    def _start_at_rest(
+        self, start: initial.InitialState, drives: Mapping[str, Drive], sites: Sequence[LoadSite]
     ) -> None:
         """Let the journals begin where they rest, if they do."""
         simulation, w = self.simulation, self.workspace
-        self._events.happen(w)  # what is picked at 0 weighs from the first
+        self._events.apply_due_events(w)  # what is picked at 0 weighs from the first
         bodies = self._events.phases[-1].model
-        pushing = StandingLoads(simulation.loads, self.mechanism, sites)
-        rest = initial.rest(simulation, start, bodies, w, drives, self.friction, pushing)
+        pushing = StaticLoads(simulation.loads, self.mechanism, sites)
+        rest = initial.find_rest(simulation, start, bodies, w, drives, self.friction, pushing)
         self.rest = rest
         if not rest.solved:
             if simulation.start == "rest":
@@ -332,7 +332,7 @@ class Run:
                     else "a journal would break out of its bearing"
                 )
                 raise JointplayError(
-                    f"no place of rest was found: {what}; start 'centred', or give a state in "
+                    f"no equilibrium was found: {what}; start 'centred', or give a state in "
                     "which the drives hold the machine"
                 )
             # As the result says: to run it again is to run it like this.
@@ -364,7 +364,7 @@ class Run:
     def displace(self, distance: Sequence[float]) -> None:
         """Move every journal aside before the run begins, by `distance` along x, y and z [m]."""
         distance = require_vector("distance", distance, "m")
-        initial.displace(self.mechanism, self.workspace.q, distance)
+        initial.displace_journals(self.mechanism, self.workspace.q, distance)
 
     def finish(self, progress: bool = False, check_step: bool = True) -> Result:
         """Simulate to the end, from the start or from where the run stands; once only.
@@ -398,8 +398,8 @@ class Run:
                 result.amend(step_error=error.tool, relative_step_error=error.relative)
         return result
 
-    def guard(self, other: Run) -> Run:
-        """Make a run that is part of this one stop as this one does; returns it."""
+    def share_stop_request(self, other: Run) -> Run:
+        """Let `other`, a run within this one, stop when this one is told to; returns it."""
         other.guards += self.guards
         other.between += self.between
         return other
@@ -503,7 +503,7 @@ class Run:
         if not self._begun:
             self.begin()
         while self.workspace.steps < self.total_steps:
-            if not self._stretch(pause=self.workspace.steps + pause):
+            if not self._advance_stretch(pause=self.workspace.steps + pause):
                 return
             yield self.workspace.time
         self._loop.finish()
@@ -543,15 +543,15 @@ class Run:
     def begin(self) -> None:
         """Evaluate forces and acceleration of the state, payloads picked at 0 in hand.
 
-        Begin again whenever you have changed q or v of the workspace, after `settle`.
+        Begin again whenever you have changed q or v of the workspace, after `synchronize`.
         """
-        self._events.happen(self.workspace)
-        self._watch.set_off(self._loop)
+        self._events.apply_due_events(self.workspace)
+        self._watch.start(self._loop)
         self._begun = True
 
-    def settle(self) -> None:
+    def synchronize(self) -> None:
         """Make q and v of the workspace whole, to be changed; then `begin` again."""
-        self._loop.settle()
+        self._loop.synchronize()
 
     def _check_unfinished(self) -> None:
         """Refuse to go on with a run that has ended: its last state would be recorded twice."""
@@ -598,12 +598,12 @@ class Run:
             q, v = memory["origin"]
             self._origin = np.array(q, float), np.array(v, float)
         self._reference.recall(memory["reference"])
-        self._refer()
+        self._set_reference_block()
         self.workspace.unresolved = int(memory["unresolved"])
         self._unjudged = memory["unjudged"]
         self._watch.recall(memory["watch"])
 
-    def _stretch(self, most: int = CHUNK, pause: int | None = None) -> bool:
+    def _advance_stretch(self, most: int = CHUNK, pause: int | None = None) -> bool:
         """Do some steps, then what is due; returns whether all is well.
 
         Args:
@@ -613,7 +613,7 @@ class Run:
         """
         w = self.workspace
         if w.time >= self._reference.until:
-            self._refer()
+            self._set_reference_block()
         if self.on_disk is not None:
             self.on_disk.before_stretch()
         steps = min(most, self.total_steps - w.steps)
@@ -623,7 +623,7 @@ class Run:
         if due is not None:
             steps = min(steps, due - w.steps)
         judged = round(self.judged_from / self.simulation.step)
-        watched = self._watch.until_next(w.steps)
+        watched = self._watch.steps_until_next(w.steps)
         if watched is not None:
             steps = min(steps, watched)
         if w.steps < judged:
@@ -633,23 +633,23 @@ class Run:
         if self._unjudged is None and w.steps >= judged > 0:
             self._unjudged = w.contact_statistics()
         if due is not None and due == w.steps:
-            self._loop.settle()
-            self._events.happen(w)
-            self._watch.set_off(self._loop)
-        elif self._watch.due(w.steps):
+            self._loop.synchronize()
+            self._events.apply_due_events(w)
+            self._watch.start(self._loop)
+        elif self._watch.is_due(w.steps):
             self._watch.look(self._loop, last=w.steps >= self.total_steps)
         return True
 
-    def _refer(self) -> None:
+    def _set_reference_block(self) -> None:
         """Let the drives go by the part of the reference that holds the present time."""
         if self._reference.go_to(self.workspace.time):
-            self.workspace.refer(self._reference.table, self._reference.first)
+            self.workspace.set_reference_block(self._reference.table, self._reference.first)
 
-    def follow_same(self, other: Run) -> None:
-        """Go by the reference of a run of the same motion, to the last bit."""
+    def share_reference(self, other: Run) -> None:
+        """Use the reference tables of another run of the same motion: results are bit-identical."""
         self._reference = other._reference
         self._reference.go_to(self.workspace.time)
-        self.workspace.refer(self._reference.table, self._reference.first)
+        self.workspace.set_reference_block(self._reference.table, self._reference.first)
 
     def advance(self, steps: int) -> bool:
         """Do `steps` steps, or fewer if the run fails or ends; returns whether all is well."""
@@ -657,10 +657,10 @@ class Run:
             self.begin()
         end = min(self.workspace.steps + require_whole("steps", steps), self.total_steps)
         while self.workspace.steps < end:
-            if not self._stretch(end - self.workspace.steps):
+            if not self._advance_stretch(end - self.workspace.steps):
                 return False
         return True
 
     def message(self, status: Status) -> str:
         """One line on how the run ended."""
-        return message(self.mechanism, self.workspace, status, list(self.simulation.loads))
+        return end_message(self.mechanism, self.workspace, status, list(self.simulation.loads))

@@ -76,7 +76,7 @@ def run_and_save(
             else:
                 status = run.run_to_end(progress)
         if status == Status.INTERRUPTED and on_disk is not None:
-            _keep_checkpoint(run, kept)
+            _write_checkpoint(run, kept)
         if result is not None:
             result.dataset.attrs.update(notes or {})
             save(result, path, overwrite)
@@ -102,7 +102,7 @@ def _checkpoints(run: Run, path: Path) -> Callable[[], bool]:
     return look
 
 
-def _keep_checkpoint(run: Run, kept: Path) -> None:
+def _write_checkpoint(run: Run, kept: Path) -> None:
     """Write a checkpoint and say so; if it cannot be, say why."""
     try:
         run.checkpoint(kept)
@@ -123,19 +123,19 @@ def _save_from_disk(
     """Write the result of a run whose records are on disk, a portion in memory at a time."""
     assert run.on_disk is not None
     w, loads = run.workspace, run.simulation.loads
-    on_disk = run.on_disk.spill()
+    on_disk = run.on_disk.write_to_disk()
     made = HistoryBuilder(
         run.mechanism, run.simulation.describe(), run.friction, run.judged_from, loads
     )
     portions = on_disk.portions(w.fields, w.contacts.shape[1])
     bar = Writing(on_disk.rows, progress)
     with closing(bar), files.writing(path, overwrite=overwrite) as file:
-        whole, records = made.whole(w), next(portions)
+        whole, records = made.totals(w), next(portions)
         first = made.portion(records, run.phases).assign(whole)
         bar.update(records.rows)
-        from jointplay.result.portions import Growing  # takes long to import
+        from jointplay.result.portions import GrowingDataset  # takes long to import
 
-        with closing(Growing(file, first)) as growing:
+        with closing(GrowingDataset(file, first)) as growing:
             for records in portions:
                 growing.append(made.portion(records, run.phases))
                 bar.update(records.rows)

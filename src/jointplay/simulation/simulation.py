@@ -25,7 +25,7 @@ from jointplay.motion.reference import Motion
 from jointplay.result.inputs import Inputs
 from jointplay.result.judging import STARTS
 from jointplay.simulation import checkpoint, judging
-from jointplay.simulation.initial import pair
+from jointplay.simulation.initial import position_and_speed
 from jointplay.simulation.run import Moment, Run
 from jointplay.simulation.saving import run_to
 
@@ -48,7 +48,7 @@ class Simulation(Overview, Inputs):
         check_fields(self)
         if self.start is not None and self.start not in STARTS:
             raise MissingName("start", str(self.start), STARTS)
-        state = {name: pair(name, value) for name, value in self.state.items()}
+        state = {name: position_and_speed(name, value) for name, value in self.state.items()}
         object.__setattr__(self, "state", state)
         object.__setattr__(self, "payloads", tuple(self.payloads))
         if self.motion is not None and isinstance(self.drive, Drive) and self.drive.follows:
@@ -79,7 +79,7 @@ class Simulation(Overview, Inputs):
         return headline, facts
 
     @property
-    def stands(self) -> bool:
+    def starts_at_rest(self) -> bool:
         """Whether journals shall begin where they rest under load."""
         if self.start is not None:
             return self.start == "rest"

@@ -74,7 +74,7 @@ class Spool:
                 f"{str(path)!r} lacks records of the run: it holds {length} bytes, not {size}"
             )
 
-    def take(self, records: np.ndarray) -> None:
+    def append(self, records: np.ndarray) -> None:
         """Append records, shape (n, columns).
 
         Raises:
@@ -125,7 +125,7 @@ RECORD_BYTES = 4 << 20
 """Of such a run so much is in memory [bytes]."""
 
 
-class OnDisk:
+class DiskRecords:
     """Where a run's records go when memory has no more room for them.
 
     Args:
@@ -152,15 +152,15 @@ class OnDisk:
         room = max(RECORD_BYTES // size, 2 * most)
         self.needed = records * size > MOST_BYTES and records > room
         """Whether the run makes more than memory is to hold."""
-        workspace.make_room(room if self.needed else records)
+        workspace.reserve_records(room if self.needed else records)
 
     def before_stretch(self) -> None:
         """Make room for the records of a stretch."""
         w = self._workspace
         if self.needed and int(w.run["rows"][0]) - w.rows < self._most:
-            self.spill()
+            self.write_to_disk()
 
-    def spill(self, sync: bool = False) -> Spool:
+    def write_to_disk(self, sync: bool = False) -> Spool:
         """Put all records on disk; `sync`: so that they survive a power failure.
 
         Raises:
@@ -170,8 +170,8 @@ class OnDisk:
         if self._spool is None:
             self._spool = Spool(self.path, w.record.shape[1], w.kept_elsewhere, self.name)
         if w.rows > w.kept_elsewhere:
-            self._spool.take(w.record[: w.rows - w.kept_elsewhere])
-            w.give_records()
+            self._spool.append(w.record[: w.rows - w.kept_elsewhere])
+            w.release_records()
         if sync:
             self._spool.sync()
         return self._spool

@@ -35,7 +35,7 @@ _ROUNDING = 1e-14
 
 
 @dataclass(frozen=True)
-class Place:
+class TrialState:
     """A state that was tried, in the coordinates of the search."""
 
     q: np.ndarray
@@ -44,7 +44,7 @@ class Place:
     bend: np.ndarray
     load: float
 
-    def gain(self, other: Place, expected: float) -> float:
+    def gain(self, other: TrialState, expected: float) -> float:
         """Part of the expected gain that another place brings.
 
         Where the gain drowns in rounding, 1 if it is less steep there, else 0.
@@ -54,13 +54,15 @@ class Place:
         return (self.height - other.height) / expected
 
 
-def step_within(slope: np.ndarray, bend: np.ndarray, radius: float) -> tuple[np.ndarray, float]:
+def trust_region_step(
+    slope: np.ndarray, bend: np.ndarray, radius: float
+) -> tuple[np.ndarray, float]:
     """Step to the lowest point of a quadratic within a ball, and how much lower that is."""
-    step = lowest(slope, bend, radius)
+    step = minimize_in_ball(slope, bend, radius)
     return step, -float(slope @ step + 0.5 * step @ bend @ step)
 
 
-def lowest(slope: np.ndarray, bend: np.ndarray, radius: float) -> np.ndarray:
+def minimize_in_ball(slope: np.ndarray, bend: np.ndarray, radius: float) -> np.ndarray:
     """Where a quadratic is lowest within a ball about the origin."""
     # Eigen's, for on a busy machine the threads of numpy's wait for each other.
     spectrum = eigenpy.SelfAdjointEigenSolver(0.5 * (bend + bend.T))
@@ -250,7 +252,7 @@ def relative_motion(data: pin.Data, frames: Carriers, signs: np.ndarray) -> np.n
     return np.concatenate([turn.T @ linear, turn.T @ columns[3:]])
 
 
-class StandingLoads:
+class StaticLoads:
     """The loads of a machine at time 0.
 
     What a load stores energy for has a potential; anything else, such as a wrench, a damper at a
@@ -268,20 +270,22 @@ class StandingLoads:
     ) -> None:
         """Find where they act."""
         self._members = [
-            _Standing(load, site, mechanism.model.nv)
+            _StaticLoad(load, site, mechanism.model.nv)
             for load, site in zip(loads.values(), sites, strict=True)
         ]
 
-    def given(self, model: pin.Model, data: pin.Data, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+    def nonpotential_forces(
+        self, model: pin.Model, data: pin.Data, q: np.ndarray, v: np.ndarray
+    ) -> np.ndarray:
         """Generalised forces of what is no potential, (nv,)."""
         pin.computeJointJacobians(model, data, q)
         forces = np.zeros(model.nv)
         for one in self._members:
-            x, moves = one.place(data, q), one.moves(data)
-            answer = one.answer(x, moves @ v)
+            x, moves = one.place(data, q), one.jacobian(data)
+            answer = one.force(x, moves @ v)
             if one.load.stores:
-                answer = answer - one.answer(x, np.zeros(len(moves)))
-            forces += one.pushes(data).T @ np.nan_to_num(answer, posinf=0.0, neginf=0.0)
+                answer = answer - one.force(x, np.zeros(len(moves)))
+            forces += one.force_jacobian(data).T @ np.nan_to_num(answer, posinf=0.0, neginf=0.0)
         return forces
 
     def energy(self, data: pin.Data, q: np.ndarray) -> float:
@@ -299,13 +303,13 @@ class StandingLoads:
         gradient, curvature = np.zeros(len(q)), np.zeros((len(q), len(q)))
         for one in self._members:
             if one.load.stores:
-                x, moves, pushes = one.place(data, q), one.moves(data), one.pushes(data)
-                gradient -= pushes.T @ one.answer(x, np.zeros(len(moves)))
+                x, moves, pushes = one.place(data, q), one.jacobian(data), one.force_jacobian(data)
+                gradient -= pushes.T @ one.force(x, np.zeros(len(moves)))
                 curvature += pushes.T @ one.stiffness(x) @ moves
         return gradient, curvature
 
 
-class _Standing:
+class _StaticLoad:
     """One load."""
 
     def __init__(self, load: Load, site: LoadSite, nv: int) -> None:
@@ -321,20 +325,20 @@ class _Standing:
             return q[list(self.site.seen)]
         return relative_pose(data, self.site.carriers)
 
-    def moves(self, data: pin.Data) -> np.ndarray:
+    def jacobian(self, data: pin.Data) -> np.ndarray:
         """Rates that its law sees, per velocity."""
         if self.site.carriers is None:
             return self._every[list(self.site.seen)]
         assert self.site.signs is not None
         return relative_motion(data, self.site.carriers, self.site.signs)
 
-    def pushes(self, data: pin.Data) -> np.ndarray:
+    def force_jacobian(self, data: pin.Data) -> np.ndarray:
         """What its law's answer acts on."""
         if self.site.carriers is None:
             return self._every[list(self.site.pushed)]
-        return self.moves(data)
+        return self.jacobian(data)
 
-    def answer(self, x: np.ndarray, rate: np.ndarray) -> np.ndarray:
+    def force(self, x: np.ndarray, rate: np.ndarray) -> np.ndarray:
         """Its law's, at time 0."""
         out = np.zeros(self.site.size)
         given = [np.ascontiguousarray(one, float) for one in (x, rate, self.site.numbers)]
@@ -349,7 +353,7 @@ class _Standing:
         columns = []
         for k in range(len(rate)):
             ends = [
-                self.answer(_moved(x, k, way, bool(self.site.carriers)), rate) for way in (1, -1)
+                self.force(_moved(x, k, way, bool(self.site.carriers)), rate) for way in (1, -1)
             ]
             columns.append((ends[1] - ends[0]) / (2.0 * _MOTION))
         return np.stack(columns, axis=1)
@@ -419,7 +423,7 @@ class Rest:
         return bool(self.inside and self.residual <= TOLERANCE * self.load)
 
 
-def limited(joint: Clearance) -> list[str]:
+def limited_freedoms(joint: Clearance) -> list[str]:
     """Those of a joint's freedoms that nothing but its clearance limits, of `VIRTUAL_LINK`."""
     freedoms = []
     for axis, part in enumerate(VIRTUAL_LINK[:3]):
@@ -446,7 +450,7 @@ def weight_curvature(model: pin.Model, data: pin.Data, q: np.ndarray) -> np.ndar
     return np.asarray(lower + np.tril(lower, -1).T)
 
 
-class Balance:
+class StaticEquilibrium:
     """Potential energy of a machine that stands, and its slopes.
 
     Args:
@@ -474,7 +478,7 @@ class Balance:
         rows: np.ndarray | Sequence[np.void],
         reference: np.ndarray,
         friction: Mapping[str, JointFriction],
-        loads: StandingLoads,
+        loads: StaticLoads,
         acceleration: np.ndarray,
         given: Collection[int] = (),
     ) -> None:
@@ -551,7 +555,7 @@ class Balance:
             own |= set(members.values())
             film = joint.film is not None and not joint.film[0].hybrid
             if not film and not given & set(members.values()):
-                blocks[name] = {members[part] for part in limited(joint)}
+                blocks[name] = {members[part] for part in limited_freedoms(joint)}
                 play |= blocks[name]
         own -= {mechanism.coordinate(n) for n in mechanism.clearance if n not in mechanism.loops}
         every = np.eye(nv)
@@ -600,7 +604,7 @@ class Balance:
             whole = pin.rnea(self._model, self._data, q, self._speed, self._acceleration)
             weight = pin.computeGeneralizedGravity(self._model, self._data, q)
             self._inertia = whole - weight
-        self._given = self._loads.given(self._model, self._data, q, self._speed)
+        self._given = self._loads.nonpotential_forces(self._model, self._data, q, self._speed)
 
     def _pose(self, name: str) -> np.ndarray:
         return relative_pose(self._data, self._frames[name])
@@ -673,7 +677,7 @@ class Balance:
             q = q - self._movable @ np.linalg.lstsq(jacobian, gap, rcond=1e-10)[0]
         return q
 
-    def trail(self, q: np.ndarray) -> np.ndarray:
+    def align_motors(self, q: np.ndarray) -> np.ndarray:
         """q with those motors behind their teeth whose encoders see the link."""
         q = q.copy()
         for row in self._gears:
@@ -704,16 +708,16 @@ class Balance:
         self._pull = TOWARDS_MIDDLE * self.weight() * self._room
         q, trials, residual, load = self._start, 0, np.inf, 1.0
         if near is not None:
-            q, residual, load, trials = self._descend(near, MOST_TRIALS)
+            q, residual, load, trials = self._newton_descent(near, MOST_TRIALS)
         if residual > BALANCED * load:
             q = self._start
             for name, at in self._blocks.items():
-                q, *_ = self._descend(q, MOST_LOCAL, {name}, at)
-            q, _, _, tried = self._descend(q, MOST_TRIALS)
+                q, *_ = self._newton_descent(q, MOST_LOCAL, {name}, at)
+            q, _, _, tried = self._newton_descent(q, MOST_TRIALS)
             trials += tried
         self._pull = 0.0
         for _ in range(MOST_ROUNDS):
-            q, residual, load, tried = self._descend(q, MOST_TRIALS)
+            q, residual, load, tried = self._newton_descent(q, MOST_TRIALS)
             trials += tried
             # Inertia and what is no potential, where the machine rests.
             self.refresh(q)
@@ -722,7 +726,7 @@ class Balance:
             if residual <= BALANCED * load:
                 break
         q = self.close(q)
-        return Rest(self.trail(q), residual, load or self.weight(), trials, self._inside(q))
+        return Rest(self.align_motors(q), residual, load or self.weight(), trials, self._inside(q))
 
     def _inside(self, q: np.ndarray) -> bool:
         pin.forwardKinematics(self._model, self._data, q)
@@ -731,7 +735,7 @@ class Balance:
             for name, joint in self._mechanism.clearance.items()
         )
 
-    def _descend(
+    def _newton_descent(
         self,
         q: np.ndarray,
         most: int,
@@ -750,14 +754,14 @@ class Balance:
             load = here.load
             if residual <= SOLVED * (load or self.weight()) or trials >= most or radius < 1e-12:
                 return here.q, residual, load, trials
-            step, expected = step_within(here.slope, here.bend, radius)
+            step, expected = trust_region_step(here.slope, here.bend, radius)
             size = float(np.linalg.norm(step))
             there = self._look(self.close(here.q + ways @ step), ways, names)
             trials += 1
             straight = here.gain(there, expected)
             if straight <= 0.1 and trials < most:
                 # Along curved walls, and where a wall is met: a second step leads back to it.
-                step, _ = step_within(there.slope, there.bend, size)
+                step, _ = trust_region_step(there.slope, there.bend, size)
                 there = self._look(self.close(there.q + ways @ step), ways, names)
                 trials += 1
             gain = here.gain(there, expected)
@@ -768,7 +772,7 @@ class Balance:
                 radius = max(radius, 2.0 * size)
             here = there
 
-    def _look(self, q: np.ndarray, ways: np.ndarray, names: Collection[str]) -> Place:
+    def _look(self, q: np.ndarray, ways: np.ndarray, names: Collection[str]) -> TrialState:
         gradient, curvature, load = self.slopes(q, names)
         height = self.energy(q, names)
-        return Place(q, height, ways.T @ gradient, ways.T @ curvature @ ways, load)
+        return TrialState(q, height, ways.T @ gradient, ways.T @ curvature @ ways, load)

@@ -121,19 +121,19 @@ def _difference(
     other.label = "checking the step "
     mine, theirs = run.workspace, other.workspace
     theirs.drives[:] = mine.drives
-    other.follow_same(run)
+    other.share_reference(run)
     theirs.q[:], theirs.v[:] = start
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)
-        comparison = run.guard(other).finish(progress, check_step=False)
+        comparison = run.share_stop_request(other).finish(progress, check_step=False)
     if comparison.status == Status.INTERRUPTED:
         raise KeyboardInterrupt
     if comparison.status != Status.COMPLETED:
         return _UNBOUNDED
-    return _apart(run, result, comparison)
+    return _largest_distance(run, result, comparison)
 
 
-def _apart(run: Run, result: Result, other: Result) -> StepError:
+def _largest_distance(run: Run, result: Result, other: Result) -> StepError:
     """Largest distance of two runs at the times that both recorded."""
     step = run.simulation.step
     ours, theirs = (np.round(one.time / step).astype(np.int64) for one in (result, other))

@@ -172,7 +172,7 @@ class Bench:
                 warnings.simplefilter("ignore")
                 values, kept = self._run(changes)
         except MemoryError:
-            state, said = FAILED, "this machine's memory is too small for it"
+            state, said = FAILED, "not enough memory"
         except JointplayError as error:
             state, said = FAILED, str(error)
         except Exception as error:  # a measure of the user's own can raise anything

@@ -176,7 +176,7 @@ class ClusterWorkers:
             for case in batch:
                 submit([case])
             return
-        text = "several workers died of it (killed, out of memory, or crashed)"
+        text = "several workers ended while running this case (killed, out of memory, or crashed)"
         yield batch[0][0], Outcome(batch[0][0], FAILED, {}, text)
 
     def _error(self, future: Any) -> BaseException | None:

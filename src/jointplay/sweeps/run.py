@@ -124,7 +124,10 @@ def _case(work: Job, case: Case) -> Outcome:
 
 
 def _lost(case: Case) -> Outcome:
-    text = f"{MOST_DEATHS} processes died of it (killed, out of memory, or crashed)"
+    text = (
+        f"{MOST_DEATHS} worker processes ended while running this case "
+        "(killed, out of memory, or crashed)"
+    )
     return Outcome(case[0], FAILED, {}, text)
 
 

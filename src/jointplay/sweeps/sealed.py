@@ -443,12 +443,12 @@ def _check_array(found: Any) -> None:
         raise ValueError("it has storage transformers")
     _check_codecs(kind, found["codecs"])
     if found["chunk_key_encoding"] != {"name": "default", "configuration": {"separator": "/"}}:
-        raise ValueError(f"foreign names of chunks: {found['chunk_key_encoding']!r}")
+        raise ValueError(f"unknown chunk key encoding: {found['chunk_key_encoding']!r}")
     grid = found["chunk_grid"]
     if not isinstance(grid, dict) or grid.get("name") != "regular" or set(grid) != {
         "name", "configuration"
     } or set(grid["configuration"]) != {"chunk_shape"}:  # fmt: skip
-        raise ValueError(f"a foreign grid of chunks: {grid!r}")
+        raise ValueError(f"unknown chunk grid: {grid!r}")
     chunks = grid["configuration"]["chunk_shape"]
     if not (_sizes(shape, 0) and _sizes(chunks, 1) and len(shape) == len(chunks) > 0):
         raise ValueError(f"the shape {shape!r} in chunks {chunks!r}")
@@ -498,7 +498,7 @@ def _check_node(found: Mapping[str, Any], kind: str) -> None:
 def _check_keys(found: Mapping[str, Any], known: set[str]) -> None:
     foreign = sorted(set(found) - known)
     if foreign:
-        raise ValueError(f"foreign keys: {', '.join(foreign)[:60]}")
+        raise ValueError(f"unknown keys: {', '.join(foreign)[:60]}")
 
 
 def _sizes(given: Any, least: int) -> bool:
