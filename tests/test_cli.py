@@ -493,7 +493,7 @@ sys.exit(cli.main(sys.argv[1:]))
     command = [PYTHON, "-c", code, "run", *SHORT, "--out", str(tmp_path / "o")]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    assert "told to stop when all was computed: it is saved" in done.stderr
+    assert "stop requested after the computation had ended: the result is saved" in done.stderr
     assert "interrupted" not in done.stderr + done.stdout
     assert Result.load(tmp_path / "o" / "result.nc").status == Status.COMPLETED
     # Of two cases the second has not begun: that is an interruption.
@@ -519,6 +519,9 @@ def test_told_to_stop_while_a_finished_study_is_saved_it_is_saved_and_done(
     short = replace(scara(None), duration=0.002)
     monkeypatch.setattr(study, "run_case", lambda *_: short.run())
     assert main(["scara", "--runs", "0", "--out", str(tmp_path / "o"), "--quiet"]) == 0
-    assert "told to stop when all was computed: it is saved" in capsys.readouterr().err
+    assert (
+        "stop requested after the computation had ended: the result is saved"
+        in capsys.readouterr().err
+    )
     there = {path.name for path in (tmp_path / "o").iterdir()}
     assert {"errors.md", "fig09.png", "fig15.pdf"} <= there

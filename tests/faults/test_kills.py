@@ -207,7 +207,7 @@ def test_ctrl_c_while_a_result_is_saved_lets_it_be_saved(tmp_path):
     process.stdin.flush()
     _, err, status = end(process)
     assert status == 0
-    assert "told to stop when all was computed" in err
+    assert "stop requested after the computation had ended" in err
     (result,) = kept(tmp_path / "o")
     assert result.status == Status.COMPLETED
 
