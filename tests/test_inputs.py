@@ -125,11 +125,11 @@ def test_a_run_builds_its_mechanism_once_and_its_ideal_twin_once(tmp_path, monke
     from jointplay.simulation import initial
 
     calls = []
-    build, rest = jp.Mechanism._build, initial.rest
+    build, rest = jp.Mechanism._build, initial.find_rest
     monkeypatch.setattr(
         jp.Mechanism, "_build", lambda *given: calls.append("build") or build(*given)
     )
-    monkeypatch.setattr(initial, "rest", lambda *given: calls.append("rest") or rest(*given))
+    monkeypatch.setattr(initial, "find_rest", lambda *given: calls.append("rest") or rest(*given))
     options = ["--duration", "0.002", "--no-figures", "--quiet", "--out", str(tmp_path / "out")]
     assert main(["run", "jointplay:scara.urdf", "--joint", "joint_b=0.2mm", *options]) == 0
     assert "tool error" in capsys.readouterr().out

@@ -348,7 +348,7 @@ def test_equal_cycles_have_an_interval_of_no_width():
 
 def test_cycles_recorded_at_other_times_are_refused():
     other = Trace(TIME + 1e-3, course().position, course().velocity)
-    with pytest.raises(JointplayError, match="same times"):
+    with pytest.raises(JointplayError, match="recorded at the times of"):
         figures([other] * 3, course(), there_and_back())
 
 

@@ -64,7 +64,7 @@ BAD = [
     ({"radial_clearance": -1e-4}, "-0.0001 m"),
     ({"axial_clearance": float("nan")}, "nan"),
     ({"radial_clearance": float("inf")}, "inf"),
-    ({"radial_clearance": "wide"}, "'wide'"),
+    ({"radial_clearance": "wide"}, '"wide" is no length'),
     ({"radial_clearance": None}, "give the radial clearance or the journal radius"),
     ({"axial_clearance": None}, "give the axial clearance or the journal length"),
     ({"radial_clearance": 11e-3}, "0.011 m leaves no journal"),
@@ -76,8 +76,8 @@ BAD = [
     ({"restitution": 1.01}, "(0, 1], got 1.01"),
     ({"stiffness": -1.0}, "stiffness"),
     ({"bearing_length": 2e-3}, "too short"),
-    ({"normal": "hertz"}, "'hertz'"),
-    ({"friction": 0.1}, "0.1"),
+    ({"normal": "hertzian"}, 'no normal-force law "hertzian"; did you mean "hertz"'),
+    ({"friction": -0.1}, "friction coefficient must not be negative"),
 ]
 
 

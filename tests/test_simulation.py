@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 import jointplay as jp
-from jointplay import JointplayError, Motion
+from jointplay import JointplayError
 from jointplay.core.schema import fields_of
 from jointplay.kernel import Status
 from jointplay.kernel.integrators import INTEGRATORS
@@ -116,7 +116,6 @@ def test_same_seed_same_run_other_seed_other_run():
             {"joint_friction": {"elbow": jp.loads.JointFriction()}},
             "joint_a, joint_b, stroke, joint_c",
         ),
-        ({"motion": Motion(["joint_a"], [0, 1], [[0], [1]])}, "lacks joint_b, stroke, joint_c"),
     ],
 )
 def test_impossible_simulations_are_refused(change, named):

@@ -229,7 +229,7 @@ def test_wear_survives_a_result_file(urdf, tmp_path):
         ({"worn": [1e-5] * 5}, "azimuths"),
         ({"worn": [-1e-5] * 20}, "depths >= 0"),
         ({"worn": [[1e-5] * 20] * 3}, "shape"),
-        ({"worn": "deep"}, "numbers"),
+        ({"worn": "deep"}, "expected a list"),
         ({"worn": [5e-3] * 20}, "tenth"),
         ({"worn": [1e-5] * 20, "lubricant": jp.contact.ShortBearing(0.1)}, "round bores"),
         ({"wear_rate": 0.0}, "wear rate"),

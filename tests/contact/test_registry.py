@@ -95,7 +95,7 @@ def test_fields_reach_the_law():
         ),
         (normal_law, {"law": "kelvin-voigt"}, "the key damping is missing"),
         (normal_law, "anagnostopoulos", "needs mass, the effective mass of the impact [kg]"),
-        (normal_law, {"stiffness": 1.0}, "the key law is missing; available: lank"),
+        (normal_law, {"stiffness": 1.0}, 'unknown key "stiffness" of the law lankarani-nikravesh'),
         (normal_law, "coulomb", "available: lankarani-nikravesh, hertz"),
         (friction_law, "hertz", 'no friction law "hertz"; available: ambrosio, coulomb'),
         (

@@ -111,4 +111,4 @@ def test_curvature_of_a_torsion_spring_is_its_stiffness(urdf):
     # A damper gives a force where the start moves.
     v = np.zeros(len(q))
     v[at] = 2.0
-    assert pushing.given(mechanism.model, data, q, v)[at] == pytest.approx(-6.0)
+    assert pushing.nonpotential_forces(mechanism.model, data, q, v)[at] == pytest.approx(-6.0)

@@ -12,6 +12,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager, suppress
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -100,7 +101,9 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
     only = None if figures else HISTORIES
     results = {case: load_some(path, scenario.trust, only) for case, path in saved.items()}
     for case, result in results.items():
-        result.simulation = simulations[case]  # rather than built once more from the file
+        # What was run, rather than built once more from the file, recorded as seldom as this is.
+        every = json.loads(result.dataset.attrs["simulation"])["record_every"]
+        result.simulation = replace(simulations[case], record_every=every)
         print(f"\n{case}: {result.message}\n{result.judgement}")
         print("\n".join(_case_headline(result, results, not options.quiet)))
     drawable = {case: result for case, result in results.items() if len(result.time) > 1}
