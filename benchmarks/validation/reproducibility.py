@@ -18,6 +18,7 @@ from common import COLOURS, Case, new_figure
 import jointplay as jp
 from jointplay.core.files import temporary
 from jointplay.kernel.integrators import DEFAULT
+from jointplay.result import FORMAT
 from validation import Outcome, case
 
 CHILD = """
@@ -139,7 +140,7 @@ def provenance(quick: bool = False, wrong: bool = False) -> Outcome:
     named, made = json.loads(attributes["versions"]), json.loads(attributes["simulation"])
     bearing = made["mechanism"]["clearance"]["joint_b"]
     expected = {
-        "file format": (attributes["jointplay_format"], 3),
+        "file format": (attributes["jointplay_format"], FORMAT),
         "python": (named["python"], ".".join(map(str, sys.version_info[:3]))),
         "machine": (bool(named["machine"]), True),
         **{

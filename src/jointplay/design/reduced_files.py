@@ -359,7 +359,7 @@ def follow(text: str, reduction: Reduction) -> Followed:
         float(np.sqrt(np.mean(difference**2))),
         spent / max(len(grid) - 1, 1),
         step,
-        *(_lean_difference(grid, lean, past) if leans else ()),
+        _lean_difference(grid, lean, past) if leans else None,
     )
 
 
@@ -367,14 +367,12 @@ def _sites(model: Any) -> set[str]:
     return {model.site(index).name for index in range(model.nsite)}
 
 
-def _lean_difference(
-    grid: np.ndarray, lean: np.ndarray, past: Mapping[str, np.ndarray]
-) -> tuple[float, float]:
-    """Largest and RMS difference of leans (n, 3), the beginning left aside, in which one falls."""
+def _lean_difference(grid: np.ndarray, lean: np.ndarray, past: Mapping[str, np.ndarray]) -> float:
+    """Largest difference of leans (n, 3), the beginning left aside, in which one falls."""
     wanted = np.column_stack([np.interp(grid, past["time"], one) for one in past["lean"].T])
     settled = grid >= grid[0] + SETTLED * (grid[-1] - grid[0])
     away = np.linalg.norm(lean - wanted, axis=1)[settled]
-    return float(away.max()), float(np.sqrt(np.mean(away**2)))
+    return float(away.max())
 
 
 # A reduced model of a joint's play as SDF, as URDF with YAML, and as JSON.
