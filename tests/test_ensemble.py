@@ -74,7 +74,8 @@ def no_such_history(result):
 def test_an_error_of_ones_own_says_so_too(jobs, simulations):
     with pytest.raises(KeyError, match="nonsense") as caught:
         jp.ensemble(simulations[:1] * 2, jobs=jobs, keep=no_such_history)
-    assert caught.value.__notes__[-1] == "simulations[0]"
+    # Side by side, either may fail first.
+    assert caught.value.__notes__[-1] in ("simulations[0]", "simulations[1]")[:jobs]
 
 
 def warn(result):
