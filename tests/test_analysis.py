@@ -37,6 +37,19 @@ def test_a_tool_error_against_an_ideal_run_that_ends_early_says_so(pair):
     assert "whose run ends" not in headline.headline(loose, ideal)[0]
 
 
+def test_what_came_out_of_a_run_is_judged_from_when_the_run_is(pair):
+    ideal, _ = pair
+    made = scara(0.2e-3)
+    late = jp.simulate(made.mechanism, made.motion, duration=0.3, judge_from=0.2)
+    lines = headline.headline(late, ideal)
+    assert lines[0].startswith("tool error from 0.2 s on peak ")
+    kept = late.time >= 0.2
+    force = np.linalg.norm(late["joint_force_peak"].values[kept, 0], axis=1).max()
+    assert force < np.linalg.norm(late["joint_force_peak"].values[:, 0], axis=1).max()
+    assert f"peak force in joint_b from 0.2 s on {force:.4g} N" in lines[-3]
+    assert lines[-2] == f"contacts from 0.2 s on {late.audit.judged_impacts} in 1 joint(s)"
+
+
 def test_accuracy_of_a_known_error():
     time = np.linspace(0.0, 1.0, 11)
     values = np.zeros((11, 3))

@@ -40,13 +40,22 @@ def reference(result: Result, progress: bool = False) -> Result | None:
 
 
 def headline(result: Result, ideal: Result | None) -> list[str]:
-    """Lines that say what came out of a run; of the tool nothing without `reference`."""
+    """Lines that say what came out of a run from `Result.judge_from` on.
+
+    Args:
+        result: the run.
+        ideal: see `reference`; without it nothing is said of the tool.
+    """
+    start = result.judge_from
+    since = f" from {start:g} s on" if start > 0.0 else ""
     lines = []
     if ideal is not None:
-        lines += _tool(result, deviation(result, ideal))
+        lines += _tool(result, deviation(result, ideal), start, since)
     if result.joints:
-        lines += [_force(result, joint) for joint in result.joints]
-        lines.append(f"contacts {result.audit.impacts} in {len(result.joints)} joint(s)")
+        lines += [_force(result, joint, start, since) for joint in result.joints]
+        judged = result.audit.judged_impacts
+        impacts = result.audit.impacts if judged is None else judged
+        lines.append(f"contacts{since} {impacts} in {len(result.joints)} joint(s)")
     simulated = float(result.time[-1]) if len(result.time) else 0.0
     wall = float(result.dataset.attrs.get("wall_time_s", 0.0))
     if wall > 0.0:
@@ -54,24 +63,27 @@ def headline(result: Result, ideal: Result | None) -> list[str]:
     return lines
 
 
-def _tool(result: Result, error: xr.DataArray) -> list[str]:
+def _tool(result: Result, error: xr.DataArray, start: float, since: str) -> list[str]:
+    judged = error.sel(time=error["time"] >= start)
     last = float(error["time"][-1])
     # Records of another step may end a little earlier.
     early = last < 0.999 * result.time[-1]
     ended = f", whose run ends at {last:.4g} s" if early else ""
-    sizes = np.linalg.norm(error.values, axis=1)
-    at = float(error["time"][int(sizes.argmax())])
-    rms = accuracy(error, 0.0).rms[-1]
-    peak = f"tool error peak {_mm(sizes.max())} at t = {at:.4g} s, RMS {_mm(rms)}"
-    return [f"{peak} (against the ideal mechanism{ended})", *_at_stops(result, error)]
+    if not len(judged):
+        return [f"no tool error{since} is known against the ideal mechanism{ended}"]
+    sizes = np.linalg.norm(judged.values, axis=1)
+    at = float(judged["time"][int(sizes.argmax())])
+    rms = accuracy(error, start).rms[-1]
+    peak = f"tool error{since} peak {_mm(sizes.max())} at t = {at:.4g} s, RMS {_mm(rms)}"
+    return [f"{peak} (against the ideal mechanism{ended})", *_at_stops(result, error, start)]
 
 
-def _at_stops(result: Result, error: xr.DataArray) -> list[str]:
+def _at_stops(result: Result, error: xr.DataArray, start: float) -> list[str]:
     motion = result.simulation.motion
     if motion is None or motion.interpolation in GOES_ON:
         return []
     every = stops(motion, float(error["time"][-1]))
-    times = [stop.end for stop in every if stop.at_rest and stop.end > 0.0]
+    times = [stop.end for stop in every if stop.at_rest and stop.end >= start and stop.end > 0.0]
     if not times:
         return []
     sizes = [float(error_at(error, time)[-1]) for time in times]
@@ -85,10 +97,12 @@ def _at_stops(result: Result, error: xr.DataArray) -> list[str]:
     return [f"at its stops: {each}"]
 
 
-def _force(result: Result, joint: str) -> str:
-    sizes = np.linalg.norm(result["joint_force_peak"].sel(joint=joint).values, axis=1)
-    at = float(result.time[int(sizes.argmax())])
-    return f"peak force in {joint} {sizes.max():.4g} N at t = {at:.4g} s"
+def _force(result: Result, joint: str, start: float, since: str) -> str:
+    judged = result.time >= start
+    forces = result["joint_force_peak"].sel(joint=joint).values[judged]
+    sizes = np.linalg.norm(forces, axis=1)
+    at = float(result.time[judged][int(sizes.argmax())])
+    return f"peak force in {joint}{since} {sizes.max():.4g} N at t = {at:.4g} s"
 
 
 def _mm(metres: float) -> str:
