@@ -348,7 +348,7 @@ def _progress_reporter(clocks: Any, begun: Any, index: int) -> Iterator[Callable
         if runs:
             past += runs.pop().workspace.time
         run.guards.append(_check_started)
-        run.between.append(lambda: _ending)
+        run.stop_checks.append(lambda: _ending)
         runs.append(run)
         begun[index] += 1
 

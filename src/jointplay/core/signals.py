@@ -122,5 +122,5 @@ def stoppable(run: Run) -> Run:
             raise KeyboardInterrupt
 
     run.guards.append(guard)
-    run.between.append(stop_requested)
+    run.stop_checks.append(stop_requested)
     return run

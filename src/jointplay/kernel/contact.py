@@ -132,11 +132,11 @@ def advance_bristles(run, j, joint, elapsed):
         out = run.law_numbers
         contact.dwell_now = out[6] + (contact.dwell - out[6]) * math.exp(-out[7] * elapsed)
         direction = get_vector(contact.direction, 0)
-        z = get_vector(contact.bend, 0)
+        z = get_vector(contact.bristle, 0)
         z = add_scaled(z, -dot(direction, z), direction)
         left = math.exp(-out[1] * elapsed)
         gain = out[0] * (elapsed if out[1] * elapsed < 1e-9 else (1.0 - left) / out[1])
-        set_vector(contact.bent, 0, add(scale(left, z), scale(gain, slip)))
+        set_vector(contact.bristle_now, 0, add(scale(left, z), scale(gain, slip)))
 
 
 @internal
@@ -149,7 +149,7 @@ def _bristle_force(run, joint, contact, normal, slip, speed):
     out = run.law_numbers
     damper = out[3] * out[0]
     pull = out[2] - out[3] * out[1]
-    force = add(scale(-pull, get_vector(contact.bent, 0)), scale(-damper, slip))
+    force = add(scale(-pull, get_vector(contact.bristle_now, 0)), scale(-damper, slip))
     size = norm(force)
     if size > out[5]:
         force = scale(out[5] / size, force)
@@ -188,12 +188,12 @@ def _friction_slope(joint, contact, slip):
 @internal
 def _add_slope(joint, contact, b):
     """Add the slope of a force at a contact, matrix `b` (3 columns), to the joint's: X^T b X."""
-    arm, stiff = get_vector(contact.arm, 0), joint.stiff
+    arm, wrench_slope = get_vector(contact.arm, 0), joint.wrench_slope
     for c in range(3):
         turned = cross(arm, b[c])
         for r in range(3):
-            stiff[r, c] += b[c][r]
-            stiff[3 + r, c] += turned[r]
+            wrench_slope[r, c] += b[c][r]
+            wrench_slope[3 + r, c] += turned[r]
     # The velocity of the point is u + w x r: columns of b (-[r]).
     x, y, z = arm
     columns = (
@@ -204,13 +204,13 @@ def _add_slope(joint, contact, b):
     for c in range(3):
         turned = cross(arm, columns[c])
         for r in range(3):
-            stiff[r, 3 + c] += columns[c][r]
-            stiff[3 + r, 3 + c] += turned[r]
+            wrench_slope[r, 3 + c] += columns[c][r]
+            wrench_slope[3 + r, 3 + c] += turned[r]
 
 
 @internal
 def add_contact_slope(run, j, joint):
-    """Add the derivative of the wrench by the twist to `stiff`; after `add_contact_forces`."""
+    """Add the derivative of the wrench by the twist; after `add_contact_forces`."""
     for k in range(joint.count):
         contact = contacts(run, j)[k]
         if contact.touching == 0:
@@ -257,7 +257,7 @@ def add_contact_forces(run, j, joint):
             friction = scale(-contact.mu * normal / speed if speed > 0.0 else 0.0, slip)
         contact.normal_now = normal
         contact.tangential_now = norm(friction)
-        contact.rubbed = -dot(friction, slip)
+        contact.friction_power = -dot(friction, slip)
         force = add_scaled(friction, normal, get_vector(contact.direction, 0))
         set_vector(contact.force, 0, force)
         moment = cross(get_vector(contact.arm, 0), force)
@@ -274,9 +274,9 @@ def add_dissipation(run, j, joint):
         if contact.touching == 0:
             continue
         run.power[NORMAL] += (contact.normal_now - contact.elastic) * contact.rate
-        run.power[FRICTION] += contact.rubbed
+        run.power[FRICTION] += contact.friction_power
         finite = math.isfinite(contact.normal_now + contact.elastic + contact.tangential_now)
-        if not finite or (joint.bristles == 0 and contact.rubbed < 0.0):
+        if not finite or (joint.bristles == 0 and contact.friction_power < 0.0):
             record_failure(run, _BAD_FORCE, run.width * j + k)
 
 
@@ -340,7 +340,7 @@ def commit_contacts(run, j, joint, duration):
         contact.steps += 1.0
         contact.own_impulse += impulse
         if joint.bristles != 0:
-            set_vector(contact.bend, 0, get_vector(contact.bent, 0))
+            set_vector(contact.bristle, 0, get_vector(contact.bristle_now, 0))
             contact.dwell = contact.dwell_now
         if k < joint.wearing:
             _count_sliding(joint, k, get_vector(contact.direction, 0), impulse * contact.speed)
@@ -363,7 +363,7 @@ def _end_contact(contact):
         contact.impulse_under += contact.own_impulse
     contact.steps = 0.0
     contact.dwell = 0.0
-    set_vector(contact.bend, 0, (0.0, 0.0, 0.0))
+    set_vector(contact.bristle, 0, (0.0, 0.0, 0.0))
 
 
 @internal

@@ -55,8 +55,8 @@ def apply_drives(run, q, v, time, tau):
             speed = rows[u] + part * (rows[3 * nu + u] - rows[u])
             u += nu
             forward = rows[u] + part * (rows[3 * nu + u] - rows[u])
-            seen = one.seen
-            effort[i] = forward + one.kp * (position - q[seen]) + one.kd * (speed - v[seen])
+            encoder = one.encoder
+            effort[i] = forward + one.kp * (position - q[encoder]) + one.kd * (speed - v[encoder])
             if abs(effort[i]) > one.limit:
                 effort[i] = math.copysign(one.limit, effort[i])
         tau[i] += effort[i]

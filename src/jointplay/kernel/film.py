@@ -82,7 +82,7 @@ def _add_slope(run, joint, place, velocity, arm, force):
     e, part, direction = place
     size = math.sqrt(velocity[0] * velocity[0] + velocity[1] * velocity[1])
     more = _DIFFERENCE * size + 1e-9
-    stiff = joint.stiff
+    wrench_slope = joint.wrench_slope
     for c in range(2):
         ux = velocity[0] + (more if c == 0 else 0.0)
         uy = velocity[1] + (more if c == 1 else 0.0)
@@ -92,11 +92,11 @@ def _add_slope(run, joint, place, velocity, arm, force):
         # Velocity of the section per angular velocity: row c of -[arm].
         lever = (0.0, arm[2], -arm[1]) if c == 0 else (-arm[2], 0.0, arm[0])
         for r in range(3):
-            stiff[r, c] += column[r]
-            stiff[3 + r, c] += turned[r]
+            wrench_slope[r, c] += column[r]
+            wrench_slope[3 + r, c] += turned[r]
             for k in range(3):
-                stiff[r, 3 + k] += column[r] * lever[k]
-                stiff[3 + r, 3 + k] += turned[r] * lever[k]
+                wrench_slope[r, 3 + k] += column[r] * lever[k]
+                wrench_slope[3 + r, 3 + k] += turned[r] * lever[k]
 
 
 @internal
@@ -129,7 +129,7 @@ def add_film_forces(run, joint, lag):
 
 @internal
 def add_film_slope(run, joint):
-    """Add the derivative of the film's wrench by the joint's twist to `stiff`."""
+    """Add the derivative of the film's wrench by the joint's twist."""
     for section in range(joint.sections):
         arm, e, direction, part = _section_state(joint, section)
         if part <= 0.0:

@@ -82,12 +82,12 @@ def pose_of_virtual_link(q, joint):
     cy, sy = math.cos(q[first + 3]), math.sin(q[first + 3])
     cp, sp = math.cos(q[first + 4]), math.sin(q[first + 4])
     cr, sr = math.cos(q[first + 5]), math.sin(q[first + 5])
-    pose, swing = joint.pose, joint.swing
+    pose, sines = joint.pose, joint.sines
     pose[0], pose[1], pose[2] = q[first], q[first + 1], q[first + 2]
     pose[3], pose[4], pose[5] = cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr
     pose[6], pose[7], pose[8] = sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr
     pose[9], pose[10], pose[11] = -sp, cp * sr, cp * cr
-    swing[0], swing[1], swing[2], swing[3] = sy, cy, sp, cp
+    sines[0], sines[1], sines[2], sines[3] = sy, cy, sp, cp
 
 
 @internal
@@ -121,7 +121,7 @@ def _rotate_back(rows, a):
 
 
 @internal
-def pose_of_frames(run, joint, pose, reach):
+def pose_of_frames(run, joint, pose, jacobian):
     """Pose of the journal (12) and `reach` (6 n) from the frames that carry it and its bearing.
 
     Only coordinates that move one of both and not the other enter, so that a common motion cannot
@@ -152,19 +152,19 @@ def pose_of_frames(run, joint, pose, reach):
         moving = add(scale(1.0 * signs[k], get_vector(columns, i)), cross(turning, place))
         moving, turning = _rotate_back(bearing, moving), _rotate_back(bearing, turning)
         for r in range(3):
-            reach[r * n + k] = moving[r]
-            reach[(3 + r) * n + k] = turning[r]
+            jacobian[r * n + k] = moving[r]
+            jacobian[(3 + r) * n + k] = turning[r]
 
 
 @internal
-def frame_twist(joint, reach, v, out):
+def frame_twist(joint, jacobian, v, out):
     """Motion (6) of what `reach` moves at velocities v."""
     n = joint.nsupport
     support = integers(joint.support, n)
     for r in range(6):
         total = 0.0
         for k in range(n):
-            total += reach[r * n + k] * v[support[k]]
+            total += jacobian[r * n + k] * v[support[k]]
         out[r] = total
 
 
@@ -173,10 +173,10 @@ def find_twist(joint, v):
     """Put velocity of the journal's centre and angular velocity, in bearing axes, into `twist`."""
     out = joint.twist
     if joint.first < 0:
-        frame_twist(joint, floats(joint.reach, 6 * joint.nsupport), v, out)
+        frame_twist(joint, floats(joint.jacobian, 6 * joint.nsupport), v, out)
         return
-    first, swing = joint.first, joint.swing
-    sy, cy, sp, cp = swing[0], swing[1], swing[2], swing[3]
+    first, sines = joint.first, joint.sines
+    sy, cy, sp, cp = sines[0], sines[1], sines[2], sines[3]
     out[0], out[1], out[2] = v[first], v[first + 1], v[first + 2]
     # The axes of yaw, pitch and roll are e_z, (-sy, cy, 0) and (cy cp, sy cp, -sp).
     out[3] = -sy * v[first + 4] + cy * cp * v[first + 5]
@@ -190,15 +190,15 @@ def project_wrench(joint, tau):
     wrench = joint.wrench
     if joint.first < 0:
         n = joint.nsupport
-        reach, support = floats(joint.reach, 6 * n), integers(joint.support, n)
+        jacobian, support = floats(joint.jacobian, 6 * n), integers(joint.support, n)
         for k in range(n):
             total = 0.0
             for r in range(6):
-                total += reach[r * n + k] * wrench[r]
+                total += jacobian[r * n + k] * wrench[r]
             tau[support[k]] += total
         return
-    first, swing = joint.first, joint.swing
-    sy, cy, sp, cp = swing[0], swing[1], swing[2], swing[3]
+    first, sines = joint.first, joint.sines
+    sy, cy, sp, cp = sines[0], sines[1], sines[2], sines[3]
     tau[first] += wrench[0]
     tau[first + 1] += wrench[1]
     tau[first + 2] += wrench[2]
@@ -210,37 +210,37 @@ def project_wrench(joint, tau):
 @internal
 def project_frame_slope(one, place, slope):
     """Project the slope of a wrench between frames on the coordinates: slope += J^T K J."""
-    n, stiff = one.nsupport, one.stiff
-    reach, support = matrix(one.reach, 6, n), integers(one.support, n)
+    n, wrench_slope = one.nsupport, one.wrench_slope
+    jacobian, support = matrix(one.jacobian, 6, n), integers(one.support, n)
     for k in range(n):
         for r in range(6):
             total = 0.0
             for c in range(6):
-                total += stiff[r, c] * reach[c, k]
+                total += wrench_slope[r, c] * jacobian[c, k]
             if total != 0.0:
                 for m in range(n):
-                    slope[place[support[m]], place[support[k]]] += reach[r, m] * total
+                    slope[place[support[m]], place[support[k]]] += jacobian[r, m] * total
 
 
 @internal
 def project_slope(run, joint):
     """Project the slope of the joint's wrench on the coordinates: slope += J^T K J."""
-    slope, stiff = matrix(run.slope, run.active, run.active), joint.stiff
+    slope, wrench_slope = matrix(run.slope, run.active, run.active), joint.wrench_slope
     place = integers(run.place, run.nv)
     if joint.first < 0:
         project_frame_slope(joint, place, slope)
         return
-    at, swing = place[joint.first], joint.swing
-    sy, cy, sp, cp = swing[0], swing[1], swing[2], swing[3]
+    at, sines = place[joint.first], joint.sines
+    sy, cy, sp, cp = sines[0], sines[1], sines[2], sines[3]
     # Turn the columns, then the rows, of the part that belongs to rotations.
     for r in range(6):
-        a, b, c = stiff[r, 3], stiff[r, 4], stiff[r, 5]
-        stiff[r, 3], stiff[r, 4] = c, cy * b - sy * a
-        stiff[r, 5] = cy * cp * a + sy * cp * b - sp * c
+        a, b, c = wrench_slope[r, 3], wrench_slope[r, 4], wrench_slope[r, 5]
+        wrench_slope[r, 3], wrench_slope[r, 4] = c, cy * b - sy * a
+        wrench_slope[r, 5] = cy * cp * a + sy * cp * b - sp * c
     for k in range(6):
-        a, b, c = stiff[3, k], stiff[4, k], stiff[5, k]
-        stiff[3, k], stiff[4, k] = c, cy * b - sy * a
-        stiff[5, k] = cy * cp * a + sy * cp * b - sp * c
+        a, b, c = wrench_slope[3, k], wrench_slope[4, k], wrench_slope[5, k]
+        wrench_slope[3, k], wrench_slope[4, k] = c, cy * b - sy * a
+        wrench_slope[5, k] = cy * cp * a + sy * cp * b - sp * c
     for r in range(6):
         for k in range(6):
-            slope[at + r, at + k] += stiff[r, k]
+            slope[at + r, at + k] += wrench_slope[r, k]

@@ -4,7 +4,7 @@ A law is a compiled function
 
     law(time, x, dx, p, out)
 
-of the time [s] and what it sees. Between two frames x is the pose of the second one in the first
+of the time [s] and what it reads. Between two frames x is the pose of the second one in the first
 (origin, then orientation row by row), dx its velocity and angular velocity there, and out the
 wrench on it: force, then moment about its origin, in axes of the first frame, whose body gets the
 opposite. On coordinates x and dx are positions and velocities, out the efforts. p are numbers of
@@ -41,17 +41,17 @@ _call = calling(LOAD_LAW)
 @internal
 def _answer_size(load):
     """How many numbers the law gives."""
-    return 6 if load.frames != 0 else load.npushed
+    return 6 if load.frames != 0 else load.noutputs
 
 
 @internal
 def _evaluate_law(load, time):
     """Evaluate the law at the load's present inputs, into `out`."""
-    seen = pointer(load.place), pointer(load.rate)
-    _call(load.law, (time, *seen, pointer(load.numbers), pointer(load.out)))
+    inputs = pointer(load.place), pointer(load.rate)
+    _call(load.law, (time, *inputs, pointer(load.numbers), pointer(load.out)))
     if load.bounded != 0:
-        out, bounds = floats(load.out, load.npushed), floats(load.bounds, load.npushed)
-        for i in range(load.npushed):
+        out, bounds = floats(load.out, load.noutputs), floats(load.bounds, load.noutputs)
+        for i in range(load.noutputs):
             if abs(out[i]) > bounds[i]:
                 out[i] = math.copysign(bounds[i], out[i])
 
@@ -59,26 +59,26 @@ def _evaluate_law(load, time):
 @internal
 def _read_positions(load, q):
     """Copy the coordinates on which the load depends into its x."""
-    seen, place = integers(load.seen, load.nseen), floats(load.place, load.nseen)
-    for k in range(load.nseen):
-        place[k] = q[seen[k]]
+    inputs, place = integers(load.inputs, load.ninputs), floats(load.place, load.ninputs)
+    for k in range(load.ninputs):
+        place[k] = q[inputs[k]]
 
 
 @internal
 def _read_velocities(load, v):
     """Copy the velocities on which the load depends into its dx."""
     if load.frames != 0:
-        frame_twist(load, floats(load.reach, 6 * load.nsupport), v, load.twist)
+        frame_twist(load, floats(load.jacobian, 6 * load.nsupport), v, load.twist)
         return
-    seen, rate = integers(load.seen, load.nseen), floats(load.rate, load.nseen)
-    for k in range(load.nseen):
-        rate[k] = v[seen[k]]
+    inputs, rate = integers(load.inputs, load.ninputs), floats(load.rate, load.ninputs)
+    for k in range(load.ninputs):
+        rate[k] = v[inputs[k]]
 
 
 @internal
 def _evaluate_law_at_rest(load, time):
     """Evaluate the law at zero velocity, into `out` and `elastic`."""
-    n = 6 if load.frames != 0 else load.nseen
+    n = 6 if load.frames != 0 else load.ninputs
     rate = floats(load.rate, n)
     for k in range(n):
         rate[k] = 0.0
@@ -93,30 +93,30 @@ def _project_forces(load, sign, forces, tau):
     """Add the generalised forces of `forces`, times `sign`, to tau."""
     if load.frames != 0:
         n = load.nsupport
-        reach, support = floats(load.reach, 6 * n), integers(load.support, n)
+        jacobian, support = floats(load.jacobian, 6 * n), integers(load.support, n)
         for k in range(n):
             total = 0.0
             for r in range(6):
-                total += reach[r * n + k] * forces[r]
+                total += jacobian[r * n + k] * forces[r]
             tau[support[k]] += sign * total
         return
-    pushed = integers(load.pushed, load.npushed)
-    for k in range(load.npushed):
-        tau[pushed[k]] += sign * forces[k]
+    outputs = integers(load.outputs, load.noutputs)
+    for k in range(load.noutputs):
+        tau[outputs[k]] += sign * forces[k]
 
 
 @internal
 def evaluate_loads(run, q, v, marks):
-    """Answer of all loads at q, but for what depends on velocity: into `load_push`.
+    """Answer of all loads at q, but for what depends on velocity: into `load_forces`.
 
     Coordinates on which the rest acts are marked. v are the extrapolated velocities.
     """
-    tau = floats(run.load_push, run.nv)
+    tau = floats(run.load_forces, run.nv)
     for i in range(run.nv):
         tau[i] = 0.0
     for load in loads(run):
         if load.frames != 0:
-            pose_of_frames(run, load, load.pose, floats(load.reach, 6 * load.nsupport))
+            pose_of_frames(run, load, load.pose, floats(load.jacobian, 6 * load.nsupport))
         else:
             _read_positions(load, q)
         load.active = 0
@@ -136,8 +136,8 @@ def evaluate_loads(run, q, v, marks):
             continue
         load.active = 1
         frames = load.frames != 0
-        n = load.nsupport if frames else load.npushed
-        moved = integers(load.support if frames else load.pushed, n)
+        n = load.nsupport if frames else load.noutputs
+        moved = integers(load.support if frames else load.outputs, n)
         for k in range(n):
             marks[moved[k]] = 1.0
 
@@ -146,14 +146,14 @@ def evaluate_loads(run, q, v, marks):
 def apply_loads(run, base, h):
     """Add the forces from `evaluate_loads` to tau, and their impulse over h to the velocities."""
     nv = run.nv
-    push, tau = floats(run.load_push, nv), floats(run.tau, nv)
+    forces, tau = floats(run.load_forces, nv), floats(run.tau, nv)
     minv = matrix(run.minv, nv, nv)
     for k in range(nv):
-        if push[k] == 0.0:
+        if forces[k] == 0.0:
             continue
-        tau[k] += push[k]
+        tau[k] += forces[k]
         for i in range(nv):
-            base[i] += h * minv[i, k] * push[k]
+            base[i] += h * minv[i, k] * forces[k]
 
 
 @internal
@@ -177,7 +177,7 @@ def add_load_slopes(run):
         if load.active == 0:
             continue
         frames, m = load.frames != 0, _answer_size(load)
-        n = 6 if frames else load.nseen
+        n = 6 if frames else load.ninputs
         rate, out = floats(load.rate, n), floats(load.out, m)
         kept = floats(load.elastic + 8 * m, m)
         for i in range(m):
@@ -191,9 +191,9 @@ def add_load_slopes(run):
             for r in range(m):
                 rise = (out[r] - kept[r]) / more
                 if frames:
-                    load.stiff[r, c] = rise
+                    load.wrench_slope[r, c] = rise
                 elif rise != 0.0:
-                    i, k = integers(load.pushed, m)[r], integers(load.seen, n)[c]
+                    i, k = integers(load.outputs, m)[r], integers(load.inputs, n)[c]
                     slope[place[i], place[k]] += rise
         for i in range(m):
             out[i] = kept[i]
@@ -212,11 +212,11 @@ def find_load_powers(run, v):
         if load.stores != 0 and load.implicit != 0 and load.active == 0:
             for i in range(n):
                 out[i] = elastic[i]
-        pushed = integers(load.pushed, load.npushed)
+        outputs = integers(load.outputs, load.noutputs)
         total, finite = 0.0, True
         for i in range(n):
             finite = finite and math.isfinite(out[i])
-            speed = load.twist[i] if load.frames != 0 else v[pushed[i]]
+            speed = load.twist[i] if load.frames != 0 else v[outputs[i]]
             total += (out[i] - elastic[i] if load.stores != 0 else out[i]) * speed
         load.power = total
         if not finite:
@@ -228,7 +228,7 @@ def apply_current_loads(run, q, v, time, tau):
     """Add the forces of all loads at state (q, v) to tau, and find their powers."""
     for load in loads(run):
         if load.frames != 0:
-            pose_of_frames(run, load, load.pose, floats(load.reach, 6 * load.nsupport))
+            pose_of_frames(run, load, load.pose, floats(load.jacobian, 6 * load.nsupport))
         else:
             _read_positions(load, q)
         if load.stores != 0:

@@ -28,7 +28,7 @@ REDUNDANT = 1e-10
 @internal
 def _add_point_rows(run, k, sign, at, place, residual, moving):
     """Add one point of held pair k to its rows, and its position or acceleration to `residual`."""
-    rows = matrix(run.held, 3 * run.nh, run.nv)
+    rows = matrix(run.loop_rows, 3 * run.nh, run.nv)
     columns, every = floats(run.jacobian, 6 * run.nv), bodies(run)
     arm = matrix_times_vector(every[at].rotation, place[0], place[1], place[2])
     point = add(get_vector(every[at].origin, 0), arm)
@@ -47,7 +47,7 @@ def _add_point_rows(run, k, sign, at, place, residual, moving):
 @internal
 def _find_rows(run, residual, moving):
     """Find the constraint rows of all pairs and their residuals, once the bodies are placed."""
-    rows = floats(run.held, 3 * run.nh * run.nv)
+    rows = floats(run.loop_rows, 3 * run.nh * run.nv)
     for i in range(3 * run.nh * run.nv):
         rows[i] = 0.0
     for i in range(3 * run.nh):
@@ -73,7 +73,7 @@ def _inverse_mass_of(rows, minv, r):
 def _constrain(run, minv, residual, x):
     """Project `minv` onto the motions that the rows allow; correct x (2, nv) by the residuals."""
     nv, size = run.nv, 3 * run.nh
-    rows = matrix(run.held, size, nv)
+    rows = matrix(run.loop_rows, size, nv)
     first = 0.0
     for step in range(size):
         best, most = -1, 0.0
@@ -107,7 +107,7 @@ def project_dynamics(run, q, v):
     nv = run.nv
     given, free = matrix(run.open_minv, nv, nv), floats(run.open_free, nv)
     minv, acceleration = matrix(run.found_minv, nv, nv), floats(run.found_free, nv)
-    x, residual = matrix(run.closing, 2, nv), matrix(run.lacking, 2, 3 * run.nh)
+    x, residual = matrix(run.loop_correction, 2, nv), matrix(run.loop_residual, 2, 3 * run.nh)
     place_bodies(run, q)
     find_body_rates(run, v)
     _find_rows(run, residual[0], True)
@@ -125,8 +125,8 @@ def correct_drift(run):
     """Correct the drift of the loops since the last macro step, in positions and velocities."""
     nv = run.nv
     q, half, a = floats(run.q, nv), floats(run.half, nv), floats(run.a, nv)
-    given, minv = matrix(run.open_minv, nv, nv), matrix(run.closing_minv, nv, nv)
-    x, residual = matrix(run.closing, 2, nv), matrix(run.lacking, 2, 3 * run.nh)
+    given, minv = matrix(run.open_minv, nv, nv), matrix(run.loop_minv, nv, nv)
+    x, residual = matrix(run.loop_correction, 2, nv), matrix(run.loop_residual, 2, 3 * run.nh)
     place_bodies(run, q)
     _find_rows(run, residual[0], False)
     for r in range(3 * run.nh):

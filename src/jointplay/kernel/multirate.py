@@ -107,7 +107,7 @@ def _predict(run):
 def _bounded(run):
     """Length of the next macro step in steps: as wished, unless joints turn too far."""
     longest = run.until - run.step
-    macro = min(longest, max(run.wish // run.unit, 1) * run.unit)
+    macro = min(longest, max(run.suggested // run.unit, 1) * run.unit)
     if run.fixed == 0 and run.fastest * macro * run.dt > LARGEST_TURN:
         units = int(LARGEST_TURN / (run.fastest * run.dt * run.unit))
         macro = max(units, FEWEST_STEPS // run.unit, 1) * run.unit
@@ -137,12 +137,12 @@ def _find_path_error(run):
     middle, slope = matrix(run.minv_middle, nv, nv), matrix(run.minv_slope, nv, nv)
     curve, free_curve = matrix(run.minv_curve, nv, nv), floats(run.free_curve, nv)
     free_middle, free_slope = floats(run.free_middle, nv), floats(run.free_slope, nv)
-    push, effort, weights = (
-        floats(run.contact_push, nv),
+    forces, effort, weights = (
+        floats(run.velocity_forces, nv),
         floats(run.drive, nv),
         floats(run.weights, nv),
     )
-    loaded = floats(run.load_push, nv)
+    loaded = floats(run.load_forces, nv)
     run.path_error = -1.0
     if run.known_free < 2 or run.events > 0:
         return
@@ -154,7 +154,7 @@ def _find_path_error(run):
         acceleration = found_free[i]
         for k in range(nv):
             value = found[i, k] if i <= k else found[k, i]
-            force = push[k] + effort[k] + loaded[k]
+            force = forces[k] + effort[k] + loaded[k]
             change = apart * slope[i, k] + square * curve[i, k]
             miss += (value - middle[i, k] - change) * force
             acceleration += value * force
@@ -243,8 +243,10 @@ def check_prediction(run):
             factor = min(max((0.5 * run.tolerance / error) ** order, 0.25), GROWTH)
         best = int(macro * factor + 0.9)
         if macro == run.until - run.step and factor >= 1.0:
-            best = max(best, run.wish)  # it was not this macro step's own error that cut it short
-        run.wish = min(max(best, 1), run.longest)
+            best = max(
+                best, run.suggested
+            )  # it was not this macro step's own error that cut it short
+        run.suggested = min(max(best, 1), run.longest)
     _accept_middle(run)
 
 
@@ -252,14 +254,14 @@ def check_prediction(run):
 def end_macro_step(run):
     """Measure at the end of a macro step how fast angles change and how far it left its path."""
     nv = run.nv
-    path, half, turning = matrix(run.path, ROWS, nv), floats(run.half, nv), floats(run.turning, nv)
+    path, half, angular = matrix(run.path, ROWS, nv), floats(run.half, nv), floats(run.angular, nv)
     done = run.time - run.path_start
     run.fastest = run.departure = 0.0
     for i in range(nv):
         at = done - 0.5 * run.dt_before
         expected = path[START_SPEED, i] + at * (path[ACCELERATION, i] + 0.5 * at * path[JERK, i])
-        run.fastest = max(run.fastest, turning[i] * abs(half[i]))
-        run.departure = max(run.departure, turning[i] * abs(half[i] - expected) * done)
+        run.fastest = max(run.fastest, angular[i] * abs(half[i]))
+        run.departure = max(run.departure, angular[i] * abs(half[i] - expected) * done)
 
 
 @internal
@@ -328,12 +330,12 @@ def _base_velocity(run, q, half, v, base, h):
 def _complete_velocities(run, half, v, base, h):
     """Velocities that the solve left out, and all accelerations; returns their size."""
     nv = run.nv
-    a, push, minv = floats(run.a, nv), floats(run.contact_push, nv), matrix(run.minv, nv, nv)
+    a, forces, minv = floats(run.a, nv), floats(run.velocity_forces, nv), matrix(run.minv, nv, nv)
     size = 0.0
     for i in range(nv):
         total = 0.0
         for k in range(nv):
-            total += minv[i, k] * push[k]
+            total += minv[i, k] * forces[k]
         v[i] = base[i] + h * total
         a[i] = (v[i] - half[i]) / h
         size += abs(v[i])
@@ -359,13 +361,13 @@ def _powers(run, q, v):
     if run.prescribed == 0:
         return
     effort, minv = floats(run.drive, nv), matrix(run.minv, nv, nv)
-    free, tau, push = floats(run.free, nv), floats(run.tau, nv), floats(run.contact_push, nv)
+    free, tau, forces = floats(run.free, nv), floats(run.tau, nv), floats(run.velocity_forces, nv)
     for one in drives(run):
         if one.armature > 0.0:
             i = one.coordinate
             acceleration = free[i]
             for k in range(nv):
-                acceleration += minv[i, k] * (tau[k] + push[k])
+                acceleration += minv[i, k] * (tau[k] + forces[k])
             effort[i] -= one.armature * acceleration
             run.power[DRIVE] += effort[i] * v[i]
 
@@ -376,7 +378,7 @@ def evaluate(run):
     nv = run.nv
     q, v, half = floats(run.q, nv), floats(run.v, nv), floats(run.half, nv)
     base = floats(run.scratch, nv)
-    push = floats(run.contact_push, nv)
+    forces = floats(run.velocity_forces, nv)
     h = 0.5 * run.dt_before
     _base_velocity(run, q, half, v, base, h)
     find_velocity_forces(run, q, half)
@@ -386,7 +388,7 @@ def evaluate(run):
         solve_velocity(run, q, base, v, h)
     else:
         for i in range(nv):
-            push[i] = 0.0
+            forces[i] = 0.0
     size = _complete_velocities(run, half, v, base, h)
     _powers(run, q, v)
     if not size < SPEED_LIMIT:  # true for NaN as well
@@ -495,12 +497,12 @@ def adaptive_step(run):
     start, first = run.path_start, run.step
     span = run.macro * run.dt
     dt = span / run.micro
-    pushed = 0.0
+    contact_speed = 0.0
     for k in range(run.micro):
         done = 0.0
         while done < 1.0:
             evaluate(run)
-            pushed += _implicit_acceleration(run) * run.dt_before
+            contact_speed += _implicit_acceleration(run) * run.dt_before
             run.step = first + k * run.macro // run.micro
             recorded = done == 0.0 and k * run.macro % run.micro == 0 and is_due(run)
             # A state is what it is however long the next step: look for an onset on the way.
@@ -512,7 +514,7 @@ def adaptive_step(run):
             _step(run, part * remaining)
             done = 1.0 if part == 1.0 else done + part * (1.0 - done)
             run.time = start + (k + done) * dt
-    run.pushed = pushed
+    run.contact_speed = contact_speed
     run.step = first + run.macro
     run.time = run.step * run.dt
 
@@ -521,12 +523,12 @@ def adaptive_step(run):
 def _implicit_acceleration(run):
     """Acceleration by what depends on velocity, as the root of twice a kinetic energy."""
     nv = run.nv
-    push, minv = floats(run.contact_push, nv), matrix(run.minv, nv, nv)
+    forces, minv = floats(run.velocity_forces, nv), matrix(run.minv, nv, nv)
     total = 0.0
     for i in range(nv):
-        if push[i] != 0.0:
+        if forces[i] != 0.0:
             for k in range(nv):
-                total += push[i] * minv[i, k] * push[k]
+                total += forces[i] * minv[i, k] * forces[k]
     return math.sqrt(max(total, 0.0))
 
 
@@ -566,7 +568,7 @@ def start_half_step(run):
         project_dynamics(run, floats(run.q, run.nv), floats(run.v, run.nv))
     nv = run.nv
     q, v, half = floats(run.q, nv), floats(run.v, nv), floats(run.half, nv)
-    a, tau, push = floats(run.a, nv), floats(run.tau, nv), floats(run.contact_push, nv)
+    a, tau, forces = floats(run.a, nv), floats(run.tau, nv), floats(run.velocity_forces, nv)
     free, minv = floats(run.found_free, nv), matrix(run.found_minv, nv, nv)
     if run.prescribed != 0:
         prescribe_motion(run, q, v, run.time)
@@ -575,13 +577,13 @@ def start_half_step(run):
     apply_drives(run, q, v, run.time, tau)
     find_velocity_forces(run, q, v)
     evaluate_velocity_forces(run, q, v)
-    loaded = floats(run.load_push, nv)
+    loaded = floats(run.load_forces, nv)
     for i in range(nv):
         tau[i] += loaded[i]
     for i in range(nv):
         a[i] = free[i]
         for k in range(nv):
-            a[i] += (minv[i, k] if i <= k else minv[k, i]) * (tau[k] + push[k])
+            a[i] += (minv[i, k] if i <= k else minv[k, i]) * (tau[k] + forces[k])
         half[i] = v[i] - 0.5 * run.dt * a[i]
     begin(run)
     run.fresh = 1
@@ -597,6 +599,6 @@ def advance(run):
     macro_step(run)
     done = run.step - first
     if run.fixed == 0 and done < macro:
-        run.wish = min(max(2 * done, LEAST_STEPS), run.longest)
+        run.suggested = min(max(2 * done, LEAST_STEPS), run.longest)
     if run.status == 0 and run.step < run.until:
         plan_macro_step(run)

@@ -50,7 +50,7 @@ def _evaluate_joint(run, j, q, v, tau, elapsed):
     if joint.first >= 0:
         pose_of_virtual_link(q, joint)
     else:
-        pose_of_frames(run, joint, joint.pose, floats(joint.reach, 6 * joint.nsupport))
+        pose_of_frames(run, joint, joint.pose, floats(joint.jacobian, 6 * joint.nsupport))
     for r in range(6):
         joint.wrench[r] = 0.0
     touching = find_gaps(run, j, joint)

@@ -98,10 +98,10 @@ class LoadSite:
     """Whether its answer at rest is the slope of an energy."""
     implicit: int = NEVER
     """When the rest of it depends on velocity: `words.NEVER`, `ALWAYS` or `IF_PRESSED`."""
-    seen: tuple[int, ...] = ()
-    """Coordinates that the law sees."""
-    pushed: tuple[int, ...] = ()
-    """Coordinates on which it acts; if it is implicit, those that it sees."""
+    inputs: tuple[int, ...] = ()
+    """Coordinates that the law reads."""
+    outputs: tuple[int, ...] = ()
+    """Coordinates on which it acts; if it is implicit, those that it reads."""
     bounds: tuple[float, ...] = ()
     """Largest effort on each of them, if it is limited [N m or N]."""
     carriers: Carriers | None = None
@@ -112,7 +112,7 @@ class LoadSite:
     @property
     def size(self) -> int:
         """Numbers that the law gives."""
-        return len(self.pushed) if self.carriers is None else 6
+        return len(self.outputs) if self.carriers is None else 6
 
 
 # What acts on single coordinates, as the kernels have it: drives, friction, gears.
@@ -140,7 +140,7 @@ class CoordinateTables:
 def drive_row(
     column: int,
     coordinate: int,
-    seen: int | None = None,
+    encoder: int | None = None,
     kp: float = 0.0,
     kd: float = 0.0,
     armature: float = 0.0,
@@ -151,13 +151,13 @@ def drive_row(
     Args:
         column: of the reference.
         coordinate: that it acts on.
-        seen: coordinate that its encoder sees; None takes its own.
+        encoder: coordinate that its encoder measures; None takes its own.
         kp, kd: gains [N m/rad, N m s/rad, or N/m, N s/m].
         armature: > 0 prescribes the motion; the model must have this armature [kg m^2 or kg].
         limit: largest effort, to which others are cut [N m or N].
     """
-    seen = coordinate if seen is None else seen
-    return np.array([(column, coordinate, seen, kp, kd, armature, limit)], layout.DRIVE_ROW)
+    encoder = coordinate if encoder is None else encoder
+    return np.array([(column, coordinate, encoder, kp, kd, armature, limit)], layout.DRIVE_ROW)
 
 
 def friction_row(

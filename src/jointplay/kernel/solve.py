@@ -70,7 +70,7 @@ def find_pose(run, joint, q):
     if joint.first >= 0:
         pose_of_virtual_link(q, joint)
     else:
-        pose_of_frames(run, joint, joint.pose, floats(joint.reach, 6 * joint.nsupport))
+        pose_of_frames(run, joint, joint.pose, floats(joint.jacobian, 6 * joint.nsupport))
 
 
 @internal
@@ -117,8 +117,8 @@ def find_velocity_forces(run, q, half):
 
 @internal
 def evaluate_velocity_forces(run, q, v):
-    """Evaluate tau_c at state (q, v) into `contact_push`."""
-    tau = floats(run.contact_push, run.nv)
+    """Evaluate tau_c at state (q, v) into `velocity_forces`."""
+    tau = floats(run.velocity_forces, run.nv)
     for i in range(run.nv):
         tau[i] = 0.0
     for j in range(run.nj):
@@ -150,7 +150,7 @@ def _evaluate_slopes(run, q, v):
             continue
         for r in range(6):
             for c in range(6):
-                joint.stiff[r, c] = 0.0
+                joint.wrench_slope[r, c] = 0.0
         if joint.sections > 0:
             add_film_slope(run, joint)
         add_contact_slope(run, j, joint)
@@ -179,7 +179,7 @@ def _residual(run, h, n):
 def _evaluate_trial(run, q, v, h):
     """Evaluate tau_c at the velocities in `trial`; returns the error squared."""
     n, touched = run.active, integers(run.touched, run.nv)
-    trial, tau = matrix(run.trial, TRIALS, run.nv), floats(run.contact_push, run.nv)
+    trial, tau = matrix(run.trial, TRIALS, run.nv), floats(run.velocity_forces, run.nv)
     for a in range(n):
         v[touched[a]] = trial[SPEED, a]
     evaluate_velocity_forces(run, q, v)
@@ -242,7 +242,7 @@ def _initial_guess(run, base, h):
     """Start from the forces of the last step; returns the squared tolerance of the residual."""
     n, touched = run.active, integers(run.touched, run.nv)
     minv, compliance = matrix(run.minv, run.nv, run.nv), matrix(run.compliance, n, n)
-    trial, tau = matrix(run.trial, TRIALS, run.nv), floats(run.contact_push, run.nv)
+    trial, tau = matrix(run.trial, TRIALS, run.nv), floats(run.velocity_forces, run.nv)
     least = 0.0
     for a in range(n):
         i = touched[a]

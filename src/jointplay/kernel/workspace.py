@@ -218,7 +218,7 @@ class Workspace(PointerRecord):
         self.half, self.drive = self._allocate("half", nv), self._allocate("drive", nv)
         self._changing += [self.q, self.v, self.half, self.drive, self.tau]
         self._changing += [
-            self._allocate(name, nv) for name in ("contact_push", "load_push", "free")
+            self._allocate(name, nv) for name in ("velocity_forces", "load_forces", "free")
         ]
         self._changing.append(self._allocate("minv", nv, nv))
         self._changing += [self._allocate("free_rate", nv), self._allocate("minv_rate", nv, nv)]
@@ -253,7 +253,7 @@ class Workspace(PointerRecord):
     def _make_tables(self, tables: CoordinateTables, nv: int) -> None:
         """Let the kernels read what acts on single coordinates."""
         self.drives = self._set_pointer("drives", tables.drives)
-        self.turning = self._allocate("turning", nv)
+        self.angular = self._allocate("angular", nv)
         prescribed = self.drives["armature"] > 0.0
         weights = self._allocate("weights", nv)
         weights[:] = 1.0
@@ -292,7 +292,7 @@ class Workspace(PointerRecord):
             "dimensions": np.array([*site.dimensions, *(0.0,) * 4]),
             "support": support.astype(np.int64),
             "signs": signs,
-            "reach": np.zeros((6, n)),
+            "jacobian": np.zeros((6, n)),
             "sliding_work": self.sliding_work[j],
         }
         self._set_row_pointers(joint, arrays, "{}." + str(j))
@@ -331,12 +331,12 @@ class Workspace(PointerRecord):
         arrays = {
             "numbers": site.numbers,
             "elastic": np.zeros((2, site.size)),
-            "seen": np.array(site.seen, np.int64),
-            "pushed": np.array(site.pushed, np.int64),
+            "inputs": np.array(site.inputs, np.int64),
+            "outputs": np.array(site.outputs, np.int64),
             "bounds": np.array(site.bounds, float),
         }
         if site.carriers is None:
-            arrays["place"], arrays["rate"] = np.zeros(len(site.seen)), np.zeros(len(site.seen))
+            arrays["place"], arrays["rate"] = np.zeros(len(site.inputs)), np.zeros(len(site.inputs))
             arrays["out"] = np.zeros(site.size)
             self._changing.append(arrays["out"])
         else:
@@ -344,7 +344,7 @@ class Workspace(PointerRecord):
             support, signs = self._link_frames("loads", load, site.carriers, site.signs, data)
             n = len(support)
             arrays |= {"support": support.astype(np.int64), "signs": signs}
-            arrays["reach"] = np.zeros((6, n))
+            arrays["jacobian"] = np.zeros((6, n))
             load["frames"], load["nsupport"] = 1, n
             places = layout.LOAD.fields
             assert places is not None
@@ -354,7 +354,7 @@ class Workspace(PointerRecord):
         self._set_row_pointers(load, arrays, "load.{}." + str(index))
         self._addresses["loads"] |= {*arrays, "law", "place", "rate", "out"}
         load["law"], load["stores"], load["implicit"] = site.law, site.stores, site.implicit
-        load["nseen"], load["npushed"] = len(site.seen), len(site.pushed)
+        load["ninputs"], load["noutputs"] = len(site.inputs), len(site.outputs)
         load["bounded"] = int(bool(site.bounds))
 
     def place(self, bodies: np.ndarray, carried: Sequence[CarriedFrame]) -> None:
@@ -395,9 +395,13 @@ class Workspace(PointerRecord):
         for name in ("minv", "free"):  # Pinocchio's, which the next plan looks at
             self._arrays[f"open_{name}"] = self._arrays[f"found_{name}"]
         self._allocate("found_free", nv)
-        for name in ("found_minv", "closing_minv"):
+        for name in ("found_minv", "loop_minv"):
             self._allocate(name, nv, nv)
-        for name, shape in {"held": (rows, nv), "lacking": (2, rows), "closing": (2, nv)}.items():
+        for name, shape in {
+            "loop_rows": (rows, nv),
+            "loop_residual": (2, rows),
+            "loop_correction": (2, nv),
+        }.items():
             self._allocate(name, *shape)
         self._set(nh=len(holds))
 
@@ -456,7 +460,7 @@ class Workspace(PointerRecord):
             **dict.fromkeys(counts, math.inf),
             **dict.fromkeys(("active", "factored"), last + 1.0),
             **dict.fromkeys(("known_middles", "known_free", "stage"), 3.0),
-            **dict.fromkeys(("wish", "macro"), max(longest, 1.0)),
+            **dict.fromkeys(("suggested", "macro"), max(longest, 1.0)),
             "status": float(max(Status)),
             "bad_contact": float(max(spots - 1, 0)),
         }

@@ -184,8 +184,8 @@ class Sampling:
         w = self._workspace
         for load, site, every, sampler in self._members:
             if w.steps % every == 0:
-                seen = list(site.seen)
-                torques = load.torques(sampler, w.time, q[seen].copy(), v[seen].copy())
+                inputs = list(site.inputs)
+                torques = load.torques(sampler, w.time, q[inputs].copy(), v[inputs].copy())
                 hold(site.numbers, w.time, torques, jumps)
 
 

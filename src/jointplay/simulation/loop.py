@@ -192,16 +192,16 @@ class MultiRate(TimeLoop):
         self._until = run["until"]
         for joint in self.model.joints[1:]:
             if joint.nv == 1 and "P" not in joint.shortname()[len("JointModel") :][:1]:
-                w.turning[joint.idx_v] = 1.0
+                w.angular[joint.idx_v] = 1.0
             if joint.shortname() == "JointModelSphericalZYX":
-                w.turning[joint.idx_v : joint.idx_v + 3] = 1.0
+                w.angular[joint.idx_v : joint.idx_v + 3] = 1.0
         self._planned_on = False
         fixed = macro_step is not None
         run["fixed"], run["unit"] = fixed, 1
         run["departure_limit"] = np.inf if fixed else LARGEST_DEPARTURE * self._dt
         longest = LONGEST_MACRO_STEP_S if macro_step is None else macro_step
         run["longest"] = max(round(longest / self._dt), 1)
-        run["wish"] = run["longest"] if fixed else max(int(run["longest"][0]) // 10, 1)
+        run["suggested"] = run["longest"] if fixed else max(int(run["longest"][0]) // 10, 1)
         run["tolerance"] = LOOP_TOLERANCE if len(self._models) else MACRO_TOLERANCE
         if w.needs_jacobians or len(self._models):
             self._place_bodies()
@@ -379,7 +379,7 @@ class Adaptive(MultiRate):
         def size(v: np.ndarray) -> float:
             return float(np.sqrt(mass @ (v * v)))
 
-        moved = float(w.run["pushed"][0]) + size(other[1] - self._begun)
+        moved = float(w.run["contact_speed"][0]) + size(other[1] - self._begun)
         if moved == 0.0:
             return 0.0
         return max(size(one[1] - other[1]), size(one[0] - other[0]) / span) / moved

@@ -303,7 +303,7 @@ class Run:
         self._origin: tuple[np.ndarray, np.ndarray] | None = None
         self.guards: list[Callable[[], AbstractContextManager[object]]] = []
         """Contexts in which the time loop runs, such as one that takes signals."""
-        self.between: list[Callable[[], bool]] = []
+        self.stop_checks: list[Callable[[], bool]] = []
         """Called between stretches; the run stops, to be continued or not, if one says True."""
         self._loop = self._make_loop(mechanism.constraints(w.q, LOOP_CORRECTION / step))
 
@@ -401,7 +401,7 @@ class Run:
     def share_stop_request(self, other: Run) -> Run:
         """Let `other`, a run within this one, stop when this one is told to; returns it."""
         other.guards += self.guards
-        other.between += self.between
+        other.stop_checks += self.stop_checks
         return other
 
     def result(
@@ -475,7 +475,8 @@ class Run:
             try:
                 for now in self._stretches():
                     bar.update(now)
-                    if [told for told in self.between if told()]:
+                    requests = [asked_to_stop() for asked_to_stop in self.stop_checks]
+                    if any(requests):
                         return Status.INTERRUPTED
             except signals.GivenUp:
                 raise

@@ -67,7 +67,7 @@ def run_and_save(
     with signals.keeping(str(path)):
         signals.stoppable(run)
         if on_disk is not None:
-            run.between.append(_checkpoints(run, kept))
+            run.stop_checks.append(_checkpoints(run, kept))
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)  # the caller says how runs ended
             if on_disk is None or not on_disk.needed:
@@ -92,14 +92,14 @@ def _checkpoints(run: Run, path: Path) -> Callable[[], bool]:
     """What writes a checkpoint now and then, to be called between the stretches of a run."""
     last = time.monotonic()
 
-    def look() -> bool:
+    def write_if_due() -> bool:
         nonlocal last
         if time.monotonic() - last >= CHECKPOINT_S:
             run.checkpoint(path)
             last = time.monotonic()
         return False
 
-    return look
+    return write_if_due
 
 
 def _write_checkpoint(run: Run, kept: Path) -> None:

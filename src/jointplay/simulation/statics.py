@@ -322,20 +322,20 @@ class _StaticLoad:
     def place(self, data: pin.Data, q: np.ndarray) -> np.ndarray:
         """What its law sees."""
         if self.site.carriers is None:
-            return q[list(self.site.seen)]
+            return q[list(self.site.inputs)]
         return relative_pose(data, self.site.carriers)
 
     def jacobian(self, data: pin.Data) -> np.ndarray:
         """Rates that its law sees, per velocity."""
         if self.site.carriers is None:
-            return self._every[list(self.site.seen)]
+            return self._every[list(self.site.inputs)]
         assert self.site.signs is not None
         return relative_motion(data, self.site.carriers, self.site.signs)
 
     def force_jacobian(self, data: pin.Data) -> np.ndarray:
         """What its law's answer acts on."""
         if self.site.carriers is None:
-            return self._every[list(self.site.pushed)]
+            return self._every[list(self.site.outputs)]
         return self.jacobian(data)
 
     def force(self, x: np.ndarray, rate: np.ndarray) -> np.ndarray:
@@ -520,18 +520,18 @@ class StaticEquilibrium:
         sprung: set[int] = set()
         followed = {mechanism.motor(n): n for n, one in drives.items() if one.follows}
         for row in rows:
-            at, seen = int(row["coordinate"]), int(row["seen"])
+            at, encoder = int(row["coordinate"]), int(row["encoder"])
             if at not in followed or row["armature"] > 0.0:
                 continue
             # A motor whose encoder sits behind the play holds the link, and trails behind it.
-            if seen != at:
-                self._trailing[at] = seen
+            if encoder != at:
+                self._trailing[at] = encoder
             u = int(row["column"])
-            ahead = row["kd"] * (reference[nu + u] - self._speed[seen])
-            self._springs[seen] += row["kp"]
-            self._rest[seen] = reference[u]
-            self._constant[seen] += reference[2 * nu + u] + ahead
-            sprung |= {seen, mechanism.coordinate(followed[at])}
+            ahead = row["kd"] * (reference[nu + u] - self._speed[encoder])
+            self._springs[encoder] += row["kp"]
+            self._rest[encoder] = reference[u]
+            self._constant[encoder] += reference[2 * nu + u] + ahead
+            sprung |= {encoder, mechanism.coordinate(followed[at])}
         geared = {mechanism.motor(name) for name in mechanism.gears}
         # Links hang on the teeth of prescribed motors too.
         for at in geared & set(followed) - set(self._trailing):
