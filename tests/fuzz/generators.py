@@ -431,12 +431,9 @@ def _edited(rng: random.Random) -> Any:
 
 
 def _edit(content: Any, rng: random.Random) -> None:
-    """Change one value somewhere in plain data."""
-    while True:
-        keys = list(content) if isinstance(content, dict) else list(range(len(content)))
-        if not keys:
-            return
-        key = rng.choice(keys)
+    """Change one value somewhere in plain data; a single value has none inside and is left."""
+    while isinstance(content, dict | list) and content:
+        key = rng.choice(list(content) if isinstance(content, dict) else range(len(content)))
         inside = content[key]
         if isinstance(inside, dict | list) and inside and rng.random() < 0.8:
             content = inside
@@ -886,8 +883,9 @@ def _edited_checkpoint(data: bytes, rng: random.Random) -> bytes:
                 head = json.loads(arrays["head"].tobytes())
             except ValueError:  # changed already
                 continue
-            part = head[rng.choice(("simulation", "memory"))] if way else head
-            _edit(part, rng)
+            if not isinstance(head, dict):
+                continue
+            _edit(head.get(rng.choice(("simulation", "memory"))) if way else head, rng)
             arrays["head"] = np.frombuffer(json.dumps(head).encode(), np.uint8)
         elif way == 3 and name != "head":
             del arrays[name]
