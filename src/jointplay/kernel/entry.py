@@ -11,7 +11,7 @@ from functools import cache
 from typing import Any
 
 from jointplay.core.compiler import njit
-from jointplay.kernel import multirate, singlerate
+from jointplay.kernel import adaptive, multirate, singlerate
 from jointplay.kernel import record as records
 from jointplay.kernel.access import TABLE
 from jointplay.kernel.sources import stamp
@@ -20,7 +20,7 @@ from jointplay.kernel.words import REACHED, Command
 (
     _ADVANCE, _PLAN, _RESTART, _START_HALF_STEP, _SYNCHRONIZE, _RECORD_LAST_STATE, _BEGIN,
     _REFRESH, _EVALUATE_FORCES, _COMPLETE_STEP, _RECORD, _EULER, _RUNGE_KUTTA, _CHECK_PREDICTION,
-    _ADAPTIVE_STEP,
+    _ADVANCE_ADAPTIVELY,
 ) = (int(command) for command in Command)  # fmt: skip
 
 
@@ -53,11 +53,12 @@ def enter(table, command) -> int:
 
 @njit(cache=True, error_model="numpy")
 def enter_adaptive(table, command) -> int:
-    """Do the multi-rate method's `ADAPTIVE_STEP` on a run; returns its status."""
+    """Do the multi-rate method's `ADVANCE_ADAPTIVELY` on a run; returns what `enter` does."""
     run = table[0]
-    if command == _ADAPTIVE_STEP:
-        multirate.adaptive_step(run)
-        multirate.end_macro_step(run)
+    if command == _ADVANCE_ADAPTIVELY:
+        adaptive.advance_adaptively(run)
+        if run.status == 0 and run.step >= run.until:
+            return REACHED
     return run.status
 
 
@@ -91,7 +92,7 @@ for _entry in ENTRIES:
 
 def entry_of(command: Command) -> Any:
     """The one of `ENTRIES` that carries out a command."""
-    if command == Command.ADAPTIVE_STEP:
+    if command == Command.ADVANCE_ADAPTIVELY:
         return enter_adaptive
     return enter_single if command in _SINGLE else enter
 

@@ -17,12 +17,9 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from jointplay.core.compiler import internal
-from jointplay.kernel.access import contacts, drives, floats, joints, matrix, record_failure
-from jointplay.kernel.bodies import place_bodies
-from jointplay.kernel.contact import add_dissipation, commit_contacts, contact_gap
+from jointplay.kernel.access import drives, floats, joints, matrix, record_failure
+from jointplay.kernel.contact import add_dissipation, commit_contacts
 from jointplay.kernel.drive import add_drive_power, add_joint_losses, apply_drives, prescribe_motion
 from jointplay.kernel.film import add_film_losses
 from jointplay.kernel.layout import DRIVE, POWERS, SPEED_LIMIT
@@ -31,10 +28,7 @@ from jointplay.kernel.loops import correct_drift, project_dynamics
 from jointplay.kernel.record import is_due, write_record
 from jointplay.kernel.solve import (
     LEAST_COMPLIANCE,
-    SPEED,
-    TRIALS,
     evaluate_velocity_forces,
-    find_pose,
     find_velocity_forces,
     solve_velocity,
 )
@@ -289,12 +283,6 @@ _RUN_AWAY = int(Status.RUN_AWAY)
 LEAST_DONE = 2
 """A macro step is not ended before this many micro steps."""
 
-ONSET_HALVINGS = 20
-"""Halvings by which the onset of a contact is located in an adaptive step."""
-
-LEAST_PART_OF_STEP = 1e-3
-"""A step is not divided nearer to its ends than this."""
-
 
 @internal
 def _base_velocity(run, q, half, v, base, h):
@@ -405,7 +393,7 @@ def _advance_parabolas(values, rates, curves, size, dt):
 
 
 @internal
-def _step(run, dt):
+def step_positions(run, dt):
     """Go from the state just evaluated to the one `dt` later."""
     nv = run.nv
     q, v, half = floats(run.q, nv), floats(run.v, nv), floats(run.half, nv)
@@ -419,56 +407,31 @@ def _step(run, dt):
 
 
 @internal
+def add_work(run, duration):
+    """Add the works of all forces at their present powers over `duration` [s]."""
+    for i in range(_NP):
+        run.work[i] += duration * run.power[i]
+    if run.nl > 0:
+        add_load_work(run, duration)
+
+
+@internal
+def commit_all_contacts(run, duration):
+    """Accept all contacts as evaluated; their forces act for `duration` [s]."""
+    for j in range(run.nj):
+        commit_contacts(run, j, joints(run)[j], duration)
+
+
+@internal
 def _commit_state(run, dt, recorded):
     """Accept and record the state just evaluated, `dt` before the next."""
     before = 0.5 * run.dt_before if run.fresh == 0 else 0.0
-    for i in range(_NP):
-        run.work[i] += before * run.power[i]
-    if run.nl > 0:
-        add_load_work(run, before)
-    for j in range(run.nj):
-        commit_contacts(run, j, joints(run)[j], before + 0.5 * dt)
+    add_work(run, before)
+    commit_all_contacts(run, before + 0.5 * dt)
     if recorded:
         write_record(run)
-    for i in range(_NP):
-        run.work[i] += 0.5 * dt * run.power[i]
-    if run.nl > 0:
-        add_load_work(run, 0.5 * dt)
+    add_work(run, 0.5 * dt)
     run.fresh = 0
-
-
-@internal
-def _least_gap(run, part, dt):
-    """Least gap of contacts that do not touch now, at a part of the way to the next state."""
-    nv = run.nv
-    q, v, half = floats(run.q, nv), floats(run.v, nv), floats(run.half, nv)
-    there, ratio = matrix(run.trial, TRIALS, nv)[SPEED], dt / run.dt_before
-    for i in range(nv):
-        there[i] = q[i] + part * dt * (v[i] + ratio * (v[i] - half[i]))
-    place_bodies(run, there)
-    least = np.inf
-    for j in range(run.nj):
-        joint = joints(run)[j]
-        find_pose(run, joint, there)
-        for k in range(joint.count):
-            if contacts(run, j)[k].touching == 0:
-                least = min(least, contact_gap(joint, k))
-    return least
-
-
-@internal
-def _contact_onset(run, dt):
-    """Part of the way to the next state at which a contact begins; 1 if none does."""
-    if _least_gap(run, 1.0, dt) >= 0.0:
-        return 1.0
-    low, high = 0.0, 1.0
-    for _ in range(ONSET_HALVINGS):
-        middle = 0.5 * (low + high)
-        if _least_gap(run, middle, dt) >= 0.0:
-            low = middle
-        else:
-            high = middle
-    return max(high, 2.0 * LEAST_PART_OF_STEP) if high < 1.0 - LEAST_PART_OF_STEP else 1.0
 
 
 @internal
@@ -480,56 +443,15 @@ def macro_step(run):
     run.macros += 1
     for k in range(run.macro):
         evaluate(run)
-        _commit_state(run, run.dt, is_due(run))
+        _commit_state(run, run.dt, is_due(run, run.step))
         if run.status != 0:
             return
-        _step(run, run.dt)
+        step_positions(run, run.dt)
         run.step += 1
         run.time = run.step * run.dt
         end_macro_step(run)
         if run.departure > run.departure_limit and k + 1 >= LEAST_DONE:
             return
-
-
-@internal
-def adaptive_step(run):
-    """All micro steps of a macro step, `run.micro` of equal length; onsets are located."""
-    start, first = run.path_start, run.step
-    span = run.macro * run.dt
-    dt = span / run.micro
-    contact_speed = 0.0
-    for k in range(run.micro):
-        done = 0.0
-        while done < 1.0:
-            evaluate(run)
-            contact_speed += _implicit_acceleration(run) * run.dt_before
-            run.step = first + k * run.macro // run.micro
-            recorded = done == 0.0 and k * run.macro % run.micro == 0 and is_due(run)
-            # A state is what it is however long the next step: look for an onset on the way.
-            remaining = (1.0 - done) * dt
-            part = _contact_onset(run, remaining)
-            _commit_state(run, part * remaining, recorded)
-            if run.status != 0:
-                return
-            _step(run, part * remaining)
-            done = 1.0 if part == 1.0 else done + part * (1.0 - done)
-            run.time = start + (k + done) * dt
-    run.contact_speed = contact_speed
-    run.step = first + run.macro
-    run.time = run.step * run.dt
-
-
-@internal
-def _implicit_acceleration(run):
-    """Acceleration by what depends on velocity, as the root of twice a kinetic energy."""
-    nv = run.nv
-    forces, minv = floats(run.velocity_forces, nv), matrix(run.minv, nv, nv)
-    total = 0.0
-    for i in range(nv):
-        if forces[i] != 0.0:
-            for k in range(nv):
-                total += forces[i] * minv[i, k] * forces[k]
-    return math.sqrt(max(total, 0.0))
 
 
 @internal
@@ -554,7 +476,7 @@ def restart(run):
     """Discard the history, after q and v were set from outside."""
     nv = run.nv
     v, half, a = floats(run.v, nv), floats(run.half, nv), floats(run.a, nv)
-    run.touching = run.known_middles = run.known_free = run.events = 0
+    run.touching = run.known_middles = run.known_free = run.events = run.known_a = 0
     run.path_start = run.time
     run.dt_before = run.dt
     for i in range(nv):

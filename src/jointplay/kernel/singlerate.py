@@ -130,7 +130,7 @@ def semi_implicit_euler(run):
     nv = run.nv
     q, v, a = floats(run.q, nv), floats(run.v, nv), floats(run.a, nv)
     complete_step(run)
-    if is_due(run):
+    if is_due(run, run.step):
         write_record(run)
     for i in range(nv):
         v[i] += run.dt * a[i]
@@ -154,7 +154,7 @@ def runge_kutta_4(run):
     scratch = floats(run.scratch, 4 * nv + _NP)
     dt, stage = run.dt, run.stage
     complete_step(run)
-    if stage == 0 and is_due(run):
+    if stage == 0 and is_due(run, run.step):
         write_record(run)
     weight = dt / 6.0 if stage == 0 or stage == 3 else dt / 3.0
     for i in range(_NP):

@@ -25,6 +25,9 @@ from jointplay.kernel.words import AZIMUTHS, POWERS
 # A record of addresses, and the arrays to which it points: made, kept alive, and copied.
 
 
+FIXED = ("dimensions", "dt", "reference_interval", "micro_tolerance", "shortest")
+"""Floats that a snapshot does not change."""
+
 LEFT_OUT = "reference"
 """Array that a simulation makes again and no copy needs."""
 
@@ -176,15 +179,13 @@ class Workspace(PointerRecord):
         self._row, self._step = self.run["row"], self.run["step"]
         self._time, self._status = self.run["time"], self.run["status"]
         self._macros = self.run["macros"]
-        self.unresolved = 0
-        """Macro steps in which the shortest adaptive micro steps did not reach the tolerance."""
         self._make_state(nv)
         self._make_solve(nv)
         self._link_pinocchio(data, nv, own_acceleration)
         self._make_tables(tables, nv)
         self.joints = self._set_pointer("joints", np.zeros(len(sites), layout.JOINT))
         self.contacts = self._set_pointer("contacts", np.zeros((len(sites), width), layout.CONTACT))
-        for name in ("shortest", "gap_min", "deepest"):
+        for name in ("shortest", "gap", "gap_min", "deepest"):
             self.contacts[name] = np.inf
         self.loads = self._set_pointer("loads", np.zeros(len(loads), layout.LOAD))
         self.sites, self.load_sites = tuple(sites), tuple(loads)
@@ -441,7 +442,7 @@ class Workspace(PointerRecord):
         for name, about in near.items():
             if not abs(float(now[name]) - about) <= (longest + 1) * dt:
                 raise JointplayError(f"{name!r} is not that of its step")
-        self._write_back(kept, self._state_numbers(), ("dimensions", "dt", "reference_interval"))
+        self._write_back(kept, self._state_numbers(), FIXED)
         self.kept_elsewhere = elsewhere
         self._set(nwindows=len(self.windows), nref=self._nodes)
         self._place_records()
@@ -452,14 +453,15 @@ class Workspace(PointerRecord):
         last, longest, spots = len(self.q) - 1, float(self.run["longest"][0]), self.contacts.size
         flags = ("fresh", "pending", "commit", "refused", "averaged")
         counts = (
-            *("until", "step", "row", "macros", "micro", "touching", "events", "unsolved"),
-            *("iterations", "solves"),
+            *("until", "step", "row", "macros", "touching", "events", "unsolved"),
+            *("iterations", "solves", "unresolved"),
         )
         run = {
             **dict.fromkeys(flags, 1.0),
             **dict.fromkeys(counts, math.inf),
             **dict.fromkeys(("active", "factored"), last + 1.0),
             **dict.fromkeys(("known_middles", "known_free", "stage"), 3.0),
+            "known_a": 2.0,
             **dict.fromkeys(("suggested", "macro"), max(longest, 1.0)),
             "status": float(max(Status)),
             "bad_contact": float(max(spots - 1, 0)),
@@ -514,6 +516,26 @@ class Workspace(PointerRecord):
     def needs_jacobians(self) -> bool:
         """Whether a joint is reached through Pinocchio's frames and Jacobians."""
         return bool(self.run["through_frames"][0])
+
+    def keep_copies(self) -> None:
+        """Have room to come back to the start of a macro step, and between states for records."""
+        for name in ("row_before", "row_after"):
+            self._allocate(name, self.record.shape[1])
+        self._changing.append(self._allocate("earlier_a", 3, len(self.q)))
+        arrays = [array for array in self.state() if array.size]
+        self._copies = [array.copy() for array in arrays]
+        table = [
+            (array.ctypes.data, copy.ctypes.data, array.nbytes // 8)
+            for array, copy in zip(arrays, self._copies, strict=True)
+        ]
+        self._copy_table = np.array(table, np.int64)
+        self._set(copies=self._copy_table.ctypes.data, ncopies=len(table))
+        self._addresses["run"].add("copies")
+
+    @property
+    def unresolved(self) -> int:
+        """Shortest adaptive micro steps whose error was not tolerable."""
+        return int(self.run["unresolved"][0])
 
     @property
     def rows(self) -> int:

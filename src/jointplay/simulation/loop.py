@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -172,7 +171,7 @@ SHORTEST_MICRO_STEP_S = 2e-8
 
 _aba, _inverse, _WORLD = pin.aba, pin.computeMinverse, pin.Convention.WORLD
 
-_ADVANCE, _PLAN = int(Command.ADVANCE), int(Command.PLAN)
+_PLAN = int(Command.PLAN)
 
 
 class MultiRate(TimeLoop):
@@ -181,6 +180,11 @@ class MultiRate(TimeLoop):
     Args:
         macro_step: length of macro steps [s]; None lets an error estimate choose.
     """
+
+    advancing = Command.ADVANCE
+    """What the kernels do for each macro step."""
+    longest_macro_step_s = LONGEST_MACRO_STEP_S
+    """Macro steps that an error estimate chooses are no longer than this [s]."""
 
     def __init__(self, *args: Any, macro_step: float | None = None) -> None:
         """Prepare the calls."""
@@ -199,7 +203,7 @@ class MultiRate(TimeLoop):
         fixed = macro_step is not None
         run["fixed"], run["unit"] = fixed, 1
         run["departure_limit"] = np.inf if fixed else LARGEST_DEPARTURE * self._dt
-        longest = LONGEST_MACRO_STEP_S if macro_step is None else macro_step
+        longest = self.longest_macro_step_s if macro_step is None else macro_step
         run["longest"] = max(round(longest / self._dt), 1)
         run["suggested"] = run["longest"] if fixed else max(int(run["longest"][0]) // 10, 1)
         run["tolerance"] = LOOP_TOLERANCE if len(self._models) else MACRO_TOLERANCE
@@ -266,17 +270,18 @@ class MultiRate(TimeLoop):
 
     def stretch(self, steps: int, pause: int | None = None) -> bool:
         """Do `steps` steps, or fewer; a stretch that paused is taken up again first."""
-        run, enter, (q, v) = self.workspace.run, compiled(), self._middle
+        run, (q, v) = self.workspace.run, self._middle
+        enter, advance = compiled(self.advancing), int(self.advancing)
         model, data, zero, none = self.model, self.data, self._zero, self._none
         if not self._planned_on:
             self._until[0] = self.workspace.steps + steps
-            enter(run, _PLAN)
+            compiled()(run, _PLAN)
         self._planned_on = False
         state = 0
         while state == 0:
             _aba(model, data, q, v, zero, none, _WORLD)
             _inverse(model, data)
-            state = enter(run, _ADVANCE)
+            state = enter(run, advance)
             if state == 0 and pause is not None and self.workspace.steps >= pause:
                 self._planned_on = True
                 return True
@@ -288,101 +293,29 @@ class MultiRate(TimeLoop):
 
 
 class Adaptive(MultiRate):
-    """The multi-rate method with micro steps of its own choice.
-
-    A macro step is done twice, the second time with micro steps half as long, until both agree: no
-    call of Pinocchio is repeated. Steps are divided at the onsets of contacts.
+    """The multi-rate method with micro steps as long as their error allows: `kernel.adaptive`.
 
     Args:
         macro_step: see `MultiRate`.
-        tolerance: difference of the momenta at the end of the macro step, relative to what contacts
-            and inertia have moved in it; likewise of the positions.
+        tolerance: error of the momentum that a micro step gives, relative to what contacts and
+            inertia move in it.
     """
+
+    advancing = Command.ADVANCE_ADAPTIVELY
+    longest_macro_step_s = 5e-4
 
     def __init__(self, *args: Any, macro_step: float | None, tolerance: float) -> None:
         """Prepare the calls, and the room for states to come back to."""
         super().__init__(*args, macro_step=macro_step)
-        w = self.workspace
-        self._tolerated = tolerance
-        self._state = w.state()
-        self._kept = [array.copy() for array in self._state]
-        self._every, longest = int(w.run["every"][0]), int(w.run["longest"][0])
-        # Macro steps go from record to record, or divide the way between them.
-        fitting = (n for n in range(min(self._every, longest), 0, -1) if self._every % n == 0)
-        w.run["unit"] = next(fitting)
-        self._planned, self._refused = w.run["macro"], w.run["refused"]
-        self._micro_step = self._dt
+        run = self.workspace.run
+        run["micro_tolerance"], run["shortest"] = tolerance, SHORTEST_MICRO_STEP_S
+        run["micro_step"] = self._dt
+        self.workspace.keep_copies()
 
     @property
     def commands(self) -> tuple[Command, ...]:
         """One of each compiled entry that the loop calls."""
-        return (*super().commands, Command.ADAPTIVE_STEP)
-
-    def memory(self) -> dict[str, float]:
-        """Length of the next macro and micro steps."""
-        return super().memory() | {"micro_step": self._micro_step}
-
-    def recall(self, memory: Mapping[str, float]) -> None:
-        """Take the lengths of the next steps."""
-        super().recall(memory)
-        self._micro_step = float(memory["micro_step"])
-
-    def stretch(self, steps: int, pause: int | None = None) -> bool:
-        """Do one macro step, of no more than `steps` steps, as finely as it needs."""
-        self._until[0] = self.workspace.steps + steps
-        self.workspace.execute(Command.PLAN)
-        self._refused[0] = 1
-        while self._refused.item():
-            self._run_pinocchio(*self._middle)
-            self.workspace.execute(Command.CHECK_PREDICTION)
-        macro = self._planned.item()
-        span = macro * self._dt
-        for kept, array in zip(self._kept, self._state, strict=True):
-            np.copyto(kept, array)
-        self._begun = self.workspace.half.copy()
-        records = macro // self._every if macro % self._every == 0 else 1
-        halvings = math.ceil(math.log2(max(0.5 * span / (self._micro_step * records), 1.0)) - 1e-9)
-        micro = records * 2**halvings
-        coarse = self._try_micro_steps(micro)
-        while True:
-            for kept, array in zip(self._kept, self._state, strict=True):
-                np.copyto(array, kept)
-            micro *= 2
-            fine = self._try_micro_steps(micro)
-            error = self._difference(coarse, fine, span)
-            if not error > self._tolerated:
-                break
-            if 0.5 * span / micro < SHORTEST_MICRO_STEP_S:
-                self.workspace.unresolved += 1
-                break
-            coarse = fine
-        # The error falls by four when steps are halved; less where a contact begins or ends.
-        self._micro_step = span / micro * (2.0 if error < 0.1 * self._tolerated else 1.0)
-        return not self.workspace.failed
-
-    def _try_micro_steps(self, micro: int) -> tuple[np.ndarray, np.ndarray]:
-        """Do the macro step with so many micro steps; returns q and v at its end."""
-        w = self.workspace
-        w.run["micro"] = micro
-        w.execute(Command.ADAPTIVE_STEP)
-        return w.q.copy(), self.velocity()
-
-    def _difference(
-        self, one: tuple[np.ndarray, np.ndarray], other: tuple[np.ndarray, np.ndarray], span: float
-    ) -> float:
-        """Difference of two ends, relative to what was moved in the macro step; 0 if it failed."""
-        w = self.workspace
-        if w.failed:
-            return 0.0
-        mass = 1.0 / np.maximum(w.inverse_mass.diagonal(), 1e-300)
-
-        def size(v: np.ndarray) -> float:
-            return float(np.sqrt(mass @ (v * v)))
-
-        moved = float(w.run["contact_speed"][0]) + size(other[1] - self._begun)
-        if moved == 0.0:
-            return 0.0
-        return max(size(one[1] - other[1]), size(one[0] - other[0]) / span) / moved
+        return (*super().commands, self.advancing)
 
 
 class SingleRate(TimeLoop):

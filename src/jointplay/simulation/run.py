@@ -581,7 +581,6 @@ class Run:
             "elapsed": self.elapsed,
             "origin": None if self._origin is None else [x.tolist() for x in self._origin],
             "reference": self._reference.memory(),
-            "unresolved": self.workspace.unresolved,
             "events": self._events.memory(),
             "loop": self._loop.memory(),
             "unjudged": self._unjudged,
@@ -600,7 +599,6 @@ class Run:
             self._origin = np.array(q, float), np.array(v, float)
         self._reference.recall(memory["reference"])
         self._set_reference_block()
-        self.workspace.unresolved = int(memory["unresolved"])
         self._unjudged = memory["unjudged"]
         self._watch.recall(memory["watch"])
 

@@ -1,0 +1,395 @@
+"""Micro steps of the multi-rate method as long as their error allows.
+
+A micro step of length h from the state n - 1 to the state n changes velocities by h a, a being the
+acceleration in its middle as the leapfrog method takes it. What that leaves out is
+
+    e = h^3/24 d2a/dt2,
+
+found from the accelerations at the last three states. The step is as long as e, with velocities
+measured by the root of twice their kinetic energy, stays below `micro_tolerance` times what
+contacts and inertia move in it; an impact counts by its mean deceleration from the first, or its
+onset, where forces grow from nothing, would be resolved for ever. In flight one step so spans the
+macro step, in lasting contact steps follow the contact's own swing, in impacts they are as short
+as their stiffness wants them. Onsets of contacts are located. A macro step in which a step's error
+turns out far larger is done again, from its start, with shorter ones: no call of Pinocchio is
+repeated. Reference for the error of the leapfrog method by its next term: E. Hairer, C. Lubich,
+G. Wanner, Acta Numerica 12 (2003) 399-450.
+
+Records are due at multiples of `run.dt`, wherever the states are: they are interpolated.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from jointplay.contact.calls import call_normal
+from jointplay.core.compiler import address_of, internal
+from jointplay.kernel.access import contacts, floats, integers, joints, loads, matrix
+from jointplay.kernel.bodies import place_bodies
+from jointplay.kernel.contact import contact_gap
+from jointplay.kernel.frames import cross, get_vector, project_wrench, set_vector
+from jointplay.kernel.layout import STORED
+from jointplay.kernel.multirate import (
+    add_work,
+    check_prediction,
+    commit_all_contacts,
+    end_macro_step,
+    evaluate,
+    plan_macro_step,
+    step_positions,
+)
+from jointplay.kernel.record import fill_row, is_due, write_interpolated
+from jointplay.kernel.solve import SPEED, TRIALS, find_pose
+from jointplay.kernel.words import POWERS
+
+_NP = len(POWERS)
+
+REFUSED = 8.0
+"""A micro step whose error is so many times the tolerance is done again."""
+
+GROWTH = 2.5
+"""By how much a micro step is longer than the one before at most."""
+
+SAFETY = 0.85
+"""Part of the length that the last error would allow."""
+
+FIRST_PART = 0.25
+"""Length of the first step of an impact, relative to what the tolerance would allow in its midst:
+the force grows there from nothing."""
+
+IMPACT = 2.5
+"""An impact is over after so many times its first half, or has become a contact that lasts."""
+
+ONSET_TRIALS = 30
+"""Trials by which the onset of a contact is located, at most."""
+
+ONSET_DEPTH = 1e-3
+"""A contact has begun where its depth is less than this part of the step's way into it."""
+
+
+@internal
+def _save(run):
+    """Keep a copy of all that a macro step changes."""
+    for k in range(run.ncopies):
+        row = integers(run.copies + 24 * k, 3)
+        source, target = integers(row[0], row[2]), integers(row[1], row[2])
+        for i in range(row[2]):
+            target[i] = source[i]
+
+
+@internal
+def _restore(run):
+    """Come back to the copy, but for what counts the work done."""
+    solves, iterations, unsolved = run.solves, run.iterations, run.unsolved
+    longest, unresolved = run.longest_micro, run.unresolved
+    for k in range(run.ncopies):
+        row = integers(run.copies + 24 * k, 3)
+        source, target = integers(row[1], row[2]), integers(row[0], row[2])
+        for i in range(row[2]):
+            target[i] = source[i]
+    run.solves, run.iterations, run.unsolved = solves, iterations, unsolved
+    run.longest_micro, run.unresolved = longest, unresolved
+
+
+@internal
+def _gap_ahead(run, elapsed):
+    """Least gap of the contacts that do not touch now, `elapsed` after the present state."""
+    nv = run.nv
+    q, v, a = floats(run.q, nv), floats(run.v, nv), floats(run.a, nv)
+    there = matrix(run.trial, TRIALS, nv)[SPEED]
+    for i in range(nv):
+        there[i] = q[i] + elapsed * (v[i] + 0.5 * elapsed * a[i])
+    place_bodies(run, there)
+    least = np.inf
+    for j in range(run.nj):
+        joint = joints(run)[j]
+        find_pose(run, joint, there)
+        for k in range(joint.count):
+            if contacts(run, j)[k].touching == 0:
+                least = min(least, contact_gap(joint, k))
+    return least
+
+
+@internal
+def _least_gap(run):
+    """Least gap of the contacts that do not touch at the present state."""
+    least = np.inf
+    for j in range(run.nj):
+        for k in range(joints(run)[j].count):
+            contact = contacts(run, j)[k]
+            if contact.touching == 0:
+                least = min(least, contact.gap)
+    return least
+
+
+@internal
+def _time_to_onset(run, h):
+    """Time to the onset of the next contact, `h` if none begins within it.
+
+    By the Illinois form of regula falsi; the state found lies just behind the onset.
+    """
+    end = _gap_ahead(run, h)
+    if end >= 0.0:
+        return h
+    low, gap, high, depth = 0.0, _least_gap(run), h, -end
+    if not gap > 0.0:
+        return h
+    enough, weight = ONSET_DEPTH * (gap + depth), depth
+    for _ in range(ONSET_TRIALS):
+        if depth <= enough or high - low <= 1e-9 * h:
+            break
+        # Aim just behind the onset, so that it is the end behind it that comes near.
+        part = (gap + 0.5 * enough) / (gap + weight)
+        middle = low + min(max(part, 1e-3), 0.999) * (high - low)
+        found = _gap_ahead(run, middle)
+        if found >= 0.0:
+            low, gap = middle, found
+            weight *= 0.5
+        else:
+            high, depth, weight = middle, -found, -found
+            gap *= 0.5 if part > 0.5 else 1.0
+    return high
+
+
+@internal
+def _compliance_at(run, joint, contact):
+    """Inverse of the mass that a contact meets along its normal [1/kg]."""
+    nv = run.nv
+    pull, minv = floats(run.scratch, nv), matrix(run.minv, nv, nv)
+    kept = (get_vector(joint.wrench, 0), get_vector(joint.wrench, 3))
+    normal = get_vector(contact.direction, 0)
+    set_vector(joint.wrench, 0, normal)
+    set_vector(joint.wrench, 3, cross(get_vector(contact.arm, 0), normal))
+    for i in range(nv):
+        pull[i] = 0.0
+    project_wrench(joint, pull)
+    set_vector(joint.wrench, 0, kept[0])
+    set_vector(joint.wrench, 3, kept[1])
+    total = 0.0
+    for i in range(nv):
+        if pull[i] != 0.0:
+            for k in range(nv):
+                total += pull[i] * minv[i, k] * pull[k]
+    return total
+
+
+@internal
+def _judge_onset(run, joint, contact):
+    """Expect of a contact that has just begun how long it is and how hard it brakes.
+
+    The depth at which it has stored the energy that the approach brings tells both: half of an
+    impact lasts 1.47 times depth over speed, if the force is Hertz's.
+    """
+    speed = max(contact.rate, 0.0)
+    compliance = _compliance_at(run, joint, contact)
+    contact.braking = 0.0
+    if not (speed > 0.0 and compliance > 0.0):
+        return
+    energy = 0.5 * speed * speed / compliance
+    law = address_of(contact.parameters)
+    depth = max(-contact.gap, 1e-9)
+    for _ in range(4):
+        stored = STORED * depth * call_normal(joint.normal_law, (depth, 0.0, 1.0, law))
+        if not stored > 0.0:
+            return
+        depth *= (energy / stored) ** 0.4
+    half = 1.47 * depth / speed
+    contact.braking = speed / (half * math.sqrt(compliance))
+    contact.braking_end = run.time + IMPACT * half
+    first = FIRST_PART * math.sqrt(24.0 * run.micro_tolerance) * half
+    run.micro_step = min(run.micro_step, max(first, run.shortest))
+
+
+@internal
+def _judge_contacts(run):
+    """Largest deceleration that impacts now under way bring with them, new ones judged."""
+    most = 0.0
+    for j in range(run.nj):
+        joint = joints(run)[j]
+        for k in range(joint.count):
+            contact = contacts(run, j)[k]
+            if contact.touching == 0:
+                continue
+            if contact.steps == 0.0:
+                _judge_onset(run, joint, contact)
+            if run.time < contact.braking_end:
+                most = max(most, contact.braking)
+    run.braking = most
+
+
+@internal
+def _size(run, values):
+    """Generalised velocities or accelerations as the root of twice a kinetic energy."""
+    nv = run.nv
+    minv, weights = matrix(run.minv, nv, nv), floats(run.weights, nv)
+    total = 0.0
+    for i in range(nv):
+        total += weights[i] * values[i] * values[i] / minv[i, i]
+    return math.sqrt(total)
+
+
+@internal
+def _size_of_forces(run):
+    """Acceleration by what depends on velocity, as the root of twice a kinetic energy."""
+    nv = run.nv
+    forces, minv = floats(run.velocity_forces, nv), matrix(run.minv, nv, nv)
+    total = 0.0
+    for i in range(nv):
+        if forces[i] != 0.0:
+            for k in range(nv):
+                total += forces[i] * minv[i, k] * forces[k]
+    return math.sqrt(max(total, 0.0))
+
+
+@internal
+def _step_error(run, h):
+    """Error of the step of length h to the state just evaluated, over what is tolerated."""
+    nv = run.nv
+    a, last = floats(run.a, nv), matrix(run.earlier_a, 3, nv)
+    off, before = last[2], run.earlier_dt
+    for i in range(nv):
+        if run.known_a > 1:
+            slope, slope_before = (a[i] - last[0, i]) / h, (last[0, i] - last[1, i]) / before
+            off[i] = h * h / 12.0 * (slope - slope_before) / (h + before)
+        else:
+            off[i] = (a[i] - last[0, i]) / 24.0
+    wrong = _size(run, off)
+    if wrong == 0.0:
+        return 0.0
+    whole = max(_size_of_forces(run) + _size(run, a), run.braking)
+    return wrong / (run.micro_tolerance * whole)
+
+
+@internal
+def _first_due(run, time):
+    """First step to be recorded at or after a time, as long as it is in this macro step."""
+    step = math.ceil(time / run.dt - 1e-6)
+    last = run.step + run.macro
+    while step < last and not is_due(run, step):
+        step += 1
+    return int(step)
+
+
+@internal
+def _remember_acceleration(run, h):
+    """Move the accelerations of the last states on by one."""
+    nv = run.nv
+    a, last = floats(run.a, nv), matrix(run.earlier_a, 3, nv)
+    for i in range(nv):
+        last[1, i], last[0, i] = last[0, i], a[i]
+    run.earlier_dt = run.dt_before
+    run.known_a = min(run.known_a + 1, 2)
+
+
+@internal
+def _next_length(run, remaining):
+    """Length of the next micro step: what remains is divided evenly among few."""
+    h = max(min(run.micro_step, run.longest_micro), run.shortest)
+    if h >= remaining:
+        return remaining
+    return remaining / math.ceil(remaining / h) if remaining < 3.0 * h else h
+
+
+@internal
+def _begin_rows(run, due):
+    """Write the state just evaluated where records are interpolated, if one is due."""
+    if not due:
+        return
+    fill_row(run, floats(run.row_before, run.record_columns))
+    for i in range(_NP):
+        run.before[i] = run.power[i]
+    for load in loads(run):
+        load.before = load.power
+
+
+@internal
+def _write_due_records(run, start, h, due):
+    """Write the records from step `due` on that lie in the micro step from `start`."""
+    end = start + h
+    nv = run.nv
+    row = floats(run.row_after, run.record_columns)
+    fill_row(run, row)
+    work = 1 + 3 * nv
+    for i in range(_NP):
+        row[work + i] += 0.5 * h * run.power[i]
+    at = run.record_columns - run.nl
+    for load in loads(run):
+        row[at] += 0.5 * h * load.power
+        at += 1
+    while due < run.step + run.macro and due * run.dt < end - 1e-6 * run.dt:
+        write_interpolated(run, due * run.dt, max(due * run.dt - start, 0.0), h)
+        due = _first_due(run, (due + 0.5) * run.dt)
+    return due
+
+
+@internal
+def _try_steps(run):
+    """Do the micro steps of a macro step; returns whether the error of none was refused."""
+    end = (run.step + run.macro) * run.dt
+    last = run.step + run.macro
+    evaluate(run)
+    due = _first_due(run, run.time)
+    while run.status == 0:
+        _judge_contacts(run)
+        start = run.time
+        wanted = _next_length(run, end - start)
+        h = _time_to_onset(run, wanted)
+        before = 0.5 * run.dt_before if run.fresh == 0 else 0.0
+        add_work(run, before)
+        commit_all_contacts(run, before + 0.5 * h)
+        records = due < last and due * run.dt < start + h - 1e-6 * run.dt
+        _begin_rows(run, records)
+        add_work(run, 0.5 * h)
+        run.fresh = 0
+        _remember_acceleration(run, h)
+        step_positions(run, h)
+        run.time = start + h
+        evaluate(run)
+        if run.status != 0:
+            break
+        error = _step_error(run, h)
+        if error > REFUSED and h > run.shortest:
+            run.longest_micro = max(h * max(SAFETY * error ** (-1.0 / 3.0), 0.1), run.shortest)
+            return False
+        if error > REFUSED:
+            run.unresolved += 1
+        factor = min(SAFETY * error ** (-1.0 / 3.0), GROWTH) if error > 0.0 else GROWTH
+        if factor < 1.0 or h >= 0.99 * min(run.micro_step, run.longest_micro):
+            run.micro_step = max(factor * h, run.shortest)
+        if records:
+            due = _write_due_records(run, start, h, due)
+        if h < wanted:
+            run.known_a = 0  # a contact begins here: the acceleration has a corner
+        end_macro_step(run)
+        if run.departure > run.departure_limit:
+            # States between macro steps lie on multiples of `dt`.
+            steps = math.ceil(run.time / run.dt - 1e-6)
+            if steps * run.dt < end - 0.5 * run.dt:
+                last = int(steps)
+                end = last * run.dt
+        if run.time >= end - 1e-9 * run.dt:
+            break
+    run.step = last
+    run.time = last * run.dt
+    return True
+
+
+@internal
+def advance_adaptively(run):
+    """Do the planned macro step with Pinocchio's result, and plan the next."""
+    check_prediction(run)
+    if run.refused != 0:
+        return
+    run.macros += 1
+    first, macro = run.step, run.macro
+    run.longest_micro = np.inf
+    _save(run)
+    while not _try_steps(run):
+        _restore(run)
+    done = run.step - first
+    if run.fixed == 0 and done < macro:
+        run.suggested = min(max(2 * done, 1), run.longest)
+    if run.status == 0 and run.step < run.until:
+        plan_macro_step(run)
