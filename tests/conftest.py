@@ -122,6 +122,7 @@ def free_mass(urdf):
         gravity=(0.0, 0.0, 0.0),
         step=1e-6,
         integrator=DEFAULT,
+        tolerance=None,
         record_every=1,
         **bearing,
     ) -> Run:
@@ -134,6 +135,7 @@ def free_mass(urdf):
             drive=ComputedTorque(bandwidth=1.0),
             step=step,
             integrator=integrator,
+            tolerance=tolerance,
             record_every=record_every,
         )
         run = release(Run(simulation))

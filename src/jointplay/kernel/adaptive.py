@@ -10,9 +10,8 @@ measured by the root of twice their kinetic energy, stays below `micro_tolerance
 contacts and inertia move in it; an impact counts by its mean deceleration from the first, or its
 onset, where forces grow from nothing, would be resolved for ever. In flight one step so spans the
 macro step, in lasting contact steps follow the contact's own swing, in impacts they are as short
-as their stiffness wants them. Onsets of contacts are located. A macro step in which a step's error
-turns out far larger is done again, from its start, with shorter ones: no call of Pinocchio is
-repeated. Reference for the error of the leapfrog method by its next term: E. Hairer, C. Lubich,
+as their stiffness wants them. Onsets of contacts are located. A step whose error
+turns out far larger is done again, shorter: no call of Pinocchio is repeated. Reference for the error of the leapfrog method by its next term: E. Hairer, C. Lubich,
 G. Wanner, Acta Numerica 12 (2003) 399-450.
 
 Records are due at multiples of `run.dt`, wherever the states are: they are interpolated.
@@ -46,11 +45,14 @@ from jointplay.kernel.words import POWERS
 
 _NP = len(POWERS)
 
-REFUSED = 8.0
+REFUSED = 2.0
 """A micro step whose error is so many times the tolerance is done again."""
 
 GROWTH = 2.5
 """By how much a micro step is longer than the one before at most."""
+
+KEPT = 2.0
+"""A step is not made longer by less than this: leapfrog steps of equal length keep energy."""
 
 SAFETY = 0.85
 """Part of the length that the last error would allow."""
@@ -61,6 +63,10 @@ the force grows there from nothing."""
 
 IMPACT = 2.5
 """An impact is over after so many times its first half, or has become a contact that lasts."""
+
+SMALL_SPEED = 1e-5
+"""What moves no faster than this, as the root of twice a kinetic energy, is not resolved further
+[kg^0.5 m/s]."""
 
 ONSET_TRIALS = 30
 """Trials by which the onset of a contact is located, at most."""
@@ -81,16 +87,16 @@ def _save(run):
 
 @internal
 def _restore(run):
-    """Come back to the copy, but for what counts the work done."""
+    """Come back to the copy, but for the counts of the work done and what was refused."""
     solves, iterations, unsolved = run.solves, run.iterations, run.unsolved
-    longest, unresolved = run.longest_micro, run.unresolved
+    at, step = run.refused_at, run.refused_step
     for k in range(run.ncopies):
         row = integers(run.copies + 24 * k, 3)
         source, target = integers(row[1], row[2]), integers(row[0], row[2])
         for i in range(row[2]):
             target[i] = source[i]
     run.solves, run.iterations, run.unsolved = solves, iterations, unsolved
-    run.longest_micro, run.unresolved = longest, unresolved
+    run.refused_at, run.refused_step = at, step
 
 
 @internal
@@ -258,8 +264,10 @@ def _step_error(run, h):
     wrong = _size(run, off)
     if wrong == 0.0:
         return 0.0
-    whole = max(_size_of_forces(run) + _size(run, a), run.braking)
-    return wrong / (run.micro_tolerance * whole)
+    moved = _size_of_forces(run) + _size(run, a)
+    whole = max(moved, run.moved, run.braking)
+    run.moved = moved
+    return wrong / (run.micro_tolerance * (whole + SMALL_SPEED / h))
 
 
 @internal
@@ -286,7 +294,7 @@ def _remember_acceleration(run, h):
 @internal
 def _next_length(run, remaining):
     """Length of the next micro step: what remains is divided evenly among few."""
-    h = max(min(run.micro_step, run.longest_micro), run.shortest)
+    h = max(run.micro_step, run.shortest)
     if h >= remaining:
         return remaining
     return remaining / math.ceil(remaining / h) if remaining < 3.0 * h else h
@@ -332,6 +340,9 @@ def _try_steps(run):
     evaluate(run)
     due = _first_due(run, run.time)
     while run.status == 0:
+        if run.time >= run.refused_at:
+            run.micro_step, run.refused_at = run.refused_step, np.inf
+            _save(run)
         _judge_contacts(run)
         start = run.time
         wanted = _next_length(run, end - start)
@@ -351,12 +362,13 @@ def _try_steps(run):
             break
         error = _step_error(run, h)
         if error > REFUSED and h > run.shortest:
-            run.longest_micro = max(h * max(SAFETY * error ** (-1.0 / 3.0), 0.1), run.shortest)
+            run.refused_at = start
+            run.refused_step = max(h * max(SAFETY * error ** (-1.0 / 3.0), 0.1), run.shortest)
             return False
         if error > REFUSED:
             run.unresolved += 1
         factor = min(SAFETY * error ** (-1.0 / 3.0), GROWTH) if error > 0.0 else GROWTH
-        if factor < 1.0 or h >= 0.99 * min(run.micro_step, run.longest_micro):
+        if factor < 1.0 or (factor > KEPT and h >= 0.99 * run.micro_step):
             run.micro_step = max(factor * h, run.shortest)
         if records:
             due = _write_due_records(run, start, h, due)
@@ -384,7 +396,7 @@ def advance_adaptively(run):
         return
     run.macros += 1
     first, macro = run.step, run.macro
-    run.longest_micro = np.inf
+    run.refused_at = np.inf
     _save(run)
     while not _try_steps(run):
         _restore(run)

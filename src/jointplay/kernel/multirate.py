@@ -477,6 +477,7 @@ def restart(run):
     nv = run.nv
     v, half, a = floats(run.v, nv), floats(run.half, nv), floats(run.a, nv)
     run.touching = run.known_middles = run.known_free = run.events = run.known_a = 0
+    run.moved = 0.0
     run.path_start = run.time
     run.dt_before = run.dt
     for i in range(nv):
