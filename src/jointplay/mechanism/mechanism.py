@@ -13,7 +13,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -30,10 +30,6 @@ from jointplay.mechanism.loop import Lock, Loop, refuse_name
 from jointplay.mechanism.model import build, parse
 from jointplay.mechanism.robots import urdf_of
 from jointplay.mechanism.urdf import GRAVITY, STANDARD_GRAVITY
-
-if TYPE_CHECKING:
-    from jointplay.mechanism.visuals import Visuals
-
 
 # Where bearing and journal of joints are, how they move, and what holds loops together.
 
@@ -392,8 +388,7 @@ class Mechanism(Overview, Described):
         moving = list(self.joints)
         facts = {"moving joints": few(moving)}
         for name, joint in self.clearance.items():
-            rooms = " and ".join(readable(room, "m") for room in sorted(set(joint.rooms)))
-            facts[f"joint {name}"] = f"{joint.kind} with clearance, play {rooms}"
+            facts[f"joint {name}"] = f"{joint.kind} with clearance, play {joint.play_words}"
         for name, loop in self.loops.items():
             kind = self.loop_kind(name)
             facts[f"loop {name}"] = f"{kind}, {loop.bearing_link} - {loop.journal_link}"
@@ -408,14 +403,16 @@ class Mechanism(Overview, Described):
     @cached_property
     def visual_model(self) -> pin.GeometryModel:
         """Shapes as the URDF has them, for `model`; stand-ins where it has none."""
-        look: Visuals = load_object("mechanism.visuals:visuals")(self)
-        return look.geometry
+        return self._geometry(collisions=False)
 
     @cached_property
     def collision_model(self) -> pin.GeometryModel:
         """Collision shapes as the URDF has them, for `model`, with no pairs of them chosen."""
-        look: Visuals = load_object("mechanism.visuals:collisions")(self)
-        return look.geometry
+        return self._geometry(collisions=True)
+
+    def _geometry(self, collisions: bool) -> pin.GeometryModel:
+        seen = load_object("mechanism.visuals:look")(self, collisions=collisions)
+        return load_object("mechanism.visuals:geometry_model")(self, seen)
 
     def visualizer(self, meshes: Sequence[str | Path] = (), open: bool = False) -> Any:
         """Pinocchio's MeshcatVisualizer, ready: it plays `Result.q`, in a notebook too.
