@@ -17,33 +17,22 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import KW_ONLY, dataclass
-from itertools import pairwise
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
 from jointplay.contact.compiled import compiled_function
 from jointplay.contact.trust import Absent
-from jointplay.core.errors import (
-    JointplayError,
-    MissingName,
-    Where,
-    require_finite,
-    require_vector,
-)
-from jointplay.core.schema import Described, quantity
+from jointplay.core.errors import JointplayError, MissingName
+from jointplay.core.schema import Described, check_fields, quantity
 from jointplay.kernel.words import NEVER
 
 if TYPE_CHECKING:
-    import pinocchio as pin
-
     from jointplay.mechanism.mechanism import Mechanism
+    from jointplay.mechanism.model import Frame
 
 WORLD = "world"
 """Name of the frame that does not move."""
-
-Frame = tuple[int, "pin.SE3"]
-"""A Pinocchio joint, and a frame's placement in it."""
 
 Vector = tuple[float, float, float]
 
@@ -82,6 +71,10 @@ class Load(Described, ABC):
     """The one word that selects the load."""
     stores: ClassVar[bool] = False
     """Whether its answer at rest is the slope of an energy: a spring's."""
+
+    def __post_init__(self) -> None:
+        """Check the fields."""
+        check_fields(self)
 
     @abstractmethod
     def site(self, mechanism: Mechanism) -> Site:
@@ -133,25 +126,13 @@ class OnFrame(Load):
     at: Vector = quantity("m", default=(0.0, 0.0, 0.0))
     """Point in the axes of `frame` at which it acts [m]."""
 
-    def __post_init__(self) -> None:
-        """Check the point."""
-        object.__setattr__(self, "at", require_vector("at", self.at, "m", ("at",)))
-
-
-def address(load: Load) -> int:
-    """Machine address of the load's compiled law.
-
-    Raises:
-        JointplayError: numba cannot compile it; the message carries numba's reason.
-    """
-    return int(compiled_law(load).address)
-
 
 def compiled_law(load: Load) -> Any:
     """The load's compiled law: its `address`, and `ctypes` to call it from Python.
 
     Raises:
-        JointplayError: see `address`; or it is a function that is not at hand.
+        JointplayError: numba cannot compile it, and the message carries numba's reason; or it is a
+            function that is not at hand.
     """
     law = load.law()
     if isinstance(law, Absent):
@@ -200,16 +181,3 @@ def joint_site(mechanism: Mechanism, joint: str) -> Site:
     """Site of a load at the coordinate of a joint."""
     at = (mechanism.coordinate(joint),)
     return Site(at, at)
-
-
-def require_increasing(
-    name: str, values: Sequence[float], unit: str, where: Where = ()
-) -> tuple[float, ...]:
-    """Return finite numbers that increase as floats, else raise naming the first that does not."""
-    checked = tuple(require_finite(name, one, unit, where) for one in values)
-    for before, after in pairwise(checked):
-        if after <= before:
-            raise JointplayError(
-                f"{name} must increase: {before:g} {unit} is followed by {after:g} {unit}", where
-            )
-    return checked

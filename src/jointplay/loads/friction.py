@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from jointplay.core.errors import JointplayError
-from jointplay.core.schema import check_fields, quantity
+from jointplay.core.schema import quantity
 from jointplay.kernel.words import ALWAYS
 from jointplay.loads.base import Load, Series, Site, joint_site
 
@@ -55,10 +55,6 @@ class LoadedFriction(Load):
     """Of the bearing [m]."""
     axial_radius: float = quantity("m", default=0.0, least=0.0, words="axial radius")
     """Mean radius of the face that takes the force along the axis [m]."""
-
-    def __post_init__(self) -> None:
-        """Check the numbers."""
-        check_fields(self)
 
     def site(self, mechanism: Mechanism) -> Site:
         """The joint's coordinate."""

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pinocchio as pin
 
-from jointplay.core.errors import JointplayError, require_vector
-from jointplay.core.schema import Described, quantity
+from jointplay.core.errors import JointplayError
+from jointplay.core.schema import Described, check_fields, quantity
 
 if TYPE_CHECKING:
     from jointplay.joints import Clearance
@@ -69,10 +69,7 @@ class Loop(Described):
             raise JointplayError(
                 f"a loop needs two links, got {self.bearing_link!r} for both bearing and journal"
             )
-        for name in ("bearing_xyz", "bearing_rpy", "journal_xyz", "journal_rpy"):
-            unit = "m" if name.endswith("xyz") else "rad"
-            checked = require_vector(name, getattr(self, name), unit, (name,))
-            object.__setattr__(self, name, checked)
+        check_fields(self)
 
     @property
     def bearing(self) -> pin.SE3:
