@@ -23,7 +23,7 @@ import numpy as np
 
 from jointplay.contact.compiled import compiled_function
 from jointplay.contact.trust import Absent
-from jointplay.core.errors import JointplayError, MissingName
+from jointplay.core.errors import JointplayError
 from jointplay.core.schema import Described, check_fields, quantity
 from jointplay.kernel.words import NEVER
 
@@ -154,13 +154,10 @@ def frame(mechanism: Mechanism, name: str, at: Vector = (0.0, 0.0, 0.0)) -> Fram
 
     model = mechanism.model
     place = pin.SE3(np.eye(3), np.array(at))
-    if model.existFrame(name):
-        found_frame = model.frames[frame_index(model, name)]
-        return int(found_frame.parentJoint), found_frame.placement * place
-    if name == WORLD:
+    if name == WORLD and not model.existFrame(name):
         return 0, place
-    names = [one.name for one in model.frames if one.name != "universe"]
-    raise MissingName("frame for a load", name, dict.fromkeys([WORLD, *names]))
+    held = model.frames[frame_index(model, name, "frame for a load", (WORLD,))]
+    return int(held.parentJoint), held.placement * place
 
 
 def between(mechanism: Mechanism, first: Frame, second: Frame) -> Site:

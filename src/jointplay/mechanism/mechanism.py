@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from jointplay.core.errors import JointplayError, MissingName, require_finite, within
+from jointplay.core.errors import JointplayError, MissingName, Where, require_finite, within
 from jointplay.core.imports import load_object
 from jointplay.core.overview import Overview, few
 from jointplay.core.schema import Described, plain, quantity
@@ -49,10 +49,19 @@ def signs_between(model: pin.Model, first: int, second: int) -> np.ndarray:
     return signs
 
 
-def frame_index(model: pin.Model, name: str) -> int:
-    """Index of the frame `name`; if a link and a joint are called like this, of the link's."""
+def frame_index(
+    model: pin.Model, name: str, noun: str = "frame", more: Sequence[str] = (), where: Where = ()
+) -> int:
+    """Index of the frame `name`; if a link and a joint are called like this, of the link's.
+
+    Raises:
+        MissingName: no such frame; `noun` is what it is called, `more` what there is besides.
+    """
     if model.existFrame(name, pin.FrameType.BODY):
         return int(model.getFrameId(name, pin.FrameType.BODY))
+    if not model.existFrame(name):
+        frames = (frame.name for frame in model.frames if frame.name != "universe")
+        raise MissingName(noun, name, dict.fromkeys([*more, *frames]), where=where)
     return int(model.getFrameId(name))
 
 
@@ -149,9 +158,7 @@ class Mechanism(Overview, Described):
         if tool is not None and not isinstance(tool, str):
             raise JointplayError(f"tool must be the name of a frame, got {tool!r}", ("tool",))
         self.tool = tool if tool is not None else source.frames[source.nframes - 1].name
-        if not self.model.existFrame(self.tool):
-            frames = [frame.name for frame in source.frames if frame.name != "universe"]
-            raise MissingName("frame", self.tool, frames, where=("tool",))
+        self.tool_frame = frame_index(self.model, self.tool, where=("tool",))
         for name, gear in self.gears.items():
             with within("gears", name):
                 self._check_gear(name, gear)
@@ -165,7 +172,7 @@ class Mechanism(Overview, Described):
         }
         if needed:
             self._make(source, needed)
-        self.tool_frame = frame_index(self.model, self.tool)
+            self.tool_frame = frame_index(self.model, self.tool)
 
     def _check_gear(self, name: str, gear: Gear) -> None:
         if not isinstance(gear, Gear):

@@ -6,7 +6,7 @@ import csv
 import io
 import shlex
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
@@ -182,7 +182,7 @@ class JointEntry:
 
     @property
     def upper(self) -> float | None:
-        """Upper limit of its position [rad or m]; likewise."""
+        """Upper limit of its position, likewise."""
         return self.declared.limits(self.name).upper
 
     @property
@@ -192,7 +192,7 @@ class JointEntry:
 
     @property
     def effort(self) -> float | None:
-        """Limit of its effort [N m or N]; likewise."""
+        """Limit of its effort [N m or N], likewise."""
         return self.declared.limits(self.name).effort
 
     @property
@@ -400,13 +400,20 @@ def leaders(root: ElementTree.Element) -> tuple[dict[str, str], dict[str, str]]:
         leader = mimic.get("joint", "")
         (followers if leader in joints else astray)[name] = leader
     for name in followers:
-        way = [name]
-        while way[-1] in followers:
-            way.append(followers[way[-1]])
-            if way[-1] in way[:-1]:
-                ring = " - ".join(way[way.index(way[-1]) :])
-                raise JointplayError(f"joints mimic each other in a ring: {ring}")
+        _, ring = _ascend(name, followers, ())
+        if ring:
+            raise JointplayError(f"joints mimic each other in a ring: {ring}")
     return followers, astray
+
+
+def _ascend(name: str, above: Mapping[str, str], known: Collection[str]) -> tuple[list[str], str]:
+    """Way from `name` to what has nothing above or is known, and the ring in which it ends."""
+    way = [name]
+    while way[-1] in above and way[-1] not in known:
+        way.append(above[way[-1]])
+        if way[-1] in way[:-1]:
+            return way, " - ".join(way[way.index(way[-1]) :])
+    return way, ""
 
 
 def _check_names(kind: str, names: Sequence[str]) -> None:
@@ -449,17 +456,15 @@ def _check_placements(root: ElementTree.Element) -> None:
 
 def _check_pictures(root: ElementTree.Element) -> None:
     """Refuse shapes whose sizes, and colours whose components, are not the numbers they must be."""
-    for link in root.findall("link"):
-        owner = f"link {link.get('name', '')!r}"
-        for geometry in link.findall("visual/geometry") + link.findall("collision/geometry"):
+    for element in root:
+        if element.tag not in ("link", "material"):
+            continue
+        owner = f"{element.tag} {element.get('name', '')!r}"
+        for geometry in element.findall("visual/geometry") + element.findall("collision/geometry"):
             for shape in geometry:
                 for key in SHAPES.get(shape.tag, ()):
                     _check_size(shape, key, f"{owner}: {shape.tag} {key}")
-        for colour in link.findall("visual/material/color"):
-            _numbers(colour, "rgba", f"{owner}: color rgba", 4, "1 1 1 1")
-    for material in root.findall("material"):
-        for colour in material.findall("color"):
-            owner = f"material {material.get('name', '')!r}"
+        for colour in element.findall("visual/material/color") + element.findall("color"):
             _numbers(colour, "rgba", f"{owner}: color rgba", 4, "1 1 1 1")
 
 
@@ -534,20 +539,18 @@ def _check_tree(path: Path, links: Collection[str], joints: Iterable[JointEntry]
             f"the URDF {str(path)!r} falls apart: {', '.join(map(repr, roots))} have no parent; "
             "exactly one link must have none"
         )
-    good: dict[str, int] = dict.fromkeys(roots, 1)
+    parents = {link: joint.parent for link, joint in above.items()}
+    depth: dict[str, int] = dict.fromkeys(roots, 1)
     for link in links:
-        way = [link]
-        while way[-1] not in good:
-            way.append(above[way[-1]].parent)
-            if way[-1] in way[:-1]:
-                ring = " - ".join(way[way.index(way[-1]) :])
-                raise JointplayError(
-                    f"the URDF {str(path)!r} is cyclic: {ring}; describe one of these joints as a "
-                    "loop instead"
-                )
+        way, ring = _ascend(link, parents, depth)
+        if ring:
+            raise JointplayError(
+                f"the URDF {str(path)!r} is cyclic: {ring}; describe one of these joints as a "
+                "loop instead"
+            )
         for one in reversed(way[:-1]):
-            good[one] = good[above[one].parent] + 1
-            if good[one] > MOST_IN_SERIES:
+            depth[one] = depth[parents[one]] + 1
+            if depth[one] > MOST_IN_SERIES:
                 raise JointplayError(
                     f"the URDF {str(path)!r} has more than {MOST_IN_SERIES} links in series, up "
                     f"to {one!r}; at most {MOST_IN_SERIES} are possible"

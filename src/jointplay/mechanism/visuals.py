@@ -302,7 +302,8 @@ def _surface(form: Form) -> Surface:
         mesh = trimesh.creation.capsule(sizes[1], sizes[0], count=[32, 32])
         mesh.vertices -= mesh.bounds.mean(axis=0)
     else:
-        mesh = trimesh.creation.uv_sphere(sizes[0], count=[24, 32])
+        mesh = trimesh.creation.uv_sphere(1.0, count=[24, 32])
+        mesh.vertices *= sizes[0]  # of one of a millimetre trimesh would leave no triangle
     return surface(mesh.vertices, mesh.faces)
 
 

@@ -95,11 +95,7 @@ class Arm:
         if not self.joints:
             raise JointplayError("a Cartesian motion needs moving joints, this robot has none")
         self.model, self.data = ideal.model, ideal.data
-        name = ideal.tool if frame is None else frame
-        if not self.model.existFrame(name):
-            frames = [known.name for known in self.model.frames if known.name != "universe"]
-            raise MissingName("frame", name, frames)
-        self.frame = frame_index(self.model, name)
+        self.frame = frame_index(self.model, ideal.tool if frame is None else frame)
         self.low, self.high = joint_limits(mechanism, self.joints)
         self.rank = 0
 
