@@ -117,6 +117,23 @@ class Load(Described, ABC):
 
 
 @dataclass(frozen=True)
+class OnJoint(Load):
+    """What loads have in common that act on the coordinate of a joint."""
+
+    joint: str
+    """Joint on which it acts."""
+
+    def site(self, mechanism: Mechanism) -> Site:
+        """The joint's coordinate: yaw, or z of a slider, if it has clearance."""
+        at = (mechanism.coordinate(self.joint),)
+        return Site(at, at)
+
+    def record(self, x: np.ndarray, answers: np.ndarray) -> Sequence[Series]:
+        """The torque on the joint's child."""
+        return (Series("torque", answers[:, 0], "N m or N"),)
+
+
+@dataclass(frozen=True)
 class OnFrame(Load):
     """What loads have in common that act at a point of a link or frame."""
 
@@ -172,9 +189,3 @@ def between(mechanism: Mechanism, first: Frame, second: Frame) -> Site:
             f"both belong to {mechanism.model.names[first[0]]!r}"
         )
     return Site(frames=(first, second))
-
-
-def joint_site(mechanism: Mechanism, joint: str) -> Site:
-    """Site of a load at the coordinate of a joint."""
-    at = (mechanism.coordinate(joint),)
-    return Site(at, at)

@@ -14,14 +14,13 @@ from jointplay.core.schema import quantity
 from jointplay.kernel.words import ALWAYS, IF_PRESSED, NEVER
 from jointplay.loads.base import (
     WORLD,
-    Load,
     OnFrame,
+    OnJoint,
     Series,
     Site,
     Vector,
     between,
     frame,
-    joint_site,
 )
 
 if TYPE_CHECKING:
@@ -208,29 +207,19 @@ def _stopped(time: Any, x: Any, dx: Any, p: Any, out: Any) -> None:
 
 
 @dataclass(frozen=True)
-class _AtJoint(Load):
+class _AtJoint(OnJoint):
     """What springs at a joint have in common."""
 
     stores: ClassVar[bool] = True
 
-    joint: str
-    """Joint at which it acts."""
     stiffness: float = quantity("N*m/rad", "N/m", above=0.0)
     """[N m/rad, or N/m for prismatic joints]."""
     damping: float = quantity("N*m*s/rad", "N*s/m", default=0.0, least=0.0)
     """[N m s/rad or N s/m]."""
 
-    def site(self, mechanism: Mechanism) -> Site:
-        """The joint's coordinate: yaw, or z of a slider, if it has clearance."""
-        return joint_site(mechanism, self.joint)
-
     def steepest(self) -> float:
         """Its stiffness."""
         return self.stiffness
-
-    def record(self, x: np.ndarray, answers: np.ndarray) -> Sequence[Series]:
-        """The torque on the joint's child."""
-        return (Series("torque", answers[:, 0], "N m or N"),)
 
 
 @dataclass(frozen=True)

@@ -210,7 +210,9 @@ def survey(place: str | Path) -> Survey:
     from jointplay.mechanism.mechanism import Mechanism
     from jointplay.mechanism.urdf import elements, impossible_inertias, leaders
 
-    path, name = find(place)
+    path = urdf_of(place)
+    given = is_file(Path(place)) or Path(place).suffix in (".urdf", ".xml")
+    name = path.stem if given else str(place).removeprefix(PREFIX)
     root = elements(path)
     joints = {joint.get("name", ""): joint for joint in root.findall("joint")}
     moving = {n: joint.get("type", "") for n, joint in joints.items()}
@@ -234,19 +236,6 @@ def survey(place: str | Path) -> Survey:
     paths = [set(model.supports[joint]) for joint in turning]
     serial = bool(paths) and max(paths, key=len).issuperset(turning)
     return Survey(name, path, moving, serial, unphysical, mimics, massless, "", astray, mechanism)
-
-
-def find(place: str | Path) -> tuple[Path, str]:
-    """URDF of a robot of the package or of a path, and what to call it.
-
-    Raises:
-        JointplayError, MissingName: see `robot_urdf`.
-    """
-    text = str(place)
-    if isinstance(place, Path) or Path(text).suffix in (".urdf", ".xml") or is_file(Path(text)):
-        return Path(place), Path(place).stem
-    name = text.removeprefix(PREFIX)
-    return robot_urdf(name), name
 
 
 def _list(words: tuple[str, ...], most: int = 4) -> str:
