@@ -79,6 +79,9 @@ class Pressed(NamedTuple):
 class Play(ABC):
     """The set of small displacements that a joint's play allows; it contains zero."""
 
+    excess: float = 0.0
+    """Part by which the set may be larger than the true one, the second order of the play."""
+
     @abstractmethod
     def support(self, loads: np.ndarray) -> Support:
         """The farthest displacements in the directions of `loads`, shape (n, 6) [N, N m]."""
@@ -106,11 +109,6 @@ class Play(ABC):
         """
         return None
 
-    @property
-    def excess(self) -> float:
-        """Part by which the set may be larger than the true one, the second order of the play."""
-        return 0.0
-
 
 @dataclass(frozen=True)
 class JournalPlay(Play):
@@ -129,7 +127,7 @@ class JournalPlay(Play):
     """L_j; infinite if the journal cannot lean [m]."""
     rim: float
     """R_j [m]; zero if nothing limits the lean but the bore."""
-    widening: float = 0.0
+    excess: float = 0.0
     """Part of the clearances by which they were widened."""
     radius: float = 0.0
     """R_j again, the arm of friction along the axis, which acts without walls too [m]."""
@@ -139,11 +137,6 @@ class JournalPlay(Play):
         """To the corner of disc and way; rims on opposite sides, or at the walls."""
         along = 0.0 if math.isinf(self.along) else self.along
         return math.hypot(self.across, along), self._lean
-
-    @property
-    def excess(self) -> float:
-        """What leaning adds to the clearances."""
-        return self.widening
 
     @property
     def cones(self) -> Cones:
@@ -375,13 +368,8 @@ class BlockPlay(Play):
     """Half width (x), half height (y), half length (z) of the slider [m]."""
     turns: tuple[bool, bool, bool]
     """Whether it can turn about x, y, z."""
-    widening: float = 0.0
+    excess: float = 0.0
     """Part of the clearances by which they were widened."""
-
-    @property
-    def excess(self) -> float:
-        """What turning adds to the clearances."""
-        return self.widening
 
     @property
     def cones(self) -> Cones:

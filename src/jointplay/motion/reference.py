@@ -39,7 +39,7 @@ def check_waypoints(values: Mapping[str, np.ndarray]) -> None:
             raise JointplayError(
                 f"{name} must be finite; waypoint {bad[0] + 1} is not", (name, int(bad[0]))
             )
-    require_increasing("waypoint times", values["times"], "s", ("times",))
+    require_increasing("waypoint times", values["times"].tolist(), "s", ("times",))
 
 
 @dataclass(frozen=True)
