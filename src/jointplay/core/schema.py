@@ -157,7 +157,7 @@ def _several(hint: Any, words: str, given: Any, unit: str, where: Where) -> Any:
     if hint == _VECTOR:
         return require_vector(words, given, unit, where)
     if hint == tuple[_VECTOR, ...]:
-        return tuple(require_vector(words, one, unit, where) for one in given)
+        return tuple(require_vector(words, one, unit, (*where, i)) for i, one in enumerate(given))
     if hint == tuple[float, ...]:
         return tuple(require_finite(words, one, unit, (*where, i)) for i, one in enumerate(given))
     return given

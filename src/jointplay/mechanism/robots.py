@@ -176,26 +176,17 @@ class Survey:
         )
 
     @property
-    def revolute(self) -> tuple[str, ...]:
-        """Joints that can get clearance as revolute joints."""
-        return tuple(n for n, kind in self.moving.items() if kind in ("revolute", "continuous"))
-
-    @property
     def remarks(self) -> tuple[str, ...]:
         """What is not as it should be, in words."""
-        remarks = []
-        if self.problem:
-            remarks.append(self.problem)
-        if self.massless:
-            remarks.append(f"cannot be simulated: {_list(self.massless)} move no mass")
-        if self.unphysical:
-            remarks.append(f"impossible inertia, to be allowed by name: {_list(self.unphysical)}")
-        if self.mimics:
-            remarks.append(f"joints that follow others: {_list(self.mimics)}")
-        if self.astray:
-            words = tuple(f"{name} ({leader})" for name, leader in self.astray.items())
-            remarks.append(f"move on their own, for what they mimic does not exist: {_list(words)}")
-        return tuple(remarks)
+        astray = tuple(f"{name} ({leader})" for name, leader in self.astray.items())
+        remarks = (
+            (self.massless, "cannot be simulated: {} move no mass"),
+            (self.unphysical, "impossible inertia, to be allowed by name: {}"),
+            (self.mimics, "joints that follow others: {}"),
+            (astray, "move on their own, for what they mimic does not exist: {}"),
+        )
+        found = tuple(text.format(_list(names)) for names, text in remarks if names)
+        return (self.problem, *found) if self.problem else found
 
 
 def survey(place: str | Path) -> Survey:
