@@ -183,4 +183,4 @@ def _with_gear(options: argparse.Namespace, mechanism: Any, scenario: bool) -> A
             if name not in values:
                 raise JointplayError(f"{given[name][2]} is missing: a gear with play needs it")
     gears = {name: replace(gear, **values) for name, gear in mechanism.gears.items()}
-    return mechanism._with(mechanism.clearance, gears)
+    return mechanism.with_clearance(mechanism.clearance, gears)

@@ -42,6 +42,7 @@ from jointplay.core.errors import (
     require_finite,
     require_non_negative,
     require_positive,
+    require_vector,
     within,
 )
 from jointplay.core.units import convert, expected, toml_text
@@ -57,6 +58,8 @@ _WORDS = "words"
 
 _SINGLE = ("float", "float | None")
 """Types of fields that hold a single number."""
+
+_VECTOR = tuple[float, float, float]
 
 
 def quantity(
@@ -118,31 +121,46 @@ def units_of(field: dataclasses.Field[Any]) -> tuple[str, ...] | None:
 
 
 def check_fields(value: Any) -> None:
-    """Read what fields of a dataclass were given as files have it; numbers must be in range.
+    """Read what fields of a dataclass were given as files have it; values must be possible.
 
     Text with a unit becomes a number, a word or a table what it stands for: ``"0.2 mm"``,
-    ``"flores"``. Single numbers that have a unit become floats; fields that hold several numbers
-    the class checks itself.
+    ``"flores"``. Numbers that have a unit become floats, in lists and vectors too.
 
     Raises:
-        JointplayError: a value that cannot be, or a number that is not finite or out of its range,
-            with the field's name as its place.
+        JointplayError: a value that cannot be, a word that is none of the field's choices, or a
+            number that is not finite or out of its range, with the field's name as its place.
     """
     kind: type = type(value)
     for field in dataclasses.fields(value):
         units, given = units_of(field), getattr(value, field.name)
-        if isinstance(given, str | int | float | Mapping | list | tuple):
-            known = fields_of(kind).get(field.name)
-            if known is not None and _as_in_files(known.hint, given):
+        known = fields_of(kind).get(field.name)
+        if isinstance(given, str | int | float | Mapping | list | tuple) and known is not None:
+            if _as_in_files(known.hint, given):
                 given = _read_field(known, given)
                 object.__setattr__(value, field.name, given)
+            if known.choices is not None and is_word(known.hint) and given not in known.choices[1]:
+                noun, words = known.choices
+                raise MissingName(noun, str(given), words, where=(field.name,))
         hint = "float" if field.type is float else str(field.type)
-        if units is None or hint not in _SINGLE or (given is None and field.default is None):
+        if units is None or (given is None and field.default is None):
             continue
-        words = field.metadata[_WORDS] or field.name
-        where: Where = (field.name,)
-        number = field.metadata[_RANGE](words, given, units[0].replace("*", " "), where)
-        object.__setattr__(value, field.name, number)
+        words, where = field.metadata[_WORDS] or field.name, (field.name,)
+        unit = units[0].replace("*", " ")
+        if hint in _SINGLE:
+            object.__setattr__(value, field.name, field.metadata[_RANGE](words, given, unit, where))
+        elif known is not None:
+            object.__setattr__(value, field.name, _several(known.hint, words, given, unit, where))
+
+
+def _several(hint: Any, words: str, given: Any, unit: str, where: Where) -> Any:
+    """Numbers in a tuple, or vectors in one, checked; anything else as it is."""
+    if hint == _VECTOR:
+        return require_vector(words, given, unit, where)
+    if hint == tuple[_VECTOR, ...]:
+        return tuple(require_vector(words, one, unit, (*where, i)) for i, one in enumerate(given))
+    if hint == tuple[float, ...]:
+        return tuple(require_finite(words, one, unit, (*where, i)) for i, one in enumerate(given))
+    return given
 
 
 def _as_in_files(hint: Any, given: Any) -> bool:

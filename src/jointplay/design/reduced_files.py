@@ -479,7 +479,7 @@ def to_urdf(mechanism: Mechanism, reduction: Reduction) -> str:
     Without play in a gear only the joint's <dynamics> change. With it, the joint moves a link that
     is the motor's rotor, which moves the old child by `J_play`, whose limits are the dead band.
     """
-    root = ElementTree.fromstring(mechanism.description.text)
+    root = mechanism.description.elements()
     joint = next(j for j in root.findall("joint") if j.get("name") == reduction.joint)
     for old in joint.findall("dynamics"):
         joint.remove(old)

@@ -226,7 +226,7 @@ def reduce(
     require_positive("period", period, "s")
     bearings = {} if clearance is None else {joint: clearance}
     gears = {joint: mechanism.gears[joint]} if joint in mechanism.gears else {}
-    alone = mechanism._with(bearings, gears)
+    alone = mechanism.with_clearance(bearings, gears)
     positions = dict(pose or {})
     result = _full_run(alone, joint, positions, amplitude, period, joint_friction, progress)
     entry = mechanism.description.joints[joint]

@@ -185,7 +185,7 @@ def _only(simulation: Simulation, source: str) -> Simulation:
     own = [c for c in mechanism.coordinates if c.part and (c.joint == source or c.joint in gears)]
     state: dict[str, Any] = {**state_without_play(simulation)}
     state |= {name: at for name, at in simulation.state.items() if name in own}
-    return replace(simulation, mechanism=mechanism._with(joints, gears), state=state)
+    return replace(simulation, mechanism=mechanism.with_clearance(joints, gears), state=state)
 
 
 @dataclass(frozen=True)

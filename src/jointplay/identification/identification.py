@@ -940,7 +940,7 @@ def apply(
             gears[one.joint] = replace(gears[one.joint], stiffness=1.0 / max(float(value), 1e-12))
         elif one.name not in ("dry_friction", "torsional_compliance"):
             joints[one.joint] = with_clearance(joints[one.joint], {one.name: float(value)})
-    return mechanism._with(joints, gears)
+    return mechanism.with_clearance(joints, gears)
 
 
 def _assumed(

@@ -200,7 +200,7 @@ def _perturbed(simulation: Simulation, identification: Identification, number: i
             shift = identification.half_width[i] / _NORMAL * random.standard_normal()
             play = max(gears[one.joint].play + shift, 0.0)
             gears[one.joint] = replace(gears[one.joint], play=float(play))
-    made_of = mechanism._with(joints, gears)
+    made_of = mechanism.with_clearance(joints, gears)
     seed = None if all(getattr(j, "ideal", False) for j in joints.values()) else number + 1
     return replace(simulation, mechanism=made_of, seed=seed)
 

@@ -185,7 +185,7 @@ class HistoryBuilder:
 
     def totals(self, workspace: Workspace) -> dict[str, xr.DataArray]:
         """Variables that count over the whole run, by name; their azimuths are in them."""
-        if not any(joint.wears for joint in self._mechanism.clearance.values()):
+        if not any(joint.wear is not None for joint in self._mechanism.clearance.values()):
             return {}
         import xarray as xr  # takes long to import
 

@@ -18,7 +18,8 @@ from jointplay.loads.drive import JointFriction
 from jointplay.mechanism.impact import elastic_energy
 from jointplay.mechanism.loop import ANGLE_ARM_M, locked
 from jointplay.mechanism.mechanism import Mechanism
-from jointplay.mechanism.tree import BodyMotion, Frame, Tree
+from jointplay.mechanism.model import Frame
+from jointplay.mechanism.tree import BodyMotion, Tree
 
 # Records that a run left, whole or a portion of them, wherever they are kept.
 

@@ -346,7 +346,7 @@ def complete(
     added = complete_motion(mechanism, motion, start, alone)
     for name in added.held:
         start.pop(name, None)
-    return added.motion, added.told()
+    return added.motion, added.notes()
 
 
 def build(model: Model, folder: Path, built: Built) -> tuple[Simulation, list[str]]:
