@@ -18,7 +18,7 @@ from jointplay.contact import (
     normal_law,
 )
 from jointplay.contact.compiled import address, compiled_law, parameter_names
-from jointplay.contact.film.law import FilmProperties
+from jointplay.contact.film import FilmProperties
 from jointplay.core.schema import units_of
 
 NEEDED = {

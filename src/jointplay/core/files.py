@@ -39,7 +39,6 @@ _made: list[Path] = []
 _NO_LINKS = {errno.EPERM, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS, errno.EMLINK}
 """What file systems without hard links say."""
 
-
 MARK = ".jointplay-owner"
 """Name of the file in a temporary folder of ours that says of which machine it is; its owner holds
 a lock on it, which ends with the owner."""
@@ -58,6 +57,20 @@ _HDF5 = b"\x89HDF"
 
 PICTURES = {"png": "Software", "pdf": "Creator", "svg": "Creator"}
 """Formats of pictures, each with the entry of its metadata that names the program."""
+
+
+@contextmanager
+def system_errors(failure: str) -> Iterator[None]:
+    """Say of errors of the operating system in the block what could not be done, and why.
+
+    Also of a ValueError, which Python raises for names that no file can have.
+    """
+    try:
+        yield
+    except JointplayError:
+        raise
+    except (OSError, ValueError) as error:
+        raise JointplayError(f"{failure}: {getattr(error, 'strerror', None) or error}") from None
 
 
 def write(
@@ -147,11 +160,9 @@ def check_own(path: Path, mark: bytes, what: str) -> None:
     Raises:
         JointplayError: a file is there that does not begin with `mark`, or cannot be read.
     """
-    try:
+    with system_errors(f"cannot write {str(path)!r}"):
         if not os.path.lexists(path) or begins(path, mark):
             return
-    except OSError as error:
-        raise cannot_write(path, error) from None
     raise JointplayError(
         f"{str(path)!r} is no {what} of jointplay, which would be written there; move it, or name "
         "another file or folder for the results"
@@ -171,18 +182,15 @@ def append(path: Path, text: str) -> None:
     Raises:
         JointplayError: it cannot be written; the file is as it was.
     """
-    try:
-        with path.open("ab", buffering=0) as file:
-            length = file.seek(0, os.SEEK_END)
-            content = text.encode()
-            try:
-                if file.write(content) != len(content):  # a disk that is full takes a part
-                    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-            except OSError:
-                file.truncate(length)
-                raise
-    except OSError as error:
-        raise cannot_write(path, error) from None
+    with system_errors(f"cannot write {str(path)!r}"), path.open("ab", buffering=0) as file:
+        length = file.seek(0, os.SEEK_END)
+        content = text.encode()
+        try:
+            if file.write(content) != len(content):  # a disk that is full takes a part
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        except OSError:
+            file.truncate(length)
+            raise
 
 
 @contextmanager
@@ -204,23 +212,18 @@ def writing(
         raise JointplayError(f"{str(path)!r} is a folder; name a file")
     part = path.with_name(f".{path.name[:40]}.{os.getpid()}-{secrets.token_hex(4)}.part")
     try:
-        if not overwrite and os.path.lexists(path):
-            raise FileExistsError
-        with part.open("w+b") as file:
-            yield file
-            file.flush()
-            os.fsync(file.fileno())
-        if overwrite:
-            part.replace(path)
-        else:
-            _name(part, path)
-        _sync(path.parent)
-    except JointplayError:
-        raise
-    except FileExistsError:
-        raise exists(path) from None
-    except (OSError, ValueError) as error:  # ValueError: a name that no file can have
-        raise cannot_write(path, error) from None
+        with system_errors(f"cannot write {str(path)!r}"):
+            if not overwrite and os.path.lexists(path):
+                raise exists(path)
+            with part.open("w+b") as file:
+                yield file
+                file.flush()
+                os.fsync(file.fileno())
+            if overwrite:
+                part.replace(path)
+            else:
+                _name(part, path)
+            _sync(path.parent)
     finally:
         with suppress(OSError, ValueError):
             part.unlink()
@@ -233,10 +236,10 @@ def _name(part: Path, path: Path) -> None:
     try:
         os.link(part, path)  # fails if the name is taken, which a rename does not
     except OSError as error:
+        if isinstance(error, FileExistsError) or os.path.lexists(path):
+            raise exists(path) from None
         if error.errno not in _NO_LINKS:
             raise
-        if os.path.lexists(path):
-            raise FileExistsError from None
         part.rename(path)
 
 
@@ -257,8 +260,7 @@ def exists(path: Path) -> JointplayError:
 
 def cannot_write(path: Path, error: Exception) -> JointplayError:
     """What to say of a file that cannot be written."""
-    reason = getattr(error, "strerror", None) or error
-    return JointplayError(f"cannot write {str(path)!r}: {reason}")
+    return JointplayError(f"cannot write {str(path)!r}: {getattr(error, 'strerror', '') or error}")
 
 
 def temporary(what: str = "files") -> tempfile.TemporaryDirectory[str]:
@@ -307,10 +309,12 @@ def _sweep(place: Path) -> None:
 
 def is_file(path: Path) -> bool:
     """Whether there is such a file; False also for names that none can have."""
-    try:
-        return path.is_file()
-    except (OSError, ValueError):
-        return False
+    return os.path.isfile(path)
+
+
+def is_folder(path: Path) -> bool:
+    """Whether there is such a folder; False also for names that none can have."""
+    return os.path.isdir(path)
 
 
 def absent(path: Path, what: str) -> JointplayError:
@@ -383,19 +387,8 @@ def read_text(path: Path, what: str, most: int = MOST_TEXT) -> str:
     Raises:
         JointplayError: it cannot be read, is another kind of thing, larger, or other text.
     """
-    try:
+    with system_errors(f"cannot read the {what} {str(path)!r}"):
         return read_plain(path, most).decode("utf-8-sig")
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise JointplayError(f"cannot read the {what} {str(path)!r}: {reason}") from None
-
-
-def is_folder(path: Path) -> bool:
-    """Whether there is such a folder; False also for names that none can have."""
-    try:
-        return path.is_dir()
-    except (OSError, ValueError):
-        return False
 
 
 def csv_rows(path: Path, what: str) -> list[tuple[int, list[str]]]:
@@ -435,7 +428,7 @@ def check_new(path: str | Path) -> Path:
         JointplayError: it exists, or its folder does not or cannot be written to.
     """
     path = Path(path)
-    try:
+    with system_errors(f"cannot write {str(path)!r}"):
         with suppress(FileNotFoundError, NotADirectoryError):
             path.lstat()  # which refuses names that no file can have
             raise exists(path)
@@ -443,10 +436,6 @@ def check_new(path: str | Path) -> Path:
             raise JointplayError(f"cannot write {str(path)!r}: no folder {str(path.parent)!r}")
         with tempfile.TemporaryFile(dir=path.parent):
             pass
-    except (OSError, ValueError) as error:
-        if isinstance(error, JointplayError):
-            raise
-        raise cannot_write(path, error) from None
     return path
 
 
@@ -472,7 +461,7 @@ def claim(folder: str | Path, names: Iterable[str]) -> Path:
             or it cannot be written to.
     """
     folder = Path(folder)
-    try:
+    with system_errors(f"cannot write to {str(folder)!r}"):
         for one in [p for p in (*reversed(folder.parents), folder) if not p.exists()]:
             with suppress(FileExistsError):
                 one.mkdir()
@@ -483,11 +472,6 @@ def claim(folder: str | Path, names: Iterable[str]) -> Path:
         refuse_present(folder, names)
         with tempfile.TemporaryFile(dir=folder):
             pass
-    except (OSError, ValueError) as error:
-        if isinstance(error, JointplayError):
-            raise
-        reason = getattr(error, "strerror", None) or error
-        raise JointplayError(f"cannot write to {str(folder)!r}: {reason}") from None
     return folder
 
 
@@ -539,14 +523,17 @@ def release(folder: str | Path) -> None:
 
 def _present(folder: Path, name: str) -> str:
     """What to say of a file that is in the way: whether it is whole, or the rest of a run."""
+    from jointplay.core import hdf5
+
     path = folder / name
     what = ""
-    if is_file(path):
-        with path.open("rb") as file:
-            begin = file.read(len(_HDF5))
-        if not begin:
-            what = "empty"
-        elif begin == _HDF5 and not _loads(path):
+    if is_file(path) and path.stat().st_size == 0:
+        what = "empty"
+    elif begins(path, _HDF5):
+        try:
+            with hdf5.examined(path):
+                pass
+        except JointplayError:
             what = "broken"
     if what:
         return (
@@ -554,14 +541,3 @@ def _present(folder: Path, name: str) -> str:
             "or name another folder"
         )
     return f"{str(folder)!r} already holds results ({name}); name another folder"
-
-
-def _loads(path: Path) -> bool:
-    """Whether it is whole as far as HDF5 goes."""
-    from jointplay.core import hdf5
-
-    try:
-        with hdf5.examined(path):
-            return True
-    except JointplayError:
-        return False

@@ -102,9 +102,7 @@ class OfFunction(Load):
     def __reduce__(self) -> tuple[Any, ...]:
         """Go to another process by the name of its function, as to a file."""
         fields = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}  # type: ignore[arg-type]
-        function = fields.pop("function")
-        place = function if isinstance(function, Absent) else named(function)
-        return _restored, (type(self), place, fields)
+        return _restored, (type(self), named(fields.pop("function")), fields)
 
 
 def _check_arguments(function: Any, expected: tuple[str, ...]) -> None:
@@ -122,9 +120,9 @@ def _check_arguments(function: Any, expected: tuple[str, ...]) -> None:
         )
 
 
-def _restored(kind: Any, place: Place | Absent, fields: dict[str, Any]) -> Any:
-    function: Any = place if isinstance(place, Absent) else resolved_function(place)
-    return kind(function=function, **fields)
+def _restored(kind: Any, place: Place, fields: dict[str, Any]) -> Any:
+    """Build a load again from the name of its function."""
+    return kind(function=resolved_function(place), **fields)
 
 
 AXES = ("world", "frame")

@@ -180,29 +180,18 @@ def motion_variables(
     mechanism: Mechanism, records: Records, q: np.ndarray, v: np.ndarray, body: Mapping[str, Any]
 ) -> Variables:
     """Variables of the coordinates, the tool, and gravity."""
+    orientation = "orientation of the tool in the world, unit quaternion w, x, y, z"
+    spin = "angular velocity of the tool, world axes"
     return {
         "q": (("time", "coordinate"), q, "", "generalised coordinates"),
         "v": (("time", "coordinate"), v, "", "generalised velocities"),
         "drive": (("time", "coordinate"), records.recorded("drive"), "", "drive efforts"),
         "tool_position": (("time", "axis"), body["position"], "m", f"{mechanism.tool}, world axes"),
         "tool_velocity": (("time", "axis"), body["velocity"], "m/s", "of the tool, world axes"),
-        **orientation_variables(body),
+        "tool_orientation": (("time", "quaternion"), body["orientation"], "1", orientation),
+        "tool_angular_velocity": (("time", "axis"), body["spin"], "rad/s", spin),
         "kinetic_energy": (("time",), body["kinetic"], "J", "kinetic energy"),
         "potential_energy": (("time",), body["potential"], "J", "potential energy of gravity"),
-    }
-
-
-def orientation_variables(body: Mapping[str, Any]) -> dict[str, Any]:
-    """The tool's orientation and angular velocity."""
-    text = "orientation of the tool in the world, unit quaternion w, x, y, z"
-    return {
-        "tool_orientation": (("time", "quaternion"), body["orientation"], "1", text),
-        "tool_angular_velocity": (
-            ("time", "axis"),
-            body["spin"],
-            "rad/s",
-            "angular velocity of the tool, world axes",
-        ),
     }
 
 
