@@ -47,7 +47,7 @@ def test_values_may_be_written_as_in_files():
         radial_clearance=2e-4,
         axial_clearance=2e-4,
         bearing_material=jp.material("bronze"),
-        normal=jp.contact.normal_law("hertz"),
+        normal=jp.contact.Hertz(),
         friction=jp.contact.Ambrosio(mu_d=0.05),
     )
     assert as_text == as_objects

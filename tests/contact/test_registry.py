@@ -13,12 +13,13 @@ from jointplay.contact import (
     FRICTION_LAWS,
     NORMAL_LAWS,
     ContactProperties,
-    friction_law,
-    normal_law,
+    FrictionLaw,
+    NormalForceLaw,
 )
 from jointplay.contact.trust import trusting
 from jointplay.core.errors import MissingName
 
+normal_law, friction_law = NormalForceLaw.from_description, FrictionLaw.from_description
 NEEDED = {"kelvin-voigt": {"damping": 30.0}, "anagnostopoulos": {"mass": 2.0}}
 EVERY = [(normal_law, name) for name in NORMAL_LAWS] + [
     (friction_law, name) for name in FRICTION_LAWS

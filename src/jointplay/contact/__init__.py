@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 from jointplay.contact.bristle import BristleLaw, Bristles, Dahl, GonthierFriction, LuGre
 from jointplay.contact.custom import CustomBristle, CustomFilm, CustomFriction, CustomNormalForce
 from jointplay.contact.film import (
@@ -41,7 +38,7 @@ from jointplay.contact.line_contact import (
     Radzimovsky,
 )
 from jointplay.contact.linear import Anagnostopoulos, KelvinVoigt, LinearSpring
-from jointplay.core.schema import Family, read, register
+from jointplay.core.schema import Family, register
 
 NORMAL_LAWS: dict[str, type[NormalForceLaw]] = {
     law.name: law
@@ -114,29 +111,6 @@ register(
 register(FilmLaw, Family("law", "film law", FILM_LAWS | {"custom-film": CustomFilm}))
 
 
-def normal_law(description: Mapping[str, Any] | str) -> NormalForceLaw:
-    """Build the normal-force law that `NormalForceLaw.describe` described, or that a word names.
-
-    Raises:
-        JointplayError: no law of that name; a field that the law does not have, or lacks, or of an
-            impossible value; a user's own law that is not at hand (see `custom`).
-    """
-    law: NormalForceLaw = read(NormalForceLaw, description)
-    return law
-
-
-def friction_law(description: Mapping[str, Any] | str) -> FrictionLaw:
-    """Build the friction law that `FrictionLaw.describe` described; see `normal_law`."""
-    law: FrictionLaw = read(FrictionLaw, description)
-    return law
-
-
-def film_law(description: Mapping[str, Any] | str) -> FilmLaw:
-    """Build the film law that `FilmLaw.describe` described; see `normal_law`."""
-    law: FilmLaw = read(FilmLaw, description)
-    return law
-
-
 __all__ = [
     "FILM_LAWS",
     "FRICTION_LAWS",
@@ -186,7 +160,4 @@ __all__ = [
     "ShortBearing",
     "Threlfall",
     "ZhangSharf",
-    "film_law",
-    "friction_law",
-    "normal_law",
 ]

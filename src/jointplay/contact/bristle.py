@@ -65,11 +65,7 @@ class BristleLaw(FrictionLaw):
 
 @dataclass(frozen=True)
 class StribeckBristles(BristleLaw):
-    """What laws have in common whose bristles let go at a coefficient that falls with the speed.
-
-    Raises:
-        JointplayError: a value out of range.
-    """
+    """What laws have in common whose bristles let go at a coefficient that falls with the speed."""
 
     mu_d: float = quantity("", default=0.1, above=0.0)
     """Dynamic friction coefficient."""
@@ -91,9 +87,6 @@ class Dahl(BristleLaw):
 
     Dahl's curve with the exponent 1, here per unit of normal force and with vectors in the plane of
     contact.
-
-    Raises:
-        JointplayError: a value that is not positive.
     """
 
     name = "dahl"
@@ -140,9 +133,6 @@ class LuGre(StribeckBristles):
     Control 45 (2000) 830-832, show that it is necessary as well, by its title; not seen.) The
     defaults are not passive: at speeds far above v_s their bristles can feed energy while they let
     go.
-
-    Raises:
-        JointplayError: a value out of range.
     """
 
     name = "lugre"
@@ -203,9 +193,6 @@ class GonthierFriction(StribeckBristles):
         F_t      = -(k z + d dz/dt), at most [mu_d + (mu_s - mu_d) s_d] F_n, and - c F_n v
 
     with k = sigma0 F_n and d = sigma1 F_n, here with a stiffness in proportion to the normal force.
-
-    Raises:
-        JointplayError: a value out of range.
     """
 
     name = "gonthier"

@@ -60,11 +60,7 @@ class FilmProperties(NamedTuple):
 
 @dataclass(frozen=True)
 class FilmLaw(Law):
-    """Base of all film laws.
-
-    Raises:
-        JointplayError: a value that is not positive.
-    """
+    """Base of all film laws."""
 
     state = ("eccentricity", "rate", "whirl", "spin")
     answers = FILM_NUMBERS
@@ -143,9 +139,6 @@ class ShortBearing(FilmLaw):
     sin or cos over (1 - e cos)^3 around the bore: in closed form by Sommerfeld's substitution
     (A. Sommerfeld, Z. Math. Phys. 50 (1904) 97-155). Turning steadily it is the solution of F. W.
     Ocvirk, NACA TN 2808 (1952). The moment is that of the whole film's shear.
-
-    Raises:
-        JointplayError: a value out of range.
     """
 
     name = "short-bearing"
@@ -224,9 +217,6 @@ class PinkusSternlicht(FilmLaw):
     is half Sommerfeld's long bearing; a pure squeeze of a centred journal is carried by half the
     film, that of a nearly touching one by all of it. The sign of the first term is the one that
     makes both hold for e' < 0 too.
-
-    Raises:
-        JointplayError: a value that is not positive.
     """
 
     name = "pinkus-sternlicht"

@@ -89,7 +89,11 @@ class ContactProperties(NamedTuple):
 
 @dataclass(frozen=True)
 class Law(Described, ABC):
-    """A function of the contact state and the parameters it is called with."""
+    """A function of the contact state and the parameters it is called with.
+
+    Raises:
+        JointplayError: a field out of its range.
+    """
 
     selector = ("law", "name")
 

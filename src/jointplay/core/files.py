@@ -76,17 +76,7 @@ def system_errors(failure: str) -> Iterator[None]:
 def write(
     path: str | Path, content: str | bytes, *, overwrite: bool = False, announced: bool = True
 ) -> Path:
-    """Write a file whole: after a crash, a kill or a full disk it is there complete, or not at all.
-
-    Args:
-        path: the file; its folder exists.
-        content: text is written as UTF-8, line ends as they are.
-        overwrite: whether a file of that name is replaced.
-        announced: whether the user asked for it, and is told of it after an interruption.
-
-    Raises:
-        JointplayError: the file exists (and `overwrite` is false) or cannot be written.
-    """
+    """Write a file as `writing` does; text as UTF-8, line ends as they are."""
     with writing(path, overwrite=overwrite, announced=announced) as file:
         file.write(content.encode("utf-8") if isinstance(content, str) else content)
     return Path(path)
@@ -95,17 +85,13 @@ def write(
 def picture(
     path: str | Path, figure: Any, *, overwrite: bool = False, mark: str = "", **options: Any
 ) -> Path:
-    """Draw a matplotlib figure into a file, whole or not at all.
+    """Draw a matplotlib figure into a file, whole or not at all; see `writing`.
 
     Args:
         path: the file; its suffix says the format, one of `PICTURES`.
-        figure: what has matplotlib's `savefig`.
+        figure: what has matplotlib's `savefig`, with these `options`.
         overwrite: whether a file of that name is replaced.
         mark: stands in the picture's metadata; a picture that holds it is replaced.
-        options: of `savefig`.
-
-    Raises:
-        JointplayError: no such format, the file exists, or it cannot be written.
     """
     path = Path(path)
     kind = picture_format(path)
@@ -131,23 +117,19 @@ def picture_format(path: Path) -> str:
 
 
 def check_picture(path: str | Path) -> Path:
-    """Refuse a picture that cannot be drawn anew, before any work is done.
-
-    Raises:
-        JointplayError: it exists, its folder cannot be written to, or no such format.
-    """
+    """Refuse a picture that cannot be drawn anew, before any work is done; see `check_new`."""
     path = check_new(path)
     picture_format(path)
     return path
 
 
 def holds(path: Path, mark: str) -> bool:
-    """Whether a file is there and holds a mark: a picture drawn earlier by who marks so."""
+    """Whether there is a file that holds a mark: a picture drawn by an earlier run."""
     return is_file(path) and mark.encode() in path.read_bytes()
 
 
 def begins(path: Path, mark: bytes) -> bool:
-    """Whether a file is there and begins with a mark: a working file of who marks so."""
+    """Whether there is a file that begins with a mark: a working file of an earlier run."""
     if not is_file(path):
         return False
     with path.open("rb") as file:
@@ -199,10 +181,12 @@ def writing(
 ) -> Iterator[BinaryIO]:
     """A file to be written, and read, in the block; it gets its name when all is on disk.
 
+    After a crash, a kill or a full disk it is there complete, or not at all.
+
     Args:
         path: the file; its folder exists.
         overwrite: whether a file of that name is replaced.
-        announced: see `write`.
+        announced: whether the user asked for it, and is told of it after an interruption.
 
     Raises:
         JointplayError: the file exists (and `overwrite` is false) or cannot be written.
@@ -264,13 +248,9 @@ def cannot_write(path: Path, error: Exception) -> JointplayError:
 
 
 def temporary(what: str = "files") -> tempfile.TemporaryDirectory[str]:
-    """A folder that goes with the block or with this process; killed, with a later one.
+    """A folder, named after `what`, that goes with the block or with this process.
 
-    Folders that processes left which are dead are deleted first: older than a day, and marked as
-    ours. Without the mark nothing is.
-
-    Args:
-        what: is part of its name.
+    Those of processes that were killed, marked as ours and older than a day, are deleted first.
     """
     place = tempfile.gettempdir()
     if place not in _swept:
@@ -319,14 +299,12 @@ def is_folder(path: Path) -> bool:
 
 def absent(path: Path, what: str) -> JointplayError:
     """What to say where a file to be read is none: there is nothing, or another kind of thing."""
-    kinds = {"folder": stat.S_ISDIR, "pipe": stat.S_ISFIFO, "socket": stat.S_ISSOCK,
-             "device": lambda mode: stat.S_ISCHR(mode) or stat.S_ISBLK(mode)}  # fmt: skip
+    kinds = {stat.S_IFDIR: "folder", stat.S_IFIFO: "pipe", stat.S_IFSOCK: "socket",
+             stat.S_IFCHR: "device", stat.S_IFBLK: "device"}  # fmt: skip
+    kind = None
     with suppress(OSError, ValueError):
-        mode = path.stat().st_mode
-        for kind, is_one in kinds.items():
-            if is_one(mode):
-                return JointplayError(f"no {what} {str(path)!r}: it is a {kind}")
-    return JointplayError(f"no {what} {str(path)!r}")
+        kind = kinds.get(stat.S_IFMT(path.stat().st_mode))
+    return JointplayError(f"no {what} {str(path)!r}" + (f": it is a {kind}" if kind else ""))
 
 
 def arrays(path: Path | BinaryIO) -> dict[str, np.ndarray]:
@@ -377,12 +355,7 @@ def read_plain(path: Path, most: int) -> bytes:
 
 
 def read_text(path: Path, what: str, most: int = MOST_TEXT) -> str:
-    """The text of a plain file of at most `most` bytes, in UTF-8.
-
-    Args:
-        path: the file.
-        what: it is, for messages.
-        most: bytes that are read.
+    """The UTF-8 text of a plain file of at most `most` bytes; `what` it is, for messages.
 
     Raises:
         JointplayError: it cannot be read, is another kind of thing, larger, or other text.
@@ -394,9 +367,7 @@ def read_text(path: Path, what: str, most: int = MOST_TEXT) -> str:
 def csv_rows(path: Path, what: str) -> list[tuple[int, list[str]]]:
     """Rows of a CSV file, each with the number of its line; lines beginning with # are comments.
 
-    Args:
-        path: the file; a row is a line of it, the first the header.
-        what: the file is, for messages.
+    A row is a line, the first the header; `what` the file is, for messages.
 
     Raises:
         JointplayError: it cannot be read, is empty, a quote is not closed, or a row has not as many
@@ -440,19 +411,14 @@ def check_new(path: str | Path) -> Path:
 
 
 def refuse_present(folder: str | Path, names: Iterable[str]) -> None:
-    """Refuse a folder that holds one of the files already, before any work is done.
-
-    Raises:
-        JointplayError: it does.
-    """
+    """Refuse a folder that holds one of the files already, before any work is done."""
     for name in names:
         if os.path.lexists(Path(folder) / name):
             raise JointplayError(_present(Path(folder), name))
 
 
 def claim(folder: str | Path, names: Iterable[str]) -> Path:
-    """Make `folder`, sure that `names` can be written there, nothing is overwritten, and no one
-    else writes there: of two processes with one folder the second learns it here.
+    """Make `folder`, sure that `names` can be written there and that no other process writes there.
 
     The claim ends with the process, however it ends.
 
@@ -480,7 +446,7 @@ def _lock(folder: Path) -> None:
     place = folder.resolve()
     if place in _claimed:
         return
-    descriptor = os.open(folder, os.O_RDONLY | getattr(os, "O_CLOEXEC", 0))
+    descriptor = os.open(folder, os.O_RDONLY)
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:

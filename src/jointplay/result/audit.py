@@ -374,12 +374,9 @@ class Auditor:
         if not 0 < records.rows <= PORTION:
             for begin in range(0, records.rows, PORTION):
                 at = slice(begin, begin + PORTION)
-                given = (work, residual, drift, effort, elastic)
-                self.add_records(
-                    records.part(begin, begin + PORTION),
-                    [values[at] for values in energies],
-                    *(values[at] for values in given),
-                )
+                given = (values[at] for values in (work, residual, drift, effort, elastic))
+                part = records.part(begin, begin + PORTION)
+                self.add_records(part, [values[at] for values in energies], *given)
             return
         q = records.recorded("q")
         if self._start is None:
@@ -400,18 +397,19 @@ class Auditor:
             self._twists[name] = _larger(self._twists[name], np.abs(q[:, motor] - q[:, link]))
         if self._simulation["limits"] != "ignore":
             time, v = records.recorded("time")[:, 0], records.recorded("v")
-            self._worst.append(self._of_worst(time, q, v, effort))
+            rows = worst(self._mechanism, q, v, effort)
+            self._worst.append((time[rows], q[rows], v[rows], effort[rows]))
             if len(self._worst) > MOST_WORST:  # memory must not grow with the length of a run
-                self._worst = [self._of_worst(*map(np.concatenate, zip(*self._worst, strict=True)))]
+                time, q, v, effort = self._worst_records()
+                rows = worst(self._mechanism, q, v, effort)
+                self._worst = [(time[rows], q[rows], v[rows], effort[rows])]
 
-    def _of_worst(
-        self, time: np.ndarray, q: np.ndarray, v: np.ndarray, effort: np.ndarray
-    ) -> tuple[np.ndarray, ...]:
-        """The records that say all about limits."""
-        rows = worst(self._mechanism, q, v, effort)
-        return time[rows], q[rows], v[rows], effort[rows]
+    def _worst_records(self) -> list[np.ndarray]:
+        """Times, coordinates, velocities and efforts of the records that say all about limits."""
+        return [np.concatenate(parts) for parts in zip(*self._worst, strict=True)]
 
     def _forces(self, records: Records) -> None:
+        """Take the largest forces of the joints, and their impulses."""
         if not len(self._peaks):
             return
         peaks = records.recorded("normal_peak").reshape(records.rows, -1, records.width)
@@ -446,20 +444,22 @@ class Auditor:
         statistics = workspace.contact_statistics()
         shortest = float(np.min(statistics["shortest_steps"], initial=np.inf))
         impulse = float(statistics["impulse"].sum())
+        poorly = float(statistics["under_resolved_impulse"].sum())
         depth, relative = 0.0, 0.0
-        for name, gaps in zip(mechanism.clearance, statistics["smallest_gap"], strict=True):
-            for gap, room in zip(gaps, mechanism.clearance[name].rooms, strict=False):
+        joints = mechanism.clearance.values()
+        for joint, gaps in zip(joints, statistics["smallest_gap"], strict=True):
+            for gap, room in zip(gaps, joint.rooms, strict=False):
                 depth, relative = max(depth, -gap), max(relative, -gap / room)
         moved = np.max(self._variations, initial=0.0)
+        before = judgement.before or {name: np.zeros(1) for name in ("onsets", "impulse")}
+        late = judgement.judged_from > 0.0
         return Audit(
             energy_residual=self._residual,
             energy_exchanged=max(float(moved), NOTHING_EXCHANGED * self._held),
             impacts=int(statistics["onsets"].sum()),
             shortest_contact_steps=int(shortest) if math.isfinite(shortest) else 0,
             under_resolved=int(statistics["under_resolved"].sum()),
-            under_resolved_impulse=float(statistics["under_resolved_impulse"].sum()) / impulse
-            if impulse
-            else 0.0,
+            under_resolved_impulse=poorly / impulse if impulse else 0.0,
             normal_impulse=impulse,
             largest_penetration=float(depth),
             penetration_over_clearance=float(relative),
@@ -472,8 +472,15 @@ class Auditor:
             tooth_steps=self._tooth_steps(),
             loop_drift=self._drift,
             law_warnings=out_of_range(mechanism, statistics),
-            limit_warnings=self._beyond_limits(),
-            **self._judged(statistics, judgement),
+            limit_warnings=beyond(mechanism, *self._worst_records()) if self._worst else (),
+            start=judgement.start,
+            start_residual=judgement.residual,
+            start_load=judgement.load,
+            judged_from=judgement.judged_from,
+            judged_impacts=int((statistics["onsets"] - before["onsets"]).sum()),
+            judged_impulse=float((statistics["impulse"] - before["impulse"]).sum()),
+            peak_force=self._late if mechanism.clearance else None,
+            peak_force_before=self._early if mechanism.clearance and late else None,
         )
 
     def _impulse_missed(self, workspace: Workspace) -> float:
@@ -486,46 +493,25 @@ class Auditor:
         return float(np.max(missed[whole > 0.0] / whole[whole > 0.0], initial=0.0))
 
     def _friction_step_limit(self) -> float:
-        limit = math.inf
+        """See `Audit.friction_step_limit`; implicit methods have none."""
         explicit = integrator(self._simulation["integrator"]).single_rate
-        if explicit and self._start is not None:
-            for name, force in zip(self._mechanism.clearance, self._peaks, strict=True):
-                step = friction_step_limit(self._mechanism, name, self._start, float(force))
-                limit = min(limit, step)
-        return limit
+        if not explicit or self._start is None:
+            return math.inf
+        forces = zip(self._mechanism.clearance, self._peaks, strict=True)
+        steps = (
+            friction_step_limit(self._mechanism, name, self._start, float(force))
+            for name, force in forces
+        )
+        return min(steps, default=math.inf)
 
     def _tooth_steps(self) -> float:
         """See `Audit.tooth_steps`."""
-        steps = math.inf
         if self._start is None or self._simulation["tolerance"] is not None:
-            return steps
-        for name, gear in self._mechanism.gears.items():
-            if self._twists[name] > gear.play / 2.0:
-                duration = tooth_duration(self._mechanism, name, self._start)
-                steps = min(steps, duration / float(self._simulation["step"]))
-        return steps
-
-    def _beyond_limits(self) -> tuple[str, ...]:
-        if not self._worst:
-            return ()
-        return beyond(self._mechanism, *map(np.concatenate, zip(*self._worst, strict=True)))
-
-    def _judged(self, statistics: Mapping[str, np.ndarray], judgement: Judgement) -> dict[str, Any]:
-        """Headlines of the part of a run that is judged."""
-        before = judgement.before or {name: np.zeros(1) for name in ("onsets", "impulse")}
-        headlines: dict[str, Any] = {
-            "start": judgement.start,
-            "start_residual": judgement.residual,
-            "start_load": judgement.load,
-            "judged_from": judgement.judged_from,
-            "judged_impacts": int((statistics["onsets"] - before["onsets"]).sum()),
-            "judged_impulse": float((statistics["impulse"] - before["impulse"]).sum()),
-        }
-        if self._mechanism.clearance:
-            headlines["peak_force"] = self._late
-            if judgement.judged_from > 0.0:
-                headlines["peak_force_before"] = self._early
-        return headlines
+            return math.inf
+        gears = self._mechanism.gears.items()
+        touched = [name for name, gear in gears if self._twists[name] > gear.play / 2.0]
+        durations = (tooth_duration(self._mechanism, name, self._start) for name in touched)
+        return min(durations, default=math.inf) / float(self._simulation["step"])
 
 
 def _larger(before: float, values: np.ndarray) -> float:
