@@ -26,11 +26,11 @@ from jointplay.contact.law import ContactProperties, FrictionLaw, Law, NormalFor
 from jointplay.contact.trust import (
     Absent,
     Place,
+    function_of,
     function_or_absent,
-    know,
-    named,
     path_of,
-    resolved_function,
+    place_of,
+    remember,
     source_of,
 )
 from jointplay.core.errors import JointplayError
@@ -88,7 +88,7 @@ class Custom(Law):
             if not callable(function):
                 raise JointplayError(f"a law must be a function, got {function!r}")
             check_signature(function, self.state, bool(self.answers))
-            know(function)
+            remember(function)
         values = _in_order(function, self.state, parameters, before)
         check_parameters((0.0,) * before + values, function.__name__)
         object.__setattr__(self, "function", function)
@@ -145,7 +145,7 @@ class Custom(Law):
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Go to another process by name, as to a file."""
-        return _restored, (type(self), named(self.function), self.values, self._arguments())
+        return _restored, (type(self), place_of(self.function), self.values, self._arguments())
 
 
 @dataclass(frozen=True, init=False, repr=False)
@@ -304,5 +304,5 @@ def _restored(
     kind: type[Custom], place: Place, values: tuple[float, ...], rest: dict[str, Any]
 ) -> Any:
     """Build a user's own law again from the name of its function."""
-    function: Any = resolved_function(place)
+    function: Any = function_of(place)
     return kind(function, values, **rest)

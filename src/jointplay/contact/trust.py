@@ -87,7 +87,7 @@ def source_of(function: Function | Absent) -> str | None:
         return None
 
 
-def know(function: Function) -> Function:
+def remember(function: Function) -> Function:
     """Remember a function of which a law is made here; returns it."""
     path = path_of(function)
     if "<" not in path:  # lambdas and nested functions share their names
@@ -272,8 +272,8 @@ Place = Absent | tuple[str | None, str]
 """Folder of a function beside a scenario, None for another one, and ``module:function``."""
 
 
-def resolved_function(place: Place) -> Function | Absent:
-    """The function that `named` described in another process.
+def function_of(place: Place) -> Function | Absent:
+    """The function that `place_of` described in another process.
 
     Raises:
         JointplayError: it cannot be imported here.
@@ -284,7 +284,7 @@ def resolved_function(place: Place) -> Function | Absent:
     return imported(path) if folder is None else function_in_folder(Path(folder), path)
 
 
-def named(function: Function | Absent) -> Place:
+def place_of(function: Function | Absent) -> Place:
     """By what another process finds the function; one that is not at hand goes as it is.
 
     Raises:

@@ -297,7 +297,7 @@ def is_folder(path: Path) -> bool:
     return os.path.isdir(path)
 
 
-def absent(path: Path, what: str) -> JointplayError:
+def missing(path: Path, what: str) -> JointplayError:
     """What to say where a file to be read is none: there is nothing, or another kind of thing."""
     kinds = {stat.S_IFDIR: "folder", stat.S_IFIFO: "pipe", stat.S_IFSOCK: "socket",
              stat.S_IFCHR: "device", stat.S_IFBLK: "device"}  # fmt: skip
@@ -460,7 +460,7 @@ def _lock(folder: Path) -> None:
     _claimed[place] = descriptor
 
 
-def unmake() -> None:
+def remove_made_folders() -> None:
     """Remove the folders that `claim` has made, as far as nothing is in them."""
     while _made:
         with suppress(OSError):

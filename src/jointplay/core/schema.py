@@ -349,9 +349,9 @@ def named(kind: type, name: str) -> Any:
 # Result files and scenario files are both read and written by what is here: a class says its
 # fields once, with their types, units and explanations.
 #
-#     codec.plain(joint)                      # {"kind": "revolute", "bearing_radius": 0.01, ...}
-#     codec.read(Clearance, data)             # the joint, or a JointplayError that knows its place
-#     codec.check(Clearance, data).make()     # the same in two steps: all checks first
+#     plain(joint)                      # {"kind": "revolute", "bearing_radius": 0.01, ...}
+#     read(Clearance, data)             # the joint, or a JointplayError that knows its place
+#     check(Clearance, data).make()     # the same in two steps: all checks first
 #
 # Numbers may be text with a unit, ``"0.2 mm"``. A class whose kinds are chosen by a word (laws by
 # ``law``, joints and drives by ``kind``) is a `Family`.

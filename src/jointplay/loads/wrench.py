@@ -13,11 +13,11 @@ import numpy as np
 from jointplay.contact.trust import (
     Absent,
     Place,
+    function_of,
     function_or_absent,
-    know,
-    named,
     path_of,
-    resolved_function,
+    place_of,
+    remember,
     source_of,
 )
 from jointplay.core.errors import JointplayError, MissingName, require_finite, require_vector
@@ -74,7 +74,7 @@ class OfFunction(Load):
         if not isinstance(function, Absent):
             if not (may_be_class and inspect.isclass(function)):
                 _check_arguments(function, expected)
-            know(function)
+            remember(function)
         checked = tuple(
             require_finite("parameter", one, "", ("parameters",)) for one in self.parameters
         )
@@ -102,7 +102,7 @@ class OfFunction(Load):
     def __reduce__(self) -> tuple[Any, ...]:
         """Go to another process by the name of its function, as to a file."""
         fields = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}  # type: ignore[arg-type]
-        return _restored, (type(self), named(fields.pop("function")), fields)
+        return _restored, (type(self), place_of(fields.pop("function")), fields)
 
 
 def _check_arguments(function: Any, expected: tuple[str, ...]) -> None:
@@ -122,7 +122,7 @@ def _check_arguments(function: Any, expected: tuple[str, ...]) -> None:
 
 def _restored(kind: Any, place: Place, fields: dict[str, Any]) -> Any:
     """Build a load again from the name of its function."""
-    return kind(function=resolved_function(place), **fields)
+    return kind(function=function_of(place), **fields)
 
 
 AXES = ("world", "frame")

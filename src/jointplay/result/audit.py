@@ -339,10 +339,10 @@ class Auditor:
         self._start: np.ndarray | None = None
         self._last: np.ndarray | None = None
         self._variations: Any = 0.0
-        self._held = self._residual = self._drift = self._fed = 0.0
-        self._rubbed = -math.inf
+        self._stored = self._residual = self._drift = self._friction_returned = 0.0
+        self._friction_work = -math.inf
         self._peaks = np.zeros(len(mechanism.clearance))
-        self._late = self._early = 0.0
+        self._peak = self._peak_before = 0.0
         self._before: tuple[np.ndarray, np.ndarray] | None = None
         self._sampled: Any = 0.0
         self._pressed: Any = 0.0
@@ -385,12 +385,12 @@ class Auditor:
         before = moved[:1] if self._last is None else self._last
         self._variations += np.abs(np.diff(np.vstack([before, moved]), axis=0)).sum(axis=0)
         self._last = moved[-1:].copy()
-        self._held = _larger(self._held, energies[0] + elastic)
+        self._stored = _larger(self._stored, energies[0] + elastic)
         self._residual = _larger(self._residual, np.abs(residual))
         self._drift = _larger(self._drift, drift)
-        rubbed = np.maximum.accumulate(np.concatenate([[self._rubbed], work[:, FRICTION]]))
-        self._fed = _larger(self._fed, rubbed[1:] - work[:, FRICTION])
-        self._rubbed = float(rubbed[-1])
+        largest = np.maximum.accumulate(np.concatenate([[self._friction_work], work[:, FRICTION]]))
+        self._friction_returned = _larger(self._friction_returned, largest[1:] - work[:, FRICTION])
+        self._friction_work = float(largest[-1])
         self._forces(records)
         for name in self._twists:
             motor, link = self._mechanism.motor(name), self._mechanism.coordinate(name)
@@ -417,8 +417,8 @@ class Auditor:
         vectors = records.recorded("force_peak").reshape(records.rows, -1, 3)
         sizes = np.linalg.norm(vectors, axis=2).max(axis=1)
         late = records.recorded("time")[:, 0] >= self._judged_from
-        self._late = _larger(self._late, sizes[late])
-        self._early = _larger(self._early, sizes[~late])
+        self._peak = _larger(self._peak, sizes[late])
+        self._peak_before = _larger(self._peak_before, sizes[~late])
         self._impulses(records, vectors)
 
     def _impulses(self, records: Records, peaks: np.ndarray) -> None:
@@ -455,7 +455,7 @@ class Auditor:
         late = judgement.judged_from > 0.0
         return Audit(
             energy_residual=self._residual,
-            energy_exchanged=max(float(moved), NOTHING_EXCHANGED * self._held),
+            energy_exchanged=max(float(moved), NOTHING_EXCHANGED * self._stored),
             impacts=int(statistics["onsets"].sum()),
             shortest_contact_steps=int(shortest) if math.isfinite(shortest) else 0,
             under_resolved=int(statistics["under_resolved"].sum()),
@@ -468,7 +468,7 @@ class Auditor:
             unsolved=int(workspace.run["unsolved"][0]),
             unresolved=workspace.unresolved,
             impulse_missed=self._impulse_missed(workspace),
-            friction_fed=self._fed,
+            friction_fed=self._friction_returned,
             tooth_steps=self._tooth_steps(),
             loop_drift=self._drift,
             law_warnings=out_of_range(mechanism, statistics),
@@ -479,8 +479,8 @@ class Auditor:
             judged_from=judgement.judged_from,
             judged_impacts=int((statistics["onsets"] - before["onsets"]).sum()),
             judged_impulse=float((statistics["impulse"] - before["impulse"]).sum()),
-            peak_force=self._late if mechanism.clearance else None,
-            peak_force_before=self._early if mechanism.clearance and late else None,
+            peak_force=self._peak if mechanism.clearance else None,
+            peak_force_before=self._peak_before if mechanism.clearance and late else None,
         )
 
     def _impulse_missed(self, workspace: Workspace) -> float:
