@@ -56,7 +56,7 @@ class LawDescription:
 
 
 @dataclass(frozen=True)
-class FilmDescription(FilmLaw, LawDescription):
+class FilmDescription(LawDescription, FilmLaw):
     """A film law of one's own as files have it; see docs/lubrication.md."""
 
     viscosity: float = quantity("Pa*s", default=1.0, above=0.0)

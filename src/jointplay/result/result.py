@@ -86,7 +86,7 @@ class Result:
             return None
         from jointplay.result.certificate import Certificate
 
-        return Certificate.from_json(text)
+        return Certificate.from_description(json.loads(text))
 
     @certificate.setter
     def certificate(self, certificate: Certificate) -> None:

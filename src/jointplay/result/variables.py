@@ -11,8 +11,6 @@ import pinocchio as pin
 
 from jointplay.geometry import classify_many
 from jointplay.joints import VIRTUAL_LINK, Coordinate
-from jointplay.kernel import AZIMUTHS
-from jointplay.kernel.workspace import Workspace
 from jointplay.loads.base import Load
 from jointplay.loads.drive import JointFriction
 from jointplay.mechanism.impact import elastic_energy
@@ -331,16 +329,6 @@ def contact_variables(
     if all(joint.film is None for joint in mechanism.clearance.values()):
         del variables["film_force"]
     return variables, elastic
-
-
-def sliding_work(mechanism: Mechanism, workspace: Workspace) -> np.ndarray:
-    """By joint, contact and azimuth; not a number where a joint has no such contact [N m]."""
-    names = contact_names(mechanism)
-    counted = np.full((len(mechanism.clearance), len(names), AZIMUTHS), np.nan)
-    for j, joint in enumerate(mechanism.clearance.values()):
-        for k, work in enumerate(workspace.sliding_work[j]):
-            counted[j, names.index(joint.contacts[k])] = work
-    return counted
 
 
 def applied_effort(
