@@ -56,11 +56,17 @@ class LawDescription:
 
 
 @dataclass(frozen=True)
-class FilmDescription(LawDescription, FilmLaw):
+class FilmDescription(LawDescription):
     """A film law of one's own as files have it; see docs/lubrication.md."""
 
-    viscosity: float = quantity("Pa*s", default=1.0, above=0.0)
-    """Dynamic viscosity of the lubricant [Pa s]."""
+    viscosity: float = quantity("Pa*s", default=1.0)
+    """Dynamic viscosity."""
+    hybrid: bool = True
+    """Dry contact takes over where the journal touches the bore."""
+    transition: float = quantity("m", default=1e-6)
+    """Depth of penetration at which nothing of the film is left."""
+    least_thickness: float = quantity("m", default=1e-6)
+    """Thickness below which a film is no thinner."""
 
 
 @dataclass(frozen=True, init=False, repr=False, kw_only=True)
