@@ -69,7 +69,7 @@ TARGETS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
         ("tests/test_film.py",),
     ),
     "audit": (
-        ("result/audit.py", "result/audit.py"),
+        ("result/audit.py",),
         ("tests/test_audit_figures.py", "tests/test_audit.py"),
     ),
     "solver": (

@@ -42,11 +42,14 @@ from jointplay.core.errors import (
     require_finite,
     require_non_negative,
     require_positive,
+    require_vector,
     within,
 )
 from jointplay.core.units import convert, expected, toml_text
 
 # Fields of values: each number has its unit, and the range that it must lie in, beside it.
+
+_VECTOR = tuple[float, float, float]
 
 
 def quantity(
@@ -102,15 +105,14 @@ def choice(
 
 
 def check_fields(value: Any) -> None:
-    """Read what fields of a dataclass were given as files have it; numbers must be in range.
+    """Read what fields of a dataclass were given as files have it; values must be possible.
 
     Text with a unit becomes a number, a word or a table what it stands for: ``"0.2 mm"``,
-    ``"flores"``. Single numbers that have a unit become floats; fields that hold several numbers
-    the class checks itself.
+    ``"flores"``. Numbers that have a unit become floats, in lists and vectors too.
 
     Raises:
-        JointplayError: a value that cannot be, or a number that is not finite or out of its range,
-            with the field's name as its place.
+        JointplayError: a value that cannot be, a word that is none of the field's choices, or a
+            number that is not finite or out of its range, with the field's name as its place.
     """
     kind: type = type(value)
     fields = fields_of(kind)
@@ -123,9 +125,23 @@ def check_fields(value: Any) -> None:
             continue
         if field.choices and is_word(field.hint) and given not in list(field.choices[1]):
             raise MissingName(field.choices[0], str(given), field.choices[1], where=(name,))
-        if field.check is not None and field.hint in (float, float | None):
-            unit = field.units[0].replace("*", " ")
-            object.__setattr__(value, name, field.check(field.words, given, unit, (name,)))
+        if field.check is not None:
+            object.__setattr__(value, name, _checked_numbers(field, given))
+
+
+def _checked_numbers(field: Field, given: Any) -> Any:
+    """A number in its range, or several in a tuple or vectors; anything else as it is."""
+    hint, words, where = field.hint, field.words, (field.name,)
+    unit = field.units[0].replace("*", " ")
+    if hint in (float, float | None) and field.check is not None:
+        return field.check(words, given, unit, where)
+    if hint == _VECTOR:
+        return require_vector(words, given, unit, where)
+    if hint == tuple[_VECTOR, ...]:
+        return tuple(require_vector(words, one, unit, where) for one in given)
+    if hint == tuple[float, ...]:
+        return tuple(require_finite(words, one, unit, (*where, i)) for i, one in enumerate(given))
+    return given
 
 
 def _as_in_files(hint: Any, given: Any) -> bool:
@@ -339,11 +355,6 @@ def names_of(kind: Any) -> Sequence[str]:
     return _names[kind][1]() if kind in _names else ()
 
 
-def named(kind: type, name: str) -> Any:
-    """The `kind` of this name, one of `names_of`."""
-    return _names[kind][0](name)
-
-
 # Objects to plain data and back, from the type hints of their fields.
 #
 # Result files and scenario files are both read and written by what is here: a class says its
@@ -469,7 +480,7 @@ def check(kind: Any, data: Any, units: tuple[str, ...] = ("",)) -> Any:
         return data
     if isinstance(data, str) and (names := names_of(kind)):
         try:
-            return named(kind, data)
+            return _names[kind][0](data)
         except MissingName:
             raise JointplayError(one_of(kind.__name__.lower(), data, names)) from None
     family = family_of(kind)
@@ -478,11 +489,8 @@ def check(kind: Any, data: Any, units: tuple[str, ...] = ("",)) -> Any:
     origin, parts = get_origin(kind), get_args(kind)
     if origin in (Union, types.UnionType):
         return _one_of_several(data, parts, units)
-    if (
-        isinstance(kind, type)
-        and origin is None
-        and (dataclasses.is_dataclass(kind) or getattr(kind, "written", None))
-    ):
+    table = dataclasses.is_dataclass(kind) or getattr(kind, "written", None)
+    if isinstance(kind, type) and table:
         return _table(kind, data, None, {})
     if origin is not None and origin is not Literal:
         return _collection(origin, parts, data, units)
