@@ -47,7 +47,7 @@ def test_values_may_be_written_as_in_files():
         radial_clearance=2e-4,
         axial_clearance=2e-4,
         bearing_material=jp.material("bronze"),
-        normal=jp.contact.normal_law("hertz"),
+        normal=jp.contact.Hertz(),
         friction=jp.contact.Ambrosio(mu_d=0.05),
     )
     assert as_text == as_objects
@@ -64,7 +64,7 @@ def test_values_may_be_written_as_in_files():
         ({"step": "10 kg"}, ("step",), '"10 kg" is no time; expected a time such as "10 us"'),
         ({"drive": "fre"}, ("drive",), 'no drive "fre"; did you mean "free"?'),
         ({"drive": {"joint_a": "fre"}}, ("drive", "joint_a"), 'no drive "fre"'),
-        ({"start": "above"}, (), "no start 'above'"),
+        ({"start": "above"}, ("start",), "no start 'above'"),
     ],
 )
 def test_what_cannot_be_names_its_place_the_value_and_the_choices(wrong, where, words):

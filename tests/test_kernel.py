@@ -147,7 +147,7 @@ MOVED = {
     "a class": "import numba.core.codegen as c\ndel c.JITCodeLibrary\n",
     "an attribute": "import numba.core.compiler as c\ndel c.CompilerBase.define_pipelines\n",
 }
-"""Programs after which numba is another inside, as a later release may be."""
+"""Programs after which numba has other internals, as a later release may."""
 
 
 def without_insides(what, code, folder):
@@ -176,7 +176,7 @@ print(called(3.0), NumbaError)
     done = without_insides(what, code, tmp_path)
     assert done.returncode == 0, done.stderr
     assert done.stdout == "inf <class 'Exception'>\n"
-    assert done.stderr.count("is another inside than this package knows") == 1
+    assert done.stderr.count("has internals that this package does not know") == 1
     assert not [*tmp_path.rglob("*.nb[ic]")]
 
 

@@ -139,7 +139,7 @@ def _leave_nothing() -> None:
     """Remove the folders that were made for results of which there are none."""
     from jointplay.core import files
 
-    files.unmake()
+    files.remove_made_folders()
 
 
 def _of_numbers(error: Exception) -> bool:

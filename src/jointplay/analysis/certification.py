@@ -22,8 +22,8 @@ from jointplay.kernel.integrators import DEFAULT, integrator
 from jointplay.kernel.multirate import LARGEST_TURN, LEAST_STEPS
 from jointplay.loads.terms import LOSSES
 from jointplay.result.certificate import COUNTS, HEADLINE, Certificate, CertifiedFigure
-from jointplay.result.judging import START_UP
 from jointplay.result.result import Result
+from jointplay.result.settings import START_UP
 from jointplay.simulation.run import Run
 from jointplay.simulation.saving import save
 from jointplay.simulation.simulation import Simulation

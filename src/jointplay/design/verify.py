@@ -13,7 +13,7 @@ from jointplay.core.errors import JointplayError
 from jointplay.mechanism.impact import contact_duration
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.motion.reference import Motion
-from jointplay.result.judging import START_UP
+from jointplay.result.settings import START_UP
 from jointplay.simulation.simulation import Simulation
 
 LONGEST_STEP_S = 1e-5

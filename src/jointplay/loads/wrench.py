@@ -13,11 +13,11 @@ import numpy as np
 from jointplay.contact.trust import (
     Absent,
     Place,
+    function_of,
     function_or_absent,
-    know,
-    named,
     path_of,
-    resolved_function,
+    place_of,
+    remember,
     source_of,
 )
 from jointplay.core.errors import JointplayError, require_increasing
@@ -73,7 +73,7 @@ class OfFunction(Load):
         if not isinstance(function, Absent):
             if not (may_be_class and inspect.isclass(function)):
                 _check_arguments(function, expected)
-            know(function)
+            remember(function)
         object.__setattr__(self, "function", function)
 
     def describe(self) -> dict[str, Any]:
@@ -97,9 +97,7 @@ class OfFunction(Load):
     def __reduce__(self) -> tuple[Any, ...]:
         """Go to another process by the name of its function, as to a file."""
         fields = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}  # type: ignore[arg-type]
-        function = fields.pop("function")
-        place = function if isinstance(function, Absent) else named(function)
-        return _restored, (type(self), place, fields)
+        return _restored, (type(self), place_of(fields.pop("function")), fields)
 
 
 def _check_arguments(function: Any, expected: tuple[str, ...]) -> None:
@@ -117,9 +115,9 @@ def _check_arguments(function: Any, expected: tuple[str, ...]) -> None:
         )
 
 
-def _restored(kind: Any, place: Place | Absent, fields: dict[str, Any]) -> Any:
-    function: Any = place if isinstance(place, Absent) else resolved_function(place)
-    return kind(function=function, **fields)
+def _restored(kind: Any, place: Place, fields: dict[str, Any]) -> Any:
+    """Build a load again from the name of its function."""
+    return kind(function=function_of(place), **fields)
 
 
 AXES = ("world", "frame")

@@ -26,7 +26,7 @@ from jointplay.plots.style import MODE_NAMES
 from jointplay.reports.cases import Case, dark, place_of
 from jointplay.reports.html import Cell, Html, bullets, joined, markup, paragraph, table
 from jointplay.result.certificate import CertifiedFigure
-from jointplay.result.judging import START_UP
+from jointplay.result.settings import START_UP
 
 # What the paper claims, and what these runs say of it.
 

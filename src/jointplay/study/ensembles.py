@@ -18,7 +18,7 @@ from jointplay.analysis.claims import ISOLATED, Measures, Verdict, judge
 from jointplay.core import files
 from jointplay.core.processes import Pool, number_of
 from jointplay.mechanism.urdf import GRAVITY
-from jointplay.result.judging import START_UP
+from jointplay.result.settings import START_UP
 from jointplay.result.stored import versions
 from jointplay.simulation.initial import PERTURBATION
 from jointplay.study.cases import CASES, CONDITIONS, VARIANTS, Condition, explicit, perturbed
