@@ -9,8 +9,8 @@ run with start="rest" does.
 
 With Coulomb friction a journal rests wherever its contacts, each pushing within its cone of
 friction, can balance its load. For friction at given parts of the normal forces that is the state
-without friction under a load that has this friction added; all such states, the parts going
-through the cone's edge, bound the set (`_held`). The cones are taken as polygons around the round
+without friction under a load that has this friction added; all such states, the parts going through
+the cone's edge, bound the set (`_held_states`). The cones are taken as polygons around the round
 ones; loads as they change with all leans, contacts as they give way: what is found is on the safe
 side. Sets of several joints add up, so the tool's interval along a direction is the sum of theirs.
 """
@@ -194,11 +194,11 @@ class Standing:
 
     def _interval(self, pose: int) -> np.ndarray:
         clouds = self._clouds(pose)
-        more, ways = self.second_order[pose], _ways()
+        more, directions = self.second_order[pose], _sphere()
         least = np.sum([cloud.min(axis=0) for cloud in clouds], axis=0) - more
         most = np.sum([cloud.max(axis=0) for cloud in clouds], axis=0) + more
-        far = np.sum([(cloud @ ways.T).max(axis=0) for cloud in clouds], axis=0)
-        near = np.sum([(cloud @ ways.T).min(axis=0) for cloud in clouds], axis=0)
+        far = np.sum([(cloud @ directions.T).max(axis=0) for cloud in clouds], axis=0)
+        near = np.sum([(cloud @ directions.T).min(axis=0) for cloud in clouds], axis=0)
         # The farthest point lies at most this angle beside a direction that is looked at.
         widest = 2.2 / np.sqrt(_DIRECTIONS)
         nearest, farthest = max(near.max() - more, 0.0), far.max() / np.cos(widest) + more
@@ -247,19 +247,20 @@ class Standing:
         if not plays.tied:
             unpressed = dict(zip(plays.names, self.unpressed(pose), strict=True))
             names = [name for name in plays.names if name not in self._gears]
-            rough = [self.coefficients[name] for name in names]
-            found, pressed = _held(plays.subset(slice(len(names))), rough, self._bend(pose, names))
+            friction = [self.coefficients[name] for name in names]
+            found, pressed = _held_states(
+                plays.subset(slice(len(names))), friction, self._bend(pose, names)
+            )
             for j, name in enumerate(names):
                 contacts, joint = pressed[j], self.mechanism.clearance[name]
                 if contacts is None:
                     continue
-                grip[name] = (
-                    rough[j] * joint.half_width * float(contacts.force.sum(axis=1).max(initial=0.0))
-                )
+                force = float(contacts.force.sum(axis=1).max(initial=0.0))
+                grip[name] = friction[j] * joint.half_width * force
                 if unpressed[name]:
                     continue
                 if len(found[j]):
-                    errors[name] = (found[j] + _give(joint, contacts)) @ move[j].T
+                    errors[name] = (found[j] + _compliance_shift(joint, contacts)) @ move[j].T
                 else:  # no friction, and one place of rest only
                     own = self.rest(pose)[0][j : j + 1, :3]
                     if not np.isnan(own).any():
@@ -275,8 +276,8 @@ class Standing:
                     angle = np.array([-half, half])
                 errors[name] = np.outer(angle, move[j][:, 5])
         if len(errors) < len(plays.names):  # loops, an own kind, no load: anywhere within the play
-            ways = np.vstack([np.eye(3), -np.eye(3), _ways()])
-            anywhere = plays.along(ways[None]).error[:, 0, :, :3]
+            directions = np.vstack([np.eye(3), -np.eye(3), _sphere()])
+            anywhere = plays.along(directions[None]).error[:, 0, :, :3]
             errors = {**dict(zip(plays.names, anywhere, strict=True)), **errors}
         return [errors[name] for name in plays.names]
 
@@ -306,7 +307,7 @@ _DIRECTIONS = 180
 """In which the farthest tool is sought."""
 
 
-def _ways() -> np.ndarray:
+def _sphere() -> np.ndarray:
     """Directions evenly over a sphere (Fibonacci lattice), shape (180, 3)."""
     i = np.arange(_DIRECTIONS) + 0.5
     z, phi = 1.0 - 2.0 * i / _DIRECTIONS, i * np.pi * (3.0 - np.sqrt(5.0))
@@ -326,20 +327,20 @@ def _coordinates(mechanism: Mechanism, q: np.ndarray, name: str) -> np.ndarray:
     return columns
 
 
-def _held(
-    sources: PlaySources, rough: Sequence[float], bend: np.ndarray
+def _held_states(
+    sources: PlaySources, friction: Sequence[float], bend: np.ndarray
 ) -> tuple[list[np.ndarray], list[Pressed | None]]:
     """Displacements (m, 6) of each journal in states in which friction holds it, and contacts.
 
     Args:
         sources: journals at one pose, which do not hold each other.
-        rough: coefficient of friction of each.
+        friction: coefficient of friction of each.
         bend: how their loads fall with their displacements, shape (6 j, 6 j).
     """
     random = np.random.default_rng(0)
     plays = [loop_play.ended(play) for play in sources.plays]
     own = sources.load[:, 0]
-    given, points, contacts, rubbing = [], [], [], []
+    given, points, contacts, tangents = [], [], [], []
     for play, alone in zip(plays, own, strict=True):
         arm = _arm(play)
         size = np.linalg.norm(alone[:3]) + np.linalg.norm(alone[3:5]) / arm
@@ -349,7 +350,7 @@ def _held(
         points.append(play.support(noise).point)
         contacts.append(play.pressed(load, play.support(load).point))
         k = 0 if contacts[-1] is None else len(contacts[-1].contact)
-        rubbing.append(_directions(k, random))
+        tangents.append(_directions(k, random))
     loads = [load.copy() for load in given]
     # Half of them follow the load as it turns with the lean, which does not find the states that
     # this leads away from; the others, of loads as they are anywhere, are sorted out below.
@@ -364,7 +365,7 @@ def _held(
             if now is None:
                 continue
             load = given[j] - falls[:, 6 * j : 6 * j + 6]
-            load += rough[j] * np.einsum("nk,nki,nkid->nd", now.force, rubbing[j], now.across)
+            load += friction[j] * np.einsum("nk,nki,nkid->nd", now.force, tangents[j], now.across)
             loads[j] = load if turn < _DAMPED else 0.5 * (loads[j] + load)
             points[j] = play.support(loads[j]).point
             contacts[j] = play.pressed(loads[j], points[j])
@@ -373,9 +374,9 @@ def _held(
     for j, play in enumerate(plays):
         now = contacts[j]
         if now is not None:
-            kept = _balanced(own[j] - falls[:, 6 * j : 6 * j + 6], now, rough[j], _arm(play))
+            kept = _balanced(own[j] - falls[:, 6 * j : 6 * j + 6], now, friction[j], _arm(play))
             # None is left if a lean swings between two ends of what is nearly open.
-            if not kept.any() and rough[j] > 0.0:
+            if not kept.any() and friction[j] > 0.0:
                 kept[follows] = True
             points[j] = points[j][kept]
             now = now._replace(force=now.force[kept], normal=now.normal[kept])
@@ -383,14 +384,14 @@ def _held(
     return points, found
 
 
-def _balanced(loads: np.ndarray, contacts: Pressed, rough: float, arm: float) -> np.ndarray:
+def _balanced(loads: np.ndarray, contacts: Pressed, friction: float, arm: float) -> np.ndarray:
     """Whether contacts within their cones of friction can balance loads (n, 6), shape (n,)."""
     from scipy.optimize import nnls  # takes long to import
 
     rows = list(contacts.borne)
     weight = np.array([1.0] * 3 + [1.0 / arm] * 3)[rows]
-    cones = contacts.normal[:, :, None] + rough * np.einsum(
-        "ci,nkid->nkcd", _CORNERS if rough > 0.0 else np.zeros((1, 2)), contacts.across
+    cones = contacts.normal[:, :, None] + friction * np.einsum(
+        "ci,nkid->nkcd", _CORNERS if friction > 0.0 else np.zeros((1, 2)), contacts.across
     )
     right = loads[:, rows] * weight
     size = np.maximum(np.linalg.norm(right, axis=1), 1e-300)
@@ -410,7 +411,7 @@ def _balanced(loads: np.ndarray, contacts: Pressed, rough: float, arm: float) ->
             spread[..., 3:] += shifted[:, :, None]
             columns = spread
         matrix = -(columns.reshape(-1, 6)[:, rows] * weight).T
-        good[i] = nnls(matrix, right[i])[1] <= (_BALANCED * rough + _EXACT) * size[i]
+        good[i] = nnls(matrix, right[i])[1] <= (_BALANCED * friction + _EXACT) * size[i]
     return good
 
 
@@ -436,7 +437,7 @@ def _directions(count: int, random: np.random.Generator) -> np.ndarray:
     return np.asarray(chosen)
 
 
-def _give(joint: Clearance, contacts: Pressed) -> np.ndarray:
+def _compliance_shift(joint: Clearance, contacts: Pressed) -> np.ndarray:
     """How far journals go on because their contacts give way, (m, 6)."""
     deep = np.zeros_like(contacts.force)
     for k, contact in enumerate(contacts.contact):
