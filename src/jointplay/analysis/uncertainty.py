@@ -224,7 +224,7 @@ def sobol_indices(values: np.ndarray, names: tuple[str, ...]) -> SobolIndices:
         return SobolIndices(names, zero, zero, zero, zero)
     problem = {"num_vars": len(names), "names": list(names), "bounds": [[0.0, 1.0]] * len(names)}
     with np.errstate(all="ignore"):
-        indices = sobol.analyze(problem, y, calc_second_order=False, seed=0)
+        indices = sobol.analyze(problem, y, calc_second_order=False, seed=1)  # SALib: 0 is none
     return SobolIndices(
         names, *(np.asarray(indices[key], float) for key in ("S1", "S1_conf", "ST", "ST_conf"))
     )
