@@ -125,7 +125,7 @@ def run(options: argparse.Namespace) -> int:
             if performance.poses:
                 files.picture(out / drawn, plots.poses(performance))
                 written.append(drawn)
-            if performance.at is not None:
+            if performance.path:
                 files.picture(out / along, plots.path(performance))
                 written.append(along)
             print(f"written to {options.out}: {', '.join(written)}; runs in {options.out}/cycles")

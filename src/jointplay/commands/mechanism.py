@@ -149,7 +149,7 @@ def _loops(mechanism: Mechanism, driven: tuple[str, ...]) -> str:
     """Which joints of the loops stand and which follow, a line."""
     from jointplay.design import loops, poses
 
-    passive = loops.passive_coordinates(mechanism, driven)
+    passive = loops.ClosedLoops(mechanism, mechanism.configuration({}), driven).passive
     follow = [name for name in poses.moving(mechanism) if mechanism.coordinate(name) in passive]
     return f"loops: driven {', '.join(driven) or 'none'}; following {', '.join(follow) or 'none'}"
 
@@ -160,7 +160,7 @@ def _driven(mechanism: Mechanism, motion: Motion | None, near: dict[str, float])
 
     if motion is not None:
         return tuple(name for name in motion.joints if name in poses.moving(mechanism))
-    return loops.driven_joints(mechanism, poses.at_pose(mechanism, {}, None, near)[0])
+    return loops.ClosedLoops(mechanism, poses.at_pose(mechanism, {}, None, near)[0]).driven
 
 
 def _mechanism(

@@ -61,12 +61,9 @@ def dynamic_error(
     """Tool's error against the ideal mechanism in runs whose journals start displaced at random.
 
     Args:
-        mechanism: with play.
-        motion: what the drives follow.
+        mechanism, motion: what is run, with play.
         simulation: whose drives, payloads and settings are used; None takes the usual ones.
-        runs: how many.
-        jobs: processes; None takes one for each core.
-        progress: show bars.
+        runs, jobs, progress: see `traces`.
 
     Raises:
         JointplayError: a run that failed; fewer than one run.

@@ -11,7 +11,6 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize, to_hex
 from matplotlib.figure import Figure
 
-from jointplay.design import loop_play
 from jointplay.design.allocation import Allocation
 from jointplay.design.iso9283 import Iso9283
 from jointplay.design.levers import GEAR
@@ -98,7 +97,7 @@ def reachable(budget: Budget, pose: int | None = None) -> Figure:
     at = budget.worst_pose if pose is None else pose
     angle = np.linspace(0.0, 2.0 * np.pi, 241)
     rest = 1e3 * budget.standing.rest(at)[1]
-    ends = 1e3 * budget.standing.interval(at)[0]
+    ends = 1e3 * budget.standing.interval(at)
     with style():
         figure = new_figure(8.5, 3.4)
         axes: Any = figure.subplots(1, 3)
@@ -106,7 +105,7 @@ def reachable(budget: Budget, pose: int | None = None) -> Figure:
             directions = np.zeros((len(budget.positions), len(angle), 3))
             directions[..., i], directions[..., j] = np.cos(angle), np.sin(angle)
             outline = np.zeros((len(angle), 3))
-            for error in loop_play.along(budget.sources, directions).error[:, at]:
+            for error in budget.sources.along(directions).error[:, at]:
                 outline = outline + error[:, :3]
                 panel.plot(*(1e3 * outline[:, [i, j]]).T, color="0.75", lw=0.6)
             panel.plot(*(1e3 * outline[:, [i, j]]).T, color=COLOURS[0], label="reachable")
@@ -306,18 +305,19 @@ MOST_POSES = 6
 
 def poses(performance: Iso9283) -> Figure:
     """Attained poses of each cycle about their barycentre, seen along z and y, by stop."""
-    worst = sorted(performance.poses, key=lambda pose: -pose.ap.value)[:MOST_POSES]
+    worst = sorted(performance.poses, key=lambda pose: -pose.figures["AP_p"].value)[:MOST_POSES]
     shown = sorted(worst, key=lambda pose: pose.time)
     angle = np.linspace(0.0, 2.0 * np.pi, 181)
     with style():
         figure = new_figure(1.4 + 2.4 * max(len(shown), 2), 5.6)
         axes: Any = figure.subplots(2, len(shown), squeeze=False)
         for column, pose in enumerate(shown):
+            ap, rp = pose.figures["AP_p"].value, pose.figures["RP_l"].value
             centre = pose.attained.mean(axis=0)
             points = 1e6 * (pose.attained - centre)
-            circle = 1e6 * pose.rp.value * np.array([np.cos(angle), np.sin(angle)])
+            circle = 1e6 * rp * np.array([np.cos(angle), np.sin(angle)])
             towards = -centre / max(float(np.linalg.norm(centre)), 1e-300)
-            arrow = 0.8e6 * pose.rp.value * towards
+            arrow = 0.8e6 * rp * towards
             for row, (i, j) in enumerate(((0, 1), (0, 2))):
                 panel = axes[row, column]
                 panel.plot(*points[:, [i, j]].T, "o", ms=2.5, color=COLOURS[0], label="attained")
@@ -333,8 +333,7 @@ def poses(performance: Iso9283) -> Figure:
                 panel.set_aspect("equal", adjustable="datalim")
                 panel.locator_params(nbins=5)
             axes[0, column].set_title(
-                f"t = {pose.time:.4g} s\nAP_p {1e3 * pose.ap.value:.3g} mm, "
-                f"RP_l {1e6 * pose.rp.value:.3g} um",
+                f"t = {pose.time:.4g} s\nAP_p {1e3 * ap:.3g} mm, RP_l {1e6 * rp:.3g} um",
                 fontsize=8,
             )
         figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=2)
@@ -344,17 +343,15 @@ def poses(performance: Iso9283) -> Figure:
 
 def path(performance: Iso9283) -> Figure:
     """Accuracy and repeatability across the path, along it; AT and RT are their largest."""
-    assert performance.at is not None
-    assert performance.rt is not None
     with style():
         figure = new_figure(6.5, 3.4)
         axes: Any = figure.subplots()
         lines = (
-            (performance.path_accuracy, performance.at, "AT_p", COLOURS[0]),
-            (performance.path_repeatability, performance.rt, "RT_p", COLOURS[1]),
+            (performance.path_accuracy, "AT_p", COLOURS[0]),
+            (performance.path_repeatability, "RT_p", COLOURS[1]),
         )
-        for values, one, name, colour in lines:
-            label = f"{name} = {one.words(1e3, 'mm')}"
+        for values, name, colour in lines:
+            label = f"{name} = {performance.path[name].words(1e3, 'mm')}"
             axes.plot(
                 performance.path_times, 1e3 * values, ".-", ms=3, lw=0.8, color=colour, label=label
             )
