@@ -53,7 +53,7 @@ def parser() -> argparse.ArgumentParser:
         prog="jointplay",
         description="Simulate robots whose joints have play: the journal flies, hits, slides and "
         "tilts in its bearing, and the tool pays for it.",
-        epilog="Options are in SI units: m, s, kg, N, rad; scenario files take others too. "
+        epilog='Values of options are in SI units (m, s, kg, N, rad), or have a unit: "0.1 mm". '
         "Documentation: docs/.",
     )
     made.add_argument("--version", action="store_true", help="print the version and exit")

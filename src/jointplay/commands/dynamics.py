@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from jointplay.commands import add_case, add_jobs, add_quiet, add_trust
+from jointplay.commands import add_option, add_repeatable, add_shared
 from jointplay.core.errors import JointplayError
 
 if TYPE_CHECKING:
@@ -56,35 +56,31 @@ def add(commands: Any) -> None:
     )
     parser.add_argument("file", metavar="FILE", help="scenario (TOML)")
     parser.add_argument("kind", metavar="WHAT", choices=KINDS, help=", ".join(KINDS))
-    add_case(parser)
-    parser.add_argument(
-        "--vary", metavar="KEY=FROM:TO:COUNT", help="key of the scenario, its values, their unit"
+    add_shared(parser, "--case")
+    add_option(parser, "--vary KEY=FROM:TO:COUNT", "key of the scenario, its values, their unit")
+    add_repeatable(
+        parser,
+        "--of NAME",
+        "quantity, such as guide.acceleration, crank_pin.moment, piston_pin.eccentricity; a wrong "
+        "name lists all",
     )
-    parser.add_argument(
-        "--of",
-        action="append",
-        default=[],
-        metavar="NAME",
-        help="quantity, such as guide.acceleration, crank_pin.moment, piston_pin.eccentricity "
-        "(repeatable; a wrong name lists all)",
+    add_option(parser, "--settle N", "turns that are not looked at (default: by what is asked)")
+    add_option(parser, "--keep N", "turns that are looked at (default: by what is asked)")
+    add_option(parser, "--phase X", "of the section [turns]", 0.25)
+    add_option(parser, "--records N", "records in a turn", 1000)
+    add_option(parser, "--orders X", "of spectra, at most", 20.0)
+    add_option(parser, "--window N", "runup: turns of a spectrum", 8)
+    add_option(
+        parser, "--threshold X", "recurrence: distance that counts as near, of all distances", 0.1
     )
-    parser.add_argument("--settle", type=int, metavar="N", help="turns that are not looked at")
-    parser.add_argument("--keep", type=int, metavar="N", help="turns that are looked at")
-    parser.add_argument("--phase", type=float, default=0.25, help="of the section [turns] (0.25)")
-    parser.add_argument("--records", type=int, default=1000, help="in a turn (default 1000)")
-    parser.add_argument("--orders", type=float, default=20.0, help="of spectra, at most (20)")
-    parser.add_argument("--window", type=int, default=8, help="runup: turns of a spectrum (8)")
-    parser.add_argument("--threshold", type=float, default=0.1, help="of recurrence (0.1)")
-    parser.add_argument("--joint", help="basin: the joint whose journal starts aside")
-    parser.add_argument("--grid", type=int, default=21, help="basin: starts along x and y (21)")
-    parser.add_argument(
-        "--set", action="append", default=[], metavar="KEY=VALUE", dest="changes",
-        help="another value for a key of the scenario (repeatable)",
-    )  # fmt: skip
-    add_jobs(parser)
-    parser.add_argument("--out", required=True, metavar="DIR", help="folder for table and figure")
-    add_quiet(parser)
-    add_trust(parser)
+    add_option(parser, "--joint NAME", "basin: the joint whose journal starts off centre")
+    add_option(parser, "--grid N", "basin: starts along x and y", 21)
+    add_repeatable(
+        parser, "--set KEY=VALUE", "another value for a key of the scenario", dest="changes"
+    )
+    add_shared(parser, "--jobs")
+    add_option(parser, "--out DIR", "folder for table and figure", required=True)
+    add_shared(parser, "--quiet", "--trust")
 
 
 def run(options: argparse.Namespace) -> int:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from jointplay.commands import add_quiet, add_trust
+from jointplay.commands import add_option, add_shared
 
 KINDS = ("csv", "parquet", "trajectory", "mcap", "rerun")
 """Kinds of file; `jointplay.exports.KINDS` says what they are."""
@@ -23,19 +23,12 @@ def add(commands: Any) -> None:
         "extras tables, ros and rerun: pip install 'jointplay[ros]'.",
     )
     parser.add_argument("result", metavar="RESULT", help="file that a run wrote (.nc)")
-    parser.add_argument(
-        "--to", choices=KINDS, help="kind of file (default: told by --out's ending)"
+    add_option(parser, "--to", "kind of file (default: by the ending of --out)", choices=KINDS)
+    add_option(parser, "--out FILE", "file to write", required=True)
+    add_option(
+        parser, "--every N", "only each N-th record and the last; peaks cover what lies between", 1
     )
-    parser.add_argument("--out", required=True, metavar="FILE", help="file to write")
-    parser.add_argument(
-        "--every",
-        type=int,
-        default=1,
-        metavar="N",
-        help="only each N-th record and the last; peaks cover what lies between (default 1)",
-    )
-    add_quiet(parser)
-    add_trust(parser)
+    add_shared(parser, "--quiet", "--trust")
 
 
 def run(options: argparse.Namespace) -> int:
