@@ -360,7 +360,7 @@ def run(options: argparse.Namespace) -> int:
 
     target = options.urdf or options.target
     if not options.resume and (target is None or options.urdf or is_robot(target)):
-        run_scenario.check_output_folder(Path(options.out), {LABEL: f"{LABEL}.nc"})
+        run_scenario.check_output_folder(Path(options.out), [f"{LABEL}.nc"])
     return run_scenario.run(scenario_of(options), options)
 
 
