@@ -84,43 +84,37 @@ def run(options: argparse.Namespace) -> int:
 
         movie.check(options.movie)
     else:
-        from jointplay.player.server import Server
+        from jointplay.player.server import check_host
 
-        Server(b"", options.host, 0).server_close()  # a wrong host shows before the work
+        check_host(options.host)
     try:
-        return _play(options, shot)
+        _play(options, shot)
     except KeyboardInterrupt:  # while preparing; what is served ends with 0
         print(file=sys.stderr)
         return INTERRUPTED
+    return 0
 
 
-def _play(options: argparse.Namespace, shot: Any) -> int:
+def _play(options: argparse.Namespace, shot: Any) -> None:
     """Make the page; serve, write or film it."""
     from jointplay import player
 
-    content, scene = player.page(
-        player.load(options.results, options.trust),
-        joint=options.joint,
-        magnification=options.magnify,
-        meshes=options.meshes,
-        ghosts=not options.no_ghost,
-        progress=not options.quiet,
-    )
-    if options.html is None and options.movie is None:
-        player.serve(content, scene.notes, options.host, options.port, not options.no_browser, _say)
-        return 0
-    for note in scene.notes:
-        streams.note(f"note: {note}")
-    streams.release()
+    results = player.load(options.results, options.trust)
+    shown: dict[str, Any] = {
+        "joint": options.joint,
+        "magnification": options.magnify,
+        "meshes": options.meshes,
+        "ghosts": not options.no_ghost,
+        "progress": not options.quiet,
+    }
     if options.html is not None:
-        path = files.write(options.html, content)
-        _say(f"{path}: {len(content) / 1e6:.1f} MB")
+        path = player.save_html(results, options.html, _note, **shown)
+        print(f"{path}: {path.stat().st_size / 1e6:.1f} MB")
+    elif options.movie is not None:
+        print(player.save_movie(results, options.movie, shot, _note, **shown))
     else:
-        from jointplay.player import movie
-
-        path = Path(options.movie)
-        _say(str(movie.film(content, scene.contents, path, shot, not options.quiet)))
-    return 0
+        where: dict[str, Any] = {"host": options.host, "port": options.port}
+        player.play(results, **where, browser=not options.no_browser, say=_say, **shown)
 
 
 def _shot(options: argparse.Namespace) -> Any:
@@ -144,6 +138,12 @@ def _shot(options: argparse.Namespace) -> Any:
     if "fps" in chosen:
         chosen["frames_per_second"] = chosen.pop("fps")
     return Shot(**chosen)
+
+
+def _note(text: str) -> None:
+    """A note that is shown at once."""
+    streams.note(text)
+    streams.release()
 
 
 def _say(text: str) -> None:
