@@ -174,7 +174,8 @@ def _in_both_directions(
         for key in meant:
             at = ("joints", setting.key[1], f"{key}_clearance")
             first.append(Setting(at, setting.value, setting.source))
-        rest += [] if meant else [setting]
+        if not meant:
+            rest.append(setting)
     return [*first, *rest]
 
 

@@ -109,5 +109,5 @@ def inline(value: Any) -> str:
     if isinstance(value, list | tuple):
         return f"[{', '.join(map(inline, value))}]"
     if isinstance(value, float):
-        return repr(value)
+        return repr(float(value))  # also of numpy's
     return json.dumps(value, ensure_ascii=False, default=str)
