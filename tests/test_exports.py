@@ -392,12 +392,6 @@ def test_the_command_writes_and_says_what(saved, tmp_path, capsys):
         assert said.count("\n") == 1
 
 
-def test_the_command_offers_all_kinds():
-    from jointplay.commands import export
-
-    assert tuple(exports.KINDS) == export.KINDS
-
-
 @pytest.mark.parametrize(
     ("name", "module", "extra"),
     [
