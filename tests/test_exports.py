@@ -14,7 +14,7 @@ import yaml
 from conftest import body, joint
 
 import jointplay as jp
-from jointplay import JointplayError, Motion, Result, cli, exports
+from jointplay import JointplayError, Motion, Result, cli
 from jointplay.joints import SphericalClearance
 from jointplay.motion import rosbag
 from jointplay.result.thinning import thinned

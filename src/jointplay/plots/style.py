@@ -262,6 +262,13 @@ def legend(panel: Axes, columns: int) -> None:
         line.set_linewidth(max(line.get_linewidth(), 1.6))
 
 
+def spans(time: np.ndarray, holds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """When each stretch begins and ends in which records hold something, (n,) of `time`."""
+    edges = np.diff(np.concatenate([[False], holds, [False]]).astype(int))
+    following = np.append(time, time[-1])
+    return time[np.flatnonzero(edges == 1)], following[np.flatnonzero(edges == -1)]
+
+
 def timeline(
     panel: Axes,
     time: np.ndarray,
@@ -272,13 +279,11 @@ def timeline(
     options: dict[str, Any],
 ) -> None:
     """A row for each of `members`, filled while `values` equals it."""
-    ends = np.append(time[1:], time[-1])
     for row, (member, colour) in enumerate(zip(members, colours, strict=False)):
-        edges = np.diff(np.concatenate([[False], values == member, [False]]).astype(int))
-        first, last = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1) - 1
-        spans = np.column_stack([time[first], ends[last] - time[first]])
+        begin, end = spans(time, values == member)
         drawn: dict[str, Any] = {"facecolors": colour, "linewidth": 0.0} | options
-        panel.broken_barh(spans.tolist(), (row - 0.4, 0.8), **drawn)
+        bars = np.column_stack([begin, end - begin])
+        panel.broken_barh(bars.tolist(), (row - 0.4, 0.8), **drawn)
     panel.set_yticks(range(len(rows)), rows)
     panel.set_ylim(len(rows) - 0.5, -0.5)
     panel.set_xlim(time[0], time[-1])

@@ -400,8 +400,8 @@ def _mechanism(model: Model, folder: Path, built: Built) -> Mechanism:
     with within("robot", "urdf"):
         path = resolve(robot.urdf, folder)
         description = read(path, robot.allow_unphysical)
-    told = (robot, model.loops, model.joints, model.gears, folder)
-    key = (str(path), description.text, *map(repr, told))
+    inputs = (robot, model.loops, model.joints, model.gears, folder)
+    key = (str(path), description.text, *map(repr, inputs))
     made = built.pop(key, None) or _built_anew(model, path, description, folder)
     built[key] = made
     if len(built) > _LAST_BUILT:

@@ -102,18 +102,18 @@ def robot_scenario(
             wrong = MissingName("joint", name, [*description.joints, *given.get("loops", {})])
             raise JointplayError(f"--joint {name}: {wrong}")
     settings = _in_both_directions(settings, description, given)
-    told = []
+    assumptions = []
     text: dict[str, Any] = {"robot": {"urdf": place if ":" in place else str(path.resolve())}}
     if not scara and "tool" not in given.get("robot", {}):
         tool, reason = choose_tool(description)
         text["robot"]["tool"] = tool
-        told.append(f"tool: {tool} (chosen: {reason}; --tool FRAME takes another)")
+        assumptions.append(f"tool: {tool} (chosen: {reason}; --tool FRAME takes another)")
     if "motion" not in given:
         if scara:
             text["motion"] = {"file": SCARA_MOTION}
         else:
             text["motion"], words = _there_and_back(description)
-            told.append(words)
+            assumptions.append(words)
     named = []
     for name in () if ideal else joints:
         known = description.joints.get(name)
@@ -127,7 +127,7 @@ def robot_scenario(
         named.append(Setting(("joints", name), table, f"--joint {name}"))
     written = "\n".join(f"{key} = {inline(value)}" for key, value in text.items())
     scenario = Scenario(written, place, (), (*named, *settings), LABEL)
-    scenario.assumptions = told
+    scenario.assumptions = assumptions
     return scenario
 
 
@@ -211,8 +211,8 @@ def _there_and_back(description: Description) -> tuple[dict[str, Any], str]:
         end = begin + (way if high - begin >= begin - low else -way)
         ways[name] = [begin, end, begin]
     motion = {"times": [0.0, SWING_S, 2.0 * SWING_S], "joints": ways}
-    told = (
+    words = (
         f"no motion given: every joint moves up to {SWING:g} rad or {SLIDE:g} m there and back in "
         f"{2.0 * SWING_S:g} s; --motion CSV or --set motion... gives another"
     )
-    return motion, told
+    return motion, words
