@@ -31,7 +31,7 @@ FORMATS = {
 
 GEAR = {
     "gear-stiffness": ("N*m/rad", "of the teeth"),
-    "gear-damping": ("N*m*s/rad", "of the teeth (default 0)"),
+    "gear-damping": ("N*m*s/rad", "of the teeth; 0 if not given"),
     "rotor-inertia": ("kg*m^2", "seen from the joint's side"),
 }
 """Options about a gear: units and explanations."""
@@ -53,7 +53,7 @@ def add(commands: Any) -> None:
     add_option(parser, "--pose JOINT=X,...", "about which the joint reverses")
     group = parser.add_argument_group("gear (of a scenario, or these)")
     for name, (unit, text) in GEAR.items():
-        add_option(group, f"--{name} X", f"{text} [{unit}]", type=in_unit(unit))
+        add_option(group, f"--{name} X", f"{text} [{unit}]".replace("*", " "), type=in_unit(unit))
     group = parser.add_argument_group("reversals")
     add_option(group, "--amplitude ANGLE", "of the reversals (default 0.1)")
     add_option(group, "--period TIME", "of a reversal there and back (default 2)")
