@@ -31,10 +31,8 @@ def rrd(result: Result, suffix: str, progress: bool) -> bytes:
     Raises:
         JointplayError: rerun is not installed, or the result's mechanism cannot be built.
     """
-    try:
+    with exports.extra("rerun", "rerun-sdk"):
         import rerun as rr
-    except ImportError as error:
-        raise exports.needs("rerun", "rerun-sdk", error) from None
     escape = rr.escape_entity_path_part
     mechanism = result.simulation.mechanism
     recording: Any = rr.RecordingStream("jointplay")
