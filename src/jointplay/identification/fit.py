@@ -72,17 +72,11 @@ _ROUNDS = 2
 def offsets(
     keys: Sequence[Key], cell: np.ndarray, position: np.ndarray, tool: np.ndarray, reference: str
 ) -> np.ndarray:
-    """How unknown offsets move the signals, shape (n, keys, offsets).
+    """How unknown offsets move the signals, shape (n, keys, offsets), see `REFERENCES`.
 
-    Visits of a place are not quite at one: beside an offset for each, the geometry's error is a
-    polynomial of the joints' positions.
-
-    Args:
-        keys: the signals.
-        cell: number of each visit's place, shape (n,).
-        position: of the joints, shape (n, j) [rad or m].
-        tool: of the ideal mechanism, shape (n, 3) [m].
-        reference: one of `REFERENCES`.
+    Visits of a place (`cell`, (n,)) are not quite at one: beside an offset for each, the geometry's
+    error is a polynomial of the joints' positions (n, j) [rad or m]. `tool` is the ideal
+    mechanism's (n, 3) [m].
     """
     n, columns = len(cell), []
     axes = [key for key in keys if key[0] == "tool"]
@@ -113,12 +107,9 @@ def _within(cell: np.ndarray, position: np.ndarray) -> list[np.ndarray]:
 
 
 def drifts(keys: Sequence[Key], time: np.ndarray, degree: int) -> np.ndarray:
-    """How a slow drift moves the readings of tool and links, shape (n, keys, columns).
+    """How a slow drift at times (n,) moves readings of tool and links, shape (n, keys, columns).
 
-    Args:
-        keys: the signals.
-        time: of the visits, shape (n,) [s].
-        degree: of the Legendre polynomials in time; 0: none.
+    Legendre polynomials up to a degree; 0: none.
     """
     middle, half = 0.5 * (time.min() + time.max()), max(0.5 * float(np.ptp(time)), 1e-12)
     shapes = legvander((time - middle) / half, degree)[:, 1:]
@@ -211,9 +202,7 @@ class LeastSquares:
     def sensitivity(self, theta: np.ndarray, raw: bool = False) -> np.ndarray:
         """Effect of each unknown by its scale, in standard errors, shape (m, p).
 
-        Args:
-            theta: of the unknowns, shape (p,).
-            raw: as it is [SI], nothing projected out.
+        With `raw` as it is [SI], nothing projected out.
         """
         columns = []
         for i, one in enumerate(self.unknowns):
@@ -331,8 +320,7 @@ def _intervals(problem: LeastSquares, theta: np.ndarray, effect: np.ndarray) -> 
 def information(effect: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:
     """Covariance (p, p) outside of the null space, projector (p, p) on it, and the rank.
 
-    Args:
-        effect: of the unknowns by their scales, in standard errors, shape (m, p).
+    By the effect (m, p) of the unknowns by their scales, in standard errors.
     """
     _, sizes, right = np.linalg.svd(effect, full_matrices=True)
     every = np.zeros(effect.shape[1])
@@ -347,12 +335,8 @@ def search(problem: LeastSquares, start: np.ndarray, kinds: np.ndarray) -> tuple
     """Least squares with errors as large as the residuals demand, by kind of signal.
 
     Means scatter by more than their records do: journals do not come to rest at quite the same
-    place, and the model is not exact. That is added to the errors.
-
-    Args:
-        problem: to solve.
-        start: values to begin with, (p,).
-        kinds: number of each number's kind of signal, -1 for what was known before, (m,).
+    place, and the model is not exact. That is added to the errors. `kinds` (m,) has the number of
+    each number's kind of signal, -1 for what was known before.
     """
     tried = [solve(problem, one, _FIRST) for one in _starts(problem, start)]
     best = min(tried, key=lambda fit: problem.cost(fit.theta))

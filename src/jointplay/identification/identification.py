@@ -1,4 +1,4 @@
-"""Clearances and friction from measurements: what was found, how well, and what cannot be told."""
+"""Clearances and friction from measurements: what was found, how well, and what was not."""
 
 from __future__ import annotations
 
@@ -569,10 +569,10 @@ def _impacts_only(
     mechanism: Mechanism, measured: Measurement, reference: str, note: str
 ) -> Identification:
     """Where means say nothing."""
-    made, seen = no_visits()
+    made, observed = no_visits()
     none, nothing = np.zeros((0, 0)), np.zeros(0)
     return Identification(
-        (), nothing, nothing, (), (), mechanism, made, seen, none, none, none[..., None], np.nan,
+        (), nothing, nothing, (), (), mechanism, made, observed, none, none, none[..., None], np.nan,
         reference, (note,), measured,
     )  # fmt: skip
 

@@ -21,8 +21,6 @@ from jointplay.mechanism.mechanism import Mechanism
 from jointplay.motion.reference import Motion
 from jointplay.result.result import AXES, Result
 
-# What was measured on a machine: columns with their units and times.
-#
 # A column is called ``tool x [mm]``: what it is, and its unit in brackets (or ``tool_x_mm``).
 #
 #     time [s]                            always
@@ -50,6 +48,7 @@ _SHOWN = 60
 
 Key = tuple[str, str]
 """``("tool", "x")``, ``("link", "elbow")``: kind of a signal, then its axis or joint."""
+_TIME: Key = ("time", "")
 
 
 class TooLittle(JointplayError):
@@ -122,7 +121,7 @@ class Measurement:
         """
         path = Path(path)
         header, table = _table(path)
-        time, signals = None, {}
+        signals: dict[Key, np.ndarray] = {}
         for column, title in enumerate(header):
             name, unit = _split(title, path)
             key, goal = _meaning(name, joints, title, path)
@@ -130,13 +129,10 @@ class Measurement:
                 factor = float(convert(f"1 {unit}", goal))
             except ValueError as error:
                 raise JointplayError(f"{path}, column {title!r}: {error}") from None
-            values = factor * table[:, column]
-            if key is None:
-                time = values
-            elif key in signals:
+            if key in signals:
                 raise JointplayError(f"{path}: {name!r} is there twice")
-            else:
-                signals[key] = values
+            signals[key] = factor * table[:, column]
+        time = signals.pop(_TIME, None)
         if time is None:
             raise JointplayError(
                 f"{path} has no times: a column such as 'time [s]' is needed; there are: "
@@ -294,7 +290,7 @@ def _split(title: str, path: Path) -> tuple[str, str]:
         return match[1].strip(), (match[2] or match[3] or "").strip()
     name, _, unit = title.rpartition("_")
     try:
-        convert(f"1 {unit}", *{u for u in ("s", "m", "rad", "N", "N*m", "m/s^2")})
+        convert(f"1 {unit}", "s", "m", "rad", "N", "N*m", "m/s^2")
     except ValueError:
         name = ""
     if not name:
@@ -305,12 +301,10 @@ def _split(title: str, path: Path) -> tuple[str, str]:
     return name.strip(), unit
 
 
-def _meaning(
-    name: str, joints: Mapping[str, bool], title: str, path: Path
-) -> tuple[Key | None, str]:
-    """Which signal a column is (None: the times), and the unit that it must fit."""
+def _meaning(name: str, joints: Mapping[str, bool], title: str, path: Path) -> tuple[Key, str]:
+    """Which signal a column is, and the unit that it must fit."""
     if name.lower() in ("time", "t"):
-        return None, "s"
+        return _TIME, "s"
     for mark in (" ", "_", "."):
         first, _, last = name.partition(mark)
         if first in TOOL_UNITS and last in AXES:

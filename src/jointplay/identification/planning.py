@@ -316,12 +316,8 @@ def offers(
 ) -> list[tuple[np.ndarray, str]]:
     """What could be measured besides: information (see `Information`) and words, simplest first.
 
-    Args:
-        machine: with the play that is expected.
-        unknowns: of it.
-        keys: signals that are measured already.
-        noise: of a record by kind of signal [SI].
-        theta: values of the unknowns, shape (p,).
+    At values `theta` (p,) of the unknowns, with the signals `keys` that are measured already and
+    the noise of a record by kind of signal [SI].
     """
     mechanism, parts = machine.mechanism, sizes(machine, unknowns)
     poses = over_workspace(mechanism, OFFERED)
@@ -393,9 +389,7 @@ def _visits(names: tuple[str, ...], options: Sequence[Experiment]) -> Visits:
 def half_widths(unknowns: Sequence[Parameter], gain: np.ndarray) -> np.ndarray:
     """Expected half widths of 95 % intervals of p unknowns, shape (p,) [SI].
 
-    Args:
-        unknowns: p of them.
-        gain: information about them and about c compliances, shape (p + c, p + c).
+    By information about them and about c compliances, shape (p + c, p + c).
     """
     covariance = np.linalg.inv(gain)[: len(unknowns), : len(unknowns)]
     quantile = float(norm.ppf(0.5 + CONFIDENCE / 2.0))

@@ -16,7 +16,7 @@ from tqdm import tqdm
 
 from jointplay.core.errors import JointplayError
 from jointplay.identification.fit import CONFIDENCE
-from jointplay.identification.measurement import Measurement
+from jointplay.identification.measurement import Key, Measurement
 from jointplay.identification.parameters import friction_of, with_clearance
 from jointplay.joints import Clearance
 from jointplay.mechanism.mechanism import Mechanism
@@ -24,8 +24,6 @@ from jointplay.result.result import Result
 from jointplay.simulation.ensemble import run_in_order, run_to_the_end
 from jointplay.simulation.simulation import Simulation
 
-# Impacts in records: when they are, how hard, and numbers that say what a whole measurement has.
-#
 # An accelerometer shows an impact as a spike of few records, a force between bearing and journal
 # as a pulse out of nothing. Neither needs to be calibrated: only times and ratios count.
 
@@ -51,7 +49,7 @@ _DROWNED = 5.0
 _NORMAL = 0.6745
 """Median of |x| for normal x of standard deviation one."""
 BINS = 5
-"""Parts of a measurement whose activity is told each by itself."""
+"""Parts of a measurement whose activity is stated each by itself."""
 
 
 @dataclass(frozen=True)
@@ -378,10 +376,8 @@ class Instruments:
     """Records a second [Hz]."""
     noise: Mapping[str, float]
     """Standard deviation of a record by kind of signal [SI]."""
-    joints: tuple[str, ...]
-    """Of the channels; empty text for the accelerometer."""
-    axes: tuple[str, ...]
-    """Of the accelerometer."""
+    keys: frozenset[Key]
+    """Signals that are compared."""
 
     @classmethod
     def of(cls, measured: Measurement) -> Instruments:
@@ -390,14 +386,14 @@ class Instruments:
         Raises:
             JointplayError: it has no signal that shows impacts.
         """
-        seen = channels(measured)
-        if not seen:
+        felt = channels(measured)
+        if not felt:
             raise JointplayError(
                 f"{measured.source}: no impacts show: acceleration x (y, z) or JOINT reaction is "
                 "needed"
             )
         noise: dict[str, float] = {}
-        for one in seen:
+        for one in felt:
             kind = "reaction" if one.joint else "acceleration"
             noise[kind] = max(one.noise, noise.get(kind, 0.0))
         time = measured.time
@@ -406,8 +402,10 @@ class Instruments:
             float(time[-1]),
             1.0 / float(np.median(np.diff(time))),
             noise,
-            tuple(one.joint for one in seen),
-            tuple(measured.has("acceleration")),
+            frozenset(
+                [("acceleration", axis) for axis in measured.has("acceleration")]
+                + [("reaction", one.joint) for one in felt if one.joint]
+            ),
         )
 
     def settings(self, simulation: Simulation) -> Simulation:
@@ -425,20 +423,18 @@ class Instruments:
         """What they see of a run, noise of its own included."""
         kinds = tuple(self.noise)
         seed = result.simulation.seed or 0
-        seen = Measurement.from_result(
+        recorded = Measurement.from_result(
             result, rate=self.rate, noise=self.noise, kinds=kinds, seed=seed, delay=self.begin
         )
-        wanted = {("acceleration", axis) for axis in self.axes}
-        wanted |= {("reaction", joint) for joint in self.joints}
-        signals = {key: values for key, values in seen.signals.items() if key in wanted}
-        return replace(seen, signals=signals, noise=dict(self.noise))
+        signals = {key: values for key, values in recorded.signals.items() if key in self.keys}
+        return replace(recorded, signals=signals, noise=dict(self.noise))
 
     def statistics(self, measured: Measurement) -> dict[str, float]:
         """Statistics of all channels, by name."""
-        seen = replace(measured, noise={**measured.noise, **self.noise})
+        recorded = replace(measured, noise={**measured.noise, **self.noise})
         return {
             f"{name} of {one.joint + ' reaction' if one.joint else 'the acceleration'}": value
-            for one in channels(seen)
+            for one in channels(recorded)
             for name, value in summary(one).items()
         }
 
@@ -513,19 +509,18 @@ class LikelihoodEstimate:
 
 
 def by_likelihood(
-    values: np.ndarray, statistics: np.ndarray, seen: np.ndarray, low: np.ndarray, high: np.ndarray
+    values: np.ndarray,
+    statistics: np.ndarray,
+    measured: np.ndarray,
+    low: np.ndarray,
+    high: np.ndarray,
 ) -> LikelihoodEstimate:
-    """The values whose runs have the statistics that were seen.
+    """The values between `low` and `high` (p,) whose runs have the measured statistics (d,).
 
-    Args:
-        values: of n runs, shape (n, p).
-        statistics: of the runs, finite, shape (n, d).
-        seen: the measured ones, shape (d,).
-        low: least values that can be, shape (p,).
-        high: largest values, shape (p,).
+    By n runs with values (n, p) and finite statistics (n, d).
     """
     grid = _grid(low, high)
-    best, distance, odd = _likeliest(values, statistics, seen, grid)
+    best, distance, odd = _likeliest(values, statistics, measured, grid)
     errors, distances = np.zeros(values.shape), np.zeros(len(values))
     for i in range(len(values)):
         others = np.arange(len(values)) != i
@@ -547,7 +542,7 @@ def design(count: int, low: np.ndarray, high: np.ndarray, seed: int) -> np.ndarr
 
 
 def runs_needed(p: int) -> int:
-    """Fewest runs of which p values can be told at all."""
+    """Fewest runs by which p values can be identified."""
     return 2 * _terms(p) + 4
 
 
@@ -570,7 +565,7 @@ def _basis(values: np.ndarray, centre: np.ndarray, width: np.ndarray) -> np.ndar
 
 
 def _likeliest(
-    values: np.ndarray, statistics: np.ndarray, seen: np.ndarray, grid: np.ndarray
+    values: np.ndarray, statistics: np.ndarray, measured: np.ndarray, grid: np.ndarray
 ) -> tuple[np.ndarray, float, int]:
     """The best of the grid, its distance (mean square by statistic), the statistic farthest off."""
     centre, width = values.mean(axis=0), np.maximum(np.ptp(values, axis=0), 1e-12)
@@ -582,22 +577,19 @@ def _likeliest(
     correlation = (left / spread).T @ (left / spread) / freedom
     shrink = max(_SHRINK, statistics.shape[1] / (statistics.shape[1] + freedom))
     correlation = (1.0 - shrink) * correlation + shrink * np.eye(len(spread))
-    off = (seen - _basis(grid, centre, width) @ slopes) / spread
+    off = (measured - _basis(grid, centre, width) @ slopes) / spread
     cost = np.einsum("gi,ij,gj->g", off, np.linalg.inv(correlation), off)
     best = int(cost.argmin())
-    return grid[best], float(cost[best]) / len(seen), int(np.abs(off[best]).argmax())
+    return grid[best], float(cost[best]) / len(measured), int(np.abs(off[best]).argmax())
 
 
-# Restitution of joints: by flights where a journal bounces freely, by simulated impacts
-# elsewhere.
-#
 # In a machine impacts rarely die away as a ball's do: rims strike in turn, drives answer, loads
 # turn. So runs of the scenario with different restitutions are compared with the measurement by
 # the statistics of their impacts (below), never by their traces.
 
 
 RUNS = 40
-"""Runs by which restitutions are sought, unless told otherwise."""
+"""Runs by which restitutions are sought by default."""
 LOW, HIGH = 0.05, 0.98
 """Restitutions between which is sought."""
 _WIDEST = 0.15

@@ -217,12 +217,9 @@ def _impact_check(name: str, measured: float, runs: np.ndarray, number: int) -> 
 def _compare_means(
     identification: Identification, means: np.ndarray, number: int
 ) -> tuple[_Parts, list[Check]]:
-    """Residuals of means over visits by kind, and how much more runs differ from each other.
+    """RMS residuals of means over visits by kind, beside those of runs from each other.
 
-    Args:
-        identification: what was identified.
-        means: of the runs, shape (runs, n, keys).
-        number: of checks in all.
+    `means` are the runs', shape (runs, n, keys); there are `number` checks in all.
     """
     left = _Residuals(identification, np.isfinite(means).all(axis=0))
     measured, count = identification.observed.mean, len(means)

@@ -177,7 +177,7 @@ def draw_convergence(
     Raises:
         JointplayError: nothing is sampled, or no such measure.
     """
-    values, _ = samples_of(dataset, measure)
+    values = samples_of(dataset, measure)
     factor = scale(dataset, measure)[0]
     with style(look):
         figure = new_figure(6.0, 3.8, look)

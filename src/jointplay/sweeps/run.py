@@ -22,9 +22,8 @@ from jointplay.scenario import Scenario
 from jointplay.simulation.run import CHUNK, Run
 from jointplay.sweeps.case import FAILED, Bench, Case, Job, Outcome, job, joints, run_cases
 from jointplay.sweeps.dataset import open_sweep
-from jointplay.sweeps.declaration import plan_of
 from jointplay.sweeps.measures import shipped
-from jointplay.sweeps.plan import REPEAT, SAMPLE, Index, Plan
+from jointplay.sweeps.plan import REPEAT, SAMPLE, Index, Plan, plan_of
 from jointplay.sweeps.sealed import METADATA, ROOT, metadata
 from jointplay.sweeps.store import Store, of_sweep, sweep_of_states
 
@@ -221,7 +220,7 @@ def _run_rounds(
                 begin = None
             if workers is not None:
                 _run_all(store, workers, left, progress)
-            if _enough(store.plan, store):
+            if _enough(store):
                 return
             store.grow(store.plan.with_samples(2 * store.plan.samples))
     finally:
@@ -274,8 +273,9 @@ def _run_all(store: Store, workers: Workers, left: int, progress: bool) -> None:
             bar.update()
 
 
-def _enough(made: Plan, store: Store) -> bool:
+def _enough(store: Store) -> bool:
     """Whether the sweep is over: it has no aim, may not go on, or has reached it everywhere."""
+    made = store.plan
     if made.until is None or 2 * made.samples > made.until.most:
         return True
     values = np.moveaxis(store.column(made.until.measure), list(made.sizes).index(SAMPLE), 0)
