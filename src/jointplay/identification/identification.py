@@ -572,8 +572,8 @@ def _impacts_only(
     made, observed = no_visits()
     none, nothing = np.zeros((0, 0)), np.zeros(0)
     return Identification(
-        (), nothing, nothing, (), (), mechanism, made, observed, none, none, none[..., None], np.nan,
-        reference, (note,), measured,
+        (), nothing, nothing, (), (), mechanism, made, observed, none, none, none[..., None],
+        np.nan, reference, (note,), measured,
     )  # fmt: skip
 
 
