@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import xarray as xr
 import zarr
 from zarr.core.sync import sync
 from zarr.dtype import parse_dtype
@@ -24,7 +25,7 @@ from jointplay.result.stored import versions
 from jointplay.scenario.places import dotted
 from jointplay.sweeps import sealed
 from jointplay.sweeps.axes import GROWING
-from jointplay.sweeps.case import DONE, FAILED, History, Outcome, joints
+from jointplay.sweeps.case import DONE, FAILED, Outcome, joints
 from jointplay.sweeps.dataset import FORMAT, check_format, quiet, reading
 from jointplay.sweeps.journal import JOURNAL, SYNC_S, Journal, entries, is_there, line
 from jointplay.sweeps.measures import USER, about
@@ -442,7 +443,7 @@ class Store:
             array = self._create(name, values.shape, chunks, kind, fill, (dimension,), attrs)
         array[:] = values.astype(object) if text else values
 
-    def _write_history(self, name: str, index: Index, history: History) -> None:
+    def _write_history(self, name: str, index: Index, history: xr.DataArray) -> None:
         """Write a variable of a case over time: an array over the sweep, the time, and labels.
 
         Cases can differ in length and in joints: the array grows as needed, and what a case has not
@@ -451,16 +452,15 @@ class Store:
         Raises:
             JointplayError: it was recorded at other times than those of the cases before.
         """
-        if not history.attrs:
-            return
         key = name + SUFFIX
         values = np.asarray(history.values, float)
+        dims = list(map(str, history.dims))
         if key not in self.group:
-            tail = dict(zip(history.dims, values.shape, strict=True))
+            tail = dict(zip(dims, values.shape, strict=True))
             unit, text = (str(history.attrs.get(word, "")) for word in ("units", "long_name"))
             self.array(key, "float64", np.nan, text, unit, tail)
         array = self.group[key]
-        places = [self._places(d, history) for d in history.dims]
+        places = [self._places(dimension, history) for dimension in dims]
         sizes = array.shape[len(index) :]
         needed = [max(int(p.max(initial=-1)) + 1, n) for p, n in zip(places, sizes, strict=True)]
         if tuple(needed) != tuple(sizes):
@@ -469,12 +469,12 @@ class Store:
         block[np.ix_(*places)] = values
         array[index] = block
 
-    def _places(self, dimension: str, history: History) -> np.ndarray:
+    def _places(self, dimension: str, history: xr.DataArray) -> np.ndarray:
         """Positions of a case's labels along a dimension, to which new ones are added.
 
         All cases share one time axis: the longest one's.
         """
-        own: list[Any] = np.asarray(history.labels[dimension]).tolist()
+        own: list[Any] = history[dimension].values.tolist()
         known: list[Any] = []
         if dimension in self.group:
             known = np.asarray(self.group[dimension][...]).tolist()
