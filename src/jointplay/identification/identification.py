@@ -580,6 +580,7 @@ def _impacts_only(
 def _read(
     measured: Measurement | str | Path, mechanism: Mechanism, noise: Mapping[str, float] | None
 ) -> Measurement:
+    """The measurement, of a file if it is one, with the noise that is given."""
     if not isinstance(measured, Measurement):
         entries = mechanism.description.joints
         slides = {name: entries[name].slides for name in moving(mechanism)}

@@ -489,6 +489,7 @@ def positions(
 
 
 def _filled(values: np.ndarray, time: np.ndarray, name: str) -> np.ndarray:
+    """Positions of an encoder (n,), gaps interpolated."""
     good = ~np.isnan(values)
     if good.sum() < FEWEST_IN_VISIT:
         raise JointplayError(f"the encoder of {name!r} has {good.sum()} records only")

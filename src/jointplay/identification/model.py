@@ -360,6 +360,7 @@ class StaticModel:
         return visits_mean(visits, twist), visits_mean(visits, torque), visits_mean(visits, sure)
 
     def _sides(self, theta: np.ndarray) -> np.ndarray:
+        """Visits at which all sides are known, (n,)."""
         values, _ = self._values(theta)
         sure = np.all([np.ones(len(self.visits)), *(b.sure for b in self._bearings.values())], 0)
         for name in self._gives:

@@ -289,6 +289,7 @@ def with_clearance(joint: Clearance, values: Mapping[str, float]) -> Clearance:
 def _check(
     also: Collection[str], known: Collection[str], parameters: Collection[Parameter]
 ) -> None:
+    """Refuse names that are none of the unknowns."""
     for word in also:
         if word not in ALSO:
             raise MissingName("unknown to identify besides", word, ALSO)

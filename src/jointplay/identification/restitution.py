@@ -132,6 +132,7 @@ def channels(measured: Measurement) -> tuple[Channel, ...]:
 
 
 def _channel(joint: str, measured: Measurement, table: np.ndarray, spiky: bool) -> Channel | None:
+    """Records of one joint or the accelerometer (n, axes); None if they are too few."""
     good = np.isfinite(table).all(axis=1)
     time, table = measured.time[good], table[good]
     if len(time) <= WINDOW:
@@ -198,6 +199,7 @@ def summary(channel: Channel) -> dict[str, float]:
 
 
 def _log_rms(size: np.ndarray) -> float:
+    """Logarithm of the RMS."""
     return float(0.5 * np.log(np.mean(size**2)))
 
 
@@ -547,10 +549,12 @@ def runs_needed(p: int) -> int:
 
 
 def _terms(p: int) -> int:
+    """Terms of a quadratic of p values."""
     return 1 + p + p * (p + 1) // 2
 
 
 def _grid(low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Values that are tried, shape (number, p)."""
     if len(low) == 1:
         return np.linspace(low[0], high[0], 401)[:, None]
     return np.asarray(low + qmc.Sobol(len(low), rng=0).random(_GRID) * (high - low))

@@ -207,6 +207,7 @@ def _named(value: Any) -> Iterator[tuple[str, str]]:
 
 
 def _flat(value: Any, path: Key = ()) -> Iterator[tuple[str, str]]:
+    """Values of nested tables by dotted key, as JSON."""
     if isinstance(value, Mapping) and value:
         for key, inner in value.items():
             yield from _flat(inner, (*path, str(key)))

@@ -541,6 +541,7 @@ class Store:
         self._flushed = time.monotonic()
 
     def _fill(self, outcomes: Sequence[Outcome]) -> None:
+        """Write finished cases into the arrays."""
         columns: dict[str, list[tuple[Index, float]]] = {}
         for outcome in outcomes:
             for name, value in outcome.values.items():

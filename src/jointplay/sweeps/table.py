@@ -123,6 +123,7 @@ def label(dataset: xr.Dataset, name: str) -> str:
 
 
 def _head(name: str, unit: str) -> str:
+    """Title of a column."""
     plain = name.replace("_", " ")
     return f"{plain} [{unit}]" if unit and unit != "1" else plain
 
@@ -138,6 +139,7 @@ def coordinate_text(dataset: xr.Dataset, name: str, index: int) -> str:
 
 
 def _text(value: float) -> str:
+    """A number of the table."""
     return "-" if not np.isfinite(value) else f"{value:.4g}"
 
 
@@ -178,6 +180,7 @@ def select(dataset: xr.Dataset, only: Mapping[str, str]) -> xr.Dataset:
 
 
 def _is_number(text: str) -> bool:
+    """Whether a text is a plain number."""
     try:
         float(text)
     except ValueError:
@@ -186,6 +189,7 @@ def _is_number(text: str) -> bool:
 
 
 def _index(text: str, size: int) -> int:
+    """A position along a dimension without values."""
     if not text.isdigit() or int(text) >= size:
         raise JointplayError(f"expected a whole number below {size}, got {text!r}")
     return int(text)
