@@ -182,7 +182,7 @@ def draw_convergence(
     Raises:
         JointplayError: nothing is sampled, or no such measure.
     """
-    values, _ = samples_of(dataset, measure)
+    values = samples_of(dataset, measure)
     factor = scale(dataset, measure)[0]
     with panels(6.0, 3.8, look=look) as (figure, axes):
         for number, (name, probability, text) in enumerate(
