@@ -122,13 +122,12 @@ def test_what_is_shown_at_a_prompt_is_short_and_in_a_notebook_is_escaped():
 
 def test_a_run_builds_its_mechanism_once_and_its_ideal_twin_once(tmp_path, monkeypatch, capsys):
     from jointplay.cli import main
+    from jointplay.mechanism import mechanism
     from jointplay.simulation import initial
 
     calls = []
-    build, rest = jp.Mechanism._build, initial.find_rest
-    monkeypatch.setattr(
-        jp.Mechanism, "_build", lambda *given: calls.append("build") or build(*given)
-    )
+    build, rest = mechanism.build, initial.find_rest
+    monkeypatch.setattr(mechanism, "build", lambda *given: calls.append("build") or build(*given))
     monkeypatch.setattr(initial, "find_rest", lambda *given: calls.append("rest") or rest(*given))
     options = ["--duration", "0.002", "--no-figures", "--quiet", "--out", str(tmp_path / "out")]
     assert main(["run", "jointplay:scara.urdf", "--joint", "joint_b=0.2mm", *options]) == 0

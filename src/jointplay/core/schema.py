@@ -196,10 +196,12 @@ def fields_of(kind: type) -> dict[str, Field]:
     """
     written = getattr(kind, "written", None) or kind
     hints = get_type_hints(written)
-    fields = {}
+    fields, own = {}, {}
+    if dataclasses.is_dataclass(kind):  # it may check more closely than what files say of it
+        own = {one.name: one.metadata for one in dataclasses.fields(kind)}
     missing = dataclasses.MISSING
     for one in dataclasses.fields(written):
-        hint, said = hints[one.name], one.metadata
+        hint, said = hints[one.name], own.get(one.name) or one.metadata
         if not said and _measures(hint):
             raise TypeError(
                 f"{kind.__name__}.{one.name} is a number without a unit; see `quantity`"

@@ -43,7 +43,7 @@ class WrittenController(WrittenFunction):
 
     joints: tuple[str, ...]
     """Joints whose torques it gives."""
-    period: float | None = quantity("s", default=None)
+    period: float | None = quantity("s", default=None, above=0.0, words="period of a controller")
     """Between two samples [s]; without, the function is compiled."""
     encoder: str = choice("encoder", ENCODERS, default=ENCODERS[0])
     """What it sees: ``link``, ``motor``, or ``both``."""
