@@ -428,7 +428,7 @@ def write_card(card, found, folder, quick):
     more = "lubrication.md" if card.family == "film" else "theory.md"
     page = f"""# {TITLES[card.family]}: `{card.name}`
 
-`{law.__module__}.{law.__name__}`; [all laws](README.md), [laws.md](../laws.md),
+`jointplay.contact.{law.__name__}`; [all laws](README.md), [laws.md](../laws.md),
 [{more}](../{more}).
 
 $${law.formula}$$

@@ -23,7 +23,7 @@ from tqdm import tqdm
 
 import jointplay as jp
 from jointplay.contact import FILM_LAWS, FRICTION_LAWS, NORMAL_LAWS
-from jointplay.contact.normal.line_contact import LineContactLaw
+from jointplay.contact.line_contact import LineContactLaw
 
 PAPER = "lankarani-nikravesh, ambrosio"
 VISCOSITY = 0.05

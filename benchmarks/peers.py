@@ -33,7 +33,7 @@ from peer_engines.jointplay_engine import run_jointplay
 from peer_engines.text import TEXT
 from peer_engines.trace import Impact, Trace, impacts, offset
 
-from jointplay.contact.normal.restitution import effective_restitution
+from jointplay.contact.hertzian import effective_restitution
 from jointplay.core.errors import JointplayError
 from jointplay.loads.tables import REFERENCE_NODE_S
 from jointplay.result.stored import versions

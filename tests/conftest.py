@@ -6,10 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, Phase, settings
+from scipy.spatial.transform import Rotation
 from sweep_scenario import GRID, SCENARIO
 from warm import System, compile_in_turn, end
 
 from jointplay import JointplayError, Mechanism, Motion, RevoluteClearance, Simulation
+from jointplay.geometry import touch_cylinder
 from jointplay.kernel.integrators import DEFAULT
 from jointplay.loads import ComputedTorque
 from jointplay.simulation import Run
@@ -181,3 +183,17 @@ def unplannable(planned):
         return str(error.value)
 
     return make
+
+
+def journal_axis(angles):
+    """Axis of a journal in the bearing frame, of its yaw, pitch and roll (3,) [rad]."""
+    return Rotation.from_euler("ZYX", angles).as_matrix()[:, 2]
+
+
+def gaps(centre, axis, bore_radius, bore_length, journal_radius, journal_length):
+    """Gap (4,), point (4, 3) and normal (4, 3) of a cylinder's contacts in the bearing frame."""
+    half = bore_length / 2, journal_length / 2
+    found = np.array(
+        [touch_cylinder(k, *centre, *axis, bore_radius, journal_radius, *half) for k in range(4)]
+    )
+    return found[:, 0], found[:, 1:4] + centre, found[:, 4:]

@@ -106,10 +106,11 @@ def test_a_quantile_allows_more_than_the_worst_case_and_is_kept(arm):
     from jointplay.design.levers import sources
 
     random, total = np.random.default_rng(99), 0.0
-    for part in sources(most.mechanism, pose):
+    plays = sources(most.mechanism, pose)
+    for j in range(len(plays.names)):
         d = random.normal(size=(1, 20000, 3))
         d /= np.linalg.norm(d, axis=2, keepdims=True)
-        total = total + part.along(d)[1][0, :, :3]
+        total = total + plays.subset([j]).along(d).error[0, 0, :, :3]
     assert np.quantile(np.linalg.norm(total, axis=1), 0.99) == pytest.approx(1e-3, rel=0.03)
 
 

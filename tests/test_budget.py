@@ -112,7 +112,7 @@ def test_no_direction_is_worse_than_the_worst(two):
     found = budget(mechanism, {"b": 0.7})
     random = np.random.default_rng(0).normal(size=(1, 4000, 3))
     random /= np.linalg.norm(random, axis=2, keepdims=True)
-    total = sum(part.along(random)[0] for part in found.sources)
+    total = found.sources.along(random).value.sum(axis=0)
     assert total.max() <= found.worst[0] * (1.0 + 1e-6)
     assert total.max() >= found.worst[0] * 0.99
 
@@ -128,10 +128,10 @@ def test_the_exact_tool_stays_within_bound_and_second_order(two):
     largest = 0.0
     for _ in range(300):
         q = q0.copy()
-        for part in found.sources:
-            point = part.play.support(random.normal(size=(1, 6)) * [1, 1, 1, 0.02, 0.02, 0])
-            at = mechanism.virtual_link(part.name)
-            yaw = q0[mechanism.coordinate(part.name)]
+        for name, play in zip(found.joints, found.sources.plays, strict=True):
+            point = play.support(random.normal(size=(1, 6)) * [1, 1, 1, 0.02, 0.02, 0])
+            at = mechanism.virtual_link(name)
+            yaw = q0[mechanism.coordinate(name)]
             move = point.point[0]
             q[at : at + 3] += move[:3]
             # Pitch and roll turn about axes that follow the yaw.

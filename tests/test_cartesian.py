@@ -291,7 +291,7 @@ def test_jump_on_a_line_is_refused(urdf):
         (([0, 1], [[0, 0], [0, 0]]), {}, "got (2, 2)"),
         (([0, 1], [HERE, HERE], [[0, 0, 0]]), {}, "orientations must have the shape"),
         (([0], [HERE]), {}, "at least 2 times"),
-        (([0, 0], [HERE, HERE]), {}, "0 s is followed by 0 s (waypoint 2)"),
+        (([0, 0], [HERE, HERE]), {}, "0 s is followed by 0 s (number 2)"),
         (([0, 1], [HERE, [0, np.nan, 0]]), {}, "positions must be finite; waypoint 2"),
         (([0, np.inf], [HERE, HERE]), {}, "times must be finite; waypoint 2"),
         (([0, 1], [HERE, "here"]), {}, "positions must be numbers"),

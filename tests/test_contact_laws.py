@@ -15,8 +15,8 @@ from jointplay.contact import (
     FRICTION_LAWS,
     NORMAL_LAWS,
     ContactProperties,
-    friction_law,
-    normal_law,
+    FrictionLaw,
+    NormalForceLaw,
 )
 from jointplay.contact.trust import trusting
 from jointplay.kernel import Status
@@ -98,21 +98,21 @@ def test_impossible_parameters_are_refused(make):
 def test_normal_laws_describe_themselves(name):
     needed = {"kelvin-voigt": (30.0,), "anagnostopoulos": (2.0,)}
     made = NORMAL_LAWS[name](*needed.get(name, ()))
-    again = normal_law(made.describe())
+    again = NormalForceLaw.from_description(made.describe())
     assert again.parameters(STEEL) == made.parameters(STEEL)
     assert type(again) is type(made)
 
 
 def test_friction_laws_describe_themselves():
     made = jp.contact.Ambrosio(0.2, 2e-4, 3e-3)
-    assert friction_law(made.describe()).parameters() == made.parameters()
+    assert FrictionLaw.from_description(made.describe()).parameters() == made.parameters()
     for law in FRICTION_LAWS.values():
-        assert friction_law(law().describe()).parameters() == law().parameters()
+        assert FrictionLaw.from_description(law().describe()).parameters() == law().parameters()
 
 
 def test_unknown_law_answers_with_those_that_exist():
     with pytest.raises(JointplayError, match="lankarani-nikravesh"):
-        normal_law({"law": "gravity"})
+        NormalForceLaw.from_description({"law": "gravity"})
 
 
 # Impacts: a body flies along z against the end wall, one axial contact, nothing else.
@@ -285,9 +285,9 @@ def test_a_users_law_equals_the_built_in_one_bit_for_bit(free_mass):
 def test_a_users_law_survives_its_description():
     law = jp.contact.CustomNormalForce(my_hertz, (5.0,))
     assert law.describe()["function"].endswith(":my_hertz")
-    assert normal_law(law.describe()).parameters(STEEL) == (5.0,)
+    assert NormalForceLaw.from_description(law.describe()).parameters(STEEL) == (5.0,)
     friction = jp.contact.CustomFriction(my_friction, (0.3,))
-    assert friction_law(friction.describe()).parameters() == (0.3,)
+    assert FrictionLaw.from_description(friction.describe()).parameters() == (0.3,)
 
 
 def test_wrong_laws_are_refused_with_the_right_signature():
@@ -301,9 +301,9 @@ def test_wrong_laws_are_refused_with_the_right_signature():
         jp.contact.CustomNormalForce(my_hertz, (math.inf,))
     nowhere = {"law": "custom", "function": "nowhere:law", "parameters": []}
     with pytest.raises(JointplayError, match="trust its module: --trust nowhere"):
-        normal_law(nowhere)
+        NormalForceLaw.from_description(nowhere)
     with trusting(["nowhere"]), pytest.raises(JointplayError, match="cannot be imported"):
-        normal_law(nowhere)
+        NormalForceLaw.from_description(nowhere)
 
 
 def test_a_law_that_does_not_compile_is_named(free_mass):

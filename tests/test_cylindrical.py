@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 import jointplay as jp
 from jointplay.geometry import touch
-from jointplay.joints import CylindricalClearance, joint_from_description
+from jointplay.joints import Clearance, CylindricalClearance
 from jointplay.mechanism.export import to_urdf
 from jointplay.mechanism.loop import Loop, misfit
 from jointplay.scenario import Scenario
@@ -125,7 +125,7 @@ def test_bushing_that_is_too_short_is_refused():
 
 
 def test_description_gives_the_same_joint():
-    assert joint_from_description(ROD.describe()) == ROD
+    assert Clearance.from_description(ROD.describe()) == ROD
     assert ROD.scaled(0.5).cr == pytest.approx(0.5 * PLAY)
 
 

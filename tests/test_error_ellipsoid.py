@@ -9,7 +9,6 @@ from test_playback import browser, open_page  # noqa: F401
 
 import jointplay as jp
 from jointplay import player
-from jointplay.design import loop_play
 from jointplay.design.levers import sources
 from jointplay.design.static_budget import budget, ellipsoids
 from jointplay.player.tracks import unpack
@@ -47,11 +46,11 @@ def test_a_pins_ellipsoid_is_its_disc(arm):
 def test_no_place_that_the_tool_can_take_is_outside(arm):
     bearing = jp.RevoluteClearance(radial_clearance=PLAY, axial_clearance=2e-4)
     mechanism = jp.Mechanism(arm, {"a": bearing})
-    parts = sources(mechanism, {"a": 0.7})
-    found = ellipsoids(parts)
+    plays = sources(mechanism, {"a": 0.7})
+    found = ellipsoids(plays)
     d = np.random.default_rng(0).normal(size=(1, 500, 3))
     d /= np.linalg.norm(d, axis=2, keepdims=True)
-    reach = loop_play.along(parts, d).value.sum(axis=0)[0]
+    reach = plays.along(d).value.sum(axis=0)[0]
     own = np.linalg.norm(d[0] @ found.root[0], axis=1)
     assert (reach <= own * 1.02).all()
     assert (own / reach).min() < 1.05  # and it touches the set

@@ -14,7 +14,7 @@ import yaml
 from conftest import body, joint
 
 import jointplay as jp
-from jointplay import JointplayError, Motion, Result, cli, exports
+from jointplay import JointplayError, Motion, Result, cli
 from jointplay.joints import SphericalClearance
 from jointplay.motion import rosbag
 from jointplay.result.thinning import thinned
@@ -390,12 +390,6 @@ def test_the_command_writes_and_says_what(saved, tmp_path, capsys):
         said = capsys.readouterr().err
         assert text in said
         assert said.count("\n") == 1
-
-
-def test_the_command_offers_all_kinds():
-    from jointplay.commands import export
-
-    assert tuple(exports.KINDS) == export.KINDS
 
 
 @pytest.mark.parametrize(

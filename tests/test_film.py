@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.optimize import brentq
 
 import jointplay as jp
-from jointplay.contact import CustomFilm, FilmProperties, PinkusSternlicht, ShortBearing, film_law
+from jointplay.contact import CustomFilm, FilmLaw, FilmProperties, PinkusSternlicht, ShortBearing
 from jointplay.contact.compiled import compiled_law
 
 OIL = 0.03
@@ -137,7 +137,7 @@ def test_laws_are_described_and_built_again():
         PinkusSternlicht(0.02, least_thickness=2e-6),
         custom,
     ):
-        again = film_law(law.describe())
+        again = FilmLaw.from_description(law.describe())
         assert again.describe() == law.describe()
         assert again.parameters(FILM) == law.parameters(FILM)
         assert pickle.loads(pickle.dumps(law)).describe() == law.describe()
@@ -152,7 +152,7 @@ def test_laws_are_described_and_built_again():
         (lambda: PinkusSternlicht(0.1, transition=-1.0), "transition"),
         (lambda: CustomFilm(lambda e, p: None), "must take"),
         (lambda: CustomFilm(_bend, (1.0,) * 5), "at most"),
-        (lambda: film_law({"law": "grease"}), "pinkus-sternlicht"),
+        (lambda: FilmLaw.from_description({"law": "grease"}), "pinkus-sternlicht"),
         (
             lambda: jp.RevoluteClearance.planar(radial_clearance=1e-6, lubricant=ShortBearing(0.1)),
             "least film thickness",

@@ -104,7 +104,7 @@ def test_clearance_and_friction_are_recovered_from_passing_and_pushing(arm):
         value, half = found[label]
         assert half < 0.2 * wanted
         assert abs(value - wanted) < 2.0 * half
-    assert found.told[:2].all()
+    assert found.identified[:2].all()
     assert found.mechanism.clearance["j"].cr == pytest.approx(found["j radial clearance"][0])
     assert found.misfit < 1.5
 
@@ -115,7 +115,7 @@ def test_intervals_cover_the_truth_as_often_as_they_say(arm):
     off, half = np.zeros((10, 2)), np.zeros((10, 2))
     for seed in range(10):
         found = identify(mechanism, seen(seed=seed, noise=2e-5, rate=50.0))
-        assert found.told[:2].all()  # an interval without end covers everything
+        assert found.identified[:2].all()  # an interval without end covers everything
         off[seed] = np.abs(found.value[:2] - wanted)
         half[seed] = found.half_width[:2]
     assert (half < 0.4 * wanted).all()
@@ -126,7 +126,7 @@ def test_intervals_cover_the_truth_as_often_as_they_say(arm):
 def test_passing_alone_tells_the_product_and_says_so(arm):
     mechanism = Mechanism(arm, {"j": planar()})
     found = identify(mechanism, seen(stops=False))
-    assert not found.told.any()
+    assert not found.identified.any()
     text = str(found)
     assert "this measurement cannot tell" in text
     assert "j radial clearance: it acts only together with j friction" in text
@@ -159,7 +159,7 @@ def test_a_motion_that_never_reverses_is_refused(arm):
 def test_too_much_noise_cannot_tell(arm):
     mechanism = Mechanism(arm, {"j": planar()})
     found = identify(mechanism, seen(noise=5e-3))
-    assert not found.told[:2].any()
+    assert not found.identified[:2].any()
     assert "95 % interval would be" in str(found) or "noise" in str(found)
 
 
@@ -173,7 +173,7 @@ def test_a_joint_that_does_not_move_the_tool_cannot_be_told(urdf):
     )
     mechanism = Mechanism(path, {"j": planar(), "k": planar()}, tool="tool")
     found = identify(mechanism, seen())
-    told = dict(zip((one.label for one in found.unknowns), found.told, strict=True))
+    told = dict(zip((one.label for one in found.unknowns), found.identified, strict=True))
     assert told["j radial clearance"]
     assert not told["k radial clearance"]
     assert "k radial clearance: nothing shows: the joint does not move the tool" in str(found)
@@ -230,10 +230,10 @@ def test_play_and_compliance_are_not_told_apart_without_another_load(geared):
     measured = Measurement(lagging().time, signals)
     friction = {"j": JointFriction(0.5)}
     found = identify(geared, measured, joint_friction=friction)
-    assert not found.told[[one.sought for one in found.unknowns]].any()
+    assert not found.identified[[one.sought for one in found.unknowns]].any()
     assert "acts only together with" in found.reasons[0]
     known = ["gear_compliance", "dry_friction"]
-    assert identify(geared, measured, joint_friction=friction, known=known).told[0]
+    assert identify(geared, measured, joint_friction=friction, known=known).identified[0]
 
 
 def test_gravity_that_keeps_the_teeth_on_one_side_hides_the_play(urdf):
@@ -464,7 +464,7 @@ def test_next_to_no_play_is_not_told_beside_friction_that_is_not(
     fit = SimpleNamespace(
         theta=np.array([clearance, 0.1]), half_width=np.array([2e-7, friction_half_width])
     )
-    said = reason(0, fit, problem, None, None)
+    said = reason(0, fit, problem, None)
     assert (said == "") is told
     if not told:
         assert "j friction, which cannot be told, may hold the journal" in said

@@ -47,7 +47,7 @@ def test_values_may_be_written_as_in_files():
         radial_clearance=2e-4,
         axial_clearance=2e-4,
         bearing_material=jp.material("bronze"),
-        normal=jp.contact.normal_law("hertz"),
+        normal=jp.contact.Hertz(),
         friction=jp.contact.Ambrosio(mu_d=0.05),
     )
     assert as_text == as_objects
@@ -64,7 +64,7 @@ def test_values_may_be_written_as_in_files():
         ({"step": "10 kg"}, ("step",), '"10 kg" is no time; expected a time such as "10 us"'),
         ({"drive": "fre"}, ("drive",), 'no drive "fre"; did you mean "free"?'),
         ({"drive": {"joint_a": "fre"}}, ("drive", "joint_a"), 'no drive "fre"'),
-        ({"start": "above"}, (), "no start 'above'"),
+        ({"start": "above"}, ("start",), "no start 'above'"),
     ],
 )
 def test_what_cannot_be_names_its_place_the_value_and_the_choices(wrong, where, words):
@@ -122,13 +122,12 @@ def test_what_is_shown_at_a_prompt_is_short_and_in_a_notebook_is_escaped():
 
 def test_a_run_builds_its_mechanism_once_and_its_ideal_twin_once(tmp_path, monkeypatch, capsys):
     from jointplay.cli import main
+    from jointplay.mechanism import mechanism
     from jointplay.simulation import initial
 
     calls = []
-    build, rest = jp.Mechanism._build, initial.find_rest
-    monkeypatch.setattr(
-        jp.Mechanism, "_build", lambda *given: calls.append("build") or build(*given)
-    )
+    build, rest = mechanism.build, initial.find_rest
+    monkeypatch.setattr(mechanism, "build", lambda *given: calls.append("build") or build(*given))
     monkeypatch.setattr(initial, "find_rest", lambda *given: calls.append("rest") or rest(*given))
     options = ["--duration", "0.002", "--no-figures", "--quiet", "--out", str(tmp_path / "out")]
     assert main(["run", "jointplay:scara.urdf", "--joint", "joint_b=0.2mm", *options]) == 0

@@ -13,6 +13,7 @@ from jointplay import (
     SphericalClearance,
 )
 from jointplay.contact import CustomFriction, Hertz, LuGre
+from jointplay.joints import Clearance, RoundClearance
 
 
 def test_clearances_give_the_journal():
@@ -129,6 +130,11 @@ def test_every_kind_names_its_clearances_and_takes_others_in_the_same_bearing(jo
     halved = joint.scaled(0.5)
     assert halved.clearances == pytest.approx({name: 0.5 * c for name, c in given.items()})
     assert halved.half_width == joint.half_width
+
+
+def test_a_kind_must_say_how_it_touches_and_what_it_looks_like_only():
+    assert Clearance.__abstractmethods__ == {"contacts", "contact_properties", "outline"}
+    assert RoundClearance.__abstractmethods__ == {"contacts", "outline"}
 
 
 def test_laws_of_friction_are_scaled_in_all_their_coefficients():

@@ -3,10 +3,9 @@
 import numpy as np
 import pinocchio as pin
 import pytest
-from conftest import body, joint
+from conftest import body, gaps, joint, journal_axis
 
 from jointplay import JointplayError, Mechanism, RevoluteClearance, shipped
-from jointplay.geometry import gaps, journal_axis
 from jointplay.kernel import Command, Status
 from jointplay.simulation.run import Run
 from jointplay.study import scara
@@ -80,7 +79,7 @@ def test_virtual_work_of_the_virtual_link_is_action_and_reaction():
 
     # The same forces as wrenches on the two bodies, at the contact points.
     q, v = workspace.q, workspace.v
-    axis = journal_axis(q[None, at + 3 : at + 6])[0]
+    axis = journal_axis(q[at + 3 : at + 6])
     gap, point, normal = gaps(q[at : at + 3], axis, joint_b.ri, joint_b.li, joint_b.rj, joint_b.lj)
     pin.forwardKinematics(model, data, q, v)
     parent, placement = mechanism.bearing_frame("joint_b")
@@ -144,7 +143,7 @@ def test_impossible_inertia_is_refused_unless_named():
         (body("l0", mass=-1.0), "mass -1 kg"),
         (body("l0", inertia=-0.1), "not positive definite"),
         (body("l0", inertia="nan"), "'nan'"),
-        (body("l0").replace('<mass value="2.0"/>', ""), "has no value"),
+        (body("l0").replace('<mass value="2.0"/>', ""), "mass value is missing in the URDF"),
     ],
 )
 def test_impossible_bodies_are_named(urdf, element, named):

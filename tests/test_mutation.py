@@ -61,10 +61,13 @@ def test_every_target_exists_and_survivors_are_explained_where_they_are():
 
 @pytest.mark.nightly
 def test_a_wrong_factor_dies_and_the_same_factor_lives():
-    module = "contact/normal/flores.py"
+    module = "contact/hertzian.py"
     text = (mutation.PACKAGE / module).read_text("utf-8")
     tests = ["tests/contact/test_restitution.py"]
-    (wrong,) = [m for m in mutation.mutants(module, text) if m.change == "1.6 to 3.2"]
+    flores = "return 1.6 * (1.0 - restitution) / restitution"
+    (wrong,) = [
+        m for m in mutation.mutants(module, text) if m.source == flores and m.change == "1.6 to 3.2"
+    ]
     same = mutation.Mutant(module, 0, "", "nothing", ast.unparse(ast.parse(text)))
     with mutation.copied() as where:
         assert mutation.survives(same, tests, where)

@@ -2,6 +2,7 @@
 
 import math
 import re
+import runpy
 import tomllib
 from importlib.util import find_spec
 from pathlib import Path
@@ -517,7 +518,9 @@ def test_schema_has_units_and_explanations():
 
 
 def test_documentation_has_every_key_and_word():
+    renewed = runpy.run_path(str(DOCS / "site" / "keys.py"))["renewed"]
     text = (DOCS / "scenarios.md").read_text(encoding="utf-8")
+    assert text == renewed(text), "run: python docs/site/keys.py"
     words = set(re.findall(r'`"?([\w-]+)"?', text))
     for name, table in schema()["$defs"].items():
         if name != "Case":

@@ -25,7 +25,7 @@ import jointplay as jp
 from jointplay import JointplayError, player, reports
 from jointplay.analysis.runs import traces
 from jointplay.cli import main
-from jointplay.contact import CustomNormalForce
+from jointplay.contact import CustomNormalForce, NormalForceLaw
 from jointplay.contact.trust import trusting
 from jointplay.mechanism import viewer
 from jointplay.mechanism.impact import elastic_energy
@@ -251,17 +251,13 @@ def mine(delta, ddelta, ddelta0, p):
 
 def test_a_law_defined_in_this_process_needs_no_trust():
     law = CustomNormalForce(mine, (1e8,))
-    from jointplay.contact import normal_law
-
-    assert normal_law(law.describe()).function is mine
+    assert NormalForceLaw.from_description(law.describe()).function is mine
 
 
 @pytest.mark.parametrize("path", ["..:x", "os", ":", "os:", ":x", "os:path.join:x", "a b:c", ""])
 def test_a_law_of_no_name_is_refused(path):
-    from jointplay.contact import normal_law
-
     with trusting(["os"]), pytest.raises(JointplayError, match="module:function"):
-        normal_law({"law": "custom", "function": path})
+        NormalForceLaw.from_description({"law": "custom", "function": path})
 
 
 def test_a_scenario_takes_laws_beside_it_and_others_by_trust(tmp_path, monkeypatch):

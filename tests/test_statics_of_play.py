@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
+from conftest import gaps
 from hypothesis import given
 from hypothesis import strategies as st
 
 from jointplay import JointplayError, PrismaticClearance, RevoluteClearance, SphericalClearance
 from jointplay.design.levers import TurnPlay
-from jointplay.geometry import gaps, touch
+from jointplay.geometry import touch
 from jointplay.joints.play import BlockPlay, JournalPlay
 
 LENGTHS = st.floats(1e-6, 5e-4)

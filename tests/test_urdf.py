@@ -155,7 +155,7 @@ def test_transmissions_are_read(urdf):
         '<transmission name="t"><joint name="j"/><actuator name="m">'
         "<mechanicalReduction>160</mechanicalReduction></actuator></transmission>"
     )
-    found = read(urdf(body("l"), joint("j", "base", "l"), gear)).transmissions
+    found = read(urdf(body("l"), joint("j", "base", "l"), gear)).declared.transmissions
     assert (found["j"].name, found["j"].reduction) == ("t", 160.0)
 
 

@@ -51,15 +51,15 @@ def test_followers_follow_at_every_time(arm, interpolation):
     assert speed["d"] == pytest.approx(-6.0 * speed["b"], abs=1e-9)
     assert acceleration["d"] == pytest.approx(-6.0 * acceleration["b"], abs=1e-8)
     assert not found.held
-    assert "c = -2 b + 0.1" in found.told()[0]
-    assert "d = 3 c - 0.2" in found.told()[0]
+    assert "c = -2 b + 0.1" in found.notes()[0]
+    assert "d = 3 c - 0.2" in found.notes()[0]
 
 
 def test_what_is_not_named_is_held_at_zero_or_the_limit_next_to_it(arm):
     found = complete_motion(Mechanism(arm), Motion(["d"], [0.0, 1.0], [[0.0], [0.3]]))
     assert found.held == {"a": 0.0, "b": 0.4}
     assert set(found.following) == {"c"}  # d is named, and does as it is told
-    assert "a at 0; b at 0.4" in found.told()[0]
+    assert "a at 0; b at 0.4" in found.notes()[0]
     assert found.motion(np.array([0.5]))[0][0, found.motion.joints.index("c")] == pytest.approx(
         -2.0 * 0.4 + 0.1
     )
@@ -69,7 +69,7 @@ def test_a_motion_of_all_joints_is_not_touched(arm):
     motion = Motion(["a", "b", "c", "d"], [0.0, 1.0], np.zeros((2, 4)))
     found = complete_motion(Mechanism(arm), motion)
     assert found.motion is motion
-    assert not found.told()
+    assert not found.notes()
 
 
 def test_joints_that_are_left_alone_are_followed_by_none(arm):

@@ -10,7 +10,6 @@ import mkdocs_gen_files
 import jointplay
 from jointplay.cli import parser
 from jointplay.contact import FILM_LAWS, FRICTION_LAWS, NORMAL_LAWS
-from jointplay.scenario.schema import schema
 
 ROOT = Path(__file__).parents[2]
 COPIED = {
@@ -38,78 +37,6 @@ def command_line():
     for name, command in choices.choices.items():
         lines += [f"## jointplay {name}", "", "```text", command.format_help().rstrip(), "```", ""]
     write("reference/command_line.md", "\n".join(lines))
-
-
-def scenario_keys():
-    whole = schema()
-    lines = [
-        "# Keys of scenarios",
-        "",
-        "Every table that a scenario file can have, with its keys: written from the schema that "
-        "checks the files. [Scenario files](../scenarios.md) explains how they fit together.",
-        "",
-        "## The file",
-        "",
-        *table(whole, whole["properties"]),
-    ]
-    for name, part in sorted(whole["$defs"].items()):
-        if name == "Case" or not part.get("properties"):
-            continue
-        about = (part.get("description") or "").split("\n")[0]
-        word = next(
-            (part["properties"][key]["const"] for key in ("law", "kind")
-             if "const" in part["properties"].get(key, {})), None
-        )  # fmt: skip
-        selected = f"Selected by `{word}`. " if word else ""
-        lines += ["", f"## {name}", "", selected + escaped(about), ""]
-        lines += table(whole, part["properties"])
-    write("reference/scenario_keys.md", "\n".join(lines) + "\n")
-
-
-def table(whole, properties):
-    rows = ["| key | value | meaning |", "| --- | --- | --- |"]
-    for key, part in properties.items():
-        text = " ".join((part.get("description") or "").split()).replace("``", "`")
-        rows.append(f"| `{key}` | {escaped(kinds(part))} | {escaped(text)} |")
-    return rows
-
-
-def kinds(part):
-    """What a key can hold, in words; tables are linked."""
-    if part.get("$ref", "").endswith("/Case"):
-        return "the tables above"
-    if "$ref" in part:
-        name = part["$ref"].rpartition("/")[2]
-        return f"[{name}](#{name.lower()})"
-    if "const" in part:
-        return f"`{part['const']}`"
-    if "enum" in part:
-        return ", ".join(f"`{word}`" for word in part["enum"])
-    for word in ("anyOf", "allOf"):
-        if word in part:
-            found = []
-            for one in part[word]:
-                found += [text for text in [kinds(one)] if text and text not in found]
-            return " or ".join(found)
-    kind = part.get("type")
-    if kind == "array":
-        return f"list of {kinds(part.get('items', {})) or 'values'}"
-    if kind == "object":
-        inner = part.get("additionalProperties")
-        return f"tables by name: {kinds(inner)}" if isinstance(inner, dict) else "table"
-    names = {
-        "number": "number",
-        "string": "text",
-        "integer": "whole number",
-        "boolean": "true, false",
-    }
-    if isinstance(kind, list):
-        return "number, or text with its unit"
-    return names.get(kind, "")
-
-
-def escaped(text):
-    return text.replace("|", "\\|")
 
 
 def law_tables():
@@ -160,7 +87,6 @@ def api():
 
 copies()
 command_line()
-scenario_keys()
 law_tables()
 references()
 api()

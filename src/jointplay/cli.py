@@ -53,7 +53,7 @@ def parser() -> argparse.ArgumentParser:
         prog="jointplay",
         description="Simulate robots whose joints have play: the journal flies, hits, slides and "
         "tilts in its bearing, and the tool pays for it.",
-        epilog="Options are in SI units: m, s, kg, N, rad; scenario files take others too. "
+        epilog='Values of options are in SI units (m, s, kg, N, rad), or have a unit: "0.1 mm". '
         "Documentation: docs/.",
     )
     made.add_argument("--version", action="store_true", help="print the version and exit")
@@ -109,44 +109,29 @@ def _command(parser: argparse.ArgumentParser, options: argparse.Namespace) -> in
             module = options.command.replace("-", "_")
             return int(importlib.import_module(f"jointplay.commands.{module}").run(options))
     except JointplayError as error:
-        _leave_nothing()
-        print(f"jointplay {options.command}: error: {error}", file=sys.stderr)
-        return BAD_INPUT
+        return _refuse(options, str(error))
     except (ArithmeticError, ValueError) as error:
-        if not _of_numbers(error):
+        numpy = sys.modules.get("numpy")
+        linear = () if numpy is None else (numpy.linalg.LinAlgError,)
+        if not isinstance(error, (ArithmeticError, *linear)):
             raise
-        _leave_nothing()
         reason = f"one is far too large or too small: {error}"
-        print(
-            f"jointplay {options.command}: error: "
-            f"these numbers cannot be used in computations: {reason}",
-            file=sys.stderr,
-        )
-        return BAD_INPUT
+        return _refuse(options, f"these numbers cannot be used in computations: {reason}")
     except MemoryError:
-        print(
-            f"jointplay {options.command}: error: this machine's memory is too small for it; "
-            "record less often, or simulate a shorter time",
-            file=sys.stderr,
-        )
-        return BAD_INPUT
+        less = "record less often, or simulate a shorter time"
+        return _refuse(options, f"this machine's memory is too small for it; {less}")
     except KeyboardInterrupt as error:
         print(f"\ninterrupted{_kept(str(error))}", file=sys.stderr)
         return INTERRUPTED
 
 
-def _leave_nothing() -> None:
-    """Remove the folders that were made for results of which there are none."""
+def _refuse(options: argparse.Namespace, reason: str) -> int:
+    """Say why there are no results, and remove the folders that were made for them."""
     from jointplay.core import files
 
-    files.unmake()
-
-
-def _of_numbers(error: Exception) -> bool:
-    """Whether an error says that numbers cannot be computed with."""
-    numpy = sys.modules.get("numpy")
-    linear = () if numpy is None else (numpy.linalg.LinAlgError,)
-    return isinstance(error, (ArithmeticError, *linear))
+    files.remove_made_folders()
+    print(f"jointplay {options.command}: error: {reason}", file=sys.stderr)
+    return BAD_INPUT
 
 
 def _kept(lost: str) -> str:

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from jointplay.contact import NormalForceLaw
-from jointplay.contact.normal.hertzian import HysteresisLaw
+from jointplay.contact.hertzian import HysteresisLaw
 from jointplay.core.schema import add
 
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from jointplay.core.schema import add, quantity
 from jointplay.loads import Load
-from jointplay.loads.base import Series, joint_site
+from jointplay.loads.base import OnJoint
 
 
 def hardened(time, x, dx, p, out):
@@ -15,19 +15,14 @@ def hardened(time, x, dx, p, out):
 
 
 @dataclass(frozen=True)
-class CubicSpring(Load):
+class CubicSpring(OnJoint):
     """torque = -stiffness q^3."""
 
     kind: ClassVar[str] = "cubic-spring"
     stores: ClassVar[bool] = True
 
-    joint: str
-    """Joint at which it acts."""
     stiffness: float = quantity("N*m", above=0.0)
     """[N m/rad^3]."""
-
-    def site(self, mechanism):
-        return joint_site(mechanism, self.joint)
 
     def law(self):
         return hardened
@@ -37,9 +32,6 @@ class CubicSpring(Load):
 
     def energy(self, x, numbers):
         return 0.25 * self.stiffness * x[:, 0] ** 4
-
-    def record(self, x, answers):
-        return (Series("torque", answers[:, 0], "N m"),)
 
 
 add(Load, CubicSpring)

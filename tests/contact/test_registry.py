@@ -13,24 +13,24 @@ from jointplay.contact import (
     FRICTION_LAWS,
     NORMAL_LAWS,
     ContactProperties,
-    friction_law,
-    normal_law,
+    FrictionLaw,
+    NormalForceLaw,
 )
 from jointplay.contact.trust import trusting
 from jointplay.core.errors import MissingName
 
 NEEDED = {"kelvin-voigt": {"damping": 30.0}, "anagnostopoulos": {"mass": 2.0}}
-EVERY = [(normal_law, name) for name in NORMAL_LAWS] + [
-    (friction_law, name) for name in FRICTION_LAWS
+EVERY = [(NormalForceLaw, name) for name in NORMAL_LAWS] + [
+    (FrictionLaw, name) for name in FRICTION_LAWS
 ]
 every = pytest.mark.parametrize(
-    ("build", "name"), EVERY, ids=lambda part: part if isinstance(part, str) else part.__name__
+    ("base", "name"), EVERY, ids=lambda part: part if isinstance(part, str) else part.__name__
 )
 STEEL = ContactProperties(1.06e11, 0.8)
 
 
-def made(name, build=normal_law):
-    return build({"law": name, **NEEDED.get(name, {})})
+def made(name, base=NormalForceLaw):
+    return base.from_description({"law": name, **NEEDED.get(name, {})})
 
 
 def own_force(delta, ddelta, ddelta0, p):
@@ -46,8 +46,8 @@ def own_bristles(speed, normal, dwell, p, out):
 
 
 @every
-def test_every_law_says_what_it_is_and_what_it_is_good_for(build, name):
-    law = made(name, build)
+def test_every_law_says_what_it_is_and_what_it_is_good_for(base, name):
+    law = made(name, base)
     assert law.name == name
     assert "\\" in law.formula
     assert law.formula.count("{") == law.formula.count("}")
@@ -58,59 +58,68 @@ def test_every_law_says_what_it_is_and_what_it_is_good_for(build, name):
 
 
 @every
-def test_laws_pickle_and_describe_themselves(build, name):
-    law = made(name, build)
-    for again in (pickle.loads(pickle.dumps(law)), build(law.describe())):
+def test_laws_pickle_and_describe_themselves(base, name):
+    law = made(name, base)
+    for again in (pickle.loads(pickle.dumps(law)), base.from_description(law.describe())):
         assert type(again) is type(law)
         assert vars(again) == vars(law)
 
 
 def test_a_word_alone_is_a_law_with_its_defaults():
-    assert isinstance(normal_law("flores"), jp.contact.Flores)
-    assert isinstance(friction_law("brown-mcphee"), jp.contact.BrownMcPhee)
+    assert isinstance(NormalForceLaw.from_description("flores"), jp.contact.Flores)
+    assert isinstance(FrictionLaw.from_description("brown-mcphee"), jp.contact.BrownMcPhee)
 
 
 def test_fields_reach_the_law():
-    law = normal_law({"law": "hunt-crossley", "n": 1.2, "q": 2.0})
+    law = NormalForceLaw.from_description({"law": "hunt-crossley", "n": 1.2, "q": 2.0})
     assert (law.n, law.p, law.q) == (1.2, 1.5, 2.0)
-    assert friction_law({"law": "coulomb", "mu_d": 0.3}).mu_d == 0.3
+    assert FrictionLaw.from_description({"law": "coulomb", "mu_d": 0.3}).mu_d == 0.3
     bristles = {"law": "custom-bristle", "function": f"{__name__}:own_bristles", "parameters": [2]}
     with trusting([__name__]):
-        assert normal_law({"law": "custom", "function": f"{__name__}:own_force"}).values == ()
-        assert friction_law(bristles).values == (2.0,)
+        custom = {"law": "custom", "function": f"{__name__}:own_force"}
+        assert NormalForceLaw.from_description(custom).values == ()
+        assert FrictionLaw.from_description(bristles).values == (2.0,)
 
 
 @pytest.mark.parametrize(
-    ("build", "description", "message"),
+    ("base", "description", "message"),
     [
         (
-            normal_law,
+            NormalForceLaw,
             {"law": "flores", "n": 1},
             'unknown key "n" of the law flores; valid keys: law',
         ),
         (
-            normal_law,
+            NormalForceLaw,
             {"law": "kelvin-voigt", "dampng": 1.0},
             'unknown key "dampng" of the law kelvin-voigt; did you mean "damping"?',
         ),
-        (normal_law, {"law": "kelvin-voigt"}, "the key damping is missing"),
-        (normal_law, "anagnostopoulos", "needs mass, the effective mass of the impact [kg]"),
-        (normal_law, {"stiffness": 1.0}, 'unknown key "stiffness" of the law lankarani-nikravesh'),
-        (normal_law, "coulomb", "available: lankarani-nikravesh, hertz"),
-        (friction_law, "hertz", 'no friction law "hertz"; available: ambrosio, coulomb'),
+        (NormalForceLaw, {"law": "kelvin-voigt"}, "the key damping is missing"),
+        (NormalForceLaw, "anagnostopoulos", "needs mass, the effective mass of the impact [kg]"),
         (
-            friction_law,
+            NormalForceLaw,
+            {"stiffness": 1.0},
+            'unknown key "stiffness" of the law lankarani-nikravesh',
+        ),
+        (NormalForceLaw, "coulomb", "available: lankarani-nikravesh, hertz"),
+        (FrictionLaw, "hertz", 'no friction law "hertz"; available: ambrosio, coulomb'),
+        (
+            FrictionLaw,
             {"law": "coulomb", "mu": 0.1},
             'did you mean "mu_d"? valid keys: law, mu_d, v_t',
         ),
-        (normal_law, {"law": "custom", "parameters": []}, "the key function is missing"),
-        (normal_law, {"law": "custom", "function": "math"}, "is named module:function, got 'math'"),
-        (normal_law, {"law": "custom", "function": ":"}, "is named module:function, got ':'"),
+        (NormalForceLaw, {"law": "custom", "parameters": []}, "the key function is missing"),
+        (
+            NormalForceLaw,
+            {"law": "custom", "function": "math"},
+            "is named module:function, got 'math'",
+        ),
+        (NormalForceLaw, {"law": "custom", "function": ":"}, "is named module:function, got ':'"),
     ],
 )
-def test_wrong_descriptions_name_the_field_and_the_choices(build, description, message):
+def test_wrong_descriptions_name_the_field_and_the_choices(base, description, message):
     with pytest.raises(JointplayError) as caught:
-        build(description)
+        base.from_description(description)
     assert message in str(caught.value)
     assert "\n" not in str(caught.value)
 

@@ -8,7 +8,6 @@ import pytest
 import jointplay as jp
 from jointplay import JointplayError
 from jointplay.contact import NORMAL_LAWS
-from jointplay.contact.normal.line_contact import line_warnings
 
 PLAY = {"radial_clearance": 2e-4, "axial_clearance": 2e-4}
 GENTLE = {"max_depth": 5e-6, "max_speed": 1e-3}
@@ -230,8 +229,9 @@ def test_the_half_width_of_a_line_contact_is_hertzs():
     contact = joint().radial_contact
     half = 0.3 * contact.journal_radius
     force = half**2 * math.pi * contact.modulus * contact.contact_length / (4.0 * contact.radius)
-    (line,) = line_warnings("a law", contact._replace(yield_strength=math.inf), 1.01 * force, 1e-5)
+    law, unyielding = jp.contact.Pereira(), contact._replace(yield_strength=math.inf)
+    stiffness, _, power = law.parameters(unyielding)
+    wider, narrower = ((factor * force / stiffness) ** (1 / power) for factor in (1.01, 0.99))
+    (line,) = law.warnings(unyielding, max_depth=wider, max_speed=0.0)
     assert "half-width is 0.3 of" in line
-    assert (
-        line_warnings("a law", contact._replace(yield_strength=math.inf), 0.99 * force, 1e-5) == []
-    )
+    assert law.warnings(unyielding, max_depth=narrower, max_speed=0.0) == []

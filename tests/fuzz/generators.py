@@ -34,7 +34,7 @@ import numpy as np
 import twins
 
 from jointplay import cli
-from jointplay.commands.run import FLAGS, whole
+from jointplay.commands.run import FLAGS, number
 from jointplay.core.errors import JointplayError
 from jointplay.mechanism.urdf import shipped
 from jointplay.result import netcdf
@@ -318,12 +318,26 @@ OPTIONS_MUST = (
 NONSENSE = ("nan", "inf", "-inf", "1e400", "", " ", "abc", "1 2")
 """What no option takes for a number."""
 
-NUMBERS = {"X", "LENGTH", "MASS", "TIME", "ANGLE", "N", "T", "P", "FX,FY,FZ", "X,Y,Z"}
+NUMBERS = {
+    "X",
+    "MU",
+    "EDGE",
+    "FORCE",
+    "LENGTH",
+    "MASS",
+    "TIME",
+    "ANGLE",
+    "N",
+    "T",
+    "P",
+    "FX,FY,FZ",
+    "X,Y,Z",
+}
 """How options call numbers that they read as text."""
 
 
 def _is_number(action: argparse.Action) -> bool:
-    texts = {flag.name for flag in FLAGS if flag.read not in (None, whole)}
+    texts = {flag.name for flag in FLAGS if flag.read is not number}
     given = {action.metavar} if isinstance(action.metavar, str) else set(action.metavar or ())
     if set(action.option_strings) & {*texts, "--host"}:
         return False

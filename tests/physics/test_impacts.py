@@ -9,8 +9,8 @@ from scipy.optimize import brentq
 
 import jointplay as jp
 from jointplay.contact import FRICTION_LAWS, NORMAL_LAWS
-from jointplay.contact.normal.hertzian import HysteresisLaw
-from jointplay.contact.normal.line_contact import LineContactLaw
+from jointplay.contact.hertzian import HysteresisLaw
+from jointplay.contact.line_contact import LineContactLaw
 from jointplay.kernel import Status
 from jointplay.mechanism.impact import impact_depth
 

@@ -5,13 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
-from conftest import body, joint
+from conftest import body, gaps, joint, journal_axis
 from scipy.optimize import root
 from test_loops import RPM, slider_crank, turning
 
 import jointplay as jp
 from jointplay.contact import BrownMcPhee, Coulomb, LuGre
-from jointplay.geometry import gaps, journal_axis
 from jointplay.kernel import Status
 
 STEP = 1e-5
@@ -228,7 +227,7 @@ class Bearing:
         (cy, sy), (cp, sp) = ((np.cos(x), np.sin(x)) for x in (yaw, pitch))
         axes = np.array([[0, -sy, cy * cp], [0, cy, sy * cp], [1, 0, -sp]])
         omega = axes @ v[3:]
-        gap, point, normal = gaps(q[:3], journal_axis(q[None, 3:])[0], *self.sizes)
+        gap, point, normal = gaps(q[:3], journal_axis(q[3:]), *self.sizes)
         total = np.zeros(6)
         touching = np.flatnonzero(gap < 0.0)
         for k in touching:

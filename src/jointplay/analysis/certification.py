@@ -22,8 +22,8 @@ from jointplay.kernel.integrators import DEFAULT, integrator
 from jointplay.kernel.multirate import LARGEST_TURN, LEAST_STEPS
 from jointplay.loads.terms import LOSSES
 from jointplay.result.certificate import COUNTS, HEADLINE, Certificate, CertifiedFigure
-from jointplay.result.judging import START_UP
 from jointplay.result.result import Result
+from jointplay.result.settings import START_UP
 from jointplay.simulation.run import Run
 from jointplay.simulation.saving import save
 from jointplay.simulation.simulation import Simulation
@@ -298,8 +298,7 @@ def figures(result: Result, ideal: Result | None) -> dict[str, tuple[float, str]
         headlines["peak tool error"] = float(error.peak[3]), "m"
         headlines["RMS tool error"] = float(error.rms[3]), "m"
     if result.joints:
-        begun = result.audit.judged_impacts
-        headlines["impacts"] = float(result.audit.impacts if begun is None else begun), ""
+        headlines["impacts"] = float(result.audit.judged_impacts or 0), ""
     losses = [result[name].values[judged] for name in LOSSES if name in result.dataset]
     lost = sum(float(values[-1] - values[0]) for values in losses)
     if "load_work" in result.dataset:
@@ -324,11 +323,9 @@ def add_certificate(
     A run that was told to stop, or while it was saved, is not certified.
 
     Args:
-        result: what `run_and_save` gave.
-        path: its file.
+        result, path: what `run_and_save` gave, and its file.
         simulation: what was run.
-        progress: show bars.
-        begin: told of each further run before it begins.
+        progress, begin: see `certify`.
 
     Raises:
         JointplayError: the file cannot be written again; the message says where the result is.

@@ -32,11 +32,8 @@ def measure(result: Result, ideal: Result) -> Measures:
     """Reduce a run to the numbers that the claims are about.
 
     Args:
-        result: a run with one clearance joint.
+        result: a run with one clearance joint, judged from `Result.judge_from` on.
         ideal: the ideal robot's run of the same motion, recorded at the same times.
-
-    From `Result.judge_from` on; in runs of the study, whose journals fall from the centre, that is
-    `START_UP`.
 
     Returns:
         deviation_mm, path_mm, speed_mm_s: RMS over time of the tool's fluctuation about its mean
@@ -64,11 +61,7 @@ def measure(result: Result, ideal: Result) -> Measures:
         [np.abs(np.diff(away[turn, axis])) for axis, turn in enumerate(turns)] + [np.zeros(0)]
     )
     audit = result.audit
-    begun, impulse = audit.judged_impacts, audit.judged_impulse
-    if begun is None or impulse is None:  # version 0.1 counted over the whole run
-        begun, impulse, since = audit.impacts, audit.normal_impulse, 0.0
-    else:
-        since = result.judge_from
+    begun, impulse = audit.judged_impacts or 0, audit.judged_impulse or 0.0
     return {
         "deviation_mm": 1e3 * _rms(away - away.mean(axis=0)),
         "path_mm": 1e3 * _rms(distance[:, None]),
@@ -79,7 +72,7 @@ def measure(result: Result, ideal: Result) -> Measures:
         **{f"f{axis}": float(np.abs(force[:, k]).max()) for k, axis in enumerate(AXES)},
         "busy": float(np.mean(magnitude > PEAK_LEVEL * largest)),
         "peak_time": float(time[magnitude.argmax()]),
-        "rate": begun / (float(result.time[-1]) - since),
+        "rate": begun / (float(result.time[-1]) - result.judge_from),
         "impulse": impulse / begun if begun else 0.0,
         "crossings": sum(map(len, turns)) / 3 / span,
         "swing_mm": 1e3 * float(swings.mean()) if swings.size else 0.0,

@@ -53,9 +53,9 @@ def headline(result: Result, ideal: Result | None) -> list[str]:
         lines += _tool(result, deviation(result, ideal), start, since)
     if result.joints:
         lines += [_force(result, joint, start, since) for joint in result.joints]
-        judged = result.audit.judged_impacts
-        impacts = result.audit.impacts if judged is None else judged
-        lines.append(f"contacts{since} {impacts} in {len(result.joints)} joint(s)")
+        lines.append(
+            f"contacts{since} {result.audit.judged_impacts} in {len(result.joints)} joint(s)"
+        )
     simulated = float(result.time[-1]) if len(result.time) else 0.0
     wall = float(result.dataset.attrs.get("wall_time_s", 0.0))
     if wall > 0.0:

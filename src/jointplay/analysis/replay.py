@@ -101,7 +101,9 @@ def replay(result: Result, windows: Sequence[tuple[float, float]]) -> Replay:
     workspace = run.workspace
     workspace.record_windows([(a, b) for a, b in spans if a <= b])
     workspace.reserve_records(len(workspace.record) + sum(max(0, b - a + 1) for a, b in spans))
-    _repeat(run, steps)
+    for moment in run.steps(CHUNK * step):  # in the stretches of any run
+        if moment.step > steps:
+            break
     again = histories(
         run.mechanism,
         simulation.describe(),
@@ -120,13 +122,6 @@ def replay(result: Result, windows: Sequence[tuple[float, float]]) -> Replay:
         _statistics(run) if result.joints else xr.Dataset(),
         bool(np.array_equal(same, result["q"].values)),
     )
-
-
-def _repeat(run: Run, steps: int) -> None:
-    """Run at least until step `steps` is recorded, in the stretches of any run."""
-    for moment in run.steps(CHUNK * run.simulation.step):
-        if moment.step > steps:
-            break
 
 
 def _phases(run: Run, simulation: Simulation) -> list[Phase]:

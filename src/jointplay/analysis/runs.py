@@ -20,6 +20,7 @@ from jointplay.contact.trust import files_of
 from jointplay.core import files
 from jointplay.core.errors import JointplayError, require_whole
 from jointplay.core.processes import number_of
+from jointplay.mechanism.payload import Payload
 from jointplay.simulation.ensemble import run_parallel, run_to_the_end
 from jointplay.simulation.simulation import Simulation
 
@@ -51,6 +52,29 @@ def errors(runs: Sequence[Trace], ideal: Trace) -> np.ndarray:
         ):
             raise JointplayError("a run was not recorded at the times of the ideal mechanism's")
     return np.stack([run.position - ideal.position for run in runs])
+
+
+def seeded(simulation: Simulation, runs: int) -> list[Simulation]:
+    """The simulation with as many seeds, from its own on, or from 1."""
+    first = 1 if simulation.seed is None else simulation.seed
+    return [dataclasses.replace(simulation, seed=first + run) for run in range(runs)]
+
+
+def at_speed(simulation: Simulation, factor: float) -> Simulation:
+    """The simulation whose motion has a part of its speed."""
+    if factor == 1.0 or simulation.motion is None:
+        return simulation
+    lasts = None if simulation.duration is None else simulation.duration / factor
+    motion = simulation.motion.at_speed(factor)
+    return dataclasses.replace(simulation, motion=motion, duration=lasts)
+
+
+def loaded(simulation: Simulation, mass: float) -> Simulation:
+    """The simulation with a mass at its tool, from the start on [kg]."""
+    if mass <= 0.0:
+        return simulation
+    added = Payload(simulation.mechanism.tool, mass)
+    return dataclasses.replace(simulation, payloads=(*simulation.payloads, added))
 
 
 MOST_RUNS = 1_000_000
@@ -88,11 +112,14 @@ def traces(
     keys = [_key(one) for one in simulations]
     runs: dict[str, Trace] = {}
     if keep is not None:
-        _make(keep)
-        for key in dict.fromkeys(keys):
-            there = _read(keep / f"{key}.npz")
-            if there is not None:
-                runs[key] = there
+        try:
+            keep.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise JointplayError(
+                f"cannot keep runs in {str(keep)!r}: {error.strerror or error}"
+            ) from None
+        there = {key: _read(keep / f"{key}.npz") for key in dict.fromkeys(keys)}
+        runs = {key: trace for key, trace in there.items() if trace is not None}
     todo = {k: s for k, s in zip(keys, simulations, strict=True) if k not in runs}
     count = len(todo) + len(runs)
     bar = tqdm(total=count, initial=len(runs), disable=not progress, desc=what, unit="run")
@@ -101,7 +128,8 @@ def traces(
     with bar, run_parallel(_run, todo.values(), jobs, kept=kept) as outcomes:
         for place, trace in outcomes:
             runs[names[place]] = trace
-            _write(keep, names[place], trace)
+            if keep is not None:
+                _write(keep / f"{names[place]}.npz", trace)
             bar.update()
     return [runs[key] for key in keys]
 
@@ -132,15 +160,6 @@ def _own_files(simulation: Simulation) -> list[dict[str, str]]:
     return [files_of(getattr(one, "function", None)) for one in acting]
 
 
-def _make(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise JointplayError(
-            f"cannot keep runs in {str(folder)!r}: {error.strerror or error}"
-        ) from None
-
-
 def _read(path: Path) -> Trace | None:
     """A run that was kept; None if there is none, or it is damaged, which is said."""
     try:
@@ -153,9 +172,7 @@ def _read(path: Path) -> Trace | None:
         return None
 
 
-def _write(keep: Path | None, key: str, trace: Trace) -> None:
-    if keep is None:
-        return
+def _write(path: Path, trace: Trace) -> None:
     content = io.BytesIO()
     np.savez_compressed(content, **vars(trace))
-    files.write(keep / f"{key}.npz", content.getvalue(), overwrite=True, announced=False)
+    files.write(path, content.getvalue(), overwrite=True, announced=False)

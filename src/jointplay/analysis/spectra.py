@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 import xarray as xr
 
+from jointplay.analysis.tool_error import COMPONENTS, deviation
 from jointplay.core.errors import JointplayError, MissingName, require_finite, require_whole
 from jointplay.result.result import Result
-
-if TYPE_CHECKING:
-    pass
-from jointplay.analysis.tool_error import COMPONENTS, deviation
 
 
 class TooShort(JointplayError):

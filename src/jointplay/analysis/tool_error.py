@@ -69,14 +69,14 @@ def deviation(result: Result, ideal: Result, of: str = "tool_position") -> xr.Da
     reference: Any
     if len(ideal.time) >= len(time) and np.allclose(ideal.time[: len(time)], time, 0.0, rounding):
         kept = ideal[of].values[: len(time)]
-        reference = _rotations(kept) if of == "tool_orientation" else kept
+        reference = rotations(kept) if of == "tool_orientation" else kept
     elif len(ideal.time) < 2:
         raise JointplayError(f"the reference has {len(ideal.time)} record; it needs at least 2")
     else:
         reference = _between(ideal, of)(time)
     difference: xr.DataArray
     if of == "tool_orientation":
-        turns = (_rotations(ours.values) * reference.inv()).as_rotvec()
+        turns = (rotations(ours.values) * reference.inv()).as_rotvec()
         along = {"time": time, "axis": result["axis"].values}
         difference = xr.DataArray(turns, along, ("time", "axis"), of)
     else:
@@ -89,7 +89,7 @@ def deviation(result: Result, ideal: Result, of: str = "tool_position") -> xr.Da
     return difference
 
 
-def _rotations(quaternions: np.ndarray) -> Rotation:
+def rotations(quaternions: np.ndarray) -> Rotation:
     """Orientations that are recorded with the scalar first, (n, 4)."""
     from scipy.spatial.transform import Rotation  # takes long to import
 
@@ -102,7 +102,7 @@ def _between(ideal: Result, of: str) -> Callable[[np.ndarray], Any]:
     from scipy.spatial.transform import RotationSpline
 
     if of == "tool_orientation":
-        return RotationSpline(ideal.time, _rotations(ideal[of].values))  # type: ignore[no-any-return]
+        return RotationSpline(ideal.time, rotations(ideal[of].values))  # type: ignore[no-any-return]
     if of == "tool_angular_velocity":
         return CubicSpline(ideal.time, ideal[of].values)  # type: ignore[no-any-return]
     path = CubicHermiteSpline(

@@ -46,8 +46,7 @@ def clearance_outline(result: Result, joint: str) -> np.ndarray | None:
     given = clearance_inputs(result).get(joint, {})
     if given.get("radial_clearance") is not None:
         angle = np.linspace(0.0, 2.0 * np.pi, 361)
-        circle: np.ndarray = given["radial_clearance"] * np.array([np.cos(angle), np.sin(angle)])
-        return circle
+        return float(given["radial_clearance"]) * np.array([np.cos(angle), np.sin(angle)])
     if given.get("clearance") is not None:
         x = float(given["clearance"])
         y = 0.0 if given.get("planar") else float(given.get("clearance_y") or x)
@@ -119,11 +118,7 @@ def is_twin(result: Result, ideal: Result) -> bool:
 
 
 def twin(result: Result, progress: bool = False) -> Result:
-    """Run the `ideal_simulation` of a result.
-
-    Args:
-        result: of the run with play.
-        progress: show a bar on standard error.
+    """Run the `ideal_simulation` of a result, with a bar on standard error for `progress`.
 
     Raises:
         JointplayError: the result's simulation cannot be built again, or its ideal mechanism

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
@@ -11,8 +10,7 @@ from typing import Any
 import numpy as np
 
 from jointplay.core.errors import JointplayError, require_share, require_whole
-from jointplay.core.schema import one_of, unknown_key
-from jointplay.core.units import toml_text
+from jointplay.core.schema import choice, one_of, quantity, read
 
 STATISTICS = ("mean", "quantile", "std")
 CONFIDENCE = 0.95
@@ -53,13 +51,19 @@ class Until:
     """The precision that ends a sweep."""
 
     measure: str
-    precision: float
+    precision: float = quantity("")
     """Half the width of the confidence interval, relative to the value."""
-    statistic: str = "mean"
-    probability: float = 0.5
-    confidence: float = CONFIDENCE
+    statistic: str = choice("statistic", STATISTICS, default="mean")
+    probability: float = quantity("", default=0.5)
+    confidence: float = quantity("", default=CONFIDENCE)
     most: int = 65536
     """Samples after which it ends in any case."""
+
+    def __post_init__(self) -> None:
+        """Refuse values out of range."""
+        for word in ("precision", "probability", "confidence"):
+            require_share(word, getattr(self, word))
+        require_whole("most", self.most, 2)
 
     def estimate(self, values: np.ndarray) -> IntervalEstimate:
         """The statistic of the values there are."""
@@ -76,24 +80,11 @@ def read_until(given: Any) -> Until:
     Raises:
         JointplayError: keys that do not exist, or values that make no sense.
     """
-    words = list(Until.__dataclass_fields__)
-    if not isinstance(given, Mapping):
-        raise JointplayError(f"{toml_text(given)} is no table; its keys are: {', '.join(words)}")
-    for word in given:
-        if word not in words:
-            raise JointplayError(unknown_key(str(word), words))
-    for word in ("measure", "precision"):
-        if word not in given:
-            raise JointplayError(f"the key {word} is missing")
-    made = Until(**given)
-    if not isinstance(made.measure, str):
-        raise JointplayError(f"measure must be a name, got {toml_text(made.measure)}")
-    if made.statistic not in STATISTICS:
-        raise JointplayError(one_of("statistic", made.statistic, STATISTICS))
-    for word in ("precision", "probability", "confidence"):
-        require_share(word, getattr(made, word))
-    require_whole("most", made.most, 2)
-    return made
+    try:
+        until: Until = read(Until, given)
+    except JointplayError as error:
+        raise JointplayError(": ".join([*map(str, error.where), str(error)])) from None
+    return until
 
 
 def estimate(
@@ -112,7 +103,7 @@ def estimate(
 
     Args:
         values: any shape; those that are not finite are left out.
-        statistic: ``mean``, ``quantile`` or ``std``.
+        statistic: one of `STATISTICS`.
         probability: of the quantile.
         confidence: of the interval.
 
@@ -233,7 +224,7 @@ def sobol_indices(values: np.ndarray, names: tuple[str, ...]) -> SobolIndices:
         return SobolIndices(names, zero, zero, zero, zero)
     problem = {"num_vars": len(names), "names": list(names), "bounds": [[0.0, 1.0]] * len(names)}
     with np.errstate(all="ignore"):
-        indices = sobol.analyze(problem, y, calc_second_order=False, seed=0)
+        indices = sobol.analyze(problem, y, calc_second_order=False, seed=1)  # SALib: 0 is none
     return SobolIndices(
         names, *(np.asarray(indices[key], float) for key in ("S1", "S1_conf", "ST", "ST_conf"))
     )

@@ -1,4 +1,4 @@
-"""Commands of the command line, one module each.
+"""Commands of the command line, one module each, and what they have in common.
 
 A module has `add`, which adds its parser, and `run`, which does the work and returns the exit
 status. To keep `jointplay --help` quick, modules import what they need inside `run`.
@@ -10,74 +10,103 @@ import argparse
 import csv
 import json
 import re
-from collections.abc import Collection
+from collections.abc import Callable, Collection, Iterable, Mapping
 from contextlib import suppress
+from pathlib import Path
 from typing import Any
 
+from jointplay.core import files
+from jointplay.core.errors import JointplayError
+
 MODULES = (
-    "scara",
-    "run",
-    "init",
-    "check",
-    "schema",
-    "play",
-    "report",
-    "export",
-    "robots",
-    "urdf",
-    "wear",
-    "dynamics",
-    "budget",
-    "allocate",
-    "reduce",
-    "iso9283",
-    "maintenance",
-    "identify",
-    "shares",
-    "sweep",
-    "plot_sweep",
-    "uncertainty",
+    *("scara", "run", "init", "check", "schema", "play", "report", "export", "robots", "urdf"),
+    *("wear", "dynamics", "budget", "allocate", "reduce", "iso9283", "maintenance", "identify"),
+    *("shares", "sweep", "plot_sweep", "uncertainty"),
 )
 """Modules with a command of their own, in the order of the help."""
 
+UNITS = {"LENGTH": "m", "MASS": "kg", "TIME": "s", "ANGLE": "rad", "FORCE": "N", "MU": ""}
+"""SI units of options' values, by what stands for them in the help; text has a unit of its own."""
 
-def add_trust(parser: Any) -> None:
-    """Add the option of commands that read files which may name a law of the user's own."""
-    parser.add_argument(
-        "--trust",
-        action="append",
-        default=[],
-        metavar="MODULE",
-        help="import laws from this module, should the file name any (repeatable; by default a "
-        "result imports none, a scenario those beside it)",
-    )
+NUMBERS = {"N": int, "RUNS": int, "X": float, "P": float, "PERCENT": float, "T": float}
+"""Types of values without a unit, likewise."""
 
 
-def add_quiet(parser: Any) -> None:
-    """Add the option of commands that show a bar."""
-    parser.add_argument("--quiet", action="store_true", help="show no progress")
+def add_option(parser: Any, words: str, text: str, default: Any = None, **more: Any) -> None:
+    """Add an option that takes a value; its help ends with the unit and the default.
+
+    Args:
+        parser: or a group of its options.
+        words: its name and what stands for the value in the help, ``--target LENGTH``; the latter
+            also says how the value is read: in the unit of `UNITS`, as a number of `NUMBERS`,
+            or else as text.
+        text: the help.
+        default: value if it is not given.
+        more: of `argparse.ArgumentParser.add_argument`.
+    """
+    name, _, metavar = words.partition(" ")
+    if metavar in UNITS:
+        before, mark, default_words = text.partition(" (default")
+        unit = f" [{UNITS[metavar]}]" if UNITS[metavar] else ""
+        text = f"{before}{unit}{mark}{default_words}"
+        more.setdefault("type", in_unit(UNITS[metavar]))
+    elif metavar in NUMBERS:
+        more.setdefault("type", NUMBERS[metavar])
+    if default is not None:
+        shown = f"{default:g}" if isinstance(default, float | int) else default
+        text += f" (default {shown})"
+    parser.add_argument(name, metavar=metavar or None, help=text, default=default, **more)
 
 
-def add_case(parser: Any) -> None:
-    """Add the option of commands that take one case of a scenario."""
-    parser.add_argument("--case", help="case of the scenario; may be left out if there is one")
+def add_repeatable(parser: Any, words: str, text: str, **more: Any) -> None:
+    """Add an option that may be given several times; its value is a list."""
+    name, _, metavar = words.partition(" ")
+    options = {"action": "append", "default": []} | more
+    text += " (repeatable)"
+    parser.add_argument(name, metavar=metavar or None, help=text, **options)
 
 
-def add_jobs(parser: Any) -> None:
-    """Add the option of commands that work on several cores."""
-    parser.add_argument("--jobs", type=int, metavar="N", help="processes (default: one per core)")
+def add_switch(parser: Any, name: str, text: str) -> None:
+    """Add an option without a value."""
+    parser.add_argument(name, action="store_true", help=text)
 
 
-def add_unphysical(parser: Any) -> None:
-    """Add the option of commands that read a URDF."""
-    parser.add_argument(
-        "--allow-unphysical",
-        action="extend",
-        type=listed,
-        default=[],
-        metavar="LINK,...",
-        help="accept these links' inertia although no rigid body has it (repeatable)",
-    )
+def add_shared(parser: Any, *names: str) -> None:
+    """Add some of the options that several commands have."""
+    for name in names:
+        parser.add_argument(name, **_SHARED[name])
+
+
+def in_unit(unit: str) -> Callable[[str], float]:
+    """What reads an option's value: a number in SI units, or text such as ``0.1 mm``."""
+
+    def read(text: str) -> float:
+        try:
+            return quantity(text, unit)
+        except JointplayError as error:
+            raise argparse.ArgumentTypeError(str(error)) from None
+
+    return read
+
+
+def quantity(text: str, unit: str, option: str = "") -> float:
+    """A number in SI units of text such as ``0.1 mm``; errors name the option."""
+    from jointplay.core.units import convert
+
+    try:
+        value: float | str = float(text)
+    except ValueError:
+        value = text
+    try:
+        return float(convert(value, unit))
+    except ValueError as error:
+        raise JointplayError(f"{option}: {error}" if option else str(error)) from None
+
+
+def given(options: argparse.Namespace, *names: str) -> dict[str, Any]:
+    """Values of those options that were given, by name."""
+    values = {name: getattr(options, name) for name in names}
+    return {name: value for name, value in values.items() if value is not None}
 
 
 def name_and_value(text: str, names: Collection[str] = ()) -> tuple[str, str | None]:
@@ -110,3 +139,58 @@ def listed(text: str) -> list[str]:
     except csv.Error as error:
         raise argparse.ArgumentTypeError(f"{text!r}: {error}") from None
     return [name.strip() for name in names if name.strip()]
+
+
+class Outputs:
+    """The files that a command writes into the folder of ``--out``; without the option, none."""
+
+    def __init__(self, folder: str | None, names: Iterable[str]) -> None:
+        """Refuse a folder that holds one of the files, before anything slow is loaded.
+
+        Raises:
+            JointplayError: it does.
+        """
+        self.folder, self.names = folder, list(names)
+        if folder:
+            files.refuse_present(folder, self.names)
+
+    def claim(self) -> Path | None:
+        """Make the folder, sure that the files can be written there; None without ``--out``.
+
+        Raises:
+            JointplayError: see `files.claim`.
+        """
+        return files.claim(self.folder, self.names) if self.folder else None
+
+    def write(self, contents: Mapping[str, Any], further: str = "") -> None:
+        """Write texts and figures by name, each whole or not at all, and print their names.
+
+        `further` is what else the line says.
+        """
+        assert self.folder is not None
+        for name, content in contents.items():
+            put = files.write if isinstance(content, str) else files.picture
+            put(Path(self.folder) / name, content)
+        print(f"written to {self.folder}: {', '.join(contents)}{further}")
+
+
+_SHARED: dict[str, dict[str, Any]] = {
+    "--case": {"help": "case of the scenario; may be left out if there is only one"},
+    "--jobs": {"type": int, "metavar": "N", "help": "processes (default: one per core)"},
+    "--quiet": {"action": "store_true", "help": "show no progress"},
+    "--trust": {
+        "action": "append",
+        "default": [],
+        "metavar": "MODULE",
+        "help": "import laws from this module if the file names any (repeatable; by default a "
+        "result imports none, a scenario those beside it)",
+    },
+    "--allow-unphysical": {
+        "action": "extend",
+        "type": listed,
+        "default": [],
+        "metavar": "LINK,...",
+        "help": "accept the inertia of these links although no rigid body can have it (repeatable)",
+    },
+}
+"""Options that several commands have."""

@@ -5,11 +5,17 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from jointplay.commands import add_jobs, add_quiet, name_and_value
-from jointplay.commands.mechanism import add_poses, add_robot, quantity, task
+from jointplay.commands import (
+    Outputs,
+    add_option,
+    add_repeatable,
+    add_shared,
+    given,
+    name_and_value,
+    quantity,
+)
+from jointplay.commands.mechanism import add_poses, add_robot, task
 from jointplay.core.errors import JointplayError
-
-FILES = ("allocation.csv", "allocation.png")
 
 COSTS = ("reciprocal", "reciprocal-squared", "linear")
 
@@ -18,92 +24,68 @@ def add(commands: Any) -> None:
     """Add the command's parser."""
     parser = commands.add_parser(
         "allocate",
-        help="the loosest clearances that keep the tool's error below a target",
+        help="the largest clearances that keep the tool's error below a target",
         description="The cheapest clearances of all joints with which the tool's static error "
         "stays below a target, at a pose, along a motion or over the workspace; and what the last "
-        "micrometre of each costs. Sizes of the bearings are those of the options or the scenario; "
-        "the ratio of axial to radial clearance is kept. See docs/decisions.md.",
+        "micrometre of each costs. The dimensions of the bearings are those of the options or the "
+        "scenario; the ratio of axial to radial clearance is kept. See docs/decisions.md.",
         epilog='Example: jointplay allocate ur5 --target "0.2 mm" --workspace 200',
     )
     add_robot(parser)
     add_poses(parser)
-    parser.add_argument(
-        "--target", required=True, metavar="LENGTH", help='largest error of the tool, "0.05 mm"'
-    )
-    parser.add_argument(
-        "--quantile", type=float, metavar="P", help="part of states, such as 0.99 (default: all)"
-    )
-    parser.add_argument(
-        "--cost", choices=COSTS, default=COSTS[0], help="of a clearance c: 1/c (default), 1/c^2, -c"
-    )
-    parser.add_argument(
-        "--weight",
-        action="append",
-        default=[],
-        metavar="JOINT=X",
-        help="weight of a joint's cost (repeatable; default 1)",
-    )
-    parser.add_argument("--least", metavar="LENGTH", help="clearance that can be had (2 um)")
-    parser.add_argument("--most", metavar="LENGTH", help="largest clearance (1 mm)")
-    parser.add_argument(
-        "--verify",
-        type=int,
+    add_option(parser, "--target LENGTH", "largest error of the tool", required=True)
+    add_option(parser, "--quantile P", "share of states, such as 0.99 (default: the worst)")
+    add_option(parser, "--cost", "of a clearance c: 1/c, 1/c^2 or -c", COSTS[0], choices=COSTS)
+    add_repeatable(parser, "--weight JOINT=X", "weight of a joint's cost, 1 if not given")
+    add_option(parser, "--least LENGTH", "smallest possible clearance (default 2 um)")
+    add_option(parser, "--most LENGTH", "largest possible clearance (default 1 mm)")
+    add_option(
+        parser,
+        "--verify RUNS",
+        "simulate the motion with these clearances in so many perturbed runs; 3 if no number is "
+        "given",
         nargs="?",
         const=3,
-        metavar="RUNS",
-        help="simulate the motion with these clearances, so many perturbed runs (3)",
     )
-    parser.add_argument("--out", metavar="DIR", help="folder for allocation.csv and the figure")
-    add_jobs(parser)
-    add_quiet(parser)
+    add_option(parser, "--out DIR", "folder for allocation.csv and the figure")
+    add_shared(parser, "--jobs", "--quiet")
 
 
 def run(options: argparse.Namespace) -> int:
     """Allocate, verify, print."""
-    from jointplay.core import files
-
-    if options.out:  # before anything is loaded that takes time
-        files.refuse_present(options.out, FILES)
-    from jointplay.design import allocation as module
+    out = Outputs(options.out, ["allocation.csv", "allocation.png"])
+    from jointplay.design.allocation import allocate
 
     if options.clearance is None and not str(options.robot).endswith(".toml"):
-        options.clearance = options.axial or "0.1 mm"  # sizes are what is sought
+        options.clearance = options.axial or 1e-4  # sizes are what is sought
     work = task(options)
     if options.verify is not None and work.motion is None:
         raise JointplayError("--verify simulates a motion: give --motion CSV or a scenario")
-    limits: dict[str, Any] = {
-        name: quantity(getattr(options, name), "m", f"--{name}")
-        for name in ("least", "most")
-        if getattr(options, name) is not None
-    }
     weights = {}
     for text in options.weight:
         name, value = name_and_value(text)
         if value is None:
             raise JointplayError(f"--weight must read JOINT=X, got {text!r}")
         weights[name] = quantity(value, "", f"--weight {name}")
-    out = files.claim(options.out, FILES) if options.out else None
-    allotment = module.allocate(
+    out.claim()
+    allotment = allocate(
         work.mechanism,
         work.q,
-        quantity(options.target, "m", "--target"),
+        options.target,
         quantile=options.quantile,
         cost=options.cost,
         weights=weights,
         driven=work.driven,
         progress=not options.quiet,
-        **limits,
+        **given(options, "least", "most"),
     )
-    for note in work.notes:
-        if not note.startswith("play:"):
-            print(note)
-    print(f"at: {work.poses}")
-    print(allotment)
+    notes = [note for note in work.notes if not note.startswith("play:")]
+    print("\n".join([*notes, f"at: {work.poses}", str(allotment)]))
     if options.verify is not None:
         from jointplay.design.verify import dynamic_error
 
         assert work.motion is not None
-        seen = dynamic_error(
+        error = dynamic_error(
             allotment.mechanism,
             work.motion,
             work.simulation,
@@ -111,27 +93,20 @@ def run(options: argparse.Namespace) -> int:
             jobs=options.jobs,
             progress=not options.quiet,
         )
-        peak = float(seen.peak.max())
+        peak = float(error.peak.max())
         kept = "keeps" if peak <= allotment.target else "exceeds"
-        print(f"{seen}; {kept} the target ({peak / allotment.target:.2f} of it)")
-    if out is not None:
+        print(f"{error}; {kept} the target ({peak / allotment.target:.2f} of it)")
+    if options.out:
         from jointplay.plots.design import allocation
 
-        files.write(out / "allocation.csv", _csv(allotment))
-        files.picture(out / "allocation.png", allocation(allotment))
-        print(f"written to {options.out}: allocation.csv, allocation.png")
+        out.write({"allocation.csv": _csv(allotment), "allocation.png": allocation(allotment)})
     return 0
 
 
 def _csv(allotment: Any) -> str:
+    """A row for each joint."""
+    numbers = zip(allotment.clearance, allotment.gain, allotment.price, strict=True)
     rows = ["joint,clearance_m,error_per_clearance,saved_by_a_micrometre,held_by"]
-    for name, *numbers, bound in zip(
-        allotment.joints,
-        allotment.clearance,
-        allotment.gain,
-        allotment.price,
-        allotment.bound,
-        strict=True,
-    ):
-        rows.append(",".join([name, *(f"{x:.9g}" for x in numbers), bound or "target"]))
+    for name, values, bound in zip(allotment.joints, numbers, allotment.bound, strict=True):
+        rows.append(",".join([name, *(f"{x:.9g}" for x in values), bound or "target"]))
     return "\n".join(rows) + "\n"

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from typing import Any
 
-from jointplay.commands.mechanism import add_poses, add_robot, quantity, task
+from jointplay.commands import Outputs, add_option, add_switch, quantity
+from jointplay.commands.mechanism import add_poses, add_robot, task
 from jointplay.core.errors import JointplayError
 
 
@@ -22,46 +24,44 @@ def add(commands: Any) -> None:
     )
     add_robot(parser)
     add_poses(parser)
-    parser.add_argument("--force", metavar="FX,FY,FZ", help="on the tool, world axes [N]")
-    parser.add_argument("--payload", metavar="MASS", help='held at the tool, "2 kg" or [kg]')
-    parser.add_argument(
-        "--friction",
-        metavar="MU",
-        help="coefficient with which friction may hold the journals elsewhere than they rest "
-        "without it (default: the largest of each joint's friction law)",
+    add_option(parser, "--force FX,FY,FZ", "on the tool, world axes [N]")
+    add_option(parser, "--payload MASS", "held at the tool")
+    add_option(
+        parser,
+        "--friction MU",
+        "coefficient with which friction may hold the journals elsewhere than they rest without it "
+        "(default: the largest of each joint's friction law)",
     )
-    parser.add_argument(
+    add_switch(
+        parser,
         "--rest-everywhere",
-        action="store_true",
-        help="find in budget.csv where the machine rests at every pose, not at the worst one only "
+        "find for budget.csv where the machine rests at every pose, not only at the worst one "
         "(0.4 s a pose with one joint, up to 3.5 s with six)",
     )
-    parser.add_argument("--out", metavar="DIR", help="folder for budget.csv and the figures")
+    add_option(parser, "--out DIR", "folder for budget.csv and the figures")
 
 
 def run(options: argparse.Namespace) -> int:
-    """Reckon, print, draw."""
-    from jointplay.core import files
-
-    if options.out:  # before anything is loaded that takes time
-        files.refuse_present(options.out, ["budget.csv"])
+    """Compute, print, draw."""
+    out = Outputs(options.out, ["budget.csv"])
     from jointplay.design.static_budget import FOLLOW, budget
     from jointplay.loads.drive import Drive
 
     work = task(options)
     force = load_on_tool(options, work.mechanism.gravity)
-    names = ["budget.csv", "bars.png", "robot.png", "reach.png"]
-    names += {"motion": ["course.png"], "workspace": ["map.png"]}.get(work.kind, [])
-    out = files.claim(options.out, names) if options.out else None
-    friction = options.friction and quantity(options.friction, "", "--friction")
+    out.names += ["bars.png", "robot.png", "reach.png"]
+    out.names += {"motion": ["course.png"], "workspace": ["map.png"]}.get(work.kind, [])
+    out.claim()
     own = None if work.simulation is None else work.simulation.drive
-    drive = own if isinstance(own, Drive) and own.follows else FOLLOW
     errors = budget(
-        work.mechanism, work.q, force=force, driven=work.driven, friction=friction, drive=drive
+        work.mechanism,
+        work.q,
+        force=force,
+        driven=work.driven,
+        friction=options.friction,
+        drive=own if isinstance(own, Drive) and own.follows else FOLLOW,
     )
-    for note in work.notes:
-        print(note)
-    print(f"at: {work.poses}")
+    print("\n".join([*work.notes, f"at: {work.poses}"]))
     if len(errors.worst) > 1:
         at = errors.worst_pose
         place = ", ".join(f"{x:.3f}" for x in errors.positions[at])
@@ -72,41 +72,37 @@ def run(options: argparse.Namespace) -> int:
         )
     print(errors.table())
     print(errors.accuracy)
-    if out is None:
+    if not options.out:
         return 0
     from jointplay.plots import design as plots
 
     if options.rest_everywhere:
         errors.rest_interval  # noqa: B018  which finds the places of rest, too
-    files.write(out / "budget.csv", errors.csv())
-    files.picture(out / "bars.png", plots.bars(errors))
-    files.picture(out / "robot.png", plots.robot(work.mechanism, errors, work.q), dpi=130)
-    files.picture(out / "reach.png", plots.reachable(errors))
+    contents = {
+        "budget.csv": errors.csv(),
+        "bars.png": plots.bars(errors),
+        "robot.png": plots.robot(work.mechanism, errors, work.q),
+        "reach.png": plots.reachable(errors),
+    }
     if work.kind == "motion":
         from jointplay.design.poses import times_along
 
         assert work.motion is not None
-        time = times_along(work.motion)
-        files.picture(out / "course.png", plots.course(errors, time))
+        contents["course.png"] = plots.course(errors, times_along(work.motion))
     if work.kind == "workspace":
-        files.picture(out / "map.png", plots.workspace_map(errors))
-    print(f"written to {options.out}: {', '.join(names)}")
+        contents["map.png"] = plots.workspace_map(errors)
+    out.write(contents)
     return 0
 
 
 def load_on_tool(
-    options: argparse.Namespace, gravity: tuple[float, float, float]
+    options: argparse.Namespace, gravity: Sequence[float]
 ) -> tuple[float, float, float]:
     """Force on the tool in world axes [N]: what --force and --payload say."""
-    force = [0.0, 0.0, 0.0]
-    if options.force is not None:
-        parts = options.force.split(",")
-        if len(parts) != 3:
-            raise JointplayError(
-                f"--force must be three numbers fx,fy,fz [N], got {options.force!r}"
-            )
-        force = [quantity(part, "N", "--force") for part in parts]
+    parts = ["0"] * 3 if options.force is None else options.force.split(",")
+    if len(parts) != 3:
+        raise JointplayError(f"--force must be three numbers fx,fy,fz [N], got {options.force!r}")
+    force = [quantity(part, "N", "--force") for part in parts]
     if options.payload is not None:
-        mass = quantity(options.payload, "kg", "--payload")
-        force = [f + mass * g for f, g in zip(force, gravity, strict=True)]
+        force = [f + options.payload * g for f, g in zip(force, gravity, strict=True)]
     return force[0], force[1], force[2]

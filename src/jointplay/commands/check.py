@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from jointplay.commands import add_trust
+from jointplay.commands import add_option, add_shared, add_switch
 from jointplay.core import files
 from jointplay.core.errors import JointplayError
 
@@ -31,13 +31,9 @@ def add(commands: Any) -> None:
     )
     parser.add_argument("file", metavar="FILE", help="scenario (TOML)")
     group = parser.add_mutually_exclusive_group()
-    group.add_argument(
-        "--picture",
-        metavar="PNG",
-        help="where to draw the mechanism (default: beside FILE, as .png)",
-    )
-    group.add_argument("--no-picture", action="store_true", help="do not draw it")
-    add_trust(parser)
+    add_option(group, "--picture PNG", "picture of the mechanism (default: beside FILE, as .png)")
+    add_switch(group, "--no-picture", "draw no picture")
+    add_shared(parser, "--trust")
 
 
 def run(options: argparse.Namespace) -> int:

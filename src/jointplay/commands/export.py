@@ -5,10 +5,8 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from jointplay.commands import add_quiet, add_trust
-
-KINDS = ("csv", "parquet", "trajectory", "mcap", "rerun")
-"""Kinds of file; `jointplay.exports.KINDS` says what they are."""
+from jointplay import exports
+from jointplay.commands import add_option, add_shared
 
 
 def add(commands: Any) -> None:
@@ -16,32 +14,28 @@ def add(commands: Any) -> None:
     parser = commands.add_parser(
         "export",
         help="write a result as table, joint trajectory, ROS 2 bag or rerun recording",
-        description="Write a result for other programs: all histories as a table with one row a "
-        "record (csv, parquet); joint positions as ROS 2 JointTrajectory (trajectory: .yaml) or as "
-        "a motion (trajectory: .csv); a ROS 2 bag (mcap); a recording of rerun.io (rerun: .rrd).",
+        description="Write a result for other programs. Kinds of file: "
+        + "; ".join(
+            f"{name} ({', '.join(kind.suffixes)}): {kind.about}"
+            for name, kind in exports.KINDS.items()
+        )
+        + ".",
         epilog="docs/exports.md says what the files hold. parquet, mcap, YAML and rerun need the "
         "extras tables, ros and rerun: pip install 'jointplay[ros]'.",
     )
     parser.add_argument("result", metavar="RESULT", help="file that a run wrote (.nc)")
-    parser.add_argument(
-        "--to", choices=KINDS, help="kind of file (default: told by --out's ending)"
+    add_option(
+        parser, "--to", "kind of file (default: by the ending of --out)", choices=exports.KINDS
     )
-    parser.add_argument("--out", required=True, metavar="FILE", help="file to write")
-    parser.add_argument(
-        "--every",
-        type=int,
-        default=1,
-        metavar="N",
-        help="only each N-th record and the last; peaks cover what lies between (default 1)",
+    add_option(parser, "--out FILE", "file to write", required=True)
+    add_option(
+        parser, "--every N", "only each N-th record and the last; peaks cover what lies between", 1
     )
-    add_quiet(parser)
-    add_trust(parser)
+    add_shared(parser, "--quiet", "--trust")
 
 
 def run(options: argparse.Namespace) -> int:
     """Read, write, say what was written."""
-    from jointplay import exports
-
     exports.check(options.out, options.to)
     from jointplay.result.result import Result
 

@@ -8,8 +8,16 @@ import math
 from dataclasses import replace
 from typing import Any
 
-from jointplay.commands import add_jobs, add_quiet
-from jointplay.commands.mechanism import add_robot, quantity, task
+from jointplay.commands import (
+    Outputs,
+    add_option,
+    add_repeatable,
+    add_shared,
+    add_switch,
+    given,
+    quantity,
+)
+from jointplay.commands.mechanism import Task, add_robot, task
 from jointplay.core.errors import JointplayError
 
 REFERENCES = ("place", "frame", "ideal")
@@ -37,106 +45,82 @@ def add(commands: Any) -> None:
         "data", nargs="?", metavar="CSV", help="columns such as 'time [s]', 'tool x [mm]'"
     )
     group = parser.add_argument_group("measurement")
-    group.add_argument(
-        "--motion", metavar="CSV", help="reference of the joints without encoder, if no scenario"
-    )
-    group.add_argument(
+    add_option(group, "--motion CSV", "reference of joints without encoder, if no scenario has it")
+    add_option(
+        group,
         "--reference",
+        "what is known of the tool's ideal place: nothing but that it is the same at each visit of "
+        "a place; all but where the tracker's frame lies; all (calibrated)",
+        REFERENCES[0],
         choices=REFERENCES,
-        default=REFERENCES[0],
-        help="what is known of the tool's ideal place: nothing, but the same at each visit of a "
-        "place (default); all but where the tracker's frame lies; all (calibrated)",
     )
-    group.add_argument(
-        "--noise",
-        action="append",
-        default=[],
-        metavar="SIGNAL=X",
-        help='standard deviation of a record, "tool=20 um" (repeatable; default: of the records)',
+    add_repeatable(
+        group,
+        "--noise SIGNAL=X",
+        'standard deviation of a record, "tool=20 um"; by default that of the records',
     )
-    group.add_argument(
-        "--known",
-        action="append",
-        default=[],
-        metavar="UNKNOWN",
-        help='taken from the scenario, such as "friction" or "elbow radial clearance" (repeatable)',
+    add_repeatable(
+        group,
+        "--known UNKNOWN",
+        'taken from the scenario, such as "friction" or "elbow radial clearance"',
     )
-    group.add_argument(
+    add_repeatable(
+        group,
         "--also",
-        action="append",
-        default=[],
+        "identify the dry friction behind all gears, not only where the scenario has some",
         choices=("friction",),
-        help="identify the dry friction behind all gears, not only where the scenario has some",
     )
-    group.add_argument(
-        "--stiffness",
-        action="append",
-        default=[],
-        metavar="PART=X[+-Y%]",
-        help='of what is known, such as "elbow=1e5 N*m/rad" (about its axis, of the gear if there '
-        'is one), "elbow radial=2e8 N/m +- 20 %%", "tool=1e6 N/m", "elbow=inf" (rigid), "all=inf" '
-        "(but gears); what is not given is unknown (repeatable)",
+    add_repeatable(
+        group,
+        "--stiffness PART=X[+-Y%]",
+        'of what is known, such as "elbow=1e5 N*m/rad" (about its axis, of the gear if there is '
+        'one), "elbow radial=2e8 N/m +- 20 %%", "tool=1e6 N/m", "elbow=inf" (rigid), "all=inf" '
+        "(except gears); what is not given is unknown",
     )
-    group.add_argument(
-        "--drift",
-        type=int,
-        default=DRIFT,
-        metavar="N",
-        help="degree of the polynomial in time by which readings may drift (default "
-        f"{DRIFT}; 0: they do not)",
+    add_option(
+        group,
+        "--drift N",
+        "degree of the polynomial in time by which readings may drift; 0: they do not",
+        DRIFT,
     )
-    _add_simulated(parser)
-    _add_plan(parser)
-    parser.add_argument("--out", metavar="DIR", help="folder for tables (CSV, JSON) and figure")
-    add_quiet(parser)
-    parser.set_defaults(pose=None, workspace=None)
-
-
-def _add_simulated(parser: Any) -> None:
     group = parser.add_argument_group("by simulated runs of the scenario")
-    group.add_argument(
-        "--restitution",
-        type=int,
+    add_option(
+        group,
+        "--restitution RUNS",
+        "where flights do not tell restitution: by the statistics of the impacts of so many runs, "
+        f"{RUNS} if no number is given",
         nargs="?",
         const=RUNS,
-        default=0,
-        metavar="RUNS",
-        help="where flights do not tell restitution: by the statistics of the impacts of so many "
-        f"runs (default {RUNS})",
     )
-    group.add_argument(
-        "--verify",
-        type=int,
+    add_option(
+        group,
+        "--verify RUNS",
+        "run the scenario with what was found, and say whether its statistics are those of the "
+        f"measurement, within the scatter of so many runs, {VERIFYING} if no number is given",
         nargs="?",
         const=VERIFYING,
-        default=0,
-        metavar="RUNS",
-        help="run the scenario with what was found, and say whether its statistics are those of "
-        f"the measurement, within the scatter of so many runs (default {VERIFYING})",
     )
-    add_jobs(group)
-
-
-def _add_plan(parser: Any) -> None:
+    add_shared(group, "--jobs")
     group = parser.add_argument_group("plan")
-    group.add_argument("--plan", action="store_true", help="say what to measure")
-    group.add_argument(
+    add_switch(group, "--plan", "say what to measure")
+    add_repeatable(
+        group,
         "--signal",
-        action="append",
+        "that can be measured besides the motors' encoders; by default tool",
         choices=("tool", "link", "torque"),
-        help="that can be measured besides the motors' encoders (repeatable; default: tool)",
     )
-    group.add_argument(
-        "--count", type=int, default=6, metavar="N", help="experiments to choose (default 6)"
+    add_option(group, "--count N", "experiments to choose", 6)
+    add_option(
+        group, "--push FORCE", "with which the tool can be pushed; 0: not at all (default 20)"
     )
-    group.add_argument(
-        "--push", metavar="FORCE", help="with which the tool can be pushed (20 N; 0: not at all)"
-    )
+    add_option(parser, "--out DIR", "folder for tables (CSV, JSON) and figure")
+    add_shared(parser, "--quiet")
+    parser.set_defaults(pose=None, workspace=None)
 
 
 def run(options: argparse.Namespace) -> int:
     """Identify or plan, print, draw."""
-    from jointplay.core import files, processes
+    from jointplay.core import processes
 
     if options.plan and options.data is not None:
         raise JointplayError("give --plan or a measurement, not both")
@@ -144,75 +128,73 @@ def run(options: argparse.Namespace) -> int:
     if not options.plan and options.data is None:
         raise JointplayError("give a measurement (CSV), or --plan to ask what to measure")
     names = ["identified.csv", "identified.json", "identified.png"]
-    names = ["plan.txt"] if options.plan else names
-    if options.out:  # before anything is loaded that takes time
-        files.refuse_present(options.out, names)
+    out = Outputs(options.out, ["plan.txt"] if options.plan else names)
     work = task(options)
-    if (options.verify or options.restitution) and work.simulation is None:
-        option = "--verify" if options.verify else "--restitution"
-        raise JointplayError(f"{option} needs a scenario (.toml) with the measured motion")
-    noise = _noise(options.noise)
-    out = files.claim(options.out, names) if options.out else None
+    for option in ("verify", "restitution"):
+        if getattr(options, option) and work.simulation is None:
+            raise JointplayError(f"--{option} needs a scenario (.toml) with the measured motion")
+    shared: dict[str, Any] = {
+        "noise": _noise(options.noise),
+        "also": options.also,
+        "known": options.known,
+        "stiffness": _stiffness(options.stiffness),
+    }
+    out.claim()
     if options.plan:
-        text = str(_plan(options, work, noise))
+        text = _plan(options, work, shared)
         print("\n".join([*work.notes, text]))
-        if out is not None:
-            files.write(out / "plan.txt", text + "\n")
-    else:
-        fit = _identify(options, work, noise)
-        notes = list(work.notes)
-        if options.gear and work.simulation is None:
-            notes.append(
-                "note: gears of --gear have no stiffness of their own; unless --stiffness gives "
-                "it, it is sought from 1e+04 N m/rad on"
-            )
-        print("\n".join([*notes, str(fit)]))
-        found = fit.describe()
-        if options.verify and work.simulation is not None:
-            from jointplay.identification.verification import verify
+        if options.out:
+            out.write({"plan.txt": f"{text}\n"})
+        return 0
+    fit = _identify(options, work, shared)
+    notes = list(work.notes)
+    if options.gear and work.simulation is None:
+        notes.append(
+            "note: gears of --gear have no stiffness of their own; unless --stiffness gives "
+            "it, it is sought from 1e+04 N m/rad on"
+        )
+    print("\n".join([*notes, str(fit)]))
+    found = fit.describe()
+    if options.verify and work.simulation is not None:
+        from jointplay.identification.verification import verify
 
-            checked = verify(
-                work.simulation,
-                fit,
-                runs=options.verify,
-                jobs=options.jobs,
-                progress=not options.quiet,
-            )
-            print(checked)
-            found["verification"] = checked.describe()
-        if out is not None:
-            from jointplay.plots.design import identification
+        checked = verify(
+            work.simulation,
+            fit,
+            runs=options.verify,
+            jobs=options.jobs,
+            progress=not options.quiet,
+        )
+        print(checked)
+        found["verification"] = checked.describe()
+    if options.out:
+        from jointplay.plots.design import identification
 
-            files.write(out / "identified.csv", fit.csv())
-            files.write(out / "identified.json", json.dumps(found, indent=1) + "\n")
-            files.picture(out / "identified.png", identification(fit))
-    if out is not None:
-        print(f"written to {options.out}: {', '.join(names)}")
+        contents = (fit.csv(), json.dumps(found, indent=1) + "\n", identification(fit))
+        out.write(dict(zip(names, contents, strict=True)))
     return 0
 
 
-def _plan(options: argparse.Namespace, work: Any, noise: dict[str, float]) -> Any:
+def _plan(options: argparse.Namespace, work: Task, shared: dict[str, Any]) -> str:
+    """What to measure."""
     from jointplay.identification import plan_measurement
-    from jointplay.identification.planning import PUSH_N
 
-    friction = None if work.simulation is None else work.simulation.joint_friction
-    return plan_measurement(
+    plan = plan_measurement(
         work.mechanism,
         signals=options.signal or ["tool"],
-        noise=noise,
         count=options.count,
-        push=PUSH_N if options.push is None else quantity(options.push, "N", "--push"),
-        joint_friction=friction,
-        also=options.also,
-        known=options.known,
-        stiffness=_stiffness(options.stiffness),
+        joint_friction=None if work.simulation is None else work.simulation.joint_friction,
+        **given(options, "push"),
+        **shared,
     )
+    return str(plan)
 
 
-def _identify(options: argparse.Namespace, work: Any, noise: dict[str, float]) -> Any:
+def _identify(options: argparse.Namespace, work: Task, shared: dict[str, Any]) -> Any:
+    """What the measurement tells."""
     from jointplay.identification import identify
 
-    machine = work.mechanism
+    machine: Any = work.mechanism
     if work.simulation is not None:
         machine = replace(work.simulation, mechanism=work.mechanism)
     return identify(
@@ -220,14 +202,11 @@ def _identify(options: argparse.Namespace, work: Any, noise: dict[str, float]) -
         options.data,
         motion=work.motion,
         reference=options.reference,
-        noise=noise,
-        also=options.also,
-        known=options.known,
-        stiffness=_stiffness(options.stiffness),
         drift=options.drift,
-        runs=options.restitution,
+        runs=options.restitution or 0,
         jobs=options.jobs,
         progress=not options.quiet,
+        **shared,
     )
 
 

@@ -6,16 +6,14 @@ import argparse
 from dataclasses import replace
 from typing import Any
 
-from jointplay.commands import add_quiet
+from jointplay.commands import Outputs, add_option, add_shared, given, quantity
 from jointplay.commands import run as run_command
-from jointplay.commands.mechanism import quantity
 from jointplay.core import streams
 from jointplay.core.errors import JointplayError, require_positive
 
 FILES = ("iso9283.csv", "poses.png", "path.png")
 """What is written into --out; at a part of the speed, its per cent stand before the dot."""
 KINDS = {
-    "pose": "poses and distances (default 30)",
     "path": "the path (default 10, at most --cycles)",
     "settling": "stabilization and overshoot (default 3)",
     "cornering": "corners (default 3)",
@@ -28,7 +26,7 @@ def add(commands: Any) -> None:
     parser = commands.add_parser(
         "iso9283",
         usage="jointplay iso9283 [FILE | ROBOT] [--cycles N] [--speed PERCENT] [--load MASS] "
-        "[--cube EDGE --cube-centre X,Y,Z] [--drift TIME] [--out DIR] [options]",
+        "[--cube LENGTH --cube-centre X,Y,Z] [--drift TIME] [--out DIR] [options]",
         help="accuracy and repeatability as ISO 9283 names them, from perturbed cycles",
         description="Simulate the cycle of a scenario or robot many times, journals displaced at "
         "random at the start, and print pose accuracy AP and repeatability RP at each stop, "
@@ -41,46 +39,37 @@ def add(commands: Any) -> None:
         lazy=run_command.explain,
     )
     group = parser.add_argument_group("cycles")
+    add_option(group, "--cycles N", "cycles for poses and distances (default 30)")
     for kind, words in KINDS.items():
-        name = "--cycles" if kind == "pose" else f"--{kind}-cycles"
-        group.add_argument(name, type=int, metavar="N", help=f"cycles for {words}")
-    group.add_argument(
-        "--speed",
-        type=float,
+        add_option(group, f"--{kind}-cycles N", f"cycles for {words}")
+    add_option(
+        group,
+        "--speed PERCENT",
+        "share of the motion's speed, which counts as the rated one; repeatable: the standard asks "
+        "for 100, 50 and 10 (default 100)",
         action="append",
-        metavar="PERCENT",
-        help="part of the motion's speed, taken for the rated one; can be repeated: the standard "
-        "asks for 100, 50 and 10 (default 100)",
     )
-    group.add_argument("--load", metavar="MASS", help="mass at the tool: the rated load, 100 %%")
-    group.add_argument(
-        "--cube", metavar="EDGE", help="go through the five poses in a cube of this edge instead"
+    add_option(group, "--load MASS", "at the tool: the rated load, 100 %%")
+    add_option(group, "--cube LENGTH", "go through the five poses in a cube of this edge instead")
+    add_option(group, "--cube-centre X,Y,Z", "centre of the cube, world axes [m]")
+    add_option(group, "--drift TIME", 'drift by wear over this time, "8 h" in the standard')
+    add_option(
+        group, "--band LENGTH", "limit band of stabilization, the repeatability if not given"
     )
-    group.add_argument("--cube-centre", metavar="X,Y,Z", help="centre of the cube, world axes [m]")
-    group.add_argument(
-        "--drift", metavar="TIME", help='drift by wear over this time (the standard: "8 h")'
-    )
-    group.add_argument(
-        "--band", metavar="LENGTH", help="limit band of stabilization (default: the repeatability)"
-    )
-    group.add_argument(
-        "--out",
-        metavar="DIR",
-        help="folder for the table, the figures and, while "
-        "it runs, the cycles: given again, it goes on where it was interrupted",
+    add_option(
+        group,
+        "--out DIR",
+        "folder for the table, the figures and, while it runs, the cycles: given again, an "
+        "interrupted command goes on",
     )
     groups = run_command.add_inputs(parser)
-    add_quiet(groups["integration and output"])
+    add_shared(groups["integration and output"], "--quiet")
 
 
 def run(options: argparse.Namespace) -> int:
     """Run the cycles, print, draw."""
-    from jointplay.core import files
-
     names = {percent: _names(percent) for percent in dict.fromkeys(options.speed or [100.0])}
-    every = [name for some in names.values() for name in some]
-    if options.out:  # before anything is loaded that takes time
-        files.refuse_present(options.out, every)
+    out = Outputs(options.out, [name for several in names.values() for name in several])
     from jointplay.analysis.runs import check_numbers
     from jointplay.design.iso9283 import check, iso9283
 
@@ -88,51 +77,44 @@ def run(options: argparse.Namespace) -> int:
     check_numbers(counts.most, options.jobs)
     for percent in names:
         require_positive("--speed", percent, "%")
-    simulation, poses = _in_cube(options, simulation_of(options))
-    band, load, drift = (
-        None if text is None else require_positive(name, quantity(text, unit, name), unit)
-        for name, text, unit in (
-            ("--band", options.band, "m"),
-            ("--load", options.load, "kg"),
-            ("--drift", options.drift, "s"),
-        )
-    )
+    for name, unit in (("band", "m"), ("load", "kg"), ("drift", "s")):
+        if getattr(options, name) is not None:
+            require_positive(f"--{name}", getattr(options, name), unit)
+    simulation, poses = _in_cube(options, run_command.simulation_of(options))
+    load = options.load or 0.0
     for percent in names:
-        check(simulation, percent / 100.0, load or 0.0)
-    out = files.claim(options.out, every) if options.out else None
+        check(simulation, percent / 100.0, load)
+    folder = out.claim()
     streams.release()
-    tool = f"tool: {simulation.mechanism.tool!r}\n"
+    print(f"tool: {simulation.mechanism.tool!r}")
     for percent, (table, drawn, along) in names.items():
         performance = iso9283(
             simulation,
             counts,
-            band=band,
+            band=options.band,
             speed=percent / 100.0,
-            load=load or 0.0,
-            drift_time=drift,
+            load=load,
+            drift_time=options.drift,
             poses=poses,
             jobs=options.jobs,
-            keep=None if out is None else out / "cycles",
+            keep=None if folder is None else folder / "cycles",
             progress=not options.quiet,
         )
-        print(f"{tool}{performance}")
-        tool = ""
-        if out is not None:
+        print(performance)
+        if options.out:
             from jointplay.plots import design as plots
 
-            files.write(out / table, performance.csv())
-            written = [table]
+            contents: dict[str, Any] = {table: performance.csv()}
             if performance.poses:
-                files.picture(out / drawn, plots.poses(performance))
-                written.append(drawn)
-            if performance.at is not None:
-                files.picture(out / along, plots.path(performance))
-                written.append(along)
-            print(f"written to {options.out}: {', '.join(written)}; runs in {options.out}/cycles")
+                contents[drawn] = plots.poses(performance)
+            if performance.path:
+                contents[along] = plots.path(performance)
+            out.write(contents, f"; runs in {options.out}/cycles")
     return 0
 
 
 def _names(percent: float) -> list[str]:
+    """Names of the files at a part of the speed."""
     part = "" if percent == 100.0 else f"_{percent:g}"
     return [name.replace(".", f"{part}.") for name in FILES]
 
@@ -142,47 +124,22 @@ def _cycles(options: argparse.Namespace) -> Any:
     from jointplay.design.iso9283 import Cycles
 
     most = Cycles.pose if options.cycles is None else options.cycles
-    others = {kind: getattr(options, f"{kind}_cycles") for kind in KINDS if kind != "pose"}
-    given = {kind: number for kind, number in others.items() if number is not None}
-    return replace(Cycles.up_to(most), **given)
+    own = given(options, *(f"{kind}_cycles" for kind in KINDS))
+    return replace(
+        Cycles.up_to(most), **{name.removesuffix("_cycles"): n for name, n in own.items()}
+    )
 
 
 def _in_cube(options: argparse.Namespace, simulation: Any) -> tuple[Any, str]:
     """The simulation, with the motion of the test if it is asked for; its poses in words."""
     if (options.cube is None) != (options.cube_centre is None):
-        raise JointplayError("--cube EDGE and --cube-centre X,Y,Z go together")
+        raise JointplayError("--cube LENGTH and --cube-centre X,Y,Z go together")
     if options.cube is None:
         return simulation, "poses: the stops of the motion"
     from jointplay.design.iso9283 import cube_motion
 
-    edge = quantity(options.cube, "m", "--cube")
     centre = [quantity(part, "m", "--cube-centre") for part in options.cube_centre.split(",")]
-    motion = cube_motion(simulation.mechanism, centre, edge)
+    motion = cube_motion(simulation.mechanism, centre, options.cube)
     at = ", ".join(f"{x:g}" for x in centre)
-    words = f"poses: P1, P5, P4, P3, P2, P1 in a cube of {edge:g} m about ({at}) m"
+    words = f"poses: P1, P5, P4, P3, P2, P1 in a cube of {options.cube:g} m about ({at}) m"
     return replace(simulation, motion=motion, duration=None), words
-
-
-def simulation_of(options: argparse.Namespace) -> Any:
-    """The one simulation that the options of `jointplay run` describe.
-
-    Raises:
-        JointplayError: several cases, or what `jointplay run` would refuse.
-    """
-    jobs, options.jobs = options.jobs, None  # a scenario's option there, ours here
-    scenario = run_command.scenario_of(options)
-    options.jobs = jobs
-    if len(options.case) > 1:
-        raise JointplayError(f"one case at a time, got --case {', '.join(options.case)}")
-    if not options.case and len(scenario.cases) > 1:
-        raise JointplayError(f"choose a case with --case: {', '.join(scenario.cases)}")
-    simulation = scenario.simulation(options.case[0] if options.case else None)
-    scenario.ready_run(
-        options.case[0] if options.case else None
-    )  # says what cannot be, with its line
-    streams.note(
-        f"one cycle: {simulation.duration or simulation.motion.duration:g} s simulated"
-        if simulation.motion is not None
-        else "no motion"
-    )
-    return simulation

@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from jointplay.commands.mechanism import quantity
-from jointplay.commands.wear import add_cycles
+from jointplay.commands import Outputs, add_option
+from jointplay.commands.wear import add_cycles, cycles
 from jointplay.core.signals import INTERRUPTED
 
 
@@ -21,48 +21,25 @@ def add(commands: Any) -> None:
         "the numbers mean.",
     )
     add_cycles(parser, blocks=5, runs=2)
-    parser.add_argument(
-        "--target", required=True, metavar="LENGTH", help='tolerance of the tool, "0.1 mm" or [m]'
-    )
-    parser.add_argument(
-        "--wear-factor",
-        type=float,
-        default=3.0,
-        metavar="X",
-        help="factor within which wear rates are known, for the spread (default 3)",
-    )
-    parser.add_argument("--out", metavar="DIR", help="folder for maintenance.csv and the figure")
+    add_option(parser, "--target LENGTH", "tolerance of the tool", required=True)
+    add_option(parser, "--wear-factor X", "factor to which wear rates are known", default=3.0)
+    add_option(parser, "--out DIR", "folder for maintenance.csv and the figure")
 
 
 def run(options: argparse.Namespace) -> int:
     """Estimate, print, draw."""
-    from jointplay.core import files
+    out = Outputs(options.out, ["maintenance.csv", "maintenance.png"])
+    from jointplay.design.maintenance import maintenance
     from jointplay.scenario import Scenario
 
-    target = quantity(options.target, "m", "--target")
-    names = ["maintenance.csv", "maintenance.png"]
-    if options.out:  # before anything is loaded that takes time
-        files.refuse_present(options.out, names)
-    from jointplay.design.maintenance import maintenance
-
     simulation = Scenario.load(options.file, options.trust).simulation(options.case)
-    out = files.claim(options.out, names) if options.out else None
+    out.claim()
     estimate = maintenance(
-        simulation,
-        target,
-        blocks=options.blocks,
-        runs=options.runs,
-        jobs=options.jobs,
-        cycles_per_run=options.cycles_per_run,
-        factor=options.wear_factor,
-        progress=not options.quiet,
+        simulation, options.target, factor=options.wear_factor, **cycles(options)
     )
-    print(f"tool: {simulation.mechanism.tool!r}")
-    print(estimate)
-    if out is not None:
+    print(f"tool: {simulation.mechanism.tool!r}\n{estimate}")
+    if options.out:
         from jointplay.plots.design import wear_course
 
-        files.write(out / "maintenance.csv", estimate.csv())
-        files.picture(out / "maintenance.png", wear_course(estimate))
-        print(f"written to {options.out}: {', '.join(names)}")
+        out.write({"maintenance.csv": estimate.csv(), "maintenance.png": wear_course(estimate)})
     return 0 if estimate.reached else INTERRUPTED

@@ -1,4 +1,4 @@
-"""What the commands that reckon with play have in common: which robot, which play, which poses."""
+"""What the commands about static play have in common: which robot, which play, which poses."""
 
 from __future__ import annotations
 
@@ -8,7 +8,14 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from jointplay.commands import add_case, add_unphysical, name_and_value
+from jointplay.commands import (
+    add_option,
+    add_repeatable,
+    add_shared,
+    given,
+    name_and_value,
+    quantity,
+)
 from jointplay.core.errors import JointplayError
 
 if TYPE_CHECKING:
@@ -47,57 +54,35 @@ def add_robot(parser: Any) -> None:
         metavar="ROBOT",
         help="URDF, name of a robot of example-robot-data (jointplay robots), or scenario (.toml)",
     )
-    add_case(parser)
+    add_shared(parser, "--case")
     group = parser.add_argument_group("play")
-    group.add_argument(
-        "--clearance", metavar="LENGTH", help='radial clearance, "0.1 mm" or [m]; of all --joint'
+    add_option(group, "--clearance LENGTH", "radial clearance of all joints of --joint")
+    add_repeatable(
+        group,
+        "--joint NAME[=LENGTH]",
+        "joint with clearance, and its own; by default all joints that move the tool",
     )
-    group.add_argument(
-        "--joint",
-        action="append",
-        default=[],
-        metavar="NAME[=LENGTH]",
-        help="joint with clearance, and its own (repeatable; default: all that move the tool)",
-    )
-    group.add_argument("--axial", metavar="LENGTH", help="axial clearance (default: the radial)")
-    group.add_argument("--bearing-radius", metavar="LENGTH", help="R_i (default 10 mm)")
-    group.add_argument("--bearing-length", metavar="LENGTH", help="L_i (default 40 mm)")
-    group.add_argument(
-        "--gear",
-        action="append",
-        default=[],
-        metavar="NAME=ANGLE",
-        help='whole play of a joint\'s gear, such as elbow="2 arcmin" (repeatable)',
+    add_option(group, "--axial LENGTH", "axial clearance (default: the radial one)")
+    add_option(group, "--bearing-radius LENGTH", "R_i (default 10 mm)")
+    add_option(group, "--bearing-length LENGTH", "L_i (default 40 mm)")
+    add_repeatable(
+        group, "--gear NAME=ANGLE", 'whole play of a joint\'s gear, such as elbow="2 arcmin"'
     )
     group = parser.add_argument_group("robot")
-    group.add_argument("--tool", metavar="FRAME", help="frame whose error counts")
-    add_unphysical(group)
+    add_option(group, "--tool FRAME", "frame whose error counts")
+    add_shared(group, "--allow-unphysical")
 
 
 def add_poses(parser: Any) -> None:
     """Add the options that say at which poses."""
     group = parser.add_argument_group("poses (default: along the scenario's motion, or one pose)")
-    group.add_argument(
-        "--pose",
-        metavar="JOINT=X,...",
-        help="joint positions [rad or m, or with a unit]; the others zero or mid-way",
+    add_option(
+        group,
+        "--pose JOINT=X,...",
+        "joint positions [rad or m, or with a unit]; other joints are at zero or mid-way",
     )
-    group.add_argument("--motion", metavar="CSV", help="waypoints, header time_s,<joint>,...")
-    group.add_argument("--workspace", type=int, metavar="N", help="N poses over all joints' limits")
-
-
-def quantity(text: str, unit: str, option: str) -> float:
-    """A number in SI of text such as ``0.1 mm``; errors name the option."""
-    from jointplay.core.units import convert
-
-    try:
-        value: float | str = float(text)
-    except ValueError:
-        value = text
-    try:
-        return float(convert(value, unit))
-    except ValueError as error:
-        raise JointplayError(f"{option}: {error}") from None
+    add_option(group, "--motion CSV", "waypoints, header time_s,<joint>,...")
+    add_option(group, "--workspace N", "N poses over the limits of all joints")
 
 
 def task(options: argparse.Namespace) -> Task:
@@ -109,9 +94,9 @@ def task(options: argparse.Namespace) -> Task:
     from jointplay.design import poses
 
     mechanism, simulation, notes = _mechanism(options)
-    given = [name for name in ("pose", "motion", "workspace") if getattr(options, name) is not None]
-    if len(given) > 1:
-        raise JointplayError(f"give one of --{' and --'.join(given)}")
+    chosen = given(options, "pose", "motion", "workspace")
+    if len(chosen) > 1:
+        raise JointplayError(f"give one of --{' and --'.join(chosen)}")
     motion = simulation.motion if simulation is not None else None
     if options.motion is not None:
         from jointplay.motion.reference import Motion
@@ -135,10 +120,10 @@ def task(options: argparse.Namespace) -> Task:
     else:
         asked = _positions(mechanism, options.pose)
         q, kind = poses.at_pose(mechanism, asked, driven, near), "pose"
-        chosen = {**poses.middle(mechanism), **asked}
+        pose = {**poses.middle(mechanism), **asked}
         chain = mechanism.model.supports[mechanism.model.frames[mechanism.tool_frame].parentJoint]
         moving = set(driven or (mechanism.model.names[i] for i in chain))
-        shown = [f"{name} {value:.4g}" for name, value in chosen.items() if name in moving]
+        shown = [f"{name} {value:.4g}" for name, value in pose.items() if name in moving]
         words = "pose " + ", ".join(shown)
         if options.pose is None:
             words += " (chosen: zero, or the middle of the limits; see --pose, --motion)"
@@ -149,7 +134,7 @@ def _loops(mechanism: Mechanism, driven: tuple[str, ...]) -> str:
     """Which joints of the loops stand and which follow, a line."""
     from jointplay.design import loops, poses
 
-    passive = loops.passive_coordinates(mechanism, driven)
+    passive = loops.ClosedLoops(mechanism, mechanism.configuration({}), driven).passive
     follow = [name for name in poses.moving(mechanism) if mechanism.coordinate(name) in passive]
     return f"loops: driven {', '.join(driven) or 'none'}; following {', '.join(follow) or 'none'}"
 
@@ -160,7 +145,7 @@ def _driven(mechanism: Mechanism, motion: Motion | None, near: dict[str, float])
 
     if motion is not None:
         return tuple(name for name in motion.joints if name in poses.moving(mechanism))
-    return loops.driven_joints(mechanism, poses.at_pose(mechanism, {}, None, near)[0])
+    return loops.ClosedLoops(mechanism, poses.at_pose(mechanism, {}, None, near)[0]).driven
 
 
 def _mechanism(
@@ -191,21 +176,17 @@ def _mechanism(
         notes.append(f"tool: {tool!r} (chosen: {reason}; see --tool)")
     elif not plain.model.existFrame(tool):
         Mechanism(description.path, tool=tool, allow_unphysical=allowed)  # says which there are
-    given = plain.given_joints
     if simulation is not None and options.clearance is None and not options.joint:
         clearance = dict(simulation.mechanism.clearance)
     else:
         clearance = _clearance(options, plain, tool, notes, simulation)
     gears = dict(simulation.mechanism.gears) if simulation is not None else {}
-    gears |= _gears(options, gears)
-    loops = simulation.mechanism.loops if simulation is not None else {}
-    gravity = plain.gravity
     mechanism = Mechanism(
         description.path,
-        {**given, **clearance},
-        loops=loops,
-        gears=gears,
-        gravity=gravity,
+        {**plain.given_joints, **clearance},
+        loops=simulation.mechanism.loops if simulation is not None else {},
+        gears=gears | _gears(options, gears),
+        gravity=plain.gravity,
         tool=tool,
         allow_unphysical=allowed,
     )
@@ -262,30 +243,23 @@ def _clearance(
         raise JointplayError('--clearance is missing: the radial clearance, such as "0.1 mm"')
     clearances = {}
     for name, length in own.items():
-        option = "--clearance" if length is None else f"--joint {name}"
-        radial = quantity(options.clearance if length is None else length, "m", option)
+        radial = options.clearance
+        if length is not None:
+            radial = quantity(length, "m", f"--joint {name}")
         known = simulation.mechanism.clearance.get(name) if simulation is not None else None
         if name in plain.loops and known is not None:
             clearances[name] = known.scaled(radial / known.radial_room)
-        elif name in plain.loops:
-            clearances[name] = _bearing(options, plain.loop_class(name), radial)
+            continue
+        if name in plain.loops:
+            kind = plain.loop_class(name)
         else:
-            clearances[name] = _bearing(
-                options, JOINT_KINDS[replacing(entries[name].kind)[0]], radial
-            )
+            kind = JOINT_KINDS[replacing(entries[name].kind)[0]]
+        axial = radial if options.axial is None else options.axial
+        sizes = given(options, "bearing_radius", "bearing_length")
+        clearances[name] = kind.of_room(radial, axial, sizes)
     if clearances:
         notes.append(f"play: {_words(clearances)}")
     return clearances
-
-
-def _bearing(options: argparse.Namespace, kind: type[Clearance], radial: float) -> Clearance:
-    sizes: dict[str, float] = {
-        name: quantity(getattr(options, name), "m", f"--{name.replace('_', '-')}")
-        for name in ("bearing_radius", "bearing_length")
-        if getattr(options, name) is not None
-    }
-    axial = radial if options.axial is None else quantity(options.axial, "m", "--axial")
-    return kind.of_room(radial, axial, sizes)
 
 
 def _words(joints: dict[str, Clearance]) -> str:

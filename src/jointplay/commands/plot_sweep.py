@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from jointplay.commands import add_option
 from jointplay.core.errors import JointplayError
 
 WORDS = ("x", "y", "hue", "z")
@@ -29,7 +30,7 @@ def add(commands: Any) -> None:
         help="x and y, and hue for lines, or z (the measure) for a heat map; DIMENSION=VALUE "
         "takes only the cases nearest to a value",
     )
-    parser.add_argument("--out", metavar="FILE", help="picture (default: beside STORE, as .png)")
+    add_option(parser, "--out FILE", "picture (default: beside STORE, as .png)")
 
 
 def run(options: argparse.Namespace) -> int:

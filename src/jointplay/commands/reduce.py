@@ -3,15 +3,38 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
-from jointplay.commands import add_quiet, name_and_value
-from jointplay.commands.mechanism import add_robot, quantity, task
+from jointplay.commands import (
+    Outputs,
+    add_option,
+    add_repeatable,
+    add_shared,
+    add_switch,
+    given,
+    in_unit,
+    name_and_value,
+)
+from jointplay.commands.mechanism import add_robot, task
 from jointplay.core.errors import JointplayError, require_non_negative
 
-FORMATS = ("mjcf", "sdf", "urdf", "json")
+FORMATS = {
+    "mjcf": [".xml"],
+    "sdf": [".sdf"],
+    "urdf": [".urdf", ".yaml"],
+    "json": [".json"],
+}
+"""Endings of the files of each format."""
+
+GEAR = {
+    "gear-stiffness": ("N*m/rad", "of the teeth"),
+    "gear-damping": ("N*m*s/rad", "of the teeth; 0 if not given"),
+    "rotor-inertia": ("kg*m^2", "seen from the joint's side"),
+}
+"""Options about a gear: units and explanations."""
 
 
 def add(commands: Any) -> None:
@@ -27,77 +50,57 @@ def add(commands: Any) -> None:
         'elbow_joint="2 arcmin" --gear-stiffness 2e4 --rotor-inertia 0.5 --out elbow',
     )
     add_robot(parser)
-    parser.add_argument("--pose", metavar="JOINT=X,...", help="about which the joint reverses")
+    add_option(parser, "--pose JOINT=X,...", "about which the joint reverses")
     group = parser.add_argument_group("gear (of a scenario, or these)")
-    group.add_argument("--gear-stiffness", metavar="X", help="of the teeth [N m/rad]")
-    group.add_argument("--gear-damping", metavar="X", help="of the teeth [N m s/rad] (default 0)")
-    group.add_argument("--rotor-inertia", metavar="X", help="on the joint's side [kg m^2]")
+    for name, (unit, text) in GEAR.items():
+        add_option(group, f"--{name} X", f"{text} [{unit}]".replace("*", " "), type=in_unit(unit))
     group = parser.add_argument_group("reversals")
-    group.add_argument("--amplitude", metavar="ANGLE", help="(default 0.1 rad)")
-    group.add_argument("--period", metavar="TIME", help="(default 2 s)")
+    add_option(group, "--amplitude ANGLE", "of the reversals (default 0.1)")
+    add_option(group, "--period TIME", "of a reversal there and back (default 2)")
     group = parser.add_argument_group("output")
-    group.add_argument(
-        "--encoder",
-        choices=("motor", "link"),
-        default="motor",
-        help="before the play (default) or after it",
+    add_option(group, "--encoder", "before or after the play", "motor", choices=("motor", "link"))
+    add_switch(group, "--tilt", "MJCF: the axis can lean, too")
+    add_repeatable(group, "--format", "by default all", choices=FORMATS)
+    add_option(
+        group, "--spread X", "JSON: relative half width of ranges that are not measured", 0.3
     )
-    group.add_argument("--tilt", action="store_true", help="MJCF: the axis can lean, too")
-    group.add_argument(
-        "--format", action="append", choices=FORMATS, help="(repeatable; default: all)"
-    )
-    group.add_argument(
-        "--spread",
-        type=float,
-        default=0.3,
-        metavar="X",
-        help="JSON: assumed relative half width of ranges that are not measured (default 0.3)",
-    )
-    group.add_argument("--check", action="store_true", help="run the MJCF in MuJoCo and compare")
-    group.add_argument("--out", metavar="DIR", required=True, help="folder for the files")
-    add_quiet(group)
+    add_switch(group, "--check", "run the MJCF in MuJoCo and compare")
+    add_option(group, "--out DIR", "folder for the files", required=True)
+    add_shared(group, "--quiet")
     parser.set_defaults(motion=None, workspace=None)
 
 
 def run(options: argparse.Namespace) -> int:
     """Fit, print, write."""
-    from jointplay.core import files
-
     if len(options.joint) != 1:
         raise JointplayError(f"--joint must name one joint, got {len(options.joint)}")
-    scenario = str(options.robot).endswith(".toml")
-    joint = name_and_value(options.joint[0])[0]
-    files_out = [*_names(joint, options.format), "reversals.png"]
-    files.refuse_present(options.out, files_out)  # before anything is loaded that takes time
+    joint, length = name_and_value(options.joint[0])
+    stem = joint.replace("/", "_")
+    endings = [ending for one in options.format or FORMATS for ending in FORMATS[one]]
+    names = [f"{stem}{ending}" for ending in dict.fromkeys(endings)]
+    out = Outputs(options.out, [*names, "reversals.png"])
     from jointplay.design import reduced_files
-    from jointplay.design.poses import middle
-    from jointplay.design.reduction import AMPLITUDE, PERIOD, reduce
+    from jointplay.design.poses import middle, moving
+    from jointplay.design.reduction import reduce
+    from jointplay.plots.design import reversals
 
-    if scenario and options.clearance is None and "=" not in options.joint[0]:
-        options.joint = []  # the scenario says which play it has
-    if options.pose is None:
-        options.pose = ""
-    if not options.joint or "=" in options.joint[0] or options.clearance is not None:
-        work = task(options)
-    else:
-        options.joint = []
-        work = task(options)
-        if joint not in work.mechanism.gears:
-            raise JointplayError(
-                "--clearance is missing, or --gear: without play nothing is reduced"
-            )
+    scenario = str(options.robot).endswith(".toml")
+    if length is None and options.clearance is None:
+        options.joint = []  # its play is the scenario's, or its gear's alone
+    options.pose = options.pose or ""
+    work = task(options)
+    if not (options.joint or scenario or joint in work.mechanism.gears):
+        raise JointplayError("--clearance is missing, or --gear: without play nothing is reduced")
     require_non_negative("--spread", options.spread, "")
     mechanism = _with_gear(options, work.mechanism, scenario)
-    out = files.claim(options.out, files_out)
-    pose = {**middle(mechanism), **_pose(mechanism, work.q)}
+    out.claim()
+    pose = middle(mechanism)
+    pose |= {name: float(work.q[0, mechanism.coordinate(name)]) for name in moving(mechanism)}
     model = reduce(
         mechanism,
         joint,
         pose,
-        amplitude=quantity(options.amplitude, "rad", "--amplitude")
-        if options.amplitude
-        else AMPLITUDE,
-        period=quantity(options.period, "s", "--period") if options.period else PERIOD,
+        **given(options, "amplitude", "period"),
         progress=not options.quiet,
     )
     print("\n".join([*work.notes, str(model)]))
@@ -115,14 +118,11 @@ def run(options: argparse.Namespace) -> int:
         ".yaml": lambda: reduced_files.to_yaml(model, options.encoder),
         ".json": lambda: reduced_files.to_json(model, options.encoder, options.spread),
     }
-    for name in files_out[:-1]:
-        files.write(out / name, makers[name[name.rindex(".") :]]())
-    from jointplay.plots.design import reversals
-
-    files.picture(out / "reversals.png", reversals(model))
+    contents: dict[str, Any] = {name: makers[Path(name).suffix]() for name in names}
+    contents["reversals.png"] = reversals(model)
+    out.write(contents)
     if options.check:
         _compare(mjcf, model)
-    print(f"written to {options.out}: {', '.join(files_out)}")
     return 0
 
 
@@ -130,57 +130,31 @@ def _compare(mjcf: str, model: Any) -> None:
     """Run the MJCF in MuJoCo, and print how it differs from the full model."""
     from jointplay.design import reduced_files
 
-    seen = reduced_files.follow(mjcf, model)
-    kept = "within" if seen.error <= model.angle_error else "beyond"
+    followed = reduced_files.follow(mjcf, model)
+    kept = "within" if followed.error <= model.angle_error else "beyond"
     print(
-        f"MuJoCo: link's angle off by up to {1e6 * seen.error:.4g} urad, {kept} the stated "
-        f"{1e6 * model.angle_error:.4g}; {1e6 * seen.step_seconds:.3g} us a step of "
-        f"{1e3 * seen.step:.3g} ms"
+        f"MuJoCo: link's angle off by up to {1e6 * followed.error:.4g} urad, {kept} the stated "
+        f"{1e6 * model.angle_error:.4g}; {1e6 * followed.step_seconds:.3g} us a step of "
+        f"{1e3 * followed.step:.3g} ms"
     )
-    if seen.lean_error is not None:
-        kept = "within" if seen.lean_error <= model.tilt_error else "beyond"
+    if followed.lean_error is not None:
+        kept = "within" if followed.lean_error <= model.tilt_error else "beyond"
         print(
-            f"MuJoCo: axis' lean off by up to {1e3 * seen.lean_error:.4g} mrad, {kept} the "
+            f"MuJoCo: axis' lean off by up to {1e3 * followed.lean_error:.4g} mrad, {kept} the "
             f"stated {1e3 * model.tilt_error:.4g}"
         )
 
 
-def _names(joint: str, formats: Sequence[str] | None) -> list[str]:
-    """Names of the models' files."""
-    stem = joint.replace("/", "_")
-    names = {
-        "mjcf": [f"{stem}.xml"],
-        "sdf": [f"{stem}.sdf"],
-        "urdf": [f"{stem}.urdf", f"{stem}.yaml"],
-        "json": [f"{stem}.json"],
-    }
-    return [name for one in dict.fromkeys(formats or FORMATS) for name in names[one]]
-
-
-def _pose(mechanism: Any, q: Any) -> dict[str, float]:
-    from jointplay.design.poses import moving
-
-    return {name: float(q[0, mechanism.coordinate(name)]) for name in moving(mechanism)}
-
-
 def _with_gear(options: argparse.Namespace, mechanism: Any, scenario: bool) -> Any:
-    """The gears with what the options say of teeth and rotor."""
-    given = {
-        "stiffness": (options.gear_stiffness, "N*m/rad", "--gear-stiffness"),
-        "rotor_inertia": (options.rotor_inertia, "kg*m^2", "--rotor-inertia"),
-        "damping": (options.gear_damping, "N*m*s/rad", "--gear-damping"),
-    }
-    values = {
-        name: quantity(text, unit, option)
-        for name, (text, unit, option) in given.items()
-        if text is not None
-    }
+    """The mechanism, its gears with what the options say of teeth and rotor."""
+    values = given(options, *(name.replace("-", "_") for name in GEAR))
     if values and not mechanism.gears:
-        option = given[next(iter(values))][2]
-        raise JointplayError(f"{option} is of a gear, and no joint has one; name it by --gear")
+        option = next(iter(values)).replace("_", "-")
+        raise JointplayError(f"--{option} is of a gear, and no joint has one; name it by --gear")
     if options.gear and not scenario:
-        for name in ("stiffness", "rotor_inertia"):
-            if name not in values:
-                raise JointplayError(f"{given[name][2]} is missing: a gear with play needs it")
-    gears = {name: replace(gear, **values) for name, gear in mechanism.gears.items()}
-    return mechanism._with(mechanism.clearance, gears)
+        for option in ("gear-stiffness", "rotor-inertia"):
+            if option.replace("-", "_") not in values:
+                raise JointplayError(f"--{option} is missing: a gear with play needs it")
+    fields = {name.removeprefix("gear_"): value for name, value in values.items()}
+    gears = {name: replace(gear, **fields) for name, gear in mechanism.gears.items()}
+    return mechanism.with_clearance(mechanism.clearance, gears)

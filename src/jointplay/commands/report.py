@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from jointplay.commands import add_trust
+from jointplay.commands import add_option, add_repeatable, add_shared, add_switch
 from jointplay.core.errors import JointplayError
 
 
@@ -37,28 +37,21 @@ def add(commands: Any) -> None:
         metavar="FILE",
         help="the page (default: report.html beside the first result); the PDF gets its name",
     )
-    parser.add_argument("--title", metavar="TEXT", help="of the page")
-    parser.add_argument(
-        "--label",
-        action="append",
-        default=[],
-        metavar="TEXT",
-        help="name of a result, in their order (repeatable; default: the files' names)",
+    add_option(parser, "--title TEXT", "of the page")
+    add_repeatable(parser, "--label TEXT", "name of a result, in their order; else the file's name")
+    add_option(
+        parser,
+        "--claims CSV",
+        "claims table of jointplay scara (default: claims.csv in a folder given)",
     )
-    parser.add_argument(
-        "--claims",
-        metavar="CSV",
-        help="claims table of jointplay scara (default: claims.csv in a folder given)",
+    add_option(
+        parser,
+        "--impacts N",
+        "impacts of each run to follow step by step; 0 repeats no run (default 5)",
     )
-    parser.add_argument(
-        "--impacts",
-        type=int,
-        metavar="N",
-        help="impacts of each run to follow step by step (default 5; 0 repeats no run)",
-    )
-    parser.add_argument("--no-pdf", action="store_true", help="write the page only")
-    parser.add_argument("--quiet", action="store_true", help="do not say what is being done")
-    add_trust(parser)
+    add_switch(parser, "--no-pdf", "write the page only")
+    add_switch(parser, "--quiet", "do not say what is being done")
+    add_shared(parser, "--trust")
 
 
 def _is_sweep(path: Path) -> bool:

@@ -80,7 +80,7 @@ def _detail(survey: Survey) -> str:
 def _joints(survey: Survey, description: Description) -> list[str]:
     """A table of the moving joints, a line each."""
     rows = [("joint", "kind", "parent", "child", "position", "speed", "effort", "")]
-    gears = description.transmissions
+    gears = description.declared.transmissions
     for name in survey.moving:
         entry = description.joints[name]
         unit, force = ("m", "N") if entry.slides else ("rad", "N m")

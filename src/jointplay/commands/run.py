@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from jointplay.commands import add_jobs, add_quiet, add_trust, add_unphysical, name_and_value
+from jointplay.commands import add_option, add_repeatable, add_shared, add_switch, name_and_value
 from jointplay.core import streams
 from jointplay.core.errors import JointplayError
 
@@ -18,43 +18,12 @@ if TYPE_CHECKING:
     from jointplay.scenario.settings import Setting
 
 
-# Options of `jointplay run` that are names for keys of a scenario.
-#
-# Each is one setting, as if by ``--set KEY=VALUE``: the scenario's tables read its value, check
-# it, and say what it is. In a key, ``JOINT`` stands for each joint of ``--joint``.
-
-
-@dataclass(frozen=True)
-class Flag:
-    """An option, and the keys that its value is for."""
-
-    name: str
-    keys: tuple[str, ...]
-    group: str
-    metavar: str | tuple[str, ...] = "X"
-    read: Callable[[str], Any] | None = None
-    """From the text of the command line to a value of the scenario; None reads numbers."""
-
-    @property
-    def attribute(self) -> str:
-        """Name of its value among the options."""
-        return self.name.removeprefix("--").replace("-", "_")
-
-
 def number(text: str) -> Any:
-    """A number, or text with its unit, which the scenario reads."""
-    try:
-        return float(text)
-    except ValueError:
-        return text
-
-
-def whole(text: str) -> Any:
-    """A whole number, or what the scenario refuses."""
-    try:
-        return int(text)
-    except ValueError:
-        return text
+    """A number, or text with its unit, which the scenario reads or refuses."""
+    for kind in (int, float):
+        with suppress(ValueError):
+            return kind(text)
+    return text
 
 
 def gravity(text: str) -> Any:
@@ -68,61 +37,89 @@ def as_local_path(text: str) -> str:
     return text if text.startswith("jointplay:") else str(Path(text).resolve())
 
 
-_JOINT = "joints.JOINT."
+_OPTIONS = {
+    "robot": {"--tool FRAME": "robot.tool", "--gravity G": "robot.gravity"},
+    "clearance joint": {
+        "--radial X": "joints.JOINT.radial_clearance",
+        "--axial X": "joints.JOINT.axial_clearance",
+        "--clearance X": "joints.JOINT.clearance",
+        "--bearing-radius X": "joints.JOINT.bearing_radius",
+        "--bearing-length X": "joints.JOINT.bearing_length",
+        "--journal-radius X": "joints.JOINT.journal_radius",
+        "--journal-length X": "joints.JOINT.journal_length",
+        "--young X": "joints.JOINT.bearing_material.young joints.JOINT.journal_material.young",
+        "--poisson X": "joints.JOINT.bearing_material.poisson "
+        "joints.JOINT.journal_material.poisson",
+        "--stiffness X": "joints.JOINT.stiffness",
+        "--axial-stiffness X": "joints.JOINT.axial_stiffness",
+    },
+    "laws": {
+        "--law LAW": "joints.JOINT.normal.law",
+        "--restitution X": "joints.JOINT.restitution",
+        "--damping X": "joints.JOINT.normal.damping",
+        "--impact-mass X": "joints.JOINT.normal.mass",
+        "--exponents N P Q": "joints.JOINT.normal.n joints.JOINT.normal.p joints.JOINT.normal.q",
+        "--friction X": "joints.JOINT.friction.mu_d",
+        "--friction-speeds V0 V1": "joints.JOINT.friction.v0 joints.JOINT.friction.v1",
+    },
+    "motion and drive": {
+        "--motion FILE": "motion.file",
+        "--interpolation WORD": "motion.interpolation",
+        "--bandwidth X": "drive.bandwidth",
+        "--damping-ratio X": "drive.damping_ratio",
+        "--seed N": "integration.seed",
+        "--start WORD": "integration.start",
+        "--settle TIME": "integration.settle",
+        "--judge-from X": "integration.judge_from",
+    },
+    "integration and output": {
+        "--step X": "integration.step",
+        "--duration X": "integration.duration",
+        "--integrator WORD": "integration.integrator",
+        "--macro-step X": "integration.macro_step",
+        "--tolerance X": "integration.tolerance",
+        "--record-every N": "output.record_every",
+    },
+}
+"""Options that are names for keys of a scenario, by group, with what stands for their values.
 
-FLAGS = (
-    Flag("--tool", ("robot.tool",), "robot", "FRAME", str),
-    Flag("--gravity", ("robot.gravity",), "robot", "G", gravity),
-    Flag("--radial", (f"{_JOINT}radial_clearance",), "clearance joint"),
-    Flag("--axial", (f"{_JOINT}axial_clearance",), "clearance joint"),
-    Flag("--clearance", (f"{_JOINT}clearance",), "clearance joint"),
-    Flag("--bearing-radius", (f"{_JOINT}bearing_radius",), "clearance joint"),
-    Flag("--bearing-length", (f"{_JOINT}bearing_length",), "clearance joint"),
-    Flag("--journal-radius", (f"{_JOINT}journal_radius",), "clearance joint"),
-    Flag("--journal-length", (f"{_JOINT}journal_length",), "clearance joint"),
-    Flag(
-        "--young",
-        (f"{_JOINT}bearing_material.young", f"{_JOINT}journal_material.young"),
-        "clearance joint",
-    ),
-    Flag(
-        "--poisson",
-        (f"{_JOINT}bearing_material.poisson", f"{_JOINT}journal_material.poisson"),
-        "clearance joint",
-    ),
-    Flag("--stiffness", (f"{_JOINT}stiffness",), "clearance joint"),
-    Flag("--axial-stiffness", (f"{_JOINT}axial_stiffness",), "clearance joint"),
-    Flag("--law", (f"{_JOINT}normal.law",), "laws", "LAW", str),
-    Flag("--restitution", (f"{_JOINT}restitution",), "laws"),
-    Flag("--damping", (f"{_JOINT}normal.damping",), "laws"),
-    Flag("--impact-mass", (f"{_JOINT}normal.mass",), "laws"),
-    Flag(
-        "--exponents",
-        (f"{_JOINT}normal.n", f"{_JOINT}normal.p", f"{_JOINT}normal.q"),
-        "laws",
-        ("N", "P", "Q"),
-    ),
-    Flag("--friction", (f"{_JOINT}friction.mu_d",), "laws"),
-    Flag(
-        "--friction-speeds",
-        (f"{_JOINT}friction.v0", f"{_JOINT}friction.v1"),
-        "laws",
-        ("V0", "V1"),
-    ),
-    Flag("--motion", ("motion.file",), "motion and drive", "FILE", as_local_path),
-    Flag("--interpolation", ("motion.interpolation",), "motion and drive", "WORD", str),
-    Flag("--bandwidth", ("drive.bandwidth",), "motion and drive"),
-    Flag("--damping-ratio", ("drive.damping_ratio",), "motion and drive"),
-    Flag("--seed", ("integration.seed",), "motion and drive", "N", whole),
-    Flag("--start", ("integration.start",), "motion and drive", "WORD", str),
-    Flag("--settle", ("integration.settle",), "motion and drive", "TIME"),
-    Flag("--judge-from", ("integration.judge_from",), "motion and drive"),
-    Flag("--step", ("integration.step",), "integration and output"),
-    Flag("--duration", ("integration.duration",), "integration and output"),
-    Flag("--integrator", ("integration.integrator",), "integration and output", "WORD", str),
-    Flag("--macro-step", ("integration.macro_step",), "integration and output"),
-    Flag("--tolerance", ("integration.tolerance",), "integration and output"),
-    Flag("--record-every", ("output.record_every",), "integration and output", "N", whole),
+Each is one setting, as if by ``--set KEY=VALUE``: the scenario's tables read its value, check it,
+and say what it is. In a key, ``JOINT`` stands for each joint of ``--joint``. Where there are two
+keys, one value is for both.
+"""
+
+_READERS: dict[str, Callable[[str], Any]] = {
+    **dict.fromkeys(("FRAME", "LAW", "WORD"), str),
+    "FILE": as_local_path,
+    "G": gravity,
+}
+"""From the text of the command line to a value of the scenario; other values are numbers."""
+
+
+@dataclass(frozen=True)
+class Flag:
+    """An option, and the keys that its value is for."""
+
+    name: str
+    metavar: tuple[str, ...]
+    keys: tuple[str, ...]
+    group: str
+
+    @property
+    def read(self) -> Callable[[str], Any]:
+        """From the text of the command line to a value of the scenario."""
+        return _READERS.get(self.metavar[0], number)
+
+    @property
+    def attribute(self) -> str:
+        """Name of its value among the options."""
+        return self.name.removeprefix("--").replace("-", "_")
+
+
+FLAGS = tuple(
+    Flag(words.split()[0], tuple(words.split()[1:]), tuple(keys.split()), group)
+    for group, options in _OPTIONS.items()
+    for words, keys in options.items()
 )
 
 MOST_CHOICES = 9
@@ -145,23 +142,20 @@ def option_settings(options: Any, joints: Sequence[str]) -> list[Setting]:
         given = getattr(options, flag.attribute)
         if given is None:
             continue
-        read = flag.read or number
-        values = [read(one) for one in (given if isinstance(given, list) else [given])]
+        values = [flag.read(one) for one in (given if isinstance(given, list) else [given])]
         for index, key in enumerate(flag.keys):
             value = values[index if len(values) > 1 else 0]
             entries += [Setting(k, value, flag.name) for k in _keys(flag, key, joints, options)]
-    if "drive.bandwidth" in {".".join(s.key) for s in entries} or options.damping_ratio is not None:
+    if options.bandwidth is not None or options.damping_ratio is not None:
         entries.insert(0, Setting(("drive", "kind"), "computed-torque", "--bandwidth"))
     if options.allow_unphysical:
-        entries.append(
-            Setting(
-                ("robot", "allow_unphysical"), list(options.allow_unphysical), "--allow-unphysical"
-            )
-        )
+        links = list(options.allow_unphysical)
+        entries.append(Setting(("robot", "allow_unphysical"), links, "--allow-unphysical"))
     return [*entries, *_friction(options.joint_friction)]
 
 
 def _keys(flag: Flag, key: str, joints: Sequence[str], options: Any) -> list[tuple[str, ...]]:
+    """The key of an option, for each joint if it is a joint's."""
     parts = tuple(key.split("."))
     if "JOINT" not in parts:
         return [parts]
@@ -173,6 +167,7 @@ def _keys(flag: Flag, key: str, joints: Sequence[str], options: Any) -> list[tup
 
 
 def _friction(entries: Sequence[str]) -> list[Setting]:
+    """Settings of the joints' friction."""
     from jointplay.scenario.settings import Setting
 
     coefficients = []
@@ -186,19 +181,13 @@ def _friction(entries: Sequence[str]) -> list[Setting]:
     return coefficients
 
 
-@cache
-def _schema() -> dict[str, Any]:
-    from jointplay.scenario.schema import schema
-
-    return schema()
-
-
-def explanation(flag: Flag) -> str:
-    """What the scenario's tables say of an option's key, with unit, choices and default."""
-    parts = flag.keys[0].split(".")
-    text = " ".join((_described(_schema(), _schema(), parts) or "").split())
-    choices = _choices(_schema(), _schema(), parts)
-    text = text.replace("``", "").replace("`", "").rstrip(".")
+def explanation(flag: Flag, schema: Mapping[str, Any]) -> str:
+    """What the JSON schema of scenarios says of an option's key, with choices and default."""
+    found = list(_schemas_at(schema, schema, flag.keys[0].split(".")))
+    text = next((one["description"] for one in found if one.get("description")), "")
+    text = " ".join(text.split()).replace("`", "").rstrip(".")
+    words = [word for one in found for word in (one.get("const"), *one.get("enum", ()))]
+    choices = list(dict.fromkeys(word for word in words if isinstance(word, str)))
     if choices and len(choices) < MOST_CHOICES:
         text = f"{text}: {', '.join(choices)}" if text else ", ".join(choices)
     elif choices:
@@ -206,6 +195,23 @@ def explanation(flag: Flag) -> str:
     known = [default for key in flag.keys if (default := default_of(key.split(".")))]
     default = f" (default {' '.join(dict.fromkeys(known))})" if known else ""
     return f"{text}{default}: {flag.keys[0]}".removeprefix(": ").replace("%", "%%")
+
+
+def _schemas_at(
+    schema: Mapping[str, Any], part: Mapping[str, Any], path: Sequence[str]
+) -> Iterator[Mapping[str, Any]]:
+    """What all tables that have the key at `path` within `part` of a JSON schema say of it."""
+    if "$ref" in part:
+        named = schema["$defs"][part["$ref"].rpartition("/")[2]]
+        part = {**named, **{key: value for key, value in part.items() if key != "$ref"}}
+    if not path:
+        yield part
+    else:
+        inner = part.get("properties", {}).get(path[0], part.get("additionalProperties"))
+        if isinstance(inner, Mapping):
+            yield from _schemas_at(schema, inner, path[1:])
+    for choice in (*part.get("anyOf", ()), *part.get("oneOf", ())):
+        yield from _schemas_at(schema, choice, path)
 
 
 def default_of(key: Sequence[str]) -> str:
@@ -276,21 +282,21 @@ def add(commands: Any) -> None:
         "or any NetCDF reader), and the figures as .png and .pdf.",
         lazy=explain,
     )
-    run.add_argument("--out", metavar="DIR", required=True, help="folder for the results")
+    add_option(run, "--out DIR", "folder for the results", required=True)
     group = add_inputs(run)["integration and output"]
-    group.add_argument(
+    add_switch(
+        group,
         "--certify",
-        action="store_true",
-        help="run again more finely, and give the headline figures with their numerical errors; "
-        "takes some ten times as long",
+        "run again more finely, and give the headline figures with their numerical errors; takes "
+        "about ten times as long",
     )
-    group.add_argument(
+    add_switch(
+        group,
         "--resume",
-        action="store_true",
-        help="go on with the runs in DIR that were interrupted, bit for bit; finished ones stay",
+        "go on with the runs in DIR that were interrupted, bit for bit; finished ones stay",
     )
-    group.add_argument("--no-figures", action="store_true", help="write no figures")
-    add_quiet(group)
+    add_switch(group, "--no-figures", "write no figures")
+    add_shared(group, "--quiet")
 
 
 def add_inputs(run: Any) -> dict[str, Any]:
@@ -302,76 +308,59 @@ def add_inputs(run: Any) -> dict[str, Any]:
         help="scenario (TOML; see jointplay init, jointplay check), URDF, or name of a robot of "
         "example-robot-data such as ur5",
     )
-    run.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        metavar="KEY=VALUE",
-        help='any key of the scenario, such as joints.joint_b.radial_clearance="0.3 mm" '
-        "(repeatable; keys: docs/scenarios.md)",
+    add_repeatable(
+        run,
+        "--set KEY=VALUE",
+        'any key of the scenario, such as joints.joint_b.radial_clearance="0.3 mm"; '
+        "docs/scenarios.md lists them",
     )
     group = run.add_argument_group("cases of FILE")
-    group.add_argument(
-        "--case",
-        action="append",
-        default=[],
-        metavar="NAME",
-        help="run only this case (repeatable)",
-    )
-    add_jobs(group)
-    add_trust(group)
-    groups: dict[str, Any] = {"robot": run.add_argument_group("robot")}
-    group = groups["robot"]
-    group.add_argument("--urdf", metavar="ROBOT", help="the same as ROBOT")
-    group.add_argument("--ideal", action="store_true", help="no clearance anywhere")
-    add_unphysical(group)
-    groups["clearance joint"] = run.add_argument_group("clearance joint")
-    groups["clearance joint"].add_argument(
-        "--joint",
-        action="append",
-        default=[],
-        metavar="NAME[=LENGTH]",
-        help="joint that has clearance, its own or that of --clearance, and that the options of "
-        "this and the next group are for (repeatable)",
+    add_repeatable(group, "--case NAME", "run only this case")
+    add_shared(group, "--jobs", "--trust")
+    groups: dict[str, Any] = {name: run.add_argument_group(name) for name in _OPTIONS}
+    add_option(groups["robot"], "--urdf ROBOT", "the same as ROBOT")
+    add_switch(groups["robot"], "--ideal", "no clearance anywhere")
+    add_shared(groups["robot"], "--allow-unphysical")
+    add_repeatable(
+        groups["clearance joint"],
+        "--joint NAME[=LENGTH]",
+        "joint that has clearance, its own or that of --clearance, and that the options of this "
+        "and the next group are for",
     )
     for flag in FLAGS:
-        if flag.group not in groups:
-            groups[flag.group] = run.add_argument_group(flag.group)
+        several = len(flag.metavar) > 1
         groups[flag.group].add_argument(
             flag.name,
-            metavar=flag.metavar,
-            nargs=len(flag.metavar) if isinstance(flag.metavar, tuple) else None,
+            metavar=flag.metavar if several else flag.metavar[0],
+            nargs=len(flag.metavar) if several else None,
         )
-    groups["motion and drive"].add_argument(
-        "--joint-friction",
-        action="append",
-        default=[],
-        metavar="JOINT=C,V",
-        help="Coulomb [N m or N] and viscous [N m s or N s/m] friction (repeatable; default: "
-        "the URDF's)",
+    add_repeatable(
+        groups["motion and drive"],
+        "--joint-friction JOINT=C,V",
+        "Coulomb [N m or N] and viscous [N m s/rad or N s/m] friction; by default the URDF's",
     )
     return groups
 
 
 def explain(parser: argparse.ArgumentParser) -> None:
     """Fill in what the scenario's tables say; only who asks for help waits for them."""
-    known = {flag.name: flag for flag in FLAGS}
+    from jointplay.scenario.schema import schema
+
+    tables, known = schema(), {flag.name: flag for flag in FLAGS}
     for action in parser._actions:
         for name in action.option_strings:
             if name in known:
-                action.help = explanation(known[name])
+                action.help = explanation(known[name], tables)
 
 
 def run(options: argparse.Namespace) -> int:
     """Make the scenario that the options describe, and run it."""
-    from pathlib import Path
-
     from jointplay.commands import run_scenario
     from jointplay.scenario.robot import LABEL, is_robot
 
     target = options.urdf or options.target
     if not options.resume and (target is None or options.urdf or is_robot(target)):
-        run_scenario.check_output_folder(Path(options.out), {LABEL: f"{LABEL}.nc"})
+        run_scenario.check_output_folder(Path(options.out), [f"{LABEL}.nc"])
     return run_scenario.run(scenario_of(options), options)
 
 
@@ -403,6 +392,29 @@ def scenario_of(options: argparse.Namespace) -> Scenario:
                 "--ideal is for a robot; of a scenario's joint say --set joints.NAME.ideal=true"
             )
     return scenario
+
+
+def simulation_of(options: argparse.Namespace) -> Any:
+    """The one simulation that the options of `add_inputs` describe.
+
+    Raises:
+        JointplayError: several cases, or what `jointplay run` would refuse.
+    """
+    # There --jobs is about the cases of a scenario, here about runs of one case.
+    scenario = scenario_of(argparse.Namespace(**{**vars(options), "jobs": None}))
+    if len(options.case) > 1:
+        raise JointplayError(f"one case at a time, got --case {', '.join(options.case)}")
+    if not options.case and len(scenario.cases) > 1:
+        raise JointplayError(f"choose a case with --case: {', '.join(scenario.cases)}")
+    case = options.case[0] if options.case else None
+    simulation = scenario.simulation(case)
+    scenario.ready_run(case)  # says what cannot be, with its line
+    motion = simulation.motion
+    if motion is None:
+        streams.note("no motion")
+    else:
+        streams.note(f"one cycle: {simulation.duration or motion.duration:g} s simulated")
+    return simulation
 
 
 def _of_robot(options: argparse.Namespace, target: str | None, given: list[Setting]) -> Scenario:
@@ -454,7 +466,6 @@ def _require_known(target: str) -> None:
         JointplayError: with the robots whose names resemble it.
     """
     import difflib
-    from pathlib import Path
 
     from jointplay.core.files import is_file
     from jointplay.mechanism.robots import robots

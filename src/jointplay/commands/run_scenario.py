@@ -12,14 +12,14 @@ import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager, suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from jointplay.core import processes, signals, streams
 from jointplay.core.errors import JointplayError, MissingName
-from jointplay.core.files import refuse_present
+from jointplay.core.files import claim, holds, refuse_present
 from jointplay.core.signals import INTERRUPTED
 from jointplay.simulation.working_files import check_own, working_paths
 
@@ -40,94 +40,106 @@ _LONGEST_NAME = 100
 _LOOK_S = 0.2
 """Interval at which progress is looked at."""
 
-_Item = tuple[int, str, Path, bool]
-"""A case for another process: its number, its name, its file, and whether it is certified."""
+
+@dataclass(frozen=True)
+class CaseRun:
+    """A case that is to be run."""
+
+    case: str
+    path: Path
+    """Of its result."""
+    certified: bool
+
+    @property
+    def records(self) -> Path | None:
+        """File of its records while it runs; those of a run that is certified stay in memory."""
+        return None if self.certified else working_paths(self.path)[0]
 
 
 def run(scenario: Scenario, options: argparse.Namespace) -> int:
     """Run the cases, draw the figures, say how each ended and what came out."""
-    from jointplay.core.files import claim, holds
-    from jointplay.plots.names import MARK
+    from jointplay.plots.names import MARK, is_paper_robot
+    from jointplay.plots.names import file_names as names_of_figures
 
-    cases = _choose_cases(scenario, options.case)
+    for case in options.case:
+        if case not in scenario.cases:
+            raise MissingName("case", case, scenario.cases)
+    cases = [case for case in scenario.cases if not options.case or case in options.case]
     jobs = processes.number_of(options.jobs, cases)
-    files = dict(zip(cases, file_names(cases), strict=True))
-    figures = scenario.figures and not options.no_figures
-    drawn = _figures(scenario, cases) if figures else []
+    out, names = Path(options.out), file_names(cases)
+    drawn: list[str] = []
+    if scenario.figures and not options.no_figures:
+        robots = (scenario.model(case).robot.urdf for case in cases)
+        drawn = names_of_figures(all(map(is_paper_robot, robots)))
     if not options.resume:
-        check_output_folder(Path(options.out), files, drawn)
+        check_output_folder(out, names, drawn)
     from jointplay import plots  # what comes now takes long to import
     from jointplay.analysis.certification import further_runs
     from jointplay.analysis.headline import HISTORIES
     from jointplay.kernel import Status
     from jointplay.result.thinning import load_some
 
-    certified = {
-        case for case in cases if options.certify or scenario.model(case).integration.certify
-    }
-    out, total = Path(options.out), 0.0
-    simulations, only_run = {}, None
-    for case in cases:  # before anything is written
-        records = records_needed(out / files[case], case in certified)
-        run = scenario.ready_run(case, not options.quiet, records)
+    progress = not options.quiet
+    items = {}
+    total, simulations, only_run = 0.0, {}, None
+    for case, name in zip(cases, names, strict=True):  # before anything is written
+        certified = options.certify or scenario.model(case).integration.certify
+        item = items[case] = CaseRun(case, out / name, certified)
+        run = scenario.ready_run(case, progress, item.records)
         simulations[case] = run.simulation
-        runs = 1 + (further_runs(run.simulation) if case in certified else 0)
+        runs = 1 + (further_runs(run.simulation) if certified else 0)
         total += runs * run.total_steps * run.simulation.step
         only_run = run if len(cases) == 1 else None
         del run  # and its arrays
     for line in scenario.notes:
         streams.note(line)
+    done: list[str] = []
     if options.resume:
         claim(out, ())
-        done = finished_cases(out, files, simulations)
+        done = [case for case, item in items.items() if is_finished(item.path, simulations[case])]
         for path in (out / name for name in drawn):
             if path.exists() and not holds(path, MARK):
                 raise JointplayError(f"{str(path)!r} is no figure of a run; name another folder")
     else:
-        check_not_interrupted(out, files)
-        done = []
-        claim(out, [*files.values(), *drawn])
+        check_not_interrupted(out, names)
+        claim(out, [*names, *drawn])
     streams.release()
-    left = {case: name for case, name in files.items() if case not in done}
-    progress = not options.quiet
-    told = False
+    left = [item for case, item in items.items() if case not in done]
     if jobs == 1 or len(left) <= 1:
-        told = _run_serially(scenario, left, certified, out, progress, only_run)
+        stopped = _run_serially(scenario, left, progress, only_run)
         only_run = None
     else:
-        told = _run_parallel(scenario, left, certified, out, jobs, total, progress)
-    saved = {case: out / name for case, name in files.items() if (out / name).exists()}
+        stopped = _run_parallel(scenario, left, jobs, total, progress)
     # A long run's histories fill memory; where nothing is drawn, few of them are looked at.
-    only = None if figures else HISTORIES
-    results = {case: load_some(path, scenario.trust, only) for case, path in saved.items()}
+    only = None if drawn else HISTORIES
+    results = {
+        case: load_some(item.path, scenario.trust, only)
+        for case, item in items.items()
+        if item.path.exists()
+    }
     for case, result in results.items():
         # What was run, rather than built once more from the file, recorded as seldom as this is.
         every = json.loads(result.dataset.attrs["simulation"])["record_every"]
         result.simulation = replace(simulations[case], record_every=every)
         print(f"\n{case}: {result.message}\n{result.judgement}")
-        print("\n".join(_case_headline(result, results, not options.quiet)))
+        print("\n".join(_case_headline(result, results, progress)))
     drawable = {case: result for case, result in results.items() if len(result.time) > 1}
-    if figures and drawable:
+    if drawn and drawable:
         plots.save(drawable, out)
     print(f"\nresults in {out}")
     missing = [case for case in cases if case not in results]
-    bare = [case for case in results if case in certified and not results[case].certificate]
-    if any(r.status == Status.INTERRUPTED for r in results.values()) or (told and missing + bare):
-        there = f"; there is {', '.join(path.name for path in saved.values())}" if saved else ""
-        there += f"; not certified: {', '.join(bare)}" if bare else ""
-        note = f"; nothing of: {', '.join(missing)}" if missing else there
+    bare = [case for case in results if items[case].certified and not results[case].certificate]
+    interrupted = any(result.status == Status.INTERRUPTED for result in results.values())
+    if interrupted or (stopped and missing + bare):
+        there = ", ".join(items[case].path.name for case in results)
+        note = f"; there is {there}" if there else ""
+        note += f"; not certified: {', '.join(bare)}" if bare else ""
+        note = f"; nothing of: {', '.join(missing)}" if missing else note
         print(f"interrupted{note}; the same command with --resume goes on", file=sys.stderr)
         return INTERRUPTED
-    if told:
+    if stopped:
         print(signals.SAVED, file=sys.stderr)
     return 0 if all(r.status == Status.COMPLETED for r in results.values()) else STOPPED
-
-
-def _figures(scenario: Scenario, cases: Sequence[str]) -> list[str]:
-    """Names of the files of figures."""
-    from jointplay.plots.names import file_names, is_paper_robot
-
-    return file_names(all(is_paper_robot(scenario.model(case).robot.urdf) for case in cases))
 
 
 def _case_headline(result: Result, results: Mapping[str, Result], progress: bool) -> list[str]:
@@ -137,13 +149,6 @@ def _case_headline(result: Result, results: Mapping[str, Result], progress: bool
 
     ideal = next((other for other in results.values() if is_twin(result, other)), None)
     return headline(result, ideal or reference(result, progress))
-
-
-def _choose_cases(scenario: Scenario, wanted: Sequence[str]) -> list[str]:
-    for case in wanted:
-        if case not in scenario.cases:
-            raise MissingName("case", case, scenario.cases)
-    return [case for case in scenario.cases if not wanted or case in wanted]
 
 
 def file_names(cases: Sequence[str]) -> list[str]:
@@ -163,14 +168,12 @@ def file_names(cases: Sequence[str]) -> list[str]:
 
 def _execute(
     scenario: Scenario,
-    case: str,
+    item: CaseRun,
     run: Run,
-    path: Path,
-    certified: bool,
     progress: bool,
     begin: Callable[[Run], None] = lambda _: None,
 ) -> Status:
-    """Run a case, save it with the scenario it is from, certify it; each run is told to `begin`."""
+    """Run a case, save it with the scenario it is from, certify it; `begin` gets each run first."""
     from jointplay.analysis.certification import add_certificate
     from jointplay.scenario.settings import words
     from jointplay.simulation.saving import run_and_save
@@ -179,39 +182,33 @@ def _execute(
         "scenario": scenario.text,
         "scenario_file": scenario.path.name,
         "title": scenario.title,
-        "case": case,
+        "case": item.case,
     }
     if scenario.settings:
         notes["settings"] = "\n".join(words(scenario.settings))
     begin(run)
-    resumed = resume_run(run, path)
-    status, result = run_and_save(run, path, progress, notes, overwrite=resumed)
-    if certified:
+    resumed = resume_run(run, item.path)
+    status, result = run_and_save(run, item.path, progress, notes, overwrite=resumed)
+    if item.certified:
         assert result is not None  # such runs stay in memory
-        add_certificate(result, path, run.simulation, progress, begin)
+        add_certificate(result, item.path, run.simulation, progress, begin)
     return status
 
 
 def _run_serially(
-    scenario: Scenario,
-    files: dict[str, str],
-    certified: set[str],
-    out: Path,
-    progress: bool,
-    ready: Run | None,
+    scenario: Scenario, items: Sequence[CaseRun], progress: bool, ready: Run | None
 ) -> bool:
     """Run all in this process, the only one as it is `ready`; returns whether told to stop."""
     from tqdm import tqdm
 
     from jointplay.kernel import Status
 
-    for case, name in files.items():
+    for item in items:
         try:
-            records = records_needed(out / name, case in certified)
-            prepared = ready or scenario.ready_run(case, progress, records)
+            prepared = ready or scenario.ready_run(item.case, progress, item.records)
             if progress:
-                tqdm.write(f"case {case}:", file=sys.stderr)
-            status = _execute(scenario, case, prepared, out / name, case in certified, progress)
+                tqdm.write(f"case {item.case}:", file=sys.stderr)
+            status = _execute(scenario, item, prepared, progress)
         except signals.GivenUp as error:
             signals.say(str(error))
             return True
@@ -223,42 +220,31 @@ def _run_serially(
 
 
 def _run_parallel(
-    scenario: Scenario,
-    files: dict[str, str],
-    certified: set[str],
-    out: Path,
-    jobs: int,
-    total: float,
-    progress: bool,
+    scenario: Scenario, items: Sequence[CaseRun], jobs: int, total: float, progress: bool
 ) -> bool:
     """Run each in a process of its own; returns whether it was told to stop."""
     from tqdm import tqdm
 
-    clocks = multiprocessing.RawArray(ctypes.c_double, len(files))
-    begun = multiprocessing.RawArray(ctypes.c_int, len(files))
+    clocks = multiprocessing.RawArray(ctypes.c_double, len(items))
+    begun = multiprocessing.RawArray(ctypes.c_int, len(items))
     layout = "{percentage:3.0f}%|{bar}| {n:.3f}/{total:.3f} s simulated{postfix}, {remaining} left"
     bar = tqdm(total=total, disable=not progress, bar_format=layout, mininterval=_LOOK_S)
     given = str(scenario.path), scenario.text, scenario.trust, scenario.settings
-    work = partial(_work, clocks, begun, *given)
-    items = [
-        (index, case, out / name, case in certified)
-        for index, (case, name) in enumerate(files.items())
-    ]
-    kept = f"what is complete is in {str(out)!r}"
-    pool = processes.Pool(work, jobs, begin=_begin, kept=kept)
-    left = list(files)
+    kept = f"what is complete is in {str(items[0].path.parent)!r}"
+    pool = processes.Pool(partial(_work, clocks, begun, *given), jobs, begin=_begin, kept=kept)
+    left = [item.case for item in items]
     try:
         with bar, closing(pool):
             try:
-                pool.start(items)
+                pool.start(list(enumerate(items)))
                 while pool.busy:
                     for place, _ in pool.outcomes(_LOOK_S):
-                        left.remove(items[place][1])
+                        left.remove(items[place].case)
                     now = min(sum(clocks), total)
-                    ended = f"{len(files) - len(left)} of {len(files)} cases done"
-                    for case, runs in zip(files, begun, strict=True):
-                        if case in left and runs > 1:
-                            ended += f", certifying {case} (further run {runs - 1})"
+                    ended = f"{len(items) - len(left)} of {len(items)} cases done"
+                    for item, runs in zip(items, begun, strict=True):
+                        if item.case in left and runs > 1:
+                            ended += f", certifying {item.case} (further run {runs - 1})"
                     bar.set_postfix_str(
                         ended if now else "starting (the first start ever compiles)", refresh=False
                     )
@@ -272,7 +258,7 @@ def _run_parallel(
 
 
 def _stop_workers(
-    pool: processes.Pool[_Item, None], items: Sequence[_Item], left: list[str]
+    pool: processes.Pool[tuple[int, CaseRun], None], items: Sequence[CaseRun], left: list[str]
 ) -> None:
     """Have the processes save their runs as far as they came; told to stop again, end them."""
     if signals.stop_requested():
@@ -283,7 +269,7 @@ def _stop_workers(
         while pool.busy:
             with suppress(Exception):  # the first is raised
                 for place, _ in pool.outcomes():
-                    left.remove(items[place][1])
+                    left.remove(items[place].case)
     except KeyboardInterrupt:
         pool.close()
         signals.say(f"discarded without saving: {', '.join(left) or 'nothing'}")
@@ -318,19 +304,19 @@ def _work(
     text: str,
     trust: tuple[str, ...],
     settings: tuple[Setting, ...],
-    item: _Item,
+    numbered: tuple[int, CaseRun],
 ) -> None:
     """Run a case in this process and save it; then certify it."""
     from jointplay.scenario import Scenario
 
-    index, case, target, certified = item
+    index, item = numbered
     with _idle, suppress(KeyboardInterrupt):  # told to stop before its time loop began
         if _ending:
             return
         scenario = Scenario(text, path, trust, settings)
-        prepared = scenario.ready_run(case, records=records_needed(target, certified))
+        prepared = scenario.ready_run(item.case, records=item.records)
         with _progress_reporter(clocks, begun, index) as begin:
-            _execute(scenario, case, prepared, target, certified, False, begin)
+            _execute(scenario, item, prepared, False, begin)
 
 
 @contextmanager
@@ -377,18 +363,13 @@ def _check_started() -> Iterator[None]:
 # `jointplay run --resume`: which runs in a folder are finished, and going on with the others.
 
 
-def records_needed(path: Path, certified: bool) -> Path | None:
-    """Where the records of a run go whose result is `path`; certified, they stay in memory."""
-    return None if certified else working_paths(path)[0]
-
-
-def check_not_interrupted(out: Path, files: Mapping[str, str]) -> None:
+def check_not_interrupted(out: Path, names: Iterable[str]) -> None:
     """Refuse a folder with an interrupted run, which would be lost.
 
     Raises:
         JointplayError: there is one, or another file where one would be kept.
     """
-    for name in files.values():
+    for name in names:
         check_own(out / name)
         kept = working_paths(out / name)[1]
         if kept.exists():
@@ -398,54 +379,47 @@ def check_not_interrupted(out: Path, files: Mapping[str, str]) -> None:
             )
 
 
-def check_output_folder(out: Path, files: Mapping[str, str], drawn: Iterable[str] = ()) -> None:
+def check_output_folder(out: Path, names: Sequence[str], drawn: Iterable[str] = ()) -> None:
     """Refuse a folder that holds results of a run, or an interrupted one of it.
 
     Raises:
         JointplayError: there is one; of an interrupted run it says how to go on.
     """
     try:
-        refuse_present(out, [*files.values(), *drawn])
+        refuse_present(out, [*names, *drawn])
     except JointplayError:
-        check_not_interrupted(out, files)
+        check_not_interrupted(out, names)
         raise
 
 
-def finished_cases(
-    out: Path, files: Mapping[str, str], simulations: Mapping[str, Simulation]
-) -> list[str]:
-    """Cases whose results are there and whole.
+def is_finished(path: Path, simulation: Simulation) -> bool:
+    """Whether the result of a simulation is there and whole.
 
     Raises:
-        JointplayError: a result is of another simulation, or was interrupted and left no
-            checkpoint.
+        JointplayError: it is of another simulation, or was interrupted and left no checkpoint.
     """
     from jointplay.kernel import Status
     from jointplay.result.result import Result
     from jointplay.simulation.checkpoint import first_difference
 
-    cases = []
-    for case, name in files.items():
-        path = out / name
-        check_own(path)
-        if working_paths(path)[1].exists() or not path.exists():
-            continue
-        result = Result.open(path)
-        with result.dataset as dataset:
-            was = json.loads(dataset.attrs["simulation"])
-        now = json.loads(json.dumps(simulations[case].describe()))
-        if was != now:
-            raise JointplayError(
-                f"{str(path)!r} is of another run: {first_difference(was, now)}; name "
-                "another folder, or change it back"
-            )
-        if result.status == Status.INTERRUPTED:
-            raise JointplayError(
-                f"{str(path)!r} was interrupted and has no checkpoint; delete it to begin anew, or "
-                "name another folder"
-            )
-        cases.append(case)
-    return cases
+    check_own(path)
+    if working_paths(path)[1].exists() or not path.exists():
+        return False
+    result = Result.open(path)
+    with result.dataset as dataset:
+        was = json.loads(dataset.attrs["simulation"])
+    now = json.loads(json.dumps(simulation.describe()))
+    if was != now:
+        raise JointplayError(
+            f"{str(path)!r} is of another run: {first_difference(was, now)}; name "
+            "another folder, or change it back"
+        )
+    if result.status == Status.INTERRUPTED:
+        raise JointplayError(
+            f"{str(path)!r} was interrupted and has no checkpoint; delete it to begin anew, or "
+            "name another folder"
+        )
+    return True
 
 
 def resume_run(run: Run, path: Path) -> bool:

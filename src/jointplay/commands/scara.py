@@ -7,7 +7,7 @@ import sys
 import time
 from typing import Any
 
-from jointplay.commands import add_jobs, add_quiet
+from jointplay.commands import add_option, add_shared
 from jointplay.core import signals
 
 
@@ -25,16 +25,11 @@ def add(commands: Any) -> None:
         ".pdf; errors.md with the figures and their errors; claims.md and claims.csv; ensemble.csv "
         "with the numbers of each perturbed run.",
     )
-    scara.add_argument("--out", metavar="DIR", required=True, help="folder for the results")
-    scara.add_argument(
-        "--runs",
-        type=int,
-        default=8,
-        metavar="N",
-        help="perturbed runs for each clearance and condition (default 8; 0: no claims)",
+    add_option(scara, "--out DIR", "folder for the results", required=True)
+    add_option(
+        scara, "--runs N", "perturbed runs for each clearance and condition; 0: no claims", 8
     )
-    add_jobs(scara)
-    add_quiet(scara)
+    add_shared(scara, "--jobs", "--quiet")
 
 
 def run(options: argparse.Namespace) -> int:

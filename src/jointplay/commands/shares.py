@@ -5,10 +5,9 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from jointplay.commands import add_quiet
+from jointplay.commands import Outputs, add_option, add_shared
 from jointplay.commands import run as run_command
-from jointplay.commands.iso9283 import simulation_of
-from jointplay.commands.mechanism import quantity
+from jointplay.core import streams
 
 
 def add(commands: Any) -> None:
@@ -25,68 +24,48 @@ def add(commands: Any) -> None:
         lazy=run_command.explain,
     )
     group = parser.add_argument_group("shares")
-    group.add_argument(
-        "--runs", type=int, default=3, metavar="N", help="perturbed runs of each (default 3)"
+    add_option(group, "--runs N", "perturbed runs of each", 3)
+    add_option(
+        group,
+        "--sobol N",
+        "also Sobol indices from N (inputs + 2) runs, N a power of two (needs SALib)",
     )
-    group.add_argument(
-        "--sobol",
-        type=int,
-        metavar="N",
-        help="also Sobol indices from N (inputs + 2) runs, N a power of two (needs SALib)",
-    )
-    group.add_argument(
-        "--spread",
-        type=float,
-        default=2.0,
-        metavar="X",
-        help="clearances and friction vary by this factor both ways (default 2)",
-    )
-    group.add_argument(
-        "--slowest",
-        type=float,
-        default=0.7,
-        metavar="X",
-        help="speed varies from this part of the motion's to the whole (default 0.7)",
-    )
-    group.add_argument("--payload", metavar="MASS", help='varies from none to "5 kg" at the tool')
-    group.add_argument(
-        "--out", metavar="DIR", help="folder for the table, the figure and, to go on, the runs"
+    add_option(group, "--spread X", "factor by which clearances and friction vary, up or down", 2.0)
+    add_option(group, "--slowest X", "share of the motion's speed down to which it varies", 0.7)
+    add_option(group, "--payload MASS", "at the tool, varied from none to this")
+    add_option(
+        group,
+        "--out DIR",
+        "folder for the table, the figure and the runs, from which an interrupted command goes on",
     )
     groups = run_command.add_inputs(parser)
-    add_quiet(groups["integration and output"])
+    add_shared(groups["integration and output"], "--quiet")
 
 
 def run(options: argparse.Namespace) -> int:
     """Run, print, draw."""
-    from jointplay.core import files, streams
-
-    names = ["shares.csv", "shares.png"]
-    if options.out:  # before anything is loaded that takes time
-        files.refuse_present(options.out, names)
+    out = Outputs(options.out, ["shares.csv", "shares.png"])
     from jointplay.analysis.runs import check_numbers
     from jointplay.design.shares import check, sensitivity, shares
 
-    payload = 0.0 if options.payload is None else quantity(options.payload, "kg", "--payload")
+    payload = options.payload or 0.0
     check_numbers(options.runs, options.jobs)
     check(options.sobol, options.spread, options.slowest, payload)
-    simulation = simulation_of(options)
-    out = files.claim(options.out, names) if options.out else None
-    kept = None if out is None else out / "runs"
-    some: dict[str, Any] = {
+    simulation = run_command.simulation_of(options)
+    folder = out.claim()
+    ensemble: dict[str, Any] = {
         "jobs": options.jobs,
-        "keep": kept,
+        "keep": None if folder is None else folder / "runs",
         "progress": not options.quiet,
     }
     streams.release()
-    budget = shares(simulation, options.runs, **some)
-    print(f"tool: {simulation.mechanism.tool!r}")
-    print(budget)
-    if out is not None:
+    budget = shares(simulation, options.runs, **ensemble)
+    print(f"tool: {simulation.mechanism.tool!r}\n{budget}")
+    if options.out:
         from jointplay.plots.design import share_bars
 
-        files.write(out / "shares.csv", budget.csv())
-        files.picture(out / "shares.png", share_bars(budget))
-        print(f"written to {options.out}: {', '.join(names)}; runs in {options.out}/runs")
+        contents = {"shares.csv": budget.csv(), "shares.png": share_bars(budget)}
+        out.write(contents, f"; runs in {options.out}/runs")
     if options.sobol is not None:
         print(
             sensitivity(
@@ -95,7 +74,7 @@ def run(options: argparse.Namespace) -> int:
                 spread=options.spread,
                 slowest=options.slowest,
                 payload=payload,
-                **some,
+                **ensemble,
             )
         )
     return 0

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 from typing import Any
 
-from jointplay.commands import add_jobs, add_quiet, add_trust
+from jointplay.commands import add_option, add_shared, add_switch
 
 FAILED = 1
 
@@ -22,29 +23,26 @@ def add(commands: Any) -> None:
         "jointplay.open_sweep, or xarray.open_zarr.",
     )
     parser.add_argument("file", metavar="FILE", help="scenario (TOML) with a table [sweep]")
-    parser.add_argument("--out", metavar="STORE", required=True, help="folder of the store")
-    parser.add_argument("--resume", action="store_true", help="go on with the store")
-    parser.add_argument(
+    add_option(parser, "--out STORE", "folder of the store", required=True)
+    add_switch(parser, "--resume", "go on with the store")
+    add_switch(
+        parser,
         "--extend",
-        action="store_true",
-        help="go on with the store, with more samples, repeats, or values at the end of a list",
+        "go on with the store, with more samples, repeats, or values at the end of a list",
     )
-    add_jobs(parser)
-    parser.add_argument(
-        "--scheduler",
-        metavar="ADDRESS",
-        help="Dask scheduler whose workers run the cases, such as tcp://10.0.0.1:8786",
+    add_shared(parser, "--jobs")
+    add_option(
+        parser,
+        "--scheduler ADDRESS",
+        "Dask scheduler whose workers run the cases, such as tcp://10.0.0.1:8786",
     )
-    parser.add_argument("--yes", action="store_true", help="run it even if it is very large")
-    parser.add_argument("--rows", type=int, default=20, metavar="N", help="of the table (20)")
-    add_quiet(parser)
-    add_trust(parser)
+    add_switch(parser, "--yes", "run it even if it is very large")
+    add_option(parser, "--rows N", "rows of the table that is printed", 20)
+    add_shared(parser, "--quiet", "--trust")
 
 
 def run(options: argparse.Namespace) -> int:
     """Run the sweep, print the table."""
-    from pathlib import Path
-
     from jointplay.sweeps.journal import is_there
 
     # Before anything is loaded that takes time.

@@ -6,6 +6,8 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from jointplay.commands import add_option
+
 
 def add(commands: Any) -> None:
     """Add the command's parser."""
@@ -18,14 +20,13 @@ def add(commands: Any) -> None:
     )
     parser.add_argument("store", metavar="STORE", help="of jointplay sweep")
     parser.add_argument("measure", metavar="MEASURE", help="such as tool_error_rms_total")
-    parser.add_argument(
-        "--precision",
-        type=float,
-        default=0.05,
-        metavar="X",
-        help="relative half width of the interval that is enough (default 0.05)",
+    add_option(
+        parser,
+        "--precision X",
+        "relative half width of the confidence interval that is enough",
+        0.05,
     )
-    parser.add_argument("--out", metavar="FILE", help="draw the convergence")
+    add_option(parser, "--out FILE", "picture of the convergence")
 
 
 def run(options: argparse.Namespace) -> int:

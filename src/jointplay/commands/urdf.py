@@ -7,7 +7,7 @@ import re
 from pathlib import Path
 from typing import Any
 
-from jointplay.commands import add_unphysical
+from jointplay.commands import add_option, add_shared
 from jointplay.core import files
 
 
@@ -24,27 +24,20 @@ def add(commands: Any) -> None:
         epilog="Limits let the journal move about twice its clearance; bearings themselves (round, "
         "elastic, with friction) cannot be said in a URDF: docs/robots.md.",
     )
-    parser.add_argument(
-        "--urdf", metavar="FILE", required=True, help="a file, or example-robot-data:NAME"
-    )
-    parser.add_argument(
-        "--joint",
-        metavar="NAME",
+    add_option(parser, "--urdf FILE", "a file, or example-robot-data:NAME", required=True)
+    add_option(
+        parser,
+        "--joint NAME",
+        "revolute joint that has clearance (repeatable)",
         action="append",
         required=True,
-        help="revolute joint that has clearance (repeatable)",
     )
-    for flag, default, text in (
-        ("--radial", 2e-4, "radial clearance C_r [m]"),
-        ("--axial", 2e-4, "axial clearance C_a [m]"),
-        ("--bearing-radius", 10e-3, "R_i [m]"),
-        ("--bearing-length", 40e-3, "L_i [m]"),
-    ):
-        parser.add_argument(
-            flag, type=float, metavar="X", default=default, help=f"{text} (default {default:g})"
-        )
-    add_unphysical(parser)
-    parser.add_argument("--out", metavar="FILE", required=True, help="the URDF to write")
+    add_option(parser, "--radial LENGTH", "radial clearance C_r", 2e-4)
+    add_option(parser, "--axial LENGTH", "axial clearance C_a", 2e-4)
+    add_option(parser, "--bearing-radius LENGTH", "R_i", 10e-3)
+    add_option(parser, "--bearing-length LENGTH", "L_i", 40e-3)
+    add_shared(parser, "--allow-unphysical")
+    add_option(parser, "--out FILE", "the URDF to write", required=True)
 
 
 def run(options: argparse.Namespace) -> int:

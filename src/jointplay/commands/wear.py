@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from jointplay.commands import add_case, add_jobs, add_quiet, add_trust
-from jointplay.commands.mechanism import quantity
+from jointplay.commands import add_option, add_shared
+from jointplay.core import files
 from jointplay.core.signals import INTERRUPTED
 
 
@@ -20,57 +20,41 @@ def add(commands: Any) -> None:
         "shape is brought up to date. The joint needs a wear_rate in the scenario.",
     )
     add_cycles(parser, blocks=10, runs=1)
-    parser.add_argument("--joint", required=True, help="the joint that is to wear")
-    parser.add_argument(
-        "--growth", required=True, metavar="LENGTH", help='growth of its clearance, "0.1 mm" or [m]'
-    )
-    parser.add_argument("--out", metavar="CSV", help="write cycles and depths after each block")
+    add_option(parser, "--joint NAME", "the joint whose wear is estimated", required=True)
+    add_option(parser, "--growth LENGTH", "growth of its clearance", required=True)
+    add_option(parser, "--out CSV", "file for cycles and depths after each block")
 
 
 def add_cycles(parser: Any, blocks: int, runs: int) -> None:
     """Add what commands take that extrapolate wear over blocks of cycles of a scenario."""
     parser.add_argument("file", metavar="FILE", help="scenario (TOML); one run is one cycle")
-    add_case(parser)
-    parser.add_argument("--blocks", type=int, default=blocks, metavar="N", help=f"default {blocks}")
-    parser.add_argument(
-        "--runs",
-        type=int,
-        default=runs,
-        metavar="N",
-        help=f"runs of each block, perturbed at the start if there are several (default {runs})",
-    )
-    parser.add_argument(
-        "--cycles-per-run", type=float, default=1.0, metavar="N", help="cycles in one run"
-    )
-    add_jobs(parser)
-    add_quiet(parser)
-    add_trust(parser)
+    add_shared(parser, "--case")
+    add_option(parser, "--blocks N", "blocks of cycles", blocks)
+    add_option(parser, "--runs N", "runs of each block, perturbed at the start if several", runs)
+    add_option(parser, "--cycles-per-run X", "cycles in one run", 1.0)
+    add_shared(parser, "--jobs", "--quiet", "--trust")
+
+
+def cycles(options: argparse.Namespace) -> dict[str, Any]:
+    """What the options of `add_cycles` say of the extrapolation."""
+    names = ("blocks", "runs", "cycles_per_run", "jobs")
+    return {name: getattr(options, name) for name in names} | {"progress": not options.quiet}
 
 
 def run(options: argparse.Namespace) -> int:
     """Estimate, print, write."""
-    from jointplay.core import files
     from jointplay.design.wear import wear
     from jointplay.scenario import Scenario
 
-    growth = quantity(options.growth, "m", "--growth")
     if options.out:
         files.check_new(options.out)
-    life = wear(
-        Scenario.load(options.file, options.trust).simulation(options.case),
-        options.joint,
-        growth,
-        blocks=options.blocks,
-        cycles_per_run=options.cycles_per_run,
-        runs=options.runs,
-        jobs=options.jobs,
-        progress=not options.quiet,
-    )
+    simulation = Scenario.load(options.file, options.trust).simulation(options.case)
+    life = wear(simulation, options.joint, options.growth, **cycles(options))
     print("  cycles      deepest [um]  mean [um]")
-    for cycles, deepest, mean in zip(life.cycles, life.deepest, life.mean, strict=True):
-        print(f"  {cycles:<10.4g}  {1e6 * deepest:<12.4g}  {1e6 * mean:.4g}")
+    for number, deepest, mean in zip(life.cycles, life.deepest, life.mean, strict=True):
+        print(f"  {number:<10.4g}  {1e6 * deepest:<12.4g}  {1e6 * mean:.4g}")
     print(life)
     if options.out:
-        life.save(options.out)
+        files.write(options.out, life.csv())
         print(f"profiles in {options.out}")
     return 0 if life.reached else INTERRUPTED

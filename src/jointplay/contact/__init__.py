@@ -1,48 +1,44 @@
-"""Contact and friction laws (eqs 10-21 and beyond), one module each; `law` says what a law is."""
+"""Contact and friction laws (eqs 10-21 and beyond); `law` says what a law is."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
+from jointplay.contact.bristle import BristleLaw, Bristles, Dahl, GonthierFriction, LuGre
 from jointplay.contact.custom import CustomBristle, CustomFilm, CustomFriction, CustomNormalForce
-from jointplay.contact.film.law import FilmForce, FilmLaw, FilmProperties
-from jointplay.contact.film.pinkus_sternlicht import PinkusSternlicht
-from jointplay.contact.film.short_bearing import ShortBearing
-from jointplay.contact.friction.ambrosio import Ambrosio
-from jointplay.contact.friction.bengisu_akay import BengisuAkay
-from jointplay.contact.friction.bristle import BristleLaw, Bristles
-from jointplay.contact.friction.brown_mcphee import BrownMcPhee
-from jointplay.contact.friction.coulomb import Coulomb
-from jointplay.contact.friction.dahl import Dahl
-from jointplay.contact.friction.gonthier_friction import GonthierFriction
-from jointplay.contact.friction.lugre import LuGre
-from jointplay.contact.friction.threlfall import Threlfall
+from jointplay.contact.film import (
+    FilmForce,
+    FilmLaw,
+    FilmProperties,
+    PinkusSternlicht,
+    ShortBearing,
+)
+from jointplay.contact.friction import Ambrosio, BengisuAkay, BrownMcPhee, Coulomb, Threlfall
+from jointplay.contact.hertzian import (
+    CarvalhoMartins,
+    Flores,
+    GharibHurmuzlu,
+    Gonthier,
+    HerbertMcWhannell,
+    Hertz,
+    HuGuo,
+    HuntCrossley,
+    HuntCrossley1975,
+    LankaraniNikravesh,
+    LeeWang,
+    QinLu,
+    ZhangSharf,
+)
 from jointplay.contact.law import ContactProperties, FrictionLaw, NormalForceLaw
-from jointplay.contact.normal.anagnostopoulos import Anagnostopoulos
-from jointplay.contact.normal.carvalho_martins import CarvalhoMartins
-from jointplay.contact.normal.dubowsky_freudenstein import DubowskyFreudenstein
-from jointplay.contact.normal.esdu_78035 import Esdu78035
-from jointplay.contact.normal.flores import Flores
-from jointplay.contact.normal.gharib_hurmuzlu import GharibHurmuzlu
-from jointplay.contact.normal.goldsmith import Goldsmith
-from jointplay.contact.normal.gonthier import Gonthier
-from jointplay.contact.normal.herbert_mcwhannell import HerbertMcWhannell
-from jointplay.contact.normal.hertz import Hertz
-from jointplay.contact.normal.hu_guo import HuGuo
-from jointplay.contact.normal.hunt_crossley import HuntCrossley
-from jointplay.contact.normal.hunt_crossley_1975 import HuntCrossley1975
-from jointplay.contact.normal.johnson import Johnson
-from jointplay.contact.normal.kelvin_voigt import KelvinVoigt
-from jointplay.contact.normal.lankarani_nikravesh import LankaraniNikravesh
-from jointplay.contact.normal.lee_wang import LeeWang
-from jointplay.contact.normal.linear_spring import LinearSpring
-from jointplay.contact.normal.liu import Liu
-from jointplay.contact.normal.pereira import Pereira
-from jointplay.contact.normal.qin_lu import QinLu
-from jointplay.contact.normal.radzimovsky import Radzimovsky
-from jointplay.contact.normal.zhang_sharf import ZhangSharf
-from jointplay.core.schema import Family, read, register
+from jointplay.contact.line_contact import (
+    DubowskyFreudenstein,
+    Esdu78035,
+    Goldsmith,
+    Johnson,
+    Liu,
+    Pereira,
+    Radzimovsky,
+)
+from jointplay.contact.linear import Anagnostopoulos, KelvinVoigt, LinearSpring
+from jointplay.core.schema import Family, register
 
 NORMAL_LAWS: dict[str, type[NormalForceLaw]] = {
     law.name: law
@@ -115,29 +111,6 @@ register(
 register(FilmLaw, Family("law", "film law", FILM_LAWS | {"custom-film": CustomFilm}))
 
 
-def normal_law(description: Mapping[str, Any] | str) -> NormalForceLaw:
-    """Build the normal-force law that `NormalForceLaw.describe` described, or that a word names.
-
-    Raises:
-        JointplayError: no law of that name; a field that the law does not have, or lacks, or of an
-            impossible value; a user's own law that is not at hand (see `custom`).
-    """
-    law: NormalForceLaw = read(NormalForceLaw, description)
-    return law
-
-
-def friction_law(description: Mapping[str, Any] | str) -> FrictionLaw:
-    """Build the friction law that `FrictionLaw.describe` described; see `normal_law`."""
-    law: FrictionLaw = read(FrictionLaw, description)
-    return law
-
-
-def film_law(description: Mapping[str, Any] | str) -> FilmLaw:
-    """Build the film law that `FilmLaw.describe` described; see `normal_law`."""
-    law: FilmLaw = read(FilmLaw, description)
-    return law
-
-
 __all__ = [
     "FILM_LAWS",
     "FRICTION_LAWS",
@@ -187,7 +160,4 @@ __all__ = [
     "ShortBearing",
     "Threlfall",
     "ZhangSharf",
-    "film_law",
-    "friction_law",
-    "normal_law",
 ]

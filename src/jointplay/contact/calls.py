@@ -6,9 +6,9 @@ and where it has several answers a pointer to them.
 
 from __future__ import annotations
 
+from jointplay.contact.bristle import BristleLaw
 from jointplay.contact.compiled import law_signature
-from jointplay.contact.film.law import FilmLaw
-from jointplay.contact.friction.bristle import BristleLaw
+from jointplay.contact.film import FilmLaw
 from jointplay.contact.law import FrictionLaw, NormalForceLaw
 from jointplay.core.compiler import calling
 

@@ -19,18 +19,18 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any, Self
 
+from jointplay.contact.bristle import BristleLaw
 from jointplay.contact.compiled import check_parameters, check_signature, parameter_names
-from jointplay.contact.film.law import FilmLaw, FilmProperties
-from jointplay.contact.friction.bristle import BristleLaw
+from jointplay.contact.film import FilmLaw
 from jointplay.contact.law import ContactProperties, FrictionLaw, Law, NormalForceLaw
 from jointplay.contact.trust import (
     Absent,
     Place,
+    function_of,
     function_or_absent,
-    know,
-    named,
     path_of,
-    resolved_function,
+    place_of,
+    remember,
     source_of,
 )
 from jointplay.core.errors import JointplayError
@@ -56,7 +56,7 @@ class LawDescription:
 
 
 @dataclass(frozen=True)
-class WrittenFilm(LawDescription):
+class FilmDescription(LawDescription):
     """A film law of one's own as files have it; see docs/lubrication.md."""
 
     viscosity: float = quantity("Pa*s", default=1.0)
@@ -89,23 +89,25 @@ class Custom(Law):
 
     def _keep(self, function: Callable[..., Any], parameters: Parameters, before: int = 0) -> None:
         """Keep function and parameters, of which the joint gives the first `before`."""
-        function = getattr(function, "py_func", function)  # numba's own wrapping is not needed
+        function = getattr(function, "py_func", function)  # without numba's wrapping
         if not isinstance(function, Absent):
             if not callable(function):
                 raise JointplayError(f"a law must be a function, got {function!r}")
             check_signature(function, self.state, bool(self.answers))
-            know(function)
+            remember(function)
         values = _in_order(function, self.state, parameters, before)
         check_parameters((0.0,) * before + values, function.__name__)
         object.__setattr__(self, "function", function)
         object.__setattr__(self, "values", values)
 
+    def parameters(self, *joint: Any) -> tuple[float, ...]:
+        """Return the user's own numbers; properties of the joint do not enter."""
+        return self.values
+
     def _arguments(self) -> dict[str, Any]:
         """Further fields by name."""
-        own = {"function", "values"}
-        return {
-            field.name: getattr(self, field.name) for field in fields(self) if field.name not in own
-        }
+        names = [one.name for one in fields(self) if one.name not in ("function", "values")]
+        return {name: getattr(self, name) for name in names}
 
     @property
     def source(self) -> str | None:
@@ -149,9 +151,7 @@ class Custom(Law):
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Go to another process by name, as to a file."""
-        function = self.function
-        place = function if isinstance(function, Absent) else named(function)
-        return _restored, (type(self), place, self.values, self._arguments())
+        return _restored, (type(self), place_of(self.function), self.values, self._arguments())
 
 
 @dataclass(frozen=True, init=False, repr=False)
@@ -197,10 +197,6 @@ class CustomNormalForce(Custom, NormalForceLaw):
                     "energy stored"
                 )
 
-    def parameters(self, contact: ContactProperties) -> tuple[float, ...]:
-        """Return the user's own numbers; stiffness and restitution of the joint do not enter."""
-        return self.values
-
     def warnings(
         self, contact: ContactProperties, *, max_depth: float, max_speed: float
     ) -> list[str]:
@@ -217,10 +213,6 @@ class CustomFriction(Custom, FrictionLaw):
 
     name = "custom"
     formula = r"\mu = f(|v_t|)"
-
-    def parameters(self) -> tuple[float, ...]:
-        """Return the user's own numbers."""
-        return self.values
 
 
 @dataclass(frozen=True, init=False, repr=False)
@@ -242,10 +234,6 @@ class CustomBristle(Custom, BristleLaw):
         r"\mathbf F_t = -(k\mathbf z+d\,\dot{\mathbf z}+c\,\mathbf v_t)"
     )
 
-    def parameters(self) -> tuple[float, ...]:
-        """Return the user's own numbers."""
-        return self.values
-
 
 @dataclass(frozen=True, init=False, repr=False)
 class CustomFilm(Custom, FilmLaw):
@@ -266,7 +254,7 @@ class CustomFilm(Custom, FilmLaw):
 
     name = "custom-film"
     section = 1.0 / (2.0 * math.sqrt(3.0))
-    written = WrittenFilm
+    written = FilmDescription
 
     def __init__(
         self,
@@ -279,18 +267,14 @@ class CustomFilm(Custom, FilmLaw):
     ) -> None:
         """Check the function's arguments and keep its parameters."""
         self._keep(function, parameters, before=4)
-        for name, value in (
-            ("viscosity", viscosity),
-            ("hybrid", bool(hybrid)),
-            ("transition", transition),
-            ("least_thickness", least_thickness),
-        ):
-            object.__setattr__(self, name, value)
+        given = viscosity, bool(hybrid), transition, least_thickness
+        for field, value in zip(fields(FilmLaw), given, strict=True):
+            object.__setattr__(self, field.name, value)
         self.__post_init__()
 
-    def parameters(self, film: FilmProperties) -> tuple[float, ...]:
+    def parameters(self, *joint: Any) -> tuple[float, ...]:
         """c [m], R [m], L [m], viscosity [Pa s], and the user's own numbers."""
-        return *FilmLaw.parameters(self, film), *self.values
+        return *FilmLaw.parameters(self, *joint), *self.values
 
 
 def _in_order(
@@ -323,8 +307,8 @@ def _in_order(
 
 
 def _restored(
-    kind: type[Custom], place: Place | Absent, values: tuple[float, ...], rest: dict[str, Any]
+    kind: type[Custom], place: Place, values: tuple[float, ...], rest: dict[str, Any]
 ) -> Any:
     """Build a user's own law again from the name of its function."""
-    function: Any = place if isinstance(place, Absent) else resolved_function(place)
+    function: Any = function_of(place)
     return kind(function, values, **rest)

@@ -28,9 +28,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from typing import Any, ClassVar, NamedTuple, Self
 
-from jointplay.contact.compiled import (
-    parameter_names,
-)
+from jointplay.contact.compiled import parameter_names
 from jointplay.core.errors import JointplayError, require_non_negative
 from jointplay.core.schema import Described, check_fields
 
@@ -38,10 +36,13 @@ BRISTLE_NUMBERS = 8
 """What a friction law with bristles tells; see `bristle.Bristles`."""
 
 FILM_NUMBERS = 4
-"""What a film law tells; see `film.law.FilmForce`."""
+"""What a film law tells; see `film.FilmForce`."""
 
 RESTITUTION_MARGIN = 0.05
 """A run is warned of if an impact delivers a restitution further than this from c_e."""
+
+STATIC_RATIO = 1.5
+"""Static over dynamic friction coefficient, where only the dynamic one is given."""
 
 WAVE_FRACTION = 1e-5
 """Fraction of the waves' speed up to which an impact counts as quasi-static.
@@ -88,7 +89,11 @@ class ContactProperties(NamedTuple):
 
 @dataclass(frozen=True)
 class Law(Described, ABC):
-    """A function of the contact state and the parameters it is called with."""
+    """A function of the contact state and the parameters it is called with.
+
+    Raises:
+        JointplayError: a field out of its range.
+    """
 
     selector = ("law", "name")
 
@@ -170,18 +175,36 @@ class NormalForceLaw(Law):
         return lines + (self._limits(contact, max_depth) if max_depth > 0.0 else [])
 
     def _limits(self, contact: ContactProperties, max_depth: float) -> list[str]:
-        """Say in what a depth > 0 [m] exceeds the limits of the law's own theory."""
+        """In what a depth > 0 [m] exceeds the limits of the law's own theory."""
         return []
 
 
 @dataclass(frozen=True)
 class FrictionLaw(Law):
-    """Base of all friction laws mu(speed, parameters); the force is -mu F_n v_t/|v_t| (eq. 20)."""
+    """Base of all friction laws mu(speed, parameters); the force is -mu F_n v_t/|v_t| (eq. 20).
+
+    A law with a static coefficient mu_s beside its mu_d must not have mu_s < mu_d. Where mu_s is
+    None it is `STATIC_RATIO` mu_d, to 12 digits: what one law says of sliding holds in another.
+    """
 
     state: ClassVar[tuple[str, ...]] = ("speed",)
 
     bristles: ClassVar[bool] = False
     """Whether the law is one of `bristle.BristleLaw`."""
+
+    def __post_init__(self) -> None:
+        """Check the fields, and static friction against sliding friction."""
+        super().__post_init__()
+        coefficients = self.coefficients
+        if not {"mu_s", "mu_d"} <= set(coefficients):
+            return
+        mu_s, mu_d = coefficients["mu_s"], coefficients["mu_d"]
+        if mu_s is None:
+            object.__setattr__(self, "mu_s", float(f"{STATIC_RATIO * mu_d:.12g}"))
+        elif mu_s < mu_d:
+            raise JointplayError(
+                f"mu_s must be at least mu_d = {mu_d:g}, got {mu_s:g}", where=("mu_s",)
+            )
 
     def parameters(self) -> tuple[float, ...]:
         """Parameters of `function`, at most `MAX_PARAMETERS` of them: the fields it names."""
@@ -199,21 +222,3 @@ class FrictionLaw(Law):
         factor = require_non_negative("factor", factor, "")
         changes: dict[str, Any] = {name: factor * mu for name, mu in self.coefficients.items()}
         return replace(self, **changes) if changes else self
-
-
-STATIC_RATIO = 1.5
-"""Static over dynamic friction coefficient, where only the dynamic one is given."""
-
-
-def require_static(law: Any) -> None:
-    """Set a static friction coefficient that was not given; raise if it is below the dynamic one.
-
-    Where it was not given it is `STATIC_RATIO` times the dynamic one, to 12 digits: what one law
-    says of sliding holds in another.
-    """
-    if law.mu_s is None:
-        object.__setattr__(law, "mu_s", float(f"{STATIC_RATIO * law.mu_d:.12g}"))
-    if law.mu_s < law.mu_d:
-        raise JointplayError(
-            f"mu_s must be at least mu_d = {law.mu_d:g}, got {law.mu_s:g}", where=("mu_s",)
-        )

@@ -18,7 +18,7 @@ import linecache
 import sys
 import textwrap
 from collections.abc import Callable, Collection, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
 from pathlib import Path
@@ -87,7 +87,7 @@ def source_of(function: Function | Absent) -> str | None:
         return None
 
 
-def know(function: Function) -> Function:
+def remember(function: Function) -> Function:
     """Remember a function of which a law is made here; returns it."""
     path = path_of(function)
     if "<" not in path:  # lambdas and nested functions share their names
@@ -98,34 +98,29 @@ def know(function: Function) -> Function:
     return function
 
 
-@contextmanager
-def trusting(modules: Collection[str]) -> Iterator[None]:
+def trusting(modules: Collection[str]) -> AbstractContextManager[None]:
     """Let the block import laws from `modules` and from what lies in them."""
-    token = _trusted.set(_trusted.get() | set(modules))
-    try:
-        yield
-    finally:
-        _trusted.reset(token)
+    return _during(_trusted, _trusted.get() | set(modules))
 
 
-@contextmanager
-def looking_in(folder: Path) -> Iterator[None]:
+def looking_in(folder: Path) -> AbstractContextManager[None]:
     """Let the block take laws from modules in `folder` first, where a scenario lies."""
-    token = _folder.set(folder.resolve())
-    try:
-        yield
-    finally:
-        _folder.reset(token)
+    return _during(_folder, folder.resolve())
+
+
+def showing() -> AbstractContextManager[None]:
+    """Let laws whose functions are not at hand be made in the block, to be shown and not run."""
+    return _during(_showing, True)
 
 
 @contextmanager
-def showing() -> Iterator[None]:
-    """Let laws whose functions are not at hand be made in the block, to be shown and not run."""
-    token = _showing.set(True)
+def _during(variable: ContextVar[Any], value: Any) -> Iterator[None]:
+    """Have a context variable at a value in the block."""
+    token = variable.set(value)
     try:
         yield
     finally:
-        _showing.reset(token)
+        variable.reset(token)
 
 
 def function_or_absent(path: str, source: str | None) -> Function | Absent:
@@ -273,26 +268,30 @@ def _installed(modules: Mapping[str, ModuleType]) -> Iterator[None]:
                 sys.modules[name] = one
 
 
-Place = tuple[str | None, str]
+Place = Absent | tuple[str | None, str]
 """Folder of a function beside a scenario, None for another one, and ``module:function``."""
 
 
-def resolved_function(place: Place) -> Function:
-    """The function that `named` told of in another process.
+def function_of(place: Place) -> Function | Absent:
+    """The function that `place_of` described in another process.
 
     Raises:
         JointplayError: it cannot be imported here.
     """
+    if isinstance(place, Absent):
+        return place
     folder, path = place
     return imported(path) if folder is None else function_in_folder(Path(folder), path)
 
 
-def named(function: Function) -> Place:
-    """By what another process finds the function.
+def place_of(function: Function | Absent) -> Place:
+    """By what another process finds the function; one that is not at hand goes as it is.
 
     Raises:
         JointplayError: it would not find it: a lambda, a nested function, one typed at a prompt.
     """
+    if isinstance(function, Absent):
+        return function
     path = path_of(function)
     if function in _beside:
         return str(_beside[function][0]), path

@@ -2,7 +2,7 @@
 
 `njit` is for functions that Python calls, `internal` for those that only compiled code calls;
 `calling` and `pointer_to` make calls and pointers of addresses. What of this reaches inside numba
-is in `numba_inside`; where numba is another inside, the same code is compiled without it.
+is in `numba_inside`; where numba has other internals, the same code is compiled without it.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ NO_PLACE = (
 """What a user without a place for the cache is told."""
 
 MOVED = (
-    "numba {} is another inside than this package knows ({}): results are the same, but compiled "
-    "code cannot be kept, so every start compiles anew (a minute); install a numba that "
-    "jointplay's requirements name"
+    "numba {} has internals that this package does not know ({}): results are the same, but "
+    "compiled code cannot be kept, so every start compiles anew (a minute); install a version of "
+    "numba that jointplay's requirements name"
 )
 """What a user with another numba is told."""
 
@@ -52,7 +52,7 @@ def ensure() -> None:
 
 
 def _insides() -> Any:
-    """The module that reaches inside numba; None, with a warning, where that is another."""
+    """The module that uses numba's internals; None, with a warning, where those are others."""
     try:
         from jointplay.core import numba_inside
     except (ImportError, AttributeError) as error:

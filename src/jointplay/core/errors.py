@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from itertools import pairwise
 from numbers import Integral
 from typing import TYPE_CHECKING, Any
 
@@ -181,6 +182,17 @@ def require_numbers(name: str, values: Any, where: Where = ()) -> np.ndarray:
         if isinstance(error, JointplayError):
             raise
         raise JointplayError(f"{name} must be numbers: {error}", where) from None
+
+
+def require_increasing(name: str, values: Sequence[float], unit: str, where: Where = ()) -> None:
+    """Raise if numbers do not increase, naming the first that does not with its `unit`."""
+    for i, (before, after) in enumerate(pairwise(values), 1):
+        if not after > before:
+            raise JointplayError(
+                f"{name} must increase: {before:g} {unit} is followed by {after:g} {unit} "
+                f"(number {i + 1})",
+                (*where, i),
+            )
 
 
 def require_vector(

@@ -39,7 +39,6 @@ _made: list[Path] = []
 _NO_LINKS = {errno.EPERM, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS, errno.EMLINK}
 """What file systems without hard links say."""
 
-
 MARK = ".jointplay-owner"
 """Name of the file in a temporary folder of ours that says of which machine it is; its owner holds
 a lock on it, which ends with the owner."""
@@ -60,20 +59,24 @@ PICTURES = {"png": "Software", "pdf": "Creator", "svg": "Creator"}
 """Formats of pictures, each with the entry of its metadata that names the program."""
 
 
+@contextmanager
+def system_errors(failure: str) -> Iterator[None]:
+    """Say of errors of the operating system in the block what could not be done, and why.
+
+    Also of a ValueError, which Python raises for names that no file can have.
+    """
+    try:
+        yield
+    except JointplayError:
+        raise
+    except (OSError, ValueError) as error:
+        raise JointplayError(f"{failure}: {getattr(error, 'strerror', None) or error}") from None
+
+
 def write(
     path: str | Path, content: str | bytes, *, overwrite: bool = False, announced: bool = True
 ) -> Path:
-    """Write a file whole: after a crash, a kill or a full disk it is there complete, or not at all.
-
-    Args:
-        path: the file; its folder exists.
-        content: text is written as UTF-8, line ends as they are.
-        overwrite: whether a file of that name is replaced.
-        announced: whether the user asked for it, and is told of it after an interruption.
-
-    Raises:
-        JointplayError: the file exists (and `overwrite` is false) or cannot be written.
-    """
+    """Write a file as `writing` does; text as UTF-8, line ends as they are."""
     with writing(path, overwrite=overwrite, announced=announced) as file:
         file.write(content.encode("utf-8") if isinstance(content, str) else content)
     return Path(path)
@@ -82,17 +85,13 @@ def write(
 def picture(
     path: str | Path, figure: Any, *, overwrite: bool = False, mark: str = "", **options: Any
 ) -> Path:
-    """Draw a matplotlib figure into a file, whole or not at all.
+    """Draw a matplotlib figure into a file, whole or not at all; see `writing`.
 
     Args:
         path: the file; its suffix says the format, one of `PICTURES`.
-        figure: what has matplotlib's `savefig`.
+        figure: what has matplotlib's `savefig`, with these `options`.
         overwrite: whether a file of that name is replaced.
         mark: stands in the picture's metadata; a picture that holds it is replaced.
-        options: of `savefig`.
-
-    Raises:
-        JointplayError: no such format, the file exists, or it cannot be written.
     """
     path = Path(path)
     kind = picture_format(path)
@@ -118,23 +117,19 @@ def picture_format(path: Path) -> str:
 
 
 def check_picture(path: str | Path) -> Path:
-    """Refuse a picture that cannot be drawn anew, before any work is done.
-
-    Raises:
-        JointplayError: it exists, its folder cannot be written to, or no such format.
-    """
+    """Refuse a picture that cannot be drawn anew, before any work is done; see `check_new`."""
     path = check_new(path)
     picture_format(path)
     return path
 
 
 def holds(path: Path, mark: str) -> bool:
-    """Whether a file is there and holds a mark: a picture drawn earlier by who marks so."""
+    """Whether there is a file that holds a mark: a picture drawn by an earlier run."""
     return is_file(path) and mark.encode() in path.read_bytes()
 
 
 def begins(path: Path, mark: bytes) -> bool:
-    """Whether a file is there and begins with a mark: a working file of who marks so."""
+    """Whether there is a file that begins with a mark: a working file of an earlier run."""
     if not is_file(path):
         return False
     with path.open("rb") as file:
@@ -147,11 +142,9 @@ def check_own(path: Path, mark: bytes, what: str) -> None:
     Raises:
         JointplayError: a file is there that does not begin with `mark`, or cannot be read.
     """
-    try:
+    with system_errors(f"cannot write {str(path)!r}"):
         if not os.path.lexists(path) or begins(path, mark):
             return
-    except OSError as error:
-        raise cannot_write(path, error) from None
     raise JointplayError(
         f"{str(path)!r} is no {what} of jointplay, which would be written there; move it, or name "
         "another file or folder for the results"
@@ -171,18 +164,15 @@ def append(path: Path, text: str) -> None:
     Raises:
         JointplayError: it cannot be written; the file is as it was.
     """
-    try:
-        with path.open("ab", buffering=0) as file:
-            length = file.seek(0, os.SEEK_END)
-            content = text.encode()
-            try:
-                if file.write(content) != len(content):  # a disk that is full takes a part
-                    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-            except OSError:
-                file.truncate(length)
-                raise
-    except OSError as error:
-        raise cannot_write(path, error) from None
+    with system_errors(f"cannot write {str(path)!r}"), path.open("ab", buffering=0) as file:
+        length = file.seek(0, os.SEEK_END)
+        content = text.encode()
+        try:
+            if file.write(content) != len(content):  # a disk that is full takes a part
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        except OSError:
+            file.truncate(length)
+            raise
 
 
 @contextmanager
@@ -191,10 +181,12 @@ def writing(
 ) -> Iterator[BinaryIO]:
     """A file to be written, and read, in the block; it gets its name when all is on disk.
 
+    After a crash, a kill or a full disk it is there complete, or not at all.
+
     Args:
         path: the file; its folder exists.
         overwrite: whether a file of that name is replaced.
-        announced: see `write`.
+        announced: whether the user asked for it, and is told of it after an interruption.
 
     Raises:
         JointplayError: the file exists (and `overwrite` is false) or cannot be written.
@@ -204,23 +196,18 @@ def writing(
         raise JointplayError(f"{str(path)!r} is a folder; name a file")
     part = path.with_name(f".{path.name[:40]}.{os.getpid()}-{secrets.token_hex(4)}.part")
     try:
-        if not overwrite and os.path.lexists(path):
-            raise FileExistsError
-        with part.open("w+b") as file:
-            yield file
-            file.flush()
-            os.fsync(file.fileno())
-        if overwrite:
-            part.replace(path)
-        else:
-            _name(part, path)
-        _sync(path.parent)
-    except JointplayError:
-        raise
-    except FileExistsError:
-        raise exists(path) from None
-    except (OSError, ValueError) as error:  # ValueError: a name that no file can have
-        raise cannot_write(path, error) from None
+        with system_errors(f"cannot write {str(path)!r}"):
+            if not overwrite and os.path.lexists(path):
+                raise exists(path)
+            with part.open("w+b") as file:
+                yield file
+                file.flush()
+                os.fsync(file.fileno())
+            if overwrite:
+                part.replace(path)
+            else:
+                _name(part, path)
+            _sync(path.parent)
     finally:
         with suppress(OSError, ValueError):
             part.unlink()
@@ -233,10 +220,10 @@ def _name(part: Path, path: Path) -> None:
     try:
         os.link(part, path)  # fails if the name is taken, which a rename does not
     except OSError as error:
+        if isinstance(error, FileExistsError) or os.path.lexists(path):
+            raise exists(path) from None
         if error.errno not in _NO_LINKS:
             raise
-        if os.path.lexists(path):
-            raise FileExistsError from None
         part.rename(path)
 
 
@@ -257,18 +244,13 @@ def exists(path: Path) -> JointplayError:
 
 def cannot_write(path: Path, error: Exception) -> JointplayError:
     """What to say of a file that cannot be written."""
-    reason = getattr(error, "strerror", None) or error
-    return JointplayError(f"cannot write {str(path)!r}: {reason}")
+    return JointplayError(f"cannot write {str(path)!r}: {getattr(error, 'strerror', '') or error}")
 
 
 def temporary(what: str = "files") -> tempfile.TemporaryDirectory[str]:
-    """A folder that goes with the block or with this process; killed, with a later one.
+    """A folder, named after `what`, that goes with the block or with this process.
 
-    Folders that processes left which are dead are deleted first: older than a day, and marked as
-    ours. Without the mark nothing is.
-
-    Args:
-        what: is part of its name.
+    Those of processes that were killed, marked as ours and older than a day, are deleted first.
     """
     place = tempfile.gettempdir()
     if place not in _swept:
@@ -307,22 +289,22 @@ def _sweep(place: Path) -> None:
 
 def is_file(path: Path) -> bool:
     """Whether there is such a file; False also for names that none can have."""
-    try:
-        return path.is_file()
-    except (OSError, ValueError):
-        return False
+    return os.path.isfile(path)
 
 
-def absent(path: Path, what: str) -> JointplayError:
+def is_folder(path: Path) -> bool:
+    """Whether there is such a folder; False also for names that none can have."""
+    return os.path.isdir(path)
+
+
+def missing(path: Path, what: str) -> JointplayError:
     """What to say where a file to be read is none: there is nothing, or another kind of thing."""
-    kinds = {"folder": stat.S_ISDIR, "pipe": stat.S_ISFIFO, "socket": stat.S_ISSOCK,
-             "device": lambda mode: stat.S_ISCHR(mode) or stat.S_ISBLK(mode)}  # fmt: skip
+    kinds = {stat.S_IFDIR: "folder", stat.S_IFIFO: "pipe", stat.S_IFSOCK: "socket",
+             stat.S_IFCHR: "device", stat.S_IFBLK: "device"}  # fmt: skip
+    kind = None
     with suppress(OSError, ValueError):
-        mode = path.stat().st_mode
-        for kind, is_one in kinds.items():
-            if is_one(mode):
-                return JointplayError(f"no {what} {str(path)!r}: it is a {kind}")
-    return JointplayError(f"no {what} {str(path)!r}")
+        kind = kinds.get(stat.S_IFMT(path.stat().st_mode))
+    return JointplayError(f"no {what} {str(path)!r}" + (f": it is a {kind}" if kind else ""))
 
 
 def arrays(path: Path | BinaryIO) -> dict[str, np.ndarray]:
@@ -373,37 +355,19 @@ def read_plain(path: Path, most: int) -> bytes:
 
 
 def read_text(path: Path, what: str, most: int = MOST_TEXT) -> str:
-    """The text of a plain file of at most `most` bytes, in UTF-8.
-
-    Args:
-        path: the file.
-        what: it is, for messages.
-        most: bytes that are read.
+    """The UTF-8 text of a plain file of at most `most` bytes; `what` it is, for messages.
 
     Raises:
         JointplayError: it cannot be read, is another kind of thing, larger, or other text.
     """
-    try:
+    with system_errors(f"cannot read the {what} {str(path)!r}"):
         return read_plain(path, most).decode("utf-8-sig")
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise JointplayError(f"cannot read the {what} {str(path)!r}: {reason}") from None
-
-
-def is_folder(path: Path) -> bool:
-    """Whether there is such a folder; False also for names that none can have."""
-    try:
-        return path.is_dir()
-    except (OSError, ValueError):
-        return False
 
 
 def csv_rows(path: Path, what: str) -> list[tuple[int, list[str]]]:
     """Rows of a CSV file, each with the number of its line; lines beginning with # are comments.
 
-    Args:
-        path: the file; a row is a line of it, the first the header.
-        what: the file is, for messages.
+    A row is a line, the first the header; `what` the file is, for messages.
 
     Raises:
         JointplayError: it cannot be read, is empty, a quote is not closed, or a row has not as many
@@ -435,7 +399,7 @@ def check_new(path: str | Path) -> Path:
         JointplayError: it exists, or its folder does not or cannot be written to.
     """
     path = Path(path)
-    try:
+    with system_errors(f"cannot write {str(path)!r}"):
         with suppress(FileNotFoundError, NotADirectoryError):
             path.lstat()  # which refuses names that no file can have
             raise exists(path)
@@ -443,27 +407,18 @@ def check_new(path: str | Path) -> Path:
             raise JointplayError(f"cannot write {str(path)!r}: no folder {str(path.parent)!r}")
         with tempfile.TemporaryFile(dir=path.parent):
             pass
-    except (OSError, ValueError) as error:
-        if isinstance(error, JointplayError):
-            raise
-        raise cannot_write(path, error) from None
     return path
 
 
 def refuse_present(folder: str | Path, names: Iterable[str]) -> None:
-    """Refuse a folder that holds one of the files already, before any work is done.
-
-    Raises:
-        JointplayError: it does.
-    """
+    """Refuse a folder that holds one of the files already, before any work is done."""
     for name in names:
         if os.path.lexists(Path(folder) / name):
             raise JointplayError(_present(Path(folder), name))
 
 
 def claim(folder: str | Path, names: Iterable[str]) -> Path:
-    """Make `folder`, sure that `names` can be written there, nothing is overwritten, and no one
-    else writes there: of two processes with one folder the second learns it here.
+    """Make `folder`, sure that `names` can be written there and that no other process writes there.
 
     The claim ends with the process, however it ends.
 
@@ -472,7 +427,7 @@ def claim(folder: str | Path, names: Iterable[str]) -> Path:
             or it cannot be written to.
     """
     folder = Path(folder)
-    try:
+    with system_errors(f"cannot write to {str(folder)!r}"):
         for one in [p for p in (*reversed(folder.parents), folder) if not p.exists()]:
             with suppress(FileExistsError):
                 one.mkdir()
@@ -483,11 +438,6 @@ def claim(folder: str | Path, names: Iterable[str]) -> Path:
         refuse_present(folder, names)
         with tempfile.TemporaryFile(dir=folder):
             pass
-    except (OSError, ValueError) as error:
-        if isinstance(error, JointplayError):
-            raise
-        reason = getattr(error, "strerror", None) or error
-        raise JointplayError(f"cannot write to {str(folder)!r}: {reason}") from None
     return folder
 
 
@@ -496,7 +446,7 @@ def _lock(folder: Path) -> None:
     place = folder.resolve()
     if place in _claimed:
         return
-    descriptor = os.open(folder, os.O_RDONLY | getattr(os, "O_CLOEXEC", 0))
+    descriptor = os.open(folder, os.O_RDONLY)
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
@@ -510,7 +460,7 @@ def _lock(folder: Path) -> None:
     _claimed[place] = descriptor
 
 
-def unmake() -> None:
+def remove_made_folders() -> None:
     """Remove the folders that `claim` has made, as far as nothing is in them."""
     while _made:
         with suppress(OSError):
@@ -539,14 +489,17 @@ def release(folder: str | Path) -> None:
 
 def _present(folder: Path, name: str) -> str:
     """What to say of a file that is in the way: whether it is whole, or the rest of a run."""
+    from jointplay.core import hdf5
+
     path = folder / name
     what = ""
-    if is_file(path):
-        with path.open("rb") as file:
-            begin = file.read(len(_HDF5))
-        if not begin:
-            what = "empty"
-        elif begin == _HDF5 and not _loads(path):
+    if is_file(path) and path.stat().st_size == 0:
+        what = "empty"
+    elif begins(path, _HDF5):
+        try:
+            with hdf5.examined(path):
+                pass
+        except JointplayError:
             what = "broken"
     if what:
         return (
@@ -554,14 +507,3 @@ def _present(folder: Path, name: str) -> str:
             "or name another folder"
         )
     return f"{str(folder)!r} already holds results ({name}); name another folder"
-
-
-def _loads(path: Path) -> bool:
-    """Whether it is whole as far as HDF5 goes."""
-    from jointplay.core import hdf5
-
-    try:
-        with hdf5.examined(path):
-            return True
-    except JointplayError:
-        return False

@@ -55,7 +55,7 @@ def examined(path: Path) -> Iterator[None]:
     """Have another process read an HDF5 file while the block runs, and wait for what it says.
 
     Raises:
-        JointplayError: the file is damaged, or has what no result has; which is said.
+        JointplayError: the file is damaged, or has what no result has; the message says which.
     """
     from jointplay.core.errors import JointplayError
 
@@ -74,7 +74,7 @@ def examined(path: Path) -> Iterator[None]:
     too_long = f"reading it did not end within {allowed:.0f} s of processor time"
     try:
         yield
-        said, _ = process.communicate(timeout=WAITS * allowed)
+        output, _ = process.communicate(timeout=WAITS * allowed)
     except subprocess.TimeoutExpired:
         waited = f"reading it did not end within {WAITS * allowed:.0f} s"
         raise damaged(path, waited) from None
@@ -85,8 +85,8 @@ def examined(path: Path) -> Iterator[None]:
         raise damaged(path, too_long)
     if process.returncode:
         crashed = f"a process that read it crashed ({process.returncode})"
-        told = process.returncode == _REFUSED
-        raise damaged(path, said.decode("utf-8", "replace") if told else crashed)
+        refused = process.returncode == _REFUSED
+        raise damaged(path, output.decode("utf-8", "replace") if refused else crashed)
 
 
 def damaged(path: Path, reason: object) -> JointplayError:

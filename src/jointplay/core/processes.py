@@ -213,7 +213,7 @@ class Pool(Generic[Item, Value]):
             place, _ = self._queues[connection].popleft()
             self._done += 1
             if error is not None:
-                raise named(error, self._name, place)
+                raise with_item(error, self._name, place)
             yield place, value  # before anything else can fail
             self._feed(connection)
 
@@ -232,7 +232,7 @@ class Pool(Generic[Item, Value]):
                 return
             except (pickle.PicklingError, TypeError, AttributeError) as error:
                 text = f"it cannot be sent to another process ({error}); jobs=1 needs none"
-                raise named(JointplayError(text), self._name, place) from error
+                raise with_item(JointplayError(text), self._name, place) from error
 
     def _died(self, connection: Connection[Any, Any]) -> Iterator[tuple[int, Value]]:
         """Replace a dead process; the item that it died of is tried again, or lost."""
@@ -244,7 +244,7 @@ class Pool(Generic[Item, Value]):
         self._again.extend(queue)
         if self._lost is None:
             text = f"a process was ended from outside (too little memory?); {self._kept}"
-            raise named(JointplayError(text), self._name, place)
+            raise with_item(JointplayError(text), self._name, place)
         if self._done == 0 and len(self._deaths) > 2 * self._number:
             raise JointplayError("the processes end before they have done anything")
         if self._deaths[place] >= MOST_DEATHS:
@@ -266,7 +266,7 @@ class Pool(Generic[Item, Value]):
             process.join()
 
 
-def named(error: BaseException, name: str, place: int) -> BaseException:
+def with_item(error: BaseException, name: str, place: int) -> BaseException:
     """The error, which says of which item it is if items have a name."""
     if name and isinstance(error, JointplayError):
         error.args = (f"{name}[{place}]: {error}",)

@@ -42,21 +42,14 @@ from jointplay.core.errors import (
     require_finite,
     require_non_negative,
     require_positive,
+    require_vector,
     within,
 )
 from jointplay.core.units import convert, expected, toml_text
 
 # Fields of values: each number has its unit, and the range that it must lie in, beside it.
 
-
-UNITS = "units"
-CHOICES = "choices"
-FINITE = "finite"
-_RANGE = "range"
-_WORDS = "words"
-
-_SINGLE = ("float", "float | None")
-"""Types of fields that hold a single number."""
+_VECTOR = tuple[float, float, float]
 
 
 def quantity(
@@ -91,8 +84,8 @@ def quantity(
         raise ValueError("a range begins at zero, or the class checks it itself")
     check = require_positive if above == 0.0 else require_non_negative
     check = require_finite if above is None and least is None else check
-    metadata = {UNITS: units, _RANGE: check, _WORDS: words, FINITE: finite}
-    metadata |= {} if choices is None else {CHOICES: choices}
+    metadata = {"units": units, "check": check, "words": words, "finite": finite}
+    metadata["choices"] = choices
     if default_factory is not dataclasses.MISSING:
         return dataclasses.field(default_factory=default_factory, metadata=metadata)
     return dataclasses.field(default=default, metadata=metadata)
@@ -108,54 +101,59 @@ def choice(
         choices: the words; a mapping has the values for which they stand.
         default: of the field; without one it must be given.
     """
-    return dataclasses.field(default=default, metadata={CHOICES: (noun, choices)})
-
-
-def units_of(field: dataclasses.Field[Any]) -> tuple[str, ...] | None:
-    """Units that a field of a dataclass can have; None if none is said."""
-    units: tuple[str, ...] | None = field.metadata.get(UNITS)
-    return units
+    return dataclasses.field(default=default, metadata={"choices": (noun, choices)})
 
 
 def check_fields(value: Any) -> None:
-    """Read what fields of a dataclass were given as files have it; numbers must be in range.
+    """Read what fields of a dataclass were given as files have it; values must be possible.
 
     Text with a unit becomes a number, a word or a table what it stands for: ``"0.2 mm"``,
-    ``"flores"``. Single numbers that have a unit become floats; fields that hold several numbers
-    the class checks itself.
+    ``"flores"``. Numbers that have a unit become floats, in lists and vectors too.
 
     Raises:
-        JointplayError: a value that cannot be, or a number that is not finite or out of its range,
-            with the field's name as its place.
+        JointplayError: a value that cannot be, a word that is none of the field's choices, or a
+            number that is not finite or out of its range, with the field's name as its place.
     """
     kind: type = type(value)
-    for field in dataclasses.fields(value):
-        units, given = units_of(field), getattr(value, field.name)
-        if isinstance(given, str | int | float | Mapping | list | tuple):
-            known = fields_of(kind).get(field.name)
-            if known is not None and _as_in_files(known.hint, given):
-                given = _read_field(known, given)
-                object.__setattr__(value, field.name, given)
-        hint = "float" if field.type is float else str(field.type)
-        if units is None or hint not in _SINGLE or (given is None and field.default is None):
+    fields = fields_of(kind)
+    for name in (one.name for one in dataclasses.fields(value) if one.name in fields):
+        field, given = fields[name], getattr(value, name)
+        if _as_in_files(field.hint, given):
+            given = _read_field(field, given)
+            object.__setattr__(value, name, given)
+        if given is None and field.default is None and not field.required:
             continue
-        words = field.metadata[_WORDS] or field.name
-        where: Where = (field.name,)
-        number = field.metadata[_RANGE](words, given, units[0].replace("*", " "), where)
-        object.__setattr__(value, field.name, number)
+        if field.choices and is_word(field.hint) and given not in list(field.choices[1]):
+            raise MissingName(field.choices[0], str(given), field.choices[1], where=(name,))
+        if field.check is not None:
+            object.__setattr__(value, name, _checked_numbers(field, given))
+
+
+def _checked_numbers(field: Field, given: Any) -> Any:
+    """A number in its range, or several in a tuple or vectors; anything else as it is."""
+    hint, words, where = field.hint, field.words, (field.name,)
+    unit = field.units[0].replace("*", " ")
+    if hint in (float, float | None) and field.check is not None:
+        return field.check(words, given, unit, where)
+    if hint == _VECTOR:
+        return require_vector(words, given, unit, where)
+    if hint == tuple[_VECTOR, ...]:
+        return tuple(require_vector(words, one, unit, (*where, i)) for i, one in enumerate(given))
+    if hint == tuple[float, ...]:
+        return tuple(require_finite(words, one, unit, (*where, i)) for i, one in enumerate(given))
+    return given
 
 
 def _as_in_files(hint: Any, given: Any) -> bool:
     """Whether a value is written as in a file, and is not yet what the field's type says."""
+    of_family = any(map(family_of, get_args(hint) or (hint,)))
     if isinstance(given, str):
         return not is_word(hint)
-    if isinstance(given, Mapping) and any(map(family_of, get_args(hint) or (hint,))):
-        return True
     if isinstance(given, Mapping | list | tuple):
         several = given.values() if isinstance(given, Mapping) else given
-        return any(isinstance(one, str | Mapping) for one in several)
-    parts = get_args(hint) or (hint,)
-    return not isinstance(given, bool) and any(family_of(part) for part in parts)
+        table = of_family and isinstance(given, Mapping)
+        return table or any(isinstance(one, str | Mapping) for one in several)
+    return of_family and isinstance(given, int | float) and not isinstance(given, bool)
 
 
 def _read_field(field: Field, given: Any) -> Any:
@@ -183,6 +181,10 @@ class Field:
     """Whether its number must be finite."""
     default: Any = None
     """What it is if not given; None also where it must be."""
+    check: Callable[[str, float, str, Where], float] | None = None
+    """Raises if its number is out of range; None: of no quantity."""
+    words: str = ""
+    """What errors call it."""
 
 
 @cache
@@ -194,19 +196,27 @@ def fields_of(kind: type) -> dict[str, Field]:
     """
     written = getattr(kind, "written", None) or kind
     hints = get_type_hints(written)
-    fields = {}
+    fields, own = {}, {}
+    if dataclasses.is_dataclass(kind):  # it may check more closely than what files say of it
+        own = {one.name: one.metadata for one in dataclasses.fields(kind)}
+    missing = dataclasses.MISSING
     for one in dataclasses.fields(written):
-        hint, units = hints[one.name], units_of(one)
-        if units is None and CHOICES not in one.metadata and _measures(hint):
+        hint, said = hints[one.name], own.get(one.name) or one.metadata
+        if not said and _measures(hint):
             raise TypeError(
                 f"{kind.__name__}.{one.name} is a number without a unit; see `quantity`"
             )
-        missing = dataclasses.MISSING
-        required = one.default is missing and one.default_factory is missing
-        choices = one.metadata.get(CHOICES)
-        finite = one.metadata.get(FINITE, True)
-        default = None if one.default is missing else one.default
-        fields[one.name] = Field(one.name, hint, units or ("",), required, choices, finite, default)
+        fields[one.name] = Field(
+            one.name,
+            hint,
+            said.get("units", ("",)),
+            required=one.default is missing and one.default_factory is missing,
+            choices=said.get("choices"),
+            finite=said.get("finite", True),
+            default=None if one.default is missing else one.default,
+            check=said.get("check"),
+            words=said.get("words") or one.name,
+        )
     return fields
 
 
@@ -228,8 +238,7 @@ def default_at(kind: Any, path: Sequence[str]) -> Any:
     if family is not None:
         if path[0] == family.key:
             return family.default
-        member = family.members[family.default or next(iter(family.members))]
-        kind = member.kind if isinstance(member, Preset) else member
+        kind = family.member(family.default or next(iter(family.members))).kind
     field = fields_of(kind).get(path[0])
     if field is None:
         return None
@@ -276,8 +285,8 @@ class Preset:
     """A kind with some of its fields set."""
 
     kind: type
-    title: str
-    given: Mapping[str, Any]
+    title: str = ""
+    given: Mapping[str, Any] = dataclasses.field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -296,6 +305,11 @@ class Family:
     """Whether the bare word stands for a table with nothing else in it."""
     number: tuple[str, str] | None = None
     """Word and key of the member that a bare number stands for, if it may stand for one."""
+
+    def member(self, word: str) -> Preset:
+        """The kind that a word chooses, and those of its fields that are set."""
+        member = self.members[word]
+        return member if isinstance(member, Preset) else Preset(member)
 
 
 _families: dict[type, Family] = {}
@@ -343,19 +357,14 @@ def names_of(kind: Any) -> Sequence[str]:
     return _names[kind][1]() if kind in _names else ()
 
 
-def named(kind: type, name: str) -> Any:
-    """The `kind` of this name, one of `names_of`."""
-    return _names[kind][0](name)
-
-
 # Objects to plain data and back, from the type hints of their fields.
 #
 # Result files and scenario files are both read and written by what is here: a class says its
 # fields once, with their types, units and explanations.
 #
-#     codec.plain(joint)                      # {"kind": "revolute", "bearing_radius": 0.01, ...}
-#     codec.read(Clearance, data)             # the joint, or a JointplayError that knows its place
-#     codec.check(Clearance, data).make()     # the same in two steps: all checks first
+#     plain(joint)                      # {"kind": "revolute", "bearing_radius": 0.01, ...}
+#     read(Clearance, data)             # the joint, or a JointplayError that knows its place
+#     check(Clearance, data).make()     # the same in two steps: all checks first
 #
 # Numbers may be text with a unit, ``"0.2 mm"``. A class whose kinds are chosen by a word (laws by
 # ``law``, joints and drives by ``kind``) is a `Family`.
@@ -428,10 +437,7 @@ class Draft:
         Raises:
             JointplayError: fields that do not go together; `where` has the place.
         """
-        given = {}
-        for name, one in self.fields.items():
-            with within(name):
-                given[name] = make(one, objects)
+        given = make(dict(self.fields), objects)
         if issubclass(self.kind, Described):
             return self.kind.from_fields(given)
         return self.kind(**given)
@@ -442,19 +448,13 @@ def make(checked: Any, objects: bool = True) -> Any:
     if isinstance(checked, Draft):
         left = not objects and issubclass(checked.kind, Described)
         return checked if left else checked.make(objects)
-    if isinstance(checked, dict):
-        made = {}
-        for key, one in checked.items():
-            with within(key):
-                made[key] = make(one, objects)
-        return made
-    if isinstance(checked, list | tuple):
-        several = []
-        for index, one in enumerate(checked):
-            with within(index):
-                several.append(make(one, objects))
-        return type(checked)(several)
-    return checked
+    if not isinstance(checked, dict | list | tuple):
+        return checked
+    made = {}
+    for key, one in checked.items() if isinstance(checked, dict) else enumerate(checked):
+        with within(key):
+            made[key] = make(one, objects)
+    return made if isinstance(checked, dict) else type(checked)(made.values())
 
 
 def read(kind: type[T] | Any, data: Any) -> Any:
@@ -482,7 +482,7 @@ def check(kind: Any, data: Any, units: tuple[str, ...] = ("",)) -> Any:
         return data
     if isinstance(data, str) and (names := names_of(kind)):
         try:
-            return named(kind, data)
+            return _names[kind][0](data)
         except MissingName:
             raise JointplayError(one_of(kind.__name__.lower(), data, names)) from None
     family = family_of(kind)
@@ -491,11 +491,8 @@ def check(kind: Any, data: Any, units: tuple[str, ...] = ("",)) -> Any:
     origin, parts = get_origin(kind), get_args(kind)
     if origin in (Union, types.UnionType):
         return _one_of_several(data, parts, units)
-    if (
-        isinstance(kind, type)
-        and origin is None
-        and (dataclasses.is_dataclass(kind) or getattr(kind, "written", None))
-    ):
+    table = dataclasses.is_dataclass(kind) or getattr(kind, "written", None)
+    if isinstance(kind, type) and table:
         return _table(kind, data, None, {})
     if origin is not None and origin is not Literal:
         return _collection(origin, parts, data, units)
@@ -519,18 +516,11 @@ def _chosen(family: Family, data: Any) -> Draft:
         raise JointplayError(f"the key {key} is missing; available: {', '.join(members)}")
     if not isinstance(word, str) or word not in members:
         raise JointplayError(one_of(noun, word, members), where=place)
-    member = members[word]
-    if isinstance(member, Preset):
-        return _table(member.kind, data, (key, word), member.given)
-    return _table(member, data, (key, word), {})
+    member = family.member(word)
+    return _table(member.kind, data, (key, word), member.given)
 
 
-def _table(
-    kind: type,
-    data: Any,
-    word: tuple[str, str] | None,
-    preset: Mapping[str, Any],
-) -> Draft:
+def _table(kind: type, data: Any, word: tuple[str, str] | None, preset: Mapping[str, Any]) -> Draft:
     """A dataclass from a table of its fields."""
     fields = {name: one for name, one in fields_of(kind).items() if name not in preset}
     selector = getattr(kind, "selector", None)
@@ -569,7 +559,7 @@ def _field(field: Field, data: Any) -> Any:
     word = isinstance(data, str)
     if (word or is_word(field.hint)) and not (word and data in words):
         raise JointplayError(one_of(noun, data, words))
-    if isinstance(words, Mapping) and not is_word(field.hint) and isinstance(data, str):
+    if word and isinstance(words, Mapping) and not is_word(field.hint):
         return words[data]
     return check(field.hint, data, field.units)
 

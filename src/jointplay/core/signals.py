@@ -35,7 +35,7 @@ class GivenUp(KeyboardInterrupt):
 class _State:
     """What this process is doing, for the handler of signals."""
 
-    told = 0
+    requests = 0
     """How often it has been told to stop."""
     keeping = ""
     """What is to be saved, if anything."""
@@ -53,21 +53,22 @@ def listening() -> Iterator[None]:
     before = {number: signal.getsignal(number) for number in SIGNALS}
     ignored = {n for n, handler in before.items() if handler is signal.SIG_IGN}  # such as by nohup
     for number in set(SIGNALS) - ignored:
-        signal.signal(number, _told)
-    _state.told = 0
+        signal.signal(number, _handle)
+    _state.requests = 0
     try:
         yield
     finally:
         for number, handler in before.items():
             signal.signal(number, handler if handler is not None else signal.SIG_DFL)
-        _state.told = 0
+        _state.requests = 0
 
 
-def _told(*_: Any) -> None:
-    _state.told += 1
+def _handle(*_: Any) -> None:
+    """Stop at once, or let what is to be saved be saved first."""
+    _state.requests += 1
     if not _state.keeping:
         raise KeyboardInterrupt
-    if _state.told > 1:
+    if _state.requests > 1:
         raise GivenUp(f"gave up {_state.keeping}")
     say(f"stopping; saving {_state.keeping} (interrupt again to discard it)")
 
@@ -85,7 +86,7 @@ def say(text: str) -> None:
 def keeping(what: str) -> Iterator[None]:
     """Compute and save `what` in the block: being told to stop once does not lose it.
 
-    Ask `told` afterwards.
+    Ask `stop_requested` afterwards.
 
     Raises:
         GivenUp: told to stop twice, or before there was anything to save.
@@ -97,7 +98,7 @@ def keeping(what: str) -> Iterator[None]:
     except GivenUp:
         raise
     except KeyboardInterrupt:
-        early = _state.told == 1
+        early = _state.requests == 1
         raise GivenUp(
             f"nothing of {what} was computed yet" if early else f"gave up {what}"
         ) from None
@@ -107,7 +108,7 @@ def keeping(what: str) -> Iterator[None]:
 
 def stop_requested() -> bool:
     """Whether this process has been told to stop."""
-    return _state.told > 0
+    return _state.requests > 0
 
 
 def stoppable(run: Run) -> Run:
@@ -115,7 +116,7 @@ def stoppable(run: Run) -> Run:
 
     @contextmanager
     def guard() -> Iterator[None]:
-        if _state.told:  # before it began
+        if _state.requests:  # before it began
             raise KeyboardInterrupt
         yield
         if run.workspace.rows == 0:  # stopped before its first record

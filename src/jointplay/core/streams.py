@@ -9,6 +9,7 @@ import tempfile
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
 from typing import Any
 
 from jointplay.core.errors import one_line
@@ -41,11 +42,8 @@ class _Plain:
         return getattr(self._stream, name)
 
 
-class _Forgiving:
+class _Forgiving(_Plain):
     """Standard error that nothing fails for: no run is lost because no one can be told of it."""
-
-    def __init__(self, stream: Any) -> None:
-        self._stream = stream
 
     def write(self, text: str) -> int:
         parts = _BAR.split(text)
@@ -57,9 +55,6 @@ class _Forgiving:
     def flush(self) -> None:
         with suppress(OSError, ValueError):
             self._stream.flush()
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._stream, name)
 
 
 @contextmanager
@@ -82,39 +77,25 @@ def forgiving() -> Iterator[None]:
         sys.stdout, sys.stderr = out, before
 
 
-class Notes:
+@dataclass
+class _Notes:
     """Remarks for the user beside what a command prints: held back until it is clear that the
     command does something, for an error is to be one line, with nothing before it.
-
-    Args:
-        quiet: whether they are wanted at all.
     """
 
-    def __init__(self, quiet: bool) -> None:
-        """Hold none."""
-        self._quiet, self._held = quiet, list[str]()
-
-    def add(self, text: object) -> None:
-        """Hold a remark; the same one is said once."""
-        line = one_line(text)
-        if line not in self._held:
-            self._held.append(line)
-
-    def release(self) -> None:
-        """Say what is held."""
-        for line in [] if self._quiet else self._held:
-            print(line, file=sys.stderr)
-        self._held.clear()
+    quiet: bool
+    """Whether they are not wanted at all."""
+    held: list[str] = field(default_factory=list)
 
 
-_notes = Notes(quiet=False)
+_notes = _Notes(quiet=False)
 
 
 @contextmanager
 def noting(quiet: bool) -> Iterator[None]:
     """Hold remarks and Python's warnings back in the block; after an error they are dropped."""
     global _notes
-    outer, _notes = _notes, Notes(quiet)
+    outer, _notes = _notes, _Notes(quiet)
     try:
         with warnings.catch_warnings():
             warnings.showwarning = lambda message, *_, **__: note(f"note: {message}")
@@ -125,13 +106,17 @@ def noting(quiet: bool) -> Iterator[None]:
 
 
 def note(text: object) -> None:
-    """Say something to the user beside what is printed, once it is clear that all goes well."""
-    _notes.add(text)
+    """Say something to the user once, as soon as it is clear that all goes well."""
+    line = one_line(text)
+    if line not in _notes.held:
+        _notes.held.append(line)
 
 
 def release() -> None:
     """Say what was held back: the work begins."""
-    _notes.release()
+    for line in [] if _notes.quiet else _notes.held:
+        print(line, file=sys.stderr)
+    _notes.held.clear()
 
 
 def full(stream: Any) -> bool:

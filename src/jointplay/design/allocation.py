@@ -17,13 +17,14 @@ of random direction puts it.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import linprog, minimize, nnls
 from scipy.stats import binom
 from tqdm import tqdm
 
+from jointplay.analysis.tables import columns
 from jointplay.core.errors import (
     JointplayError,
     MissingName,
@@ -31,27 +32,28 @@ from jointplay.core.errors import (
     require_share,
     require_whole,
 )
-from jointplay.design import loop_play
-from jointplay.design.levers import Part, sources
+from jointplay.design.levers import PlaySources, sources
 from jointplay.design.static_budget import budget, half_sphere
 from jointplay.mechanism.mechanism import Mechanism
 
-# What an allocation works on: the error as rows of the clearances, and their price.
-
-
-_MM = 1e3
-"""Costs are of clearances in millimetres."""
-
+COSTS = ("reciprocal", "reciprocal-squared", "linear")
+"""What a clearance c [mm] costs, times its weight: 1/c, 1/c^2, or what `most` has more."""
+LEAST_M, MOST_M = 2e-6, 1e-3
+"""Clearances that can be bought, unless others are given [m]."""
 SAMPLES = 4000
 """States drawn for a quantile."""
-
+_MM = 1e3
+"""Costs are of clearances in millimetres."""
 _QUANTILE_POSES = 12
-
 _PATIENCE_S = 2.0
 """What takes longer has a bar [s]."""
-
 _DIRECTIONS_TIED = 60
 """Over half a sphere, where plays hold each other: each is a search, in every round anew."""
+_ROUNDS, _QUANTILE_ROUNDS = 80, 8
+_REFINEMENTS = 5
+_EXACT = 2e-5
+_CLOSE = 0.9995
+"""Part of the target that must be used up, second order included."""
 
 
 class ErrorModel:
@@ -74,46 +76,51 @@ class ErrorModel:
         )
         self.names = tuple(mechanism.clearance)
         self.nominal = np.array([joint.radial_room for joint in mechanism.clearance.values()])
-        self.parts = sources(mechanism, poses, second_order=False, driven=driven, loops=True)
-        self.n, self.j = len(self.parts[0].move), len(self.names)
-        self.tied = any(part.tie is not None for part in self.parts)
-        if self.tied and quantile is not None:
+        self.sources = sources(mechanism, poses, second_order=False, driven=driven, loops=True)
+        self.j = len(self.names)
+        if self.sources.tied and quantile is not None:
             raise JointplayError(
                 "a quantile is of journals that rest independently of each other; those of a loop "
                 "that lean hold each other: take the worst case, or kind 'planar'"
             )
         if quantile is None:
-            self._half = half_sphere(_DIRECTIONS_TIED) if self.tied else half_sphere()
+            self._half = half_sphere(_DIRECTIONS_TIED) if self.sources.tied else half_sphere()
             # Per unit of clearance; then what gears add.
-            self._grid = self._gains(np.ones(len(self.parts)))
+            self._grid = self._gains(np.ones(len(self.sources.names)))
         else:
             # A state is drawn at the poses that matter; the result is judged at all of them.
-            first = self._draw(self.parts, SAMPLES // 20).sum(axis=0)
+            first = self._draw(self.sources, SAMPLES // 20).sum(axis=0)
             size = np.quantile(np.linalg.norm(first, axis=2), quantile, axis=1)
-            kept = np.argsort(size)[-_QUANTILE_POSES:]
-            self.parts = tuple(
-                replace(part, move=part.move[kept], load=part.load[kept]) for part in self.parts
-            )
-            self.n = len(kept)
-            self._states = self._draw(self.parts)
+            self.sources = self.sources.subset(poses=np.argsort(size)[-_QUANTILE_POSES:])
+            self._states = self._draw(self.sources)
 
-    def _draw(self, parts: Sequence[Part], count: int = SAMPLES) -> np.ndarray:
-        """States of each part under loads of random directions, (parts, n, count, 3) [m]."""
+    @property
+    def n(self) -> int:
+        """Poses that are looked at."""
+        return self.sources.move.shape[1]
+
+    def _draw(self, plays: PlaySources, count: int = SAMPLES) -> np.ndarray:
+        """States of each source under loads of random directions, (sources, n, count, 3) [m]."""
         random = np.random.default_rng(self.seed)
         states = []
-        for part in parts:
+        for j in range(len(plays.names)):
             d = random.normal(size=(1, count, 3))
             d /= np.linalg.norm(d, axis=2, keepdims=True)
-            shape = (len(part.move), count, 3)
-            states.append(part.along(np.broadcast_to(d, shape))[1][..., :3])
+            shape = (plays.move.shape[1], count, 3)
+            found = plays.subset([j]).along(np.broadcast_to(d, shape))
+            states.append(found.error[0, ..., :3])
         return np.stack(states)
 
     def _gains(self, scale: np.ndarray) -> np.ndarray:
-        """Error along each direction at each pose, by clearance: (n, directions, parts)."""
+        """Error along each direction at each pose, by clearance: (n, directions, sources)."""
         directions = np.broadcast_to(self._half, (self.n, *self._half.shape))
-        gains = loop_play.along(self.parts, directions, scale=scale).value / scale[:, None, None]
+        return np.moveaxis(self._per_clearance(directions, scale), 0, 2)
+
+    def _per_clearance(self, directions: np.ndarray, scale: np.ndarray) -> np.ndarray:
+        """The same along directions (n, m, 3), (sources, n, m); what gears add, as it is."""
+        gains = self.sources.along(directions, scale=scale).value / scale[:, None, None]
         gains[: self.j] /= self.nominal[:, None, None]
-        return np.moveaxis(gains, 0, 2)
+        return gains
 
     def with_clearance(self, clearance: np.ndarray) -> Mechanism:
         """The mechanism with these clearances."""
@@ -130,22 +137,17 @@ class ErrorModel:
 
     def rows(self, clearance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The error at each pose as rows . clearance + offsets, exact here: (n, j), (n,)."""
-        scale = np.append(clearance / self.nominal, np.ones(len(self.parts) - self.j))
+        scale = np.append(clearance / self.nominal, np.ones(len(self.sources.names) - self.j))
         self._bar.update()
         return self._worst(scale) if self.quantile is None else self._at_quantile(scale)
 
     def _worst(self, scale: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         per_unit = np.append(scale[: self.j] * self.nominal, scale[self.j :])
-        grid = self._gains(scale) if self.tied else self._grid
+        grid = self._gains(scale) if self.sources.tied else self._grid
         best = (grid @ per_unit).argmax(axis=1)
-        d = self._half[best]
-        for _ in range(5):
-            total = loop_play.along(self.parts, d[:, None], scale=scale).error.sum(axis=0)[:, 0, :3]
-            size = np.linalg.norm(total, axis=1, keepdims=True)
-            d = np.where(size > 0.0, total / np.where(size > 0.0, size, 1.0), d)
-        found = loop_play.along(self.parts, d[:, None], scale=scale).value[:, :, 0]
-        values = (found / scale[:, None]).T
-        return values[:, : self.j] / self.nominal, values[:, self.j :].sum(axis=1)
+        d = self.sources.climb(self._half[best], _REFINEMENTS, scale=scale)
+        values = self._per_clearance(d[:, None], scale)[:, :, 0].T
+        return values[:, : self.j], values[:, self.j :].sum(axis=1)
 
     def _at_quantile(self, scale: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The mean over states about the quantile of what each joint adds along the error."""
@@ -167,8 +169,8 @@ class ErrorModel:
     def spread(self, mechanism: Mechanism) -> tuple[float, tuple[float, float]]:
         """Quantile with the second order, included, and its 95 % interval [m]."""
         assert self.quantile is not None
-        parts = sources(mechanism, self.poses, driven=self.driven, loops=True)
-        size = np.sort(np.linalg.norm(self._draw(parts).sum(axis=0), axis=2), axis=1)
+        plays = sources(mechanism, self.poses, driven=self.driven, loops=True)
+        size = np.sort(np.linalg.norm(self._draw(plays).sum(axis=0), axis=2), axis=1)
         low, high = binom.ppf([0.025, 0.975], SAMPLES, self.quantile).astype(int)
         place = int(np.ceil(self.quantile * SAMPLES)) - 1
         worst = int(size[:, place].argmax())
@@ -189,15 +191,18 @@ class AllocationProblem:
         """Cost of clearances c [m]."""
         if self.cost == "linear":
             return float(self.weight @ (self.most - c)) * _MM
-        power = 1 if self.cost == "reciprocal" else 2
-        return float(self.weight @ (1.0 / (_MM * c) ** power))
+        return float(self.weight @ (1.0 / (_MM * c) ** self._power))
 
     def slope(self, c: np.ndarray) -> np.ndarray:
         """Derivative of the cost by each clearance [1/m]."""
         if self.cost == "linear":
             return -self.weight * _MM
-        power = 1 if self.cost == "reciprocal" else 2
-        return -power * self.weight / ((_MM * c) ** power * c)
+        return -self._power * self.weight / ((_MM * c) ** self._power * c)
+
+    @property
+    def _power(self) -> int:
+        """Of 1/c."""
+        return 2 if self.cost == "reciprocal-squared" else 1
 
     def solve(self, rows: np.ndarray, room: np.ndarray, start: np.ndarray) -> np.ndarray:
         """The cheapest clearances with rows . c <= room [m]."""
@@ -258,22 +263,6 @@ class AllocationProblem:
         return slope, nnls(rows[:, inside].T, slope[inside] / scale)[0] * scale
 
 
-COSTS = ("reciprocal", "reciprocal-squared", "linear")
-"""What a clearance c [mm] costs, times its weight: 1/c, 1/c^2, or what `most` has more."""
-
-LEAST_M, MOST_M = 2e-6, 1e-3
-"""Clearances that can be bought, unless others are given [m]."""
-
-_ROUNDS = 80
-
-_QUANTILE_ROUNDS = 8
-
-_EXACT = 2e-5
-
-_CLOSE = 0.9995
-"""Part of the target that must be used up, second order included."""
-
-
 @dataclass(frozen=True)
 class Allocation:
     """Clearances that keep a target, of j joints."""
@@ -313,16 +302,26 @@ class Allocation:
 
     def __str__(self) -> str:
         """The table."""
-        lines = [
-            "joint                       clearance [um]  error per um  adds [um]  "
-            "a um more saves  held by"
-        ]
-        for j, name in enumerate(self.joints):
-            lines.append(
-                f"{name:<27} {1e6 * self.clearance[j]:>14.2f}  {self.gain[j]:>12.3f}  "
-                f"{1e6 * self.gain[j] * self.clearance[j]:>9.2f}  {self.price[j]:>15.4g}  "
-                f"{self.bound[j] or 'target'}"
+        head = (
+            "joint",
+            "clearance [um]",
+            "error per um",
+            "adds [um]",
+            "a um more saves",
+            "held by",
+        )
+        rows = [
+            (
+                name,
+                f"{1e6 * self.clearance[j]:.2f}",
+                f"{self.gain[j]:.3f}",
+                f"{1e6 * self.gain[j] * self.clearance[j]:.2f}",
+                f"{self.price[j]:.4g}",
+                self.bound[j] or "target",
             )
+            for j, name in enumerate(self.joints)
+        ]
+        lines = columns([head, *rows])
         low, high = self.spread
         interval = f" (95 %: {1e6 * low:.2f} to {1e6 * high:.2f})" if high > low else ""
         lines.append(

@@ -1,41 +1,53 @@
-"""From the play of each joint to the motion of the tool: sources of play and their levers."""
+"""Sources of play, how each moves the tool, and how far all of them together can.
+
+A joint's play is a set of small displacements of the child's body against the parent's: the
+journal's centre c [m] and rotation vector phi [rad], in bearing axes. What a load can reach in that
+set is its support function
+
+    h(F, M) = max (F . c + M . phi)
+
+for a load F [N], M [N m] about the bearing's centre. The displacement at which the maximum is
+attained is where the journal rests under this load, if nothing rubs. Sums of such sets have the sum
+of the support functions, so a robot's budget is a sum over its joints.
+
+The sets follow from the gaps of docs/theory.md. In the first order of the clearance they are
+convex: for a journal of length L with its rims' centres p = c + L/2 s and q = c - L/2 s, where s is
+the lean of its axis,
+
+    |p| <= C_r,  |q| <= C_r,  |c_z| + R_j |s| <= C_a
+
+In the second order a leaning journal has a little more room, R_j |s|^2 / 2 across and L |s|^2 / 4
+along: the true set is not quite convex. Here both clearances are widened by what the largest lean
+gives, so that h is never too small; `Play.excess` says by which part it may be too large.
+
+In a tree a joint's play moves all that it carries. In a closed loop the joints that are not driven
+follow (`loops`), the tool with them; and plays of one loop may hold each other (`loop_play`).
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
 from jointplay.core.errors import JointplayError, require_finite
-from jointplay.design import loops
-from jointplay.joints.play import Cone, Cones, Play, Support
+from jointplay.design import loop_play
+from jointplay.design.loops import ClosedLoops, is_closed, opening, own_opening
+from jointplay.joints import Coordinate
+from jointplay.joints.play import Cone, Cones, JournalPlay, Play, Support
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.mechanism.model import z_to
 
-# How far the journals of a joint can move in their bearing, without forces: exact, in closed
-# form.
-#
-# A joint's play is a set of small displacements of the child's body against the parent's: the
-# journal's centre c [m] and rotation vector phi [rad], in bearing axes. What a load can reach in
-# that set is its support function
-#
-#     h(F, M) = max (F . c + M . phi)
-#
-# for a load F [N], M [N m] about the bearing's centre. The displacement at which the maximum is
-# attained is where the journal rests under this load, if nothing rubs. Sums of such sets have the
-# sum of the support functions, so a robot's budget is a sum over its joints (`budget`).
-#
-# The sets follow from the gaps of docs/theory.md. In the first order of the clearance they are
-# convex: for a journal of length L with its rims' centres p = c + L/2 s and q = c - L/2 s, where
-# s is the lean of its axis,
-#
-#     |p| <= C_r,  |q| <= C_r,  |c_z| + R_j |s| <= C_a
-#
-# In the second order a leaning journal has a little more room, R_j |s|^2 / 2 across and L |s|^2 /
-# 4 along: the true set is not quite convex. Here both clearances are widened by what the largest
-# lean gives, so that h is never too small; `excess` says by which part it may be too large.
+GEAR = " (gear)"
+"""Appended to a joint's name for the play of its gear."""
+_FELT = 1e-9
+"""Motion of the tool per motion of a coordinate that is none [1 or m]."""
+_FITS = 1e-9
+"""Part of what the plays could open that may stay open."""
 
 
 @dataclass(frozen=True)
@@ -63,46 +75,114 @@ class TurnPlay(Play):
         return Support(np.abs(loads[:, 5]) * self.half, point)
 
 
-# In a tree a joint's play moves all that it carries. In a closed loop the joints that are not
-# driven follow (`loops`), the tool with them; and plays of one loop may hold each other
-# (`Part.tie`).
+@dataclass(frozen=True)
+class States:
+    """Farthest states of j sources of play at n poses along m directions."""
 
-
-GEAR = " (gear)"
-"""Appended to a joint's name for the play of its gear."""
-_FELT = 1e-9
-"""Motion of the tool per motion of a coordinate that is none [1 or m]."""
+    value: np.ndarray
+    """By source, their sum being a bound, shape (j, n, m) [m or rad]."""
+    point: np.ndarray
+    """Displacements of the joints, which attain it, shape (j, n, m, 6)."""
+    error: np.ndarray
+    """The tool's error there, by source, shape (j, n, m, 6)."""
 
 
 @dataclass(frozen=True)
-class Part:
-    """What one source of play does to the tool, at each of n poses."""
+class PlaySources:
+    """All sources of play of a machine at n poses: what they are, and what they do to the tool."""
 
-    name: str
-    play: Play
+    names: tuple[str, ...]
+    """Joints with clearance, then gears; length j."""
+    plays: tuple[Play, ...]
     move: np.ndarray
-    """Tool's displacement and rotation in world axes per displacement of the joint, (n, 6, 6)."""
+    """The tool's displacement and rotation in world axes per the joint's own, (j, n, 6, 6)."""
     load: np.ndarray
-    """Gravity and the tool's load on the joint, about its centre, bearing axes, (n, 6) [N, N m]."""
-    tie: np.ndarray | None = None
-    """By how much each displacement opens loops that nothing else can close, (n, r, 6), zero in
-    sum over all parts; None: no loops hold the plays. See `loop_play`."""
+    """Gravity and the tool's load on the joint, about its centre, bearing axes, (j, n, 6) [N, N m].
+    """
+    tie: np.ndarray
+    """By how much each displacement opens loops that nothing else can close, (j, n, r, 6), zero in
+    sum over all sources; r is zero if no loops hold the plays. See `loop_play`."""
 
-    def along(self, directions: np.ndarray, turn: bool = False) -> tuple[np.ndarray, np.ndarray]:
-        """Farthest displacements of the tool that this play allows, along directions.
+    @property
+    def tied(self) -> bool:
+        """Whether plays hold each other."""
+        return self.tie.shape[2] > 0
+
+    def subset(self, sources: Any = slice(None), poses: Any = slice(None)) -> PlaySources:
+        """Some of the sources and poses, by indices or slices."""
+        some = np.arange(len(self.names))[sources]
+        arrays = (array[some][:, poses] for array in (self.move, self.load, self.tie))
+        return PlaySources(
+            tuple(self.names[i] for i in some), tuple(self.plays[i] for i in some), *arrays
+        )
+
+    def along(
+        self, directions: np.ndarray, turn: bool = False, scale: np.ndarray | None = None
+    ) -> States:
+        """Farthest displacements of the tool that all plays together allow, along directions.
 
         Args:
             directions: unit vectors in world axes, shape (n, m, 3).
             turn: rotations of the tool instead of displacements.
-
-        Returns:
-            The support function (n, m) [m or rad], and the tool's error there (n, m, 6).
+            scale: what the clearances of each source are multiplied by, shape (j,).
         """
-        rows = self.move[:, 3:] if turn else self.move[:, :3]
-        loads = np.einsum("nmk,nkj->nmj", directions, rows)
-        support = self.play.support(loads.reshape(-1, 6))
-        point = support.point.reshape(loads.shape)
-        return support.value.reshape(loads.shape[:2]), np.einsum("nij,nmj->nmi", self.move, point)
+        rows = self.move[:, :, 3:] if turn else self.move[:, :, :3]
+        return self._farthest(np.einsum("nmk,jnki->jnmi", directions, rows), scale)
+
+    def at_rest(self) -> States:
+        """Where gravity and the tool's load put the journals, without friction; m is one."""
+        return self._farthest(self.load[:, :, None])
+
+    def climb(
+        self, d: np.ndarray, steps: int, turn: bool = False, scale: np.ndarray | None = None
+    ) -> np.ndarray:
+        """Directions (n, 3) in which the tool gets no less far than along directions `d`.
+
+        In each step d is replaced by the direction of the point that is farthest along d.
+        """
+        wanted = slice(3, 6) if turn else slice(0, 3)
+        for _ in range(steps):
+            total = self.along(d[:, None], turn, scale).error.sum(axis=0)[:, 0, wanted]
+            size = np.linalg.norm(total, axis=1, keepdims=True)
+            d = np.where(size > 0.0, total / np.where(size > 0.0, size, 1.0), d)
+        return d
+
+    def _farthest(self, loads: np.ndarray, scale: np.ndarray | None = None) -> States:
+        """See `along`; loads (j, n, m, 6) of any unit."""
+        j, n, m, _ = loads.shape
+        factor = np.ones((j, 1, 1)) if scale is None else scale[:, None, None]
+        flat = loads.reshape(j, n * m, 6)
+        plays = [loop_play.ended(play) for play in self.plays] if self.tied else self.plays
+        found = [play.support(one) for play, one in zip(plays, flat, strict=True)]
+        value = factor[..., 0] * np.stack([one.value for one in found])
+        point = factor * np.stack([one.point for one in found])
+        if self.tied:
+            ties = np.repeat(factor[..., None] * self.tie, m, axis=1)
+            opened = np.abs(np.einsum("jnri,jni->nr", ties, point / factor)).max(axis=1)
+            able = sum(loop_play.opening(*pair) for pair in zip(plays, ties, strict=True))
+            (some,) = np.nonzero(opened > _FITS * able)
+            if len(some):
+                value[:, some], inner = loop_play.farthest(
+                    plays, (factor * flat)[:, some], ties[:, some]
+                )
+                point[:, some] = factor * inner
+        point = point.reshape(j, n, m, 6)
+        error = np.einsum("jnik,jnmk->jnmi", self.move, point)
+        if self.tied:
+            self._check_ends(point, error)
+        return States(value.reshape(j, n, m), point, error)
+
+    def _check_ends(self, point: np.ndarray, error: np.ndarray) -> None:
+        """Refuse a journal without end walls at an end that it has not, if the tool feels it."""
+        for name, play, at, errors in zip(self.names, self.plays, point, error, strict=True):
+            if not isinstance(play, JournalPlay) or not math.isinf(play.along):
+                continue
+            far = np.abs(at[..., 2]) > 0.5 * loop_play.FAR * play.across
+            if (far & (np.abs(errors[..., :3]).max(axis=-1) > play.across)).any():
+                raise JointplayError(
+                    f"nothing limits the journal of {name!r} along its axis, and the tool feels "
+                    "it: give the joint end walls (an axial clearance), or lock_axial"
+                )
 
 
 def sources(
@@ -113,10 +193,10 @@ def sources(
     second_order: bool = True,
     driven: Sequence[str] | None = None,
     loops: bool = False,
-) -> tuple[Part, ...]:
+) -> PlaySources:
     """Every source of play, and how it moves the tool at each pose; arguments are `budget`'s.
 
-    With `loops` the caller heeds `Part.tie`; else mechanisms with loops are refused.
+    With `loops` mechanisms with loops are taken, too, whose plays may be tied to each other.
     """
     if mechanism.loops and not loops:
         raise JointplayError(
@@ -132,34 +212,36 @@ def sources(
     push = np.array([require_finite("force on the tool", f, "N") for f in force])
     if push.shape != (3,):
         raise JointplayError(f"the force on the tool must have three components, got {force!r}")
-    names = [(name, joint.play(second_order)) for name, joint in mechanism.clearance.items()]
-    gears = [(name, TurnPlay(gear.play / 2.0)) for name, gear in mechanism.gears.items()]
-    labels = [*names, *gears]
-    moves = np.zeros((len(labels), len(q), 6, 6))
-    loads = np.zeros((len(labels), len(q), 6))
-    following = _Following(mechanism, q, driven) if mechanism.loops else None
-    ties: list[np.ndarray] = []
+    gears = [name + GEAR for name in mechanism.gears]
+    for name in set(gears) & set(mechanism.clearance):
+        raise JointplayError(f"the joint {name!r} is called like the gear of another joint")
+    plays = [joint.play(second_order) for joint in mechanism.clearance.values()]
+    plays += [TurnPlay(gear.play / 2.0) for gear in mechanism.gears.values()]
+    joints = [*mechanism.clearance, *mechanism.gears]
+    moves, loads = np.zeros((len(joints), len(q), 6, 6)), np.zeros((len(joints), len(q), 6))
+    closing = ClosedLoops(mechanism, q[0], driven) if mechanism.loops else None
+    ties = []
     for i, row in enumerate(q):
         pin.computeJointJacobians(mechanism.model, mechanism.data, row)
         tool = tool_place(mechanism, row)
         pin.centerOfMass(mechanism.model, mechanism.data, row, True)
-        for j, (name, _) in enumerate(labels):
+        for j, name in enumerate(joints):
             if name not in mechanism.loops:
                 moves[j, i], loads[j, i] = _lever(mechanism, name, tool.translation, push)
-        if following is not None:
-            joints = [name for name, _ in labels]
-            ties.append(following.add(i, joints, push, moves[:, i], loads[:, i]))
-    named = [*names, *((name + GEAR, one) for name, one in gears)]
-    for name, _ in names:
-        if any(name == source + GEAR for source, _ in gears):
-            raise JointplayError(f"the joint {name!r} is called like the gear of another joint")
-    tied = _padded(ties) if ties else None
-    if tied is not None and not _hold(tied, [one for _, one in labels]):
-        tied = None
-    return tuple(
-        Part(name, one, moves[j], loads[j], None if tied is None else tied[j])
-        for j, (name, one) in enumerate(named)
+        if closing is not None:
+            ties.append(_follow(closing, q, i, joints, push, moves, loads))
+    most = max((one.shape[1] for one in ties), default=0)
+    tie = np.zeros((len(joints), len(q), most, 6))
+    for i, one in enumerate(ties):
+        tie[:, i, : one.shape[1]] = one
+    holds = (
+        np.abs(one @ play.cones.spread).max(initial=0.0) > _FELT * max(play.reach)
+        for one, play in zip(tie, plays, strict=True)
+        if most
     )
+    if not any(holds):
+        tie = tie[:, :, :0]
+    return PlaySources((*mechanism.clearance, *gears), tuple(plays), moves, loads, tie)
 
 
 def configurations(
@@ -170,7 +252,6 @@ def configurations(
     """Configurations, shape (n, nq): journals centred, loops closed.
 
     Args:
-        mechanism: the robot.
         poses: joint positions by name, the rest zero; or configurations (n, nq).
         driven: see `budget`; positions of other joints of a loop say from where it is closed.
 
@@ -186,88 +267,56 @@ def configurations(
         raise JointplayError(
             f"poses must be finite and of the shape (n, {mechanism.model.nq}), got {q.shape}"
         )
-    if not mechanism.loops or all(loops.is_closed(mechanism, row) for row in q):
+    if not mechanism.loops or all(is_closed(mechanism, row) for row in q):
         return q
-    names = loops.driven_joints(mechanism, q[0], driven)
-    passive = loops.passive_coordinates(mechanism, names)
-    closed, good = loops.close_all(mechanism, q, passive)
-    if not good.all():
-        at = int(np.argmin(good))
-        raise JointplayError(loops.blame(mechanism, q[at], names, at, len(q)))
-    return closed
+    return ClosedLoops(mechanism, q[0], driven).closed(q)
 
 
-def _hold(ties: np.ndarray, plays: Sequence[Play]) -> bool:
-    """Whether ties (j, n, r, 6) hold any of the plays."""
-    pairs = zip(ties, plays, strict=True)
-    return any(
-        np.abs(tie @ one.cones.spread).max(initial=0.0) > _FELT * max(one.reach)
-        for tie, one in pairs
-    )
+def _follow(
+    closing: ClosedLoops,
+    q: np.ndarray,
+    pose: int,
+    joints: Sequence[str],
+    push: np.ndarray,
+    moves: np.ndarray,
+    loads: np.ndarray,
+) -> np.ndarray:
+    """Add what follows through the loops to levers and loads (j, n, ...) at a pose of q (n, nq).
 
-
-def _padded(ties: Sequence[np.ndarray]) -> np.ndarray:
-    """Ties of all poses (each (j, r, 6)) with as many rows, shape (j, n, r, 6)."""
-    rows = max(one.shape[1] for one in ties)
-    full = np.zeros((len(ties[0]), len(ties), rows, 6))
-    for i, one in enumerate(ties):
-        full[:, i, : one.shape[1]] = one
-    return full
-
-
-class _Following:
-    """What follows through the loops when a joint's play moves."""
-
-    def __init__(self, mechanism: Mechanism, q: np.ndarray, driven: Sequence[str] | None) -> None:
-        self._mechanism, self._q = mechanism, q
-        self._drives = loops.driven_joints(mechanism, q[0], driven)
-        self._passive = loops.passive_coordinates(mechanism, self._drives)
-
-    def add(
-        self,
-        pose: int,
-        joints: Sequence[str],
-        push: np.ndarray,
-        moves: np.ndarray,
-        loads: np.ndarray,
-    ) -> np.ndarray:
-        """Add to levers (j, 6, 6) and loads (j, 6) at a pose; the joints' ties (j, r, 6)."""
-        mechanism, q, passive = self._mechanism, self._q[pose], self._passive
-        model, data = mechanism.model, mechanism.data
-        give = loops.linear(mechanism, q, passive)
-        pin.computeJointJacobians(model, data, q)
-        axes_of_world = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-        tool = pin.getFrameJacobian(model, data, mechanism.tool_frame, axes_of_world)
-        tool = tool.reshape(6, model.nv)
-        if np.abs(tool[:, passive] @ give.loose).max(initial=0.0) > _FELT:
-            raise JointplayError(self._undetermined(pose))
-        weight = tool[:3].T @ push - pin.computeGeneralizedGravity(model, data, q)
-        pin.computeJointJacobians(model, data, q)
-        ties = np.zeros((len(joints), len(give.rest), 6))
-        for j, name in enumerate(joints):
-            if name in mechanism.loops:
-                opened = loops.own_opening(mechanism, name)
-            else:
-                index, axes = place(mechanism, name)
-                along = axes.rotation
-                arm = np.cross(axes.translation, along, axisb=0, axisc=0)  # centre x each axis
-                twist = np.block([[along, arm], [np.zeros((3, 3)), along]])
-                opened = loops.opening(mechanism, index, twist)
-            opened = give.weight[:, None] * opened
-            followed = -give.follow @ opened
-            moves[j] += tool[:, passive] @ followed
-            loads[j] += followed.T @ weight[passive]
-            ties[j] = give.rest @ opened
-        return ties
-
-    def _undetermined(self, pose: int) -> str:
-        q, count = self._q[pose], len(self._q)
-        at = ", ".join(f"{n} {q[self._mechanism.coordinate(n)]:.6g}" for n in self._drives)
-        where = f" (pose {pose + 1} of {count})" if count > 1 else ""
-        return (
-            f"the driven joints do not determine the tool {self._mechanism.tool!r} at "
-            f"{at or 'no joint driven'}{where}: a singular position, or too few driven joints"
+    Returns:
+        The joints' ties there, (j, r, 6).
+    """
+    mechanism, passive = closing.mechanism, closing.passive
+    model, data = mechanism.model, mechanism.data
+    give = closing.linear(q[pose])
+    pin.computeJointJacobians(model, data, q[pose])
+    axes_of_world = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+    tool = pin.getFrameJacobian(model, data, mechanism.tool_frame, axes_of_world)
+    tool = tool.reshape(6, model.nv)
+    if np.abs(tool[:, passive] @ give.loose).max(initial=0.0) > _FELT:
+        raise JointplayError(
+            f"the driven joints do not determine the tool {mechanism.tool!r} at "
+            f"{closing.stands(q[pose], pose, len(q))}: a singular position, or too few driven "
+            "joints"
         )
+    weight = tool[:3].T @ push - pin.computeGeneralizedGravity(model, data, q[pose])
+    pin.computeJointJacobians(model, data, q[pose])
+    ties = np.zeros((len(joints), len(give.rest), 6))
+    for j, name in enumerate(joints):
+        if name in mechanism.loops:
+            opened = own_opening(mechanism, name)
+        else:
+            index, axes = place(mechanism, name)
+            along = axes.rotation
+            arm = np.cross(axes.translation, along, axisb=0, axisc=0)  # centre x each axis
+            twist = np.block([[along, arm], [np.zeros((3, 3)), along]])
+            opened = opening(mechanism, index, twist)
+        opened = give.weight[:, None] * opened
+        followed = -give.follow @ opened
+        moves[j, pose] += tool[:, passive] @ followed
+        loads[j, pose] += followed.T @ weight[passive]
+        ties[j] = give.rest @ opened
+    return ties
 
 
 def tool_place(mechanism: Mechanism, q: np.ndarray) -> pin.SE3:
@@ -285,17 +334,14 @@ def _lever(
     """
     model, data = mechanism.model, mechanism.data
     index, axes = place(mechanism, name)
-    moves = index in model.supports[model.frames[mechanism.tool_frame].parentJoint]
     turn, centre = axes.rotation, axes.translation
     move, load = np.zeros((6, 6)), np.zeros(6)
-    weight = data.mass[index] * np.array(mechanism.gravity)
-    heavy = data.oMi[index].act(data.com[index])
-    forces = [(weight, heavy)]
-    if moves:
-        arm = tool - centre
-        move[:3, :3] = turn
-        move[3:, 3:] = turn
-        move[:3, 3:] = np.cross(turn.T, arm).T  # columns: axis x arm
+    forces = [
+        (data.mass[index] * np.array(mechanism.gravity), data.oMi[index].act(data.com[index]))
+    ]
+    if index in model.supports[model.frames[mechanism.tool_frame].parentJoint]:
+        move[:3, :3] = move[3:, 3:] = turn
+        move[:3, 3:] = np.cross(turn.T, tool - centre).T  # columns: axis x arm
         forces.append((push, tool))
     for force, at in forces:
         load[:3] += turn.T @ force
@@ -306,14 +352,84 @@ def _lever(
 def place(mechanism: Mechanism, name: str) -> tuple[int, pin.SE3]:
     """The joint that carries the child's body; the bearing's axes, z its axis, at the journal."""
     data = mechanism.data
+    index = int(mechanism.model.getJointId(name))
     if name in mechanism.clearance:
         (i, bearing), (j, journal) = mechanism.bearing_frame(name), mechanism.journal_frame(name)
         centre = (data.oMi[j] * journal).translation
-        return int(mechanism.model.getJointId(name)), pin.SE3(
-            (data.oMi[i] * bearing).rotation, centre
-        )
-    index = int(mechanism.model.getJointId(name))
-    place = data.oMi[index]
+        return index, pin.SE3((data.oMi[i] * bearing).rotation, centre)
     column = pin.getJointJacobian(mechanism.model, data, index, pin.ReferenceFrame.WORLD)
     axis = column.reshape(6, -1)[3:, mechanism.model.joints[index].idx_v]
-    return index, pin.SE3(z_to(axis), place.translation)
+    return index, pin.SE3(z_to(axis), data.oMi[index].translation)
+
+
+def displaced(
+    closing: ClosedLoops, q: np.ndarray, aside: Mapping[str, np.ndarray]
+) -> pin.SE3 | None:
+    """Where the tool is, exactly, with journals displaced; None if the loops cannot be closed.
+
+    Args:
+        q: a closed configuration, journals centred, shape (nq,).
+        aside: displacement and rotation vector of the child's body in bearing axes, by source of
+            play, shape (6,) [m, rad].
+    """
+    mechanism = closing.mechanism
+    at_loops = {
+        name: pin.SE3(pin.exp3(xi[3:]), xi[:3])
+        for name, xi in aside.items()
+        if name in mechanism.loops
+    }
+    own = {name: xi for name, xi in aside.items() if name not in at_loops}
+    moved = displaced_configuration(mechanism, q, own)
+    closed = closing.close(moved, at_loops, exactly=False)
+    return None if closed is None else tool_place(mechanism, closed)
+
+
+def displaced_configuration(
+    mechanism: Mechanism, q: np.ndarray, aside: Mapping[str, np.ndarray]
+) -> np.ndarray:
+    """The configuration with journals of the tree and teeth displaced, shape (nq,).
+
+    Args:
+        q: journals centred, shape (nq,).
+        aside: see `displaced`; no joint that closes a loop.
+    """
+    moved = q.copy()
+    gears = {name + GEAR: name for name in mechanism.gears}
+    for name, xi in aside.items():
+        if name in gears:
+            moved[mechanism.coordinate(gears[name])] += xi[5]
+        else:
+            _push(mechanism, q, moved, name, xi)
+    return moved
+
+
+def _push(
+    mechanism: Mechanism, q: np.ndarray, moved: np.ndarray, name: str, xi: np.ndarray
+) -> None:
+    """Displace a journal of the tree by its coordinates in `moved`."""
+    model, data = mechanism.model, mechanism.data
+    pin.forwardKinematics(model, data, q)
+    index, axes = place(mechanism, name)
+    first = index
+    while mechanism.owner(model.parents[first]) == name:
+        first = model.parents[first]
+    seat = data.oMi[model.parents[first]] * model.jointPlacements[first]
+    turned = seat.rotation.T @ axes.rotation
+    arm = seat.rotation.T @ (data.oMi[index].translation - axes.translation)
+    turn = pin.exp3(turned @ xi[3:])
+    shift = turned @ xi[:3] + turn @ arm - arm
+    at = {
+        part: mechanism.coordinates.index(Coordinate(name, part))
+        for part in mechanism.clearance[name].freedoms
+    }
+    for part, value in zip("xyz", shift, strict=True):
+        if part in at:
+            moved[at[part]] += value
+    parts = ("roll", "pitch", "yaw")
+    angles = [q[at[part]] if part in at else 0.0 for part in parts]
+    for part, value in zip(
+        parts, pin.rpy.matrixToRpy(turn @ pin.rpy.rpyToMatrix(*angles)), strict=True
+    ):
+        if part in at:
+            # The same turn, not one more.
+            moved[at[part]] = value + 2.0 * np.pi * round((q[at[part]] - value) / (2.0 * np.pi))

@@ -18,11 +18,10 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
+from jointplay.core.errors import JointplayError
 from jointplay.joints import VIRTUAL_LINK
 from jointplay.mechanism.loop import ANGLE_ARM_M, ASSEMBLY_TOLERANCE_M, closing_rows
 from jointplay.mechanism.mechanism import Mechanism
-
-Frame = tuple[int, pin.SE3]
 
 _SINGULAR = 1e-9
 """Part of the largest singular value that is none."""
@@ -36,10 +35,8 @@ _REACH, _CHANGE, _STEPS = 0.3, 1e-12, 30
 class Closing:
     """How the loops of a mechanism give way, in one closed configuration."""
 
-    passive: np.ndarray
-    """Coordinates that follow."""
     follow: np.ndarray
-    """Their displacement per opening of the loops, (passive, rows)."""
+    """Displacement of the passive coordinates per opening of the loops, (passive, rows)."""
     rest: np.ndarray
     """Rows that no passive coordinate can close, combined, (ties, rows)."""
     loose: np.ndarray
@@ -48,59 +45,170 @@ class Closing:
     """Of each row: angles count on an arm, (rows,)."""
 
 
-def loop_coordinates(mechanism: Mechanism) -> np.ndarray:
-    """Coordinates, journals' play aside, that some loop feels in some configuration."""
-    own = _own(mechanism)
-    somewhere = np.random.default_rng(0).uniform(-1.0, 1.0, (3, mechanism.model.nq))
-    felt = np.max([np.abs(closing_rows(mechanism, q)).max(axis=0) for q in somewhere], axis=0)
-    return np.array([i for i in own if felt[i] > 1e-9], int)
-
-
-def driven_joints(
-    mechanism: Mechanism, q: np.ndarray, given: Sequence[str] | None = None
-) -> tuple[str, ...]:
-    """Joints of the loops that stand: those given, or the first that determine the others.
+class ClosedLoops:
+    """The loops of a mechanism whose driven joints, and all joints outside the loops, stand.
 
     Args:
         mechanism: with loops.
         q: a configuration, shape (nq,).
-        given: names of driven joints; those outside the loops do not matter here.
+        driven: joints that stand; None: the first of the loops that determine the others at `q`.
+
+    Attributes:
+        driven: joints that stand.
+        passive: coordinates that follow.
 
     Raises:
         MissingName: no such joint.
     """
-    if given is not None:
-        for name in given:
-            mechanism.coordinate(name)
-        return tuple(given)
-    inside = loop_coordinates(mechanism)
-    rows = _weighted(mechanism, closing_rows(mechanism, q))[1]
-    rank = _rank(rows[:, inside])
-    chosen: list[str] = []
-    left = list(inside)
-    for name in mechanism.joints:
-        if len(left) == rank:
-            break
-        at = mechanism.coordinate(name)
-        if at in left and _rank(rows[:, [i for i in left if i != at]]) == rank:
-            left.remove(at)
-            chosen.append(name)
-    return tuple(chosen)
 
+    def __init__(
+        self, mechanism: Mechanism, q: np.ndarray, driven: Sequence[str] | None = None
+    ) -> None:
+        """Find what follows."""
+        self.mechanism = mechanism
+        self._weight = _weights(mechanism)
+        somewhere = np.random.default_rng(0).uniform(-1.0, 1.0, (3, mechanism.model.nq))
+        felt = np.max([np.abs(closing_rows(mechanism, at)).max(axis=0) for at in somewhere], axis=0)
+        inside = [i for i in _own(mechanism) if felt[i] > 1e-9]
+        self.driven = self._determining(q, inside) if driven is None else tuple(driven)
+        held = {mechanism.coordinate(name) for name in self.driven}
+        self.passive = np.array([i for i in inside if i not in held], int)
+        self._standing = np.setdiff1d(np.arange(mechanism.model.nq), self.passive)
 
-def passive_coordinates(mechanism: Mechanism, driven: Sequence[str]) -> np.ndarray:
-    """Coordinates that follow when the driven joints, and all outside the loops, stand."""
-    held = {mechanism.coordinate(name) for name in driven}
-    return np.array([i for i in loop_coordinates(mechanism) if i not in held], int)
+    def _determining(self, q: np.ndarray, inside: Sequence[int]) -> tuple[str, ...]:
+        """The first joints with which the other coordinates inside the loops are determined."""
+        rows = self._rows(q)
+        rank = _rank(rows[:, inside])
+        chosen: list[str] = []
+        left = list(inside)
+        for name in self.mechanism.joints:
+            if len(left) == rank:
+                break
+            at = self.mechanism.coordinate(name)
+            if at in left and _rank(rows[:, [i for i in left if i != at]]) == rank:
+                left.remove(at)
+                chosen.append(name)
+        return tuple(chosen)
 
+    def _rows(self, q: np.ndarray) -> np.ndarray:
+        """Openings per displacement of the coordinates, angles on an arm, (rows, nv)."""
+        return self._weight[:, None] * closing_rows(self.mechanism, q)
 
-def linear(mechanism: Mechanism, q: np.ndarray, passive: np.ndarray) -> Closing:
-    """How the loops give way in the closed configuration q."""
-    weight, rows = _weighted(mechanism, closing_rows(mechanism, q))
-    left, sizes, right = np.linalg.svd(rows[:, passive])
-    rank = int((sizes > _SINGULAR * max(sizes.max(initial=0.0), ANGLE_ARM_M)).sum())
-    follow = right[:rank].T / sizes[:rank] @ left[:, :rank].T
-    return Closing(passive, follow, left[:, rank:].T, right[rank:].T, weight)
+    def stands(self, q: np.ndarray, at: int, count: int) -> str:
+        """Where the driven joints stand at `q` (nq,), number `at` of several, in words."""
+        place = self.mechanism.coordinate
+        values = ", ".join(f"{name} {q[place(name)]:.6g}" for name in self.driven)
+        pose = f" (pose {at + 1} of {count})" if count > 1 else ""
+        return (values or "no joint driven") + pose
+
+    def linear(self, q: np.ndarray) -> Closing:
+        """How the loops give way in the closed configuration q."""
+        left, sizes, right = np.linalg.svd(self._rows(q)[:, self.passive])
+        rank = int((sizes > _threshold(sizes)).sum())
+        follow = right[:rank].T / sizes[:rank] @ left[:, :rank].T
+        return Closing(follow, left[:, rank:].T, right[rank:].T, self._weight)
+
+    def closed(self, q: np.ndarray, begin: np.ndarray | None = None) -> np.ndarray:
+        """Configurations (n, nq) with their loops closed, as `close_all`; from `begin` (nq,) on.
+
+        Raises:
+            JointplayError: loops that cannot be closed.
+        """
+        first = [] if begin is None else [begin]
+        found, good = self.close_all(np.array([*first, *q]))
+        found, good = found[len(first) :], good[len(first) :]
+        if not good.all():
+            at = int(np.argmin(good))
+            raise JointplayError(
+                f"the loops {', '.join(self.mechanism.loops)} cannot be closed with "
+                f"{self.stands(q[at], at, len(q))}: out of reach, or at the end of it"
+            )
+        return found
+
+    def close_all(self, q: np.ndarray, *, apart: bool = False) -> tuple[np.ndarray, np.ndarray]:
+        """Configurations with their loops closed, journals centred: (n, nq), and which could be.
+
+        From one to the next the driven joints go in small steps, so that the mechanism stays on its
+        branch; the first begins with the passive positions it has.
+
+        Args:
+            q: configurations whose driven coordinates count, (n, nq).
+            apart: they are not in the order of a motion: each is reached from the nearest one that
+                is closed.
+        """
+        closed, good = q.copy(), np.zeros(len(q), bool)
+        for i, row in enumerate(q):
+            (done,) = np.nonzero(good[:i])
+            begin = None
+            if len(done):
+                away = np.abs(closed[done][:, self._standing] - row[self._standing]).max(axis=1)
+                begin = closed[done[away.argmin()] if apart else done[-1]]
+            found = self._reach(begin, row)
+            if found is not None:
+                closed[i], good[i] = found, True
+                for name in self.mechanism.gears:  # unstrained
+                    motor = self.mechanism.motor(name)
+                    closed[i, motor] = found[self.mechanism.coordinate(name)]
+        return closed, good
+
+    def _reach(self, begin: np.ndarray | None, goal: np.ndarray) -> np.ndarray | None:
+        """The closed configuration with the driven positions of `goal`, from a closed one on."""
+        if begin is None:
+            near = self.close(goal)
+            return self._search(goal) if near is None else near
+        way = (goal - begin)[self._standing]
+        count = max(int(np.ceil(np.abs(way).max(initial=0.0) / _STEP)), 1)
+        q: np.ndarray | None = begin
+        for part in range(1, count + 1):
+            assert q is not None
+            trial = q.copy()
+            trial[self._standing] = begin[self._standing] + part / count * way
+            q = self.close(trial)
+            if q is None:
+                return None
+        return q
+
+    def close(
+        self,
+        start: np.ndarray,
+        aside: Mapping[str, pin.SE3] | None = None,
+        *,
+        exactly: bool = True,
+    ) -> np.ndarray | None:
+        """The configuration near `start` in which the passive coordinates close the loops, or None.
+
+        Args:
+            start: shape (nq,); what is not passive stays, displaced journals too.
+            aside: poses that journals of loops have in their bearings; centred if not given.
+            exactly: whether the loops must be closed; else as well as can be.
+        """
+        q = start.copy()
+        for _ in range(_STEPS):
+            left = self._weight * _open(self.mechanism, q, aside or {})
+            rows = self._rows(q)[:, self.passive]
+            change = np.linalg.lstsq(rows, -left, rcond=_SINGULAR)[0]
+            size = float(np.abs(change).max(initial=0.0))
+            if not size < _REACH:
+                return None
+            q[self.passive] += change
+            if size < _CHANGE:
+                return q if not exactly or is_closed(self.mechanism, q) else None
+        return None
+
+    def _search(self, start: np.ndarray) -> np.ndarray | None:
+        """As `close`, from farther away."""
+        from scipy.optimize import least_squares  # takes long to import
+
+        def left(values: np.ndarray) -> np.ndarray:
+            q = start.copy()
+            q[self.passive] = values
+            return _open(self.mechanism, q, {})
+
+        near = start.copy()
+        if len(self.passive):
+            least = least_squares(left, start[self.passive], xtol=1e-15, ftol=1e-15, gtol=1e-15)
+            near[self.passive] = least.x
+        return self.close(near)
 
 
 def opening(mechanism: Mechanism, moved: int, twist: np.ndarray) -> np.ndarray:
@@ -131,7 +239,11 @@ def own_opening(mechanism: Mechanism, loop: str) -> np.ndarray:
 
 
 def _apart(
-    mechanism: Mechanism, bearing: Frame, journal: Frame, moved: int, twist: np.ndarray
+    mechanism: Mechanism,
+    bearing: tuple[int, pin.SE3],
+    journal: tuple[int, pin.SE3],
+    moved: int,
+    twist: np.ndarray,
 ) -> np.ndarray:
     """Motion of a journal against its bearing, in bearing axes, (6, k)."""
     model, data = mechanism.model, mechanism.data
@@ -142,131 +254,10 @@ def _apart(
     return sign * np.concatenate([turn.T @ along, turn.T @ twist[3:]])
 
 
-def close_all(
-    mechanism: Mechanism,
-    rows: np.ndarray,
-    passive: np.ndarray,
-    *,
-    apart: bool = False,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Configurations with their loops closed, journals centred: all (n, nq), and which could be.
-
-    From one to the next the driven joints go in small steps, so that the mechanism stays on its
-    branch; the first begins with the passive positions it has.
-
-    Args:
-        mechanism: with loops.
-        rows: configurations whose driven coordinates count, (n, nq).
-        passive: coordinates that follow.
-        apart: the configurations are not in the order of a motion: each is reached from the nearest
-            one that is closed.
-    """
-    closed, good = rows.copy(), np.zeros(len(rows), bool)
-    stands = np.setdiff1d(np.arange(mechanism.model.nq), passive)
-    for i, row in enumerate(rows):
-        (done,) = np.nonzero(good[:i])
-        begin = None
-        if len(done):
-            away = np.abs(closed[done][:, stands] - row[stands]).max(axis=1)
-            begin = closed[done[away.argmin()] if apart else done[-1]]
-        found = _reach(mechanism, begin, row, passive)
-        if found is not None:
-            closed[i], good[i] = found, True
-            for name in mechanism.gears:  # unstrained
-                closed[i, mechanism.motor(name)] = found[mechanism.coordinate(name)]
-    return closed, good
-
-
-def _reach(
-    mechanism: Mechanism, begin: np.ndarray | None, goal: np.ndarray, passive: np.ndarray
-) -> np.ndarray | None:
-    """The closed configuration with the driven positions of `goal`, from a closed one on."""
-    if begin is None:
-        near = close_loops(mechanism, goal, passive)
-        return searched(mechanism, goal, passive) if near is None else near
-    way = goal - begin
-    way[passive] = 0.0
-    count = max(int(np.ceil(np.abs(way).max(initial=0.0) / _STEP)), 1)
-    q: np.ndarray | None = begin
-    for part in range(1, count + 1):
-        assert q is not None
-        trial = q.copy()
-        stands = np.setdiff1d(np.arange(len(q)), passive)
-        trial[stands] = (begin + part / count * way)[stands]
-        q = close_loops(mechanism, trial, passive)
-        if q is None:
-            return None
-    return q
-
-
-def close_loops(
-    mechanism: Mechanism,
-    start: np.ndarray,
-    passive: np.ndarray,
-    aside: Mapping[str, pin.SE3] | None = None,
-    *,
-    closed: bool = True,
-) -> np.ndarray | None:
-    """Configuration near `start` in which the passive coordinates close the loops; None if none.
-
-    Args:
-        mechanism: with loops.
-        start: shape (nq,); what is not passive stays, displaced journals too.
-        passive: coordinates that follow.
-        aside: poses that journals of loops have in their bearings; centred if not given.
-        closed: whether they must be closed; else as well as can be.
-    """
-    q = start.copy()
-    for _ in range(_STEPS):
-        weight, rows = _weighted(mechanism, closing_rows(mechanism, q))
-        left = weight * _open(mechanism, q, aside or {})
-        change = np.linalg.lstsq(rows[:, passive], -left, rcond=_SINGULAR)[0]
-        size = float(np.abs(change).max(initial=0.0))
-        if not size < _REACH:
-            return None
-        q[passive] += change
-        if size < _CHANGE:
-            break
-    else:
-        return None
-    return q if not closed or is_closed(mechanism, q) else None
-
-
-def searched(mechanism: Mechanism, start: np.ndarray, passive: np.ndarray) -> np.ndarray | None:
-    """The same from farther away."""
-    from scipy.optimize import least_squares  # takes long to import
-
-    def left(values: np.ndarray) -> np.ndarray:
-        q = start.copy()
-        q[passive] = values
-        return _open(mechanism, q, {})
-
-    near = start.copy()
-    if len(passive):
-        near[passive] = least_squares(left, start[passive], xtol=1e-15, ftol=1e-15, gtol=1e-15).x
-    return close_loops(mechanism, near, passive)
-
-
 def is_closed(mechanism: Mechanism, q: np.ndarray) -> bool:
-    """Whether all loops are closed, journals centred."""
-    return gap(mechanism, q) <= ASSEMBLY_TOLERANCE_M
-
-
-def blame(mechanism: Mechanism, q: np.ndarray, driven: Sequence[str], at: int, count: int) -> str:
-    """What to say of a configuration whose loops cannot be closed."""
-    values = [f"{name} {q[mechanism.coordinate(name)]:.6g}" for name in driven]
-    stands = ", ".join(values) or "no joint driven"
-    pose = f" (pose {at + 1} of {count})" if count > 1 else ""
-    return (
-        f"the loops {', '.join(mechanism.loops)} cannot be closed with {stands}"
-        f"{pose}: out of reach, or at the end of it"
-    )
-
-
-def gap(mechanism: Mechanism, q: np.ndarray) -> float:
-    """Largest opening of a loop, journals centred; angles on an arm [m]."""
-    weight = _weights(mechanism)
-    return float(np.abs(weight * _open(mechanism, q, {})).max(initial=0.0))
+    """Whether all loops are closed, journals centred; angles count on an arm."""
+    gaps = np.abs(_weights(mechanism) * _open(mechanism, q, {}))
+    return bool(gaps.max(initial=0.0) <= ASSEMBLY_TOLERANCE_M)
 
 
 def _open(mechanism: Mechanism, q: np.ndarray, aside: Mapping[str, pin.SE3]) -> np.ndarray:
@@ -307,11 +298,11 @@ def _weights(mechanism: Mechanism) -> np.ndarray:
     return np.where(np.array(held, int) < 3, 1.0, ANGLE_ARM_M)
 
 
-def _weighted(mechanism: Mechanism, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    weight = _weights(mechanism)
-    return weight, weight[:, None] * rows
+def _threshold(sizes: np.ndarray) -> float:
+    """Singular values up to here are none."""
+    return float(_SINGULAR * max(sizes.max(initial=0.0), ANGLE_ARM_M))
 
 
 def _rank(rows: np.ndarray) -> int:
     sizes = np.linalg.svd(rows, compute_uv=False)
-    return int((sizes > _SINGULAR * max(sizes.max(initial=0.0), ANGLE_ARM_M)).sum())
+    return int((sizes > _threshold(sizes)).sum())

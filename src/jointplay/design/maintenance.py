@@ -15,19 +15,21 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import optimize
-from tqdm import tqdm
 
-from jointplay.analysis.runs import MOST_RUNS, check_numbers
+from jointplay.analysis.tables import columns, csv_text
 from jointplay.analysis.uncertainty import standard_error
-from jointplay.core.errors import JointplayError, require_finite, require_positive, require_whole
+from jointplay.core.errors import JointplayError, require_finite, require_positive
 from jointplay.design.poses import along_motion, start_of
 from jointplay.design.static_budget import budget
-from jointplay.design.wear import all_wearing, first_profile, wear_of_runs, with_worn
-from jointplay.mechanism.mechanism import Mechanism
-from jointplay.motion.reference import Motion
+from jointplay.design.wear import (
+    Depths,
+    all_wearing,
+    check_blocks,
+    first_profile,
+    wear_blocks,
+    with_worn,
+)
 from jointplay.simulation.simulation import Simulation
-
-Worn = Mapping[str, np.ndarray]
 
 _DEEPEST = 0.09
 """Part of its journal's radius beyond which a bore is none any more."""
@@ -56,7 +58,6 @@ class Maintenance:
     """Tolerance of the tool [m]."""
     factor: float
     """Factor within which the wear rates are known."""
-    cycles_per_run: float
     reached: bool
     """Whether the target was reached; else the estimate was interrupted."""
 
@@ -69,7 +70,7 @@ class Maintenance:
     def standard_error(self) -> float:
         """Of `life`, from the scatter of the runs; NaN with one run a block."""
         known = self.scatter[1:]
-        return float(np.sqrt((known**2).sum())) if len(known) else math.nan
+        return float(np.linalg.norm(known)) if len(known) else math.nan
 
     @property
     def spread(self) -> tuple[float, float]:
@@ -79,13 +80,9 @@ class Maintenance:
 
     def __str__(self) -> str:
         """Table and outcome, and that it is an estimate."""
-        head = "cycles       tool error [mm]  " + "  ".join(f"{n} [um]" for n in self.joints)
+        head = ("cycles", "tool error [mm]", *(f"{name} [um]" for name in self.joints))
         rows = [
-            f"{count:<11.4g}  {1e3 * error:<15.4g}  "
-            + "  ".join(
-                f"{1e6 * depth:<{len(name) + 5}.4g}"
-                for name, depth in zip(self.joints, depths, strict=True)
-            )
+            (f"{count:.4g}", f"{1e3 * error:.4g}", *(f"{1e6 * depth:.4g}" for depth in depths))
             for count, error, depths in zip(self.cycles, self.error, self.growth, strict=True)
         ]
         shares = ", ".join(
@@ -101,8 +98,7 @@ class Maintenance:
         known = f"{low:.2g} to {high:.2g} cycles if wear rates are known to a factor of "
         return "\n".join(
             [
-                head,
-                *rows,
+                *columns([head, *rows]),
                 f"growth of the error by joint: {shares}",
                 f"about {self.life:.3g}{runs} cycles {what} the tool can miss its "
                 f"{1e3 * self.target:.4g} mm",
@@ -114,15 +110,10 @@ class Maintenance:
 
     def csv(self) -> str:
         """A row for each block [m]."""
-        rows = [
-            "cycles,standard_error_of_block,error_m,"
-            + ",".join(f"growth_{n}_m" for n in self.joints)
-        ]
-        for count, known, error, depths in zip(
-            self.cycles, self.scatter, self.error, self.growth, strict=True
-        ):
-            rows.append(",".join(f"{x:.8g}" for x in (count, known, error, *depths)))
-        return "\n".join([*rows, ""])
+        grown = (f"growth_{name}_m" for name in self.joints)
+        head = ("cycles", "standard_error_of_block", "error_m", *grown)
+        numbers = np.column_stack([self.cycles, self.scatter, self.error, self.growth])
+        return csv_text([head, *numbers.tolist()], 8)
 
 
 def maintenance(
@@ -141,12 +132,8 @@ def maintenance(
     Args:
         simulation: one run, of one or a few cycles of the machine; joints have a `wear_rate`.
         target: tolerance of the tool's place [m].
-        blocks: how many times the bores are brought up to date.
-        runs: perturbed runs of each block, whose mean wear is taken.
-        cycles_per_run: cycles that one run holds.
+        blocks, runs, cycles_per_run, jobs, progress: see `wear_blocks`.
         factor: within which the wear rates are known; a handbook's are good to several.
-        jobs: processes for the runs; None takes one for each core.
-        progress: show a bar on standard error.
 
     Returns:
         The estimate; interrupted by Ctrl-C, what is known so far.
@@ -155,126 +142,89 @@ def maintenance(
         JointplayError: a value out of range; no joint wears, no motion; the target is missed
             already, or wear never leads to it; a run that fails.
     """
-    check_numbers(runs, jobs)
-    worn, poses = _checked(simulation, target, blocks, cycles_per_run, factor)
-    deepest = {name: _DEEPEST * one.journal_radius for name, one in all_wearing(simulation).items()}
-    begun = {name: profile.copy() for name, profile in worn.items()}
+    require_positive("target", target, "m")
+    check_blocks(blocks, runs, cycles_per_run, jobs)
+    if require_finite("the wear rates' factor", factor, "") < 1.0:
+        raise JointplayError(f"the wear rates' factor must be >= 1, got {factor:g}")
+    wearing = all_wearing(simulation)
+    if not wearing:
+        have = ", ".join(simulation.mechanism.clearance) or "none"
+        raise JointplayError(
+            f"no joint wears: give a joint with clearance (there is: {have}) a wear_rate"
+        )
+    motion = simulation.motion
+    if motion is None:
+        raise JointplayError("nothing moves: the simulation has no motion, so nothing wears")
+    poses = along_motion(simulation.mechanism, motion, _POSES, start_of(simulation))
+    begun = {name: first_profile(one) for name, one in wearing.items()}
+    deepest = {name: _DEEPEST * one.journal_radius for name, one in wearing.items()}
 
-    def error_of(profiles: Worn) -> float:
-        mechanism = with_worn(simulation, dict(profiles)).mechanism
-        return _worst(mechanism, poses, simulation.motion)
+    def error_of(worn: Depths) -> float:
+        mechanism = with_worn(simulation, worn).mechanism
+        return float(budget(mechanism, poses, driven=motion.joints).worst.max())
 
-    first = error_of(worn)
+    first = error_of(begun)
     if first >= target:
         raise JointplayError(
             f"the tool can be off by {1e3 * first:.4g} mm before anything wears: the target of "
             f"{1e3 * target:.4g} mm is missed already (jointplay budget says by which joint)"
         )
-    cycles, errors, scatter, growth = [0.0], [first], [0.0], [np.zeros(len(worn))]
-    bar = tqdm(total=blocks * runs, disable=not progress, unit="run", desc="wear")
+
+    def cycles_until(part: float, worn: Depths, rates: Depths) -> float:
+        return _cycles_until(first + (target - first) * part, worn, rates, error_of, deepest)
+
+    worn: Depths = begun
+    cycles, errors, scatter, growth = [0.0], [first], [0.0], [np.zeros(len(begun))]
     reached = False
     try:
-        for block in range(blocks):
-            rates = _rates(simulation, worn, runs, cycles_per_run, jobs, bar)
-            rate = {name: np.mean([one[name] for one in rates], axis=0) for name in worn}
-            goal = first + (target - first) * (block + 1) / blocks
-            count = _cycles_until(goal, worn, rate, error_of, deepest)
-            before = worn
-            worn = {name: worn[name] + count * rate[name] for name in worn}
-            cycles.append(cycles[-1] + count)
+        for number, block in enumerate(
+            wear_blocks(simulation, cycles_until, blocks, runs, cycles_per_run, jobs, progress), 1
+        ):
+            worn = block.worn
+            cycles.append(cycles[-1] + block.cycles)
             errors.append(error_of(worn))
-            several = rates if runs > 1 else []
-            each = [_cycles_until(goal, before, one, error_of, deepest) for one in several]
+            several = block.rates if runs > 1 else []
+            each = [cycles_until(number / blocks, block.before, one) for one in several]
             scatter.append(standard_error(each))
-            growth.append(np.array([(worn[n] - begun[n]).max() for n in worn]))
+            growth.append(np.array([(worn[name] - begun[name]).max() for name in begun]))
         reached = True
     except KeyboardInterrupt:
         pass
-    finally:
-        bar.close()
+    alone = np.array([error_of({**begun, name: worn[name]}) - first for name in begun])
     return Maintenance(
-        tuple(worn),
+        tuple(begun),
         np.array(cycles),
         np.array(growth),
         np.array(errors),
         np.array(scatter),
-        _blame(begun, worn, first, error_of),
+        alone / alone.sum() if alone.sum() > 0.0 else alone,
         target,
         factor,
-        cycles_per_run,
         reached,
     )
 
 
-def _worst(mechanism: Mechanism, poses: np.ndarray, motion: Motion | None) -> float:
-    """Static worst case along the motion [m]."""
-    driven = None if motion is None else motion.joints
-    return float(budget(mechanism, poses, driven=driven).worst.max())
-
-
-def _checked(
-    simulation: Simulation,
-    target: float,
-    blocks: int,
-    cycles_per_run: float,
-    factor: float,
-) -> tuple[dict[str, np.ndarray], np.ndarray]:
-    """Profiles to begin with, and the poses to look at."""
-    require_positive("target", target, "m")
-    require_positive("cycles per run", cycles_per_run, "")
-    require_whole("blocks", blocks, 1, MOST_RUNS)
-    if require_finite("the wear rates' factor", factor, "") < 1.0:
-        raise JointplayError(f"the wear rates' factor must be >= 1, got {factor:g}")
-    clearance = simulation.mechanism.clearance
-    wearing = all_wearing(simulation)
-    if not wearing:
-        have = ", ".join(clearance) or "none"
-        raise JointplayError(
-            f"no joint wears: give a joint with clearance (there is: {have}) a wear_rate"
-        )
-    if simulation.motion is None:
-        raise JointplayError("nothing moves: the simulation has no motion, so nothing wears")
-    near = start_of(simulation)
-    poses = along_motion(simulation.mechanism, simulation.motion, _POSES, near)
-    return {name: first_profile(one) for name, one in wearing.items()}, poses
-
-
-def _rates(
-    simulation: Simulation,
-    worn: Worn,
-    runs: int,
-    cycles_per_run: float,
-    jobs: int | None,
-    bar: tqdm,
-) -> list[dict[str, np.ndarray]]:
-    """Depth a cycle by joint [m], of each run."""
-    found = wear_of_runs(with_worn(simulation, dict(worn)), runs, jobs, bar)
-    if any(max(depth.max() for depth in depths.values()) <= 0.0 for depths in found):
-        raise JointplayError(
-            f"no journal slides under load in {', '.join(worn)}: their clearances last"
-        )
-    return [{name: depth / cycles_per_run for name, depth in depths.items()} for depths in found]
-
-
 def _cycles_until(
     goal: float,
-    worn: Worn,
-    rate: Worn,
-    error_of: Callable[[Worn], float],
+    worn: Depths,
+    rates: Depths,
+    error_of: Callable[[Depths], float],
     deepest: Mapping[str, float],
 ) -> float:
     """Cycles of this wear after which the tool's error is `goal`."""
+    wearing = [name for name in worn if rates[name].max() > 0.0]
+    if not wearing:
+        raise JointplayError(
+            f"no journal slides under load in {', '.join(worn)}: their clearances last"
+        )
 
     def missing(count: float) -> float:
-        return float(error_of({n: worn[n] + count * rate[n] for n in worn}) - goal)
+        return error_of({name: worn[name] + count * rates[name] for name in worn}) - goal
 
     if missing(0.0) >= 0.0:
         return 0.0
-    wearing = [name for name in worn if rate[name].max() > 0.0]
-    most = min(
-        (deepest[name] - float(worn[name].max())) / float(rate[name].max()) for name in wearing
-    )
-    high = min(1e-6 / max(float(rate[name].max()) for name in wearing), most)
+    most = min((deepest[name] - worn[name].max()) / rates[name].max() for name in wearing)
+    high = min(1e-6 / max(rates[name].max() for name in wearing), most)
     while missing(high) < 0.0:
         if high >= most:
             raise JointplayError(
@@ -284,9 +234,3 @@ def _cycles_until(
             )
         high = min(4.0 * high, most)
     return float(optimize.brentq(missing, 0.0, high, xtol=1e-4 * high, rtol=1e-4))
-
-
-def _blame(begun: Worn, worn: Worn, first: float, error_of: Callable[[Worn], float]) -> np.ndarray:
-    """What the wear of each joint alone adds to the error, of the sum, shape (joints,)."""
-    alone = np.array([error_of({**begun, name: worn[name]}) - first for name in worn])
-    return np.asarray(alone / alone.sum()) if alone.sum() > 0.0 else alone

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.stats import qmc
 
 from jointplay.core.errors import JointplayError, MissingName, require_finite, require_whole
-from jointplay.design import loops
+from jointplay.design.loops import ClosedLoops
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.motion.cartesian import joint_limits
 from jointplay.motion.reference import Motion
@@ -36,7 +36,6 @@ def at_pose(
     """The configuration with the given joint positions, (1, nq); the rest where `middle` says.
 
     Args:
-        mechanism: the robot.
         positions: by joint [rad or m].
         driven: with loops: joints that stand where `positions` say; see `budget`.
         near: with loops: positions at which they are closed first, by joint, and from which the
@@ -54,10 +53,9 @@ def at_pose(
         require_finite(f"position of joint {name!r}", value, "rad or m")
     begin = _begin(mechanism, near)
     given = {**begin, **positions}
-    values = np.array([[given[name] for name in names], [begin[name] for name in names]])
-    _check(mechanism, names, values[:1])
-    q = _fill(mechanism, names, values)
-    return _closed(mechanism, names, q[:1], driven, q[1], positions)
+    q = _fill(mechanism, np.array([[at[name] for name in names] for at in (given, begin)]))
+    _check(mechanism, q[:1])
+    return _closed(mechanism, q[:1], driven, q[1], positions)
 
 
 def along_motion(
@@ -71,8 +69,6 @@ def along_motion(
     Args:
         mechanism: the robot; with loops, those joints of them are driven that the motion moves.
         motion: of its joints.
-        count: how many.
-        near: see `at_pose`.
 
     Raises:
         JointplayError: fewer than two poses; a pose outside the URDF's limits; loops that cannot be
@@ -86,14 +82,13 @@ def along_motion(
             raise MissingName("moving joint", name, names, " (in the motion)")
     times = times_along(motion, count)
     position = motion(times)[0]
-    middles = _begin(mechanism, near)
-    values = np.tile([middles[name] for name in names], (len(times), 1))
+    begin = _begin(mechanism, near)
+    values = np.tile([begin[name] for name in names], (1 + len(times), 1))
     for column, name in enumerate(motion.joints):
-        values[:, names.index(name)] = position[:, column]
-    _check(mechanism, names, values)
-    q = _fill(mechanism, names, values)
-    begin = _fill(mechanism, names, np.array([[middles[name] for name in names]]))[0]
-    return _closed(mechanism, names, q, motion.joints, begin)
+        values[1:, names.index(name)] = position[:, column]
+    q = _fill(mechanism, values)
+    _check(mechanism, q[1:])
+    return _closed(mechanism, q[1:], motion.joints, q[0])
 
 
 def times_along(motion: Motion, count: int = ALONG) -> np.ndarray:
@@ -115,12 +110,6 @@ def over_workspace(
     driven joints are spread; poses in which the loops cannot be closed within the limits are left
     out.
 
-    Args:
-        mechanism: the robot.
-        count: how many poses.
-        seed: of the sequence.
-        driven: see `at_pose`.
-        near: see `at_pose`.
 
     Raises:
         JointplayError: no pose.
@@ -139,16 +128,16 @@ def over_workspace(
     spread = qmc.Sobol(len(names), seed=seed).random_base2(power)[:count]
     values = low + spread * (high - low)
     if not mechanism.loops:
-        return _fill(mechanism, names, values)
+        return _fill(mechanism, values)
     begin = _begin(mechanism, near)
-    first = _fill(mechanism, names, np.array([[begin[name] for name in names]]))
-    first = _closed(mechanism, names, first, driven, first[0])
-    passive = _passive(mechanism, first[0], driven)
-    own = [i for i, name in enumerate(names) if mechanism.coordinate(name) in passive]
+    first = _fill(mechanism, np.array([[begin[name] for name in names]]))
+    first = _closed(mechanism, first, driven, first[0])
+    loops = ClosedLoops(mechanism, first[0], driven)
+    own = [i for i, name in enumerate(names) if mechanism.coordinate(name) in loops.passive]
     values[:, own] = first[0, [mechanism.coordinate(names[i]) for i in own]]
-    q = np.concatenate([first, _fill(mechanism, names, values)])
-    closed, good = loops.close_all(mechanism, q, passive, apart=True)
-    found = closed[1:][good[1:] & ~_outside(mechanism, names, closed[1:])]
+    q = np.concatenate([first, _fill(mechanism, values)])
+    closed, good = loops.close_all(q, apart=True)
+    found = closed[1:][good[1:] & ~_outside(mechanism, closed[1:]).any(axis=1)]
     if not len(found):
         raise JointplayError(
             f"the loops {', '.join(mechanism.loops)} can be closed at none of {count} poses"
@@ -187,13 +176,8 @@ def _begin(mechanism: Mechanism, near: Mapping[str, float] | None) -> dict[str, 
     return {**middle(mechanism), **known}
 
 
-def _passive(mechanism: Mechanism, q: np.ndarray, driven: Sequence[str] | None) -> np.ndarray:
-    return loops.passive_coordinates(mechanism, loops.driven_joints(mechanism, q, driven))
-
-
 def _closed(
     mechanism: Mechanism,
-    names: Sequence[str],
     q: np.ndarray,
     driven: Sequence[str] | None,
     begin: np.ndarray,
@@ -205,43 +189,38 @@ def _closed(
     """
     if not mechanism.loops:
         return q
-    drives = loops.driven_joints(mechanism, q[0], driven)
-    passive = loops.passive_coordinates(mechanism, drives)
-    if any(mechanism.coordinate(name) in passive for name in given):
-        closed, good = loops.close_all(mechanism, q, passive)
-    else:
-        whole = np.concatenate([begin[None], q])
-        closed, good = (values[1:] for values in loops.close_all(mechanism, whole, passive))
-    if not good.all():
-        at = int(np.argmin(good))
-        raise JointplayError(loops.blame(mechanism, q[at], drives, at, len(q)))
-    at_joints = [mechanism.coordinate(name) for name in names]
-    _check(mechanism, names, closed[:, at_joints])
+    loops = ClosedLoops(mechanism, q[0], driven)
+    chosen = any(mechanism.coordinate(name) in loops.passive for name in given)
+    closed = loops.closed(q, None if chosen else begin)
+    _check(mechanism, closed)
     return closed
 
 
-def _outside(mechanism: Mechanism, names: Sequence[str], q: np.ndarray) -> np.ndarray:
-    """Whether configurations (n, nq) are outside the limits of some joint, (n,)."""
+def _outside(mechanism: Mechanism, q: np.ndarray) -> np.ndarray:
+    """Which joints of `moving` are outside their limits in configurations (n, nq), (n, joints)."""
+    names = moving(mechanism)
     low, high = joint_limits(mechanism, names)
     values = q[:, [mechanism.coordinate(name) for name in names]]
-    return np.asarray(((values < low - _SLACK) | (values > high + _SLACK)).any(axis=1))
+    return np.asarray((values < low - _SLACK) | (values > high + _SLACK))
 
 
-def _check(mechanism: Mechanism, names: Sequence[str], values: np.ndarray) -> None:
-    low, high = joint_limits(mechanism, names)
-    outside = (values < low - _SLACK) | (values > high + _SLACK)
+def _check(mechanism: Mechanism, q: np.ndarray) -> None:
+    outside = _outside(mechanism, q)
     if outside.any():
         row, column = np.argwhere(outside)[0]
-        pose = f" (pose {row + 1} of {len(values)})" if len(values) > 1 else ""
+        name = moving(mechanism)[column]
+        low, high = joint_limits(mechanism, [name])
+        pose = f" (pose {row + 1} of {len(q)})" if len(q) > 1 else ""
         raise JointplayError(
-            f"joint {names[column]!r} at {values[row, column]:g} is outside its limits "
-            f"{low[column]:g} to {high[column]:g}{pose}"
+            f"joint {name!r} at {q[row, mechanism.coordinate(name)]:g} is outside its limits "
+            f"{low[0]:g} to {high[0]:g}{pose}"
         )
 
 
-def _fill(mechanism: Mechanism, names: Sequence[str], values: np.ndarray) -> np.ndarray:
+def _fill(mechanism: Mechanism, values: np.ndarray) -> np.ndarray:
+    """Configurations (n, nq) in which the joints of `moving` have these values (n, joints)."""
     q = np.zeros((len(values), mechanism.model.nq))
-    for column, name in enumerate(names):
+    for column, name in enumerate(moving(mechanism)):
         q[:, mechanism.coordinate(name)] = values[:, column]
         q[:, mechanism.motor(name)] = values[:, column]
     return q

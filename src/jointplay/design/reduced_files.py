@@ -1,4 +1,10 @@
-"""A reduced model of a joint's play as MJCF, SDF, URDF with YAML, and JSON."""
+"""A reduced model of a joint's play as MJCF, SDF, URDF with YAML, and JSON.
+
+A joint without play in its gear needs no further degree of freedom: it gets friction and damping.
+Play in a gear needs the motor as a hinge of its own, loaded with its rotor's inertia. In MJCF,
+which has no dead band inside an actuator, motor and link are joined by a tendon whose spring has
+one; in SDF and URDF by a second hinge in series whose limits are the dead band.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +23,14 @@ from jointplay.design.reduction import SETTLED, Reduction
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.motion.cartesian import joint_limits
 
-# A robot as a list of bodies and the joints that carry them, as other simulators want it.
+ENCODERS = ("motor", "link")
+"""Where the encoder sits: before the play, or after."""
+SPREAD = 0.3
+"""Half width of ranges for randomisation, relative, of what is not measured: an assumption."""
+_STIFF = np.array([0.99, 0.9999, 1e-6])
+"""MuJoCo's impedance of the bore: as stiff as it bears."""
+_HELD = 1e6
+"""Inertia of what moves as prescribed, when models are compared [kg m^2]."""
 
 
 @dataclass(frozen=True)
@@ -80,44 +93,12 @@ def bodies(mechanism: Mechanism) -> list[Body]:
     return tree
 
 
-def tool_site(mechanism: Mechanism) -> tuple[str, np.ndarray]:
-    """The joint that carries the tool, and the tool's place in its frame, shape (3,) [m]."""
-    ideal = mechanism.ideal()
-    frame = ideal.model.frames[ideal.tool_frame]
-    return str(ideal.model.names[frame.parentJoint]), frame.placement.translation
-
-
-def across(axis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Two unit vectors that make a right-handed system with `axis`, shape (3,) each."""
-    first = np.cross(axis, np.eye(3)[np.abs(axis).argmin()])
-    first /= np.linalg.norm(first)
-    return first, np.cross(axis, first)
-
-
-# A reduced model of a joint's play as MJCF, and how well MuJoCo follows the full model with it.
-#
-# A joint without play in its gear needs no further degree of freedom: it gets friction and
-# damping. Play in a gear needs the motor as a hinge of its own, loaded with its rotor's inertia:
-# MuJoCo has no dead band inside an actuator. Motor and link are joined by a tendon whose spring
-# has a dead band.
-
-
-ENCODERS = ("motor", "link")
-"""Where the encoder sits: before the play, or after."""
-_STIFF = np.array([0.99, 0.9999, 1e-6])
-"""MuJoCo's impedance of the bore: as stiff as it bears."""
-_HELD = 1e6
-"""Inertia of what moves as prescribed, when models are compared [kg m^2]."""
-
-
 def to_mjcf(
     mechanism: Mechanism, reduction: Reduction, *, encoder: str = "motor", tilt: bool = False
 ) -> str:
     """The robot as MJCF with the reduced joint in it; bodies without shapes.
 
     Args:
-        mechanism: the robot.
-        reduction: of one of its joints.
         encoder: ``motor`` (before the play) or ``link`` (after): what sensor `J.encoder` reads.
         tilt: the joint's axis can lean, too: two more hinges, held within the bore by a tendon.
 
@@ -125,44 +106,31 @@ def to_mjcf(
         MissingName: no such place for an encoder.
         JointplayError: a robot that MJCF cannot hold as a tree of single joints.
     """
-    if encoder not in ENCODERS:
-        raise MissingName("place for the encoder", encoder, ENCODERS)
+    _check_encoder(encoder)
     joint, geared = reduction.joint, reduction.dead_band > 0.0
     leans = tilt and reduction.tilt > 0.0
     root = ElementTree.Element("mujoco", model=mechanism.description.path.stem)
-    _put(
-        root, "compiler", angle="radian", boundmass=1e-9, boundinertia=1e-12, balanceinertia="true"
-    )
-    _put(
-        root,
-        "option",
-        timestep=timestep(reduction),
-        integrator="implicitfast",
-        gravity=np.array(mechanism.gravity),
-    )
+    least = {"boundmass": 1e-9, "boundinertia": 1e-12, "balanceinertia": "true"}
+    _put(root, "compiler", angle="radian", **least)
+    step, gravity = timestep(reduction), mechanism.gravity
+    _put(root, "option", timestep=step, integrator="implicitfast", gravity=gravity)
     world = _put(root, "worldbody")
     places: dict[str, ElementTree.Element] = {"": world}
     for body in bodies(mechanism):
         mine = body.name == joint
         element = places[body.name] = _body(places[body.parent], body)
-        friction = reduction.friction if mine else body.friction
-        damping = reduction.viscous if mine else body.damping
-        _joint(element, body, friction, damping)
+        _joint(element, body, *_losses(body, reduction))
         if mine and leans:
             _lean(places[body.parent], element, body, reduction)
     if geared:
         rotor = _put(world, "body", name=f"{joint}.motor")
-        _put(
-            rotor,
-            "joint",
-            name=f"{joint}.motor",
-            type="hinge",
-            axis=np.array([0.0, 0.0, 1.0]),
-            armature=reduction.rotor_inertia,
-        )
+        inertia = reduction.rotor_inertia
+        _put(rotor, "joint", name=f"{joint}.motor", type="hinge", axis=(0, 0, 1), armature=inertia)
         _put(rotor, "inertial", pos=np.zeros(3), mass=1e-6, diaginertia=np.full(3, 1e-9))
-    carrier, place = tool_site(mechanism)
-    _put(places.get(carrier, world), "site", name=f"{mechanism.tool}.tool", pos=place)
+    ideal = mechanism.ideal()
+    tool = ideal.model.frames[ideal.tool_frame]
+    carrier = places.get(str(ideal.model.names[tool.parentJoint]), world)
+    _put(carrier, "site", name=f"{mechanism.tool}.tool", pos=tool.placement.translation)
     _wiring(root, mechanism, reduction, geared, leans, encoder)
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="unicode") + "\n"
@@ -189,14 +157,8 @@ def _wiring(
         tendon = _put(root, "tendon")
     if geared:
         half = 0.5 * reduction.dead_band
-        play = _put(
-            tendon,
-            "fixed",
-            name=f"{joint}.play",
-            springlength=np.array([-half, half]),
-            stiffness=reduction.stiffness,
-            damping=reduction.damping,
-        )
+        teeth = {"stiffness": reduction.stiffness, "damping": reduction.damping}
+        play = _put(tendon, "fixed", name=f"{joint}.play", springlength=(-half, half), **teeth)
         _put(play, "joint", joint=f"{joint}.motor", coef=1.0)
         _put(play, "joint", joint=joint, coef=-1.0)
     if leans:
@@ -205,8 +167,8 @@ def _wiring(
             "spatial",
             name=f"{joint}.rim",
             limited="true",
-            range=np.array([0.0, reduction.half_length * reduction.tilt]),
-            solreflimit=np.array([2.0 * timestep(reduction), 1.0]),
+            range=(0.0, reduction.half_length * reduction.tilt),
+            solreflimit=(2.0 * timestep(reduction), 1.0),
             solimplimit=_STIFF,
         )
         for end in ("bore", "rim"):
@@ -226,7 +188,7 @@ def _body(parent: ElementTree.Element, body: Body) -> ElementTree.Element:
         "body",
         name=body.name,
         pos=body.placement.translation,
-        quat=np.array([quaternion.w, quaternion.x, quaternion.y, quaternion.z]),
+        quat=(quaternion.w, quaternion.x, quaternion.y, quaternion.z),
     )
     inertia = body.inertia.inertia
     if body.inertia.mass > 0.0:
@@ -238,25 +200,22 @@ def _body(parent: ElementTree.Element, body: Body) -> ElementTree.Element:
 
 
 def _joint(element: ElementTree.Element, body: Body, friction: float, damping: float) -> None:
-    values: dict[str, Any] = {
-        "name": body.name,
-        "type": "slide" if body.slides else "hinge",
-        "axis": body.axis,
-    }
+    kind = "slide" if body.slides else "hinge"
+    more: dict[str, Any] = {}
     if np.isfinite(body.limits).all() and body.limits[1] > body.limits[0]:
-        values |= {"limited": "true", "range": np.array(body.limits)}
-    if friction > 0.0:
-        values["frictionloss"] = friction
-    if damping > 0.0:
-        values["damping"] = damping
-    _put(element, "joint", **values)
+        more |= {"limited": "true", "range": body.limits}
+    losses = {"frictionloss": friction, "damping": damping}
+    more |= {name: value for name, value in losses.items() if value > 0.0}
+    _put(element, "joint", name=body.name, type=kind, axis=body.axis, **more)
 
 
 def _lean(
     parent: ElementTree.Element, element: ElementTree.Element, body: Body, reduction: Reduction
 ) -> None:
     """Two hinges across the axis, and the places whose distance the bore limits."""
-    for part, axis in zip(("pitch", "roll"), across(body.axis), strict=True):
+    first = np.cross(body.axis, np.eye(3)[np.abs(body.axis).argmin()])
+    first /= np.linalg.norm(first)
+    for part, axis in (("pitch", first), ("roll", np.cross(body.axis, first))):
         _put(element, "joint", name=f"{body.name}.{part}", type="hinge", axis=axis)
     end = reduction.half_length * body.axis
     _put(element, "site", name=f"{body.name}.rim", pos=end)
@@ -264,14 +223,16 @@ def _lean(
 
 
 def _put(parent: ElementTree.Element, tag: str, **values: Any) -> ElementTree.Element:
-    """Append an element; numbers are written so that they read back the same."""
-    text = {
-        key: value
-        if isinstance(value, str)
-        else " ".join(f"{x + 0.0:.17g}" for x in np.ravel(value))
-        for key, value in values.items()
-    }
-    return ElementTree.SubElement(parent, tag, text)
+    """Append an element with attributes."""
+    texts = {name: _text(value) for name, value in values.items()}
+    return ElementTree.SubElement(parent, tag, texts)
+
+
+def _text(value: Any) -> str:
+    """Numbers are written so that they read back the same."""
+    if isinstance(value, str):
+        return value
+    return " ".join(f"{x + 0.0:.17g}" for x in np.ravel(value))
 
 
 @dataclass(frozen=True)
@@ -340,7 +301,8 @@ def follow(text: str, reduction: Reduction) -> Followed:
     angle = np.empty(len(grid))
     angle[0] = past["full"][0]
     sites = [f"{joint}.{end}" for end in ("rim", "bore")]
-    leans = "lean" in past and all(name in _sites(model) for name in sites)
+    named = {model.site(index).name for index in range(model.nsite)}
+    leans = "lean" in past and named.issuperset(sites)
     lean = np.zeros((len(grid), 3))
     begun = clock.process_time()
     for i in range(1, len(grid)):
@@ -363,23 +325,12 @@ def follow(text: str, reduction: Reduction) -> Followed:
     )
 
 
-def _sites(model: Any) -> set[str]:
-    return {model.site(index).name for index in range(model.nsite)}
-
-
 def _lean_difference(grid: np.ndarray, lean: np.ndarray, past: Mapping[str, np.ndarray]) -> float:
     """Largest difference of leans (n, 3), the beginning left aside, in which one falls."""
     wanted = np.column_stack([np.interp(grid, past["time"], one) for one in past["lean"].T])
     settled = grid >= grid[0] + SETTLED * (grid[-1] - grid[0])
     away = np.linalg.norm(lean - wanted, axis=1)[settled]
     return float(away.max())
-
-
-# A reduced model of a joint's play as SDF, as URDF with YAML, and as JSON.
-
-
-SPREAD = 0.3
-"""Half width of ranges for randomisation, relative, of what is not measured: an assumption."""
 
 
 def to_sdf(mechanism: Mechanism, reduction: Reduction) -> str:
@@ -389,40 +340,35 @@ def to_sdf(mechanism: Mechanism, reduction: Reduction) -> str:
     another.
     """
     root = ElementTree.Element("sdf", version="1.9")
-    model = ElementTree.SubElement(root, "model", name=mechanism.description.path.stem)
-    base = _link(model, "base", pin.SE3.Identity(), None)
-    fixed = ElementTree.SubElement(model, "joint", name="base_fixed", type="fixed")
-    _texts(fixed, parent="world", child="base")
-    assert base is not None
+    model = _put(root, "model", name=mechanism.description.path.stem)
+    _link(model, "base", pin.SE3.Identity(), None)
+    _texts(_put(model, "joint", name="base_fixed", type="fixed"), parent="world", child="base")
     places: dict[str, pin.SE3] = {"": pin.SE3.Identity()}
     for body in bodies(mechanism):
-        place = places[body.name] = places[body.parent] * body.placement
-        parent = f"{body.parent}_link" if body.parent else "base"
-        mine = body.name == reduction.joint
-        friction = reduction.friction if mine else body.friction
-        damping = reduction.viscous if mine else body.damping
-        if mine and reduction.dead_band > 0.0:
+        name = body.name
+        place = places[name] = places[body.parent] * body.placement
+        parent, child = f"{body.parent}_link" if body.parent else "base", f"{name}_link"
+        losses = _losses(body, reduction)
+        if name == reduction.joint and reduction.dead_band > 0.0:
+            motor, half = f"{name}_motor", 0.5 * reduction.dead_band
             rotor = pin.Inertia(1e-6, np.zeros(3), _rotor(body.axis, reduction.rotor_inertia))
-            _link(model, f"{body.name}_motor", place, rotor)
-            _sdf_joint(model, body, body.name, parent, f"{body.name}_motor", friction, damping)
-            half = 0.5 * reduction.dead_band
-            stop = reduction.stiffness, reduction.damping
-            _sdf_joint(
-                model,
-                body,
-                f"{body.name}_play",
-                f"{body.name}_motor",
-                f"{body.name}_link",
-                0.0,
-                reduction.damping,
-                (-half, half),
-                stop,
+            _link(model, motor, place, rotor)
+            _sdf_joint(model, body, name, parent, motor, losses, body.limits)
+            play = _sdf_joint(
+                model, body, f"{name}_play", motor, child, (0.0, reduction.damping), (-half, half)
             )
+            _texts(play, stiffness=reduction.stiffness, dissipation=reduction.damping)
         else:
-            _sdf_joint(model, body, body.name, parent, f"{body.name}_link", friction, damping)
-        _link(model, f"{body.name}_link", place, body.inertia)
-    ElementTree.indent(root)
-    return '<?xml version="1.0"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"
+            _sdf_joint(model, body, name, parent, child, losses, body.limits)
+        _link(model, child, place, body.inertia)
+    return _document(root)
+
+
+def _losses(body: Body, reduction: Reduction) -> tuple[float, float]:
+    """Dry and viscous friction of a joint."""
+    if body.name == reduction.joint:
+        return reduction.friction, reduction.viscous
+    return body.friction, body.damping
 
 
 def _sdf_joint(
@@ -431,46 +377,33 @@ def _sdf_joint(
     name: str,
     parent: str,
     child: str,
-    friction: float,
-    damping: float,
-    limits: tuple[float, float] | None = None,
-    stop: tuple[float, float] | None = None,
-) -> None:
-    kind = "prismatic" if body.slides else "revolute"
-    joint = ElementTree.SubElement(model, "joint", name=name, type=kind)
+    losses: tuple[float, float],
+    limits: tuple[float, float],
+) -> ElementTree.Element:
+    """Append a joint; its <limit>."""
+    joint = _put(model, "joint", name=name, type="prismatic" if body.slides else "revolute")
     _texts(joint, parent=parent, child=child)
     axis = ElementTree.SubElement(joint, "axis")
-    _texts(axis, xyz=_numbers(body.axis))
-    low, high = limits or body.limits
+    _texts(axis, xyz=body.axis)
     limit = ElementTree.SubElement(axis, "limit")
-    if np.isfinite([low, high]).all():
-        _texts(limit, lower=f"{low:.17g}", upper=f"{high:.17g}")
-    if stop is not None:
-        _texts(limit, stiffness=f"{stop[0]:.17g}", dissipation=f"{stop[1]:.17g}")
-    dynamics = ElementTree.SubElement(axis, "dynamics")
-    _texts(dynamics, damping=f"{damping:.17g}", friction=f"{friction:.17g}")
+    if np.isfinite(limits).all():
+        _texts(limit, lower=limits[0], upper=limits[1])
+    friction, damping = losses
+    _texts(ElementTree.SubElement(axis, "dynamics"), damping=damping, friction=friction)
+    return limit
 
 
 def _link(
     model: ElementTree.Element, name: str, place: pin.SE3, inertia: pin.Inertia | None
-) -> ElementTree.Element:
-    link = ElementTree.SubElement(model, "link", name=name)
-    angles = pin.rpy.matrixToRpy(place.rotation)
-    _texts(link, pose=_numbers([*place.translation, *angles]))
+) -> None:
+    link = _put(model, "link", name=name)
+    _texts(link, pose=[*place.translation, *pin.rpy.matrixToRpy(place.rotation)])
     inertial = ElementTree.SubElement(link, "inertial")
     mass, lever, matrix = 1e-3, np.zeros(3), 1e-6 * np.eye(3)
     if inertia is not None and inertia.mass > 0.0:
         mass, lever, matrix = inertia.mass, inertia.lever, inertia.inertia
-    _texts(inertial, pose=_numbers([*lever, 0.0, 0.0, 0.0]), mass=f"{mass:.17g}")
-    tensor = ElementTree.SubElement(inertial, "inertia")
-    _texts(
-        tensor,
-        **{
-            f"i{a}{b}": f"{matrix['xyz'.index(a), 'xyz'.index(b)]:.17g}"
-            for a, b in ("xx", "xy", "xz", "yy", "yz", "zz")
-        },
-    )
-    return link
+    _texts(inertial, pose=[*lever, 0.0, 0.0, 0.0], mass=mass)
+    _texts(ElementTree.SubElement(inertial, "inertia"), **_moments(matrix))
 
 
 def to_urdf(mechanism: Mechanism, reduction: Reduction) -> str:
@@ -479,16 +412,11 @@ def to_urdf(mechanism: Mechanism, reduction: Reduction) -> str:
     Without play in a gear only the joint's <dynamics> change. With it, the joint moves a link that
     is the motor's rotor, which moves the old child by `J_play`, whose limits are the dead band.
     """
-    root = ElementTree.fromstring(mechanism.description.text)
+    root = mechanism.description.elements()
     joint = next(j for j in root.findall("joint") if j.get("name") == reduction.joint)
     for old in joint.findall("dynamics"):
         joint.remove(old)
-    ElementTree.SubElement(
-        joint,
-        "dynamics",
-        friction=f"{reduction.friction:.17g}",
-        damping=f"{reduction.viscous:.17g}",
-    )
+    _put(joint, "dynamics", friction=reduction.friction, damping=reduction.viscous)
     if reduction.dead_band > 0.0:
         names = {one.get("name") for one in (*root.findall("joint"), *root.findall("link"))}
         motor, between = f"{reduction.joint}_motor", f"{reduction.joint}_play"
@@ -499,29 +427,23 @@ def to_urdf(mechanism: Mechanism, reduction: Reduction) -> str:
         written = joint.find("axis")
         assert child is not None
         axis = "1 0 0" if written is None else written.get("xyz", "1 0 0")
-        link = ElementTree.SubElement(root, "link", name=motor)
-        inertial = ElementTree.SubElement(link, "inertial")
-        ElementTree.SubElement(inertial, "mass", value="1e-06")
+        inertial = _put(_put(root, "link", name=motor), "inertial")
+        _put(inertial, "mass", value="1e-06")
         vector = np.array([float(x) for x in axis.split()])
         matrix = _rotor(vector / np.linalg.norm(vector), reduction.rotor_inertia)
-        ElementTree.SubElement(
-            inertial,
-            "inertia",
-            {
-                f"i{a}{b}": f"{matrix['xyz'.index(a), 'xyz'.index(b)]:.17g}"
-                for a, b in ("xx", "xy", "xz", "yy", "yz", "zz")
-            },
-        )
-        play = ElementTree.SubElement(root, "joint", name=between, type="revolute")
-        ElementTree.SubElement(play, "parent", link=motor)
-        ElementTree.SubElement(play, "child", link=child.get("link", ""))
-        ElementTree.SubElement(play, "axis", xyz=axis)
-        half = f"{0.5 * reduction.dead_band:.17g}"
-        ElementTree.SubElement(
-            play, "limit", lower=f"-{half}", upper=half, effort="0", velocity="100"
-        )
-        ElementTree.SubElement(play, "dynamics", damping=f"{reduction.damping:.17g}", friction="0")
+        _put(inertial, "inertia", **_moments(matrix))
+        play = _put(root, "joint", name=between, type="revolute")
+        _put(play, "parent", link=motor)
+        _put(play, "child", link=child.get("link", ""))
+        _put(play, "axis", xyz=axis)
+        half = 0.5 * reduction.dead_band
+        _put(play, "limit", lower=-half, upper=half, effort="0", velocity="100")
+        _put(play, "dynamics", damping=reduction.damping, friction="0")
         child.set("link", motor)
+    return _document(root)
+
+
+def _document(root: ElementTree.Element) -> str:
     ElementTree.indent(root)
     return '<?xml version="1.0"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"
 
@@ -543,7 +465,6 @@ def to_json(reduction: Reduction, encoder: str = "motor", spread: float = SPREAD
     """All parameters with ranges for domain randomisation, as JSON.
 
     Args:
-        reduction: the joint.
         encoder: ``motor`` (before the play) or ``link`` (after).
         spread: half width of the ranges of what is not measured, relative; an assumption. The
             friction's range is that of the full model's run.
@@ -571,9 +492,13 @@ def parameters(reduction: Reduction, encoder: str) -> dict[str, Any]:
     Raises:
         MissingName: no such place for an encoder.
     """
+    _check_encoder(encoder)
+    return {**reduction.describe(), "encoder": encoder}
+
+
+def _check_encoder(encoder: str) -> None:
     if encoder not in ENCODERS:
         raise MissingName("place for the encoder", encoder, ENCODERS)
-    return {**reduction.describe(), "encoder": encoder}
 
 
 def _rotor(axis: np.ndarray, inertia: float) -> np.ndarray:
@@ -582,10 +507,13 @@ def _rotor(axis: np.ndarray, inertia: float) -> np.ndarray:
     return np.asarray(inertia * along + 0.5001 * inertia * (np.eye(3) - along))
 
 
-def _texts(element: ElementTree.Element, /, **values: str) -> None:
-    for tag, text in values.items():
-        ElementTree.SubElement(element, tag).text = text
+def _moments(matrix: np.ndarray) -> dict[str, float]:
+    """The entries of an inertia by their names, ixx to izz."""
+    pairs = [("xyz"[i], "xyz"[k], matrix[i, k]) for i in range(3) for k in range(i, 3)]
+    return {f"i{a}{b}": float(value) for a, b, value in pairs}
 
 
-def _numbers(values: Any) -> str:
-    return " ".join(f"{x + 0.0:.17g}" for x in np.ravel(values))
+def _texts(element: ElementTree.Element, /, **values: Any) -> None:
+    """Append an element with a text for each value."""
+    for tag, value in values.items():
+        ElementTree.SubElement(element, tag).text = _text(value)

@@ -9,6 +9,11 @@ and lets the journal lean: a dead band across the axis.
 The full model runs through reversals of the one joint, the others standing: friction is fitted to
 its contacts, damping to its link's motion. The written model is then run through the same
 reversals; the largest difference of the link's angle, times `SAFETY`, is the error it comes with.
+
+Of the lean the reduced model knows a dead band: the axis leans, as far as both rims on opposite
+sides of the bore let it, to where the load's moment turns it. The full model's contacts give way,
+walls hold the journal more upright, friction drags it aside, and a side force may press both rims
+to one side.
 """
 
 from __future__ import annotations
@@ -36,16 +41,8 @@ from jointplay.motion.reference import Motion
 from jointplay.result.result import Result
 from jointplay.simulation.simulation import Simulation
 
-# How a journal leans in the full model, and how the reduced model has it lean.
-#
-# The reduced model knows a dead band: the axis leans, as far as both rims on opposite sides of
-# the bore let it, to where the load's moment turns it. The full model's contacts give way, walls
-# hold the journal more upright, friction drags it aside, and a side force may press both rims to
-# one side.
-
-
 _MOST = 400
-"""Records that are compared."""
+"""Records of leans that are compared."""
 
 
 @dataclass(frozen=True)
@@ -79,8 +76,8 @@ def compare_leans(mechanism: Mechanism, joint: str, q: np.ndarray) -> Leaning | 
     for part in clearance.freedoms:
         if part not in clearance.ideal_freedoms:
             upright[:, mechanism.coordinates.index(Coordinate(joint, part))] = 0.0
-    source = next(one for one in sources(mechanism, upright) if one.name == joint)
-    moment = source.load[:, 3:5]
+    plays = sources(mechanism, upright)
+    moment = plays.load[plays.names.index(joint), :, 3:5]
     size = np.linalg.norm(moment, axis=1, keepdims=True)
     unit = np.divide(moment, size, out=np.zeros_like(moment), where=size > 0.0)
     _, tilt = clearance.play(second_order=False).reach
@@ -113,42 +110,43 @@ _LOOPED = (
 class Reduction:
     """A joint with play as a hinge, with which error; angles in rad, torques in N m.
 
-    `dead_band` is the whole angle by which the link turns freely while the motor stands.
+    `dead_band` is the whole angle by which the link turns freely while the motor stands. What a
+    joint without gear, or without bearing, has not is zero.
     """
 
     joint: str
-    dead_band: float
-    stiffness: float
-    """Of the teeth in contact [N m/rad]; zero without a gear."""
-    damping: float
+    dead_band: float = 0.0
+    stiffness: float = 0.0
+    """Of the teeth in contact [N m/rad]."""
+    damping: float = 0.0
     """Between motor and link [N m s/rad]."""
-    rotor_inertia: float
+    rotor_inertia: float = 0.0
     """On the joint's side [kg m^2]."""
-    friction: float
+    friction: float = 0.0
     """Dry friction of bearing and joint about the axis [N m]."""
-    viscous: float
+    viscous: float = 0.0
     """[N m s/rad]."""
-    friction_error: float
+    friction_error: float = 0.0
     """RMS difference of the bearing's friction from the full model's while it slides [N m]."""
-    friction_range: tuple[float, float]
+    friction_range: tuple[float, float] = (0.0, 0.0)
     """5 % and 95 % quantiles of the full model's friction while it slides [N m]."""
-    angle_error: float
+    angle_error: float = 0.0
     """Error of the link's angle in reversals: `SAFETY` times the largest of the fit [rad]."""
-    angle_rms: float
+    angle_rms: float = 0.0
     """RMS difference of the link's angle in the fit's reversals [rad]."""
-    tilt: float
+    tilt: float = 0.0
     """How far the axis can lean, either way [rad]."""
-    tilt_stiffness: float
+    tilt_stiffness: float = 0.0
     """Of the lean beyond that, at the resting load [N m/rad]."""
-    lateral: float
+    lateral: float = 0.0
     """How far the journal can be aside, either way [m]."""
-    axial: float
+    axial: float = 0.0
     """How far it can be along, either way [m]."""
-    contact_stiffness: float
+    contact_stiffness: float = 0.0
     """Of a radial contact at the resting load: chord of the law [N/m]."""
-    load: tuple[float, ...]
+    load: tuple[float, ...] = (0.0,) * 6
     """Gravity on the bearing in its axes: force [N] and moment [N m]."""
-    pose: Mapping[str, float]
+    pose: Mapping[str, float] = field(default_factory=dict)
     """Joint positions about which it was fitted [rad or m]."""
     half_length: float = 0.0
     """Of the journal; zero if it cannot lean [m]."""
@@ -199,12 +197,9 @@ def reduce(
 
     Args:
         mechanism: the robot; of its play only that of `joint` counts here.
-        joint: its name.
         pose: joint positions about which the joint reverses [rad or m]; the rest zero.
-        amplitude: of the reversals [rad].
-        period: of the reversals [s].
+        amplitude, period: of the reversals [rad, s].
         joint_friction: of the joint besides its bearing's; None takes the URDF's.
-        progress: show a bar.
 
     Raises:
         MissingName: no such joint with play.
@@ -226,40 +221,44 @@ def reduce(
     require_positive("period", period, "s")
     bearings = {} if clearance is None else {joint: clearance}
     gears = {joint: mechanism.gears[joint]} if joint in mechanism.gears else {}
-    alone = mechanism._with(bearings, gears)
+    alone = mechanism.with_clearance(bearings, gears)
     positions = dict(pose or {})
     result = _full_run(alone, joint, positions, amplitude, period, joint_friction, progress)
     entry = mechanism.description.joints[joint]
     own = joint_friction or JointFriction(entry.friction, entry.damping)
-    dry, viscous, spread, limits = _fit_friction(result, alone, joint)
-    link = _Link(alone, joint, positions, own.coulomb + dry, own.viscous + viscous)
+    rubs = _fit_friction(result, alone, joint)
+    losses: dict[str, Any] = {
+        "friction": own.coulomb + rubs.pop("dry", 0.0),
+        "viscous": own.viscous + rubs.pop("viscous", 0.0),
+    }
+    link = _Link(alone, joint, positions, **losses)
     kept = result.time >= SETTLED * result.time[-1]
     time, q, v = result.time[kept], result["q"].values[kept], result["v"].values[kept]
-    motor, seen = q[:, alone.motor(joint)], q[:, alone.coordinate(joint)]
-    begin = float(seen[0]), float(v[0, alone.coordinate(joint)])
-    gear = gears.get(joint)
-    damping, reduced = (0.0, seen) if gear is None else link.fit(time, motor, gear, begin, seen)
-    difference = reduced - seen
-    history = {"time": time, "motor": motor, "full": seen, "reduced": reduced}
+    motor, full = q[:, alone.motor(joint)], q[:, alone.coordinate(joint)]
+    begin = float(full[0]), float(v[0, alone.coordinate(joint)])
+    gear, reduced = gears.get(joint), full
+    teeth: dict[str, Any] = {}
+    if gear is not None:
+        damping, reduced = link.fit(time, motor, gear, begin, full)
+        teeth = {"dead_band": gear.play, "stiffness": gear.stiffness, "damping": damping}
+        teeth["rotor_inertia"] = gear.rotor_inertia
+    difference = reduced - full
+    history = {"time": time, "motor": motor, "full": full, "reduced": reduced}
+    leans: dict[str, Any] = {}
     lean = compare_leans(alone, joint, q)
     if lean is not None:
         history["lean"] = lean.full
+        leans = {"tilt_error": SAFETY * lean.largest, "tilt_rms": lean.rms}
     return Reduction(
         joint,
-        0.0 if gear is None else gear.play,
-        0.0 if gear is None else gear.stiffness,
-        damping,
-        0.0 if gear is None else gear.rotor_inertia,
-        own.coulomb + dry,
-        own.viscous + viscous,
-        spread,
-        limits,
-        SAFETY * float(np.abs(difference).max()),
-        float(np.sqrt(np.mean(difference**2))),
-        **_across(alone, joint, clearance, positions),
+        **teeth,
+        **losses,
+        **rubs,
+        angle_error=SAFETY * float(np.abs(difference).max()),
+        angle_rms=float(np.sqrt(np.mean(difference**2))),
+        **_across(alone, clearance, positions),
+        **leans,
         pose=positions,
-        tilt_error=0.0 if lean is None else SAFETY * lean.largest,
-        tilt_rms=0.0 if lean is None else lean.rms,
         history=history,
     )
 
@@ -299,29 +298,32 @@ def _full_run(
     return simulation.run(progress).completed("the run of the full model")
 
 
-def _fit_friction(
-    result: Result, mechanism: Mechanism, joint: str
-) -> tuple[float, float, float, tuple[float, float]]:
+def _fit_friction(result: Result, mechanism: Mechanism, joint: str) -> dict[str, Any]:
     """Dry and viscous friction of the bearing, RMS difference, and 5 % to 95 % quantiles."""
     clearance = mechanism.clearance.get(joint)
     if clearance is None or clearance.hinge is None:
-        return 0.0, 0.0, 0.0, (0.0, 0.0)
+        return {}
     force = np.nan_to_num(result["friction_force"].sel(joint=joint).values)
     speed = np.abs(result["v"].values[:, mechanism.coordinate(joint)])
     settled = result.time >= SETTLED * result.time[-1]
     slides = settled & (speed > _MOVING * speed.max())
     torque = clearance.hinge.radius * force.sum(axis=1)[slides]
     if not len(torque):
-        return 0.0, 0.0, 0.0, (0.0, 0.0)
+        return {}
     shape = np.column_stack([np.ones(len(torque)), speed[slides]])
     (dry, viscous), _ = nnls(shape, torque)
     left = float(np.sqrt(np.mean((shape @ [dry, viscous] - torque) ** 2)))
     low, high = np.quantile(torque, [0.05, 0.95])
-    return float(dry), float(viscous), left, (float(low), float(high))
+    return {
+        "dry": float(dry),
+        "viscous": float(viscous),
+        "friction_error": left,
+        "friction_range": (float(low), float(high)),
+    }
 
 
 class _Link:
-    """The written model: one body about a fixed axis, driven through play, rubbing."""
+    """The written model: one body about a fixed axis, driven through play, with friction."""
 
     def __init__(
         self,
@@ -352,23 +354,21 @@ class _Link:
         motor: np.ndarray,
         gear: Gear,
         start: tuple[float, float],
-        seen: np.ndarray,
+        full: np.ndarray,
     ) -> tuple[float, np.ndarray]:
-        """Damping [N m s/rad] with which the link comes closest to `seen`, and its angle then."""
+        """Damping [N m s/rad] with which the link comes closest to `full`, and its angle then."""
         tried = {}
         for part in _DAMPINGS:
-            tried[part * gear.damping] = self.run(
-                time, motor, gear.play / 2.0, gear.stiffness, part * gear.damping, start
-            )
-        damping = min(tried, key=lambda one: float(np.square(tried[one] - seen).sum()))
-        return damping, tried[damping]
+            damping = part * gear.damping
+            tried[damping] = self._run(time, motor, gear, damping, start)
+        best = min(tried, key=lambda one: float(np.square(tried[one] - full).sum()))
+        return best, tried[best]
 
-    def run(
+    def _run(
         self,
         time: np.ndarray,
         motor: np.ndarray,
-        half: float,
-        stiffness: float,
+        gear: Gear,
         damping: float,
         start: tuple[float, float],
     ) -> np.ndarray:
@@ -376,6 +376,7 @@ class _Link:
 
         From an angle [rad] and a speed [rad/s] on, `start`.
         """
+        half, stiffness = gear.play / 2.0, gear.stiffness
         step = min(_STEP_S, 0.05 * math.sqrt(self.inertia / stiffness))
         count = math.ceil((time[-1] - time[0]) / step)
         grid = np.linspace(time[0], time[-1], count + 1)
@@ -396,30 +397,29 @@ class _Link:
 
 
 def _across(
-    mechanism: Mechanism, joint: str, clearance: Clearance | None, pose: Mapping[str, float]
+    mechanism: Mechanism, clearance: Clearance | None, pose: Mapping[str, float]
 ) -> dict[str, Any]:
     """Play across the axis: from the bearing's geometry, and stiffness at its resting load."""
-    none = dict.fromkeys(("tilt", "tilt_stiffness", "lateral", "axial", "contact_stiffness"), 0.0)
     if clearance is None or clearance.hinge is None:
-        return none | {"load": (0.0,) * 6}
+        return {}
     hinge = clearance.hinge
-    (part, *_) = sources(mechanism, pose)
-    load = part.load[0]
+    load = sources(mechanism, pose).load[0, 0]
     _, tilt = clearance.play(second_order=False).reach
     arm = hinge.length / 2.0
     # Each rim carries half the force, and what the moment over the length asks for.
     push = math.hypot(load[0], load[1]) / 2.0
     push += math.hypot(load[3], load[4]) / hinge.length if hinge.leans else push
     stiffness = _chord(clearance, hinge.radius, max(push, 1.0))
-    return {
-        "tilt": tilt if hinge.leans else 0.0,
-        "tilt_stiffness": 2.0 * stiffness * arm**2 if hinge.leans else 0.0,
+    found = {
         "lateral": hinge.lateral,
         "axial": hinge.axial,
         "contact_stiffness": stiffness,
         "load": tuple(float(x) for x in load),
-        "half_length": arm if hinge.leans else 0.0,
     }
+    if hinge.leans:
+        tilting = 2.0 * stiffness * arm**2
+        found |= {"tilt": tilt, "tilt_stiffness": tilting, "half_length": arm}
+    return found
 
 
 def _chord(clearance: Clearance, radius: float, force: float) -> float:

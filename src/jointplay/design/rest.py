@@ -9,8 +9,8 @@ run with start="rest" does.
 
 With Coulomb friction a journal rests wherever its contacts, each pushing within its cone of
 friction, can balance its load. For friction at given parts of the normal forces that is the state
-without friction under a load that has this friction added; all such states, the parts going
-through the cone's edge, bound the set (`_held`). The cones are taken as polygons around the round
+without friction under a load that has this friction added; all such states, the parts going through
+the cone's edge, bound the set (`_held_states`). The cones are taken as polygons around the round
 ones; loads as they change with all leans, contacts as they give way: what is found is on the safe
 side. Sets of several joints add up, so the tool's interval along a direction is the sum of theirs.
 """
@@ -18,15 +18,15 @@ side. Sets of several joints add up, so the tool's interval along a direction is
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import product
 
 import numpy as np
 import pinocchio as pin
 
-from jointplay.design import loop_play, loops
-from jointplay.design.levers import GEAR, Part, tool_place
-from jointplay.design.loop_play import displaced_configuration
+from jointplay.design import loop_play
+from jointplay.design.levers import GEAR, PlaySources, displaced_configuration, tool_place
+from jointplay.design.loops import ClosedLoops
 from jointplay.joints import RELATIVE, Clearance
 from jointplay.joints.play import Play, Pressed
 from jointplay.loads.drive import Drive, Prescribed, assign
@@ -62,30 +62,25 @@ _SMALL = 1e-6
 
 @dataclass(frozen=True)
 class Standing:
-    """A machine with play that stands, at n poses.
-
-    Args:
-        mechanism: the machine.
-        q: configurations, journals centred and loops closed, shape (n, nq).
-        parts: sources of play there.
-        force: on the tool, world axes, shape (3,) [N].
-        driven: joints of loops that stand.
-        friction: coefficient of all contacts; None: the largest of each joint's own law.
-        drive: of all joints that stand.
-        second_order: by how much the tool may be elsewhere than the levers say, shape (n,) [m].
-    """
+    """A machine with play that stands, at n poses."""
 
     mechanism: Mechanism
     q: np.ndarray
-    parts: tuple[Part, ...]
+    """Configurations, journals centred and loops closed, shape (n, nq)."""
+    sources: PlaySources
     force: np.ndarray
-    driven: tuple[str, ...] | None
+    """On the tool, world axes, shape (3,) [N]."""
+    driven: Sequence[str] | None
+    """Joints of loops that stand."""
     friction: float | None
+    """Coefficient of all contacts; None: the largest of each joint's own law."""
     drive: Drive
+    """Of all joints that stand."""
     second_order: np.ndarray
+    """By how much the tool may be elsewhere than the levers say, shape (n,) [m]."""
 
     _rests: dict[int, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict, init=False)
-    _intervals: dict[int, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict, init=False)
+    _intervals: dict[int, np.ndarray] = field(default_factory=dict, init=False)
 
     @property
     def coefficients(self) -> dict[str, float]:
@@ -103,14 +98,13 @@ class Standing:
 
         In loops only if these hold the plays together, as plane ones do not.
         """
-        looped = any(part.tie is not None for part in self.parts)
         return tuple(
-            part.name
-            for part in self.parts
-            if part.name not in self._gears and (looped or type(part.play).pressed is Play.pressed)
+            name
+            for name, play in zip(self.sources.names, self.sources.plays, strict=True)
+            if name not in self._gears and (self.sources.tied or type(play).pressed is Play.pressed)
         )
 
-    def looked_at(self, pose: int) -> bool:
+    def is_known(self, pose: int) -> bool:
         """Whether both have been found for a pose."""
         return pose in self._rests and pose in self._intervals
 
@@ -127,8 +121,8 @@ class Standing:
         """Which sources of play bear no load at a pose, and rest anywhere, shape (j,)."""
         mass = pin.computeTotalMass(self.mechanism.model)
         whole = mass * np.linalg.norm(self.mechanism.gravity) + np.linalg.norm(self.force)
-        loads = np.array([part.load[pose] for part in self.parts])
-        arms = np.array([_arm(part.play) for part in self.parts])
+        loads = self.sources.load[:, pose]
+        arms = np.array([_arm(play) for play in self.sources.plays])
         sizes = np.linalg.norm(loads[:, :3], axis=1) + np.linalg.norm(loads[:, 3:], axis=1) / arms
         return np.asarray(sizes <= _NOTHING * whole)
 
@@ -148,11 +142,10 @@ class Standing:
 
     def _rest(self, pose: int) -> tuple[np.ndarray, np.ndarray]:
         mechanism, q = self.mechanism, self.q[pose]
-        model = mechanism.model
+        nothing = np.zeros(mechanism.model.nv)
         names = list(mechanism.joints)
         if mechanism.loops:
-            driven = loops.driven_joints(mechanism, q, self.driven)
-            passive = set(loops.passive_coordinates(mechanism, driven))
+            passive = set(ClosedLoops(mechanism, q, self.driven).passive)
             names = [name for name in names if mechanism.coordinate(name) not in passive]
         at = [mechanism.coordinate(name) for name in names]
         motion = Motion(names, [0.0, _INSTANT_S], np.array([q[at], q[at]])) if names else None
@@ -160,83 +153,75 @@ class Standing:
         drive = Prescribed() if self.force.any() else self.drive
         drives = assign(mechanism, motion, drive if names else {})
         tables, _, reference = tabulate(mechanism, motion, drives, _INSTANT_S, {}, q)
-        loads = {}
-        if self.force.any():
-            x, y, z = map(float, self.force)
-            loads = {"tool": Wrench(mechanism.tool, force=(x, y, z))}
+        x, y, z = map(float, self.force)
+        loads = {"tool": Wrench(mechanism.tool, force=(x, y, z))} if self.force.any() else {}
         sites = [load_site(one, mechanism, {}) for one in loads.values()]
         balance = StaticEquilibrium(
             mechanism,
-            model,
+            mechanism.model,
             q,
-            np.zeros(model.nv),
+            nothing,
             drives,
             tables.drives,
             reference.table[0],
             {},
             StaticLoads(loads, mechanism, sites),
-            np.zeros(model.nv),
+            nothing.copy(),
         )
         found = balance.settle(None if mechanism.loops else self._near(pose))
         if not found.solved:
             found = balance.settle()
         if not found.solved:
-            return np.full((len(self.parts), 6), np.nan), np.full(6, np.nan)
+            return np.full((len(self.sources.names), 6), np.nan), np.full(6, np.nan)
         ideal, there = tool_place(mechanism, q), tool_place(mechanism, found.q)
         turn = ideal.rotation @ pin.log3(ideal.rotation.T @ there.rotation)
         whole = np.concatenate([there.translation - ideal.translation, turn])
-        points = [self._displacement(part.name, pose, found.q) for part in self.parts]
-        errors = [part.move[pose] @ xi for part, xi in zip(self.parts, points, strict=True)]
-        return np.array(errors), whole
+        points = np.array([self._displacement(name, pose, found.q) for name in self.sources.names])
+        return np.einsum("jik,jk->ji", self.sources.move[:, pose], points), whole
 
-    def interval(self, pose: int) -> tuple[np.ndarray, np.ndarray]:
+    def interval(self, pose: int) -> np.ndarray:
         """Where friction can hold the machine at a pose, to about 3 % of the width.
 
         `unsearched` joints may be anywhere within their play.
 
         Returns:
             Least and largest error of the tool along world x, y, z, and its least and largest
-            distance from the ideal one, shape (4, 2) [m]; and the same of each source of play
-            alone along x, y, z, shape (j, 3, 2).
+            distance from the ideal one, shape (4, 2) [m].
         """
         if pose not in self._intervals:
             self._intervals[pose] = self._interval(pose)
         return self._intervals[pose]
 
-    def _interval(self, pose: int) -> tuple[np.ndarray, np.ndarray]:
+    def _interval(self, pose: int) -> np.ndarray:
         clouds = self._clouds(pose)
-        ends = np.array([[cloud.min(axis=0), cloud.max(axis=0)] for cloud in clouds])
-        ends = ends.transpose(0, 2, 1)
-        more = self.second_order[pose]
-        axes = ends.sum(axis=0) + np.array([-more, more])
-        ways = _ways()
-        far = np.sum([(cloud @ ways.T).max(axis=0) for cloud in clouds], axis=0)
-        near = np.sum([(cloud @ ways.T).min(axis=0) for cloud in clouds], axis=0)
+        more, directions = self.second_order[pose], _sphere()
+        least = np.sum([cloud.min(axis=0) for cloud in clouds], axis=0) - more
+        most = np.sum([cloud.max(axis=0) for cloud in clouds], axis=0) + more
+        far = np.sum([(cloud @ directions.T).max(axis=0) for cloud in clouds], axis=0)
+        near = np.sum([(cloud @ directions.T).min(axis=0) for cloud in clouds], axis=0)
         # The farthest point lies at most this angle beside a direction that is looked at.
         widest = 2.2 / np.sqrt(_DIRECTIONS)
-        distance = max(near.max() - more, 0.0), far.max() / np.cos(widest) + more
-        ends_of_all = np.vstack([axes, distance])
+        nearest, farthest = max(near.max() - more, 0.0), far.max() / np.cos(widest) + more
+        ends = np.array([np.append(least, nearest), np.append(most, farthest)]).T
         place = self.rest(pose)[1][:3]  # no friction is a friction within the cone
         own = np.append(place, np.linalg.norm(place))
-        ends_of_all[:, 0] = np.fmin(ends_of_all[:, 0], own)
-        ends_of_all[:, 1] = np.fmax(ends_of_all[:, 1], own)
-        return ends_of_all, ends
+        ends[:, 0] = np.fmin(ends[:, 0], own)
+        ends[:, 1] = np.fmax(ends[:, 1], own)
+        return ends
 
     def _near(self, pose: int) -> np.ndarray:
         """The configuration at rest by the first order, from where the search begins."""
-        q = self.q[pose]
-        one = loop_play.at_rest([_at(part, pose) for part in self.parts]).point[:, 0, 0]
-        aside = {part.name: xi for part, xi in zip(self.parts, one, strict=True)}
-        return displaced_configuration(
-            self.mechanism, q, {n: xi for n, xi in aside.items() if n not in self._gears}
-        )
+        points = self.sources.subset(poses=[pose]).at_rest().point[:, 0, 0]
+        aside = dict(zip(self.sources.names, points, strict=True))
+        own = {name: xi for name, xi in aside.items() if name not in self._gears}
+        return displaced_configuration(self.mechanism, self.q[pose], own)
 
     @property
     def _gears(self) -> set[str]:
         return {name + GEAR for name in self.mechanism.gears}
 
     def _displacement(self, name: str, pose: int, there: np.ndarray) -> np.ndarray:
-        """Displacement of a source of play between a pose and `there` (nq,), as `Part` has it."""
+        """Displacement of a source of play from a pose to `there` (nq,), as its lever takes it."""
         mechanism, q = self.mechanism, self.q[pose]
         xi = np.zeros(6)
         if name in self._gears:
@@ -255,56 +240,46 @@ class Standing:
 
     def _clouds(self, pose: int) -> list[np.ndarray]:
         """The tool's errors in states in which friction holds, of each source of play (m, 3)."""
-        parts = [_at(part, pose) for part in self.parts]
-        errors: list[np.ndarray | None] = [None] * len(parts)
-        anywhere: np.ndarray | None = None
-        names = [part.name for part in parts]
-        members = [j for j, name in enumerate(names) if name not in self._gears]
-        held = any(part.tie is not None for part in parts)
-        if not held:
-            joints = [self.mechanism.clearance[names[j]] for j in members]
-            rough = [self.coefficients[names[j]] for j in members]
-            bend = self._bend(pose, [names[j] for j in members])
-            found, pressed = _held([parts[j] for j in members], rough, bend)
-            unpressed = self.unpressed(pose)
-            for j, joint, points, contacts in zip(members, joints, found, pressed, strict=True):
-                if contacts is None or unpressed[j]:
+        plays = self.sources.subset(poses=[pose])
+        move = plays.move[:, 0, :3]
+        errors: dict[str, np.ndarray] = {}
+        grip: dict[str, float] = {}
+        if not plays.tied:
+            unpressed = dict(zip(plays.names, self.unpressed(pose), strict=True))
+            names = [name for name in plays.names if name not in self._gears]
+            friction = [self.coefficients[name] for name in names]
+            found, pressed = _held_states(
+                plays.subset(slice(len(names))), friction, self._bend(pose, names)
+            )
+            for j, name in enumerate(names):
+                contacts, joint = pressed[j], self.mechanism.clearance[name]
+                if contacts is None:
                     continue
-                if not len(points):  # no friction, and one place of rest only
+                force = float(contacts.force.sum(axis=1).max(initial=0.0))
+                grip[name] = friction[j] * joint.half_width * force
+                if unpressed[name]:
+                    continue
+                if len(found[j]):
+                    errors[name] = (found[j] + _compliance_shift(joint, contacts)) @ move[j].T
+                else:  # no friction, and one place of rest only
                     own = self.rest(pose)[0][j : j + 1, :3]
-                    errors[j] = None if np.isnan(own).any() else own
-                    continue
-                points = points + _give(joint, contacts)
-                errors[j] = points @ parts[j].move[0, :3].T
-        torques = {}
-        for j, name in enumerate(names):
+                    if not np.isnan(own).any():
+                        errors[name] = own
+        for j, name in enumerate(plays.names):
             if name in self._gears:
                 joint_name = name.removesuffix(GEAR)
-                resists = 0.0
-                if joint_name in names and not held:
-                    i = names.index(joint_name)
-                    contacts = pressed[members.index(i)]
-                    radius = self.mechanism.clearance[joint_name].half_width
-                    if contacts is not None:
-                        force = contacts.force.sum(axis=1).max()
-                        resists = self.coefficients[joint_name] * radius * float(force)
-                torques[j] = resists
-        for j, part in enumerate(parts):
-            if j in torques:
-                half = part.play.reach[1]
-                gear = self.mechanism.gears[names[j].removesuffix(GEAR)]
-                load = part.load[0, 5]
-                ends = np.array([load - torques[j], load + torques[j]])
-                angle = half * np.sign(ends) + ends / gear.stiffness
+                half, load = plays.plays[j].reach[1], plays.load[j, 0, 5]
+                resists = grip.get(joint_name, 0.0)
+                ends = np.array([load - resists, load + resists])
+                angle = half * np.sign(ends) + ends / self.mechanism.gears[joint_name].stiffness
                 if ends[0] <= 0.0 <= ends[1]:
                     angle = np.array([-half, half])
-                errors[j] = np.outer(angle, part.move[0, :3, 5])
-            elif errors[j] is None:  # loops, an own kind, or no load: anywhere within the play
-                if anywhere is None:
-                    ways = np.vstack([np.eye(3), -np.eye(3), _ways()])
-                    anywhere = loop_play.along(parts, ways[None]).error[:, 0, :, :3]
-                errors[j] = anywhere[j]
-        return [one for one in errors if one is not None]
+                errors[name] = np.outer(angle, move[j][:, 5])
+        if len(errors) < len(plays.names):  # loops, an own kind, no load: anywhere within the play
+            directions = np.vstack([np.eye(3), -np.eye(3), _sphere()])
+            anywhere = plays.along(directions[None]).error[:, 0, :, :3]
+            errors = {**dict(zip(plays.names, anywhere, strict=True)), **errors}
+        return [errors[name] for name in plays.names]
 
     def _bend(self, pose: int, names: Sequence[str]) -> np.ndarray:
         """How loads fall with displacements: the energy's curvature, shape (6 j, 6 j)."""
@@ -332,17 +307,12 @@ _DIRECTIONS = 180
 """In which the farthest tool is sought."""
 
 
-def _ways() -> np.ndarray:
+def _sphere() -> np.ndarray:
     """Directions evenly over a sphere (Fibonacci lattice), shape (180, 3)."""
     i = np.arange(_DIRECTIONS) + 0.5
     z, phi = 1.0 - 2.0 * i / _DIRECTIONS, i * np.pi * (3.0 - np.sqrt(5.0))
     r = np.sqrt(1.0 - z * z)
     return np.column_stack([r * np.cos(phi), r * np.sin(phi), z])
-
-
-def _at(part: Part, pose: int) -> Part:
-    tie = None if part.tie is None else part.tie[pose : pose + 1]
-    return replace(part, move=part.move[pose : pose + 1], load=part.load[pose : pose + 1], tie=tie)
 
 
 def _coordinates(mechanism: Mechanism, q: np.ndarray, name: str) -> np.ndarray:
@@ -357,30 +327,30 @@ def _coordinates(mechanism: Mechanism, q: np.ndarray, name: str) -> np.ndarray:
     return columns
 
 
-def _held(
-    parts: Sequence[Part], rough: Sequence[float], bend: np.ndarray
+def _held_states(
+    sources: PlaySources, friction: Sequence[float], bend: np.ndarray
 ) -> tuple[list[np.ndarray], list[Pressed | None]]:
     """Displacements (m, 6) of each journal in states in which friction holds it, and contacts.
 
     Args:
-        parts: j sources of play at one pose.
-        rough: coefficient of friction of each.
+        sources: journals at one pose, which do not hold each other.
+        friction: coefficient of friction of each.
         bend: how their loads fall with their displacements, shape (6 j, 6 j).
     """
     random = np.random.default_rng(0)
-    plays = [loop_play.ended(part.play) for part in parts]
-    given, points, begun, contacts, rubbing = [], [], [], [], []
-    for part, play in zip(parts, plays, strict=True):
+    plays = [loop_play.ended(play) for play in sources.plays]
+    own = sources.load[:, 0]
+    given, points, contacts, tangents = [], [], [], []
+    for play, alone in zip(plays, own, strict=True):
         arm = _arm(play)
-        size = np.linalg.norm(part.load[0, :3]) + np.linalg.norm(part.load[0, 3:5]) / arm
+        size = np.linalg.norm(alone[:3]) + np.linalg.norm(alone[3:5]) / arm
         noise = random.normal(size=(STATES, 6)) * np.array([1.0] * 3 + [arm] * 3)
-        load = part.load + _OPEN * size * noise
+        load = alone + _OPEN * size * noise
         given.append(load)
-        begun.append(play.support(noise).point)
-        points.append(begun[-1])
+        points.append(play.support(noise).point)
         contacts.append(play.pressed(load, play.support(load).point))
         k = 0 if contacts[-1] is None else len(contacts[-1].contact)
-        rubbing.append(_directions(k, random))
+        tangents.append(_directions(k, random))
     loads = [load.copy() for load in given]
     # Half of them follow the load as it turns with the lean, which does not find the states that
     # this leads away from; the others, of loads as they are anywhere, are sorted out below.
@@ -395,18 +365,18 @@ def _held(
             if now is None:
                 continue
             load = given[j] - falls[:, 6 * j : 6 * j + 6]
-            load += rough[j] * np.einsum("nk,nki,nkid->nd", now.force, rubbing[j], now.across)
+            load += friction[j] * np.einsum("nk,nki,nkid->nd", now.force, tangents[j], now.across)
             loads[j] = load if turn < _DAMPED else 0.5 * (loads[j] + load)
             points[j] = play.support(loads[j]).point
             contacts[j] = play.pressed(loads[j], points[j])
     falls = np.concatenate(points, axis=1) @ bend
     found: list[Pressed | None] = []
-    for j, (part, play) in enumerate(zip(parts, plays, strict=True)):
+    for j, play in enumerate(plays):
         now = contacts[j]
         if now is not None:
-            kept = _balanced(part.load - falls[:, 6 * j : 6 * j + 6], now, rough[j], _arm(play))
+            kept = _balanced(own[j] - falls[:, 6 * j : 6 * j + 6], now, friction[j], _arm(play))
             # None is left if a lean swings between two ends of what is nearly open.
-            if not kept.any() and rough[j] > 0.0:
+            if not kept.any() and friction[j] > 0.0:
                 kept[follows] = True
             points[j] = points[j][kept]
             now = now._replace(force=now.force[kept], normal=now.normal[kept])
@@ -414,14 +384,14 @@ def _held(
     return points, found
 
 
-def _balanced(loads: np.ndarray, contacts: Pressed, rough: float, arm: float) -> np.ndarray:
+def _balanced(loads: np.ndarray, contacts: Pressed, friction: float, arm: float) -> np.ndarray:
     """Whether contacts within their cones of friction can balance loads (n, 6), shape (n,)."""
     from scipy.optimize import nnls  # takes long to import
 
     rows = list(contacts.borne)
     weight = np.array([1.0] * 3 + [1.0 / arm] * 3)[rows]
-    cones = contacts.normal[:, :, None] + rough * np.einsum(
-        "ci,nkid->nkcd", _CORNERS if rough > 0.0 else np.zeros((1, 2)), contacts.across
+    cones = contacts.normal[:, :, None] + friction * np.einsum(
+        "ci,nkid->nkcd", _CORNERS if friction > 0.0 else np.zeros((1, 2)), contacts.across
     )
     right = loads[:, rows] * weight
     size = np.maximum(np.linalg.norm(right, axis=1), 1e-300)
@@ -441,7 +411,7 @@ def _balanced(loads: np.ndarray, contacts: Pressed, rough: float, arm: float) ->
             spread[..., 3:] += shifted[:, :, None]
             columns = spread
         matrix = -(columns.reshape(-1, 6)[:, rows] * weight).T
-        good[i] = nnls(matrix, right[i])[1] <= (_BALANCED * rough + _EXACT) * size[i]
+        good[i] = nnls(matrix, right[i])[1] <= (_BALANCED * friction + _EXACT) * size[i]
     return good
 
 
@@ -467,7 +437,7 @@ def _directions(count: int, random: np.random.Generator) -> np.ndarray:
     return np.asarray(chosen)
 
 
-def _give(joint: Clearance, contacts: Pressed) -> np.ndarray:
+def _compliance_shift(joint: Clearance, contacts: Pressed) -> np.ndarray:
     """How far journals go on because their contacts give way, (m, 6)."""
     deep = np.zeros_like(contacts.force)
     for k, contact in enumerate(contacts.contact):

@@ -19,12 +19,22 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from jointplay.analysis.runs import MOST_RUNS, check_numbers, errors, traces
+from jointplay.analysis.runs import (
+    MOST_RUNS,
+    at_speed,
+    check_numbers,
+    errors,
+    loaded,
+    seeded,
+    traces,
+)
+from jointplay.analysis.tables import columns, csv_text
 from jointplay.analysis.twins import ideal_simulation, state_without_play
 from jointplay.analysis.uncertainty import SobolIndices, salib, sobol_indices, standard_error
 from jointplay.core.errors import (
@@ -35,7 +45,6 @@ from jointplay.core.errors import (
     require_whole,
 )
 from jointplay.design.levers import GEAR
-from jointplay.mechanism.payload import Payload
 from jointplay.simulation.simulation import Simulation
 
 RECORD_S = 1e-3
@@ -79,29 +88,27 @@ class DynamicBudget:
 
     def __str__(self) -> str:
         """The budget as a table [mm]."""
-        rows = ["joint                       alone: RMS [mm]  peak [mm]  share of the mean square"]
-        for j, name in enumerate(self.joints):
-            rows.append(
-                f"{name:<27} {1e3 * self.alone_rms[:, j].mean():>15.4g}  "
-                f"{1e3 * self.alone_peak[:, j].max():>9.4g}  {_share(self.parts[:, j])}"
+        head = ("joint", "alone: RMS [mm]", "peak [mm]", "share of the mean square")
+        rows = [
+            (name, f"{1e3 * rms.mean():.4g}", f"{1e3 * peak.max():.4g}", _share(part))
+            for name, rms, peak, part in zip(
+                self.joints, self.alone_rms.T, self.alone_peak.T, self.parts.T, strict=True
             )
-        rows.append(f"{'interaction':<27} {'':>15}  {'':>9}  {_share(self.interaction)}")
-        rows.append(
-            f"{'all together':<27} {1e3 * self.rms.mean():>15.4g}  "
-            f"{1e3 * self.peak.max():>9.4g}  100 %"
-        )
-        return "\n".join([*rows, self.accuracy])
+        ]
+        rows.append(("interaction", "", "", _share(self.interaction)))
+        rms, peak = f"{1e3 * self.rms.mean():.4g}", f"{1e3 * self.peak.max():.4g}"
+        rows.append(("all together", rms, peak, "100 %"))
+        return "\n".join([*columns([head, *rows]), self.accuracy])
 
     def csv(self) -> str:
         """A row for each source and run."""
-        rows = ["run,source,rms_m,peak_m,share"]
+        rows: list[tuple] = [("run", "source", "rms_m", "peak_m", "share")]
         for run in range(len(self.rms)):
-            for j, name in enumerate(self.joints):
-                values = self.alone_rms[run, j], self.alone_peak[run, j], self.parts[run, j]
-                rows.append(f"{run},{name}," + ",".join(f"{x:.6g}" for x in values))
-            rows.append(f"{run},interaction,,,{self.interaction[run]:.6g}")
-            rows.append(f"{run},all,{self.rms[run]:.6g},{self.peak[run]:.6g},1")
-        return "\n".join([*rows, ""])
+            alone = (self.alone_rms[run], self.alone_peak[run], self.parts[run])
+            rows += [(run, *row) for row in zip(self.joints, *alone, strict=True)]
+            rows.append((run, "interaction", "", "", self.interaction[run]))
+            rows.append((run, "all", self.rms[run], self.peak[run], 1))
+        return csv_text(rows, 6)
 
 
 def _share(values: np.ndarray) -> str:
@@ -124,23 +131,19 @@ def shares(
     Args:
         simulation: one cycle of the machine, with play.
         runs: perturbed runs of each.
-        jobs: processes; None takes one for each core.
-        keep: folder in which runs are kept, so that an interrupted call can go on.
-        progress: show a bar on standard error.
+        jobs, keep, progress: see `traces`.
 
     Raises:
         JointplayError: no play, no motion, a run that fails.
     """
     check_numbers(runs, jobs)
-    if simulation.motion is None:
-        raise JointplayError("nothing moves: the simulation has no motion")
     base = _coarser(simulation)
     names = _sources(base)
     if not names:
         raise JointplayError("no joint or gear has play: there is no error to share")
-    first = 1 if base.seed is None else base.seed
-    whole = [replace(base, seed=first + run) for run in range(runs)]
-    single = [replace(_only(base, name), seed=first + run) for run in range(runs) for name in names]
+    whole = seeded(base, runs)
+    alike = [seeded(_only(base, name), runs) for name in names]
+    single = [one for same_seed in zip(*alike, strict=True) for one in same_seed]
     courses = traces(
         [ideal_simulation(base), *whole, *single], jobs=jobs, keep=keep, progress=progress
     )
@@ -164,7 +167,13 @@ def shares(
 
 
 def _coarser(simulation: Simulation) -> Simulation:
-    """The simulation with no more records than shares need."""
+    """The simulation with no more records than shares need.
+
+    Raises:
+        JointplayError: it has no motion.
+    """
+    if simulation.motion is None:
+        raise JointplayError("nothing moves: the simulation has no motion")
     every = max(simulation.record_every, round(RECORD_S / simulation.step))
     return replace(simulation, record_every=every)
 
@@ -185,7 +194,7 @@ def _only(simulation: Simulation, source: str) -> Simulation:
     own = [c for c in mechanism.coordinates if c.part and (c.joint == source or c.joint in gears)]
     state: dict[str, Any] = {**state_without_play(simulation)}
     state |= {name: at for name, at in simulation.state.items() if name in own}
-    return replace(simulation, mechanism=mechanism._with(joints, gears), state=state)
+    return replace(simulation, mechanism=mechanism.with_clearance(joints, gears), state=state)
 
 
 @dataclass(frozen=True)
@@ -199,22 +208,20 @@ class Sensitivity(SobolIndices):
 
     def __str__(self) -> str:
         """As a table."""
-        rows = [f"{'input':<34} {'range':<14} first-order       total"]
-        for i, name in enumerate(self.names):
-            low, high = self.ranges[i]
-            rows.append(
-                f"{name:<34} {f'{low:g} to {high:g}':<14} "
-                f"{self.first[i]:>5.2f} +- {self.first_confidence[i]:<6.2f}  "
-                f"{self.total[i]:>5.2f} +- {self.total_confidence[i]:.2f}"
-            )
-        rows.append(
+        rows = [("input", "range", "first-order", "total")]
+        for i, (name, (low, high)) in enumerate(zip(self.names, self.ranges, strict=True)):
+            first = f"{self.first[i]:.2f} +- {self.first_confidence[i]:.2f}"
+            total = f"{self.total[i]:.2f} +- {self.total_confidence[i]:.2f}"
+            rows.append((name, f"{low:g} to {high:g}", first, total))
+        lines = columns(rows)
+        lines.append(
             f"statistical, from {len(self.rms)} simulated runs: RMS error "
             f"{1e3 * self.rms.min():.4g} to {1e3 * self.rms.max():.4g} mm; +- 95 % "
             "confidence of the indices by resampling"
         )
         if max(self.first_confidence.max(), self.total_confidence.max()) > _WIDE:
-            rows.append("the intervals are wide: more samples (--sobol) tell more")
-        return "\n".join(rows)
+            lines.append("the intervals are wide: more samples (--sobol) tell more")
+        return "\n".join(lines)
 
 
 _WIDE = 0.3
@@ -246,8 +253,6 @@ def sensitivity(
         JointplayError: no play, no motion, a value out of range, SALib missing, a run that fails.
     """
     check(samples, spread, slowest, payload)
-    if simulation.motion is None:
-        raise JointplayError("nothing moves: the simulation has no motion")
     base = _coarser(simulation)
     inputs = _inputs(base, spread, slowest, payload)
     names = [name for name, _, _ in inputs]
@@ -259,7 +264,7 @@ def sensitivity(
         one = base
         for (_, (low, high), change), x in zip(inputs, point, strict=True):
             one = change(one, low * (high / low) ** x if low > 0.0 else low + x * (high - low))
-        work += [ideal_simulation(one), replace(one, seed=1 if base.seed is None else base.seed)]
+        work += [ideal_simulation(one), *seeded(one, 1)]
     courses = traces(work, jobs=jobs, keep=keep, progress=progress)
     rms = np.array(
         [
@@ -293,22 +298,21 @@ def _inputs(base: Simulation, spread: float, slowest: float, payload: float) -> 
         raise JointplayError("no joint has clearance that could vary")
     range_ = (1.0 / spread, spread)
 
-    def clearance(name: str) -> Callable[[Simulation, float], Simulation]:
-        def change(one: Simulation, factor: float) -> Simulation:
-            own = one.mechanism.clearance
-            wider = {**own, name: own[name].scaled(factor)}
-            return replace(one, mechanism=one.mechanism.with_clearance(wider))
-
-        return change
-
-    inputs: list[Input] = [(f"clearance {name}", range_, clearance(name)) for name in joints]
+    inputs: list[Input] = [(f"clearance {name}", range_, partial(_wider, name)) for name in joints]
     if any(any(joint.friction.coefficients.values()) for joint in joints.values()):
         inputs.append(("friction of the bearings", range_, _rougher))
     if slowest < 1.0:
-        inputs.append(("speed", (slowest, 1.0), _slower))
+        inputs.append(("speed", (slowest, 1.0), at_speed))
     if payload > 0.0:
-        inputs.append(("payload [kg]", (0.0, payload), _loaded))
+        inputs.append(("payload [kg]", (0.0, payload), loaded))
     return inputs
+
+
+def _wider(name: str, one: Simulation, factor: float) -> Simulation:
+    """The clearance of a joint multiplied."""
+    own = one.mechanism.clearance
+    wider = {**own, name: own[name].scaled(factor)}
+    return replace(one, mechanism=one.mechanism.with_clearance(wider))
 
 
 def _rougher(one: Simulation, factor: float) -> Simulation:
@@ -318,18 +322,3 @@ def _rougher(one: Simulation, factor: float) -> Simulation:
         for name, joint in one.mechanism.clearance.items()
     }
     return replace(one, mechanism=one.mechanism.with_clearance(joints))
-
-
-def _slower(one: Simulation, factor: float) -> Simulation:
-    """The same motion at a part of its speed."""
-    motion = one.motion
-    assert motion is not None
-    duration = None if one.duration is None else one.duration / factor
-    return replace(one, motion=motion.at_speed(factor), duration=duration)
-
-
-def _loaded(one: Simulation, mass: float) -> Simulation:
-    """A mass at the tool from the start on."""
-    if mass <= 0.0:
-        return one
-    return replace(one, payloads=(*one.payloads, Payload(one.mechanism.tool, mass)))

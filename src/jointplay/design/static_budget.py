@@ -1,23 +1,22 @@
 """Error budget: how far play lets the tool be off, at many poses, and which joint is to blame.
 
-No dynamics. Each joint's play is an exact set of small displacements (`statics`); through its
-Jacobian it displaces the tool. What all joints can do together is the sum of these sets, whose
+No dynamics. Each joint's play is an exact set of small displacements; through its Jacobian it
+displaces the tool (`levers`). What all joints can do together is the sum of these sets, whose
 support function is the sum of theirs: the worst case along a direction is a sum over joints, and
 each joint has its share. The drives hold the joints where the encoders say.
 """
 
 from __future__ import annotations
 
-import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from jointplay.analysis.tables import columns, csv_text
 from jointplay.core.errors import JointplayError, require_finite, require_whole
-from jointplay.design import loop_play
-from jointplay.design.levers import Part, configurations, sources, tool_place
-from jointplay.design.loop_play import second_order_of_loops
+from jointplay.design.levers import PlaySources, configurations, displaced, sources, tool_place
+from jointplay.design.loops import ClosedLoops
 from jointplay.design.rest import AGREES_M, Standing
 from jointplay.loads.drive import ComputedTorque, Drive
 from jointplay.mechanism.mechanism import Mechanism
@@ -27,6 +26,8 @@ DIRECTIONS = 180
 _REFINEMENTS = 6
 _DECIDES = 0.5
 """Part of the error at rest by which friction decides it, if it can shift the tool so far."""
+_TRUE = 0.25
+"""Part of the error by which loops closed exactly may put the tool elsewhere than linear ones."""
 FOLLOW = ComputedTorque()
 """Drives of a run that says nothing of them."""
 AXES = ("x", "y", "z", "about x", "about y", "about z")
@@ -43,9 +44,8 @@ class Budget:
     beyond `worst`.
     """
 
-    tool: str
-    joints: tuple[str, ...]
-    """Sources of play, gears last."""
+    standing: Standing
+    """The machine at these poses: its sources of play, and where it rests."""
     positions: np.ndarray
     """Of the ideal tool, world axes, shape (n, 3)."""
     axis_worst: np.ndarray
@@ -64,19 +64,35 @@ class Budget:
     """RMS distance, if a load on the tool that exceeds all others has a random direction, (n,)."""
     rms_parts: np.ndarray
     """What each joint adds to `rms`: its mean part along the error, shape (n, j)."""
-    second_order: np.ndarray
-    """What rotations of the second order can add to `worst` at most, shape (n,)."""
-    search: float
-    """Part by which the search over directions can have missed `worst`, at most."""
-    excess: float
-    """Part by which the plays' own second order widened the sets, at most."""
-    sources: tuple[Part, ...]
-    """What each joint's play is, and how it moves the tool."""
-    standing: Standing
-    """Where the machine rests."""
-    loops: bool = False
-    """Whether closed loops lead the play to the tool: then `second_order` is no bound, but by how
-    much the loops, closed exactly with the journals of `worst`, put the tool elsewhere."""
+
+    @property
+    def tool(self) -> str:
+        """Frame whose error this is."""
+        return self.standing.mechanism.tool
+
+    @property
+    def sources(self) -> PlaySources:
+        """What each joint's play is, and how it moves the tool."""
+        return self.standing.sources
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Sources of play, gears last."""
+        return self.sources.names
+
+    @property
+    def second_order(self) -> np.ndarray:
+        """What rotations of the second order can add to `worst` at most, shape (n,).
+
+        In closed loops no bound, but by how much the loops, closed exactly with the journals of
+        `worst`, put the tool elsewhere.
+        """
+        return self.standing.second_order
+
+    @property
+    def loops(self) -> bool:
+        """Whether closed loops lead the play to the tool."""
+        return bool(self.standing.mechanism.loops)
 
     @property
     def worst_pose(self) -> int:
@@ -115,60 +131,46 @@ class Budget:
         all joints, and those of a kind that does not say where it presses, may be anywhere within
         their play.
         """
-        return np.array([self.standing.interval(i)[0] for i in range(len(self.worst))])
+        return np.array([self.standing.interval(i) for i in range(len(self.worst))])
 
     def table(self, pose: int | None = None) -> str:
         """The budget at a pose, by default the worst one, as text [mm, mrad]."""
         at = self.worst_pose if pose is None else pose
         total = max(float(self.worst_parts[at].sum()), 1e-300)
         rests, whole_rest = self.standing.rest(at)
-        rows = [
-            "joint                       worst case [mm]  share   at rest [mm]  rms [mm]  "
-            "worst turn [mrad]"
-        ]
+        head = ("joint", "worst case [mm]", "share", "at rest [mm]", "rms [mm]")
+        rows: list[tuple[str, ...]] = [(*head, "worst turn [mrad]")]
 
-        def row(name: str, values: Sequence[float], share: str) -> str:
-            worst, rest, rms, turn = values
-            return (
-                f"{name:<27} {worst:>15.4f}  {share:>5}  {rest:>13.4f} {rms:>9.4f}  {turn:>17.4f}"
-            )
+        def add(name: str, share: str, worst: float, rest: np.ndarray, *others: float) -> None:
+            numbers = (worst, float(np.linalg.norm(rest[:3])), *others)
+            first, *more = (f"{1e3 * value:.4f}" for value in numbers)
+            rows.append((name, first, share, *more))
 
         for j, name in enumerate(self.joints):
-            values = (
-                1e3 * self.worst_parts[at, j],
-                1e3 * float(np.linalg.norm(rests[j, :3])),
-                1e3 * self.rms_parts[at, j],
-                1e3 * self.turn_parts[at, j],
+            worst, rms, turn = (
+                values[at, j] for values in (self.worst_parts, self.rms_parts, self.turn_parts)
             )
-            rows.append(row(name, values, f"{100 * self.worst_parts[at, j] / total:.1f}%"))
-        whole = (
-            1e3 * self.worst[at],
-            1e3 * float(np.linalg.norm(whole_rest[:3])),
-            1e3 * self.rms[at],
-            1e3 * self.worst_turn[at],
-        )
-        rows.append(row("all", whole, "100%" if self.worst[at] > 0.0 else "-"))
-        axes = self.axis_worst[at].sum(axis=0)
-        rows.append(
-            "worst case along x, y, z: "
-            + ", ".join(f"{1e3 * value:.4f}" for value in axes[:3])
-            + " mm; about x, y, z: "
-            + ", ".join(f"{1e3 * value:.4f}" for value in axes[3:])
-            + " mrad"
+            add(name, f"{100 * worst / total:.1f}%", worst, rests[j], rms, turn)
+        share = "100%" if self.worst[at] > 0.0 else "-"
+        add("all", share, self.worst[at], whole_rest, self.rms[at], self.worst_turn[at])
+        lines = columns(rows)
+        axes = [f"{1e3 * value:.4f}" for value in self.axis_worst[at].sum(axis=0)]
+        lines.append(
+            f"worst case along x, y, z: {', '.join(axes[:3])} mm; "
+            f"about x, y, z: {', '.join(axes[3:])} mrad"
         )
         begins = "" if self.standing.force.any() else " (where a run with start=rest begins)"
         place = ", ".join(f"{1e3 * value:.4f}" for value in whole_rest[:3])
-        rows.append(
+        lines.append(
             "at rest without friction: no equilibrium was found"
             if np.isnan(whole_rest).any()
             else f"at rest without friction, along x, y, z: {place} mm{begins}"
         )
-        rows += self._held(at)
-        return "\n".join(rows)
+        return "\n".join([*lines, *self._held(at)])
 
     def _held(self, at: int) -> list[str]:
         """Where the tool rests with friction, and how much that matters, lines of text."""
-        place, ends = self.standing.rest(at)[1][:3], self.standing.interval(at)[0]
+        place, ends = self.standing.rest(at)[1][:3], self.standing.interval(at)
         box = [
             f"{axis} {1e3 * low:.4f} to {1e3 * high:.4f}"
             for axis, (low, high) in zip("xyz", ends[:3], strict=True)
@@ -211,8 +213,9 @@ class Budget:
     @property
     def accuracy(self) -> str:
         """With which error the numbers are known, one line."""
-        at = self.worst_pose
-        more = f"{1e6 * self.second_order[at]:.3g} um"
+        search = 1.0 / np.cos(_covering()) - 1.0
+        excess = max(play.excess for play in self.sources.plays)
+        more = f"{1e6 * self.second_order[self.worst_pose]:.3g} um"
         second = (
             f"loops closed exactly put the tool {more} elsewhere"
             if self.loops
@@ -224,8 +227,8 @@ class Budget:
             else f"at rest within {1e6 * AGREES_M:g} um of where a run begins"
         )
         return (
-            f"static, rigid contact; worst case missed by at most {100 * self.search:.2g} % "
-            f"(directions), too large by at most {100 * self.excess:.2g} % (lean of the journals, "
+            f"static, rigid contact; worst case missed by at most {100 * search:.2g} % "
+            f"(directions), too large by at most {100 * excess:.2g} % (lean of the journals, "
             f"second order), {second}; {at_rest}"
         )
 
@@ -235,29 +238,28 @@ class Budget:
         Where the machine rests stands only at poses for which it has been found: ask for `rest`
         and `rest_interval` before, and it stands everywhere.
         """
-        out = io.StringIO()
-        head = ["pose", "tool_x_m", "tool_y_m", "tool_z_m", "worst_m", "worst_turn_rad", "rms_m"]
-        head += ["second_order_m"]
-        head += [
-            f"worst_{axis.replace(' ', '_')}_{'m' if i < 3 else 'rad'}"
-            for i, axis in enumerate(AXES)
-        ]
-        head += [f"worst_part_{name}_m" for name in self.joints]
+        units = dict.fromkeys(AXES[:3], "m") | dict.fromkeys(AXES[3:], "rad")
         ways = ("x", "y", "z", "distance")
         rests = [f"rest_{way}_m" for way in ways]
         rests += [f"rest_{way}_{end}_m" for way in ways for end in ("least", "largest")]
-        out.write(",".join(head + rests) + "\n")
-        axes = self.axis_worst.sum(axis=1)
-        for i in range(len(self.worst)):
-            row = [*self.positions[i], self.worst[i], self.worst_turn[i], self.rms[i]]
-            row += [self.second_order[i], *axes[i], *self.worst_parts[i]]
-            places = [""] * len(rests)
-            if self.standing.looked_at(i):
-                whole, ends = self.standing.rest(i)[1][:3], self.standing.interval(i)[0]
-                found = [*whole, np.linalg.norm(whole), *ends.ravel()]
-                places = [f"{value:.9g}" for value in found]
-            out.write(",".join([str(i), *(f"{value:.9g}" for value in row), *places]) + "\n")
-        return out.getvalue()
+        head = ["pose", "tool_x_m", "tool_y_m", "tool_z_m", "worst_m", "worst_turn_rad", "rms_m"]
+        head += ["second_order_m"]
+        head += [f"worst_{axis.replace(' ', '_')}_{unit}" for axis, unit in units.items()]
+        head += [f"worst_part_{name}_m" for name in self.joints]
+        numbers = np.column_stack(
+            [
+                *(self.positions, self.worst, self.worst_turn, self.rms, self.second_order),
+                *(self.axis_worst.sum(axis=1), self.worst_parts),
+            ]
+        )
+        rows: list[list] = [head + rests]
+        for i, row in enumerate(numbers.tolist()):
+            places: list = [""] * len(rests)
+            if self.standing.is_known(i):
+                whole, ends = self.standing.rest(i)[1][:3], self.standing.interval(i)
+                places = [*whole, np.linalg.norm(whole), *ends.ravel()]
+            rows.append([i, *row, *places])
+        return csv_text(rows, 9)
 
 
 def budget(
@@ -276,7 +278,7 @@ def budget(
     outside the loops stand.
 
     Args:
-        mechanism: with clearance in some joints, or gears with play.
+        mechanism: with play.
         poses: joint positions by name [rad or m], the rest zero; or configurations, (n, nq). Loops
             that are open there are closed by the joints that are not driven.
         force: on the tool, besides gravity, in world axes, shape (3,) [N].
@@ -303,29 +305,27 @@ def budget(
             "as ComputedTorque() or Prescribed()"
         )
     q = configurations(mechanism, poses, driven)
-    parts = sources(mechanism, q, force=force, second_order=second_order, driven=driven, loops=True)
-    n = len(parts[0].move)
+    plays = sources(mechanism, q, force=force, second_order=second_order, driven=driven, loops=True)
+    n = len(q)
     positions = np.array([tool_place(mechanism, row).translation for row in q])
     axes = np.broadcast_to(np.eye(3), (n, 3, 3))
-    both = [loop_play.along(parts, axes, turn).value for turn in (False, True)]
-    axis_worst = np.concatenate(both, axis=2).transpose(1, 0, 2)
-    worst, direction, worst_parts, errors = _farthest(parts, n, turn=False)
-    worst_turn, _, turn_parts, _ = _farthest(parts, n, turn=True)
+    both = [plays.along(axes, turn).value for turn in (False, True)]
+    worst, direction, worst_parts, errors = _farthest(plays, turn=False)
+    worst_turn, _, turn_parts, _ = _farthest(plays, turn=True)
     # The states that a load of random direction brings about are those just found.
     total = errors.sum(axis=0)
-    mean = (total**2).sum(axis=2).mean(axis=1)
-    rms = np.sqrt(mean)
+    rms = np.sqrt((total**2).sum(axis=2).mean(axis=1))
     share = np.einsum("jnmk,nmk->nj", errors, total) / total.shape[1]
     rms_parts = np.divide(share, rms[:, None], out=np.zeros_like(share), where=rms[:, None] > 0.0)
     if mechanism.loops:
-        more = second_order_of_loops(mechanism, q, parts, direction, driven)
+        more = _second_order_of_loops(mechanism, q, plays, direction, driven)
     else:
-        more = _second_order(parts)
+        more = _second_order(plays)
+    push = np.array(force, float)
     return Budget(
-        mechanism.tool,
-        tuple(part.name for part in parts),
+        Standing(mechanism, q, plays, push, driven, friction, drive, more),
         positions,
-        axis_worst,
+        np.concatenate(both, axis=2).transpose(1, 0, 2),
         worst,
         direction,
         worst_parts,
@@ -333,21 +333,6 @@ def budget(
         turn_parts,
         rms,
         rms_parts,
-        more,
-        1.0 / np.cos(_covering()) - 1.0,
-        max(part.play.excess for part in parts),
-        parts,
-        Standing(
-            mechanism,
-            q,
-            parts,
-            np.array(force, float),
-            None if driven is None else tuple(driven),
-            friction,
-            drive,
-            more,
-        ),
-        bool(mechanism.loops),
     )
 
 
@@ -366,44 +351,74 @@ def _covering() -> float:
 
 
 def _farthest(
-    parts: Sequence[Part], n: int, turn: bool
+    plays: PlaySources, turn: bool
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Largest displacement (or rotation) at each pose: (n,), where to (n, 3), by part (n, j).
 
-    From the best of many directions on, d is replaced by the direction of the point that is
-    farthest along d; each time it is no less far. Also the errors of each part along all
-    directions, (j, n, directions, 3).
+    Sought from the best of many directions on. Also the errors of each part along all of these,
+    (j, n, directions, 3).
     """
-    wanted = slice(3, 6) if turn else slice(0, 3)
+    n = plays.move.shape[1]
     directions = np.broadcast_to(half_sphere(), (n, DIRECTIONS, 3))
-    found = loop_play.along(parts, directions, turn)
-    errors = found.error[..., wanted]
+    found = plays.along(directions, turn)
     best = found.value.sum(axis=0).argmax(axis=1)
-    d = directions[np.arange(n), best]
-    for _ in range(_REFINEMENTS):
-        total = loop_play.along(parts, d[:, None], turn).error.sum(axis=0)[:, 0, wanted]
-        size = np.linalg.norm(total, axis=1, keepdims=True)
-        d = np.where(size > 0.0, total / np.where(size > 0.0, size, 1.0), d)
-    shares = loop_play.along(parts, d[:, None], turn).value[:, :, 0].T
-    return shares.sum(axis=1), d, shares, errors
+    d = plays.climb(directions[np.arange(n), best], _REFINEMENTS, turn)
+    shares = plays.along(d[:, None], turn).value[:, :, 0].T
+    return shares.sum(axis=1), d, shares, found.error[..., 3:] if turn else found.error[..., :3]
 
 
-def _second_order(parts: Sequence[Part]) -> np.ndarray:
+def _second_order(plays: PlaySources) -> np.ndarray:
     """What products of small rotations can add to the tool's displacement, at most, (n,) [m].
 
     A rotation by theta about a centre at the distance r adds theta^2 r / 2 to its linear part; one
     nearer to the base turns what the others have displaced.
     """
-    total = np.zeros(len(parts[0].move))
+    total = np.zeros(plays.move.shape[1])
     turned = np.zeros_like(total)
-    for part in parts:
-        aside, angle = part.play.reach
-        arms = np.linalg.norm(part.move[:, :3, 3:], axis=(1, 2)) / np.sqrt(2.0)
-        felt = np.abs(part.move).max(axis=(1, 2)) > 0.0
+    for play, move in zip(plays.plays, plays.move, strict=True):
+        aside, angle = play.reach
+        arms = np.linalg.norm(move[:, :3, 3:], axis=(1, 2)) / np.sqrt(2.0)
+        felt = np.abs(move).max(axis=(1, 2)) > 0.0
         moved = np.where(felt, aside + angle * arms, 0.0)
         total += np.where(felt, 0.5 * angle**2 * arms, 0.0) + turned * moved
         turned += np.where(felt, angle, 0.0)
     return total
+
+
+def _second_order_of_loops(
+    mechanism: Mechanism,
+    q: np.ndarray,
+    plays: PlaySources,
+    direction: np.ndarray,
+    driven: Sequence[str] | None,
+) -> np.ndarray:
+    """Distance of the tool from its first order, journals farthest along directions, (n,) [m].
+
+    Raises:
+        JointplayError: near a singular position the loops go elsewhere, or cannot be closed.
+    """
+    closing = ClosedLoops(mechanism, q[0], driven)
+    states = plays.along(direction[:, None])
+    largest = max(play.reach[0] for play in plays.plays)
+    away = np.zeros(len(q))
+    for i, row in enumerate(q):
+        linear = states.error[:, i, 0, :3].sum(axis=0)
+        here = tool_place(mechanism, row).translation
+        aside = dict(zip(plays.names, states.point[:, i, 0], strict=True))
+        exact = displaced(closing, row, aside)
+        if exact is not None:
+            away[i] = float(np.linalg.norm(exact.translation - here - linear))
+        if exact is None or away[i] > _TRUE * max(float(np.linalg.norm(linear)), largest):
+            what = (
+                "the loops cannot be closed with the journals aside"
+                if exact is None
+                else f"they put the tool {1e3 * away[i]:.4g} mm from where the first order does"
+            )
+            raise JointplayError(
+                f"near a singular position at {closing.stands(row, i, len(q))}: "
+                f"{what}; leave this pose out, or simulate (jointplay run)"
+            )
+    return away
 
 
 # The static error set of the tool as an ellipsoid that encloses it, pose by pose.
@@ -430,19 +445,16 @@ class Ellipsoids:
     """RMS distance under loads of random direction, (n,) [m]."""
 
 
-def ellipsoids(parts: Sequence[Part]) -> Ellipsoids:
+def ellipsoids(plays: PlaySources) -> Ellipsoids:
     """An ellipsoid close around the set, at each pose.
 
     The squared support of an ellipsoid is a quadratic form of the direction: it is fitted to the
     set's by least squares and widened until it is nowhere smaller; then again in axes in which the
     ellipsoid found is a sphere, so that thin sets are fitted as well as round ones.
-
-    Args:
-        parts: sources of play at n poses; see `levers.sources`.
     """
-    n, sphere = len(parts[0].move), half_sphere(_DIRECTIONS)
+    n, sphere = plays.move.shape[1], half_sphere(_DIRECTIONS)
     evenly = np.broadcast_to(sphere, (n, *sphere.shape))
-    found = loop_play.along(parts, evenly)
+    found = plays.along(evenly)
     total = found.error.sum(axis=0)[..., :3]
     worst = found.value.sum(axis=0).max(axis=1)
     square = np.einsum("n,ij->nij", np.maximum(worst, _SMALLEST) ** 2, np.eye(3))
@@ -451,7 +463,7 @@ def ellipsoids(parts: Sequence[Part]) -> Ellipsoids:
         back = np.linalg.inv(root)
         d = np.einsum("nij,mj->nmi", back, sphere)
         size = np.linalg.norm(d, axis=2)
-        support = loop_play.along(parts, d / size[..., None]).value.sum(axis=0) * size
+        support = plays.along(d / size[..., None]).value.sum(axis=0) * size
         square = _floored(root @ _fitted(sphere, support) @ root)
     rms = np.sqrt((total**2).sum(axis=2).mean(axis=1))
     return Ellipsoids(_root(square), worst, rms)

@@ -13,7 +13,7 @@ from jointplay.core.errors import JointplayError
 from jointplay.mechanism.impact import contact_duration
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.motion.reference import Motion
-from jointplay.result.judging import START_UP
+from jointplay.result.settings import START_UP
 from jointplay.simulation.simulation import Simulation
 
 LONGEST_STEP_S = 1e-5
@@ -61,12 +61,9 @@ def dynamic_error(
     """Tool's error against the ideal mechanism in runs whose journals start displaced at random.
 
     Args:
-        mechanism: with play.
-        motion: what the drives follow.
+        mechanism, motion: what is run, with play.
         simulation: whose drives, payloads and settings are used; None takes the usual ones.
-        runs: how many.
-        jobs: processes; None takes one for each core.
-        progress: show bars.
+        runs, jobs, progress: see `traces`.
 
     Raises:
         JointplayError: a run that failed; fewer than one run.

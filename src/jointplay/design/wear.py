@@ -18,16 +18,16 @@ to date; the outcome is an estimate.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from tqdm import tqdm
 
 from jointplay.analysis.runs import MOST_RUNS, check_numbers
+from jointplay.analysis.tables import csv_text
 from jointplay.analysis.uncertainty import standard_error
-from jointplay.core import files
 from jointplay.core.errors import JointplayError, MissingName, require_positive, require_whole
 from jointplay.joints.base import BoreWear
 from jointplay.kernel import AZIMUTHS
@@ -36,6 +36,9 @@ from jointplay.simulation.ensemble import run_in_order
 if TYPE_CHECKING:
     from jointplay.result.result import Result
     from jointplay.simulation.simulation import Simulation
+
+Depths = Mapping[str, np.ndarray]
+"""Worn depths by joint, each by end of the bore and azimuth, (ends, azimuths) [m]."""
 
 
 def worn_depth(result: Result, joint: str) -> np.ndarray:
@@ -46,20 +49,9 @@ def worn_depth(result: Result, joint: str) -> np.ndarray:
         azimuths from the bearing's x axis.
 
     Raises:
-        MissingName: no joint of that name whose wear the run reckoned.
+        MissingName: no joint of that name whose wear the run calculated.
     """
-    return depth_of(_wearing(result.simulation, joint), result, joint)
-
-
-def _wearing(simulation: Simulation, joint: str) -> BoreWear:
-    wearing = all_wearing(simulation)
-    if joint not in wearing:
-        raise MissingName("joint with a wear rate", joint, wearing)
-    return wearing[joint]
-
-
-def depth_of(bore: BoreWear, result: Result, joint: str) -> np.ndarray:
-    """See `worn_depth`; of a joint that is known to wear."""
+    bore = _bore(result.simulation, joint)
     contacts = result.simulation.mechanism.clearance[joint].contacts
     names = list(contacts[: len(bore.widths)])
     if "sliding_work" not in result.dataset or not set(names) <= set(result["contact"].values):
@@ -67,6 +59,103 @@ def depth_of(bore: BoreWear, result: Result, joint: str) -> np.ndarray:
     work = result["sliding_work"].sel(joint=joint, contact=names).values
     area = bore.radius * (2.0 * math.pi / AZIMUTHS) * np.array(bore.widths)
     return bore.rate * work / area[:, None]
+
+
+def worn_depths(result: Result) -> Depths:
+    """See `worn_depth`; of all joints that wear."""
+    return {name: worn_depth(result, name) for name in all_wearing(result.simulation)}
+
+
+def all_wearing(simulation: Simulation) -> dict[str, BoreWear]:
+    """The bores that have a wear rate, by joint."""
+    clearance = simulation.mechanism.clearance
+    return {name: one.wear for name, one in clearance.items() if one.wear is not None}
+
+
+def _bore(simulation: Simulation, joint: str) -> BoreWear:
+    wearing = all_wearing(simulation)
+    if joint not in wearing:
+        raise MissingName("joint with a wear rate", joint, wearing)
+    return wearing[joint]
+
+
+def first_profile(bore: BoreWear) -> np.ndarray:
+    """Profile that a bore begins with, at `AZIMUTHS` azimuths, shape (ends, AZIMUTHS) [m]."""
+    given = bore.profile
+    if given is None:
+        return np.zeros((len(bore.widths), AZIMUTHS))
+    places, own = np.arange(AZIMUTHS) / AZIMUTHS, np.arange(given.shape[1]) / given.shape[1]
+    return np.array([np.interp(places, own, row, period=1.0) for row in given])
+
+
+def with_worn(simulation: Simulation, worn: Depths) -> Simulation:
+    """The simulation with worn bores."""
+    joints = dict(simulation.mechanism.clearance)
+    joints |= {name: joints[name].with_worn(profile) for name, profile in worn.items()}
+    return replace(simulation, mechanism=simulation.mechanism.with_clearance(joints))
+
+
+class Block(NamedTuple):
+    """Cycles that are taken for equal."""
+
+    cycles: float
+    """How many."""
+    before: Depths
+    worn: Depths
+    """After them."""
+    rates: Sequence[Depths]
+    """Depths worn off by one cycle, of each run."""
+
+
+def wear_blocks(
+    simulation: Simulation,
+    cycles_until: Callable[[float, Depths, Depths], float],
+    blocks: int,
+    runs: int,
+    cycles_per_run: float,
+    jobs: int | None,
+    progress: bool,
+) -> Iterator[Block]:
+    """Run each block with the bores as they are, and take its wear for that of all its cycles.
+
+    Args:
+        simulation: one run, of one or a few cycles of the machine.
+        cycles_until: after how many cycles of a wear a part of the way to the end is done: the
+            part, the profiles before, the mean wear of a cycle.
+        blocks: how many times the bores' shapes are brought up to date.
+        runs: of each block, perturbed at the start by different seeds if there are several.
+        cycles_per_run: cycles that one run holds.
+        jobs: processes; None takes one for each core.
+        progress: show a bar on standard error.
+
+    Raises:
+        JointplayError: a run that fails, what `cycles_until` raises.
+        KeyboardInterrupt: it is interrupted.
+    """
+    worn: Depths = {name: first_profile(one) for name, one in all_wearing(simulation).items()}
+    first = simulation.seed or 0
+    seeds = [simulation.seed] if runs == 1 else range(first + 1, first + runs + 1)
+    with tqdm(total=blocks * runs, disable=not progress, unit="run", desc="wear") as bar:
+        for block in range(blocks):
+            machine = with_worn(simulation, worn)
+            drawn = [replace(machine, seed=seed) for seed in seeds]
+            depths = run_in_order(_run, drawn, jobs, bar)
+            rates = [{name: one[name] / cycles_per_run for name in worn} for one in depths]
+            mean = {name: np.mean([one[name] for one in rates], axis=0) for name in worn}
+            count = cycles_until((block + 1) / blocks, worn, mean)
+            before, worn = worn, {name: worn[name] + count * mean[name] for name in worn}
+            yield Block(count, before, worn, rates)
+
+
+def _run(simulation: Simulation) -> Depths:
+    return worn_depths(simulation.run().completed("a run with worn bores"))
+
+
+def check_blocks(blocks: int, runs: int, cycles_per_run: float, jobs: int | None) -> None:
+    """Raise a JointplayError on numbers that `wear_blocks` cannot take."""
+    check_numbers(runs, jobs)
+    require_positive("cycles per run", cycles_per_run, "")
+    require_whole("blocks", blocks, 1, MOST_RUNS)
 
 
 @dataclass(frozen=True)
@@ -95,20 +184,15 @@ class WearLife:
         """Depth after each block, mean over the bore [m]."""
         return self.profiles.mean(axis=(1, 2))
 
-    def save(self, path: str | Path) -> None:
-        """Write a CSV file: a row per block, end and azimuth.
-
-        Raises:
-            JointplayError: the file exists or cannot be written.
-        """
-        blocks, ends, azimuths = self.profiles.shape
-        lines = ["block,cycles,end,azimuth_rad,depth_m"]
-        lines += [
-            f"{block},{self.cycles[block]:.8g},{'AB'[end]},"
-            f"{2.0 * math.pi * at / azimuths:.6f},{self.profiles[block, end, at]:.6g}"
-            for block, end, at in np.ndindex(blocks, ends, azimuths)
-        ]
-        files.write(path, "\n".join([*lines, ""]))
+    def csv(self) -> str:
+        """A row for each block, end and azimuth."""
+        azimuths = self.profiles.shape[2]
+        rows = [
+            (block, f"{self.cycles[block]:.8g}", "AB"[end], f"{2 * math.pi * at / azimuths:.6f}",
+             float(self.profiles[block, end, at]))
+            for block, end, at in np.ndindex(self.profiles.shape)
+        ]  # fmt: skip
+        return csv_text([("block", "cycles", "end", "azimuth_rad", "depth_m"), *rows], 6)
 
     def __str__(self) -> str:
         """Say the outcome in words, and that it is an estimate."""
@@ -136,20 +220,14 @@ def wear(
 ) -> WearLife:
     """Estimate the cycles until the clearance of `joint` has grown by `growth`.
 
-    In each block the simulation is run with the bore as it is, its wear is taken for that of every
-    cycle, and as many cycles are taken together as wear the deepest place by a further
-    1/`blocks` of `growth`. Other joints with a wear rate wear along.
+    As many cycles are taken together as wear the deepest place by a further 1/`blocks` of `growth`.
+    Other joints with a wear rate wear along.
 
     Args:
-        simulation: one run, of one or a few cycles of the machine.
-        joint: the joint that is to grow; it must have a `wear_rate`.
+        joint: whose clearance is to grow; it must have a `wear_rate`.
         growth: depth at the most worn place [m].
-        blocks: how many times the bore's shape is brought up to date; more is more exact.
-        cycles_per_run: cycles that one run holds.
-        runs: runs of each block, their journals perturbed at the start by different seeds; the
-            mean of their wear is taken, and their scatter tells how well it is known.
-        jobs: processes for them; None takes one for each core.
-        progress: show a bar on standard error.
+        simulation, blocks, cycles_per_run, runs, jobs, progress: see `wear_blocks`; more blocks are
+            more exact, and the scatter of several runs tells how well their mean is known.
 
     Returns:
         The estimate; interrupted by Ctrl-C, what is known so far.
@@ -158,88 +236,29 @@ def wear(
         JointplayError: a value out of range, a run that fails, or a joint that does not wear.
     """
     require_positive("growth", growth, "m")
-    require_positive("cycles per run", cycles_per_run, "")
-    check_numbers(runs, jobs)
-    require_whole("blocks", blocks, 1, MOST_RUNS)
-    _wearing(simulation, joint)
-    worn = {name: first_profile(one) for name, one in all_wearing(simulation).items()}
-    begun = worn[joint].copy()
-    cycles, profiles, scatter = [0.0], [begun - begun], [0.0]
-    bar = tqdm(total=blocks * runs, disable=not progress, unit="run", desc=f"wear of {joint}")
+    check_blocks(blocks, runs, cycles_per_run, jobs)
+    begun = first_profile(_bore(simulation, joint))
+
+    def cycles_until(part: float, worn: Depths, rates: Depths) -> float:
+        rate = rates[joint]
+        if rate.max() <= 0.0:
+            raise JointplayError(
+                f"the journal of {joint!r} does not slide under load: its clearance lasts"
+            )
+        wears = rate > 0.0
+        return float((((growth * part) - (worn[joint] - begun))[wears] / rate[wears]).min())
+
+    cycles, profiles, scatter = [0.0], [np.zeros_like(begun)], [0.0]
     reached = False
     try:
-        for block in range(blocks):
-            wear, known = _block(with_worn(simulation, worn), joint, runs, jobs, bar)
-            wear = {name: depth / cycles_per_run for name, depth in wear.items()}
-            if wear[joint].max() <= 0.0:
-                raise JointplayError(
-                    f"the journal of {joint!r} does not slide under load: its clearance lasts"
-                )
-            goal = growth * (block + 1) / blocks
-            left = goal - (worn[joint] - begun)
-            slow = wear[joint] <= 0.0
-            count = float(np.min(np.where(slow, np.inf, left / np.where(slow, 1.0, wear[joint]))))
-            for name in worn:
-                worn[name] = worn[name] + count * wear[name]
-            cycles.append(cycles[-1] + count)
-            profiles.append(worn[joint] - begun)
-            scatter.append(known * count)
+        for block in wear_blocks(
+            simulation, cycles_until, blocks, runs, cycles_per_run, jobs, progress
+        ):
+            total = np.array([one[joint].sum() for one in block.rates])
+            cycles.append(cycles[-1] + block.cycles)
+            profiles.append(block.worn[joint] - begun)
+            scatter.append(standard_error(total) / total.mean() * block.cycles)
         reached = True
     except KeyboardInterrupt:
         pass
-    finally:
-        bar.close()
     return WearLife(joint, np.array(cycles), np.array(profiles), np.array(scatter), growth, reached)
-
-
-def all_wearing(simulation: Simulation) -> dict[str, BoreWear]:
-    """The bores that have a wear rate, by joint."""
-    clearance = simulation.mechanism.clearance
-    return {name: one.wear for name, one in clearance.items() if one.wear is not None}
-
-
-def first_profile(bore: BoreWear) -> np.ndarray:
-    """Profile that a bore begins with, at `AZIMUTHS` azimuths, shape (ends, AZIMUTHS) [m]."""
-    given = bore.profile
-    if given is None:
-        return np.zeros((len(bore.widths), AZIMUTHS))
-    places, own = np.arange(AZIMUTHS) / AZIMUTHS, np.arange(given.shape[1]) / given.shape[1]
-    return np.array([np.interp(places, own, row, period=1.0) for row in given])
-
-
-def with_worn(simulation: Simulation, worn: dict[str, np.ndarray]) -> Simulation:
-    """The simulation with worn bores."""
-    joints = dict(simulation.mechanism.clearance)
-    for name, profile in worn.items():
-        joints[name] = joints[name].with_worn(profile)
-    return replace(simulation, mechanism=simulation.mechanism.with_clearance(joints))
-
-
-def wear_of_runs(
-    simulation: Simulation, runs: int, jobs: int | None, bar: tqdm
-) -> list[dict[str, np.ndarray]]:
-    """Depths that each run wears off by joint [m], with seeds of their own if there are several.
-
-    Raises:
-        JointplayError: one fails.
-        KeyboardInterrupt: one is interrupted.
-    """
-    first = simulation.seed or 0
-    seeds = [simulation.seed] if runs == 1 else range(first + 1, first + runs + 1)
-    drawn = [replace(simulation, seed=seed) for seed in seeds]
-    return run_in_order(_depths, drawn, jobs, bar)
-
-
-def _depths(simulation: Simulation) -> dict[str, np.ndarray]:
-    result = simulation.run().completed("a run with worn bores")
-    return {name: depth_of(one, result, name) for name, one in all_wearing(simulation).items()}
-
-
-def _block(
-    simulation: Simulation, joint: str, runs: int, jobs: int | None, bar: tqdm
-) -> tuple[dict[str, np.ndarray], float]:
-    """Mean wear of the runs of one block by joint [m], and its relative standard error."""
-    depths = wear_of_runs(simulation, runs, jobs, bar)
-    mean = {name: np.mean([one[name] for one in depths], axis=0) for name in depths[0]}
-    total = np.array([one[joint].sum() for one in depths])
-    return mean, standard_error(total) / total.mean() if total.mean() else math.nan

@@ -7,7 +7,8 @@ extras, imported when it is asked for.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -110,8 +111,26 @@ def check(path: str | Path, to: str | None = None, overwrite: bool = False) -> s
     return to
 
 
-def needs(extra: str, package: str, error: ImportError) -> JointplayError:
-    """What to say where a library of an extra is missing."""
-    return JointplayError(
-        f"this needs {package} ({error}); install it with pip install 'jointplay[{extra}]'"
-    )
+@contextmanager
+def extra(name: str, package: str) -> Iterator[None]:
+    """Say of a library that the block cannot import which extra brings it.
+
+    Raises:
+        JointplayError: it is missing.
+    """
+    try:
+        yield
+    except ImportError as error:
+        raise JointplayError(
+            f"this needs {package} ({error}); install it with pip install 'jointplay[{name}]'"
+        ) from None
+
+
+def in_blocks(number: int, size: int, what: str, progress: bool) -> Iterator[slice]:
+    """Blocks of so many records, with a bar."""
+    from tqdm import tqdm
+
+    with tqdm(desc=what, total=number, disable=not progress, unit="record") as bar:
+        for first in range(0, max(number, 1), size):
+            yield slice(first, first + size)
+            bar.update(min(size, number - first))

@@ -65,10 +65,8 @@ def mcap(result: Result, suffix: str, progress: bool) -> bytes:
     Raises:
         JointplayError: the library is not installed.
     """
-    try:
+    with exports.extra("ros", "mcap-ros2-support"):
         from mcap_ros2.writer import Writer
-    except ImportError as error:
-        raise exports.needs("ros", "mcap-ros2-support", error) from None
     sink = io.BytesIO()
     schemas: dict[str, Any] = {}
     with Writer(sink) as writer:

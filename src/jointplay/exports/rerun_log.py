@@ -17,13 +17,11 @@ from tqdm import tqdm
 from jointplay import exports
 from jointplay.exports.table import columns
 from jointplay.mechanism.mechanism import Mechanism
-from jointplay.mechanism.picture import triangles_of
-from jointplay.mechanism.visuals import visuals
+from jointplay.mechanism.visuals import look
 from jointplay.result.result import Result
 
 ARROW = 0.15
 """Length of the arrow of the largest force, relative to the robot's size."""
-_TONES = ((201, 211, 223), (169, 184, 201))
 _RED, _BLUE = (209, 53, 43), (0, 114, 178)
 
 
@@ -33,10 +31,8 @@ def rrd(result: Result, suffix: str, progress: bool) -> bytes:
     Raises:
         JointplayError: rerun is not installed, or the result's mechanism cannot be built.
     """
-    try:
+    with exports.extra("rerun", "rerun-sdk"):
         import rerun as rr
-    except ImportError as error:
-        raise exports.needs("rerun", "rerun-sdk", error) from None
     escape = rr.escape_entity_path_part
     mechanism = result.simulation.mechanism
     recording: Any = rr.RecordingStream("jointplay")
@@ -68,27 +64,22 @@ def rrd(result: Result, suffix: str, progress: bool) -> bytes:
 def _robot(rr: Any, recording: Any, mechanism: Mechanism) -> float:
     """Log the shapes of all links; returns the robot's size [m]."""
     escape = rr.escape_entity_path_part
-    look = visuals(mechanism)
-    order = list(dict.fromkeys(look.links))
-    for shape, link in zip(look.geometry.geometryObjects, look.links, strict=True):
-        frame = mechanism.model.frames[mechanism.model.getFrameId(link, pin.FrameType.BODY)]
-        place = frame.placement.actInv(shape.placement)
-        corners = triangles_of(shape).reshape(-1, 3)
-        mesh = trimesh.Trimesh(corners, np.arange(len(corners)).reshape(-1, 3))  # merges corners
-        colour: Any = _TONES[order.index(link) % len(_TONES)]
-        if shape.overrideMaterial:
-            colour = [int(255 * part) for part in shape.meshColor]
-        recording.log(
-            f"robot/{escape(link)}/{escape(shape.name)}",
-            rr.Mesh3D(
-                vertex_positions=mesh.vertices @ place.rotation.T + place.translation,
-                triangle_indices=mesh.faces,
-                vertex_normals=mesh.vertex_normals @ place.rotation.T,
-                albedo_factor=colour,
-            ),
-            static=True,
-        )
-    return look.reach
+    seen = look(mechanism)
+    for number, shape in enumerate(seen.shapes):
+        for k, (part, colour) in enumerate(zip(shape.parts, shape.colours, strict=True)):
+            mesh = trimesh.Trimesh(part.points, part.triangles)
+            mesh.apply_transform(shape.placement)
+            recording.log(
+                f"robot/{escape(shape.link)}/{number}_{k}",
+                rr.Mesh3D(
+                    vertex_positions=mesh.vertices,
+                    triangle_indices=mesh.faces,
+                    vertex_normals=mesh.vertex_normals,
+                    albedo_factor=[int(255 * value) for value in colour],
+                ),
+                static=True,
+            )
+    return seen.reach
 
 
 def _poses(

@@ -13,7 +13,6 @@ import json
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from tqdm import tqdm
 
 from jointplay import exports
 from jointplay.result.result import Result
@@ -82,12 +81,10 @@ def csv(result: Result, suffix: str, progress: bool) -> bytes:
     table = dataframe(result)
     units = table.attrs["units"]
     table.columns = [f"{name} [{units[name]}]" for name in table.columns]
-    parts = []
-    with tqdm(desc="table", total=len(table), disable=not progress, unit="record") as bar:
-        for first in range(0, max(len(table), 1), _BLOCK):
-            block = table.iloc[first : first + _BLOCK]
-            parts.append(block.to_csv(index=False, header=first == 0))
-            bar.update(len(block))
+    parts = [
+        table.iloc[block].to_csv(index=False, header=block.start == 0)
+        for block in exports.in_blocks(len(table), _BLOCK, "table", progress)
+    ]
     return "".join(parts).encode()
 
 
@@ -97,11 +94,9 @@ def parquet(result: Result, suffix: str, progress: bool) -> bytes:
     Raises:
         JointplayError: pyarrow is not installed.
     """
-    try:
+    with exports.extra("tables", "pyarrow"):
         import pyarrow as pa
         import pyarrow.parquet as pq
-    except ImportError as error:
-        raise exports.needs("tables", "pyarrow", error) from None
     frame = dataframe(result)
     table = pa.Table.from_pandas(frame, preserve_index=False)
     units = frame.attrs["units"]

@@ -9,12 +9,10 @@ from __future__ import annotations
 
 import csv as _csv
 import io
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from tqdm import tqdm
 
 from jointplay import exports
 from jointplay.analysis.twins import inputs
@@ -44,12 +42,6 @@ class Trajectory:
     """Of the drives (n, joints) [N m or N]."""
 
 
-def _seen(description: Mapping[str, Any]) -> str | None:
-    """The one coordinate that a joint with clearance would have without; None if it has several."""
-    kind = class_of(description)
-    return None if kind.compound() else kind.ideal_freedoms[0]
-
-
 def encoders(result: Result) -> dict[str, int]:
     """Joints that have a single coordinate, each with its index in q; ball joints have none."""
     given = inputs(result)["mechanism"]
@@ -58,7 +50,10 @@ def encoders(result: Result) -> dict[str, int]:
     for index, name in enumerate(result["coordinate"].values.tolist()):
         coordinate = known.get(name, Coordinate(name))
         joint, part = coordinate.joint, coordinate.part
-        if not part or (part != MOTOR and part == _seen(given["clearance"][joint])):
+        if part == MOTOR:
+            continue
+        kind = class_of(given["clearance"][joint]) if part else None
+        if kind is None or (not kind.compound() and part == kind.ideal_freedoms[0]):
             at[joint] = index
     return at
 
@@ -115,18 +110,13 @@ def trajectory(result: Result, suffix: str, progress: bool) -> bytes:
         writer.writerow(["time_s", *motion.joints])
         writer.writerows(np.column_stack([motion.time, motion.position]).tolist())
         return text.getvalue().encode()
-    try:
+    with exports.extra("ros", "PyYAML"):
         import yaml
-    except ImportError as error:
-        raise exports.needs("ros", "PyYAML", error) from None
     dumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
     options = {"sort_keys": False, "default_flow_style": None, "width": 10_000}
     whole = message(motion)
     points = whole.pop("points")
     parts = [yaml.dump(whole, Dumper=dumper, **options), "points:\n"]
-    with tqdm(desc="points", total=len(points), disable=not progress, unit="record") as bar:
-        for first in range(0, len(points), _BLOCK):
-            block = points[first : first + _BLOCK]
-            parts.append(yaml.dump(block, Dumper=dumper, **options))
-            bar.update(len(block))
+    for block in exports.in_blocks(len(points), _BLOCK, "points", progress):
+        parts.append(yaml.dump(points[block], Dumper=dumper, **options))
     return "".join(parts).encode()

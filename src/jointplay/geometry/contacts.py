@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 
+from jointplay.core import compiler
 from jointplay.core.compiler import calling_with_arrays, njit
-from jointplay.geometry.bore import worn_gap
-from jointplay.geometry.cylinder import touch_cylinder
+from jointplay.geometry.bore import worn_bore, worn_gap
+from jointplay.geometry.cylinder import (
+    axial_gap,
+    deepest_rim_direction,
+    radial_gap,
+    touch_cylinder,
+)
 from jointplay.geometry.shapes import (
     _ALIGNED_CYLINDER,
     _BALL,
@@ -20,6 +27,19 @@ from jointplay.geometry.shapes import (
     CONTACT_TOLERANCE_M,
     LAST_SHAPE,
 )
+
+__all__ = [
+    "axial_gap",
+    "classify_form",
+    "classify_many",
+    "classify_mode",
+    "deepest_rim_direction",
+    "radial_gap",
+    "touch",
+    "touch_cylinder",
+    "worn_bore",
+    "worn_gap",
+]
 
 # Kinds of joint that bring their own geometry: its compiled function is called by address.
 #
@@ -191,10 +211,10 @@ def classify_many(shape, dimensions, count, poses):
     return all_gaps, modes, forms
 
 
-def journal_axis(angles: np.ndarray) -> np.ndarray:
-    """Journal axis in the bearing frame for yaw, pitch, roll (n, 3) [rad]: shape (n, 3)."""
-    yaw, pitch, roll = angles.T
-    cy, sy, cp, sp, cr, sr = (
-        function(angle) for angle in (yaw, pitch, roll) for function in (np.cos, np.sin)
-    )
-    return np.column_stack([cy * sp * cr + sy * sr, sy * sp * cr - cy * sr, cp * cr])
+# These functions call each other across files: their compiled code is valid for all of them only.
+_SOURCES = (*sorted(Path(__file__).parent.glob("*.py")), Path(compiler.__file__))
+for _compiled in (
+    *(axial_gap, radial_gap, deepest_rim_direction, touch_cylinder, worn_gap, touch),
+    *(classify_form, classify_mode, classify_many),
+):
+    compiler.stamp(_compiled, _SOURCES)

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from jointplay.core.compiler import njit
 from jointplay.geometry.shapes import EDGE_ROUNDING_M
 
@@ -130,37 +128,3 @@ def touch_cylinder(k, cx, cy, cz, ax, ay, az, ri, rj, half_li, half_lj):
         return gap, ex + ox, ey + oy, ez + oz, -nx, -ny, 0.0
     gap, ox, oy, oz = axial_gap(cz + ez, ax, ay, az, side, half_li, rj)
     return gap, ex + ox, ey + oy, ez + oz, 0.0, 0.0, -side
-
-
-@njit(cache=True, error_model="numpy")
-def gaps(centre, axis, bore_radius, bore_length, journal_radius, journal_length):
-    """All four gaps of a cylinder in its bearing, and where they are measured.
-
-    Args:
-        centre: journal centre in the bearing frame, shape (3,) [m].
-        axis: journal axis in the bearing frame, unit vector, shape (3,).
-        bore_radius, bore_length, journal_radius, journal_length: R_i, L_i, R_j, L_j [m].
-
-    Returns:
-        gap (4,) [m], contact point in the bearing frame (4, 3) [m], and the unit normal pointing
-        from the bearing into the journal (4, 3), in the order of `CONTACTS`.
-    """
-    gap, point, normal = np.empty(4), np.empty((4, 3)), np.empty((4, 3))
-    for k in range(4):
-        g, ox, oy, oz, nx, ny, nz = touch_cylinder(
-            k,
-            centre[0],
-            centre[1],
-            centre[2],
-            axis[0],
-            axis[1],
-            axis[2],
-            bore_radius,
-            journal_radius,
-            0.5 * bore_length,
-            0.5 * journal_length,
-        )
-        gap[k] = g
-        point[k, 0], point[k, 1], point[k, 2] = centre[0] + ox, centre[1] + oy, centre[2] + oz
-        normal[k, 0], normal[k, 1], normal[k, 2] = nx, ny, nz
-    return gap, point, normal

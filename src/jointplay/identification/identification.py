@@ -1,60 +1,56 @@
-"""Clearances and friction from measurements: what was found, how well, and what cannot be told."""
+"""Clearances and friction from measurements: what was found, how well, and what was not."""
 
 from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.stats import qmc
 
 from jointplay.core.errors import JointplayError, MissingName
 from jointplay.design.poses import moving
 from jointplay.identification import planning
 from jointplay.identification.fit import (
-    BLIND,
     DRIFT,
     FAINT,
     MODEL_ELSE,
+    NULL,
     REFERENCES,
     SAFETY,
     Fit,
     LeastSquares,
+    basis,
     drifts,
     information,
     offsets,
-    solve,
+    search,
 )
 from jointplay.identification.measurement import (
-    Key,
     Measurement,
     Observed,
     TooLittle,
     Visits,
     no_visits,
-    positions,
+    tool_positions,
     visits,
 )
-from jointplay.identification.model import Elastic, StaticModel, tool_positions
+from jointplay.identification.model import StaticModel
 from jointplay.identification.parameters import (
+    LARGEST_SHARE,
     SCALES,
     TOOL,
     WOUND,
-    Compliance,
     Given,
+    Machine,
     Parameter,
     compliances,
     friction_of,
-    unknowns,
-    winds,
     with_clearance,
 )
-from jointplay.identification.planning import enough
 from jointplay.identification.restitution import (
     IMPACT_KINDS,
     Restitution,
@@ -67,180 +63,21 @@ from jointplay.mechanism.mechanism import Mechanism
 from jointplay.motion.reference import Motion
 from jointplay.simulation.simulation import Simulation
 
-# The search for the best values, and for others that are as good.
-#
-# Play that may or may not meet its walls has several minima, and edges: at the clearance at which
-# an end wall begins to limit the lean, more of it changes nothing. So the search begins at
-# several places, and what explains the means as well as the best widens the intervals.
-
-
-_TRIED, _RANGE = 16, 3.0
-"""Starts that are looked at, and how far they lie from the scenario's values."""
-_FIRST, _LATER = 15, 8
-"""Most steps of least squares from each start, and with other errors."""
-_AS_GOOD = 1.1
-"""Cost of another minimum, relative to the best, up to which it is as good an explanation."""
-_ROUGH = 0.005
-"""Part of what play does to a signal by which the static model may be off at a visit."""
-_OTHER_WALL = 4.0
-"""Factor of axial clearances that are tried besides the best."""
-_OUTWARDS = 1.3
-"""By which an end of an interval is moved at a time."""
-_ROUNDS = 2
-"""In which errors are made as large as what is left demands."""
-
-
-def search(problem: LeastSquares, start: np.ndarray, kinds: np.ndarray) -> tuple[LeastSquares, Fit]:
-    """Least squares with errors as large as what is left demands, by kind of signal.
-
-    Args:
-        problem: to solve.
-        start: values to begin with, (p,).
-        kinds: number of each number's kind of signal, -1 for what was known before, (m,).
-
-    Means scatter by more than their records do: journals do not come to rest at quite the same
-    place, and the model is not exact. That is added to the errors.
-    """
-    tried = [solve(problem, one, _FIRST) for one in _starts(problem, start)]
-    best = min(tried, key=lambda fit: cost(problem, fit.theta))
-    own = problem.error
-    for _ in range(_ROUNDS):
-        left = problem.rest(best.theta)
-        rough = np.where(kinds < 0, 0.0, _ROUGH * np.abs(problem.predict(best.theta)))
-        share = max(best.freedom, 1) / len(own)
-        more = np.zeros(len(own))
-        for kind in np.unique(kinds[kinds >= 0]):
-            mine = kinds == kind
-            more[mine] = _excess(left[mine], np.hypot(own, rough)[mine], share * mine.sum())
-        problem = replace(problem, error=np.sqrt(own**2 + more**2 + rough**2))
-        best = solve(problem, best.theta, _LATER)
-    others = [fit.theta for fit in tried if _far(problem, fit.theta, best)]
-    others = [solve(problem, theta, _LATER).theta for theta in others]
-    others += _with_other_walls(problem, best.theta)
-    limit = _AS_GOOD * cost(problem, best.theta)
-    away = [np.abs(theta - best.theta) for theta in others if cost(problem, theta) <= limit]
-    wide = np.max([best.half_width, *away], axis=0)
-    wide = np.array([_profiled(problem, best, wide, i) for i in range(len(wide))])
-    return problem, replace(best, half_width=wide)
-
-
-def _profiled(problem: LeastSquares, best: Fit, wide: np.ndarray, i: int) -> float:
-    """Half width of an unknown with which the profile of the cost agrees.
-
-    Slopes at the best values do not see how the others, where walls begin or end to hold a journal,
-    make up for a change of this one. So each end is tried with all others fitted anew, and moved
-    outwards until the means are explained worse by what the interval allows.
-    """
-    half = float(wide[i])
-    one = problem.unknowns[i]
-    if not one.sought or half > enough(one, best.theta[i]):
-        return half  # nothing is told already
-    limit = cost(problem, best.theta) + (best.quantile * SAFETY * max(best.misfit, 1.0)) ** 2
-    for side in (1.0, -1.0):
-        own = float(wide[i])
-        start = best.theta
-        while own <= enough(one, best.theta[i]):
-            value = best.theta[i] + side * own
-            if not 0.0 < value < one.most:
-                break
-            start = _fitted_beside(problem, start, i, value)
-            if cost(problem, start) > limit:
-                break
-            own *= _OUTWARDS
-        half = max(half, own)
-    return half
-
-
-def _with_other_walls(problem: LeastSquares, theta: np.ndarray) -> list[np.ndarray]:
-    """The best with each axial clearance much larger or smaller than found.
-
-    At the edge at which an end wall begins to limit the lean the model is steep on one side, and an
-    interval by slopes would not see how little is lost far away on the other.
-    """
-    solutions = []
-    for i, one in enumerate(problem.unknowns):
-        if one.name != "axial_clearance":
-            continue
-        for factor in (_OTHER_WALL, 1.0 / _OTHER_WALL):
-            value = min(max(theta[i], 0.1 * one.scale) * factor, one.most)
-            if len(theta) > 1:
-                solutions.append(_fitted_beside(problem, theta, i, value))
-    return solutions
-
-
-def _fitted_beside(problem: LeastSquares, theta: np.ndarray, i: int, value: float) -> np.ndarray:
-    """The best values of all others, from `theta` on, where the i-th has a given one."""
-    kept = np.arange(len(theta)) != i
-    whole = partial(_inserted, i, value)
-    if not kept.any():
-        return whole(theta[kept])
-    part = replace(
-        problem,
-        unknowns=tuple(other for k, other in enumerate(problem.unknowns) if kept[k]),
-        predict=partial(_predicted, problem, whole),
-    )
-    return whole(solve(part, theta[kept], _LATER).theta)
-
-
-def _inserted(i: int, value: float, x: np.ndarray) -> np.ndarray:
-    return np.insert(x, i, value)
-
-
-def _predicted(
-    problem: LeastSquares, whole: Callable[[np.ndarray], np.ndarray], x: np.ndarray
-) -> np.ndarray:
-    return problem.predict(whole(x))
-
-
-def cost(problem: LeastSquares, theta: np.ndarray) -> float:
-    """Sum of the squares that are left, in standard errors."""
-    return float(np.square(problem.residual(theta)).sum())
-
-
-def _far(problem: LeastSquares, theta: np.ndarray, best: Fit) -> bool:
-    """Whether another minimum is none that the intervals hold."""
-    return bool((np.abs(theta - best.theta) > np.minimum(best.half_width, problem.scale)).any())
-
-
-def _starts(problem: LeastSquares, start: np.ndarray) -> list[np.ndarray]:
-    """Where to begin: play that may or may not meet its walls has several minima.
-
-    The given start, it with end walls near and far, and the best of many about it.
-    """
-    walls = np.array([one.name == "axial_clearance" for one in problem.unknowns])
-    starts = [start]
-    if walls.any():
-        starts += [np.where(walls, factor * start, start) for factor in (1.0 / _RANGE, _RANGE)]
-    spread = qmc.LatinHypercube(len(start), rng=0).random(_TRIED)
-    options = start * _RANGE ** (2.0 * spread - 1.0)
-    options = np.minimum(options, [one.most for one in problem.unknowns])
-    return [*starts, min(options, key=lambda theta: cost(problem, theta))]
-
-
-def _excess(left: np.ndarray, error: np.ndarray, freedom: float) -> float:
-    """Standard deviation that, added to errors, explains what is left."""
-    low, high = 0.0, float(np.sqrt(np.square(left).sum() / max(freedom, 1e-9)))
-    if np.square(left / error).sum() <= freedom:
-        return 0.0
-    for _ in range(60):
-        middle = 0.5 * (low + high)
-        above = np.square(left / np.hypot(error, middle)).sum() > freedom
-        low, high = (middle, high) if above else (low, middle)
-    return high
-
-
-# Why an unknown cannot be told, and what would tell it: in words; how the machine gives way.
-
-
 _NAMED = 3
 """Compliances that are named."""
 _SIZE = 8.0
 """Parts of the strongest push by which sizes of pushes are told apart."""
+LARGE = 3.0
+"""Times the records' scatter from which on residuals are said to be large."""
+NORMAL = 1.96
+"""Half of a 95 % interval in standard deviations."""
+
+# Why an unknown cannot be identified, and what would help: in words; how the machine gives way.
 
 
 @dataclass(frozen=True)
 class Elasticity:
-    """A compliance, as far as a measurement tells it."""
+    """A compliance, as far as a measurement identifies it."""
 
     label: str
     unit: str
@@ -249,9 +86,9 @@ class Elasticity:
     """Of the 95 % interval."""
 
     @property
-    def told(self) -> bool:
+    def identified(self) -> bool:
         """Whether half of the interval is less than half of the value."""
-        return self.half_width <= planning.TOLD * abs(self.value)
+        return self.half_width <= LARGEST_SHARE * abs(self.value)
 
     def __str__(self) -> str:
         """One line."""
@@ -263,56 +100,47 @@ class Elasticity:
         )
 
 
-def elasticity(
-    problem: LeastSquares, fit: Fit, elastic: Sequence[Elastic]
-) -> tuple[Elasticity, ...]:
+def elasticity(problem: LeastSquares, fit: Fit, model: StaticModel) -> tuple[Elasticity, ...]:
     """Each joint's compliances with what was found; the structure's at the tool is no number."""
     effect = problem.sensitivity(fit.theta, raw=True) / problem.error[:, None]
-    left = (problem.seen - problem.predict(fit.theta)) / problem.error
-    free = problem.free / problem.error[:, None]
+    left = (problem.measured - problem.predict(fit.theta)) / problem.error
+    nuisance = problem.nuisance / problem.error[:, None]
     found = []
-    for one in elastic:
+    for one in model.elastic:
         if one.label == TOOL or not one.effect.any():
             continue
         k = int(problem.elastic[one.label][0])
-        others = np.column_stack([np.delete(free, k, axis=1), effect])
-        basis, sizes, _ = np.linalg.svd(others, full_matrices=False)
-        basis = basis[:, sizes > 1e-9 * sizes.max(initial=1e-300)]
-        own = free[:, k] - basis @ (basis.T @ free[:, k])
+        span = basis(np.column_stack([np.delete(nuisance, k, axis=1), effect]))
+        own = nuisance[:, k] - span @ (span.T @ nuisance[:, k])
         size = float(own @ own)
-        if size <= 1e-12 * float(free[:, k] @ free[:, k]):
-            found.append(Elasticity(one.label, one.unit, one.known.value, np.inf))
-            continue
-        value = one.known.value + float(own @ left) / size
-        half = fit.quantile * max(fit.misfit, 1.0) / np.sqrt(size)
-        half = SAFETY * float(np.hypot(half, MODEL_ELSE * value))
+        value, half = one.known.value, np.inf
+        if size > 1e-12 * float(nuisance[:, k] @ nuisance[:, k]):
+            value += float(own @ left) / size
+            half = fit.quantile * max(fit.misfit, 1.0) / np.sqrt(size)
+            half = SAFETY * float(np.hypot(half, MODEL_ELSE * value))
         found.append(Elasticity(one.label, one.unit, value, half))
     return tuple(found)
 
 
-def reason(i: int, fit: Fit, problem: LeastSquares, made: Visits, model: StaticModel) -> str:
-    """Why an unknown cannot be told; empty if it can."""
+def reason(i: int, fit: Fit, problem: LeastSquares, model: StaticModel) -> str:
+    """Why an unknown cannot be identified; empty if it can."""
     one = problem.unknowns[i]
     half = fit.half_width[i]
-    if half <= planning.enough(one, fit.theta[i]):
+    if half <= one.widest(fit.theta[i]):
         return _held_by_friction(i, fit, problem)
-    soft = _explained(i, fit, problem, made)
-    if soft:
+    if soft := _explained(i, fit, problem, model.visits):
         return soft
-    if fit.felt[i] < FAINT:
-        return _unfelt(one, made, model)
-    partners = [problem.unknowns[k].label for k in fit.partners(i)]
-    if fit.blind[i, i] > BLIND and partners:
-        return f"it acts only together with {', '.join(partners)}"
-    return (
-        f"its 95 % interval would be +- {one.shown(half)}, more than half of it"
-        if np.isfinite(half)
-        else "next to nothing of it shows above the noise"
-    )
+    if fit.effect[i] < FAINT:
+        return _without_effect(one, model)
+    if others := fit.partners(i):
+        return f"it acts only together with {', '.join(problem.unknowns[k].label for k in others)}"
+    if np.isfinite(half):
+        return f"its 95 % interval would be +- {one.shown(half)}, more than half of it"
+    return "next to nothing of it shows above the noise"
 
 
 def _held_by_friction(i: int, fit: Fit, problem: LeastSquares) -> str:
-    """That an interval which begins at zero may be friction's doing, if its friction is not told.
+    """That an interval which begins at zero may be due to friction, if this is not identified.
 
     A journal that friction holds does not move in wide play either: no play, and any play with
     enough friction, leave the same means.
@@ -322,7 +150,7 @@ def _held_by_friction(i: int, fit: Fit, problem: LeastSquares) -> str:
         return ""
     for k, other in enumerate(problem.unknowns):
         rubs = other.joint == one.joint and other.name == "friction" and other.sought
-        if rubs and fit.half_width[k] > planning.enough(other, fit.theta[k]):
+        if rubs and fit.half_width[k] > other.widest(fit.theta[k]):
             return (
                 f"its interval begins at zero, and {other.label}, which cannot be told, may "
                 "hold the journal wherever it is: pass the places slowly, in both directions"
@@ -332,27 +160,24 @@ def _held_by_friction(i: int, fit: Fit, problem: LeastSquares) -> str:
 
 def _explained(i: int, fit: Fit, problem: LeastSquares, made: Visits) -> str:
     """That elasticity explains what shows of an unknown as well, if it does."""
-    if problem.unknowns[i].name in WOUND:
+    one = problem.unknowns[i]
+    if one.name in WOUND:
         return ""
-    wound = [one.label for one in problem.unknowns if one.name in WOUND]
-    every = [*wound, *problem.elastic]
+    labels = [*(other.label for other in problem.unknowns if other.name in WOUND), *problem.elastic]
     effect = problem.sensitivity(fit.theta, raw=True)
 
-    def told(labels: Collection[str]) -> bool:
+    def identified(rigid: Collection[str]) -> bool:
         """Whether it would be, if the machine were rigid in these ways."""
-        kept = [k for k, one in enumerate(problem.unknowns) if one.label not in labels]
-        rigid = problem.without([label for label in labels if label in problem.elastic])
-        covariance, blind, _ = information(rigid.whiten(effect[:, kept]))
+        kept = [k for k, other in enumerate(problem.unknowns) if other.label not in rigid]
+        stiff = problem.rigid([label for label in rigid if label in problem.elastic])
+        covariance, null, _ = information(stiff.whiten(effect[:, kept]))
         k = kept.index(i)
-        half = fit.quantile * SAFETY * max(fit.misfit, 1.0) * np.sqrt(covariance[k, k])
-        half *= problem.unknowns[i].scale
-        return bool(
-            blind[k, k] <= BLIND and half <= planning.enough(problem.unknowns[i], fit.theta[i])
-        )
+        half = fit.quantile * SAFETY * max(fit.misfit, 1.0) * np.sqrt(covariance[k, k]) * one.scale
+        return bool(null[k, k] <= NULL and half <= one.widest(fit.theta[i]))
 
-    if not every or not told(every):
+    if not labels or not identified(labels):
         return ""
-    which = [label for label in every if told([label])]
+    which = [label for label in labels if identified([label])]
     sizes = np.unique(np.round(_SIZE * made.force / max(np.abs(made.force).max(), 1e-12)), axis=0)
     count = len(np.unique(np.round(np.linalg.norm(sizes, axis=1)))) - 1
     words = ", ".join(which[:_NAMED]) if which else "of several parts at once"
@@ -364,55 +189,48 @@ def _explained(i: int, fit: Fit, problem: LeastSquares, made: Visits) -> str:
     )
 
 
-def _unfelt(one: Parameter, made: Visits, model: StaticModel) -> str:
+def _without_effect(one: Parameter, model: StaticModel) -> str:
     """Why nothing moves with an unknown."""
+    made = model.visits
     if one.joint in made.joints and one.name in ("friction", "gear_play", "dry_friction"):
         ways = set(made.direction[:, made.joints.index(one.joint)].tolist()) - {0}
         if len(ways) < 2:
             return "nothing shows: the joint never reverses"
         if one.name == "gear_play":
             return "nothing shows: the load keeps the gear's teeth on one side"
-    move = model.lever(one.joint)
-    if move is not None and not np.abs(move).max() > 0.0:
+    if one.joint in model.levers and not model.levers[one.joint].any():
         return "nothing shows: the joint does not move the tool"
     return "nothing shows: its load pushes the journal the same way at every visit of a place"
 
 
 def advice(
-    mechanism: Mechanism,
-    friction: Mapping[str, JointFriction],
-    given: Mapping[str, Compliance],
-    fit: Fit,
-    problem: LeastSquares,
-    seen: Observed,
-    model: StaticModel,
-    reasons: Sequence[str],
+    fit: Fit, problem: LeastSquares, observed: Observed, model: StaticModel, reasons: Sequence[str]
 ) -> tuple[str, ...]:
-    """Which further experiment or signal would tell what cannot be told."""
-    sought = problem.unknowns
-    if not any(reason and one.sought for reason, one in zip(reasons, sought, strict=True)):
-        return ("",) * len(sought)
-    rigid = problem.without(problem.elastic)
+    """Which further experiment or signal would identify what cannot be identified."""
+    unknowns = problem.unknowns
+    if not any(why and one.sought for why, one in zip(reasons, unknowns, strict=True)):
+        return ("",) * len(unknowns)
+    rigid = problem.rigid(problem.elastic)
     gives = [
-        planning.SOFT[one.unit] * problem.free[:, problem.elastic[one.label]]
+        planning.SOFT[one.unit] * problem.nuisance[:, problem.elastic[one.label]]
         for one in model.elastic
     ]
     effect = np.column_stack(
         [rigid.sensitivity(fit.theta), *(rigid.whiten(columns) for columns in gives)]
     )
-    before = effect.T @ effect / max(fit.misfit, 1.0) ** 2 + planning.prior(sought, model)[0]
+    before = effect.T @ effect / max(fit.misfit, 1.0) ** 2 + planning.prior(unknowns, model)[0]
     noise = dict(planning.NOISE)
-    for (kind, _), spread in zip(seen.keys, seen.noise, strict=True):
+    for (kind, _), spread in zip(model.keys, observed.noise, strict=True):
         noise[kind] = max(spread, 1e-9)
-    offers = planning.offers(mechanism, friction, sought, given, seen.keys, noise, fit.theta)
+    offers = planning.offers(model.machine, unknowns, model.keys, noise, fit.theta)
     lines = []
-    for i, (one, reason) in enumerate(zip(sought, reasons, strict=True)):
+    for i, (one, why) in enumerate(zip(unknowns, reasons, strict=True)):
         best, words = np.inf, ""
-        for gain, text in offers if reason and one.sought else ():
-            half = planning.half_widths(sought, before + gain)[i]
+        for gain, text in offers if why and one.sought else ():
+            half = planning.half_widths(unknowns, before + gain)[i]
             if half < 0.8 * best:  # the simpler comes first
                 best, words = half, text
-        limit = planning.enough(one, fit.theta[i])
+        limit = one.widest(fit.theta[i])
         if best <= limit:
             lines.append(f"would tell, to +- {one.shown(best)}: {words}")
         elif words and best < 0.5 * fit.half_width[i] and best < 4.0 * limit:
@@ -426,10 +244,6 @@ def advice(
 # What an identification found, as a table, CSV and plain data.
 
 
-LARGE = 3.0
-"""Times the records' scatter from which on what the model leaves is said to be large."""
-
-
 @dataclass(frozen=True)
 class Identification:
     """What a measurement says of p unknowns; SI units."""
@@ -438,13 +252,13 @@ class Identification:
     value: np.ndarray
     """Shape (p,)."""
     half_width: np.ndarray
-    """Of the 95 % intervals; infinite where nothing is told, shape (p,)."""
+    """Of the 95 % intervals; infinite where nothing is known, shape (p,)."""
     reasons: tuple[str, ...]
-    """Why an unknown cannot be told, empty where it can."""
+    """Why an unknown cannot be identified, empty where it can."""
     advice: tuple[str, ...]
-    """Which measurement would tell it, empty where none is needed or known."""
+    """Which measurement would identify it, empty where none is needed or known."""
     mechanism: Mechanism
-    """With what was found; unknowns that cannot be told as in the scenario."""
+    """With what was found; unknowns that cannot be identified as in the scenario."""
     visits: Visits
     observed: Observed
     error: np.ndarray
@@ -452,23 +266,22 @@ class Identification:
     predicted: np.ndarray
     """By the static model with what was found, offsets included, shape (n, keys) [SI]."""
     nuisances: np.ndarray
-    """Effect of what is not sought: offsets, drift, what friction holds anywhere, compliances,
-    shape (n, keys, columns)."""
+    """Effect of what is not sought, see `nuisances`, shape (n, keys, columns)."""
     misfit: float
-    """RMS of what the model leaves, in standard errors, which are as large as that demands."""
+    """RMS of the residuals, in standard errors, which are as large as the residuals demand."""
     reference: str
     notes: tuple[str, ...]
     measured: Measurement
     restitutions: tuple[Restitution, ...] = ()
     """Of the joints' impacts, where there is a signal that shows them."""
     excess: float = np.nan
-    """RMS of what the model leaves, by the scatter of the records alone."""
+    """RMS of the residuals, by the scatter of the records alone."""
     elasticity: tuple[Elasticity, ...] = ()
     """Compliances of the joints that were accounted for."""
 
     @property
-    def told(self) -> np.ndarray:
-        """Which unknowns can be told, shape (p,)."""
+    def identified(self) -> np.ndarray:
+        """Which unknowns can be identified, shape (p,)."""
         return np.array([not reason for reason in self.reasons])
 
     def __getitem__(self, label: str) -> tuple[float, float]:
@@ -496,7 +309,7 @@ class Identification:
                 low, high = self.interval(i)
                 interval = f"{one.shown(low)} to {one.shown(high)}"
                 lines.append(f"{head} {one.shown(self.value[i]):>12}  {interval}")
-        lines += [str(one) for one in self.elasticity if one.told]
+        lines += [str(one) for one in self.elasticity if one.identified]
         lines += [str(one) for one in self.restitutions]
         for i, one in enumerate(self.unknowns):
             if one.sought and self.reasons[i]:
@@ -506,9 +319,9 @@ class Identification:
         lines += [f"{r.joint} restitution: {r.reason}" for r in self.restitutions if r.reason]
         if not self.unknowns:
             return "\n".join([*self.notes, *lines])
-        dark = [one.label for one in self.elasticity if not one.told]
-        if dark:
-            lines.append(f"compliances accounted for, but not told: {', '.join(dark)}, tool")
+        vague = [one.label for one in self.elasticity if not one.identified]
+        if vague:
+            lines.append(f"compliances accounted for, but not told: {', '.join(vague)}, tool")
         used = np.isfinite(self.error)
         at = used.any(axis=1)
         lines.append(
@@ -523,63 +336,53 @@ class Identification:
             )
         return "\n".join([*self.notes, *lines])
 
-    def csv(self) -> str:
-        """A row for each unknown [SI]."""
-        out = io.StringIO()
-        writer = csv.writer(out, lineterminator="\n")
-        writer.writerow(["joint", "unknown", "unit", "scenario", "found", "low", "high", "why_not"])
+    def _rows(self) -> list[dict[str, Any]]:
+        """What is said of each unknown and each restitution, for files [SI]."""
+        rows: list[dict[str, Any]] = []
         for i, one in enumerate(self.unknowns):
             if one.sought:
-                low, high = self.interval(i)
-                numbers = [one.nominal, *(("", "", "") if self.reasons[i] else ())]
-                if not self.reasons[i]:
-                    numbers += [f"{x:.9g}" for x in (self.value[i], low, high)]
-                writer.writerow([one.joint, one.name, one.unit, *numbers, self.reasons[i]])
-        for other in self.restitutions:
-            ends = [other.value, *other.interval]
-            numbers = ["", "", ""] if other.reason else [f"{x:.9g}" for x in ends]
-            writer.writerow([other.joint, "restitution", "", "", *numbers, other.reason])
-        return out.getvalue()
-
-    def describe(self) -> dict[str, Any]:
-        """As plain data [SI]."""
-        found = []
-        row: dict[str, Any]
-        for i, one in enumerate(self.unknowns):
-            if one.sought:
-                row = {"joint": one.joint, "unknown": one.name, "unit": one.unit}
+                row: dict[str, Any] = {"joint": one.joint, "unknown": one.name, "unit": one.unit}
                 row |= {"scenario": one.nominal, "why_not": self.reasons[i]}
-                low, high = self.interval(i)
-                told: dict[str, Any] = {
-                    "found": float(self.value[i]),
-                    "low": float(low),
-                    "high": float(high),
-                }
-                found.append(row | ({} if self.reasons[i] else told))
+                low, high = map(float, self.interval(i))
+                found = {"found": float(self.value[i]), "low": low, "high": high}
+                rows.append(row | ({} if self.reasons[i] else found))
         for other in self.restitutions:
             row = {"joint": other.joint, "unknown": "restitution", "unit": ""}
             row |= {"why_not": other.reason, "evidence": other.evidence}
             low, high = other.interval
-            told = {"found": other.value, "low": low, "high": high}
-            if not np.isnan(other.nominal):
-                told["nominal"] = other.nominal
-            found.append(row | ({} if other.reason else told))
-        misfit = None if np.isnan(self.misfit) else float(self.misfit)
-        excess = None if np.isnan(self.excess) else float(self.excess)
-        gives = [{**vars(one), "told": one.told} for one in self.elasticity]
-        for row in gives:
-            row["half_width"] = float(row["half_width"]) if np.isfinite(row["half_width"]) else None
+            found = {"found": other.value, "low": low, "high": high}
+            found |= {} if np.isnan(other.nominal) else {"nominal": other.nominal}
+            rows.append(row | ({} if other.reason else found))
+        return rows
+
+    def csv(self) -> str:
+        """A row for each unknown [SI]."""
+        out = io.StringIO()
+        numbers = ("found", "low", "high")
+        header = ["joint", "unknown", "unit", "scenario", *numbers, "why_not"]
+        writer = csv.DictWriter(out, header, "", extrasaction="ignore", lineterminator="\n")
+        writer.writeheader()
+        for row in self._rows():
+            writer.writerow(row | {name: f"{row[name]:.9g}" for name in numbers if name in row})
+        return out.getvalue()
+
+    def describe(self) -> dict[str, Any]:
+        """As plain data [SI]."""
+        compliances = [
+            {
+                **vars(one),
+                "half_width": one.half_width if np.isfinite(one.half_width) else None,
+                "identified": one.identified,
+            }
+            for one in self.elasticity
+        ]
         return {
-            "unknowns": found,
-            "compliances": gives,
-            "misfit": misfit,
-            "excess": excess,
+            "unknowns": self._rows(),
+            "compliances": compliances,
+            "misfit": None if np.isnan(self.misfit) else float(self.misfit),
+            "excess": None if np.isnan(self.excess) else float(self.excess),
             "notes": list(self.notes),
         }
-
-
-_NORMAL = 1.96
-"""Half of a 95 % interval in standard deviations."""
 
 
 def identify(
@@ -619,7 +422,7 @@ def identify(
             ``"tool"`` [N/m], alone or with its relative standard deviation; ``inf`` is rigid, and
             ``{"all": inf}`` are all but gears. What is not said is unknown.
         drift: degree of the polynomial in time by which readings may drift; 0: they do not.
-        runs: simulations by which restitution is sought where flights do not tell it; 0: none.
+        runs: simulations by which restitution is sought where flights do not identify it; 0: none.
         jobs: processes for them; None takes one for each core.
         progress: show a bar for them.
 
@@ -634,11 +437,9 @@ def identify(
     bounced = by_flights(mechanism, measured)
     if drift < 0:
         raise JointplayError(f"the degree of the drift must not be negative, got {drift}")
-    given = compliances(mechanism, stiffness or {})
+    prior = Machine(mechanism, friction, compliances(mechanism, stiffness or {}))
     try:
-        found = _by_means(
-            mechanism, measured, motion, reference, friction, also, known, given, drift
-        )
+        found = _by_means(prior, measured, motion, reference, also, known, drift)
     except TooLittle as error:
         if not bounced or not any(measured.has(kind) for kind in IMPACT_KINDS):
             raise
@@ -650,24 +451,25 @@ def identify(
                 "restitution by simulated impacts needs the scenario (.toml) that was measured"
             )
         own = replace(machine, mechanism=found.mechanism, motion=motion)
-        told = by_simulation(own, measured, spreads(found), runs=runs, jobs=jobs, progress=progress)
-        pairs = zip(bounced, told, strict=True)
+        simulated = by_simulation(
+            own, measured, spreads(found), runs=runs, jobs=jobs, progress=progress
+        )
+        pairs = zip(bounced, simulated, strict=True)
         bounced = tuple(other if one.reason else one for one, other in pairs)
     return replace(found, restitutions=bounced, mechanism=with_restitution(found, bounced))
 
 
 def _by_means(
-    mechanism: Mechanism,
+    machine: Machine,
     measured: Measurement,
     motion: Motion | None,
     reference: str,
-    friction: Mapping[str, JointFriction],
     also: Sequence[str],
     known: Sequence[str],
-    given: Mapping[str, Compliance],
     drift: int,
 ) -> Identification:
     """Everything but restitution."""
+    mechanism = machine.mechanism
     if mechanism.loops:
         raise TooLittle(
             f"loop {next(iter(mechanism.loops))!r}: identify is for robots without closed loops"
@@ -678,60 +480,68 @@ def _by_means(
             f"{measured.source} has nothing that play would show in: tool x (y, z), JOINT link of "
             "a gear with play, or JOINT torque is needed beside the motors' encoders"
         )
-    made, seen = visits(mechanism, measured, motion)
-    torqued = [name for kind, name in seen.keys if kind == "torque"]
-    stops = bool(made.stopped.any()) and any(kind == "tool" for kind, _ in seen.keys)
-    sought = unknowns(mechanism, friction, torqued, stops, also, known, given)
-    model = StaticModel(mechanism, made, seen.keys, friction, sought, given)
-    usable = np.isfinite(seen.mean) & model.certain[:, None]
-    _check(measured, made, seen.keys, usable, reference)
-    error = np.where(usable, _errors(seen), np.nan)
-    records = error.copy()
-    problem = _problem(mechanism, model, made, seen, error, reference, drift)
-    problem, fit = _fitted(problem, seen, error, measured.source)
-    reasons = tuple(reason(i, fit, problem, made, model) for i in range(len(sought)))
-    words = advice(mechanism, friction, given, fit, problem, seen, model, reasons)
-    predicted = model.predict(fit.theta) + _offsets(problem, fit.theta, error)
-    left = (seen.mean - predicted)[np.isfinite(error)] / records[np.isfinite(error)]
-    excess = float(np.sqrt(np.square(left).sum() / fit.freedom))
-    *_, unseen = positions(mechanism, measured, motion)
+    made, observed = visits(mechanism, measured, motion)
+    kinds = [kind for kind, _ in observed.keys]
+    torqued = [name for kind, name in observed.keys if kind == "torque"]
+    stops = bool(made.stopped.any()) and "tool" in kinds
+    unknowns = machine.unknowns(torqued, stops, also, known)
+    model = StaticModel(machine, made, observed.keys, unknowns)
+    use = np.isfinite(observed.mean) & model.certain[:, None]
+    _check(measured, model, use, reference)
+    smallest = [1e-12 + 1e-9 * np.nanmax(np.abs(row), initial=0.0) for row in observed.mean.T]
+    records = np.where(use, np.maximum(observed.error, smallest), np.nan)
+    nuisance, labels = nuisances(model, reference, drift)
+    problem = _problem(model, observed.mean, records, nuisance, labels)
+    start = np.array([one.nominal or 0.5 * one.scale for one in unknowns])
+    count = int(use.sum())
+    numbers = np.full(len(problem.measured), -1)
+    numbers[:count] = np.broadcast_to([kinds.index(kind) for kind in kinds], use.shape)[use]
+    problem, fit = search(problem, start, numbers)
+    if fit.freedom < 1:
+        raise TooLittle(
+            f"{measured.source}: {count} means at {len(made)} visits are too few for "
+            f"{len(start)} unknowns and {problem.projected.shape[1]} offsets, drifts and "
+            "compliances; visit places more often, from both sides"
+        )
+    error = records.copy()
+    error[use] = problem.error[:count]
+    reasons = tuple(reason(i, fit, problem, model) for i in range(len(unknowns)))
+    predicted = model.predict(fit.theta) + _offsets(problem, fit.theta, use)
+    left = (observed.mean - predicted)[use] / records[use]
     return Identification(
-        sought,
+        unknowns,
         fit.theta,
         fit.half_width,
         reasons,
-        words,
-        apply(mechanism, sought, fit.theta, reasons),
+        advice(fit, problem, observed, model, reasons),
+        apply(mechanism, unknowns, fit.theta, reasons),
         made,
-        seen,
+        observed,
         error,
         predicted,
-        nuisances(mechanism, model, made, seen, reference, drift)[0],
+        nuisance,
         fit.misfit,
         reference,
-        (
-            *_assumed(mechanism, friction, sought, given, measured, seen, reference, drift),
-            *_notes(unseen),
-        ),
+        tuple(_assumptions(model, measured, observed, reference, drift)),
         measured,
-        excess=excess,
-        elasticity=elasticity(problem, fit, model.elastic),
+        excess=float(np.sqrt(np.square(left).sum() / fit.freedom)),
+        elasticity=elasticity(problem, fit, model),
     )
 
 
 def spreads(found: Identification) -> dict[str, dict[str, float]]:
-    """Standard deviations of the clearances and friction that are told, by joint and name."""
+    """Standard deviations of identified clearances and friction, by joint and name."""
     known: dict[str, dict[str, float]] = {}
     for i, one in enumerate(found.unknowns):
         if one.joint in found.mechanism.clearance and not found.reasons[i]:
-            known.setdefault(one.joint, {})[one.name] = float(found.half_width[i]) / _NORMAL
+            known.setdefault(one.joint, {})[one.name] = float(found.half_width[i]) / NORMAL
     return known
 
 
-def with_restitution(found: Identification, told: Sequence[Restitution]) -> Mechanism:
-    """The mechanism with the restitutions that are told and that its laws can deliver."""
+def with_restitution(found: Identification, bounced: Sequence[Restitution]) -> Mechanism:
+    """The mechanism with the restitutions that are identified and that its laws can deliver."""
     joints = dict(found.mechanism.clearance)
-    for one in told:
+    for one in bounced:
         if not one.reason and np.isfinite(one.nominal):
             joints[one.joint] = replace(joints[one.joint], restitution=one.nominal)
     return found.mechanism.with_clearance(joints) if joints else found.mechanism
@@ -755,42 +565,22 @@ def _inputs(
     return mechanism, motion, friction | dict(joint_friction or {})
 
 
-def _fitted(
-    problem: LeastSquares, seen: Observed, error: np.ndarray, source: str
-) -> tuple[LeastSquares, Fit]:
-    """The search from the scenario's values; writes the errors that it ends with into `error`."""
-    start = np.array([one.nominal or 0.5 * one.scale for one in problem.unknowns])
-    names = [kind for kind, _ in seen.keys]
-    numbers = np.broadcast_to([names.index(kind) for kind in names], error.shape)
-    kinds = np.full(len(problem.seen), -1)
-    count = int(np.isfinite(error).sum())
-    kinds[:count] = numbers[np.isfinite(error)]
-    problem, fit = search(problem, start, kinds)
-    error[np.isfinite(error)] = problem.error[:count]
-    if fit.freedom < 1:
-        raise TooLittle(
-            f"{source}: {count} means at {len(error)} visits are too few for "
-            f"{len(start)} unknowns and {problem.offsets} offsets, drifts and compliances; visit "
-            "places more often, from both sides"
-        )
-    return problem, fit
-
-
 def _impacts_only(
     mechanism: Mechanism, measured: Measurement, reference: str, note: str
 ) -> Identification:
     """Where means say nothing."""
-    made, seen = no_visits()
+    made, observed = no_visits()
     none, nothing = np.zeros((0, 0)), np.zeros(0)
     return Identification(
-        (), nothing, nothing, (), (), mechanism, made, seen, none, none, none[..., None], np.nan,
-        reference, (note,), measured,
+        (), nothing, nothing, (), (), mechanism, made, observed, none, none, none[..., None],
+        np.nan, reference, (note,), measured,
     )  # fmt: skip
 
 
 def _read(
     measured: Measurement | str | Path, mechanism: Mechanism, noise: Mapping[str, float] | None
 ) -> Measurement:
+    """The measurement, of a file if it is one, with the noise that is given."""
     if not isinstance(measured, Measurement):
         entries = mechanism.description.joints
         slides = {name: entries[name].slides for name in moving(mechanism)}
@@ -799,26 +589,19 @@ def _read(
     return replace(measured, noise={**measured.noise, **(noise or {})})
 
 
-def _check(
-    measured: Measurement,
-    made: Visits,
-    keys: Sequence[Key],
-    usable: np.ndarray,
-    reference: str,
-) -> None:
+def _check(measured: Measurement, model: StaticModel, use: np.ndarray, reference: str) -> None:
     """Raise if no place is visited in two ways."""
-    at = usable.any(axis=1)
+    at, made = use.any(axis=1), model.visits
     if not at.any():
         raise TooLittle(
             f"{measured.source}: no visit counts: at none it is known on which side teeth and "
             "journals lie; each gear must cross its play before, by a reversal or a push, and each "
             "bearing be pressed: push the tool"
         )
-    if reference != "place":
+    if reference != "place" or any(kind == "torque" for kind, _ in model.keys):
         return
     ways = np.column_stack([made.cell, made.direction, np.round(made.force, 3)])[at]
-    places = np.unique(ways, axis=0)[:, 0]
-    if len(np.unique(places)) == len(places) and not {k for k, _ in keys} & {"torque"}:
+    if len(np.unique(ways, axis=0)) == len(np.unique(made.cell[at])):
         raise TooLittle(
             f"{measured.source}: the motion never reverses: no place is visited from two sides or "
             "under two forces, so that no play shows; measure the way back, too (if the robot's "
@@ -826,101 +609,73 @@ def _check(
         )
 
 
-def _errors(seen: Observed) -> np.ndarray:
-    """Standard errors of the means by the records' scatter; none is zero."""
-    smallest = np.array([1e-12 + 1e-9 * np.nanmax(np.abs(row), initial=0.0) for row in seen.mean.T])
-    return np.maximum(seen.error, smallest)
-
-
-def nuisances(
-    mechanism: Mechanism,
-    model: StaticModel,
-    made: Visits,
-    seen: Observed,
-    reference: str,
-    drift: int,
-) -> tuple[np.ndarray, tuple[str, ...]]:
+def nuisances(model: StaticModel, reference: str, drift: int) -> tuple[np.ndarray, list[str]]:
     """What moves the signals and is not sought: its effect (n, keys, columns).
 
     Offsets, drift, what friction holds anywhere, and last the compliances, by their labels.
     """
-    tool = tool_positions(mechanism, made.joints, made.position)
+    made, keys = model.visits, model.keys
+    tool = tool_positions(model.mechanism, made.joints, made.position)
     parts = [
-        offsets(seen.keys, made.cell, made.position, tool, reference),
-        drifts(seen.keys, made.time.mean(axis=1), drift),
+        offsets(keys, made.cell, made.position, tool, reference),
+        drifts(keys, made.time.mean(axis=1), drift),
         model.loose(),
+        *(one.effect for one in model.elastic),
     ]
-    labels: list[str] = []
-    for one in model.elastic:
-        parts.append(one.effect)
-        labels += [one.label] * one.effect.shape[2]
-    return np.concatenate(parts, axis=2), tuple(labels)
+    labels = [one.label for one in model.elastic for _ in range(one.effect.shape[2])]
+    return np.concatenate(parts, axis=2), labels
 
 
 def _problem(
-    mechanism: Mechanism,
     model: StaticModel,
-    made: Visits,
-    seen: Observed,
+    mean: np.ndarray,
     error: np.ndarray,
-    reference: str,
-    drift: int,
+    nuisance: np.ndarray,
+    labels: Sequence[str],
 ) -> LeastSquares:
-    use = np.isfinite(error).ravel()
-    free, labels = nuisances(mechanism, model, made, seen, reference, drift)
-    free = free.reshape(use.size, free.shape[2])[use]
+    """Least squares of the means that have an error, and of what was known before."""
+    made, unknowns = model.visits, model.unknowns
+    use = np.isfinite(error)
+    free = nuisance[use]
     first = free.shape[1] - len(labels)
     columns = {
         label: first + np.flatnonzero([one == label for one in labels])
         for label in dict.fromkeys(labels)
     }
     # What was known before counts like means: of unknowns, then of compliances.
-    stated = [i for i, one in enumerate(model.unknowns) if np.isfinite(one.spread)]
+    stated = [i for i, one in enumerate(unknowns) if np.isfinite(one.spread)]
     soft = [one for one in model.elastic if np.isfinite(one.known.spread)]
     rows = [(k, one.known.spread) for one in soft for k in columns[one.label]]
     more = np.zeros((len(stated) + len(rows), free.shape[1]))
     for row, (k, _) in enumerate(rows, len(stated)):
         more[row, k] = 1.0
-    every = np.arange(len(seen.keys))
-    number = made.cell[:, None] * len(seen.keys) + every
+    rigid = np.zeros(len(rows))
+    every = np.arange(len(model.keys))
     strength = max(float(np.abs(made.force).max()), 1e-12)
     loads = np.column_stack([made.direction, made.stopped, np.round(4.0 * made.force / strength)])
     _, load = np.unique(loads, axis=0, return_inverse=True)
-    states = np.ravel(load)[:, None] * len(seen.keys) + every
     alone = -1 - np.arange(len(more))
+    groups = [number[:, None] * len(every) + every for number in (made.cell, np.ravel(load))]
     return LeastSquares(
-        model.unknowns,
-        lambda theta: np.concatenate(
-            [model.predict(theta).ravel()[use], theta[stated], np.zeros(len(rows))]
-        ),
+        unknowns,
+        lambda theta: np.concatenate([model.predict(theta)[use], theta[stated], rigid]),
+        np.concatenate([mean[use], [unknowns[i].nominal for i in stated], rigid]),
         np.concatenate(
-            [
-                seen.mean.ravel()[use],
-                [model.unknowns[i].nominal for i in stated],
-                np.zeros(len(rows)),
-            ]
-        ),
-        np.concatenate(
-            [
-                error.ravel()[use],
-                [model.unknowns[i].spread for i in stated],
-                [spread for _, spread in rows],
-            ]
+            [error[use], [unknowns[i].spread for i in stated], [spread for _, spread in rows]]
         ),
         np.concatenate([free, more]),
-        tuple(np.concatenate([g.ravel()[use], alone]) for g in (number, states)),
+        tuple(np.concatenate([group[use], alone]) for group in groups),
         columns,
     )
 
 
-def _offsets(problem: LeastSquares, theta: np.ndarray, error: np.ndarray) -> np.ndarray:
-    """What offsets, drift and compliances do, shape (n, keys); zero where nothing counted."""
-    left = (problem.seen - problem.predict(theta)) / problem.error
-    fitted = np.linalg.lstsq(problem.free / problem.error[:, None], left, rcond=1e-9)[0]
-    shifts = np.zeros(error.size)
-    use = np.isfinite(error).ravel()
-    shifts[use] = (problem.free @ fitted)[: int(use.sum())]
-    return shifts.reshape(error.shape)
+def _offsets(problem: LeastSquares, theta: np.ndarray, use: np.ndarray) -> np.ndarray:
+    """Best nuisances' effect, shape (n, keys); zero where nothing counted."""
+    left = (problem.measured - problem.predict(theta)) / problem.error
+    fitted = np.linalg.lstsq(problem.nuisance / problem.error[:, None], left, rcond=1e-9)[0]
+    shifts = np.zeros(use.shape)
+    shifts[use] = (problem.nuisance @ fitted)[: int(use.sum())]
+    return shifts
 
 
 def apply(
@@ -929,7 +684,7 @@ def apply(
     theta: np.ndarray,
     reasons: Sequence[str],
 ) -> Mechanism:
-    """The mechanism with those values that are told."""
+    """The mechanism with those values that are identified."""
     joints, gears = dict(mechanism.clearance), dict(mechanism.gears)
     for one, value, why_not in zip(sought, theta, reasons, strict=True):
         if why_not or not one.joint:
@@ -940,89 +695,86 @@ def apply(
             gears[one.joint] = replace(gears[one.joint], stiffness=1.0 / max(float(value), 1e-12))
         elif one.name not in ("dry_friction", "torsional_compliance"):
             joints[one.joint] = with_clearance(joints[one.joint], {one.name: float(value)})
-    return mechanism._with(joints, gears)
+    return mechanism.with_clearance(joints, gears)
 
 
-def _assumed(
-    mechanism: Mechanism,
-    friction: Mapping[str, JointFriction],
-    sought: Sequence[Parameter],
-    given: Mapping[str, Compliance],
-    measured: Measurement,
-    seen: Observed,
-    reference: str,
-    drift: int,
-) -> tuple[str, ...]:
+_IDEAL = {
+    "place": "the tool's ideal place is the same at each visit of a place",
+    "frame": "the tool's ideal place is known but for the tracker's frame",
+    "ideal": "the tool's ideal place is known",
+}
+_NOISE = {"tool": (1e6, "um"), "link": (1e6, "urad"), "torque": (1.0, "N m")}
+"""Factor and unit in which the noise of signals is printed."""
+
+
+def _assumptions(
+    model: StaticModel, measured: Measurement, observed: Observed, reference: str, drift: int
+) -> list[str]:
     """All that was taken for granted, a line each."""
-    ideal = {
-        "place": "the tool's ideal place is the same at each visit of a place",
-        "frame": "the tool's ideal place is known but for the tracker's frame",
-        "ideal": "the tool's ideal place is known",
-    }
-    lines = [f"assumed (--reference {reference}): {ideal[reference]}"]
+    machine = model.machine
     stated, weak = [], []
-    for label, one in given.items():
+    for label, one in machine.compliances.items():
         unit = "N*m/rad" if label.endswith(("torsional", "tilt", "link")) else "N/m"
-        if not one.value and one.spread:
-            if label.removesuffix(" link") in winds(mechanism, friction, given):
-                weak.append(f"{label} 0 +- {1e6 * one.spread:.3g} urad/(N m)")
-        elif not one.value:
-            stated.append(f"{label} rigid")
-        else:
+        if one.value:
             part = f" +- {100.0 * one.spread / one.value:.3g} %" if one.spread else ""
             stated.append(f"{label} {1.0 / one.value:.4g} {unit}{part}")
+        elif not one.spread:
+            stated.append(f"{label} rigid")
+        elif label.removesuffix(" link") in machine.wound:
+            weak.append(f"{label} 0 +- {1e6 * one.spread:.3g} urad/(N m)")
     if all(word.endswith(" rigid") for word in stated) and "tool rigid" in stated:
         stated = ["everything rigid but gears"]
-    lines.append(
-        f"assumed (--stiffness): {', '.join(stated) or 'nothing'}; other compliances are unknown"
-    )
-    softest = [f"{one.label} at most {one.shown(one.most)}" for one in sought if one.name in WOUND]
+    lines = [
+        f"assumed (--reference {reference}): {_IDEAL[reference]}",
+        f"assumed (--stiffness): {', '.join(stated) or 'nothing'}; other compliances are unknown",
+    ]
+    softest = [
+        f"{one.label} at most {one.shown(one.most)}" for one in model.unknowns if one.name in WOUND
+    ]
     if weak or softest:
         lines.append(f"assumed (--stiffness) of compliances: {', '.join([*softest, *weak])}")
     words = f"like a polynomial in time of degree {drift}" if drift else "not at all"
     lines.append(f"assumed (--drift {drift}): readings drift {words}")
-    scales = {"m": (1e6, "um"), "rad": (1e6, "urad"), "N*m": (1.0, "N m"), "N": (1.0, "N")}
-    units = {"tool": "m", "link": "rad", "torque": "N*m"}
-    deviations = {}
-    for (kind, name), spread in zip(seen.keys, seen.noise, strict=True):
-        factor, unit = scales[units[kind]]
+    deviations = []
+    for (kind, name), spread in zip(observed.keys, observed.noise, strict=True):
+        factor, unit = _NOISE[kind]
         source = "given" if kind in measured.noise else "of the records"
-        deviations[f"{kind} {name}"] = f"{kind} {name} {factor * spread:.3g} {unit} ({source})"
-    lines.append(f"noise of a record (--noise): {', '.join(deviations.values())}")
-    asked = {(one.joint, one.name) for one in sought}
-    taken = []
+        deviations.append(f"{kind} {name} {factor * spread:.3g} {unit} ({source})")
+    lines.append(f"noise of a record (--noise): {', '.join(deviations)}")
+    if taken := _taken(machine, {(one.joint, one.name) for one in model.unknowns}):
+        lines.append(f"taken from the scenario: {', '.join(taken)}")
+    if machine.mechanism.clearance:
+        lines.append("assumed: contacts give way by the scenario's law, beside the compliances")
+    if made := model.visits.without_encoder:
+        lines.append(
+            f"note: no encoder of {', '.join(made)}: taken where the reference says (or at rest)"
+            "; what the drives lag counts as play"
+        )
+    return lines
+
+
+def _taken(machine: Machine, sought: Collection[tuple[str, str]]) -> list[str]:
+    """Values that are taken from the scenario, for their joints and names are not sought."""
+    mechanism, taken = machine.mechanism, []
     for joint, bearing in mechanism.clearance.items():
-        if (joint, "friction") not in asked:
+        if (joint, "friction") not in sought:
             value = friction_of(bearing)
             taken.append(
                 f"{joint} bearing {'no law of friction known' if value is None else f'{value:g}'}"
             )
         for name, size in bearing.clearances.items():
-            if (joint, name) not in asked:
+            if (joint, name) not in sought:
                 taken.append(f"{joint} {name.replace('_', ' ')} {1e6 * size:.4g} um")
     for joint in mechanism.joints:
-        own = friction.get(joint, JointFriction())
-        if (joint, "dry_friction") not in asked:
+        own = machine.friction.get(joint, JointFriction())
+        if (joint, "dry_friction") not in sought:
             taken.append(f"{joint} dry friction {own.coulomb:g} N m")
         if own.viscous:
             taken.append(f"{joint} viscous friction {own.viscous:g} N m s/rad")
     for joint, gear in mechanism.gears.items():
-        if (joint, "gear_play") not in asked:
+        if (joint, "gear_play") not in sought:
             taken.append(f"{joint} gear play {1e3 * gear.play:.4g} mrad")
-        if (joint, "gear_compliance") not in asked and f"{joint} torsional" not in given:
+        given = f"{joint} torsional" in machine.compliances
+        if (joint, "gear_compliance") not in sought and not given:
             taken.append(f"{joint} gear stiffness {gear.stiffness:.4g} N m/rad")
-    if taken:
-        lines.append(f"taken from the scenario: {', '.join(taken)}")
-    if mechanism.clearance:
-        lines.append("assumed: contacts give way by the scenario's law, beside the compliances")
-    return tuple(lines)
-
-
-def _notes(unseen: Sequence[str]) -> tuple[str, ...]:
-    lines = []
-    if unseen:
-        lines.append(
-            f"note: no encoder of {', '.join(unseen)}: taken where the reference says (or at rest)"
-            "; what the drives lag counts as play"
-        )
-    return tuple(lines)
+    return taken

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 from scipy.integrate import cumulative_trapezoid
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
@@ -20,8 +21,6 @@ from jointplay.mechanism.mechanism import Mechanism
 from jointplay.motion.reference import Motion
 from jointplay.result.result import AXES, Result
 
-# What was measured on a machine: columns with their units and times.
-#
 # A column is called ``tool x [mm]``: what it is, and its unit in brackets (or ``tool_x_mm``).
 #
 #     time [s]                            always
@@ -49,6 +48,7 @@ _SHOWN = 60
 
 Key = tuple[str, str]
 """``("tool", "x")``, ``("link", "elbow")``: kind of a signal, then its axis or joint."""
+_TIME: Key = ("time", "")
 
 
 class TooLittle(JointplayError):
@@ -121,7 +121,7 @@ class Measurement:
         """
         path = Path(path)
         header, table = _table(path)
-        time, signals = None, {}
+        signals: dict[Key, np.ndarray] = {}
         for column, title in enumerate(header):
             name, unit = _split(title, path)
             key, goal = _meaning(name, joints, title, path)
@@ -129,13 +129,10 @@ class Measurement:
                 factor = float(convert(f"1 {unit}", goal))
             except ValueError as error:
                 raise JointplayError(f"{path}, column {title!r}: {error}") from None
-            values = factor * table[:, column]
-            if key is None:
-                time = values
-            elif key in signals:
+            if key in signals:
                 raise JointplayError(f"{path}: {name!r} is there twice")
-            else:
-                signals[key] = values
+            signals[key] = factor * table[:, column]
+        time = signals.pop(_TIME, None)
         if time is None:
             raise JointplayError(
                 f"{path} has no times: a column such as 'time [s]' is needed; there are: "
@@ -179,13 +176,15 @@ class Measurement:
         random = np.random.default_rng(seed)
         time = np.arange(result.time[0] + delay, result.time[-1] + 0.5 / rate, 1.0 / rate)
         time = time[time <= result.time[-1]]
-        seen = _seen(result, kinds)
         spread = dict(noise or {})
-        clean = {key: np.interp(time, result.time, values) for key, values in seen.items()}
-        if "acceleration" in kinds:
-            clean |= _accelerations(result, time, 1.0 / rate)
-        if "reaction" in kinds:
-            clean |= _reactions(result, time, 1.0 / rate)
+        clean: dict[Key, np.ndarray] = {}
+        for kind in sorted(kinds, key=lambda one: _RATES.index(one) if one in _RATES else -1):
+            for name, values in _histories(result, kind).items():
+                clean[kind, name] = (
+                    _mean_rate(result.time, values, time, 1.0 / rate)
+                    if kind in _RATES
+                    else np.interp(time, result.time, values)
+                )
         signals = {
             key: values + spread.get(key[0], 0.0) * random.standard_normal(len(time))
             for key, values in clean.items()
@@ -207,56 +206,42 @@ class Measurement:
         return "\n".join([",".join(head), *rows]) + "\n"
 
 
-def _seen(result: Result, kinds: Sequence[str]) -> dict[Key, np.ndarray]:
-    """Histories of a run by kind of signal."""
+_RATES = ("acceleration", "reaction")
+"""Signals that are means between records: rates of change of what `_histories` gives."""
+
+
+def _histories(result: Result, kind: str) -> dict[str, np.ndarray]:
+    """A kind of signal over a run, or its integral (see `_RATES`), by axis or joint."""
+    if kind == "force":
+        return dict(zip(AXES, _wrenches(result).T, strict=True))
+    if kind in TOOL_UNITS:
+        name = {"tool": "tool_position", "acceleration": "tool_velocity"}[kind]
+        return dict(zip(AXES, result[name].values.T, strict=True))
+    if kind not in JOINT_UNITS:
+        raise JointplayError(f"no signal {kind!r} of runs: tool, {', '.join(JOINT_UNITS)}")
+    if kind == "reaction":
+        forces = result["joint_force"]
+        sizes = {
+            name: np.linalg.norm(forces.sel(joint=name).values, axis=1) for name in result.joints
+        }
+        return {
+            name: cumulative_trapezoid(size, result.time, initial=0.0)
+            for name, size in sizes.items()
+        }
     mechanism = result.simulation.mechanism
+    coordinate = mechanism.coordinate if kind == "link" else mechanism.motor
+    values = result["drive" if kind == "torque" else "q"].values
     joints = [name for name in mechanism.joints if name in mechanism.description.joints]
-    histories: dict[Key, np.ndarray] = {}
-    for kind in kinds:
-        if kind == "tool":
-            for i, axis in enumerate(AXES):
-                histories[kind, axis] = result["tool_position"].values[:, i]
-            continue
-        if kind in ("acceleration", "reaction"):
-            continue  # means between records
-        if kind == "force":
-            given = _wrenches(result)
-            histories |= {(kind, axis): given[:, i] for i, axis in enumerate(AXES)}
-            continue
-        if kind not in JOINT_UNITS:
-            raise JointplayError(f"no signal {kind!r} of runs: tool, {', '.join(JOINT_UNITS)}")
-        for name in joints:
-            at = mechanism.coordinate(name) if kind == "link" else mechanism.motor(name)
-            histories[kind, name] = result["drive" if kind == "torque" else "q"].values[:, at]
-    return histories
-
-
-def _accelerations(result: Result, time: np.ndarray, interval: float) -> dict[Key, np.ndarray]:
-    """Of the tool, means over intervals about the times [m/s^2]."""
-    speed = result["tool_velocity"].values
-    means: dict[Key, np.ndarray] = {}
-    for i, axis in enumerate(AXES):
-        means["acceleration", axis] = _mean_rate(result.time, speed[:, i], time, interval)
-    return means
-
-
-def _reactions(result: Result, time: np.ndarray, interval: float) -> dict[Key, np.ndarray]:
-    """Size of the forces between bearings and journals, means over intervals [N]."""
-    means: dict[Key, np.ndarray] = {}
-    for name in result.joints:
-        force = np.linalg.norm(result["joint_force"].sel(joint=name).values, axis=1)
-        impulse = cumulative_trapezoid(force, result.time, initial=0.0)
-        means["reaction", name] = _mean_rate(result.time, impulse, time, interval)
-    return means
+    return {name: values[:, coordinate(name)] for name in joints}
 
 
 def _mean_rate(
     known: np.ndarray, values: np.ndarray, time: np.ndarray, interval: float
 ) -> np.ndarray:
-    """Mean rate of change of values, which are known at some times, over intervals about others."""
-    ends = [np.clip(time + side * interval / 2.0, known[0], known[-1]) for side in (-1, 1)]
-    before, after = (np.interp(end, known, values) for end in ends)
-    return np.asarray((after - before) / np.maximum(ends[1] - ends[0], 1e-12))
+    """Mean rate of change of values at `known` times over intervals about other times."""
+    before, after = (np.clip(time + side * interval / 2.0, known[0], known[-1]) for side in (-1, 1))
+    change = np.interp(after, known, values) - np.interp(before, known, values)
+    return np.asarray(change / np.maximum(after - before, 1e-12))
 
 
 def _wrenches(result: Result) -> np.ndarray:
@@ -305,7 +290,7 @@ def _split(title: str, path: Path) -> tuple[str, str]:
         return match[1].strip(), (match[2] or match[3] or "").strip()
     name, _, unit = title.rpartition("_")
     try:
-        convert(f"1 {unit}", *{u for u in ("s", "m", "rad", "N", "N*m", "m/s^2")})
+        convert(f"1 {unit}", "s", "m", "rad", "N", "N*m", "m/s^2")
     except ValueError:
         name = ""
     if not name:
@@ -316,12 +301,10 @@ def _split(title: str, path: Path) -> tuple[str, str]:
     return name.strip(), unit
 
 
-def _meaning(
-    name: str, joints: Mapping[str, bool], title: str, path: Path
-) -> tuple[Key | None, str]:
-    """Which signal a column is (None: the times), and the unit that it must fit."""
+def _meaning(name: str, joints: Mapping[str, bool], title: str, path: Path) -> tuple[Key, str]:
+    """Which signal a column is, and the unit that it must fit."""
     if name.lower() in ("time", "t"):
-        return None, "s"
+        return _TIME, "s"
     for mark in (" ", "_", "."):
         first, _, last = name.partition(mark)
         if first in TOOL_UNITS and last in AXES:
@@ -393,6 +376,8 @@ class Visits:
     """Visit whose loads hold at a point of the path, shape (m,)."""
     path_force: np.ndarray
     """On the tool along the path, world axes, shape (m, 3) [N]."""
+    without_encoder: tuple[str, ...] = ()
+    """Joints that were taken where the reference says, or at rest."""
 
     def __len__(self) -> int:
         """How many there are."""
@@ -424,9 +409,53 @@ class Observed:
     """Spread of single records [SI]."""
 
 
+def signal_effect(keys: Sequence[Key], key: Key, values: np.ndarray) -> np.ndarray:
+    """Values (n,) as what one signal of `keys` shows, shape (n, keys)."""
+    effect = np.zeros((len(values), len(keys)))
+    effect[:, list(keys).index(key)] = values
+    return effect
+
+
+def tool_effect(keys: Sequence[Key], moved: np.ndarray) -> np.ndarray:
+    """What a displacement of the tool (n, 3) [m] does to the signals, shape (n, keys)."""
+    effect = np.zeros((len(moved), len(keys)))
+    for column, (kind, axis) in enumerate(keys):
+        if kind == "tool":
+            effect[:, column] = moved[:, AXES.index(axis)]
+    return effect
+
+
+def stacked(effects: Sequence[np.ndarray], n: int, keys: Sequence[Key]) -> np.ndarray:
+    """Effects (n, keys) as columns of one array, which may have none, shape (n, keys, columns)."""
+    return np.stack(effects, axis=2) if effects else np.zeros((n, len(keys), 0))
+
+
+def tool_positions(
+    mechanism: Mechanism, joints: Sequence[str], positions: np.ndarray
+) -> np.ndarray:
+    """Position of the ideal tool in world axes at joint positions (n, j), shape (n, 3) [m]."""
+    q = configurations(mechanism, joints, positions)
+    tool = np.zeros((len(q), 3))
+    for i, row in enumerate(q):
+        pin.framesForwardKinematics(mechanism.model, mechanism.data, row)
+        tool[i] = mechanism.data.oMf[mechanism.tool_frame].translation
+    return tool
+
+
+def configurations(
+    mechanism: Mechanism, joints: Sequence[str], positions: np.ndarray
+) -> np.ndarray:
+    """Configurations with journals centred and motors before their joints, shape (n, nq)."""
+    q = np.zeros((len(positions), mechanism.model.nq))
+    for column, name in enumerate(joints):
+        q[:, mechanism.coordinate(name)] = positions[:, column]
+        q[:, mechanism.motor(name)] = positions[:, column]
+    return q
+
+
 def positions(
     mechanism: Mechanism, measured: Measurement, motion: Motion | None
-) -> tuple[tuple[str, ...], np.ndarray, np.ndarray, list[str]]:
+) -> tuple[tuple[str, ...], np.ndarray, np.ndarray, tuple[str, ...]]:
     """Where the joints are: from encoders, or the reference.
 
     Returns:
@@ -441,7 +470,7 @@ def positions(
     still = middle(mechanism)
     joint_positions = np.tile([still[name] for name in names], (len(measured.time), 1))
     reference = None if motion is None else motion(measured.time)[0]
-    unseen = []
+    without_encoder = []
     limits = np.full(len(names), _SMALLEST)
     for column, name in enumerate(names):
         for kind in ("motor", "link"):
@@ -453,13 +482,14 @@ def positions(
                 limits[column] = max(spread, _SMALLEST)
                 break
         else:
-            unseen.append(name)
+            without_encoder.append(name)
             if motion is not None and reference is not None and name in motion.joints:
                 joint_positions[:, column] = reference[:, motion.joints.index(name)]
-    return names, joint_positions, limits, unseen
+    return names, joint_positions, limits, tuple(without_encoder)
 
 
 def _filled(values: np.ndarray, time: np.ndarray, name: str) -> np.ndarray:
+    """Positions of an encoder (n,), gaps interpolated."""
     good = ~np.isnan(values)
     if good.sum() < FEWEST_IN_VISIT:
         raise JointplayError(f"the encoder of {name!r} has {good.sum()} records only")
@@ -509,6 +539,62 @@ def turns(values: np.ndarray, threshold: float) -> np.ndarray:
     return way
 
 
+@dataclass(frozen=True)
+class _Course:
+    """The n records of a measurement as a way of j joints."""
+
+    time: np.ndarray
+    """Shape (n,) [s]."""
+    q: np.ndarray
+    """Positions, shape (n, j) [rad or m]."""
+    ways: np.ndarray
+    """Directions, see `turns`, shape (n, j)."""
+    stands: np.ndarray
+    """Whether the machine stands, shape (n,)."""
+    size: np.ndarray
+    """Of a cell, infinite where a joint does not move, shape (j,)."""
+    force: np.ndarray
+    """On the tool, shape (n, 3) [N]."""
+
+    def pieces(self) -> list[slice]:
+        """Stretches of records that belong together."""
+        time, q, size = self.time, self.q, self.size
+        with np.errstate(invalid="ignore"):
+            cells = np.floor((q - q.min(axis=0)) / size).astype(int)
+        cells[self.stands] = -1
+        strength = max(float(np.abs(self.force).max(initial=0.0)), 1e-12)
+        pushes = np.round(self.force / (0.25 * strength)).astype(int)
+        labels = np.column_stack([self.ways, self.stands[:, None], cells, pushes])
+        cuts = np.flatnonzero((np.diff(labels, axis=0) != 0).any(axis=1)) + 1
+        pieces = []
+        for first, last in zip([0, *cuts], [*cuts, len(time)], strict=True):
+            if self.stands[first]:
+                long = time[last - 1] - time[first]
+                if long < STOP_S:
+                    continue
+                calm = int(np.searchsorted(time, time[first] + SETTLING * long))
+                first = max(first, min(calm, last - FEWEST_IN_VISIT))
+            elif not (np.ptp(q[first:last], axis=0) > _TRAVEL * size).any():
+                continue  # a drive that gives way to a push: the journals hardly turn
+            if last - first >= FEWEST_IN_VISIT:
+                pieces.append(slice(int(first), int(last)))
+        return pieces
+
+    def rates(self, piece: slice) -> tuple[np.ndarray, np.ndarray]:
+        """Mean speed and acceleration: of a parabola through the piece and its neighbours."""
+        more = (piece.stop - piece.start) // 2
+        first, last, way = piece.start, piece.stop, self.ways[piece.start]
+        while first > max(piece.start - more, 0) and (self.ways[first - 1] == way).all():
+            first -= 1
+        end = min(piece.stop + more, len(self.time))
+        while last < end and (self.ways[last] == way).all():
+            last += 1
+        t = self.time[first:last] - 0.5 * (self.time[piece.start] + self.time[piece.stop - 1])
+        shape = np.column_stack([np.ones(len(t)), t, 0.5 * t * t])
+        fitted = np.linalg.lstsq(shape, self.q[first:last], rcond=None)[0]
+        return fitted[1], fitted[2]
+
+
 def visits(
     mechanism: Mechanism, measured: Measurement, motion: Motion | None
 ) -> tuple[Visits, Observed]:
@@ -517,25 +603,58 @@ def visits(
     Raises:
         JointplayError: see `positions`; nothing that stands or moves slowly enough.
     """
-    names, q, limit, _ = positions(mechanism, measured, motion)
+    names, q, limit, without_encoder = positions(mechanism, measured, motion)
     time = measured.time
     ranges = np.ptp(q, axis=0)
     ways = np.zeros(q.shape, int)
     for column in np.flatnonzero(ranges > 2.0 * limit):
         ways[:, column] = turns(q[:, column], limit[column])
-    stands = _standing(time, q, limit)
     size = np.where(ranges > 4.0 * limit, ranges / CELLS, np.inf)
     force = np.column_stack(
         [np.nan_to_num(measured.signals.get(("force", a), np.zeros(len(time)))) for a in AXES]
     )
-    pieces = _pieces(time, q, ways, stands, size, force)
+    course = _Course(time, q, ways, _standing(time, q, limit), size, force)
+    pieces = course.pieces()
     if not pieces:
         raise TooLittle(
             f"{measured.source}: no stop of {STOP_S:g} s and no stretch in one direction with "
             f"{FEWEST_IN_VISIT} records in a cell; measure slower, or with more records a second"
         )
-    made = _visits(names, time, q, ways, stands, force, pieces, size)
-    return made, _observe(mechanism, measured, made, q, pieces)
+    means = np.array([q[piece].mean(axis=0) for piece in pieces])
+    stopped = course.stands[[piece.start for piece in pieces]]
+    rates = np.zeros((2, *means.shape))
+    owner = np.full(len(time), -1)
+    for i, piece in enumerate(pieces):
+        owner[piece] = i
+        if not stopped[i]:
+            rates[:, i] = course.rates(piece)
+    # The way between visits matters to hysteresis: thinned, but for the turning points.
+    keep = np.zeros(len(time), bool)
+    keep[:: max(len(time) // MOST_PATH, 1)] = True
+    turning = np.flatnonzero((np.diff(ways, axis=0) != 0).any(axis=1))
+    keep[turning] = keep[np.minimum(turning + 1, len(time) - 1)] = True
+    keep[[(piece.start + piece.stop) // 2 for piece in pieces]] = True
+    ends = np.array([(time[piece.start], time[piece.stop - 1]) for piece in pieces])
+    at = np.array([0.5 * (begin + end) for begin, end in ends])
+    near = np.abs(time[keep, None] - at[None, :]).argmin(axis=1)
+    near = np.where(owner[keep] >= 0, owner[keep], near)  # a short neighbour's middle may be nearer
+    found = Visits(
+        names,
+        ends,
+        means,
+        speed=rates[0],
+        acceleration=rates[1],
+        direction=np.array([ways[piece.stop - 1] for piece in pieces]),
+        stopped=stopped,
+        force=np.array([force[piece].mean(axis=0) for piece in pieces]),
+        cell=places(means, stopped, size),
+        path=q[keep],
+        path_visit=owner[keep],
+        path_near=near,
+        path_force=force[keep],
+        without_encoder=without_encoder,
+    )
+    return found, _observe(mechanism, measured, found, q, pieces)
 
 
 def _standing(time: np.ndarray, q: np.ndarray, limit: np.ndarray) -> np.ndarray:
@@ -546,98 +665,6 @@ def _standing(time: np.ndarray, q: np.ndarray, limit: np.ndarray) -> np.ndarray:
     # `still` marks the middles of such whiles: all records within one belong to it. Windows of even
     # width reach farther back, and the way back to the records farther on.
     return np.asarray(maximum_filter1d(still, width, origin=-1 if width % 2 == 0 else 0))
-
-
-def _pieces(
-    time: np.ndarray,
-    q: np.ndarray,
-    ways: np.ndarray,
-    stands: np.ndarray,
-    size: np.ndarray,
-    force: np.ndarray,
-) -> list[slice]:
-    """Stretches of records that belong together."""
-    with np.errstate(invalid="ignore"):
-        cells = np.floor((q - q.min(axis=0)) / size).astype(int)
-    cells[stands] = -1
-    strength = max(float(np.abs(force).max(initial=0.0)), 1e-12)
-    pushes = np.round(force / (0.25 * strength)).astype(int)
-    labels = np.column_stack([ways, stands[:, None], cells, pushes])
-    cuts = np.flatnonzero((np.diff(labels, axis=0) != 0).any(axis=1)) + 1
-    pieces = []
-    for first, last in zip([0, *cuts], [*cuts, len(time)], strict=True):
-        if stands[first]:
-            long = time[last - 1] - time[first]
-            if long < STOP_S:
-                continue
-            calm = int(np.searchsorted(time, time[first] + SETTLING * long))
-            first = max(first, min(calm, last - FEWEST_IN_VISIT))
-        elif not (np.ptp(q[first:last], axis=0) > _TRAVEL * size).any():
-            continue  # a drive that gives way to a push: the journals hardly turn
-        if last - first >= FEWEST_IN_VISIT:
-            pieces.append(slice(int(first), int(last)))
-    return pieces
-
-
-def _visits(
-    names: Sequence[str],
-    time: np.ndarray,
-    q: np.ndarray,
-    ways: np.ndarray,
-    stands: np.ndarray,
-    force: np.ndarray,
-    pieces: Sequence[slice],
-    size: np.ndarray,
-) -> Visits:
-    n, j = len(pieces), q.shape[1]
-    middles, speed, acceleration = np.zeros((n, j)), np.zeros((n, j)), np.zeros((n, j))
-    owner = np.full(len(time), -1)
-    for i, piece in enumerate(pieces):
-        owner[piece] = i
-        middles[i] = q[piece].mean(axis=0)
-        if not stands[piece.start]:
-            speed[i], acceleration[i] = _rates(time, q, piece, ways)
-    # The way between visits matters to hysteresis: thinned, but for the turning points.
-    keep = np.zeros(len(time), bool)
-    keep[:: max(len(time) // MOST_PATH, 1)] = True
-    turning = np.flatnonzero((np.diff(ways, axis=0) != 0).any(axis=1))
-    keep[turning] = keep[np.minimum(turning + 1, len(time) - 1)] = True
-    keep[[(p.start + p.stop) // 2 for p in pieces]] = True
-    at = np.array([0.5 * (time[p.start] + time[p.stop - 1]) for p in pieces])
-    near = np.abs(time[keep, None] - at[None, :]).argmin(axis=1) if n else np.zeros(0, int)
-    near = np.where(owner[keep] >= 0, owner[keep], near)  # a short neighbour's middle may be nearer
-    ends = np.array([(time[p.start], time[p.stop - 1]) for p in pieces])
-    return Visits(
-        tuple(names),
-        ends,
-        middles,
-        speed,
-        acceleration,
-        np.array([ways[p.stop - 1] for p in pieces]),
-        np.array([stands[p.start] for p in pieces]),
-        np.array([force[p].mean(axis=0) for p in pieces]),
-        places(middles, stands[[p.start for p in pieces]], size),
-        q[keep],
-        owner[keep],
-        near,
-        force[keep],
-    )
-
-
-def _rates(
-    time: np.ndarray, q: np.ndarray, piece: slice, ways: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Mean speed and acceleration: of a parabola through the piece and its neighbours."""
-    more = (piece.stop - piece.start) // 2
-    first, last = piece.start, piece.stop
-    while first > 0 and piece.start - first < more and (ways[first - 1] == ways[piece.start]).all():
-        first -= 1
-    while last < len(time) and last - piece.stop < more and (ways[last] == ways[piece.start]).all():
-        last += 1
-    t = time[first:last] - 0.5 * (time[piece.start] + time[piece.stop - 1])
-    shape = np.column_stack([np.ones(len(t)), t, 0.5 * t * t])
-    fitted = np.linalg.lstsq(shape, q[first:last], rcond=None)[0]
-    return fitted[1], fitted[2]
 
 
 def places(middles: np.ndarray, stopped: np.ndarray, size: np.ndarray) -> np.ndarray:
@@ -667,8 +694,6 @@ def _observe(
     pieces: Sequence[slice],
 ) -> Observed:
     """Means over the visits of what the model predicts."""
-    from jointplay.identification.model import tool_positions
-
     keys = tuple(
         key
         for key in measured.signals
@@ -676,24 +701,20 @@ def _observe(
     )
     mean = np.full((len(pieces), len(keys)), np.nan)
     error, noise = mean.copy(), []
-    places_ideal = (
-        tool_positions(mechanism, made.joints, q)
-        if any(kind == "tool" for kind, _ in keys)
-        else np.zeros((len(q), 3))
-    )
+    tools = [key for key in keys if key[0] == "tool"]
+    ideal = tool_positions(mechanism, made.joints, q if tools else q[:0])
     for column, (kind, name) in enumerate(keys):
         values = measured.signals[kind, name].copy()
         if kind == "tool":
-            values -= places_ideal[:, AXES.index(name)]
+            values -= ideal[:, AXES.index(name)]
         elif kind == "link":
             values -= q[:, made.joints.index(name)]
-        one = measured.noise.get(kind) or scatter(values)
+        spread = measured.noise.get(kind) or scatter(values)
         floor = resolution(measured.signals[kind, name]) / np.sqrt(12.0)
-        noise.append(max(one, floor))
+        noise.append(max(spread, floor))
         for i, piece in enumerate(pieces):
-            seen = values[piece]
-            seen = seen[~np.isnan(seen)]
-            if len(seen) >= FEWEST_IN_VISIT and not (kind == "torque" and made.stopped[i]):
-                mean[i, column] = seen.mean()
-                error[i, column] = np.hypot(max(one, floor) / np.sqrt(len(seen)), floor)
+            known = values[piece][~np.isnan(values[piece])]
+            if len(known) >= FEWEST_IN_VISIT and not (kind == "torque" and made.stopped[i]):
+                mean[i, column] = known.mean()
+                error[i, column] = np.hypot(noise[-1] / np.sqrt(len(known)), floor)
     return Observed(keys, mean, error, tuple(noise))

@@ -16,7 +16,7 @@ model, unless they are given. A joint with dry friction winds up: the operator w
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -26,16 +26,21 @@ import pinocchio as pin
 from jointplay.core.compiler import njit
 from jointplay.design.levers import place, sources, tool_place
 from jointplay.design.poses import moving
-from jointplay.identification.measurement import Key, Visits
+from jointplay.identification.measurement import (
+    Key,
+    Visits,
+    configurations,
+    stacked,
+    tool_effect,
+)
 from jointplay.identification.parameters import (
     TOOL,
-    UNKNOWN,
     WAYS,
     WOUND,
     Compliance,
+    Machine,
     Parameter,
     friction_of,
-    winds,
     with_clearance,
 )
 from jointplay.joints import Clearance
@@ -45,32 +50,6 @@ from jointplay.mechanism.impact import elastic_energy
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.mechanism.model import z_to
 from jointplay.result.result import AXES
-
-# Where the tool of the mechanism without play would be.
-
-
-def tool_positions(
-    mechanism: Mechanism, joints: Sequence[str], positions: np.ndarray
-) -> np.ndarray:
-    """Position of the ideal tool in world axes at joint positions (n, j), shape (n, 3) [m]."""
-    q = configurations(mechanism, joints, positions)
-    tool = np.zeros((len(q), 3))
-    for i, row in enumerate(q):
-        pin.framesForwardKinematics(mechanism.model, mechanism.data, row)
-        tool[i] = mechanism.data.oMf[mechanism.tool_frame].translation
-    return tool
-
-
-def configurations(
-    mechanism: Mechanism, joints: Sequence[str], positions: np.ndarray
-) -> np.ndarray:
-    """Configurations with journals centred and motors before their joints, shape (n, nq)."""
-    q = np.zeros((len(positions), mechanism.model.nq))
-    for column, name in enumerate(joints):
-        q[:, mechanism.coordinate(name)] = positions[:, column]
-        q[:, mechanism.motor(name)] = positions[:, column]
-    return q
-
 
 _LATERAL = [0, 1, 3, 4]
 _AXES = {"torsional": [5], "link": [5], "tilt": [3, 4], "radial": [0, 1], "axial": [2]}
@@ -115,7 +94,7 @@ class _Bearing:
 
     joint: Clearance
     move: np.ndarray
-    """(n, 3, 6), see `_Statics`."""
+    """How its displacements move the tool, (n, 3, 6)."""
     load: np.ndarray
     """(n, 6)."""
     push: np.ndarray
@@ -176,16 +155,15 @@ class StaticModel:
     """What a mechanism with play shows at visits.
 
     Args:
-        mechanism: a tree.
+        machine: a tree, and what is known of its friction and compliances.
         visits: n of them.
         keys: signals that are predicted.
-        friction: of the joints besides their bearings'.
         unknowns: what `predict` is given.
-        stiffness: what is known of compliances before, see `parameters.compliances`.
 
     Attributes:
         certain: visits at which the sides of all gears, and of all rims, are known, shape (n,).
         elastic: effects of compliances; what is given of them is in `predict`.
+        levers: how displacements of a joint move the tool, by its name, (n, 3, 6).
 
     Raises:
         JointplayError: loops; see `levers.sources`.
@@ -193,78 +171,69 @@ class StaticModel:
 
     def __init__(
         self,
-        mechanism: Mechanism,
+        machine: Machine,
         visits: Visits,
         keys: tuple[Key, ...],
-        friction: Mapping[str, JointFriction],
         unknowns: tuple[Parameter, ...],
-        stiffness: Mapping[str, Compliance],
     ) -> None:
         """Find levers and loads at each visit, once for all."""
-        self.mechanism, self.visits, self.keys = mechanism, visits, keys
-        self.unknowns, self._friction = unknowns, friction
-        self._points: dict[tuple[object, ...], np.ndarray] = {}
-        self._lags: dict[tuple[object, ...], tuple[np.ndarray, ...]] = {}
+        self.machine, self.mechanism = machine, machine.mechanism
+        self.visits, self.keys, self.unknowns = visits, keys, unknowns
+        # Differences move one joint at a time: the others' displacements and lags stay.
+        self._point = lru_cache(_REMEMBERED)(self._point_of)
+        self._lag = lru_cache(_REMEMBERED)(self._lag_of)
+        mechanism = self.mechanism
         q = configurations(mechanism, visits.joints, visits.position)
         sources(mechanism, q[:0], second_order=False)  # refuses what this model does not know
-        torqued = [name for kind, name in keys if kind == "torque"]
-        names = dict.fromkeys([*mechanism.clearance, *mechanism.gears, *moving(mechanism)])
-        self._slides = {n: mechanism.description.joints[n].slides for n in moving(mechanism)}
-        statics = _statics(mechanism, visits, q, names)
-        self._levers = statics.levers
-        push = {
-            name: np.einsum("nki,nk->ni", lever, visits.force)
-            for name, lever in statics.levers.items()
+        slides = {name: mechanism.description.joints[name].slides for name in moving(mechanism)}
+        names = dict.fromkeys([*mechanism.clearance, *mechanism.gears, *slides])
+        own, inertia, self.levers, tool = _statics(mechanism, visits, q, names)
+        loads = {
+            name: own[name] + np.einsum("nki,nk->ni", lever, visits.force)
+            for name, lever in self.levers.items()
         }
-        self._bearings = {}
-        for name, joint in mechanism.clearance.items():
-            move, load = statics.levers[name], statics.loads[name] + push[name]
-            self._bearings[name] = _bearing(name, joint, move, load, statics.inertia[name], visits)
-        self._winds = {
-            name: self._give(name, stiffness) for name in winds(mechanism, friction, stiffness)
+        self._bearings = {
+            name: _bearing(name, joint, self.levers[name], loads[name], inertia[name], visits)
+            for name, joint in mechanism.clearance.items()
         }
-        driven = dict.fromkeys([*self._winds, *torqued])
-        about = {name: 2 if self._slides.get(name, False) else 5 for name in driven}
-        self._inertia = {name: -statics.inertia[name][:, about[name]] for name in driven}
-        self._hold = {name: -statics.loads[name][:, about[name]] for name in driven}
-        self._pushed = {name: statics.levers[name][:, :, about[name]] for name in driven}
-        loads = {name: load + push[name] for name, load in statics.loads.items()}
-        self.elastic = self._elastic(loads, statics.tool, stiffness)
+        self._gives = {name: self._give(name) for name in machine.wound}
+        driven = dict.fromkeys([*machine.wound, *(name for kind, name in keys if kind == "torque")])
+        about = {name: 2 if slides.get(name, False) else 5 for name in driven}
+        self._inertia = {name: -inertia[name][:, axis] for name, axis in about.items()}
+        self._hold = {name: -own[name][:, axis] for name, axis in about.items()}
+        self._pushed = {name: self.levers[name][:, :, axis] for name, axis in about.items()}
+        elastic = self._elastic(loads, tool)
         self._known = np.zeros((len(visits), len(keys)))
-        for one in self.elastic:
+        for one in elastic:
             if one.known.value:  # the structure's: the same in all directions
                 self._known += one.known.value * one.effect[:, :, :3].sum(axis=2)
-        self.elastic = tuple(one for one in self.elastic if one.known.spread > 0.0)
+        self.elastic = tuple(one for one in elastic if one.known.spread > 0.0)
         self.certain = self._sides(
             np.array(
                 [(_UNSURE if one.name == "gear_play" else 1.0) * one.nominal for one in unknowns]
             )
         )
 
-    def _give(self, name: str, stiffness: Mapping[str, Compliance]) -> float:
+    def _give(self, name: str) -> float:
         """Compliance of a joint that winds up, unless it is unknown [rad/(N m)]."""
-        one = stiffness.get(f"{name} torsional", UNKNOWN)
+        one = self.machine.compliance(f"{name} torsional")
         gear = self.mechanism.gears.get(name)
-        if gear is not None and math.isinf(one.spread):
-            return 1.0 / gear.stiffness
-        return one.value
+        return 1.0 / gear.stiffness if gear is not None and math.isinf(one.spread) else one.value
 
-    def _elastic(
-        self, loads: Mapping[str, np.ndarray], tool: np.ndarray, stiffness: Mapping[str, Compliance]
-    ) -> tuple[Elastic, ...]:
+    def _elastic(self, loads: Mapping[str, np.ndarray], tool: np.ndarray) -> list[Elastic]:
         """Of each joint and of the structure at the tool (rotations (n, 3, 3))."""
         found = []
         for name, load in loads.items():
             for way, axes in _AXES.items():
-                if (way == "link") != (name in self._winds) and axes == [5]:
+                if (way == "link") != (name in self._gives) and axes == [5]:
                     continue  # of one that winds up, the torsional one is no column
                 own = load[:, axes]
                 if way == "torsional" and name in self._bearings:
                     own = own - self._bearings[name].drag()[:, None]
-                moved = np.einsum("nki,ni->nk", self._levers[name][:, :, axes], own)
-                label = f"{name} {way}"
-                known = stiffness.get(label, UNKNOWN)
-                found.append(Elastic(label, WAYS[way], self._shown(moved)[:, :, None], known))
+                moved = np.einsum("nki,ni->nk", self.levers[name][:, :, axes], own)
+                known = self.machine.compliance(f"{name} {way}")
+                effect = tool_effect(self.keys, moved)[:, :, None]
+                found.append(Elastic(f"{name} {way}", WAYS[way], effect, known))
         force = np.einsum("nki,nk->ni", tool, self.visits.force)
         columns = []
         for i, k in ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0)):
@@ -272,18 +241,9 @@ class StaticModel:
             own[:, i] += force[:, k]
             if i != k:
                 own[:, k] += force[:, i]
-            columns.append(self._shown(np.einsum("nki,ni->nk", tool, own)))
-        known = stiffness.get(TOOL, UNKNOWN)
-        found.append(Elastic(TOOL, "m/N", np.stack(columns, axis=2), known))
-        return tuple(found)
-
-    def _shown(self, moved: np.ndarray) -> np.ndarray:
-        """What a displacement of the tool (n, 3) [m] does to the signals, (n, keys)."""
-        shown = np.zeros((len(moved), len(self.keys)))
-        for column, (kind, name) in enumerate(self.keys):
-            if kind == "tool":
-                shown[:, column] = moved[:, AXES.index(name)]
-        return shown
+            columns.append(tool_effect(self.keys, np.einsum("nki,ni->nk", tool, own)))
+        found.append(Elastic(TOOL, "m/N", np.stack(columns, axis=2), self.machine.compliance(TOOL)))
+        return found
 
     def predict(self, theta: np.ndarray) -> np.ndarray:
         """Means of the signals at all visits, shape (n, keys) [m, rad, N m]."""
@@ -291,32 +251,29 @@ class StaticModel:
         means = self._known.copy()
         tool = np.zeros((len(self.visits), 3))
         for name, bearing in self._bearings.items():
-            key = (name, held, *values.get(name, {}).items())
-            if key not in self._points:
-                if len(self._points) > _REMEMBERED:
-                    self._points.clear()
-                self._points[key] = bearing.point(values.get(name, {}), held)
-            point = self._points[key]
+            point = self._point(name, held, *values.get(name, {}).items())
             tool += np.einsum("nij,nj->ni", bearing.move, point)
-        twists, torques = {}, {}
-        for name in self._winds:
-            own = (name, *values.get(name, {}).items())
-            if own not in self._lags:
-                if len(self._lags) > _REMEMBERED:
-                    self._lags.clear()
-                self._lags[own] = self._wound(name, values)
-            twists[name], torques[name], _ = self._lags[own]
-            tool += self._pushed[name] * twists[name][:, None]
+        lags = {name: self._lag(name, *values.get(name, {}).items()) for name in self._gives}
+        for name, (twist, _, _) in lags.items():
+            tool += self._pushed[name] * twist[:, None]
         for column, (kind, name) in enumerate(self.keys):
             if kind == "tool":
                 means[:, column] += tool[:, AXES.index(name)]
             elif kind == "link":
-                means[:, column] = twists[name]
-            elif name in torques:
-                means[:, column] = torques[name]
+                means[:, column] = lags[name][0]
+            elif name in lags:
+                means[:, column] = lags[name][1]
             else:
-                means[:, column] = self._torque(name, values)
+                means[:, column] = self._torque(name, values.get(name, {}))
         return means
+
+    def _point_of(self, name: str, held: float, *values: tuple[str, float]) -> np.ndarray:
+        """Displacement of a journal, see `_Bearing.point`."""
+        return self._bearings[name].point(dict(values), held)
+
+    def _lag_of(self, name: str, *values: tuple[str, float]) -> tuple[np.ndarray, ...]:
+        """Lag of a link, see `_wound`."""
+        return self._wound(name, dict(values))
 
     def loose(self) -> np.ndarray:
         """How the tool moves with what friction may hold anywhere, shape (n, keys, columns).
@@ -332,18 +289,10 @@ class StaticModel:
                 continue
             enough = np.where(self.visits.stopped, 1.0, _FAINT_LOAD) * 2.0 * bearing.push
             for i in np.flatnonzero(np.abs(bearing.load[:, 2]) <= enough):
-                made = np.zeros((len(self.visits), len(self.keys)))
-                for k, (kind, axis) in enumerate(self.keys):
-                    if kind == "tool":
-                        made[i, k] = bearing.move[i, AXES.index(axis), 2]
-                columns.append(made)
-        if not columns:
-            return np.zeros((len(self.visits), len(self.keys), 0))
-        return np.stack(columns, axis=2)
-
-    def lever(self, name: str) -> np.ndarray | None:
-        """How displacements of a joint move the tool, (n, 3, 6); None if there is no such one."""
-        return self._levers.get(name)
+                moved = np.zeros((len(self.visits), 3))
+                moved[i] = bearing.move[i, :, 2]
+                columns.append(tool_effect(self.keys, moved))
+        return stacked(columns, len(self.visits), self.keys)
 
     def _values(self, theta: np.ndarray) -> tuple[dict[str, dict[str, float]], float]:
         """Values by joint and name, and which part of the friction stays at stops."""
@@ -356,56 +305,53 @@ class StaticModel:
                 held = float(value)
         return values, held
 
-    def _dry(self, name: str, values: Mapping[str, Mapping[str, float]]) -> np.ndarray:
+    def _dry(self, name: str, mine: Mapping[str, float]) -> np.ndarray:
         """Friction about a joint's axis while it slides, (n,) [N m]."""
-        own = self._friction.get(name, JointFriction())
-        mine = values.get(name, {})
-        dry = mine.get("dry_friction", own.coulomb)
+        dry = mine.get("dry_friction", self._friction(name).coulomb)
         friction = np.full(len(self.visits), float(dry))
         if name in self._bearings:
             friction += self._bearings[name].torque(mine.get("friction"))
         return friction
 
-    def _torque(self, name: str, values: Mapping[str, Mapping[str, float]]) -> np.ndarray:
+    def _friction(self, name: str) -> JointFriction:
+        """Expected friction of a joint besides its bearing's."""
+        return self.machine.friction.get(name, JointFriction())
+
+    def _torque(self, name: str, mine: Mapping[str, float]) -> np.ndarray:
         """Of a drive without gear on a joint that moves, (n,)."""
         column = self.visits.joints.index(name)
-        own = self._friction.get(name, JointFriction())
         external = np.einsum("nk,nk->n", self._pushed[name], self.visits.force)
         torque = self._hold[name] - external
-        torque = torque + self._dry(name, values) * self.visits.direction[:, column]
-        return np.asarray(torque + own.viscous * self.visits.speed[:, column])
+        torque = torque + self._dry(name, mine) * self.visits.direction[:, column]
+        viscous = self._friction(name).viscous
+        return np.asarray(torque + viscous * self.visits.speed[:, column])
 
     def _wound(
-        self, name: str, values: Mapping[str, Mapping[str, float]], more: np.ndarray | float = 0.0
+        self, name: str, mine: Mapping[str, float], more: np.ndarray | float = 0.0
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Link less motor (n,) [rad], torque between them (n,) [N m], and whether both are known.
 
         Along the whole way, for the side on which teeth lie, and what friction holds wound up,
-        remembers the last turn. `more` is added to the load (n,) [N m].
+        remembers the last turn. `mine` are values of the joint's unknowns; `more` is added to the
+        load (n,) [N m].
         """
         visits, gear = self.visits, self.mechanism.gears.get(name)
-        mine = values.get(name, {})
         half = 0.0 if gear is None else 0.5 * mine.get("gear_play", gear.play)
-        give = next((mine[one] for one in WOUND if one in mine), self._winds[name])
+        give = next((mine[one] for one in WOUND if one in mine), self._gives[name])
         give = max(give, _STIFFEST)
-        dry = self._dry(name, values)[visits.path_near]
-        near = visits.path_near
+        near, column, own = visits.path_near, visits.joints.index(name), self._friction(name)
+        dry = self._dry(name, mine)[near]
         external = np.einsum("mk,mk->m", self._pushed[name][near], visits.path_force)
-        column = visits.joints.index(name)
-        speed = visits.speed[near, column]
         hold = (self._hold[name] + more)[near] - external
-        own = self._friction.get(name, JointFriction())
-        hold = hold + own.viscous * speed
+        hold = hold + own.viscous * visits.speed[near, column]
         motor = visits.path[:, column]
         ratio = max(
             mine.get("stiction", 1.0 + own.excess / own.coulomb if own.coulomb else 1.0), 1.0
         )
-        low, high = (
-            motor + _twist(hold + dry, half, give, -1.0),
-            motor + _twist(hold - dry, half, give, 1.0),
+        ends = ((dry, -1.0), (-dry, 1.0), (ratio * dry, -1.0), (-ratio * dry, 1.0))
+        low, high, first, last = (
+            motor + _twist(hold + held, half, give, side) for held, side in ends
         )
-        first = motor + _twist(hold + ratio * dry, half, give, -1.0)
-        last = motor + _twist(hold - ratio * dry, half, give, 1.0)
         halts = np.diff(visits.stopped[near].astype(int), prepend=0) > 0
         angles, sure = _followed(low, high, first, last, halts)
         twist = angles - motor
@@ -414,32 +360,33 @@ class StaticModel:
         return visits_mean(visits, twist), visits_mean(visits, torque), visits_mean(visits, sure)
 
     def _sides(self, theta: np.ndarray) -> np.ndarray:
+        """Visits at which all sides are known, (n,)."""
         values, _ = self._values(theta)
         sure = np.all([np.ones(len(self.visits)), *(b.sure for b in self._bearings.values())], 0)
-        for name in self._winds:
-            sure &= self._wound(name, values)[2] > 1.0 - 1e-9
+        for name in self._gives:
+            mine = values.get(name, {})
+            sure &= self._wound(name, mine)[2] > 1.0 - 1e-9
             if name in self.mechanism.gears:
-                sure &= self._one_side(name, values)
+                sure &= self._one_side(name, mine)
         return sure
 
-    def _one_side(self, name: str, values: Mapping[str, Mapping[str, float]]) -> np.ndarray:
+    def _one_side(self, name: str, values: Mapping[str, float]) -> np.ndarray:
         """Visits at which it is known on which side the teeth of a gear lie, (n,).
 
         Whatever the friction is, within a factor, and whether or not inertia and what a load may be
         off count.
         """
-        mine = dict(values.get(name, {}))
-        mine |= dict.fromkeys(WOUND, 0.0)
+        mine = {**values, **dict.fromkeys(WOUND, 0.0)}
         half = mine["gear_play"] = self.mechanism.gears[name].play or _STIFFEST
         hold, twists = self._hold[name], []
         whole = hold - np.einsum("nk,nk->n", self._pushed[name], self.visits.force)
         off = _FAINTEST * np.abs(whole).max(initial=0.0) * np.ones(len(hold))
-        friction = mine.get("dry_friction", self._friction.get(name, JointFriction()).coulomb)
+        friction = mine.get("dry_friction", self._friction(name).coulomb)
         for more in (0.0 * off, off, -off, -self._inertia[name]):
             for factor in (1.0, _DRY, 1.0 / _DRY):
                 for ratio in (1.0, _BREAKS):
                     mine |= {"dry_friction": factor * friction, "stiction": ratio}
-                    twists.append(self._wound(name, {**values, name: mine}, more)[0])
+                    twists.append(self._wound(name, mine, more)[0])
         return np.ptp(twists, axis=0) <= 0.02 * half
 
 
@@ -484,23 +431,15 @@ def _twist(torque: np.ndarray, half: float, give: float, middle: float) -> np.nd
     return side * half - give * torque
 
 
-@dataclass(frozen=True)
-class _Statics:
-    """Of each joint at n visits, in bearing axes about its centre, z its axis."""
-
-    loads: dict[str, np.ndarray]
-    """Gravity and inertia, (n, 6) [N, N m]."""
-    inertia: dict[str, np.ndarray]
-    """The latter's part."""
-    levers: dict[str, np.ndarray]
-    """Displacement of the tool in world axes by one of the joint, (n, 3, 6)."""
-    tool: np.ndarray
-    """Rotation of the tool's axes, (n, 3, 3)."""
-
-
 def _statics(
     mechanism: Mechanism, visits: Visits, q: np.ndarray, names: Mapping[str, None]
-) -> _Statics:
+) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray], dict[str, np.ndarray], np.ndarray]:
+    """Loads and levers of joints at n visits, in bearing axes about their centres, z their axes.
+
+    Returns:
+        Gravity and inertia (n, 6) [N, N m]; the latter's part; displacements of the tool in world
+        axes by those of the joint, (n, 3, 6); rotation of the tool's axes, (n, 3, 3).
+    """
     model, data = mechanism.model, mechanism.data
     at = [mechanism.coordinate(name) for name in visits.joints]
     loads = {name: np.zeros((len(q), 6)) for name in names}
@@ -527,7 +466,7 @@ def _statics(
                 arm = tool.translation - axes.translation
                 levers[name][i, :, 3:] = np.cross(axes.rotation.T, arm).T
     inertia = {name: loads[name] - still[name] for name in names}
-    return _Statics(loads, inertia, levers, tools)
+    return loads, inertia, levers, tools
 
 
 def _place(mechanism: Mechanism, name: str) -> tuple[int, pin.SE3]:
@@ -550,19 +489,21 @@ def _bearing(
     inertia: np.ndarray,
     visits: Visits,
 ) -> _Bearing:
+    """The bearing with its levers, loads and their inertial part at the visits."""
     hinge = joint.hinge
     leaning = hinge if hinge is not None and hinge.leans else None
     sure = _determined(joint, load, inertia)
     if leaning is not None:
-        bend = np.column_stack([load[:, 4], -load[:, 3]]) / leaning.length
-        rims = [np.linalg.norm(load[:, :2] / 2.0 + side * bend, axis=1) for side in (1.0, -1.0)]
+        rims = [np.linalg.norm(rim, axis=1) for rim in _rims(load, leaning.length)]
         push = np.mean(rims, axis=0)
         sure &= np.min(rims, axis=0) >= _LIGHT * np.max(rims, axis=0)
     else:
         push = np.linalg.norm(load[:, :2], axis=1) / 2.0
     whole = 2.0 * push if leaning is None else push
-    speed = visits.speed[:, visits.joints.index(name)] if name in visits.joints else 0.0 * push
-    way = visits.direction[:, visits.joints.index(name)] if name in visits.joints else 0 * push
+    speed = way = np.zeros(len(visits))
+    if name in visits.joints:
+        column = visits.joints.index(name)
+        speed, way = visits.speed[:, column], visits.direction[:, column]
     slides = np.where(visits.stopped, 0.0, _sliding_part(joint, speed) * np.sign(speed))
     kept = np.where(visits.stopped, way, 0.0)
     walls = hinge is not None and hinge.axial > 0.0
@@ -570,6 +511,12 @@ def _bearing(
         part = _against(load, push, leaning.length)
         slides, kept = slides * part, kept * part
     return _Bearing(joint, move, load, push, whole, slides, kept, walls, sure)
+
+
+def _rims(load: np.ndarray, length: float) -> list[np.ndarray]:
+    """Forces across on both rims of a leaning journal by its load (n, 6), (n, 2) each."""
+    bend = np.column_stack([load[:, 4], -load[:, 3]]) / length
+    return [load[:, :2] / 2.0 + side * bend for side in (1.0, -1.0)]
 
 
 def _determined(joint: Clearance, load: np.ndarray, inertia: np.ndarray) -> np.ndarray:
@@ -590,9 +537,7 @@ def _determined(joint: Clearance, load: np.ndarray, inertia: np.ndarray) -> np.n
     if hinge is not None:
         if hinge.leans:
             arm = hinge.length / 2.0
-            bend = np.column_stack([load[:, 4], -load[:, 3]]) / hinge.length
-            rims = [load[:, :2] / 2.0 + side * bend for side in (1.0, -1.0)]
-            pressed = np.sum([np.linalg.norm(one, axis=1) for one in rims], axis=0)
+            pressed = np.sum([np.linalg.norm(r, axis=1) for r in _rims(load, hinge.length)], axis=0)
         if hinge.axial > 0.0:
             added.append((friction * pressed)[:, None] * every[2])
         if hinge.leans:

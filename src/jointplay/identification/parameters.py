@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 from jointplay.core.errors import JointplayError, MissingName
 from jointplay.joints import Clearance
@@ -36,12 +37,15 @@ WAYS = {
     "axial": "m/N",
 }
 """In which a joint gives way, and the unit of that compliance: about its axis; its link about that
-axis, where friction at the joint holds none of it (a joint that does not wind up has one of both);
+axis, where friction at the joint holds none of it (a joint that winds up has both, others one);
 about the axes across; across; along."""
 TOOL, ALL = "tool", "all"
 """Names of the structure's compliance at the tool, and of everything's."""
 WOUND = ("gear_compliance", "torsional_compliance")
 """Names of the unknown by which the torque that a joint transmits turns its link."""
+LARGEST_SHARE, SMALL = 0.5, 0.25
+"""An unknown is identified if half of its interval is at most `LARGEST_SHARE` of its value; values
+below `SMALL` of its scale count as this much."""
 _LARGEST = 1e-3
 """Clearance beyond which no bearing is one, unless the scenario says otherwise [m]."""
 _LEAST = 1e-9
@@ -52,7 +56,7 @@ LINK = 1e-4
 """Deviation of the bending of links from none where a joint winds up, unless the gear is expected
 to give way by more [rad/(N m)]: with any number one could make up for the other."""
 _TORSION = 1e-5
-"""Torsional compliance from which one that nobody knows is sought [rad/(N m)]."""
+"""Torsional compliance from which an unknown one is sought [rad/(N m)]."""
 _STICKS = 3.0
 """Largest static friction by the dynamic one."""
 _TORQUE_N_M = 0.1
@@ -74,9 +78,9 @@ class Parameter:
     scale: float
     """Size that matters; steps and thresholds are relative to it."""
     most: float
-    """Largest value that can be."""
+    """Largest possible value."""
     sought: bool = True
-    """Not if it is estimated only because it must be."""
+    """Not if it is estimated only because others depend on it."""
     spread: float = math.inf
     """Standard deviation with which the nominal value was given; infinite: not given."""
 
@@ -90,6 +94,10 @@ class Parameter:
         """A value in the unit of tables."""
         factor, unit = SCALES.get(self.unit, (1.0, self.unit))
         return f"{factor * value:.4g} {unit}".rstrip()
+
+    def widest(self, value: float) -> float:
+        """Largest half width of an interval about `value` with which it is identified [SI]."""
+        return LARGEST_SHARE * max(value, SMALL * self.scale)
 
 
 @dataclass(frozen=True)
@@ -105,6 +113,108 @@ class Compliance:
 UNKNOWN = Compliance(0.0, math.inf)
 Given = Mapping[str, float | tuple[float, float]]
 """Stiffness by label [N m/rad or N/m], with its relative standard deviation if it is not exact."""
+
+
+@dataclass(frozen=True)
+class Machine:
+    """A mechanism with expected play, and what is known of it before a measurement."""
+
+    mechanism: Mechanism
+    friction: Mapping[str, JointFriction]
+    """Of the joints besides their bearings'."""
+    compliances: Mapping[str, Compliance]
+    """By label, see `compliances`."""
+
+    def compliance(self, label: str) -> Compliance:
+        """What is known of a compliance."""
+        return self.compliances.get(label, UNKNOWN)
+
+    @cached_property
+    def wound(self) -> tuple[str, ...]:
+        """Joints whose link lags behind the motor by what its torque and dry friction wind up.
+
+        Those with gears, and all others that turn, are not rigid about their axis and have dry
+        friction that holds the link where it is: the lag depends on the way there.
+        """
+        gears, entries = self.mechanism.gears, self.mechanism.description.joints
+        return tuple(
+            joint
+            for joint in dict.fromkeys([*gears, *self.mechanism.joints])
+            if joint in gears
+            or (
+                joint in self.friction
+                and self.friction[joint].coulomb > 0.0
+                and joint in entries
+                and not entries[joint].slides
+                and self.compliance(f"{joint} torsional") != Compliance(0.0, 0.0)
+            )
+        )
+
+    def unknowns(
+        self,
+        torques: Collection[str],
+        stops: bool,
+        also: Collection[str] = (),
+        known: Collection[str] = (),
+    ) -> tuple[Parameter, ...]:
+        """All unknowns, but compliances that move the tool in proportion to loads.
+
+        Friction is sought only at joints that have some in the scenario.
+
+        Args:
+            torques: joints whose torque is measured: their friction is sought.
+            stops: whether there are stops, at which an unknown part of the friction stays.
+            also: of `ALSO`: dry friction behind all gears.
+            known: labels or names of unknowns that are taken from the scenario.
+
+        Raises:
+            JointplayError: nothing is sought; an unknown name in `also` or `known`.
+        """
+        mechanism, friction = self.mechanism, self.friction
+        if not mechanism.clearance and not mechanism.gears:
+            raise JointplayError(
+                "nothing has play: give joints with clearance, or gears with play; joints: "
+                + ", ".join(mechanism.joints)
+            )
+        found = []
+        for joint, bearing in mechanism.clearance.items():
+            for name, value in bearing.clearances.items():
+                most = max(_LARGEST, 10.0 * value)
+                found.append(Parameter(joint, name, "m", value, value, most))
+            if coefficient := friction_of(bearing):
+                found.append(Parameter(joint, "friction", "", coefficient, coefficient, 2.0))
+        rubs = any(one.name == "friction" for one in found)
+        for joint, gear in mechanism.gears.items():
+            found.append(Parameter(joint, "gear_play", "rad", gear.play, gear.play or 1e-3, 1.0))
+            found += self._compliance(joint, "gear_compliance", 1.0 / gear.stiffness)
+        wound = [joint for joint in self.wound if joint not in mechanism.gears]
+        for joint in wound:
+            found += self._compliance(joint, "torsional_compliance", _TORSION)
+        dry = [name for name, one in friction.items() if one.coulomb > 0.0]
+        behind = [joint for joint in mechanism.gears if "friction" in also or joint in dry]
+        for joint in dict.fromkeys([*torques, *behind, *wound]):
+            value = friction[joint].coulomb if joint in friction else 0.0
+            unit = "N" if mechanism.description.joints[joint].slides else "N*m"
+            found.append(Parameter(joint, "dry_friction", unit, value, value or _TORQUE_N_M, 1e6))
+            if joint in behind or joint in wound:
+                ratio = 1.0 + friction[joint].excess / value if value else 1.0
+                found.append(Parameter(joint, "stiction", "", ratio, 1.0, _STICKS, sought=False))
+        if stops and rubs:
+            found.append(Parameter("", "friction_kept_at_stops", "", 0.5, 0.5, 1.0, sought=False))
+        _check(also, known, found)
+        kept = tuple(one for one in found if not {one.label, one.name} & set(known))
+        if not any(one.sought for one in kept):
+            raise JointplayError("everything is said to be known: nothing is left to identify")
+        return kept
+
+    def _compliance(self, joint: str, name: str, expected: float) -> list[Parameter]:
+        """The unknown by which a joint winds up, unless its compliance is given exactly."""
+        one = self.compliance(f"{joint} torsional")
+        if one.spread == 0.0:
+            return []
+        value = one.value or expected
+        most = _SOFTEST * value
+        return [Parameter(joint, name, "rad/(N*m)", value, value, most, spread=one.spread)]
 
 
 def labels(mechanism: Mechanism) -> list[str]:
@@ -176,116 +286,10 @@ def with_clearance(joint: Clearance, values: Mapping[str, float]) -> Clearance:
     return changed
 
 
-def unknowns(
-    mechanism: Mechanism,
-    friction: Mapping[str, JointFriction],
-    torques: Collection[str],
-    stops: bool,
-    also: Collection[str] = (),
-    known: Collection[str] = (),
-    stiffness: Mapping[str, Compliance] | None = None,
-) -> tuple[Parameter, ...]:
-    """All unknowns of a mechanism, but compliances that move the tool in proportion to loads.
-
-    Whether a joint has friction is asked of those only that have some in the scenario.
-
-    Args:
-        mechanism: its joints with clearance and gears with play.
-        friction: of the joints besides their bearings'.
-        torques: joints whose torque is measured: their friction is sought.
-        stops: whether there are stops, at which an unknown part of the friction stays.
-        also: of `ALSO`: dry friction behind all gears.
-        known: labels or names of unknowns that are taken from the scenario.
-        stiffness: what is known of compliances, see `compliances`.
-
-    Raises:
-        JointplayError: nothing is sought; a name in `also` or `known` that there is not.
-    """
-    if not mechanism.clearance and not mechanism.gears:
-        raise JointplayError(
-            "nothing has play: give joints with clearance, or gears with play; joints: "
-            + ", ".join(mechanism.joints)
-        )
-    given = stiffness or {}
-    parameters = []
-    rubs = False
-    for joint, bearing in mechanism.clearance.items():
-        for name, value in bearing.clearances.items():
-            most = max(_LARGEST, 10.0 * value)
-            parameters.append(Parameter(joint, name, "m", value, value, most))
-        coefficient = friction_of(bearing)
-        if coefficient:
-            rubs = True
-            parameters.append(Parameter(joint, "friction", "", coefficient, coefficient, 2.0))
-    for joint, gear in mechanism.gears.items():
-        parameters.append(Parameter(joint, "gear_play", "rad", gear.play, gear.play or 1e-3, 1.0))
-        one = given.get(f"{joint} torsional", UNKNOWN)
-        if one.spread > 0.0:
-            stated = not math.isinf(one.spread)
-            value = one.value if stated else 1.0 / gear.stiffness
-            parameters.append(
-                Parameter(
-                    joint, "gear_compliance", "rad/(N*m)", value, value, _SOFTEST * value,
-                    spread=one.spread,
-                )
-            )  # fmt: skip
-    dry = [name for name, one in friction.items() if one.coulomb > 0.0]
-    wound = [joint for joint in winds(mechanism, friction, given) if joint not in mechanism.gears]
-    for joint in wound:
-        one = given.get(f"{joint} torsional", UNKNOWN)
-        value = one.value or _TORSION
-        parameters.append(
-            Parameter(
-                joint, "torsional_compliance", "rad/(N*m)", value, value, _SOFTEST * value,
-                spread=one.spread,
-            )
-        )  # fmt: skip
-    behind = mechanism.gears if "friction" in also else [j for j in mechanism.gears if j in dry]
-    for joint in dict.fromkeys([*torques, *behind, *wound]):
-        value = friction[joint].coulomb if joint in friction else 0.0
-        slides = mechanism.description.joints[joint].slides
-        unit = "N" if slides else "N*m"
-        parameters.append(Parameter(joint, "dry_friction", unit, value, value or _TORQUE_N_M, 1e6))
-        if joint in behind or joint in wound:
-            ratio = 1.0 + friction[joint].excess / value if value else 1.0
-            parameters.append(Parameter(joint, "stiction", "", ratio, 1.0, _STICKS, sought=False))
-    if stops and rubs:
-        parameters.append(Parameter("", "friction_kept_at_stops", "", 0.5, 0.5, 1.0, sought=False))
-    _check(also, known, parameters)
-    kept = tuple(one for one in parameters if not {one.label, one.name} & set(known))
-    if not any(one.sought for one in kept):
-        raise JointplayError("everything is said to be known: nothing is left to identify")
-    return kept
-
-
-def winds(
-    mechanism: Mechanism,
-    friction: Mapping[str, JointFriction],
-    given: Mapping[str, Compliance],
-) -> tuple[str, ...]:
-    """Joints whose link lags behind the motor by what its torque and dry friction wind up.
-
-    Those with gears, and all others that turn, are not rigid about their axis and have dry friction
-    that holds the link where it is: the lag depends on the way there.
-    """
-    entries = mechanism.description.joints
-    return tuple(
-        joint
-        for joint in dict.fromkeys([*mechanism.gears, *mechanism.joints])
-        if joint in mechanism.gears
-        or (
-            joint in friction
-            and friction[joint].coulomb > 0.0
-            and joint in entries
-            and not entries[joint].slides
-            and given.get(f"{joint} torsional", UNKNOWN) != Compliance(0.0, 0.0)
-        )
-    )
-
-
 def _check(
     also: Collection[str], known: Collection[str], parameters: Collection[Parameter]
 ) -> None:
+    """Refuse names that are none of the unknowns."""
     for word in also:
         if word not in ALSO:
             raise MissingName("unknown to identify besides", word, ALSO)

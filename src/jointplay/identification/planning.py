@@ -1,36 +1,36 @@
-"""Which poses and motions would tell most: the Fisher information of what could be measured.
+"""Which poses and motions would identify most: the Fisher information of what could be measured.
 
 An experiment is a pose that is passed slowly in both directions, with or without a push on the
 tool, or at which the machine stands and the tool is pushed one way and the other. Each adds its
-information; the offset of its place, which nobody knows, is taken out first. What all experiments
-share and nobody knows, how the machine gives way, is estimated with the unknowns; for that each
-push is made with two sizes. Experiments are chosen one after the other, each time the one after
-which the unknowns are told best: the largest fall of the sum of their logarithmic variances.
+information; the unknown offset of its place is projected out first. What all experiments share and
+nobody knows, how the machine gives way, is estimated with the unknowns; for that each push is made
+with two sizes. Experiments are chosen one after the other, each time the one after which the sum of
+the unknowns' logarithmic variances is least.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.stats import norm
 
 from jointplay.core.errors import JointplayError, require_positive
 from jointplay.design.poses import moving, over_workspace
-from jointplay.identification.fit import BLIND, CONFIDENCE, SHARE, LeastSquares, offsets
-from jointplay.identification.measurement import Key, Visits
-from jointplay.identification.model import StaticModel, tool_positions
+from jointplay.identification.fit import CONFIDENCE, LeastSquares, basis, offsets, partners
+from jointplay.identification.measurement import Key, Visits, tool_positions
+from jointplay.identification.model import StaticModel
 from jointplay.identification.parameters import (
+    LARGEST_SHARE,
     TOOL,
-    UNKNOWN,
     WAYS,
     WOUND,
-    Compliance,
     Given,
+    Machine,
     Parameter,
     compliances,
-    unknowns,
 )
 from jointplay.loads.drive import JointFriction
 from jointplay.mechanism.mechanism import Mechanism
@@ -44,13 +44,10 @@ SPEED = 0.2
 """At which poses are passed [rad/s or m/s]."""
 PUSH_N = 20.0
 """With which the tool is pushed [N]."""
-TOLD, SMALL = 0.5, 0.25
-"""An unknown is told if half of its interval is less than this part of it; what is less than
-`SMALL` of its scale counts as this much."""
 POSES = 48
 """Among which a plan chooses."""
 OFFERED = 16
-"""Poses among which one is sought that tells what a measurement could not."""
+"""Poses among which one is sought that identifies what a measurement could not."""
 SIZES = (1.0, 0.4)
 """Of a push, where play is to be told from elasticity."""
 SOFT = {"rad/(N*m)": 1e-5, "m/N": 1e-7}
@@ -84,10 +81,10 @@ class Experiment:
         size = float(np.linalg.norm(self.force))
         push = " and ".join(f"{part * size:g} N" for part in self.sizes)
         axis = AXES[int(np.argmax(np.abs(self.force)))]
-        if self.passes:
-            words = f"with {push} on the tool along +{axis}, then with -{axis}"
-            return f"pass slowly both ways {words}: {pose}"
-        return f"push the tool {push} along +{axis}, then -{axis}, at {pose}"
+        if not self.passes:
+            return f"push the tool {push} along +{axis}, then -{axis}, at {pose}"
+        words = f"with {push} on the tool along +{axis}, then with -{axis}"
+        return f"pass slowly both ways {words}: {pose}"
 
 
 @dataclass(frozen=True)
@@ -108,14 +105,23 @@ class MeasurementPlan:
         """The experiments, then what they would tell together."""
         lines = [f"{i + 1:>2}. {one.words(self.joints)}" for i, one in enumerate(self.experiments)]
         lines.append(f"{'unknown':<34} {'nominal':>12}  expected 95 % interval")
-        last = self.half_width[-1]
-        for one, half, others in zip(self.unknowns, last, self.partners, strict=True):
-            if one.sought:
-                told = half <= TOLD * one.scale
-                words = f"+- {one.shown(half)}" if told else _dark(one, half, others)
-                lines.append(f"{one.label:<34} {one.shown(one.nominal):>12}  {words}")
+        for one, half, others in zip(
+            self.unknowns, self.half_width[-1], self.partners, strict=True
+        ):
+            if not one.sought:
+                continue
+            if half <= LARGEST_SHARE * one.scale:
+                words = f"+- {one.shown(half)}"
+            elif others:
+                words = f"cannot tell: acts only together with {', '.join(others)}"
+            else:
+                words = "cannot tell" + (
+                    "" if half > 10.0 * one.scale else f" (+- {one.shown(half)})"
+                )
+            lines.append(f"{one.label:<34} {one.shown(one.nominal):>12}  {words}")
+        units = {"tool": "m", "link": "rad", "torque": "N m"}
         noise = ", ".join(
-            f"{kind} {self.noise[kind]:g} {_unit(kind)}"
+            f"{kind} {self.noise[kind]:g} {units[kind]}"
             for kind in dict.fromkeys(kind for kind, _ in self.signals)
         )
         lines.append(
@@ -123,16 +129,6 @@ class MeasurementPlan:
             f"; {RECORDS} records a visit, passing at {SPEED:g} rad/s"
         )
         return "\n".join(lines)
-
-
-def _dark(one: Parameter, half: float, others: Sequence[str]) -> str:
-    if others:
-        return f"cannot tell: acts only together with {', '.join(others)}"
-    return "cannot tell" + ("" if half > 10.0 * one.scale else f" (+- {one.shown(half)})")
-
-
-def _unit(kind: str) -> str:
-    return {"tool": "m", "link": "rad", "torque": "N m"}[kind]
 
 
 def plan_measurement(
@@ -168,40 +164,36 @@ def plan_measurement(
     if count < 1:
         raise JointplayError(f"at least one experiment is needed, got {count}")
     friction = joint_friction if joint_friction is not None else urdf_friction(mechanism)
-    names = tuple(moving(mechanism))
+    machine = Machine(mechanism, friction, compliances(mechanism, stiffness or {}))
     keys = all_keys(mechanism, signals)
-    spread = {**NOISE, **(noise or {})}
     if poses is None:
         poses = over_workspace(mechanism, POSES, seed)
-    places = poses[:, [mechanism.coordinate(name) for name in names]]
     torqued = [name for kind, name in keys if kind == "torque"]
-    given = compliances(mechanism, stiffness or {})
-    sought = unknowns(mechanism, friction, torqued, push > 0.0, also, known, given)
-    options = experiments(places, push, sizes(mechanism, sought, given))
-    told = informations(mechanism, friction, sought, given, keys, spread, names, options)
-    chosen, widths = _greedy(sought, told, count)
-    others = _partners(sought, told, chosen)
+    unknowns = machine.unknowns(torqued, push > 0.0, also, known)
+    options = experiments(mechanism, poses, push, sizes(machine, unknowns))
+    spread = {**NOISE, **(noise or {})}
+    found = informations(machine, unknowns, keys, spread, options)
+    chosen, widths = _greedy(unknowns, found, count)
     return MeasurementPlan(
-        names, sought, tuple(options[i] for i in chosen), widths, others, keys, spread
+        tuple(moving(mechanism)),
+        unknowns,
+        tuple(options[i] for i in chosen),
+        widths,
+        _partners(unknowns, found, chosen),
+        keys,
+        spread,
     )
 
 
-def sizes(
-    mechanism: Mechanism, sought: Sequence[Parameter], given: Mapping[str, Compliance]
-) -> tuple[float, ...]:
+def sizes(machine: Machine, unknowns: Sequence[Parameter]) -> tuple[float, ...]:
     """Parts of a push that are needed: one if the machine is known to be rigid."""
-    ways = [f"{name} {way}" for name in moving(mechanism) for way in WAYS]
-    ways = [
-        label for label in (*ways, TOOL) if label.removesuffix(" torsional") not in mechanism.gears
-    ]
-    soft = any(given.get(label, UNKNOWN).spread > 0.0 for label in ways)
-    soft |= any(one.name in WOUND for one in sought)
-    return SIZES if soft else SIZES[:1]
-
-
-def enough(one: Parameter, value: float) -> float:
-    """Half width of an interval with which an unknown is told [SI]."""
-    return TOLD * max(value, SMALL * one.scale)
+    ways = [f"{name} {way}" for name in moving(machine.mechanism) for way in WAYS]
+    soft = any(
+        machine.compliance(label).spread > 0.0
+        for label in (*ways, TOOL)
+        if label.removesuffix(" torsional") not in machine.mechanism.gears
+    )
+    return SIZES if soft or any(one.name in WOUND for one in unknowns) else SIZES[:1]
 
 
 def urdf_friction(mechanism: Mechanism) -> dict[str, JointFriction]:
@@ -236,13 +228,13 @@ def all_keys(mechanism: Mechanism, signals: Sequence[str]) -> tuple[Key, ...]:
 
 
 def experiments(
-    places: np.ndarray, push: float, parts: tuple[float, ...] = SIZES
+    mechanism: Mechanism, poses: np.ndarray, push: float, parts: tuple[float, ...]
 ) -> list[Experiment]:
-    """All that can be done at joint positions (n, j), with these parts of a push [N]."""
+    """All that can be done at configurations (n, nq), with these parts of a push [N]."""
     if push:
         require_positive("push", push, "N")
     options = []
-    for row in places:
+    for row in poses[:, [mechanism.coordinate(name) for name in moving(mechanism)]]:
         at = tuple(float(x) for x in row)
         options.append(Experiment(at, None, passes=True))
         for axis in np.eye(3) if push else ():
@@ -264,29 +256,25 @@ class Information:
 
 
 def informations(
-    mechanism: Mechanism,
-    friction: Mapping[str, JointFriction],
-    sought: tuple[Parameter, ...],
-    given: Mapping[str, Compliance],
+    machine: Machine,
+    unknowns: tuple[Parameter, ...],
     keys: tuple[Key, ...],
     noise: Mapping[str, float],
-    names: tuple[str, ...],
     options: Sequence[Experiment],
     theta: np.ndarray | None = None,
 ) -> Information:
-    """Fisher information of each experiment."""
-    made = _visits(names, options)
-    model = StaticModel(mechanism, made, keys, friction, sought, given)
-    tool = tool_positions(mechanism, names, made.position)
-    n, c = len(made), len(keys)
+    """Fisher information of each experiment, at `theta` (p,) or the nominal values."""
+    visits = _visits(tuple(moving(machine.mechanism)), options)
+    model = StaticModel(machine, visits, keys, unknowns)
+    tool = tool_positions(machine.mechanism, visits.joints, visits.position)
+    n, c = len(visits), len(keys)
     error = np.array([noise[kind] / np.sqrt(RECORDS) for kind, _ in keys])
-    measured = np.ones((n, c), bool)
     torques = np.array([kind == "torque" for kind, _ in keys])
-    measured[made.stopped[:, None] & torques] = False  # the drive may hold any part of friction
-    at = np.array([one.nominal for one in sought]) if theta is None else theta
-    at = np.maximum(at, 0.05 * np.array([one.scale for one in sought]))
+    held = visits.stopped[:, None] & torques  # the drive may hold any part of friction
+    at = np.array([one.nominal for one in unknowns]) if theta is None else theta
+    at = np.maximum(at, 0.05 * np.array([one.scale for one in unknowns]))
     problem = LeastSquares(
-        sought,
+        unknowns,
         lambda x: model.predict(x).ravel(),
         np.zeros(n * c),
         np.tile(error, n),
@@ -295,26 +283,23 @@ def informations(
     )
     gives = [SOFT[one.unit] * one.effect.reshape(n * c, -1) for one in model.elastic]
     effect = np.column_stack([problem.sensitivity(at), *(problem.whiten(one) for one in gives)])
-    count = effect.shape[1]
-    effect = effect.reshape(n, c, count)
+    effect = effect.reshape(n, c, -1)
     loose = model.loose()
     matrices = []
     for number in range(len(options)):
-        mine = made.cell == number
-        free = offsets(keys, made.cell[mine], made.position[mine], tool[mine], "place")
+        mine = visits.cell == number
+        free = offsets(keys, visits.cell[mine], visits.position[mine], tool[mine], "place")
         free = np.concatenate([free, loose[mine]], axis=2)
-        use = (measured & model.certain[:, None])[mine].ravel()
-        rows = effect[mine].reshape(-1, count)[use]
-        basis, sizes, _ = np.linalg.svd(free.reshape(-1, free.shape[2])[use], full_matrices=False)
-        basis = basis[:, sizes > 1e-9]
-        rows = rows - basis @ (basis.T @ rows)
+        use = (model.certain[:, None] & ~held)[mine]
+        rows, span = effect[mine][use], basis(free[use])
+        rows = rows - span @ (span.T @ rows)
         matrices.append(rows.T @ rows)
-    return Information(np.array(matrices), *prior(sought, model))
+    return Information(np.array(matrices), *prior(unknowns, model))
 
 
-def prior(sought: Sequence[Parameter], model: StaticModel) -> tuple[np.ndarray, tuple[str, ...]]:
+def prior(unknowns: Sequence[Parameter], model: StaticModel) -> tuple[np.ndarray, tuple[str, ...]]:
     """What is known of unknowns and compliances before, by their scales, and their labels."""
-    known = [one.scale / one.spread for one in sought]
+    known = [one.scale / one.spread for one in unknowns]
     soft: list[str] = []
     for one in model.elastic:
         known += [SOFT[one.unit] / one.known.spread] * one.effect.shape[2]
@@ -323,143 +308,125 @@ def prior(sought: Sequence[Parameter], model: StaticModel) -> tuple[np.ndarray, 
 
 
 def offers(
-    mechanism: Mechanism,
-    friction: Mapping[str, JointFriction],
-    sought: tuple[Parameter, ...],
-    given: Mapping[str, Compliance],
+    machine: Machine,
+    unknowns: tuple[Parameter, ...],
     keys: tuple[Key, ...],
     noise: Mapping[str, float],
     theta: np.ndarray,
 ) -> list[tuple[np.ndarray, str]]:
     """What could be measured besides: information (see `Information`) and words, simplest first.
 
-    Args:
-        mechanism: with the play that is expected.
-        friction: of the joints besides their bearings'.
-        sought: the unknowns.
-        given: what is known of compliances.
-        keys: signals that are measured already.
-        noise: of a record by kind of signal [SI].
-        theta: values of the unknowns, shape (p,).
+    At values `theta` (p,) of the unknowns, with the signals `keys` that are measured already and
+    the noise of a record by kind of signal [SI].
     """
-    names = tuple(moving(mechanism))
+    mechanism, parts = machine.mechanism, sizes(machine, unknowns)
     poses = over_workspace(mechanism, OFFERED)
-    places = poses[:, [mechanism.coordinate(name) for name in names]]
     weight = sum(body.mass for body in mechanism.model.inertias) * np.linalg.norm(mechanism.gravity)
     strong = float(f"{min(_OVERCOMES * weight, _STRONGEST_N):.1g}")
-    parts = sizes(mechanism, sought, given)
-    options = experiments(places, PUSH_N, parts)
+    options = experiments(mechanism, poses, PUSH_N, parts)
     if strong > PUSH_N:
-        options += [one for one in experiments(places, strong, parts) if one.force is not None]
+        pushes = experiments(mechanism, poses, strong, parts)
+        options += [one for one in pushes if one.force is not None]
     options.sort(key=lambda one: (one.force is not None, one.passes))
     sets = [(keys, "")]
-    more = [key for key in all_keys(mechanism, ["tool"]) if key not in keys]
+    more = tuple(("tool", axis) for axis in AXES if ("tool", axis) not in keys)
     if more:
         sets.append(((*keys, *more), "with a tracker of the tool's position, "))
     for name in mechanism.gears:
         if ("link", name) not in keys:
             sets.append(((*keys, ("link", name)), f"with an encoder on the link of {name}, "))
-    choices = []
-    for wanted, words in sets:
-        told = informations(
-            mechanism, friction, sought, given, wanted, noise, names, options, theta
+    names = tuple(moving(mechanism))
+    return [
+        (gain, words + one.words(names))
+        for wanted, words in sets
+        for gain, one in zip(
+            informations(machine, unknowns, wanted, noise, options, theta).gains,
+            options,
+            strict=True,
         )
-        choices += [
-            (gain, words + one.words(names)) for gain, one in zip(told.gains, options, strict=True)
-        ]
-    return choices
+    ]
 
 
 def _visits(names: tuple[str, ...], options: Sequence[Experiment]) -> Visits:
     """Each experiment's visits: passed this way and the other, under each push."""
-    j = len(names)
-    position: list[np.ndarray] = []
-    speed, direction, stopped, force, cell = [], [], [], [], []
-    path, owner, pushes = [], [], []
+    path, owner, pushes, near = [], [], [], []
+    rows: list[tuple[Any, ...]] = []
     for number, one in enumerate(options):
         at = np.array(one.positions)
         given = np.zeros(3) if one.force is None else np.array(one.force)
         forces = [part * side * given for side in (1.0, -1.0) for part in one.sizes]
         for push in forces[: 1 if one.force is None else None]:
-            for side in (1.0, -1.0) if one.passes else (1.0,):
-                visit = len(position)
-                position.append(at)
-                speed.append(np.full(j, side * SPEED if one.passes else 0.0))
-                direction.append(np.full(j, side))
-                stopped.append(not one.passes)
-                force.append(push)
-                cell.append(number)
-                away = _APPROACH * side
+            for way in (1.0, -1.0) if one.passes else (1.0,):
+                away = _APPROACH * way
                 steps = [at + 10.0 * away, at - 10.0 * away, at - away, at]
-                if not one.passes and cell[:-1][-1:] == [number]:
+                if not one.passes and rows and rows[-1][-1] == number:
                     steps = [at]  # it stands there already
                 path += steps
-                owner += [-1] * (len(steps) - 1) + [visit]
+                owner += [-1] * (len(steps) - 1) + [len(rows)]
+                near += [len(rows)] * len(steps)  # loads on the way are those at its end
                 pushes += [push] * len(steps)
-    owners = np.array(owner)
-    # Loads on the way are those of the visit that it leads to.
-    near = np.array([owners[i:][owners[i:] >= 0][0] for i in range(len(owners))])
+                rate = way * SPEED if one.passes else 0.0
+                rows.append((at, rate, way, not one.passes, push, number))
+    position, speed, direction, stopped, force, cell = map(np.array, zip(*rows, strict=True))
+    still = np.zeros_like(position)
     return Visits(
         names,
-        np.arange(2.0 * len(position)).reshape(-1, 2),
-        np.array(position),
-        np.array(speed),
-        np.zeros((len(position), j)),
-        np.array(direction, int),
-        np.array(stopped),
-        np.array(force),
-        np.array(cell),
-        np.array(path),
-        owners,
-        near,
-        np.array(pushes),
+        time=np.arange(2.0 * len(rows)).reshape(-1, 2),
+        position=position,
+        speed=still + speed[:, None],
+        acceleration=still,
+        direction=(still + direction[:, None]).astype(int),
+        stopped=stopped,
+        force=force,
+        cell=cell,
+        path=np.array(path),
+        path_visit=np.array(owner),
+        path_near=np.array(near),
+        path_force=np.array(pushes),
     )
 
 
-def half_widths(sought: Sequence[Parameter], gain: np.ndarray) -> np.ndarray:
+def half_widths(unknowns: Sequence[Parameter], gain: np.ndarray) -> np.ndarray:
     """Expected half widths of 95 % intervals of p unknowns, shape (p,) [SI].
 
-    Args:
-        sought: the unknowns.
-        gain: information about them and about c compliances, shape (p + c, p + c).
+    By information about them and about c compliances, shape (p + c, p + c).
     """
-    covariance = np.linalg.inv(gain)[: len(sought), : len(sought)]
+    covariance = np.linalg.inv(gain)[: len(unknowns), : len(unknowns)]
     quantile = float(norm.ppf(0.5 + CONFIDENCE / 2.0))
-    scale = np.array([one.scale for one in sought])
+    scale = np.array([one.scale for one in unknowns])
     return np.asarray(quantile * np.sqrt(np.diag(covariance)) * scale)
 
 
 def _partners(
-    sought: Sequence[Parameter], told: Information, chosen: Sequence[int]
+    unknowns: Sequence[Parameter], found: Information, chosen: Sequence[int]
 ) -> tuple[tuple[str, ...], ...]:
-    """What acts together with each unknown in what chosen experiments do not tell."""
-    labels = [one.label for one in sought] + [f"{label} compliance" for label in told.soft]
-    lows, axes = np.linalg.eigh(told.before + told.gains[list(chosen)].sum(axis=0))
-    dark = axes[:, lows < 1.0 / TOLD**2]
-    blind = np.abs(dark @ dark.T)
-    found = []
-    for i, row in enumerate(blind[: len(sought)]):
-        others = [k for k in np.argsort(-row) if k != i and row[k] > SHARE * row[i]]
-        found.append(tuple(dict.fromkeys(labels[k] for k in others)) if row[i] > BLIND else ())
-    return tuple(found)
+    """What acts together with each unknown in what chosen experiments do not identify."""
+    labels = [one.label for one in unknowns] + [f"{label} compliance" for label in found.soft]
+    gains, axes = np.linalg.eigh(found.before + found.gains[list(chosen)].sum(axis=0))
+    null = axes[:, gains < 1.0 / LARGEST_SHARE**2]
+    projector = null @ null.T
+    return tuple(
+        tuple(dict.fromkeys(labels[k] for k in partners(projector[i], i)))
+        for i in range(len(unknowns))
+    )
 
 
 def _greedy(
-    sought: Sequence[Parameter], told: Information, count: int
+    unknowns: Sequence[Parameter], found: Information, count: int
 ) -> tuple[list[int], np.ndarray]:
     """Experiments, each the best after those before, and the half widths after each."""
     chosen: list[int] = []
     widths = []
-    scale = np.array([one.scale for one in sought])
-    mine = np.array([one.sought for one in sought])
-    total = told.before
-    for _ in range(min(count, len(told.gains))):
-        after = np.array([half_widths(sought, total + gain) / scale for gain in told.gains])
-        # Beyond what is told well, more of it counts for little.
-        worth = np.log(np.maximum(after[:, mine], 0.02)).sum(axis=1)
+    scale = np.array([one.scale for one in unknowns])
+    sought = np.array([one.sought for one in unknowns])
+    total = found.before
+    for _ in range(min(count, len(found.gains))):
+        after = np.array([half_widths(unknowns, total + gain) / scale for gain in found.gains])
+        # Beyond what is identified well, more of it counts for little.
+        worth = np.log(np.maximum(after[:, sought], 0.02)).sum(axis=1)
         worth[chosen] += 1e-3
         best = int(worth.argmin())
         chosen.append(best)
-        total = total + told.gains[best]
-        widths.append(half_widths(sought, total))
+        total = total + found.gains[best]
+        widths.append(half_widths(unknowns, total))
     return chosen, np.array(widths)

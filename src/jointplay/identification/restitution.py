@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 from scipy.ndimage import median_filter
@@ -17,7 +16,7 @@ from tqdm import tqdm
 
 from jointplay.core.errors import JointplayError
 from jointplay.identification.fit import CONFIDENCE
-from jointplay.identification.measurement import Measurement
+from jointplay.identification.measurement import Key, Measurement
 from jointplay.identification.parameters import friction_of, with_clearance
 from jointplay.joints import Clearance
 from jointplay.mechanism.mechanism import Mechanism
@@ -25,8 +24,6 @@ from jointplay.result.result import Result
 from jointplay.simulation.ensemble import run_in_order, run_to_the_end
 from jointplay.simulation.simulation import Simulation
 
-# Impacts in records: when they are, how hard, and numbers that say what a whole measurement has.
-#
 # An accelerometer shows an impact as a spike of few records, a force between bearing and journal
 # as a pulse out of nothing. Neither needs to be calibrated: only times and ratios count.
 
@@ -52,7 +49,40 @@ _DROWNED = 5.0
 _NORMAL = 0.6745
 """Median of |x| for normal x of standard deviation one."""
 BINS = 5
-"""Parts of a measurement whose activity is told each by itself."""
+"""Parts of a measurement whose activity is stated each by itself."""
+
+
+@dataclass(frozen=True)
+class Restitution:
+    """Of a joint's impacts, with 95 % interval; or why it cannot be identified."""
+
+    joint: str
+    value: float = np.nan
+    """That impacts have, whatever law and coefficient make it."""
+    half_width: float = np.inf
+    nominal: float = np.nan
+    """Coefficient with which the joint's law delivers it; nan if it cannot."""
+    evidence: str = ""
+    """What identifies it, in words."""
+    reason: str = ""
+    """Why it cannot be identified; empty if it can."""
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """95 % interval within possible values."""
+        return max(self.value - self.half_width, 0.0), min(self.value + self.half_width, 1.0)
+
+    def __str__(self) -> str:
+        """One line, as in the table; without the reason."""
+        label = f"{self.joint} restitution"
+        if self.reason:
+            return f"{label:<34} {'':>12} {'-':>12}  this measurement cannot tell"
+        low, high = self.interval
+        line = f"{label:<34} {'':>12} {self.value:>12.4g}  {low:.4g} to {high:.4g}"
+        if np.isnan(self.nominal):
+            return f"{line} ({self.evidence}; the joint's law cannot deliver it)"
+        nominal = "" if abs(self.nominal - self.value) < 5e-3 else f"; c_e {self.nominal:.3g}"
+        return f"{line} ({self.evidence}{nominal})"
 
 
 @dataclass(frozen=True)
@@ -82,8 +112,6 @@ class ImpactTimes:
     """Centres, shape (n,) [s]."""
     impulse: np.ndarray
     """Sum over the records of each, in the channel's unit, shape (n,)."""
-    peak: np.ndarray
-    """Largest record of each, shape (n,)."""
 
     def __len__(self) -> int:
         """How many there are."""
@@ -104,6 +132,7 @@ def channels(measured: Measurement) -> tuple[Channel, ...]:
 
 
 def _channel(joint: str, measured: Measurement, table: np.ndarray, spiky: bool) -> Channel | None:
+    """Records of one joint or the accelerometer (n, axes); None if they are too few."""
     good = np.isfinite(table).all(axis=1)
     time, table = measured.time[good], table[good]
     if len(time) <= WINDOW:
@@ -142,7 +171,7 @@ def impacts(channel: Channel) -> ImpactTimes:
         weight = size[near]
         times[k] = np.average(channel.time[near], weights=weight)
         impulses[k] = weight.sum()
-    return ImpactTimes(times, impulses, size[at])
+    return ImpactTimes(times, impulses)
 
 
 def summary(channel: Channel) -> dict[str, float]:
@@ -170,6 +199,7 @@ def summary(channel: Channel) -> dict[str, float]:
 
 
 def _log_rms(size: np.ndarray) -> float:
+    """Logarithm of the RMS."""
     return float(0.5 * np.log(np.mean(size**2)))
 
 
@@ -179,7 +209,7 @@ def _log_rms(size: np.ndarray) -> float:
 # the next begins with e v: the intervals between impacts are a geometric series with the ratio e,
 # whatever mass and load are (A. D. Bernstein, American Journal of Physics 45 (1977) 41-44, for
 # balls), and so are the impacts' impulses. Where both do not agree the load was not constant, or
-# several places hit in turn, and nothing is told.
+# several places hit in turn, and nothing is stated.
 
 
 FEWEST_RATIOS = 4
@@ -202,86 +232,60 @@ _MODEL = 0.02
 _RESAMPLES = 999
 
 
-@dataclass(frozen=True)
-class Told:
-    """A restitution by flights, or why it cannot be told."""
-
-    value: float
-    half_width: float
-    """Of the 95 % interval."""
-    ratios: int
-    """Of successive flights, which it is the mean of."""
-    reason: str
-    """Empty if it is told."""
-
-
-@dataclass(frozen=True)
-class Sequence:
-    """Impacts that die away steadily."""
-
-    flights: np.ndarray
-    """Intervals between them, shape (n,) [s]."""
-    impulses: np.ndarray
-    """Of the impacts, shape (n + 1,)."""
-
-
-def flights(channel: Channel) -> Told:
-    """Restitution by the impacts of one joint in a channel."""
+def flights(channel: Channel) -> Restitution:
+    """Restitution of a joint by its impacts in a channel; `nominal` is left open."""
     found = impacts(channel)
-    rate = 1.0 / channel.interval
+
+    def unknown(reason: str) -> Restitution:
+        return Restitution(channel.joint, reason=reason)
+
     if not len(found):
-        return _ratio_unknown(
-            0,
+        return unknown(
             f"no impact stands out of the noise ({channel.noise:.2g} a record); let the load turn "
-            "round suddenly, or take a quieter sensor",
+            "round suddenly, or take a quieter sensor"
         )
-    made = sequences(found, channel.interval)
-    ratios = np.array([np.log(one.flights[1:] / one.flights[:-1]) for one in made], object)
-    logarithms = np.concatenate([*ratios, np.zeros(0)]).astype(float)
-    number = len(logarithms)
+    bounces = sequences(found, channel.interval)
+    ratios = [np.log(gaps[1:] / gaps[:-1]) for gaps, _ in bounces]
+    number = sum(map(len, ratios))
     if number < FEWEST_RATIOS:
-        return _ratio_unknown(number, _too_few(found, number, rate))
-    inside = sum(len(one.impulses) for one in made)
+        return unknown(_too_few(found, number, 1.0 / channel.interval))
+    inside = sum(len(impulses) for _, impulses in bounces)
+    otherwise = "--restitution compares with simulations"
     if inside < _LEAST_SHARE * len(found):
-        return _ratio_unknown(
-            number,
+        return unknown(
             f"only {inside} of {len(found)} impacts are bounces that die away steadily: several "
-            "places hit in turn, or the load changes; --restitution compares with simulations",
+            f"places hit in turn, or the load changes; {otherwise}"
         )
-    scatter = float(logarithms.std(ddof=1))
+    scatter = float(np.concatenate(ratios).std(ddof=1))
     if scatter > _SCATTER:
-        return _ratio_unknown(
-            number,
+        return unknown(
             f"ratios of successive flights scatter by {100 * scatter:.0f} %: several "
-            "places hit in turn, or the load changes; --restitution compares with simulations",
+            f"places hit in turn, or the load changes; {otherwise}"
         )
-    middle, half = _mean([np.asarray(one, float) for one in ratios])
-    half = float(np.hypot(half, _timing(made, channel.interval)))
-    impulse, other = _mean([np.log(one.impulses[1:] / one.impulses[:-1]) for one in made])
+    middle, half = _mean(ratios)
+    half = float(np.hypot(half, _timing([gaps for gaps, _ in bounces], channel.interval)))
+    impulse, other = _mean([np.log(impulses[1:] / impulses[:-1]) for _, impulses in bounces])
     value = float(np.exp(middle))
     if abs(impulse - middle) > np.hypot(half, other) + np.log1p(_AGREE):
-        return _ratio_unknown(
-            number,
+        return unknown(
             f"flights grow shorter by {value:.3g}, impulses smaller by {np.exp(impulse):.3g}: the "
-            "load is not constant while the journal flies; --restitution compares with simulations",
+            f"load is not constant while the journal flies; {otherwise}"
         )
     if value >= 1.0:
-        return _ratio_unknown(number, "impacts do not die away")
-    return Told(value, value * float(np.hypot(half, _MODEL)), number, "")
-
-
-def _ratio_unknown(number: int, reason: str) -> Told:
-    return Told(np.nan, np.inf, number, reason)
+        return unknown("impacts do not die away")
+    half = value * float(np.hypot(half, _MODEL))
+    return Restitution(channel.joint, value, half, evidence=f"{number} ratios of flights")
 
 
 def _too_few(found: ImpactTimes, number: int, rate: float) -> str:
+    """What would give more ratios, at a rate of records [Hz]."""
     gaps = np.diff(found.time)
-    short = f"{len(found)} impacts give {number} ratios of successive flights, {FEWEST_RATIOS} are "
-    short += "needed; "
+    words = f"{len(found)} impacts give {number} ratios of successive flights, {FEWEST_RATIOS} are "
+    words += "needed; "
     if len(gaps) and np.median(gaps) * rate < 2.0 * SHORTEST:
         faster = 4.0 * SHORTEST / float(np.median(gaps))
-        return short + f"at {rate:.4g} records a second flights are not resolved: {faster:.2g} may"
-    return short + "let the load turn round more often"
+        return words + f"at {rate:.4g} records a second flights are not resolved: {faster:.2g} may"
+    return words + "let the load turn round more often"
 
 
 def _mean(groups: list[np.ndarray]) -> tuple[float, float]:
@@ -311,21 +315,25 @@ def _mean(groups: list[np.ndarray]) -> tuple[float, float]:
     return middle, half
 
 
-def _timing(made: list[Sequence], interval: float) -> float:
+def _timing(flights: list[np.ndarray], interval: float) -> float:
     """Half of the 95 % interval of the mean logarithm by the times' own error.
 
     Impacts are timed to an interval's uniform share; of a sequence only its ends count.
     """
     error = interval / np.sqrt(12.0)
-    steps = sum(len(one.flights) - 1 for one in made)
-    square = sum((error / one.flights[0]) ** 2 + (error / one.flights[-1]) ** 2 for one in made)
+    steps = sum(len(gaps) - 1 for gaps in flights)
+    square = sum((error / gaps[0]) ** 2 + (error / gaps[-1]) ** 2 for gaps in flights)
     return float(1.96 * np.sqrt(2.0 * square) / steps)
 
 
-def sequences(found: ImpactTimes, interval: float) -> list[Sequence]:
-    """Each sequence of impacts that dies away steadily, `interval` [s] being between records."""
+def sequences(found: ImpactTimes, interval: float) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Sequences of impacts that die away steadily, `interval` [s] being between records.
+
+    Returns:
+        Of each the n intervals between its impacts [s], and their n + 1 impulses.
+    """
     gaps, impulses = np.diff(found.time), found.impulse
-    made: list[Sequence] = []
+    made = []
     first = 0
     while first < len(gaps):
         last = first + 1
@@ -334,7 +342,7 @@ def sequences(found: ImpactTimes, interval: float) -> list[Sequence]:
         ):
             last += 1
         if last - first >= _LEAST_FLIGHTS:
-            made.append(Sequence(gaps[first:last], impulses[first : last + 1]))
+            made.append((gaps[first:last], impulses[first : last + 1]))
             first = last
         else:
             first += 1
@@ -370,10 +378,8 @@ class Instruments:
     """Records a second [Hz]."""
     noise: Mapping[str, float]
     """Standard deviation of a record by kind of signal [SI]."""
-    joints: tuple[str, ...]
-    """Of the channels; empty text for the accelerometer."""
-    axes: tuple[str, ...]
-    """Of the accelerometer."""
+    keys: frozenset[Key]
+    """Signals that are compared."""
 
     @classmethod
     def of(cls, measured: Measurement) -> Instruments:
@@ -382,14 +388,14 @@ class Instruments:
         Raises:
             JointplayError: it has no signal that shows impacts.
         """
-        seen = channels(measured)
-        if not seen:
+        felt = channels(measured)
+        if not felt:
             raise JointplayError(
                 f"{measured.source}: no impacts show: acceleration x (y, z) or JOINT reaction is "
                 "needed"
             )
         noise: dict[str, float] = {}
-        for one in seen:
+        for one in felt:
             kind = "reaction" if one.joint else "acceleration"
             noise[kind] = max(one.noise, noise.get(kind, 0.0))
         time = measured.time
@@ -398,8 +404,10 @@ class Instruments:
             float(time[-1]),
             1.0 / float(np.median(np.diff(time))),
             noise,
-            tuple(one.joint for one in seen),
-            tuple(measured.has("acceleration")),
+            frozenset(
+                [("acceleration", axis) for axis in measured.has("acceleration")]
+                + [("reaction", one.joint) for one in felt if one.joint]
+            ),
         )
 
     def settings(self, simulation: Simulation) -> Simulation:
@@ -417,26 +425,28 @@ class Instruments:
         """What they see of a run, noise of its own included."""
         kinds = tuple(self.noise)
         seed = result.simulation.seed or 0
-        seen = Measurement.from_result(
+        recorded = Measurement.from_result(
             result, rate=self.rate, noise=self.noise, kinds=kinds, seed=seed, delay=self.begin
         )
-        wanted = {("acceleration", axis) for axis in self.axes}
-        wanted |= {("reaction", joint) for joint in self.joints}
-        signals = {key: values for key, values in seen.signals.items() if key in wanted}
-        return replace(seen, signals=signals, noise=dict(self.noise))
+        signals = {key: values for key, values in recorded.signals.items() if key in self.keys}
+        return replace(recorded, signals=signals, noise=dict(self.noise))
 
     def statistics(self, measured: Measurement) -> dict[str, float]:
         """Statistics of all channels, by name."""
-        seen = replace(measured, noise={**measured.noise, **self.noise})
+        recorded = replace(measured, noise={**measured.noise, **self.noise})
         return {
             f"{name} of {one.joint + ' reaction' if one.joint else 'the acceleration'}": value
-            for one in channels(seen)
+            for one in channels(recorded)
             for name, value in summary(one).items()
         }
 
-    def hits(self, measured: Measurement) -> int:
-        """Impacts in the channel that has most."""
-        return max(len(impacts(one)) for one in channels(measured))
+    def statistics_of_run(self, simulation: Simulation) -> dict[str, float]:
+        """Statistics of a simulation's run.
+
+        Raises:
+            JointplayError: it fails.
+        """
+        return self.statistics(self.look(run(simulation)))
 
 
 def run(simulation: Simulation) -> Result:
@@ -501,19 +511,18 @@ class LikelihoodEstimate:
 
 
 def by_likelihood(
-    values: np.ndarray, statistics: np.ndarray, seen: np.ndarray, low: np.ndarray, high: np.ndarray
+    values: np.ndarray,
+    statistics: np.ndarray,
+    measured: np.ndarray,
+    low: np.ndarray,
+    high: np.ndarray,
 ) -> LikelihoodEstimate:
-    """The values whose runs have the statistics that were seen.
+    """The values between `low` and `high` (p,) whose runs have the measured statistics (d,).
 
-    Args:
-        values: of n runs, shape (n, p).
-        statistics: of the runs, finite, shape (n, d).
-        seen: the measured ones, shape (d,).
-        low: least values that can be, shape (p,).
-        high: largest values, shape (p,).
+    By n runs with values (n, p) and finite statistics (n, d).
     """
     grid = _grid(low, high)
-    best, distance, odd = _likeliest(values, statistics, seen, grid)
+    best, distance, odd = _likeliest(values, statistics, measured, grid)
     errors, distances = np.zeros(values.shape), np.zeros(len(values))
     for i in range(len(values)):
         others = np.arange(len(values)) != i
@@ -535,15 +544,17 @@ def design(count: int, low: np.ndarray, high: np.ndarray, seed: int) -> np.ndarr
 
 
 def runs_needed(p: int) -> int:
-    """Fewest runs of which p values can be told at all."""
+    """Fewest runs by which p values can be identified."""
     return 2 * _terms(p) + 4
 
 
 def _terms(p: int) -> int:
+    """Terms of a quadratic of p values."""
     return 1 + p + p * (p + 1) // 2
 
 
 def _grid(low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Values that are tried, shape (number, p)."""
     if len(low) == 1:
         return np.linspace(low[0], high[0], 401)[:, None]
     return np.asarray(low + qmc.Sobol(len(low), rng=0).random(_GRID) * (high - low))
@@ -558,7 +569,7 @@ def _basis(values: np.ndarray, centre: np.ndarray, width: np.ndarray) -> np.ndar
 
 
 def _likeliest(
-    values: np.ndarray, statistics: np.ndarray, seen: np.ndarray, grid: np.ndarray
+    values: np.ndarray, statistics: np.ndarray, measured: np.ndarray, grid: np.ndarray
 ) -> tuple[np.ndarray, float, int]:
     """The best of the grid, its distance (mean square by statistic), the statistic farthest off."""
     centre, width = values.mean(axis=0), np.maximum(np.ptp(values, axis=0), 1e-12)
@@ -570,64 +581,28 @@ def _likeliest(
     correlation = (left / spread).T @ (left / spread) / freedom
     shrink = max(_SHRINK, statistics.shape[1] / (statistics.shape[1] + freedom))
     correlation = (1.0 - shrink) * correlation + shrink * np.eye(len(spread))
-    off = (seen - _basis(grid, centre, width) @ slopes) / spread
+    off = (measured - _basis(grid, centre, width) @ slopes) / spread
     cost = np.einsum("gi,ij,gj->g", off, np.linalg.inv(correlation), off)
     best = int(cost.argmin())
-    return grid[best], float(cost[best]) / len(seen), int(np.abs(off[best]).argmax())
+    return grid[best], float(cost[best]) / len(measured), int(np.abs(off[best]).argmax())
 
 
-# Restitution of joints: by flights where a journal bounces freely, by simulated impacts
-# elsewhere.
-#
 # In a machine impacts rarely die away as a ball's do: rims strike in turn, drives answer, loads
 # turn. So runs of the scenario with different restitutions are compared with the measurement by
 # the statistics of their impacts (below), never by their traces.
 
 
 RUNS = 40
-"""Runs by which restitutions are sought, unless told otherwise."""
+"""Runs by which restitutions are sought by default."""
 LOW, HIGH = 0.05, 0.98
 """Restitutions between which is sought."""
-_TOLD = 0.15
-"""Half width of an interval with which a restitution is told."""
+_WIDEST = 0.15
+"""Largest half width of an interval with which a restitution is identified."""
 _FEWEST_IMPACTS = 3
 GRAVITY = 9.81
 """Acceleration at which a journal is taken to fall [m/s^2]."""
 _WIDER = 1.5
 """By which the second half of the runs covers more than the interval of the first."""
-
-
-@dataclass(frozen=True)
-class Restitution:
-    """Of a joint's impacts, with 95 % interval; or why it cannot be told."""
-
-    joint: str
-    value: float
-    """That impacts have, whatever law and coefficient make it."""
-    half_width: float
-    nominal: float
-    """Coefficient with which the joint's law delivers it; nan if it cannot."""
-    evidence: str
-    """What tells it, in words."""
-    reason: str
-    """Why it cannot be told; empty if it can."""
-
-    @property
-    def interval(self) -> tuple[float, float]:
-        """95 % interval within what can be."""
-        return max(self.value - self.half_width, 0.0), min(self.value + self.half_width, 1.0)
-
-    def __str__(self) -> str:
-        """One line, as in the table; without the reason."""
-        label = f"{self.joint} restitution"
-        if self.reason:
-            return f"{label:<34} {'':>12} {'-':>12}  this measurement cannot tell"
-        low, high = self.interval
-        line = f"{label:<34} {'':>12} {self.value:>12.4g}  {low:.4g} to {high:.4g}"
-        if np.isnan(self.nominal):
-            return f"{line} ({self.evidence}; the joint's law cannot deliver it)"
-        nominal = "" if abs(self.nominal - self.value) < 5e-3 else f"; c_e {self.nominal:.3g}"
-        return f"{line} ({self.evidence}{nominal})"
 
 
 def delivered(joint: Clearance, nominal: float) -> float:
@@ -650,35 +625,29 @@ def by_flights(mechanism: Mechanism, measured: Measurement) -> tuple[Restitution
     A force between bearing and journal counts for its joint. An accelerometer cannot tell whose
     impact it feels: it counts where one joint only has clearance.
     """
-    seen = {one.joint: one for one in channels(measured)}
+    felt = {one.joint: one for one in channels(measured)}
     names = list(mechanism.clearance)
-    made = []
-    for name in names:
-        if not seen and any(measured.has(kind) for kind in IMPACT_KINDS):
-            reason = f"{len(measured.time)} records are too few to see an impact; {WINDOW} at least"
-            made.append(_untold(name, reason + ", many for each flight, are needed"))
+    found = []
+    for name, joint in mechanism.clearance.items():
+        channel = felt.get(name) or (felt.get("") if len(names) == 1 else None)
+        if channel is not None:
+            one = flights(channel)
+            nominal = np.nan if one.reason else nominal_of(joint, one.value)
+            found.append(replace(one, joint=name, nominal=nominal))
             continue
-        if not seen:
-            made.append(_untold(name, _unseen(name, mechanism.clearance[name])))
-            continue
-        channel = seen.get(name) or (seen.get("") if len(names) == 1 else None)
-        if channel is None:
-            others = ", ".join(names)
-            reason = f"an impact may be of any of {others}: measure '{name} reaction', give the "
-            reason += "others no clearance, or compare with simulations (--restitution)"
-            made.append(_untold(name, reason))
-            continue
-        told = flights(channel)
-        if told.reason:
-            made.append(_untold(name, told.reason))
-            continue
-        nominal = nominal_of(mechanism.clearance[name], told.value)
-        evidence = f"{told.ratios} ratios of flights"
-        made.append(Restitution(name, told.value, told.half_width, nominal, evidence, ""))
-    return tuple(made)
+        if felt:
+            reason = f"an impact may be of any of {', '.join(names)}: measure '{name} reaction', "
+            reason += "give the others no clearance, or compare with simulations (--restitution)"
+        elif any(measured.has(kind) for kind in IMPACT_KINDS):
+            reason = f"{len(measured.time)} records are too few to see an impact; {WINDOW} at "
+            reason += "least, many for each flight, are needed"
+        else:
+            reason = _without_signal(name, joint)
+        found.append(Restitution(name, reason=reason))
+    return tuple(found)
 
 
-def _unseen(name: str, joint: Clearance) -> str:
+def _without_signal(name: str, joint: Clearance) -> str:
     """Which signal would show a joint's impacts, and how fast."""
     room = 2.0 * max(joint.clearances.values(), default=0.0)
     words = f"no signal shows impacts; an accelerometer on the tool or '{name} reaction' would"
@@ -687,10 +656,6 @@ def _unseen(name: str, joint: Clearance) -> str:
     # A journal that falls through its room and bounces three times at half its speed.
     flight = 2.0 * math.sqrt(2.0 * room / GRAVITY) * 0.5**3
     return f"{words}, with {SHORTEST / flight:.2g} records a second or more"
-
-
-def _untold(joint: str, reason: str) -> Restitution:
-    return Restitution(joint, np.nan, np.inf, np.nan, "", reason)
 
 
 def by_simulation(
@@ -726,85 +691,36 @@ def by_simulation(
             f"restitution of {len(names)} joint{'s' * (len(names) > 1)} takes at least {least} "
             f"runs, got {runs}"
         )
-    hits = Instruments.of(measured).hits(measured)
+    compared = _Comparison(simulation, measured, spreads or {}, seed)
+    hits = max(len(impacts(one)) for one in channels(measured))
     if hits < _FEWEST_IMPACTS:
         reason = f"{hits} impacts stand out of the noise; let loads turn round suddenly, or take a "
-        return tuple(_untold(name, reason + "quieter or faster sensor") for name in names)
-    maker = _Maker(simulation, measured, spreads or {}, seed)
-    low, high = _limits(simulation.mechanism)
+        return tuple(
+            Restitution(name, reason=reason + "quieter or faster sensor") for name in names
+        )
+    joints = simulation.mechanism.clearance.values()
+    low, high = (np.array([delivered(one, end) for one in joints]) for end in (LOW, HIGH))
     with tqdm(total=runs, desc="restitution", disable=not progress, unit="run") as bar:
         values = design(runs // 2, low, high, seed)
-        table = maker.run(values, jobs, bar)
-        first = _fit(values, table, maker.seen, low, high)
+        table = compared.run(values, jobs, bar)
+        first, _ = compared.fit(values, table, low, high)
+        begin, end = low, high
         if first is not None:
-            begin = np.maximum(low, first[0].value - _WIDER * first[0].half_width)
-            end = np.minimum(high, first[0].value + _WIDER * first[0].half_width)
-        else:
-            begin, end = low, high
+            begin = np.maximum(low, first.value - _WIDER * first.half_width)
+            end = np.minimum(high, first.value + _WIDER * first.half_width)
         more = design(runs - len(values), begin, end, seed + 1)
-        table = np.vstack([table, maker.run(more, jobs, bar)])
+        table = np.vstack([table, compared.run(more, jobs, bar)])
         values = np.vstack([values, more])
     near = ((values >= begin) & (values <= end)).all(axis=1)
-    found = _fit(values[near], table[near], maker.seen, begin, end)
+    found, oddest = compared.fit(values[near], table[near], begin, end)
     return tuple(
-        _verdict(simulation.mechanism, i, found, maker, (low[i], high[i]), int(near.sum()))
+        compared.restitution(i, found, oddest, (low[i], high[i]), int(near.sum()))
         for i in range(len(names))
     )
 
 
-def _limits(mechanism: Mechanism) -> tuple[np.ndarray, np.ndarray]:
-    """Delivered restitutions that the joints' laws can have within `LOW` to `HIGH`."""
-    ends = [[delivered(one, x) for x in (LOW, HIGH)] for one in mechanism.clearance.values()]
-    low, high = np.array(ends).T
-    return low, high
-
-
-def _fit(
-    values: np.ndarray, table: np.ndarray, seen: np.ndarray, low: np.ndarray, high: np.ndarray
-) -> tuple[LikelihoodEstimate, np.ndarray] | None:
-    """The estimate, and which statistics it is of; None if none counts."""
-    with np.errstate(invalid="ignore"):
-        use = np.isfinite(seen) & np.isfinite(table).all(axis=0) & (np.ptp(table, axis=0) > 1e-9)
-    if not use.any():
-        return None
-    made = by_likelihood(values, table[:, use], seen[use], low, high)
-    return made, np.flatnonzero(use)
-
-
-def _verdict(
-    mechanism: Mechanism,
-    i: int,
-    found: tuple[LikelihoodEstimate, np.ndarray] | None,
-    maker: _Maker,
-    limits: tuple[float, float],
-    runs: int,
-) -> Restitution:
-    name = list(mechanism.clearance)[i]
-    if found is None:
-        return _untold(name, "no statistic of the impacts is there in every run")
-    made, use = found
-    if made.strange:
-        odd = maker.names[use[made.oddest]]
-        reason = f"its impacts are like those of no simulated machine ({odd} is farthest off); is "
-        return _untold(name, reason + "the scenario's motion, load, clearance or noise another?")
-    value, half = float(made.value[i]), float(made.half_width[i])
-    if half > _TOLD:
-        reason = f"its 95 % interval would be {value:.2g} +- {half:.2g}: impacts of runs with other"
-        return _untold(
-            name,
-            f"{reason} restitutions look alike; more drops, or a faster or quieter sensor may tell",
-        )
-    joint = mechanism.clearance[name]
-    where = f"impacts of {runs} runs"
-    if "clearance" not in " ".join(maker.spreads.get(name, ())):
-        where += ", clearance as in the scenario"
-    if value - half < limits[0] or value + half > limits[1]:
-        where += f", sought from {limits[0]:.3g} to {limits[1]:.3g}"
-    return Restitution(name, value, half, nominal_of(joint, value), where, "")
-
-
-class _Maker:
-    """Runs with given restitutions, and the statistics of their impacts."""
+class _Comparison:
+    """Runs with given restitutions beside a measurement, by the statistics of their impacts."""
 
     def __init__(
         self,
@@ -816,16 +732,16 @@ class _Maker:
         """Look at the measurement."""
         self._instruments = Instruments.of(measured)
         self._simulation = self._instruments.settings(simulation)
-        self.spreads, self._seed = spreads, seed
+        self._spreads, self._seed = spreads, seed
         self._random = np.random.default_rng(seed)
-        seen = self._instruments.statistics(measured)
-        self.names, self.seen = tuple(seen), np.array(list(seen.values()))
+        statistics = self._instruments.statistics(measured)
+        self._names, self._measured = list(statistics), np.array(list(statistics.values()))
 
     def run(self, values: np.ndarray, jobs: int | None, bar: tqdm) -> np.ndarray:
         """Statistics of runs with the given restitutions (n, p), shape (n, d)."""
         todo = [self._with(row) for row in values]
-        rows = run_in_order(partial(_statistics, self._instruments), todo, jobs, bar)
-        return np.array([[row[name] for name in self.names] for row in rows])
+        rows = run_in_order(self._instruments.statistics_of_run, todo, jobs, bar)
+        return np.array([[row[name] for name in self._names] for row in rows])
 
     def _with(self, row: np.ndarray) -> Simulation:
         """A run with these restitutions, other values as uncertain as they are, another start."""
@@ -834,11 +750,48 @@ class _Maker:
         for (name, joint), value in zip(mechanism.clearance.items(), row.tolist(), strict=True):
             nominal = nominal_of(joint, value)
             made = replace(joint, restitution=value if np.isnan(nominal) else nominal)
-            joints[name] = sampled_joint(made, self.spreads.get(name, {}), self._random)
+            joints[name] = sampled_joint(made, self._spreads.get(name, {}), self._random)
         return replace(
             self._simulation, mechanism=mechanism.with_clearance(joints), seed=self._seed
         )
 
+    def fit(
+        self, values: np.ndarray, table: np.ndarray, low: np.ndarray, high: np.ndarray
+    ) -> tuple[LikelihoodEstimate | None, str]:
+        """The estimate, None if no statistic is usable; name of that which is farthest off."""
+        with np.errstate(invalid="ignore"):
+            use = np.isfinite(self._measured) & np.isfinite(table).all(axis=0)
+            use &= np.ptp(table, axis=0) > 1e-9
+        if not use.any():
+            return None, ""
+        found = by_likelihood(values, table[:, use], self._measured[use], low, high)
+        return found, self._names[np.flatnonzero(use)[found.oddest]]
 
-def _statistics(instruments: Instruments, simulation: Simulation) -> dict[str, float]:
-    return instruments.statistics(instruments.look(run(simulation)))
+    def restitution(
+        self,
+        i: int,
+        found: LikelihoodEstimate | None,
+        oddest: str,
+        limits: tuple[float, float],
+        runs: int,
+    ) -> Restitution:
+        """Of the i-th joint by an estimate of so many runs, sought within limits."""
+        name, joint = list(self._simulation.mechanism.clearance.items())[i]
+        if found is None:
+            reason = "no statistic of the impacts is there in every run"
+            return Restitution(name, reason=reason)
+        if found.strange:
+            reason = f"its impacts are like those of no simulated machine ({oddest} is farthest "
+            reason += "off); is the scenario's motion, load, clearance or noise another?"
+            return Restitution(name, reason=reason)
+        value, half = float(found.value[i]), float(found.half_width[i])
+        if half > _WIDEST:
+            reason = f"its 95 % interval would be {value:.2g} +- {half:.2g}: impacts of runs with "
+            reason += "other restitutions look alike; more drops, or a faster or quieter sensor "
+            return Restitution(name, reason=reason + "may tell")
+        evidence = f"impacts of {runs} runs"
+        if "clearance" not in " ".join(self._spreads.get(name, ())):
+            evidence += ", clearance as in the scenario"
+        if value - half < limits[0] or value + half > limits[1]:
+            evidence += f", sought from {limits[0]:.3g} to {limits[1]:.3g}"
+        return Restitution(name, value, half, nominal_of(joint, value), evidence)

@@ -15,8 +15,9 @@ from scipy.stats import t as student
 from tqdm import tqdm
 
 from jointplay.core.errors import JointplayError
-from jointplay.identification.identification import Identification, spreads
-from jointplay.identification.model import tool_positions
+from jointplay.identification.fit import basis
+from jointplay.identification.identification import NORMAL, Identification, spreads
+from jointplay.identification.measurement import tool_positions
 from jointplay.identification.restitution import Instruments, channels, run, sampled_joint
 from jointplay.result.result import AXES, Result
 from jointplay.simulation.ensemble import run_in_order
@@ -29,9 +30,7 @@ LEVEL = 0.05
 """How often a measurement of just this machine would be said to disagree, in all checks."""
 _LEAST_SPREAD = 0.02
 """Scatter of the logarithm of a statistic below which runs are not taken to agree."""
-_SCALES = {"tool": (1e6, "um"), "link": (1e6, "urad")}
-_NORMAL = 1.96
-
+_SCALES = {"tool": (1e6, "um"), "link": (1e6, "urad"), "torque": (1.0, "N m")}
 
 _ByKind = dict[str, float]
 _Parts = tuple[_ByKind, _ByKind, _ByKind, _ByKind]
@@ -63,7 +62,7 @@ class Check:
 
 @dataclass(frozen=True)
 class Verification:
-    """RMS of what models leave of the measured means, offsets taken out, by kind of signal [SI]."""
+    """RMS residuals of the measured means, nuisances projected out, by kind of signal [SI]."""
 
     measured: dict[str, float]
     """Of the means themselves: what a model without play leaves."""
@@ -75,8 +74,8 @@ class Verification:
     """Standard error of the means."""
     checks: tuple[Check, ...]
     runs: int
-    untold: tuple[str, ...]
-    """Unknowns that had the scenario's value, for the measurement cannot tell them."""
+    not_identified: tuple[str, ...]
+    """Unknowns that had the scenario's value."""
 
     @property
     def agrees(self) -> bool:
@@ -87,7 +86,7 @@ class Verification:
         """A line for each kind of signal and each statistic, and the verdict."""
         lines = []
         for kind in self.measured:
-            factor, unit = _SCALES.get(kind, (1.0, "N m"))
+            factor, unit = _SCALES[kind]
             parts = (self.measured, self.static, self.dynamic, self.error)
             no, static, dynamic, noise = (factor * part[kind] for part in parts)
             lines.append(
@@ -99,8 +98,8 @@ class Verification:
         off = sum(not one.agrees for one in self.checks)
         if off:
             verdict = f"{off} of {len(self.checks)} statistics are off"
-            if self.untold:
-                verdict += f"; not told, as in the scenario: {', '.join(self.untold)}"
+            if self.not_identified:
+                verdict += f"; not told, as in the scenario: {', '.join(self.not_identified)}"
             lines.append(f"the identified machine does not do what was measured: {verdict}")
         else:
             lines.append(
@@ -152,17 +151,21 @@ def verify(
     drawn = [_perturbed(own, identification, number) for number in range(runs)]
     with tqdm(total=runs, desc="verify", disable=not progress, unit="run") as bar:
         found = run_in_order(partial(_look, identification, instruments), drawn, jobs, bar)
-    means, rows = [one[0] for one in found], [one[1] for one in found]
-    seen = {} if instruments is None else instruments.statistics(measured)
-    number = len({kind for kind, _ in keys}) + len(seen)
+    means, rows = zip(*found, strict=True)
+    statistics = {} if instruments is None else instruments.statistics(measured)
+    number = len({kind for kind, _ in keys}) + len(statistics)
     parts: _Parts = ({}, {}, {}, {})
     checks: list[Check] = []
     if keys:
         parts, checks = _compare_means(identification, np.array(means), number)
-    for name, value in seen.items():
-        check = _impact_check(name, value, np.array([row[name] for row in rows]), number)
-        checks += [] if check is None else [check]
-    return Verification(*parts, tuple(checks), runs, _untold(identification))
+    for name, value in statistics.items():
+        compared = np.array([row[name] for row in rows])
+        if np.isfinite([value, *compared]).all():
+            checks.append(_impact_check(name, value, compared, number))
+    pairs = zip(identification.unknowns, identification.reasons, strict=True)
+    labels = [one.label for one, reason in pairs if one.sought and reason]
+    labels += [f"{one.joint} restitution" for one in identification.restitutions if one.reason]
+    return Verification(*parts, tuple(checks), runs, tuple(labels))
 
 
 def _look(
@@ -174,33 +177,26 @@ def _look(
     return means, {} if instruments is None else instruments.statistics(instruments.look(result))
 
 
-def _untold(identification: Identification) -> tuple[str, ...]:
-    pairs = zip(identification.unknowns, identification.reasons, strict=True)
-    labels = [one.label for one, reason in pairs if one.sought and reason]
-    labels += [f"{one.joint} restitution" for one in identification.restitutions if one.reason]
-    return tuple(labels)
-
-
 def _perturbed(simulation: Simulation, identification: Identification, number: int) -> Simulation:
     """A run with values within the intervals and a start of its own."""
     random = np.random.default_rng(number)
     known, mechanism = spreads(identification), identification.mechanism
-    told = {one.joint: one for one in identification.restitutions if not one.reason}
+    bounced = {one.joint: one for one in identification.restitutions if not one.reason}
     joints = {}
     for name, joint in mechanism.clearance.items():
         made = sampled_joint(joint, known.get(name, {}), random)
-        if name in told:
-            shift = told[name].half_width / _NORMAL * random.standard_normal()
+        if name in bounced:
+            shift = bounced[name].half_width / NORMAL * random.standard_normal()
             value = min(max(joint.restitution + shift, 0.02), 1.0)
             made = replace(made, restitution=value)
         joints[name] = made
     gears = dict(mechanism.gears)
     for i, one in enumerate(identification.unknowns):
         if one.name == "gear_play" and not identification.reasons[i]:
-            shift = identification.half_width[i] / _NORMAL * random.standard_normal()
+            shift = identification.half_width[i] / NORMAL * random.standard_normal()
             play = max(gears[one.joint].play + shift, 0.0)
             gears[one.joint] = replace(gears[one.joint], play=float(play))
-    made_of = mechanism._with(joints, gears)
+    made_of = mechanism.with_clearance(joints, gears)
     seed = None if all(getattr(j, "ideal", False) for j in joints.values()) else number + 1
     return replace(simulation, mechanism=made_of, seed=seed)
 
@@ -211,44 +207,39 @@ def _quantile(runs: int, checks: int) -> float:
     return float(student.ppf(1.0 - part / 2.0, runs - 1)) * np.sqrt(1.0 + 1.0 / runs)
 
 
-def _impact_check(name: str, seen: float, runs: np.ndarray, number: int) -> Check | None:
-    """A statistic of impacts; None where it is not there in all (logarithms)."""
-    if not (np.isfinite(seen) and np.isfinite(runs).all()):
-        return None
+def _impact_check(name: str, measured: float, runs: np.ndarray, number: int) -> Check:
+    """A statistic of impacts, of `number` checks in all; values are logarithms."""
     wide = _quantile(len(runs), number) * max(float(runs.std(ddof=1)), _LEAST_SPREAD)
-    ends = np.exp([seen, runs.mean() - wide, runs.mean() + wide]) - (name.startswith("number"))
+    ends = np.exp([measured, runs.mean() - wide, runs.mean() + wide]) - name.startswith("number")
     return Check(name, "", *(float(max(x, 0.0)) for x in ends))
 
 
 def _compare_means(
     identification: Identification, means: np.ndarray, number: int
 ) -> tuple[_Parts, list[Check]]:
-    """What is left of means over visits by kind, and how much more runs leave of each other.
+    """RMS residuals of means over visits by kind, beside those of runs from each other.
 
-    Args:
-        identification: what was identified.
-        means: of the runs, shape (runs, n, keys).
-        number: of checks in all.
+    `means` are the runs', shape (runs, n, keys); there are `number` checks in all.
     """
-    left = _Left(identification, np.isfinite(means).all(axis=0))
-    seen, count = identification.observed.mean, len(means)
+    left = _Residuals(identification, np.isfinite(means).all(axis=0))
+    measured, count = identification.observed.mean, len(means)
     parts = (
-        left.rms(seen),
-        left.rms(seen - identification.predicted),
-        left.rms(seen - means.mean(axis=0)),
+        left.rms(measured),
+        left.rms(measured - identification.predicted),
+        left.rms(measured - means.mean(axis=0)),
         left.plain(identification.error),
     )
     random = np.random.default_rng(0)
     others: list[dict[str, float]] = []
     for k in range(count):
         rest = np.delete(means, k, axis=0).mean(axis=0)
-        noise = identification.error * random.standard_normal(seen.shape)
+        noise = identification.error * random.standard_normal(measured.shape)
         others.append(left.rms(means[k] + noise - rest))
     checks = []
     for kind, value in parts[2].items():
         logs = np.log([max(other[kind], 1e-300) for other in others])
         wide = _quantile(count, number) * max(float(logs.std(ddof=1)), _LEAST_SPREAD)
-        factor, unit = _SCALES.get(kind, (1.0, "N m"))
+        factor, unit = _SCALES[kind]
         high = factor * float(np.exp(logs.mean() + wide))
         checks.append(
             Check(f"{kind}: RMS left of means over visits", unit, factor * value, 0.0, high)
@@ -256,19 +247,17 @@ def _compare_means(
     return parts, checks
 
 
-class _Left:
-    """What is left of means over visits when what nobody knows is taken out."""
+class _Residuals:
+    """RMS of values at visits, nuisances projected out."""
 
     def __init__(self, identification: Identification, there: np.ndarray) -> None:
-        """Find what is not sought at the visits that are there, (n, keys)."""
-        observed, free = identification.observed, identification.nuisances
-        self.use = np.isfinite(identification.error) & there
+        """Find the nuisances of the signals at visits that are there, (n, keys)."""
         self._error = identification.error
+        self.use = np.isfinite(self._error) & there
         self._weights = np.where(self.use, 1.0 / self._error, 0.0).ravel()
-        design = free.reshape(self.use.size, free.shape[2]) * self._weights[:, None]
-        basis, sizes, _ = np.linalg.svd(design, full_matrices=False)
-        self._basis = basis[:, sizes > 1e-9 * sizes.max(initial=1e-300)]
-        self._kinds = [kind for kind, _ in observed.keys]
+        design = identification.nuisances.reshape(self.use.size, -1) * self._weights[:, None]
+        self._basis = basis(design)
+        self._kinds = [kind for kind, _ in identification.observed.keys]
 
     def rms(self, values: np.ndarray) -> dict[str, float]:
         """By kind of signal, of values (n, keys) [SI]."""
@@ -277,7 +266,7 @@ class _Left:
         return self.plain(rest * self._error)
 
     def plain(self, values: np.ndarray) -> dict[str, float]:
-        """The same, offsets left in."""
+        """The same, nuisances left in."""
         shown = np.where(self.use, values, np.nan)
         found = {}
         for kind in dict.fromkeys(self._kinds):

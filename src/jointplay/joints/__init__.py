@@ -1,13 +1,22 @@
-"""Kinds of joint with clearance, one module each; `base` says what a kind must tell."""
+"""Kinds of joint with clearance, one module each; `base` says what a kind must say."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import Any
 
-from jointplay.core.schema import Family, Preset, read, register, register_names
+from jointplay.core.schema import Family, Preset, register, register_names
 from jointplay.joints import materials
-from jointplay.joints.base import MOTOR, RELATIVE, VIRTUAL_LINK, Clearance, Coordinate, Material
+from jointplay.joints.base import (
+    MOTOR,
+    RELATIVE,
+    VIRTUAL_LINK,
+    Clearance,
+    Coordinate,
+    Material,
+    Outline,
+    RoundClearance,
+)
 from jointplay.joints.cylindrical import CylindricalClearance
 from jointplay.joints.prismatic import PrismaticClearance
 from jointplay.joints.revolute import RevoluteClearance
@@ -46,16 +55,6 @@ def replacing(entry: str) -> list[str]:
     return [name for name, kind in JOINT_KINDS.items() if entry in kind.replaces]
 
 
-def joint_from_description(description: Mapping[str, Any]) -> Clearance:
-    """Build the joint that `Clearance.describe` described.
-
-    Raises:
-        JointplayError: no such kind of joint, or a value that cannot be.
-    """
-    joint: Clearance = read(Clearance, description)
-    return joint
-
-
 __all__ = [
     "JOINT_KINDS",
     "JOINT_WORDS",
@@ -67,10 +66,11 @@ __all__ = [
     "Coordinate",
     "CylindricalClearance",
     "Material",
+    "Outline",
     "PrismaticClearance",
     "RevoluteClearance",
+    "RoundClearance",
     "SphericalClearance",
     "class_of",
-    "joint_from_description",
     "replacing",
 ]

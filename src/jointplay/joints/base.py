@@ -1,11 +1,17 @@
-"""What joints with clearance have in common, and what a kind of joint must tell."""
+"""What a joint with clearance is, and what a kind of joint must say.
+
+A kind says what it is: how journal and bearing touch (`Clearance.touch`, `contacts`,
+`contact_properties`), what it leaves free without clearance (`ideal_freedoms`), and its `outline`.
+Where the journal may start, what URDFs, pictures, budgets and the assembly of loops need follows
+from these.
+"""
 
 from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
@@ -19,60 +25,26 @@ from jointplay.contact import (
     LankaraniNikravesh,
     NormalForceLaw,
 )
+from jointplay.contact.compiled import compiled_touch, parameter_names
 from jointplay.core.errors import JointplayError, require_non_negative, require_positive
 from jointplay.core.schema import Described, check_fields, quantity
 from jointplay.core.units import readable
-from jointplay.joints.play import Play
-
-# What some joints can do and others cannot: stand for a hinge, wear.
-#
-# Each is a property of `Clearance`, None where the joint cannot. Whoever needs it asks for it,
-# and for no kind of joint by name.
-
-
-@dataclass(frozen=True)
-class Hinge:
-    """A journal that turns about one axis, as one needs to know it who puts a hinge in its place.
-
-    The axis is the bearing's z.
-    """
-
-    radius: float
-    """Of the journal, at which friction about the axis acts [m]."""
-    length: float
-    """Of the journal [m]."""
-    leans: bool
-    """Whether it can tilt; it then touches at both ends."""
-    lateral: float
-    """How far it can be aside, either way [m]."""
-    axial: float
-    """How far it can go along the axis, either way [m]; zero where it cannot or nothing ends it."""
-
-
-@dataclass(frozen=True)
-class BoreWear:
-    """How a bore wears, by contact from the first on: one for the whole journal, or one an end."""
-
-    rate: float
-    """Specific wear rate K/H [m^3/(N m)]."""
-    radius: float
-    """Of the bore [m]."""
-    journal_radius: float
-    """[m]."""
-    widths: tuple[float, ...]
-    """Length of the bore that each contact wears [m]."""
-    profile: np.ndarray | None
-    """Depth so far by contact, at equal azimuths from the bearing's x axis, (contacts, n) [m]."""
-
-
-# What all joints with clearance have in common: materials, laws, and what a joint must tell.
-
+from jointplay.joints.play import Play, play_within
 
 VIRTUAL_LINK = ("x", "y", "z", "yaw", "pitch", "roll")
 """The six coordinates of a clearance joint, in their order in q."""
 
+RELATIVE = ("x", "y", "z", "roll", "pitch", "yaw")
+"""The same in the order of a twist: velocity, then angular velocity."""
+
 MOTOR = "motor"
 """What the coordinate of a geared joint's motor is called."""
+
+SAMPLES = 72
+"""Azimuths at which contact directions are sampled."""
+
+_ON_A_SPHERE = 200
+"""Directions at which those of a ball are sampled."""
 
 
 class Coordinate(str):
@@ -100,10 +72,6 @@ class Coordinate(str):
     def length(self) -> bool:
         """Whether it is a part that is measured in metres."""
         return self.part in VIRTUAL_LINK[:3]
-
-
-RELATIVE = ("x", "y", "z", "roll", "pitch", "yaw")
-"""The same in the order of a twist: velocity, then angular velocity."""
 
 
 @dataclass(frozen=True)
@@ -148,17 +116,53 @@ class Material(Described):
 
 @dataclass(frozen=True)
 class Outline:
-    """What a joint looks like: a journal with room around it, all along the bearing's axes."""
+    """A journal with room around it, all along the bearing's axes."""
 
     form: Literal["cylinder", "ball", "block"]
     size: tuple[float, float, float]
     """Half extents of the journal [m]."""
     room: tuple[float, float, float]
     """Clearance on each side [m]; zero where nothing limits the journal."""
-    walls: bool
+    walls: bool = False
     """Whether a cylinder's bearing has end walls; a block's guide, walls across y."""
     worn: tuple[tuple[float, ...], ...] = ()
     """Depth of wear of a bore at equal azimuths from the x axis, at ends A and B (or one) [m]."""
+
+
+# What only some kinds can do is a property of `Clearance`, None for the others: whoever needs it
+# asks for it, and for no kind of joint by name.
+
+
+@dataclass(frozen=True)
+class Hinge:
+    """A journal that turns about the bearing's z, as whoever puts a hinge in its place needs it."""
+
+    radius: float
+    """Of the journal, at which friction about the axis acts [m]."""
+    length: float
+    """Of the journal [m]."""
+    leans: bool
+    """Whether it can tilt; it then touches at both ends."""
+    lateral: float
+    """How far it can be aside, either way [m]."""
+    axial: float
+    """How far it can go along the axis, either way [m]; zero where it cannot or nothing ends it."""
+
+
+@dataclass(frozen=True)
+class BoreWear:
+    """How a bore wears, by contact from the first on: one for the whole journal, or one an end."""
+
+    rate: float
+    """Specific wear rate K/H [m^3/(N m)]."""
+    radius: float
+    """Of the bore [m]."""
+    journal_radius: float
+    """[m]."""
+    widths: tuple[float, ...]
+    """Length of the bore that each contact wears [m]."""
+    profile: np.ndarray | None
+    """Depth so far by contact, at equal azimuths from the bearing's x axis, (contacts, n) [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -177,8 +181,17 @@ class Clearance(Described, ABC):
     """Types of URDF joint that this kind can take the place of."""
     ideal_freedoms: ClassVar[tuple[str, ...]]
     """Those of `VIRTUAL_LINK` that the joint has without clearance."""
-    in_the_bearing: ClassVar[Mapping[str, str]] = {}
-    """Of each clearance by which it may be given instead: what the journal measures."""
+    clearance_fields: ClassVar[Mapping[str, str | None]]
+    """Fields that are clearances, first that across x; what the journal measures instead of each.
+
+    None where no dimension of the journal can be given instead.
+    """
+    touch: ClassVar[Callable[..., Any]]
+    """Gap, place and normal of contact k as `geometry.touch` returns them; it is compiled.
+
+    ``touch(k, pose, ...)``: index of the contact and pose of the journal (`geometry.contacts`), and
+    then dimensions of the joint by the names of its attributes.
+    """
 
     bearing_material: Material = field(default_factory=Material)
     journal_material: Material = field(default_factory=Material)
@@ -211,13 +224,59 @@ class Clearance(Described, ABC):
                     where=(name,),
                 )
 
-    @classmethod
-    @abstractmethod
-    def of_room(cls, radial: float, axial: float, sizes: Mapping[str, float]) -> Self:
-        """A joint with these clearances on each side, across and (with walls) along the axis [m].
+    # What a kind must say, beside `touch`.
 
-        `sizes` of the bearing are by the name of the field [m]; a kind takes what it has.
-        """
+    @property
+    @abstractmethod
+    def contacts(self) -> tuple[str, ...]:
+        """Names of the places where bearing and journal can touch."""
+
+    @abstractmethod
+    def contact_properties(self, contact: int) -> ContactProperties:
+        """What a normal-force law needs to know of the contact with this index."""
+
+    @property
+    @abstractmethod
+    def outline(self) -> Outline:
+        """Form and size of the journal, and the room around it."""
+
+    # What follows from it, and can be said otherwise.
+
+    @property
+    def shape(self) -> int:
+        """How the gaps are computed: a `geometry.Shape`, or the address of the compiled `touch`."""
+        return compiled_touch(type(self).touch)
+
+    @property
+    def dimensions(self) -> tuple[float, ...]:
+        """The numbers that `geometry.touch` needs for this shape."""
+        names = parameter_names(type(self).touch, ("k", "pose")) or ()
+        return tuple(getattr(self, name) for name in names)
+
+    @property
+    def freedoms(self) -> tuple[str, ...]:
+        """Those of `VIRTUAL_LINK` that are free; the others are locked."""
+        return VIRTUAL_LINK
+
+    @property
+    def drive_coordinate(self) -> str:
+        """That of `freedoms` which is the ideal joint's own."""
+        return "yaw" if "yaw" in self.ideal_freedoms else self.ideal_freedoms[0]
+
+    @property
+    def clearances(self) -> dict[str, float]:
+        """Its clearances by the names of their fields [m]."""
+        return {name: getattr(self, name) for name in self.clearance_fields}
+
+    @property
+    def radial_room(self) -> float:
+        """Radius of the journal centre's clearance circle; across x, for a slider [m]."""
+        return next(iter(self.clearances.values()))
+
+    @property
+    def rooms(self) -> tuple[float, ...]:
+        """Clearance that belongs to each contact [m]."""
+        return (self.radial_room,) * len(self.contacts)
 
     @property
     def words(self) -> str:
@@ -225,101 +284,67 @@ class Clearance(Described, ABC):
         return f"{self.kind}, {readable(self.radial_room, 'm')}"
 
     @property
-    @abstractmethod
-    def shape(self) -> int:
-        """How the gaps are computed: a `Shape`, or the address that `compiled_touch` gives."""
+    def play_words(self) -> str:
+        """Its clearances without names, for a line of text."""
+        return " and ".join(readable(c, "m") for c in sorted(set(self.clearances.values())))
 
     @property
-    @abstractmethod
-    def dimensions(self) -> tuple[float, ...]:
-        """The numbers that `geometry.touch` needs for this shape."""
+    def half_width(self) -> float:
+        """Half of what the journal measures across y, or the bearing's radius [m]."""
+        return self.outline.size[1]
 
     @property
-    @abstractmethod
-    def contacts(self) -> tuple[str, ...]:
-        """Names of the places where bearing and journal can touch."""
+    def depth_limit(self) -> float:
+        """Penetration at which the journal has broken out of its bearing [m].
+
+        A tenth of the journal's half width: far beyond what any contact law means.
+        """
+        return 0.1 * min(self.outline.size[:2])
 
     @property
-    @abstractmethod
-    def rooms(self) -> tuple[float, ...]:
-        """Clearance that belongs to each contact [m]."""
-
-    @property
-    @abstractmethod
-    def freedoms(self) -> tuple[str, ...]:
-        """Those of `VIRTUAL_LINK` that are free; the others are locked."""
-
-    @property
-    @abstractmethod
-    def drive_coordinate(self) -> str:
-        """That of `freedoms` which is the ideal joint's own."""
-
-    @property
-    @abstractmethod
     def room_to_start(self) -> dict[str, float]:
         """How far the journal's centre can be from the bearing's, by translation [m]."""
+        rooms = zip(VIRTUAL_LINK[:3], self.outline.room, strict=True)
+        return {part: room for part, room in rooms if part in self.freedoms}
 
     @property
-    @abstractmethod
-    def radial_room(self) -> float:
-        """Radius of the journal centre's clearance circle; across x, for a slider [m]."""
+    def travel(self) -> dict[str, float]:
+        """How far the freedoms but the drive's go within the clearance, either way [m or rad]."""
+        (wide, high, long), (x, y, z) = self.outline.size, self.outline.room
+        turns = {"yaw": min(y / wide, x / high), "pitch": x / long, "roll": y / long}
+        return {"x": x, "y": y, "z": z} | turns
 
-    @property
-    @abstractmethod
-    def depth_limit(self) -> float:
-        """Penetration at which the journal has broken out of its bearing [m]."""
+    def play(self, second_order: bool = True) -> Play:
+        """The set of displacements that the clearance allows; see `analysis.statics.play`."""
+        return play_within(self.outline, self.freedoms, second_order)
 
-    @abstractmethod
-    def contact_properties(self, contact: int) -> ContactProperties:
-        """What a normal-force law needs to know of the contact with this index."""
-
-    @abstractmethod
     def directions(self) -> np.ndarray:
         """Unit contact forces and their moments about the journal's centre, shape (n, 6).
 
         In bearing axes, for a centred journal; a sample of all that is possible.
         """
-
-    @property
-    @abstractmethod
-    def outline(self) -> Outline:
-        """How to draw bearing and journal."""
-
-    @property
-    @abstractmethod
-    def travel(self) -> dict[str, float]:
-        """How far the freedoms but the drive's go within the clearance, either way [m or rad]."""
-
-    @property
-    @abstractmethod
-    def half_width(self) -> float:
-        """Half of what the bearing measures across, inside [m]."""
-
-    @abstractmethod
-    def play(self, second_order: bool = True) -> Play:
-        """The set of displacements that the clearance allows; see `analysis.statics.play`."""
-
-    @property
-    @abstractmethod
-    def clearances(self) -> dict[str, float]:
-        """Its clearances by the names of their fields [m]."""
-
-    def with_clearances(self, sizes: Mapping[str, float]) -> Self:
-        """The joint with other clearances [m], by their fields' names, in the same bearing."""
-        follow = {self.in_the_bearing[name]: None for name in sizes if name in self.in_the_bearing}
-        changes: dict[str, Any] = {**sizes, **follow}
-        return replace(self, **changes)
-
-    def scaled(self, factor: float) -> Self:
-        """The joint with all its clearances multiplied, in the same bearing."""
-        factor = require_non_negative("factor", factor, "")
-        return self.with_clearances({name: factor * c for name, c in self.clearances.items()})
+        outline, zero = self.outline, np.zeros(SAMPLES)
+        if outline.form == "ball":
+            # The force passes through the centre; friction does not, but it starts no impact.
+            i = np.arange(_ON_A_SPHERE)
+            z = 1.0 - (2.0 * i + 1.0) / _ON_A_SPHERE  # evenly: a Fibonacci lattice
+            r, phi = np.sqrt(1.0 - z * z), i * np.pi * (3.0 - np.sqrt(5.0))
+            moments = np.zeros((_ON_A_SPHERE, 3))
+            return np.column_stack([r * np.cos(phi), r * np.sin(phi), z, moments])
+        leans = "pitch" in self.freedoms
+        phi = np.linspace(0.0, 2.0 * np.pi, SAMPLES, endpoint=False)
+        c, s = np.cos(phi), np.sin(phi)
+        heights = (outline.size[2], -outline.size[2]) if leans else (0.0,)
+        parts = [np.column_stack([c, s, zero, -h * s, h * c, zero]) for h in heights]
+        if outline.walls:
+            arm = outline.size[0] if leans else 0.0
+            parts.append(np.column_stack([zero, zero, zero + 1.0, arm * s, -arm * c, zero]))
+        return np.concatenate(parts)
 
     def arm(self, centre: np.ndarray) -> float:
         """Farthest point at which a journal with its centre here can touch, from it [m]."""
         return float(np.linalg.norm(self.outline.size))
 
-    @abstractmethod
     def fits(self, offset: np.ndarray, lean: float, least: float) -> bool:
         """Whether a journal so displaced touches nothing, to be on the safe side.
 
@@ -328,10 +353,19 @@ class Clearance(Described, ABC):
             lean: how far its tilt moves its farthest point [m].
             least: room to grant in any case, for rounding [m].
         """
+        form = self.outline.form
+        if form == "ball":
+            return bool(np.linalg.norm(offset) <= self.radial_room)
+        x, y, z = np.abs(offset)
+        wide, high, along = (max(self.room_to_start.get(part, 0.0), least) for part in "xyz")
+        if form == "block":
+            return bool(x + lean <= wide and y + lean <= high)
+        return bool(np.hypot(x, y) + lean <= wide and (self.slides() or z + lean <= along))
 
-    @abstractmethod
     def ideal_part(self, rotation: np.ndarray, centre: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The pose nearest to a given one that the journal could have without clearance.
+
+        Along the axis, what nothing limits stays as it is.
 
         Args:
             rotation: of the journal in the bearing frame, shape (3, 3).
@@ -340,6 +374,60 @@ class Clearance(Described, ABC):
         Returns:
             Rotation (3, 3) and translation (3,) [m].
         """
+        outline = self.outline
+        stays = self.slides() or (outline.form == "cylinder" and not outline.walls)
+        place = np.array([0.0, 0.0, centre[2] if stays else 0.0])
+        if not self.holds_axis():
+            return rotation, place
+        if "yaw" not in self.ideal_freedoms:
+            return np.eye(3), place
+        import pinocchio as pin  # not needed to check a scenario
+
+        swing = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), rotation[:, 2])
+        return swing.toRotationMatrix().T @ rotation, place
+
+    @property
+    def film(self) -> tuple[FilmLaw, FilmProperties] | None:
+        """Film law and what it needs to know of the joint; None for a dry one."""
+        return None
+
+    @property
+    def hinge(self) -> Hinge | None:
+        """What a hinge in this joint's place is to know of it; None: no hinge can stand for it."""
+        return None
+
+    @property
+    def wear(self) -> BoreWear | None:
+        """How the bearing wears; None: wear is not computed."""
+        return None
+
+    def with_worn(self, profile: np.ndarray) -> Self:
+        """The joint with a bore worn so, of a kind that can wear; see `BoreWear`."""
+        raise JointplayError(f"the bearing of a {self.kind} joint cannot be worn")
+
+    # What holds for all kinds.
+
+    @classmethod
+    def of_room(cls, radial: float, axial: float, sizes: Mapping[str, float]) -> Self:
+        """A joint with these clearances on each side, across and (with walls) along the axis [m].
+
+        `sizes` of the bearing are by the name of the field [m]; a kind takes what it has.
+        """
+        across = next(iter(cls.clearance_fields))
+        given: dict[str, Any] = {across: radial, "axial_clearance": axial, **sizes}
+        own = {one.name for one in fields(cls)}
+        return cls(**{name: value for name, value in given.items() if name in own})
+
+    def with_clearances(self, sizes: Mapping[str, float]) -> Self:
+        """The joint with other clearances [m], by their fields' names, in the same bearing."""
+        instead = (self.clearance_fields[name] for name in sizes)
+        changes: dict[str, Any] = {**sizes, **dict.fromkeys(name for name in instead if name)}
+        return replace(self, **changes)
+
+    def scaled(self, factor: float) -> Self:
+        """The joint with all its clearances multiplied, in the same bearing."""
+        factor = require_non_negative("factor", factor, "")
+        return self.with_clearances({name: factor * c for name, c in self.clearances.items()})
 
     @classmethod
     def held(cls) -> list[int]:
@@ -383,33 +471,15 @@ class Clearance(Described, ABC):
         return offset, pin.log3(rotation)
 
     @property
-    def film(self) -> tuple[FilmLaw, FilmProperties] | None:
-        """Film law and what it needs to know of the joint; None for a dry one."""
-        return None
-
-    @property
-    def hinge(self) -> Hinge | None:
-        """What a hinge in this joint's place is to know of it; None: no hinge can stand for it."""
-        return None
-
-    @property
-    def wear(self) -> BoreWear | None:
-        """How the bearing wears; None: wear is not reckoned."""
-        return None
-
-    @property
-    def wears(self) -> bool:
-        """Whether wear of the bearing is reckoned."""
-        return self.wear is not None
-
-    def with_worn(self, profile: np.ndarray) -> Self:
-        """The joint with a bore worn so, of a kind that can wear; see `BoreWear`."""
-        raise JointplayError(f"the bearing of a {self.kind} joint cannot be worn")
-
-    @property
     def combined_compliance(self) -> float:
         """sigma_i + sigma_j of eq. 11 [1/Pa]."""
         return self.bearing_material.compliance + self.journal_material.compliance
+
+    def hertz(self, radius: float) -> float:
+        """The given `stiffness`, or that of eq. 11 for an effective radius R [m], in N/m^1.5."""
+        if self.stiffness is not None:
+            return self.stiffness
+        return 4.0 / (3.0 * math.pi * self.combined_compliance) * math.sqrt(radius)
 
     def contact(self, stiffness: float, **geometry: float) -> ContactProperties:
         """Properties of a contact with this Hertz stiffness [N/m^1.5], of the joint's materials.
@@ -437,18 +507,6 @@ class Clearance(Described, ABC):
                 "has not; take one for point contacts, such as 'lankarani-nikravesh'",
                 where=("normal",),
             )
-
-    def hertz(self, radius: float) -> float:
-        """Stiffness of eq. 11 for an effective radius R [m], in N/m^1.5."""
-        return 4.0 / (3.0 * math.pi * self.combined_compliance) * math.sqrt(radius)
-
-
-# Dimensions that belong together: a clearance, and what it leaves of bearing and journal.
-
-
-def close(a: float, b: float) -> bool:
-    """Whether two lengths [m] agree but for rounding."""
-    return math.isclose(a, b, rel_tol=1e-6, abs_tol=1e-9)
 
 
 def complete(
@@ -482,17 +540,16 @@ def complete(
                 f"journal {dimension} {inner:g} m does not fit into the bearing's {outer:g} m",
                 where=at_inner,
             )
-        if play is not None and not close(outer - inner, factor * play):
+        left = outer - inner
+        if play is not None and not math.isclose(left, factor * play, rel_tol=1e-6, abs_tol=1e-9):
             raise JointplayError(
                 f"{clearance} clearance {play:g} m contradicts the dimensions: bearing "
-                f"{outer:g} m and journal {inner:g} m give {(outer - inner) / factor:g} m",
+                f"{outer:g} m and journal {inner:g} m give {left / factor:g} m",
                 where=at_play,
             )
-    if play is None:
-        assert inner is not None
-        play = (outer - inner) / factor
-    if inner is None:
-        inner = outer - factor * play
+        play = left / factor if play is None else play
+    assert play is not None
+    inner = outer - factor * play if inner is None else inner
     if inner <= 0.0:
         raise JointplayError(
             f"{clearance} clearance {play:g} m leaves no journal in a bearing of "
@@ -500,13 +557,6 @@ def complete(
             where=at_play,
         )
     return float(play), float(inner)
-
-
-# What joints have in common whose journal and bearing are round: one radial clearance.
-
-
-SAMPLES = 72
-"""Azimuths at which contact directions are sampled."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -517,7 +567,7 @@ class RoundClearance(Clearance):
         JointplayError: a radius that is missing, not positive, contradictory or impossible.
     """
 
-    in_the_bearing: ClassVar[Mapping[str, str]] = {"radial_clearance": "journal_radius"}
+    clearance_fields: ClassVar[Mapping[str, str | None]] = {"radial_clearance": "journal_radius"}
 
     bearing_radius: float = quantity("m", default=10e-3, above=0.0, words="bearing radius")
     """R_i [m]; the standard of the clearance literature, the paper gives none."""
@@ -529,13 +579,8 @@ class RoundClearance(Clearance):
     def __post_init__(self) -> None:
         """Derive what is missing and refuse what cannot be."""
         super().__post_init__()
-        play, radius = complete(
-            self.radial_clearance,
-            self.bearing_radius,
-            self.journal_radius,
-            1.0,
-            ("radial", "radius"),
-        )
+        given = self.radial_clearance, self.bearing_radius, self.journal_radius
+        play, radius = complete(*given, 1.0, ("radial", "radius"))
         object.__setattr__(self, "radial_clearance", play)
         object.__setattr__(self, "journal_radius", radius)
 
@@ -557,41 +602,18 @@ class RoundClearance(Clearance):
         return self.radial_clearance
 
     @property
-    def freedoms(self) -> tuple[str, ...]:
-        """All six."""
-        return VIRTUAL_LINK
-
-    @property
-    def drive_coordinate(self) -> str:
-        """Yaw."""
-        return "yaw"
-
-    @property
-    def radial_room(self) -> float:
-        """C_r [m]."""
-        return self.cr
-
-    @property
     def half_width(self) -> float:
         """R_i [m]."""
         return self.ri
 
     @property
-    def depth_limit(self) -> float:
-        """A tenth of the journal's radius: far beyond what any contact law means."""
-        return 0.1 * self.rj
-
-    @property
     def hertz_stiffness(self) -> float:
         """k of eqs 11-13, or the given `stiffness` [N/m^1.5]."""
-        if self.stiffness is not None:
-            return self.stiffness
         return self.hertz(self.ri * self.rj / self.cr)
 
-    @property
-    def clearances(self) -> dict[str, float]:
-        """C_r [m]."""
-        return {"radial_clearance": self.cr}
+    def contact_properties(self, contact: int) -> ContactProperties:
+        """Those of a point contact of the journal in its bearing."""
+        return self.round_contact()
 
     def round_contact(self, stiffness: float | None = None, **lengths: float) -> ContactProperties:
         """Properties of a contact of the journal in its bearing.
@@ -607,24 +629,3 @@ class RoundClearance(Clearance):
             clearance=self.cr,
             **lengths,
         )
-
-
-def azimuths() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Cosine, sine and zero at `SAMPLES` azimuths."""
-    phi = np.linspace(0.0, 2.0 * np.pi, SAMPLES, endpoint=False)
-    return np.cos(phi), np.sin(phi), np.zeros(SAMPLES)
-
-
-def radial_directions(heights: Sequence[float]) -> np.ndarray:
-    """Unit forces across the axis at these heights [m], and their moments, shape (n, 6)."""
-    c, s, zero = azimuths()
-    return np.concatenate([np.column_stack([c, s, zero, -h * s, h * c, zero]) for h in heights])
-
-
-def upright(rotation: np.ndarray) -> np.ndarray:
-    """The rotation (3, 3) with its axis turned back to z by the shortest way."""
-    import pinocchio as pin  # not needed to check a scenario
-
-    swing = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), rotation[:, 2])
-    turned: np.ndarray = swing.toRotationMatrix().T @ rotation
-    return turned

@@ -7,24 +7,23 @@ the touch of this kind, called by address (`geometry.contacts`).
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import ClassVar, Self
+from typing import Any, ClassVar
 
 import numpy as np
 
 from jointplay.contact import ContactProperties
-from jointplay.contact.compiled import compiled_touch
 from jointplay.core.errors import JointplayError
 from jointplay.core.schema import quantity
-from jointplay.joints.base import Outline, RoundClearance, radial_directions, upright
+from jointplay.joints.base import Outline, RoundClearance
 from jointplay.joints.play import JournalPlay
 
 _NEAR = 0.1
 """Tilt counts so little beside the offset that Newton's method finds the nearest point."""
 
 
-def touch(k, pose, bore_radius, rod_radius, half_length):  # type: ignore[no-untyped-def]
+def touch(k, pose, bearing_radius, journal_radius, bearing_length):  # type: ignore[no-untyped-def]
     """Gap between an edge of the bushing (k = 0: the end at +z, 1: at -z) and the rod.
 
     The edge is a circle of radius R_i in the plane z = h, which the rod's axis a pierces at o.
@@ -40,13 +39,13 @@ def touch(k, pose, bore_radius, rod_radius, half_length):  # type: ignore[no-unt
     Returns the gap [m], the point's offset from the rod's centre (3) [m], and the normal (3).
     """
     ax, ay, az = pose[5], pose[8], pose[11]
-    height = half_length if k == 0 else -half_length
+    height = 0.5 * bearing_length if k == 0 else -0.5 * bearing_length
     way = (height - pose[2]) / az
     ox, oy = pose[0] + way * ax, pose[1] + way * ay
     sine = math.sqrt(ax * ax + ay * ay)
     tx, ty = (ax / sine, ay / sine) if sine > 1e-15 else (1.0, 0.0)
     along, across = ox * tx + oy * ty, oy * tx - ox * ty
-    x, y, bulge = abs(along) * az * az, abs(across), bore_radius * sine * sine
+    x, y, bulge = abs(along) * az * az, abs(across), bearing_radius * sine * sine
     norm = math.sqrt(x * x + y * y)
     c, s = (x / norm, y / norm) if norm > 1e-150 else (1.0, 0.0)
     if 0.0 < bulge < _NEAR * norm:
@@ -65,13 +64,14 @@ def touch(k, pose, bore_radius, rod_radius, half_length):  # type: ignore[no-unt
                 low = phi
             else:
                 high = phi
-    c, s = bore_radius * math.copysign(c, along), bore_radius * math.copysign(s, across)
+    c = bearing_radius * math.copysign(c, along)
+    s = bearing_radius * math.copysign(s, across)
     rx, ry, rz = c * tx - s * ty - pose[0], c * ty + s * tx - pose[1], height - pose[2]
     there = rx * ax + ry * ay + rz * az
     fx, fy, fz = there * ax - rx, there * ay - ry, there * az - rz
     distance = math.sqrt(fx * fx + fy * fy + fz * fz)
     inverse = 1.0 / distance if distance > 0.0 else 0.0  # an edge on the axis has no direction
-    return distance - rod_radius, rx, ry, rz, inverse * fx, inverse * fy, inverse * fz
+    return distance - journal_radius, rx, ry, rz, inverse * fx, inverse * fy, inverse * fz
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,6 +91,7 @@ class CylindricalClearance(RoundClearance):
     kind: ClassVar[str] = "cylindrical"
     replaces: ClassVar[tuple[str, ...]] = ("floating",)
     ideal_freedoms: ClassVar[tuple[str, ...]] = ("z", "yaw")
+    touch: ClassVar[Callable[..., Any]] = staticmethod(touch)
 
     bearing_length: float = quantity("m", default=40e-3, above=0.0, words="bearing length")
     """L_i, of the bushing [m]."""
@@ -109,30 +110,10 @@ class CylindricalClearance(RoundClearance):
                 where=("bearing_length",),
             )
 
-    @classmethod
-    def of_room(cls, radial: float, axial: float, sizes: Mapping[str, float]) -> Self:
-        """See `Clearance.of_room`."""
-        return cls(radial_clearance=radial, **sizes)  # type: ignore[arg-type]
-
-    @property
-    def shape(self) -> int:
-        """Address of `touch`."""
-        return compiled_touch(touch)
-
-    @property
-    def dimensions(self) -> tuple[float, ...]:
-        """R_i, R_j and L_i / 2 [m]."""
-        return self.ri, self.rj, self.bearing_length / 2
-
     @property
     def contacts(self) -> tuple[str, ...]:
         """One at each end of the bushing."""
         return "edge_A", "edge_B"
-
-    @property
-    def rooms(self) -> tuple[float, ...]:
-        """C_r [m]."""
-        return self.cr, self.cr
 
     def contact_properties(self, contact: int) -> ContactProperties:
         """Those of a rim in a bore: each edge stands for half of the bushing's length."""
@@ -141,22 +122,15 @@ class CylindricalClearance(RoundClearance):
         )
 
     @property
-    def room_to_start(self) -> dict[str, float]:
-        """C_r across the axis [m]."""
-        return {"x": self.cr, "y": self.cr}
-
-    @property
     def outline(self) -> Outline:
         """A cylinder in a bore without walls; of the rod, what is within the bushing."""
-        return Outline(
-            "cylinder", (self.rj, self.rj, self.bearing_length / 2), (self.cr, self.cr, 0.0), False
-        )
+        size = (self.rj, self.rj, self.bearing_length / 2)
+        return Outline("cylinder", size, (self.cr, self.cr, 0.0))
 
     @property
     def travel(self) -> dict[str, float]:
-        """C_r across, the stroke along, and the steepest lean."""
-        tilt = 2.0 * self.cr / self.bearing_length
-        return {"x": self.cr, "y": self.cr, "z": self.stroke, "pitch": tilt, "roll": tilt}
+        """The stroke along."""
+        return super().travel | {"z": self.stroke}
 
     def play(self, second_order: bool = True) -> JournalPlay:
         """A disc at each end, of the axis; leaning leaves it less room, so no order widens it."""
@@ -165,15 +139,3 @@ class CylindricalClearance(RoundClearance):
     def arm(self, centre: np.ndarray) -> float:
         """From the rod's centre to the farther end of the bushing, at most [m]."""
         return super().arm(centre) + float(np.linalg.norm(centre))
-
-    def fits(self, offset: np.ndarray, lean: float, least: float) -> bool:
-        """Across within a circle."""
-        return bool(np.hypot(offset[0], offset[1]) + lean <= max(self.cr, least))
-
-    def ideal_part(self, rotation: np.ndarray, centre: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Upright; along the axis, all stays."""
-        return upright(rotation), np.array([0.0, 0.0, centre[2]])
-
-    def directions(self) -> np.ndarray:
-        """Radial at both ends of the bushing."""
-        return radial_directions((self.bearing_length / 2, -self.bearing_length / 2))

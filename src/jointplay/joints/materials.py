@@ -13,7 +13,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from jointplay.core.errors import JointplayError, MissingName, require_finite, require_positive
+from jointplay.core.errors import JointplayError, MissingName, require_finite
+from jointplay.core.schema import check_fields, quantity
 from jointplay.joints.base import Material
 
 _DATA = Path(__file__).parent / "data"
@@ -36,10 +37,11 @@ def _word(name: str) -> str:
 
 
 def _entry(name: str) -> tuple[str, dict[str, Any]]:
+    """A material's word and numbers."""
     table = _table("materials")
     word = table["alias"].get(_word(name), _word(name))
     if word not in table["material"]:
-        raise MissingName("material", name, [*table["material"], *table["alias"]])
+        raise MissingName("material", name, materials(aliases=True))
     return word, table["material"][word]
 
 
@@ -123,21 +125,18 @@ class Oil:
     """
 
     name: str
-    kinematic_40: float
+    kinematic_40: float = quantity("m^2/s", above=0.0, words="kinematic viscosity at 40 C")
     """nu at 40 C [m^2/s]."""
-    kinematic_100: float
+    kinematic_100: float = quantity("m^2/s", above=0.0, words="kinematic viscosity at 100 C")
     """nu at 100 C [m^2/s]."""
-    density_40: float = 870.0
+    density_40: float = quantity("kg/m^3", default=870.0, above=0.0, words="density")
     """rho at 40 C [kg/m^3]."""
-    expansion: float = 7e-4
+    expansion: float = quantity("1/K", default=7e-4)
     """Relative fall of the density with temperature [1/K]."""
 
     def __post_init__(self) -> None:
         """Check the numbers."""
-        require_positive("kinematic viscosity at 40 C", self.kinematic_40, "m^2/s")
-        require_positive("kinematic viscosity at 100 C", self.kinematic_100, "m^2/s")
-        require_positive("density", self.density_40, "kg/m^3")
-        require_finite("expansion", self.expansion, "1/K")
+        check_fields(self)
         if self.kinematic_100 >= self.kinematic_40:
             raise JointplayError(
                 f"oil {self.name!r} must be thinner at 100 C than at 40 C, got "

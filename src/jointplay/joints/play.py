@@ -7,13 +7,18 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from jointplay.core.errors import JointplayError
+from jointplay.geometry import EDGE_ROUNDING_M
+
+if TYPE_CHECKING:
+    from jointplay.joints.base import Outline
 
 _GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
 _SEARCHES = 34
@@ -74,6 +79,9 @@ class Pressed(NamedTuple):
 class Play(ABC):
     """The set of small displacements that a joint's play allows; it contains zero."""
 
+    excess: float = 0.0
+    """Part by which the set may be larger than the true one, the second order of the play."""
+
     @abstractmethod
     def support(self, loads: np.ndarray) -> Support:
         """The farthest displacements in the directions of `loads`, shape (n, 6) [N, N m]."""
@@ -101,11 +109,6 @@ class Play(ABC):
         """
         return None
 
-    @property
-    def excess(self) -> float:
-        """Part by which the set may be larger than the true one, the second order of the play."""
-        return 0.0
-
 
 @dataclass(frozen=True)
 class JournalPlay(Play):
@@ -124,7 +127,7 @@ class JournalPlay(Play):
     """L_j; infinite if the journal cannot lean [m]."""
     rim: float
     """R_j [m]; zero if nothing limits the lean but the bore."""
-    widening: float = 0.0
+    excess: float = 0.0
     """Part of the clearances by which they were widened."""
     radius: float = 0.0
     """R_j again, the arm of friction along the axis, which acts without walls too [m]."""
@@ -134,11 +137,6 @@ class JournalPlay(Play):
         """To the corner of disc and way; rims on opposite sides, or at the walls."""
         along = 0.0 if math.isinf(self.along) else self.along
         return math.hypot(self.across, along), self._lean
-
-    @property
-    def excess(self) -> float:
-        """What leaning adds to the clearances."""
-        return self.widening
 
     @property
     def cones(self) -> Cones:
@@ -370,13 +368,8 @@ class BlockPlay(Play):
     """Half width (x), half height (y), half length (z) of the slider [m]."""
     turns: tuple[bool, bool, bool]
     """Whether it can turn about x, y, z."""
-    widening: float = 0.0
+    excess: float = 0.0
     """Part of the clearances by which they were widened."""
-
-    @property
-    def excess(self) -> float:
-        """What turning adds to the clearances."""
-        return self.widening
 
     @property
     def cones(self) -> Cones:
@@ -476,6 +469,56 @@ class BlockPlay(Play):
             np.zeros(shape),
             tuple(map(int, np.flatnonzero(bears))),
         )
+
+
+def play_within(outline: Outline, freedoms: Sequence[str], second_order: bool) -> Play:
+    """Play of a journal of this outline, which has these freedoms in its bearing.
+
+    To second order the clearances are widened by what leaning or turning adds to them, which is
+    found by iteration.
+    """
+    if outline.form == "ball":
+        return BallPlay(outline.room[0])  # exact in every order
+    if outline.form == "block":
+        return _block_play(outline, freedoms, second_order)
+    return _journal_play(outline, freedoms, second_order)
+
+
+def _journal_play(outline: Outline, freedoms: Sequence[str], second_order: bool) -> JournalPlay:
+    """A journal in a bore."""
+    radius, half, walls = outline.size[0], outline.size[2], outline.walls
+    across = outline.room[0] + max((max(row) for row in outline.worn), default=0.0)
+    along = outline.room[2] if walls else math.inf if "z" in freedoms else 0.0
+    if "pitch" not in freedoms:
+        return JournalPlay(across, along, math.inf, 0.0, radius=radius)
+    length, rim = 2.0 * half, radius if walls else 0.0
+    if not second_order:
+        return JournalPlay(across, along, length, rim, radius=radius)
+    wide, way = across, along
+    steepest = math.sqrt(2.0 * across / radius)  # docs/theory.md, uniqueness
+    for _ in range(40):
+        lean = min(2.0 * wide / length, way / rim if rim else math.inf, steepest, 1.0)
+        shorter = 1.0 - math.sqrt(1.0 - lean * lean)
+        wide = across + radius * shorter
+        way = along + 0.5 * length * shorter + EDGE_ROUNDING_M if walls else along
+    excess = max(wide / across, way / along if walls else 1.0) - 1.0
+    return JournalPlay(wide, way, length, rim, excess, radius)
+
+
+def _block_play(outline: Outline, freedoms: Sequence[str], second_order: bool) -> BlockPlay:
+    """A slider in a guide."""
+    given = outline.room[0], outline.room[1] if outline.walls else 0.0
+    free = "roll" in freedoms, "pitch" in freedoms, "yaw" in freedoms
+    block = BlockPlay(given, outline.size, free)
+    if not second_order or not any(free):
+        return block
+    corner = math.hypot(*outline.size)
+    for _ in range(40):
+        more = 0.5 * corner * min(block.reach[1], 1.0) ** 2
+        wide = given[0] + more, given[1] + more if given[1] else 0.0
+        excess = max(w / g for w, g in zip(wide, given, strict=True) if g) - 1.0
+        block = BlockPlay(wide, outline.size, free, excess)
+    return block
 
 
 def _unit(vectors: np.ndarray) -> np.ndarray:

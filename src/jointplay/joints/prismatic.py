@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import product
-from typing import ClassVar, Self
+from typing import ClassVar
 
 import numpy as np
 
@@ -15,7 +15,6 @@ from jointplay.core.errors import JointplayError
 from jointplay.core.schema import quantity
 from jointplay.geometry import Shape
 from jointplay.joints.base import VIRTUAL_LINK, Clearance, Outline
-from jointplay.joints.play import BlockPlay
 
 _SIGNS = (1.0, -1.0)
 _ENDS = {1.0: "A", -1.0: "B"}
@@ -37,6 +36,7 @@ class PrismaticClearance(Clearance):
     kind: ClassVar[str] = "prismatic"
     replaces: ClassVar[tuple[str, ...]] = ("prismatic",)
     ideal_freedoms: ClassVar[tuple[str, ...]] = ("z",)
+    clearance_fields: ClassVar[Mapping[str, str | None]] = {"clearance": None, "clearance_y": None}
 
     length: float = quantity("m", default=80e-3, above=0.0, words="slider length")
     """Of the slider, along z [m]."""
@@ -73,11 +73,6 @@ class PrismaticClearance(Clearance):
                     where=(name,),
                 )
 
-    @classmethod
-    def of_room(cls, radial: float, axial: float, sizes: Mapping[str, float]) -> Self:
-        """See `Clearance.of_room`."""
-        return cls(clearance=radial)
-
     @property
     def cy(self) -> float:
         """Clearance across y, on each side [m]."""
@@ -86,8 +81,8 @@ class PrismaticClearance(Clearance):
 
     @property
     def hertz_stiffness(self) -> float:
-        """k of eq. 11 for a corner of the given radius on a plane, or the given one [N/m^1.5]."""
-        return self.hertz(self.corner_radius) if self.stiffness is None else self.stiffness
+        """k of eq. 11 for a corner on a plane, or the given `stiffness` [N/m^1.5]."""
+        return self.hertz(self.corner_radius)
 
     def contact_properties(self, contact: int) -> ContactProperties:
         """The same for all corners."""
@@ -146,77 +141,15 @@ class PrismaticClearance(Clearance):
         return ("x", *(() if self.planar else ("y",)), "z", *turns)
 
     @property
-    def drive_coordinate(self) -> str:
-        """z."""
-        return "z"
-
-    @property
-    def room_to_start(self) -> dict[str, float]:
-        """The clearances across the guide."""
-        return {"x": self.clearance} | ({} if self.planar else {"y": self.cy})
-
-    @property
-    def radial_room(self) -> float:
-        """Clearance across x [m]."""
-        return self.clearance
-
-    @property
-    def depth_limit(self) -> float:
-        """A twentieth of the slider's smaller side."""
-        return 0.05 * min(self.width, self.height)
-
-    @property
     def outline(self) -> Outline:
         """A block in a guide."""
         size = (self.width / 2, self.height / 2, self.length / 2)
         return Outline("block", size, (self.clearance, self.cy, 0.0), not self.planar)
 
     @property
-    def half_width(self) -> float:
-        """Half of the slider's height [m]."""
-        return self.height / 2
-
-    @property
-    def travel(self) -> dict[str, float]:
-        """The clearances across, and the angles at which opposite corners touch."""
-        return {
-            "x": self.clearance,
-            "y": self.cy,
-            "yaw": min(2.0 * self.cy / self.width, 2.0 * self.clearance / self.height),
-            "pitch": 2.0 * self.clearance / self.length,
-            "roll": 2.0 * self.cy / self.length,
-        }
-
-    def play(self, second_order: bool = True) -> BlockPlay:
-        """A slider in a guide."""
-        given = self.clearance, 0.0 if self.planar else self.cy
-        arms = self.width / 2, self.height / 2, self.length / 2
-        free = "roll" in self.freedoms, "pitch" in self.freedoms, "yaw" in self.freedoms
-        block = BlockPlay(given, arms, free)
-        if not second_order or self.lock_tilt:
-            return block
-        corner = math.hypot(*arms)
-        for _ in range(40):
-            more = 0.5 * corner * min(block.reach[1], 1.0) ** 2
-            wide = given[0] + more, given[1] + more if given[1] else 0.0
-            excess = max(w / g for w, g in zip(wide, given, strict=True) if g) - 1.0
-            block = BlockPlay(wide, arms, free, excess)
-        return block
-
-    @property
     def clearances(self) -> dict[str, float]:
         """Across x, and across y unless planar [m]."""
         return {"clearance": self.clearance} | ({} if self.planar else {"clearance_y": self.cy})
-
-    def fits(self, offset: np.ndarray, lean: float, least: float) -> bool:
-        """Across within a rectangle."""
-        x, y, _ = np.abs(offset)
-        across, high = (max(self.room_to_start.get(part, 0.0), least) for part in "xy")
-        return bool(x + lean <= across and y + lean <= high)
-
-    def ideal_part(self, rotation: np.ndarray, centre: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Translation along z."""
-        return np.eye(3), np.array([0.0, 0.0, centre[2]])
 
     def directions(self) -> np.ndarray:
         """At each contact, along its wall's normal."""

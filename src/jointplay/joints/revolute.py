@@ -9,24 +9,20 @@ from typing import ClassVar, Self
 
 import numpy as np
 
+from jointplay import geometry
 from jointplay.contact import ContactProperties, FilmLaw, FilmProperties
 from jointplay.core.errors import JointplayError, require_numbers, require_positive, within
 from jointplay.core.schema import quantity
 from jointplay.core.units import readable
-from jointplay.geometry import EDGE_ROUNDING_M, Shape
+from jointplay.geometry import Shape
 from jointplay.joints.base import (
-    SAMPLES,
     VIRTUAL_LINK,
     BoreWear,
     Hinge,
     Outline,
     RoundClearance,
-    azimuths,
     complete,
-    radial_directions,
-    upright,
 )
-from jointplay.joints.play import JournalPlay
 
 LEAST_AZIMUTHS = 16
 """A worn profile must have at least this many azimuths."""
@@ -49,7 +45,7 @@ class RevoluteClearance(RoundClearance):
     kind: ClassVar[str] = "revolute"
     replaces: ClassVar[tuple[str, ...]] = ("revolute", "continuous")
     ideal_freedoms: ClassVar[tuple[str, ...]] = ("yaw",)
-    in_the_bearing: ClassVar[Mapping[str, str]] = {
+    clearance_fields: ClassVar[Mapping[str, str | None]] = {
         "radial_clearance": "journal_radius",
         "axial_clearance": "journal_length",
     }
@@ -88,13 +84,8 @@ class RevoluteClearance(RoundClearance):
         super().__post_init__()
         # Zero is what was derived below when a result's description is read back.
         if self.walls or self.axial_clearance:
-            lengths = complete(
-                self.axial_clearance,
-                self.bearing_length,
-                self.journal_length,
-                2.0,
-                ("axial", "length"),
-            )
+            given = self.axial_clearance, self.bearing_length, self.journal_length
+            lengths = complete(*given, 2.0, ("axial", "length"))
         else:
             length = self.bearing_length if self.journal_length is None else self.journal_length
             require_positive("journal length", length, "m", ("journal_length",))
@@ -118,7 +109,7 @@ class RevoluteClearance(RoundClearance):
                 self.lubricant.thickest(self.cr)
         if self.worn is not None:
             with within("worn"):
-                object.__setattr__(self, "worn", self._profile(self.worn))
+                object.__setattr__(self, "worn", self._checked_profile(self.worn))
         # A much shorter journal can tilt so far that one rim touches both sides of the bore at
         # once, and its single deepest point would jump (docs/theory.md).
         shortest = 2.0 * math.sqrt(self.rj * self.cr)
@@ -129,7 +120,7 @@ class RevoluteClearance(RoundClearance):
                 where=("journal_length",),
             )
 
-    def _profile(self, worn: object) -> tuple[tuple[float, ...], ...]:
+    def _checked_profile(self, worn: object) -> tuple[tuple[float, ...], ...]:
         """The worn profile, checked: one row if the journal cannot tilt, else two."""
         rows = 1 if self.lock_tilt else 2
         depths = np.atleast_2d(require_numbers("the worn profile", worn))
@@ -158,11 +149,6 @@ class RevoluteClearance(RoundClearance):
         `fields` are those of the joint but for the two locks.
         """
         return cls(lock_tilt=True, lock_axial=True, **fields)  # type: ignore[arg-type]
-
-    @classmethod
-    def of_room(cls, radial: float, axial: float, sizes: Mapping[str, float]) -> Self:
-        """See `Clearance.of_room`."""
-        return cls(radial_clearance=radial, axial_clearance=axial, **sizes)  # type: ignore[arg-type]
 
     @property
     def words(self) -> str:
@@ -218,7 +204,7 @@ class RevoluteClearance(RoundClearance):
         """The lubricant in the radial clearance, along the whole journal."""
         if self.lubricant is None:
             return None
-        return self.lubricant, FilmProperties(self.cr, self.rj, self.lj, len(self.worn_widths))
+        return self.lubricant, FilmProperties(self.cr, self.rj, self.lj, len(self._worn_widths))
 
     @property
     def hinge(self) -> Hinge:
@@ -232,14 +218,14 @@ class RevoluteClearance(RoundClearance):
         if self.wear_rate is None:
             return None
         profile = None if self.worn is None else np.array(self.worn)
-        return BoreWear(self.wear_rate, self.ri, self.rj, self.worn_widths, profile)
+        return BoreWear(self.wear_rate, self.ri, self.rj, self._worn_widths, profile)
 
     def with_worn(self, profile: np.ndarray) -> Self:
         """See `Clearance.with_worn`."""
         return replace(self, worn=profile.tolist())
 
     @property
-    def worn_widths(self) -> tuple[float, ...]:
+    def _worn_widths(self) -> tuple[float, ...]:
         """Length of the bore that each radial contact wears: all of it, or half of it [m]."""
         return (self.lj,) if self.lock_tilt else (self.lj / 2, self.lj / 2)
 
@@ -253,8 +239,8 @@ class RevoluteClearance(RoundClearance):
     @property
     def dimensions(self) -> tuple[float, ...]:
         """R_i, R_j and the half lengths [m]; then the worn profile, if any."""
-        profile = () if self.worn is None else tuple(map(_profile, np.array(self.worn)))
-        return self.ri, self.rj, self.li / 2, self.lj / 2, *(x for row in profile for x in row)
+        rows = [] if self.worn is None else [geometry.worn_bore(row) for row in np.array(self.worn)]
+        return self.ri, self.rj, self.li / 2, self.lj / 2, *(x for row in rows for x in row)
 
     @property
     def contacts(self) -> tuple[str, ...]:
@@ -274,78 +260,22 @@ class RevoluteClearance(RoundClearance):
         return tuple(name for name in VIRTUAL_LINK if name not in locked)
 
     @property
-    def room_to_start(self) -> dict[str, float]:
-        """C_r across the axis and C_a along it."""
-        return {"x": self.cr, "y": self.cr} | ({} if self.lock_axial else {"z": self.ca})
-
-    @property
     def outline(self) -> Outline:
         """A cylinder in a bore."""
-        play = 0.0 if self.lock_axial else self.ca
-        worn = () if self.worn is None else tuple(map(tuple, np.array(self.worn).tolist()))
         return Outline(
             "cylinder",
             (self.rj, self.rj, self.lj / 2),
-            (self.cr, self.cr, play),
+            (self.cr, self.cr, 0.0 if self.lock_axial else self.ca),
             self.walls,
-            worn,
+            tuple(self.worn or ()),  # type: ignore[arg-type]
         )
 
     @property
     def travel(self) -> dict[str, float]:
-        """C_r across, C_a along (without walls, the bore's length), and the steepest lean."""
-        tilt = 2.0 * self.cr / self.lj
-        along = self.ca if self.walls else self.li
-        return {"x": self.cr, "y": self.cr, "z": along, "pitch": tilt, "roll": tilt}
-
-    def play(self, second_order: bool = True) -> JournalPlay:
-        """A journal in a bore."""
-        across = self.cr + (0.0 if self.worn is None else float(np.max(self.worn)))
-        along = self.ca if self.walls else 0.0 if self.lock_axial else math.inf
-        if self.lock_tilt:
-            return JournalPlay(across, along, math.inf, 0.0, radius=self.rj)
-        rim = self.rj if self.walls else 0.0
-        if not second_order:
-            return JournalPlay(across, along, self.lj, rim, radius=self.rj)
-        wide, way = across, along
-        steepest = math.sqrt(2.0 * across / self.rj)  # docs/theory.md, uniqueness
-        for _ in range(40):
-            lean = min(2.0 * wide / self.lj, way / rim if rim else math.inf, steepest, 1.0)
-            shorter = 1.0 - math.sqrt(1.0 - lean * lean)
-            wide = across + self.rj * shorter
-            way = along + 0.5 * self.lj * shorter + EDGE_ROUNDING_M if self.walls else along
-        excess = max(wide / across, way / along if self.walls else 1.0) - 1.0
-        return JournalPlay(wide, way, self.lj, rim, excess, self.rj)
+        """Without walls, the bore's length along."""
+        return super().travel | ({} if self.walls else {"z": self.li})
 
     @property
     def clearances(self) -> dict[str, float]:
         """C_r, and C_a between walls [m]."""
-        return super().clearances | ({"axial_clearance": self.ca} if self.walls else {})
-
-    def fits(self, offset: np.ndarray, lean: float, least: float) -> bool:
-        """Across within a circle, along between the walls."""
-        x, y, z = np.abs(offset)
-        across, along = (max(self.room_to_start.get(part, 0.0), least) for part in "xz")
-        return bool(np.hypot(x, y) + lean <= across and z + lean <= along)
-
-    def ideal_part(self, rotation: np.ndarray, centre: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Upright; along the axis, only what nothing limits."""
-        return upright(rotation), np.array([0.0, 0.0, 0.0 if self.walls else centre[2]])
-
-    def directions(self) -> np.ndarray:
-        """Radial at both ends (or in the middle, without tilt), axial at the rims."""
-        heights = (0.0,) if self.lock_tilt else (self.lj / 2, -self.lj / 2)
-        radial = radial_directions(heights)
-        if not self.walls:
-            return radial
-        c, s, zero = azimuths()
-        arm = 0.0 if self.lock_tilt else self.rj
-        axial = np.column_stack([zero, zero, np.ones(SAMPLES), arm * s, -arm * c, zero])
-        return np.concatenate([radial, axial])
-
-
-def _profile(depths: np.ndarray) -> tuple[float, ...]:
-    """Numbers of one end of a worn bore; numba comes with the first that is worn."""
-    from jointplay.geometry import worn_bore
-
-    return worn_bore(depths)
+        return super().clearances if self.walls else {"radial_clearance": self.cr}

@@ -21,11 +21,11 @@ SOURCES = (
     _PACKAGE.parent / "core" / "compiler.py",
     _PACKAGE.parent / "core" / "numba_inside.py",
     *sorted((_PACKAGE.parent / "geometry").glob("*.py")),
+    _PACKAGE.parent / "contact" / "bristle.py",
     _PACKAGE.parent / "contact" / "calls.py",
     _PACKAGE.parent / "contact" / "compiled.py",
+    _PACKAGE.parent / "contact" / "film.py",
     _PACKAGE.parent / "contact" / "law.py",
-    _PACKAGE.parent / "contact" / "film" / "law.py",
-    _PACKAGE.parent / "contact" / "friction" / "bristle.py",
 )
 """Files whose change must compile the kernel again."""
 

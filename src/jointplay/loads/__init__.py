@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
-from jointplay.core.schema import Family, read, register
+from jointplay.core.schema import Family, register
 from jointplay.loads.base import WORLD, Load
 from jointplay.loads.controller import Controller
 from jointplay.loads.drive import ComputedTorque, Drive, Free, JointFriction, Prescribed, Torque
@@ -33,17 +30,6 @@ LOADS: dict[str, type[Load]] = {
 register(Load, Family("kind", "load", LOADS, bare=False))
 
 
-def load_from_description(description: Mapping[str, Any]) -> Load:
-    """Build the load that `Load.describe` described.
-
-    Raises:
-        JointplayError: no load of that kind, a value that cannot be, or a function of the user's
-            own that is neither known here nor of a trusted module (see `contact.trust`).
-    """
-    load: Load = read(Load, description)
-    return load
-
-
 __all__ = [
     "LOADS",
     "WORLD",
@@ -63,5 +49,4 @@ __all__ = [
     "Wrench",
     "WrenchFunction",
     "WrenchOverTime",
-    "load_from_description",
 ]

@@ -17,33 +17,22 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import KW_ONLY, dataclass
-from itertools import pairwise
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
 from jointplay.contact.compiled import compiled_function
 from jointplay.contact.trust import Absent
-from jointplay.core.errors import (
-    JointplayError,
-    MissingName,
-    Where,
-    require_finite,
-    require_vector,
-)
-from jointplay.core.schema import Described, quantity
+from jointplay.core.errors import JointplayError
+from jointplay.core.schema import Described, check_fields, quantity
 from jointplay.kernel.words import NEVER
 
 if TYPE_CHECKING:
-    import pinocchio as pin
-
     from jointplay.mechanism.mechanism import Mechanism
+    from jointplay.mechanism.model import Frame
 
 WORLD = "world"
 """Name of the frame that does not move."""
-
-Frame = tuple[int, "pin.SE3"]
-"""A Pinocchio joint, and a frame's placement in it."""
 
 Vector = tuple[float, float, float]
 
@@ -82,6 +71,10 @@ class Load(Described, ABC):
     """The one word that selects the load."""
     stores: ClassVar[bool] = False
     """Whether its answer at rest is the slope of an energy: a spring's."""
+
+    def __post_init__(self) -> None:
+        """Check the fields."""
+        check_fields(self)
 
     @abstractmethod
     def site(self, mechanism: Mechanism) -> Site:
@@ -124,6 +117,23 @@ class Load(Described, ABC):
 
 
 @dataclass(frozen=True)
+class OnJoint(Load):
+    """What loads have in common that act on the coordinate of a joint."""
+
+    joint: str
+    """Joint on which it acts."""
+
+    def site(self, mechanism: Mechanism) -> Site:
+        """The joint's coordinate: yaw, or z of a slider, if it has clearance."""
+        at = (mechanism.coordinate(self.joint),)
+        return Site(at, at)
+
+    def record(self, x: np.ndarray, answers: np.ndarray) -> Sequence[Series]:
+        """The torque on the joint's child."""
+        return (Series("torque", answers[:, 0], "N m or N"),)
+
+
+@dataclass(frozen=True)
 class OnFrame(Load):
     """What loads have in common that act at a point of a link or frame."""
 
@@ -133,25 +143,13 @@ class OnFrame(Load):
     at: Vector = quantity("m", default=(0.0, 0.0, 0.0))
     """Point in the axes of `frame` at which it acts [m]."""
 
-    def __post_init__(self) -> None:
-        """Check the point."""
-        object.__setattr__(self, "at", require_vector("at", self.at, "m", ("at",)))
-
-
-def address(load: Load) -> int:
-    """Machine address of the load's compiled law.
-
-    Raises:
-        JointplayError: numba cannot compile it; the message carries numba's reason.
-    """
-    return int(compiled_law(load).address)
-
 
 def compiled_law(load: Load) -> Any:
     """The load's compiled law: its `address`, and `ctypes` to call it from Python.
 
     Raises:
-        JointplayError: see `address`; or it is a function that is not at hand.
+        JointplayError: numba cannot compile it, and the message carries numba's reason; or it is a
+            function that is not at hand.
     """
     law = load.law()
     if isinstance(law, Absent):
@@ -173,13 +171,10 @@ def frame(mechanism: Mechanism, name: str, at: Vector = (0.0, 0.0, 0.0)) -> Fram
 
     model = mechanism.model
     place = pin.SE3(np.eye(3), np.array(at))
-    if model.existFrame(name):
-        found_frame = model.frames[frame_index(model, name)]
-        return int(found_frame.parentJoint), found_frame.placement * place
-    if name == WORLD:
+    if name == WORLD and not model.existFrame(name):
         return 0, place
-    names = [one.name for one in model.frames if one.name != "universe"]
-    raise MissingName("frame for a load", name, dict.fromkeys([WORLD, *names]))
+    held = model.frames[frame_index(model, name, "frame for a load", (WORLD,))]
+    return int(held.parentJoint), held.placement * place
 
 
 def between(mechanism: Mechanism, first: Frame, second: Frame) -> Site:
@@ -194,22 +189,3 @@ def between(mechanism: Mechanism, first: Frame, second: Frame) -> Site:
             f"both belong to {mechanism.model.names[first[0]]!r}"
         )
     return Site(frames=(first, second))
-
-
-def joint_site(mechanism: Mechanism, joint: str) -> Site:
-    """Site of a load at the coordinate of a joint."""
-    at = (mechanism.coordinate(joint),)
-    return Site(at, at)
-
-
-def require_increasing(
-    name: str, values: Sequence[float], unit: str, where: Where = ()
-) -> tuple[float, ...]:
-    """Return finite numbers that increase as floats, else raise naming the first that does not."""
-    checked = tuple(require_finite(name, one, unit, where) for one in values)
-    for before, after in pairwise(checked):
-        if after <= before:
-            raise JointplayError(
-                f"{name} must increase: {before:g} {unit} is followed by {after:g} {unit}", where
-            )
-    return checked

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from jointplay.contact.trust import Absent, path_of
-from jointplay.core.errors import JointplayError, MissingName, require_positive
+from jointplay.core.errors import JointplayError
 from jointplay.core.schema import choice, quantity
 from jointplay.loads.base import Series, Site
 from jointplay.loads.wrench import OfFunction, WrittenFunction
@@ -43,7 +43,7 @@ class WrittenController(WrittenFunction):
 
     joints: tuple[str, ...]
     """Joints whose torques it gives."""
-    period: float | None = quantity("s", default=None)
+    period: float | None = quantity("s", default=None, above=0.0, words="period of a controller")
     """Between two samples [s]; without, the function is compiled."""
     encoder: str = choice("encoder", ENCODERS, default=ENCODERS[0])
     """What it sees: ``link``, ``motor``, or ``both``."""
@@ -85,7 +85,7 @@ class Controller(OfFunction):
     """At module level of an importable file (files then name it as ``module:function``)."""
     parameters: tuple[float, ...] = quantity("", default=())
     """Numbers for the function."""
-    period: float | None = quantity("s", default=None)
+    period: float | None = quantity("s", default=None, above=0.0, words="period of a controller")
     """Between two samples [s]; without, the function is compiled."""
     encoder: str = choice("encoder", ENCODERS, default=ENCODERS[0])
     """What it sees: ``link``, ``motor``, or ``both``."""
@@ -99,14 +99,11 @@ class Controller(OfFunction):
         object.__setattr__(self, "joints", tuple(self.joints))
         if len(set(self.joints)) < len(self.joints):
             raise JointplayError(f"a controller has a joint twice: {', '.join(self.joints)}")
-        if self.encoder not in ENCODERS:
-            raise MissingName("encoder", self.encoder, ENCODERS, where=("encoder",))
+        super().__post_init__()
         if self.period is None:
-            expected: tuple[str, ...] = ("time", "q", "v", "p", "out")
+            self._keep(("time", "q", "v", "p", "out"))
         else:
-            require_positive("period of a controller", self.period, "s", ("period",))
-            expected = ("time", "q", "v", "p")
-        self._keep(expected, may_be_class=self.period is not None)
+            self._keep(("time", "q", "v", "p"), may_be_class=True)
 
     def site(self, mechanism: Mechanism) -> Site:
         """Coordinates that the encoders see, and those that the motors turn."""

@@ -7,15 +7,15 @@ clearance). A drive acts on joints of the URDF; joints that close loops follow.
 from __future__ import annotations
 
 from abc import ABC
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from jointplay import kernel
-from jointplay.core.errors import JointplayError, MissingName, require_finite
-from jointplay.core.schema import Described, Family, check_fields, quantity, register
+from jointplay.core.errors import JointplayError, MissingName, require_increasing
+from jointplay.core.schema import Described, Family, check_fields, choice, quantity, register
 
 if TYPE_CHECKING:
     from jointplay.mechanism.mechanism import Mechanism
@@ -113,24 +113,21 @@ class ComputedTorque(Drive):
     bandwidth: float = quantity("rad/s", default=100.0, above=0.0)
     """Closed-loop natural frequency of each axis [rad/s]."""
     damping_ratio: float = quantity("", default=1.0, least=0.0, words="damping ratio")
-    encoder: str = "link"
+    encoder: str = choice("encoder", ENCODERS, default=ENCODERS[0])
     """Where it sits: on the joint ("link") or, before the play of its gear, on the "motor"."""
 
     def __post_init__(self) -> None:
         """Check all values."""
         check_fields(self)
-        if self.bandwidth > FASTEST:
-            raise JointplayError(
-                f"bandwidth must be at most {FASTEST:g} rad/s, got {self.bandwidth:g}",
-                where=("bandwidth",),
-            )
-        if self.damping_ratio > MOST_DAMPED:
-            raise JointplayError(
-                f"damping ratio must be at most {MOST_DAMPED:g}, got {self.damping_ratio:g}",
-                where=("damping_ratio",),
-            )
-        if self.encoder not in ENCODERS:
-            raise MissingName("encoder", self.encoder, ENCODERS, where=("encoder",))
+        for name, words, most, unit in (
+            ("bandwidth", "bandwidth", FASTEST, " rad/s"),
+            ("damping_ratio", "damping ratio", MOST_DAMPED, ""),
+        ):
+            if getattr(self, name) > most:
+                raise JointplayError(
+                    f"{words} must be at most {most:g}{unit}, got {getattr(self, name):g}",
+                    where=(name,),
+                )
 
 
 @dataclass(frozen=True)
@@ -158,30 +155,20 @@ class Torque(Drive):
     kind: ClassVar[str] = "torque"
     follows: ClassVar[bool] = False
 
-    times: tuple[float, ...] = quantity("s")
+    times: tuple[float, ...] = quantity("s", words="torque times")
     """Increasing [s]."""
-    values: tuple[float, ...] = quantity("N*m", "N")
+    values: tuple[float, ...] = quantity("N*m", "N", words="torque values")
     """[N m, or N for prismatic joints]."""
 
     def __post_init__(self) -> None:
         """Check the points."""
-        for name, unit in (("times", "s"), ("values", "N m")):
-            points: Sequence[float] = getattr(self, name)
-            checked = tuple(
-                require_finite(f"torque {name}", point, unit, (name, index))
-                for index, point in enumerate(points)
-            )
-            object.__setattr__(self, name, checked)
+        check_fields(self)
         if len(self.times) != len(self.values) or not self.times:
             raise JointplayError(
                 f"a torque needs as many times as values and at least one, got {len(self.times)} "
                 f"and {len(self.values)}"
             )
-        for before, after in zip(self.times, self.times[1:], strict=False):
-            if after <= before:
-                raise JointplayError(
-                    f"torque times must increase: {before:g} s is followed by {after:g} s"
-                )
+        require_increasing("torque times", self.times, "s", ("times",))
 
 
 @dataclass(frozen=True)

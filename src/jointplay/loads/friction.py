@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from jointplay.core.errors import JointplayError
-from jointplay.core.schema import check_fields, quantity
+from jointplay.core.schema import quantity
 from jointplay.kernel.words import ALWAYS
-from jointplay.loads.base import Load, Series, Site, joint_site
+from jointplay.loads.base import OnJoint, Site
 
 if TYPE_CHECKING:
     from jointplay.mechanism.mechanism import Mechanism
@@ -29,7 +29,7 @@ def _rubbed(time: Any, x: Any, dx: Any, p: Any, out: Any) -> None:
 
 
 @dataclass(frozen=True)
-class LoadedFriction(Load):
+class LoadedFriction(OnJoint):
     """Dry friction of a bearing under the force F that its joint transmits.
 
     Revolute: coefficient (radius |F across the axis| + axial_radius |F along it|); prismatic:
@@ -47,8 +47,6 @@ class LoadedFriction(Load):
     kind: ClassVar[str] = "loaded-friction"
     stores: ClassVar[bool] = True  # its answer at rest is zero
 
-    joint: str
-    """Joint that it brakes."""
     coefficient: float = quantity("", least=0.0, words="coefficient of friction")
     """Of friction."""
     radius: float = quantity("m", default=0.0, least=0.0, words="bearing radius")
@@ -56,13 +54,9 @@ class LoadedFriction(Load):
     axial_radius: float = quantity("m", default=0.0, least=0.0, words="axial radius")
     """Mean radius of the face that takes the force along the axis [m]."""
 
-    def __post_init__(self) -> None:
-        """Check the numbers."""
-        check_fields(self)
-
     def site(self, mechanism: Mechanism) -> Site:
         """The joint's coordinate."""
-        site = joint_site(mechanism, self.joint)
+        site = super().site(mechanism)
         if mechanism.loops:
             raise JointplayError(
                 f"the friction of joint {self.joint!r} cannot grow with its load: in a mechanism "
@@ -100,7 +94,3 @@ class LoadedFriction(Load):
         if slides:
             return self.coefficient * across
         return self.coefficient * (self.radius * across + self.axial_radius * abs(along))
-
-    def record(self, x: np.ndarray, answers: np.ndarray) -> Sequence[Series]:
-        """The torque on the joint's child."""
-        return (Series("torque", answers[:, 0], "N m or N"),)

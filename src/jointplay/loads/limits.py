@@ -6,7 +6,7 @@ joint, time and value, those of the reference before the run and those of the ru
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -27,8 +27,8 @@ INTERVAL_S = 1e-3
 MARGIN = 1e-6
 """What passes for rounding [rad or m; of speeds and efforts relative]."""
 
-_SPEEDS, _EFFORTS = ("rad/s", "m/s"), ("N m", "N")
-_POSITIONS = ("rad", "m")
+_SIZES = {"speed": ("a speed", ("rad/s", "m/s")), "effort": ("an effort", ("N m", "N"))}
+"""Words and units, of revolute and of prismatic joints."""
 
 
 def require_known(limits: str) -> str:
@@ -59,14 +59,13 @@ def check_motion(mechanism: Mechanism, motion: Motion, joints: Sequence[str]) ->
     lines = []
     for name in joints:
         entry, k = mechanism.description.joints[name], motion.joints.index(name)
-        worst = _positions(entry, times, position[:, k])
-        if worst is not None:
+        place = _position_beyond(entry, times, position[:, k])
+        if place is not None:
             raise JointplayError(
-                f"the motion takes joint {name!r} to {worst}; change it, or say limits = ignore"
+                f"the motion takes joint {name!r} to {place}; change it, or say limits = ignore"
             )
-        text = _largest(entry.speed, times, velocity[:, k], "a speed", _unit(entry, _SPEEDS))
-        if text:
-            lines.append(f"the motion asks joint {name!r} for {text}")
+        text = _size_beyond(entry, "speed", times, velocity[:, k])
+        lines += [f"the motion asks joint {name!r} for {text}"] if text else []
     return lines
 
 
@@ -82,21 +81,12 @@ def beyond(
         effort: of drives and controllers on the coordinates (n, nv).
     """
     lines = []
-    for name in mechanism.joints:
-        entry = mechanism.description.joints.get(name)
-        if entry is None or not len(times):
-            continue
-        at = mechanism.coordinate(name)
-        worst = _positions(entry, times, q[:, at])
-        if worst is not None:
-            lines.append(f"joint {name!r} was at {worst}")
-        for limit, values, word, units in (
-            (entry.speed, v[:, at], "a speed", _SPEEDS),
-            (entry.effort, effort[:, mechanism.motor(name)], "an effort", _EFFORTS),
-        ):
-            text = _largest(limit, times, values, word, _unit(entry, units))
-            if text:
-                lines.append(f"joint {name!r} had {text}")
+    for name, entry, position, sizes in _histories(mechanism, q, v, effort):
+        place = _position_beyond(entry, times, position) if len(times) else None
+        lines += [f"joint {name!r} was at {place}"] if place else []
+        for what, values in sizes.items():
+            text = _size_beyond(entry, what, times, values) if len(times) else None
+            lines += [f"joint {name!r} had {text}"] if text else []
     return tuple(lines)
 
 
@@ -107,28 +97,28 @@ def worst(mechanism: Mechanism, q: np.ndarray, v: np.ndarray, effort: np.ndarray
         Their places, ascending.
     """
     rows = {0}
-    for name in mechanism.joints:
-        entry = mechanism.description.joints.get(name)
-        if entry is None:
-            continue
-        at = mechanism.coordinate(name)
-        rows |= {int(np.argmax(q[:, at])), int(np.argmin(q[:, at]))}
-        for limit, values in (
-            (entry.speed, v[:, at]),
-            (entry.effort, effort[:, mechanism.motor(name)]),
-        ):
+    for _, entry, position, sizes in _histories(mechanism, q, v, effort):
+        rows |= {int(np.argmax(position)), int(np.argmin(position))}
+        for what, values in sizes.items():
+            limit = getattr(entry, what)
             if limit is not None:
-                sizes = np.abs(values)
-                over = sizes > limit * (1.0 + MARGIN)
-                rows |= {int(np.argmax(sizes)), int(np.argmax(over))}
+                over = np.abs(values) > limit * (1.0 + MARGIN)
+                rows |= {int(np.argmax(np.abs(values))), int(np.argmax(over))}
     return np.array(sorted(rows))
 
 
-def _unit(entry: JointEntry, units: tuple[str, str]) -> str:
-    return units[entry.slides]
+def _histories(
+    mechanism: Mechanism, q: np.ndarray, v: np.ndarray, effort: np.ndarray
+) -> Iterator[tuple[str, JointEntry, np.ndarray, dict[str, np.ndarray]]]:
+    """Name, entry, position and, by the name of its limit, speed and effort of each joint."""
+    for name in mechanism.joints:
+        entry = mechanism.description.joints.get(name)
+        if entry is not None:
+            at, motor = mechanism.coordinate(name), mechanism.motor(name)
+            yield name, entry, q[:, at], {"speed": v[:, at], "effort": effort[:, motor]}
 
 
-def _positions(entry: JointEntry, times: np.ndarray, values: np.ndarray) -> str | None:
+def _position_beyond(entry: JointEntry, times: np.ndarray, values: np.ndarray) -> str | None:
     """Where a position is furthest beyond its limits; None if nowhere."""
     if entry.lower is None or entry.upper is None:
         return None
@@ -136,17 +126,16 @@ def _positions(entry: JointEntry, times: np.ndarray, values: np.ndarray) -> str 
     at = int(np.argmax(over))
     if not over[at] > MARGIN:
         return None
-    unit = _unit(entry, _POSITIONS)
+    unit = "m" if entry.slides else "rad"
     return (
         f"{values[at]:.6g} {unit} at t = {times[at]:.4g} s, beyond its limits "
         f"{entry.lower:g} to {entry.upper:g} {unit}"
     )
 
 
-def _largest(
-    limit: float | None, times: np.ndarray, values: np.ndarray, word: str, unit: str
-) -> str | None:
+def _size_beyond(entry: JointEntry, what: str, times: np.ndarray, values: np.ndarray) -> str | None:
     """The largest value and when, if it is beyond its limit, and when that began."""
+    limit = getattr(entry, what)
     if limit is None:
         return None
     sizes = np.abs(values)
@@ -154,7 +143,9 @@ def _largest(
     if not sizes[at] > limit * (1.0 + MARGIN):
         return None
     first = times[int(np.argmax(sizes > limit * (1.0 + MARGIN)))]
+    words, units = _SIZES[what]
+    unit = units[entry.slides]
     return (
-        f"{word} of {values[at]:.4g} {unit} at t = {times[at]:.4g} s, beyond its limit of "
+        f"{words} of {values[at]:.4g} {unit} at t = {times[at]:.4g} s, beyond its limit of "
         f"{limit:g} {unit} (first at {first:.4g} s)"
     )

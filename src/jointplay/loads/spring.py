@@ -9,26 +9,18 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from jointplay.core.errors import (
-    JointplayError,
-    require_finite,
-    require_non_negative,
-    require_positive,
-    require_vector,
-)
+from jointplay.core.errors import JointplayError, require_increasing
 from jointplay.core.schema import quantity
 from jointplay.kernel.words import ALWAYS, IF_PRESSED, NEVER
 from jointplay.loads.base import (
     WORLD,
-    Load,
     OnFrame,
+    OnJoint,
     Series,
     Site,
     Vector,
     between,
     frame,
-    joint_site,
-    require_increasing,
 )
 
 if TYPE_CHECKING:
@@ -86,15 +78,8 @@ class _Between(OnFrame):
     """Link or frame at its other end; ``world`` is the ground."""
     other_at: Vector = quantity("m", default=(0.0, 0.0, 0.0))
     """Point in the axes of `other` [m]."""
-    damping: float = quantity("N*s/m", default=0.0)
+    damping: float = quantity("N*s/m", default=0.0, least=0.0, words="spring damping")
     """[N s/m]."""
-
-    def __post_init__(self) -> None:
-        """Check points and damping."""
-        super().__post_init__()
-        other = require_vector("other_at", self.other_at, "m", ("other_at",))
-        object.__setattr__(self, "other_at", other)
-        require_non_negative("spring damping", self.damping, "N s/m", ("damping",))
 
     def site(self, mechanism: Mechanism) -> Site:
         """Between both points."""
@@ -128,16 +113,10 @@ class Spring(_Between):
 
     kind: ClassVar[str] = "spring"
 
-    stiffness: float = quantity("N/m")
+    stiffness: float = quantity("N/m", above=0.0, words="spring stiffness")
     """[N/m]."""
-    free_length: float = quantity("m")
+    free_length: float = quantity("m", least=0.0, words="free length")
     """Length at which it does not pull [m]."""
-
-    def __post_init__(self) -> None:
-        """Check the numbers."""
-        super().__post_init__()
-        require_positive("spring stiffness", self.stiffness, "N/m", ("stiffness",))
-        require_non_negative("free length", self.free_length, "m", ("free_length",))
 
     def law(self) -> Callable[..., None]:
         """Force along the line between the points."""
@@ -171,25 +150,20 @@ class CurveSpring(_Between):
 
     kind: ClassVar[str] = "curve-spring"
 
-    lengths: tuple[float, ...] = quantity("m")
+    lengths: tuple[float, ...] = quantity("m", words="spring lengths")
     """Increasing [m]."""
-    forces: tuple[float, ...] = quantity("N")
+    forces: tuple[float, ...] = quantity("N", words="spring forces")
     """Force at each length [N]."""
 
     def __post_init__(self) -> None:
         """Check the points."""
         super().__post_init__()
-        lengths = require_increasing("spring lengths", self.lengths, "m", ("lengths",))
-        forces = tuple(
-            require_finite("spring forces", one, "N", ("forces",)) for one in self.forces
-        )
-        if len(lengths) != len(forces) or len(lengths) < 2:
+        require_increasing("spring lengths", self.lengths, "m", ("lengths",))
+        if len(self.lengths) != len(self.forces) or len(self.lengths) < 2:
             raise JointplayError(
                 "a spring's curve needs as many lengths as forces and at least two, got "
-                f"{len(lengths)} and {len(forces)}"
+                f"{len(self.lengths)} and {len(self.forces)}"
             )
-        object.__setattr__(self, "lengths", lengths)
-        object.__setattr__(self, "forces", forces)
 
     def law(self) -> Callable[..., None]:
         """Force along the line between the points."""
@@ -218,11 +192,6 @@ class CurveSpring(_Between):
 # Springs at a joint: a torsion spring, and stops with stiffness and damping.
 
 
-STIFFNESS = ("N*m/rad", "N/m")
-DAMPING = ("N*m*s/rad", "N*s/m")
-ANGLE = ("rad", "m")
-
-
 def _twisted(time: Any, x: Any, dx: Any, p: Any, out: Any) -> None:
     """p: stiffness, damping, rest."""
     out[0] = -p[0] * (x[0] - p[2]) - p[1] * dx[0]
@@ -238,33 +207,19 @@ def _stopped(time: Any, x: Any, dx: Any, p: Any, out: Any) -> None:
 
 
 @dataclass(frozen=True)
-class _AtJoint(Load):
+class _AtJoint(OnJoint):
     """What springs at a joint have in common."""
 
     stores: ClassVar[bool] = True
 
-    joint: str
-    """Joint at which it acts."""
-    stiffness: float = quantity(*STIFFNESS)
+    stiffness: float = quantity("N*m/rad", "N/m", above=0.0)
     """[N m/rad, or N/m for prismatic joints]."""
-    damping: float = quantity(*DAMPING, default=0.0)
+    damping: float = quantity("N*m*s/rad", "N*s/m", default=0.0, least=0.0)
     """[N m s/rad or N s/m]."""
-
-    def site(self, mechanism: Mechanism) -> Site:
-        """The joint's coordinate: yaw, or z of a slider, if it has clearance."""
-        return joint_site(mechanism, self.joint)
 
     def steepest(self) -> float:
         """Its stiffness."""
         return self.stiffness
-
-    def record(self, x: np.ndarray, answers: np.ndarray) -> Sequence[Series]:
-        """The torque on the joint's child."""
-        return (Series("torque", answers[:, 0], "N m or N"),)
-
-    def _check(self, name: str) -> None:
-        require_positive(f"stiffness of a {name}", self.stiffness, "N m/rad", ("stiffness",))
-        require_non_negative(f"damping of a {name}", self.damping, "N m s/rad", ("damping",))
 
 
 @dataclass(frozen=True)
@@ -277,13 +232,8 @@ class TorsionSpring(_AtJoint):
 
     kind: ClassVar[str] = "torsion-spring"
 
-    rest: float = quantity(*ANGLE, default=0.0)
+    rest: float = quantity("rad", "m", default=0.0)
     """Position at which it does not push [rad or m]."""
-
-    def __post_init__(self) -> None:
-        """Check the numbers."""
-        self._check("torsion spring")
-        require_finite("rest of a torsion spring", self.rest, "rad", ("rest",))
 
     def law(self) -> Callable[..., None]:
         """Linear."""
@@ -313,22 +263,17 @@ class Stop(_AtJoint):
 
     kind: ClassVar[str] = "stop"
 
-    lower: float | None = quantity(*ANGLE, default=None)
+    lower: float | None = quantity("rad", "m", default=None, words="lower stop")
     """Where the lower one begins; the URDF's limit if not given [rad or m]."""
-    upper: float | None = quantity(*ANGLE, default=None)
+    upper: float | None = quantity("rad", "m", default=None, words="upper stop")
     """The upper one."""
 
     def __post_init__(self) -> None:
         """Check the numbers."""
-        self._check("stop")
-        ends = [
-            require_finite(f"{name} stop", value, "rad", (name,))
-            for name, value in (("lower", self.lower), ("upper", self.upper))
-            if value is not None
-        ]
-        if len(ends) == 2 and not ends[0] < ends[1]:
+        super().__post_init__()
+        if self.lower is not None and self.upper is not None and not self.lower < self.upper:
             raise JointplayError(
-                f"the lower stop must be below the upper one, got {ends[0]:g} and {ends[1]:g}"
+                f"the lower stop must be below the upper one, got {self.lower:g} and {self.upper:g}"
             )
 
     def law(self) -> Callable[..., None]:
@@ -344,8 +289,7 @@ class Stop(_AtJoint):
         entry = mechanism.description.joints.get(self.joint)
         lower = self.lower if self.lower is not None else getattr(entry, "lower", None)
         upper = self.upper if self.upper is not None else getattr(entry, "upper", None)
-        low = -np.inf if lower is None else lower
-        high = np.inf if upper is None else upper
+        low, high = -np.inf if lower is None else lower, np.inf if upper is None else upper
         if low == -np.inf and high == np.inf:
             raise JointplayError(
                 f"a stop of joint {self.joint!r} needs lower or upper: the URDF gives no limits"

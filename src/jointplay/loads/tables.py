@@ -44,14 +44,9 @@ class Reference:
     when it goes on to the next ones.
 
     Args:
-        columns: by driven coordinate, in the order of the drives' rows: either the samples of a
-            torque over time, or the place of a joint in `follows`.
+        rows: the table at some times, which follow each other; whether to show a bar.
         nodes: of the whole table.
-        follows: the joints that follow `motion`.
-        motion: their reference.
-        ideal: gives the efforts of those that are fed forward.
-        efforts: of those that are fed forward, by place in `follows`: the drive's effort, from the
-            ideal mechanism's, velocity and acceleration.
+        ideal: ideal mechanism whose efforts are in it, if any.
         ahead: nodes that must be in memory beyond the present time.
         progress: show a bar on standard error while the first blocks are made, if that takes long.
 
@@ -63,19 +58,14 @@ class Reference:
 
     def __init__(
         self,
-        columns: list[Any],
+        rows: Callable[[np.ndarray, bool], np.ndarray],
         nodes: int,
-        follows: list[str],
-        motion: Motion | None,
         ideal: IdealMotion | None,
-        efforts: Mapping[int, Efforts],
         ahead: int,
         progress: bool,
     ) -> None:
         """Tabulate the first blocks."""
-        self._columns, self.nodes, self._motion, self._ideal = columns, nodes, motion, ideal
-        self._order = [] if motion is None else [motion.joints.index(name) for name in follows]
-        self._efforts = efforts
+        self._rows, self.nodes, self._ideal = rows, nodes, ideal
         self._block = max(BLOCK_NODES, ahead)
         if nodes <= 2 * self._block:
             self._block = nodes
@@ -120,23 +110,7 @@ class Reference:
     def _make(self, block: int, progress: bool = False) -> np.ndarray:
         first = block * self._block
         times = np.arange(first, min(first + self._block, self.nodes)) * REFERENCE_NODE_S
-        table = np.zeros((3, len(times), max(len(self._columns), 1)))
-        if self._order:
-            assert self._motion is not None
-            position, velocity, acceleration = (
-                values[:, self._order] for values in self._motion(times)
-            )
-        if self._ideal is not None:
-            effort = self._ideal.efforts(times, progress)
-        for u, column in enumerate(self._columns):
-            if not isinstance(column, int):
-                table[2, :, u] = np.interp(times, *column)
-                continue
-            table[0, :, u], table[1, :, u] = position[:, column], velocity[:, column]
-            if column in self._efforts:
-                states = (values[:, column] for values in (effort, velocity, acceleration))
-                table[2, :, u] = self._efforts[column](*states)
-        return np.hstack(list(table))
+        return self._rows(times, progress)
 
 
 def nodes_ahead(seconds: float) -> int:
@@ -224,9 +198,26 @@ def tabulate(
             kd = 2.0 * drive.damping_ratio * drive.bandwidth * inertia
             row = drive_row(u, at, seen, kp, kd, limit=limit)
         rows.append(row)
-    reference = Reference(
-        columns, nodes, follows, motion, ideal, efforts, nodes_ahead(ahead), progress
-    )
+
+    def rows_at(times: np.ndarray, bar: bool) -> np.ndarray:
+        table = np.zeros((3, len(times), max(len(columns), 1)))
+        if follows:
+            assert motion is not None
+            order = [motion.joints.index(name) for name in follows]
+            position, velocity, acceleration = (values[:, order] for values in motion(times))
+        if ideal is not None:
+            effort = ideal.efforts(times, bar)
+        for u, column in enumerate(columns):
+            if not isinstance(column, int):
+                table[2, :, u] = np.interp(times, *column)
+                continue
+            table[0, :, u], table[1, :, u] = position[:, column], velocity[:, column]
+            if column in efforts:
+                states = (values[:, column] for values in (effort, velocity, acceleration))
+                table[2, :, u] = efforts[column](*states)
+        return np.hstack(list(table))
+
+    reference = Reference(rows_at, nodes, ideal, nodes_ahead(ahead), progress)
     tables = CoordinateTables(
         stacked(rows, layout.DRIVE_ROW),
         _friction_rows(mechanism, friction),

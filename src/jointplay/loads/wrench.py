@@ -13,14 +13,14 @@ import numpy as np
 from jointplay.contact.trust import (
     Absent,
     Place,
+    function_of,
     function_or_absent,
-    know,
-    named,
     path_of,
-    resolved_function,
+    place_of,
+    remember,
     source_of,
 )
-from jointplay.core.errors import JointplayError, MissingName, require_finite, require_vector
+from jointplay.core.errors import JointplayError, require_increasing
 from jointplay.core.schema import choice, quantity
 from jointplay.loads.base import (
     WORLD,
@@ -31,7 +31,6 @@ from jointplay.loads.base import (
     Vector,
     between,
     frame,
-    require_increasing,
 )
 
 if TYPE_CHECKING:
@@ -65,21 +64,17 @@ class OfFunction(Load):
     parameters: tuple[float, ...]
 
     def _keep(self, expected: tuple[str, ...], may_be_class: bool = False) -> None:
-        """Check function and parameters, and remember the function.
+        """Check the function's arguments, and remember it.
 
         Raises:
-            JointplayError: it takes other arguments than `expected`, or a number is not finite.
+            JointplayError: it takes other arguments than `expected`.
         """
         function = getattr(self.function, "py_func", self.function)  # numba's own wrapping
         if not isinstance(function, Absent):
             if not (may_be_class and inspect.isclass(function)):
                 _check_arguments(function, expected)
-            know(function)
-        checked = tuple(
-            require_finite("parameter", one, "", ("parameters",)) for one in self.parameters
-        )
+            remember(function)
         object.__setattr__(self, "function", function)
-        object.__setattr__(self, "parameters", checked)
 
     def describe(self) -> dict[str, Any]:
         """Kind and fields; the function by its ``module:function``, and its text."""
@@ -102,9 +97,7 @@ class OfFunction(Load):
     def __reduce__(self) -> tuple[Any, ...]:
         """Go to another process by the name of its function, as to a file."""
         fields = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}  # type: ignore[arg-type]
-        function = fields.pop("function")
-        place = function if isinstance(function, Absent) else named(function)
-        return _restored, (type(self), place, fields)
+        return _restored, (type(self), place_of(fields.pop("function")), fields)
 
 
 def _check_arguments(function: Any, expected: tuple[str, ...]) -> None:
@@ -122,9 +115,9 @@ def _check_arguments(function: Any, expected: tuple[str, ...]) -> None:
         )
 
 
-def _restored(kind: Any, place: Place | Absent, fields: dict[str, Any]) -> Any:
-    function: Any = place if isinstance(place, Absent) else resolved_function(place)
-    return kind(function=function, **fields)
+def _restored(kind: Any, place: Place, fields: dict[str, Any]) -> Any:
+    """Build a load again from the name of its function."""
+    return kind(function=function_of(place), **fields)
 
 
 AXES = ("world", "frame")
@@ -185,12 +178,6 @@ class _InAxes(_Pushing):
     axes: str = choice("axes for a wrench", AXES, default=AXES[0])
     """Axes of force and moment: ``world``, or ``frame``: they turn with it."""
 
-    def __post_init__(self) -> None:
-        """Check point and axes."""
-        super().__post_init__()
-        if self.axes not in AXES:
-            raise MissingName("axes for a wrench", self.axes, AXES, where=("axes",))
-
     def law(self) -> Callable[..., None]:
         """Linear between the times of a table."""
         return _given
@@ -211,12 +198,6 @@ class Wrench(_InAxes):
     moment: Vector = quantity("N*m", default=(0.0, 0.0, 0.0))
     """[N m]."""
 
-    def __post_init__(self) -> None:
-        """Check the numbers."""
-        super().__post_init__()
-        for name, unit in (("force", "N"), ("moment", "N m")):
-            object.__setattr__(self, name, require_vector(name, getattr(self, name), unit, (name,)))
-
     def numbers(self, mechanism: Mechanism) -> np.ndarray:
         """Numbers of `_given`: a table of one row."""
         turns = self.axes == "frame"
@@ -234,7 +215,7 @@ class WrenchOverTime(_InAxes):
 
     kind: ClassVar[str] = "wrench-over-time"
 
-    times: tuple[float, ...] = quantity("s")
+    times: tuple[float, ...] = quantity("s", words="wrench times")
     """Increasing [s]."""
     forces: tuple[Vector, ...] = quantity("N", default=())
     """Force at each time [N]; none if not given."""
@@ -244,16 +225,12 @@ class WrenchOverTime(_InAxes):
     def __post_init__(self) -> None:
         """Check the table."""
         super().__post_init__()
-        object.__setattr__(
-            self, "times", require_increasing("wrench times", self.times, "s", ("times",))
-        )
-        for name, unit in (("forces", "N"), ("moments", "N m")):
-            rows = tuple(require_vector(name, row, unit, (name,)) for row in getattr(self, name))
+        require_increasing("wrench times", self.times, "s", ("times",))
+        for name, rows in (("forces", self.forces), ("moments", self.moments)):
             if rows and len(rows) != len(self.times):
                 raise JointplayError(
                     f"a wrench over time has {len(self.times)} times but {len(rows)} {name}"
                 )
-            object.__setattr__(self, name, rows)
         if not self.times or not (self.forces or self.moments):
             raise JointplayError("a wrench over time needs times, and forces or moments for each")
 

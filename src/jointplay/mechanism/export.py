@@ -52,8 +52,8 @@ def to_urdf(mechanism: Mechanism) -> str:
         raise JointplayError(f"{what} {name!r} cannot be written: URDF knows only trees of joints")
     text = mechanism.description.text
     data = text.encode("utf-8")
-    root = ElementTree.fromstring(text)
-    elements = {joint.get("name", ""): joint for joint in root.findall("joint")}
+    joints = mechanism.description.elements().findall("joint")
+    elements = {joint.get("name", ""): joint for joint in joints}
     taken = set(elements) | set(mechanism.description.links)
     pieces, end = [], 0
     for name, start, stop in _spans(data):

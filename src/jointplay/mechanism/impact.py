@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from jointplay.contact.bristle import BristleLaw
 from jointplay.contact.calls import call_normal
 from jointplay.contact.compiled import MAX_PARAMETERS, address, compiled_law
-from jointplay.contact.friction.bristle import BristleLaw
 from jointplay.contact.law import FrictionLaw, NormalForceLaw
 from jointplay.core.compiler import njit, pointer
 from jointplay.core.errors import JointplayError, require_non_negative, require_positive

@@ -14,13 +14,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pinocchio as pin
 
-from jointplay.core.errors import JointplayError, require_vector
-from jointplay.core.schema import Described, quantity
+from jointplay.core.errors import JointplayError
+from jointplay.core.schema import Described, check_fields, quantity
 
 if TYPE_CHECKING:
-    from jointplay.joints import Clearance
     from jointplay.mechanism.mechanism import Mechanism
-
 
 Vector = tuple[float, float, float]
 
@@ -69,10 +67,7 @@ class Loop(Described):
             raise JointplayError(
                 f"a loop needs two links, got {self.bearing_link!r} for both bearing and journal"
             )
-        for name in ("bearing_xyz", "bearing_rpy", "journal_xyz", "journal_rpy"):
-            unit = "m" if name.endswith("xyz") else "rad"
-            checked = require_vector(name, getattr(self, name), unit, (name,))
-            object.__setattr__(self, name, checked)
+        check_fields(self)
 
     @property
     def bearing(self) -> pin.SE3:
@@ -246,24 +241,21 @@ def _gap(mechanism: Mechanism, q: np.ndarray, offsets: dict[str, np.ndarray]) ->
 
 
 def _fit(mechanism: Mechanism, q: np.ndarray) -> bool:
-    """Whether ideal loops are closed and every journal lies within its clearance."""
+    """Whether ideal loops are closed and every journal touches nothing, to be on the safe side."""
     open_by = misfit(mechanism, q)
     for name, part in open_by.items():
         if name not in mechanism.clearance and np.abs(part).max() > ASSEMBLY_TOLERANCE_M:
             return False
     for name, joint in mechanism.clearance.items():
         pose = mechanism.journal_pose(name)
-        if not _has_room(joint, pose, leans=name in mechanism.loops):
+        turn, centre = joint.ideal_part(pose.rotation, pose.translation)
+        lean = 0.0
+        if name in mechanism.loops:  # in a tree journals only move aside
+            tilt = float(np.abs(pin.log3(pose.rotation @ turn.T)).max())
+            lean = tilt * joint.arm(pose.translation)
+        if not joint.fits(pose.translation - centre, lean, ASSEMBLY_TOLERANCE_M):
             return False
     return True
-
-
-def _has_room(joint: Clearance, pose: pin.SE3, leans: bool) -> bool:
-    """Whether a journal touches nothing, to be on the safe side; `leans`: tilt counts."""
-    turn, centre = joint.ideal_part(pose.rotation, pose.translation)
-    tilt = float(np.abs(pin.log3(pose.rotation @ turn.T)).max()) if leans else 0.0
-    lean = tilt * joint.arm(pose.translation)
-    return joint.fits(pose.translation - centre, lean, ASSEMBLY_TOLERANCE_M)
 
 
 def _blame(
@@ -324,23 +316,22 @@ def consistent_velocity(
     if not mechanism.loops:
         return v.copy()
     limit = 1e-9 * max(1.0, float(np.abs(v).max(initial=0.0)))
-    every, ideal = closing_rows(mechanism, q), set(mechanism.loops) - set(mechanism.clearance)
-    moved = v
+
+    def moving(rows: np.ndarray, given: Sequence[int], journals: bool) -> tuple[np.ndarray, float]:
+        """The velocity, and the largest that `rows` still forbid."""
+        moved = _moving(mechanism, v, rows, _free(mechanism, given, journals))
+        return moved, float(np.abs(rows @ moved).max(initial=0.0))
+
+    every = closing_rows(mechanism, q)
     for journals in (False, True):
-        moved = _moving(mechanism, v, every, _free(mechanism, held, journals))
-        if np.abs(every @ moved).max(initial=0.0) <= limit:
+        moved, left = moving(every, held, journals)
+        if left <= limit:
             return moved
-    left = float(np.abs(every @ moved).max(initial=0.0))
-    alone = _moving(mechanism, v, every, _free(mechanism, held if led is None else led, True))
-    if np.abs(every @ alone).max(initial=0.0) > limit:
-        raise JointplayError(
-            f"the initial speeds would tear a loop apart at {left:.3g} m/s: the driven joints "
-            "cannot move like this in this configuration"
-        )
-    strict = closing_rows(mechanism, q, ideal)
-    free = _free(mechanism, held, journals=True)
-    moved = _moving(mechanism, v, strict, free)
-    left = float(np.abs(strict @ moved).max(initial=0.0))
+    torn = f"the initial speeds would tear a loop apart at {left:.3g} m/s: "
+    if moving(every, held if led is None else led, True)[1] > limit:
+        raise JointplayError(f"{torn}the driven joints cannot move like this in this configuration")
+    ideal = set(mechanism.loops) - set(mechanism.clearance)
+    moved, left = moving(closing_rows(mechanism, q, ideal), held, True)
     if left > limit:
         given = [name for name in mechanism.joints if mechanism.coordinate(name) in held]
         raise JointplayError(

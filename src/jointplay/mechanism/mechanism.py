@@ -13,12 +13,12 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
-from jointplay.core.errors import JointplayError, MissingName, require_finite, within
+from jointplay.core.errors import JointplayError, MissingName, Where, require_finite, within
 from jointplay.core.imports import load_object
 from jointplay.core.overview import Overview, few
 from jointplay.core.schema import Described, plain, quantity
@@ -27,22 +27,15 @@ from jointplay.joints import MOTOR, RELATIVE, UNNAMED_KIND, VIRTUAL_LINK, Cleara
 from jointplay.mechanism import urdf
 from jointplay.mechanism.gear import Gear
 from jointplay.mechanism.loop import Lock, Loop, refuse_name
-from jointplay.mechanism.model import build, parse
+from jointplay.mechanism.model import Frame, build, parse
 from jointplay.mechanism.robots import urdf_of
 from jointplay.mechanism.urdf import GRAVITY, STANDARD_GRAVITY
-
-if TYPE_CHECKING:
-    from jointplay.mechanism.visuals import Visuals
-
 
 # Where bearing and journal of joints are, how they move, and what holds loops together.
 
 
 _AXIS_ARM_M = 0.05
 """Distance of the two points that hold the axis of an ideal revolute joint in a loop."""
-
-Frame = tuple[int, pin.SE3]
-"""A Pinocchio joint, and a frame's placement in it."""
 
 
 def signs_between(model: pin.Model, first: int, second: int) -> np.ndarray:
@@ -56,11 +49,34 @@ def signs_between(model: pin.Model, first: int, second: int) -> np.ndarray:
     return signs
 
 
-def frame_index(model: pin.Model, name: str) -> int:
-    """Index of the frame `name`; if a link and a joint are called like this, of the link's."""
+def frame_index(
+    model: pin.Model, name: str, noun: str = "frame", more: Sequence[str] = (), where: Where = ()
+) -> int:
+    """Index of the frame `name`; if a link and a joint are called like this, of the link's.
+
+    Raises:
+        MissingName: no such frame; `noun` is what it is called, `more` what there is besides.
+    """
     if model.existFrame(name, pin.FrameType.BODY):
         return int(model.getFrameId(name, pin.FrameType.BODY))
+    if not model.existFrame(name):
+        frames = (frame.name for frame in model.frames if frame.name != "universe")
+        raise MissingName(noun, name, dict.fromkeys([*more, *frames]), where=where)
     return int(model.getFrameId(name))
+
+
+def _gravity(given: Sequence[float] | str) -> tuple[float, float, float]:
+    """Gravity by components or by word, checked."""
+    if isinstance(given, str):
+        if given not in GRAVITY:
+            raise MissingName("gravity", given, GRAVITY, where=("gravity",))
+        given = GRAVITY[given]
+    if len(given) != 3:
+        raise JointplayError(
+            f"gravity must have three components, got {given!r}", where=("gravity",)
+        )
+    x, y, z = (require_finite("gravity", g, "m/s^2", ("gravity",)) for g in given)
+    return x, y, z
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,7 +113,8 @@ class Mechanism(Overview, Described):
     Attributes:
         model, data: the Pinocchio model and data that the simulation uses.
         coordinates: names of the generalised coordinates, in the order of q and v.
-        clearance: those of the joints that have clearance.
+        given_joints: as given, ideal ones too, which say of what kind a loop's joint or a ball is.
+        clearance: those of them that have clearance.
         loops, gears: as given.
         locks: by loop whose joint locks what nothing else in the loop does: frames of the carriage
             and of what is fixed to it (`mechanism.loop`).
@@ -111,7 +128,7 @@ class Mechanism(Overview, Described):
 
     def __init__(
         self,
-        path: str | Path,
+        path: str | Path | urdf.Description,
         clearance: Mapping[str, Clearance] | None = None,
         *,
         loops: Mapping[str, Loop] | None = None,
@@ -121,67 +138,36 @@ class Mechanism(Overview, Described):
         allow_unphysical: Collection[str] = (),
     ) -> None:
         """Read the URDF and build the model."""
-        description = urdf.read(urdf_of(path), allow_unphysical)
-        if isinstance(gravity, str):
-            if gravity not in GRAVITY:
-                raise MissingName("gravity", gravity, GRAVITY, where=("gravity",))
-            gravity = GRAVITY[gravity]
-        self._build(
-            description, clearance or {}, loops or {}, gears or {}, gravity, tool, allow_unphysical
-        )
-
-    def _build(
-        self,
-        description: urdf.Description,
-        joints: Mapping[str, Clearance],
-        loops: Mapping[str, Loop],
-        gears: Mapping[str, Gear],
-        gravity: Sequence[float],
-        tool: str | None,
-        allow_unphysical: Collection[str],
-    ) -> None:
-        self.description = description
-        self._joints = dict(joints)
-        self.clearance = {name: joint for name, joint in joints.items() if not joint.ideal}
-        self.loops = dict(loops)
-        self.gears = dict(gears)
+        if not isinstance(path, urdf.Description):
+            path = urdf.read(urdf_of(path), allow_unphysical)
+        self.description = path
+        self.given_joints = dict(clearance or {})
+        self.loops = dict(loops or {})
+        self.gears = dict(gears or {})
         self.allow_unphysical = tuple(allow_unphysical)
-        if len(gravity) != 3:
-            raise JointplayError(
-                f"gravity must have three components, got {gravity!r}", where=("gravity",)
-            )
-        x, y, z = (require_finite("gravity", g, "m/s^2", ("gravity",)) for g in gravity)
-        self.gravity = (x, y, z)
-        for name in loops:
+        self.gravity = _gravity(gravity)
+        for name in self.loops:
             with within("loops", name):
-                refuse_name(name, description.joints)
-        for name, joint in joints.items():
+                refuse_name(name, self.description.joints)
+        for name, joint in self.given_joints.items():
             with within("clearance", name):
                 self._check_joint(name, joint)
-        source = parse(description)
+        self.clearance = {name: one for name, one in self.given_joints.items() if not one.ideal}
+        source = parse(self.description)
         self._make(source, {})
         if tool is not None and not isinstance(tool, str):
             raise JointplayError(f"tool must be the name of a frame, got {tool!r}", ("tool",))
         self.tool = tool if tool is not None else source.frames[source.nframes - 1].name
-        if not self.model.existFrame(self.tool):
-            frames = [frame.name for frame in source.frames if frame.name != "universe"]
-            raise MissingName("frame", self.tool, frames, where=("tool",))
-        self.tool_frame = frame_index(self.model, self.tool)
-        for name, gear in gears.items():
+        self.tool_frame = frame_index(self.model, self.tool, where=("tool",))
+        for name, gear in self.gears.items():
             with within("gears", name):
                 self._check_gear(name, gear)
-        for name, loop in loops.items():
+        for name, loop in self.loops.items():
             with within("loops", name):
                 self._check_loop(name, loop)
         needed = {
-            name: Lock.between(
-                name,
-                self.clearance[name].freedoms,
-                self.model,
-                self.bearing_frame(name),
-                self.journal_frame(name),
-            )
-            for name in loops
+            name: Lock.between(name, self.clearance[name].freedoms, self.model, *self._frames(name))
+            for name in self.loops
             if self._needs_lock(name)
         }
         if needed:
@@ -207,7 +193,7 @@ class Mechanism(Overview, Described):
 
     def _make(self, source: pin.Model, locks: Mapping[str, Lock]) -> None:
         """Build the model, with what `locks` need."""
-        self.model, self.coordinates = build(source, self._joints, self.gears, locks)
+        self.model, self.coordinates = build(source, self.given_joints, self.gears, locks)
         self.model.gravity.linear = np.array(self.gravity)
         self.locks = {}
         for name, lock in locks.items():
@@ -251,11 +237,6 @@ class Mechanism(Overview, Described):
             )
 
     @property
-    def given_joints(self) -> dict[str, Clearance]:
-        """Joints as given, ideal ones too, which say of what kind a loop's joint or a ball is."""
-        return dict(self._joints)
-
-    @property
     def joints(self) -> tuple[str, ...]:
         """Names of the URDF's moving joints, in the order of the ideal robot's coordinates."""
         names = (coordinate.joint for coordinate in self.coordinates)
@@ -267,7 +248,7 @@ class Mechanism(Overview, Described):
         Raises:
             MissingName: no such joint.
         """
-        given = self._joints.get(joint)
+        given = self.given_joints.get(joint)
         name = Coordinate(joint)
         if given is not None and (joint in self.clearance or given.compound()):
             name = Coordinate(joint, given.drive_coordinate)
@@ -310,31 +291,30 @@ class Mechanism(Overview, Described):
 
     @cached_property
     def _ideal(self) -> Mechanism:
-        if not self._joints and not self.gears:
+        if not self.given_joints and not self.gears:
             return self
         joints = {
             name: joint
-            for name, joint in self._joints.items()
+            for name, joint in self.given_joints.items()
             if name in self.loops or joint.compound()
         }
-        return self._with({name: replace(joint, ideal=True) for name, joint in joints.items()}, {})
-
-    def with_clearance(self, clearance: Mapping[str, Clearance]) -> Mechanism:
-        """The same mechanism with other joints with clearance."""
-        return self._with(clearance, self.gears)
-
-    def _with(self, joints: Mapping[str, Clearance], gears: Mapping[str, Gear]) -> Mechanism:
-        other = object.__new__(Mechanism)
-        other._build(
-            self.description,
-            joints,
-            self.loops,
-            gears,
-            self.gravity,
-            self.tool,
-            self.allow_unphysical,
+        return self.with_clearance(
+            {name: replace(one, ideal=True) for name, one in joints.items()}, {}
         )
-        return other
+
+    def with_clearance(
+        self, clearance: Mapping[str, Clearance], gears: Mapping[str, Gear] | None = None
+    ) -> Mechanism:
+        """The same mechanism with other joints with clearance, and other gears if given."""
+        return Mechanism(
+            self.description,
+            clearance,
+            loops=self.loops,
+            gears=self.gears if gears is None else gears,
+            gravity=self.gravity,
+            tool=self.tool,
+            allow_unphysical=self.allow_unphysical,
+        )
 
     def configuration(self, positions: Mapping[str, float]) -> np.ndarray:
         """Configuration q with the given joint positions, the rest zero, journals centred.
@@ -353,7 +333,7 @@ class Mechanism(Overview, Described):
         return {
             "urdf": self.description.path.name,
             "urdf_text": self.description.text,
-            "clearance": plain(self._joints),
+            "clearance": plain(self.given_joints),
             "loops": plain(self.loops),
             "gears": plain(self.gears),
             "gravity": list(self.gravity),
@@ -367,17 +347,8 @@ class Mechanism(Overview, Described):
         allowed = fields["allow_unphysical"]
         name = Path(fields["urdf"]).name or "robot.urdf"
         parsed = replace(urdf.parse(fields["urdf_text"], Path(name), allowed), stored=True)
-        mechanism = object.__new__(cls)
-        mechanism._build(
-            parsed,
-            fields["clearance"],
-            fields.get("loops", {}),
-            fields.get("gears", {}),
-            fields["gravity"],
-            fields["tool"],
-            allowed,
-        )
-        return mechanism
+        rest = {key: fields[key] for key in fields if key not in ("urdf", "urdf_text")}
+        return cls(parsed, **rest)
 
     def __eq__(self, other: object) -> bool:
         """Whether robot, joints, loops, gears, gravity and tool are the same."""
@@ -385,17 +356,16 @@ class Mechanism(Overview, Described):
 
     def __hash__(self) -> int:
         """Equal mechanisms hash alike."""
-        return hash((self.description.text, self.tool, self.gravity, tuple(self._joints)))
+        return hash((self.description.text, self.tool, self.gravity, tuple(self.given_joints)))
 
     def facts(self) -> tuple[str, dict[str, str]]:
         """File and number of moving joints; where there is play, and what else is not usual."""
         moving = list(self.joints)
         facts = {"moving joints": few(moving)}
         for name, joint in self.clearance.items():
-            rooms = " and ".join(readable(room, "m") for room in sorted(set(joint.rooms)))
-            facts[f"joint {name}"] = f"{joint.kind} with clearance, play {rooms}"
+            facts[f"joint {name}"] = f"{joint.kind} with clearance, play {joint.play_words}"
         for name, loop in self.loops.items():
-            kind = self.loop_kind(name)
+            kind = self.loop_class(name).kind
             facts[f"loop {name}"] = f"{kind}, {loop.bearing_link} - {loop.journal_link}"
         for name, gear in self.gears.items():
             facts[f"gear {name}"] = f"play {readable(gear.play, 'rad')}"
@@ -408,14 +378,16 @@ class Mechanism(Overview, Described):
     @cached_property
     def visual_model(self) -> pin.GeometryModel:
         """Shapes as the URDF has them, for `model`; stand-ins where it has none."""
-        look: Visuals = load_object("mechanism.visuals:visuals")(self)
-        return look.geometry
+        return self._geometry(collisions=False)
 
     @cached_property
     def collision_model(self) -> pin.GeometryModel:
         """Collision shapes as the URDF has them, for `model`, with no pairs of them chosen."""
-        look: Visuals = load_object("mechanism.visuals:collisions")(self)
-        return look.geometry
+        return self._geometry(collisions=True)
+
+    def _geometry(self, collisions: bool) -> pin.GeometryModel:
+        seen = load_object("mechanism.visuals:look")(self, collisions=collisions)
+        return load_object("mechanism.visuals:geometry_model")(self, seen)
 
     def visualizer(self, meshes: Sequence[str | Path] = (), open: bool = False) -> Any:
         """Pinocchio's MeshcatVisualizer, ready: it plays `Result.q`, in a notebook too.
@@ -436,13 +408,9 @@ class Mechanism(Overview, Described):
         """Name of the joint whose coordinates Pinocchio's joint `index` has; None of the ground."""
         return self.coordinates[self.model.joints[index].idx_v].joint if index > 0 else None
 
-    def loop_kind(self, name: str) -> str:
-        """Kind of joint that closes the loop `name`."""
-        return self.loop_class(name).kind
-
     def loop_class(self, name: str) -> type[Clearance]:
         """Class of the joint that closes the loop `name`."""
-        return type(self._joints[name]) if name in self._joints else UNNAMED_KIND
+        return type(self.given_joints[name]) if name in self.given_joints else UNNAMED_KIND
 
     def bearing_frame(self, joint: str) -> Frame:
         """Pinocchio joint that carries the bearing, and the bearing frame's placement in it."""
@@ -471,7 +439,7 @@ class Mechanism(Overview, Described):
                 first = model.parents[first]
             bearing = (int(model.parents[first]), model.jointPlacements[first])
             journal = (last, pin.SE3.Identity())
-        given = self._joints.get(name)
+        given = self.given_joints.get(name)
         return (journal, bearing) if given is not None and given.exchanged else (bearing, journal)
 
     def journal_pose(self, joint: str) -> pin.SE3:
@@ -486,11 +454,8 @@ class Mechanism(Overview, Described):
 
     def signs(self, joint: str) -> np.ndarray:
         """+1 for coordinates that move the journal only, -1 the bearing only, 0 else, (nv,)."""
-        return self._signs(*self._frames(joint))
-
-    def _signs(self, first: Frame, second: Frame) -> np.ndarray:
-        """The same for any two frames, the second in the journal's place."""
-        return signs_between(self.model, first[0], second[0])
+        (i, _), (j, _) = self._frames(joint)
+        return signs_between(self.model, i, j)
 
     def relative_jacobian(self, joint: str, q: np.ndarray) -> np.ndarray:
         """Motion of the journal relative to the bearing, shape (6, nv).
@@ -510,7 +475,7 @@ class Mechanism(Overview, Described):
         (i, bearing), (j, journal) = first, second
         turn = (self.data.oMi[i] * bearing).rotation
         centre = (self.data.oMi[j] * journal).translation
-        columns = self.data.J.reshape(6, self.model.nv) * self._signs(first, second)
+        columns = self.data.J.reshape(6, self.model.nv) * signs_between(self.model, i, j)
         linear = columns[:3] + np.cross(columns[3:], centre, axisa=0, axisc=0)
         return np.concatenate([turn.T @ linear, turn.T @ columns[3:]])
 
@@ -528,40 +493,26 @@ class Mechanism(Overview, Described):
         for name in self.loops:
             if name in self.clearance:
                 continue
-            (i, bearing), (j, journal) = self._frames(name)
-            points = [0.0]
+            bearing, journal = self._frames(name)
+            points = [np.zeros(3)]
             if self.loop_class(name).holds_axis():
                 jacobian = self.relative_jacobian(name, q)
-                held = [np.linalg.matrix_rank(jacobian[:n], tol=1e-9) for n in (3, 5)]
-                points += [_AXIS_ARM_M] if held[1] > held[0] else []
-            for height in points:
-                point = np.array([0.0, 0.0, height])
-                constraints.append(self._pinned(name, (j, journal), (i, bearing), point, frequency))
-        for name, ((i, carriage), (j, held)) in self.locks.items():
-            for point in (np.zeros(3), *(_AXIS_ARM_M * np.eye(3)[:2])):  # three hold a frame
-                constraints.append(self._pinned(name, (j, held), (i, carriage), point, frequency))
+                ranks = [np.linalg.matrix_rank(jacobian[:n], tol=1e-9) for n in (3, 5)]
+                points += [np.array([0.0, 0.0, _AXIS_ARM_M])] if ranks[1] > ranks[0] else []
+            constraints += [self._pinned(name, journal, bearing, at, frequency) for at in points]
+        for name, (carriage, held) in self.locks.items():
+            for at in (np.zeros(3), *(_AXIS_ARM_M * np.eye(3)[:2])):  # three points hold a frame
+                constraints.append(self._pinned(name, held, carriage, at, frequency))
         return constraints
 
     def _pinned(
-        self,
-        name: str,
-        first: Frame,
-        second: Frame,
-        point: np.ndarray,
-        frequency: float,
+        self, name: str, first: Frame, second: Frame, point: np.ndarray, frequency: float
     ) -> pin.RigidConstraintModel:
         """Constraint that holds a point of two frames together; see `constraints`."""
         at = pin.SE3(np.eye(3), point)
         (i, one), (j, other) = first, second
-        constraint = pin.RigidConstraintModel(
-            pin.ContactType.CONTACT_3D,
-            self.model,
-            i,
-            one * at,
-            j,
-            other * at,
-            pin.ReferenceFrame.LOCAL,
-        )
+        kind, axes = pin.ContactType.CONTACT_3D, pin.ReferenceFrame.LOCAL
+        constraint = pin.RigidConstraintModel(kind, self.model, i, one * at, j, other * at, axes)
         constraint.name = name
         constraint.m_baumgarte_parameters.Kp = frequency**2
         constraint.m_baumgarte_parameters.Kd = 2.0 * frequency

@@ -18,6 +18,9 @@ from jointplay.mechanism.gear import Gear
 from jointplay.mechanism.loop import Lock
 from jointplay.mechanism.urdf import Description
 
+Frame = tuple[int, pin.SE3]
+"""A Pinocchio joint, and a frame's placement in it."""
+
 _REVOLUTE = ("JointModelR", "JointModelRevolute")
 _PRISMATIC = ("JointModelP", "JointModelPrismatic")
 _FLOATING = "JointModelFreeFlyer"
@@ -174,16 +177,13 @@ def _virtual_link(
 ) -> int:
     """Append the joints of a virtual link; the last has the plain `name`."""
     parts: list[Any] = []
-    for group, joint in (
+    for group, whole in (
         (VIRTUAL_LINK[:3], pin.JointModelTranslation),
         (VIRTUAL_LINK[3:], pin.JointModelSphericalZYX),
     ):
         free = [freedom for freedom in group if freedom in freedoms]
-        if len(free) == 3:
-            parts.append(("centre" if group[0] == "x" else "turn", joint()))
-        else:
-            parts += [(freedom, _SINGLE[freedom]()) for freedom in free]
-    for position, (_, joint) in enumerate(parts):
+        parts += [whole()] if len(free) == 3 else [_SINGLE[freedom]() for freedom in free]
+    for position, joint in enumerate(parts):
         last = position == len(parts) - 1
         # Nobody looks these up, and Pinocchio refuses a name that is taken; no joint has a tab.
         parent = model.addJoint(parent, joint, placement, name if last else f"{name}\t{position}")

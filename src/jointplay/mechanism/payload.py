@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from jointplay.core.errors import JointplayError, require_vector
+from jointplay.core.errors import JointplayError
 from jointplay.core.schema import Described, check_fields, quantity
 
 if TYPE_CHECKING:
@@ -37,9 +37,9 @@ class Payload(Described):
     """[s]; a payload picked at 0 is there from the start."""
     release: float | None = quantity("s", default=None, words="payload release time")
     """[s]; None: never."""
-    centre: Vector = quantity("m", default=(0.0, 0.0, 0.0))
+    centre: Vector = quantity("m", default=(0.0, 0.0, 0.0), words="payload centre")
     """Centre of mass in the frame [m]."""
-    inertia: Vector = quantity("kg*m^2", default=(0.0, 0.0, 0.0))
+    inertia: Vector = quantity("kg*m^2", default=(0.0, 0.0, 0.0), words="payload inertia")
     """Moments of inertia about it, along the frame's axes [kg m^2]."""
 
     def __post_init__(self) -> None:
@@ -50,9 +50,6 @@ class Payload(Described):
                 f"payload release at {self.release:g} s must follow its pick at {self.pick:g} s",
                 where=("release",),
             )
-        for name, unit in (("centre", "m"), ("inertia", "kg m^2")):
-            checked = require_vector(f"payload {name}", getattr(self, name), unit, (name,))
-            object.__setattr__(self, name, checked)
         low, middle, high = sorted(self.inertia)
         if low < 0.0 or high > (low + middle) * (1.0 + 1e-6):
             raise JointplayError(

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import coal
 import matplotlib as mpl
 import numpy as np
 import pinocchio as pin
@@ -19,7 +18,6 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from mpl_toolkits.mplot3d.proj3d import proj_transform
 
 from jointplay.core.errors import JointplayError
-from jointplay.core.units import readable
 from jointplay.mechanism.loop import assemble
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.mechanism.visuals import Look, look
@@ -170,26 +168,6 @@ def _coarse(triangles: np.ndarray, grid: float) -> tuple[np.ndarray, np.ndarray]
     return grid * whole[apart][first], normals[apart][first]
 
 
-def triangles_of(thing: pin.GeometryObject) -> np.ndarray:
-    """Surface of a shape in its own frame, shape (n, 3, 3) [m]."""
-    form = thing.geometry
-    if isinstance(form, coal.BVHModelBase):
-        points = np.array(form.vertices()).reshape(-1, 3)
-        faces = [form.tri_indices(i) for i in range(form.num_tris)]
-        return points[np.array([[t[0], t[1], t[2]] for t in faces])]
-    if isinstance(form, coal.Box):
-        mesh = trimesh.creation.box(2.0 * form.halfSide)
-    elif isinstance(form, coal.Cylinder):
-        mesh = trimesh.creation.cylinder(form.radius, 2.0 * form.halfLength, sections=40)
-    elif isinstance(form, coal.Capsule):
-        mesh = trimesh.creation.capsule(2.0 * form.halfLength, form.radius, count=[24, 24])
-    elif isinstance(form, coal.Sphere):
-        mesh = trimesh.creation.uv_sphere(form.radius, count=[24, 24])
-    else:
-        raise JointplayError(f"a shape of the kind {type(form).__name__} cannot be drawn")
-    return np.asarray(mesh.triangles)
-
-
 def _cut(triangles: np.ndarray, longest: float) -> np.ndarray:
     """The same surface in triangles whose sides are no longer than `longest`."""
     mesh = trimesh.Trimesh(triangles.reshape(-1, 3), np.arange(3 * len(triangles)).reshape(-1, 3))
@@ -216,9 +194,8 @@ def _marks(mechanism: Mechanism) -> list[tuple[str, pin.SE3, str, str]]:
     marks = []
     for name, joint in mechanism.clearance.items():
         index, placement = mechanism.bearing_frame(name)
-        rooms = sorted(set(joint.rooms))
-        room = f"play {' and '.join(readable(room, 'm') for room in rooms)}"
-        marks.append((name, mechanism.data.oMi[index] * placement, _PLAY, room))
+        where = mechanism.data.oMi[index] * placement
+        marks.append((name, where, _PLAY, f"play {joint.play_words}"))
     for name in mechanism.loops:
         if name not in mechanism.clearance:
             index, placement = mechanism.bearing_frame(name)

@@ -176,26 +176,17 @@ class Survey:
         )
 
     @property
-    def revolute(self) -> tuple[str, ...]:
-        """Joints that can get clearance as revolute joints."""
-        return tuple(n for n, kind in self.moving.items() if kind in ("revolute", "continuous"))
-
-    @property
     def remarks(self) -> tuple[str, ...]:
         """What is not as it should be, in words."""
-        remarks = []
-        if self.problem:
-            remarks.append(self.problem)
-        if self.massless:
-            remarks.append(f"cannot be simulated: {_list(self.massless)} move no mass")
-        if self.unphysical:
-            remarks.append(f"impossible inertia, to be allowed by name: {_list(self.unphysical)}")
-        if self.mimics:
-            remarks.append(f"joints that follow others: {_list(self.mimics)}")
-        if self.astray:
-            words = tuple(f"{name} ({leader})" for name, leader in self.astray.items())
-            remarks.append(f"move on their own, for what they mimic does not exist: {_list(words)}")
-        return tuple(remarks)
+        astray = tuple(f"{name} ({leader})" for name, leader in self.astray.items())
+        remarks = (
+            (self.massless, "cannot be simulated: {} move no mass"),
+            (self.unphysical, "impossible inertia, to be allowed by name: {}"),
+            (self.mimics, "joints that follow others: {}"),
+            (astray, "move on their own, for what they mimic does not exist: {}"),
+        )
+        found = tuple(text.format(_list(names)) for names, text in remarks if names)
+        return (self.problem, *found) if self.problem else found
 
 
 def survey(place: str | Path) -> Survey:
@@ -210,7 +201,9 @@ def survey(place: str | Path) -> Survey:
     from jointplay.mechanism.mechanism import Mechanism
     from jointplay.mechanism.urdf import elements, impossible_inertias, leaders
 
-    path, name = find(place)
+    path = urdf_of(place)
+    given = is_file(Path(place)) or Path(place).suffix in (".urdf", ".xml")
+    name = path.stem if given else str(place).removeprefix(PREFIX)
     root = elements(path)
     joints = {joint.get("name", ""): joint for joint in root.findall("joint")}
     moving = {n: joint.get("type", "") for n, joint in joints.items()}
@@ -234,19 +227,6 @@ def survey(place: str | Path) -> Survey:
     paths = [set(model.supports[joint]) for joint in turning]
     serial = bool(paths) and max(paths, key=len).issuperset(turning)
     return Survey(name, path, moving, serial, unphysical, mimics, massless, "", astray, mechanism)
-
-
-def find(place: str | Path) -> tuple[Path, str]:
-    """URDF of a robot of the package or of a path, and what to call it.
-
-    Raises:
-        JointplayError, MissingName: see `robot_urdf`.
-    """
-    text = str(place)
-    if isinstance(place, Path) or Path(text).suffix in (".urdf", ".xml") or is_file(Path(text)):
-        return Path(place), Path(place).stem
-    name = text.removeprefix(PREFIX)
-    return robot_urdf(name), name
 
 
 def _list(words: tuple[str, ...], most: int = 4) -> str:

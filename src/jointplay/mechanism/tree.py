@@ -11,11 +11,37 @@ import numpy as np
 import pinocchio as pin
 
 from jointplay.core.compiler import internal, njit, stamp
-from jointplay.mechanism.model import z_to
+from jointplay.kernel import frames
+from jointplay.kernel.frames import add, add_scaled, cross, dot, get_vector, scale
+from jointplay.mechanism.model import Frame, z_to
 
 # Where the bodies of a tree are and how fast they move, at many states at once: compiled.
 #
-# `bodies` is a `tree.Bodies`. Bodies are numbered from 1, their parents first; 0 is the ground.
+# `bodies` is a `Bodies`. Bodies are numbered from 1, their parents first; 0 is the ground.
+
+
+@internal
+def row(a, i):
+    """Vector a[i, :3]."""
+    return a[i, 0], a[i, 1], a[i, 2]
+
+
+@internal
+def put(a, i, vector):
+    """Write a vector into a[i, :3]."""
+    a[i, 0], a[i, 1], a[i, 2] = vector
+
+
+@internal
+def axis_of(turn, b):
+    """Third column of a rotation turn[b]: the axis of body b."""
+    return turn[b, 2], turn[b, 5], turn[b, 8]
+
+
+@internal
+def subtract(a, b):
+    """a - b."""
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
 @internal
@@ -28,8 +54,9 @@ def times(a, i, b, j, c, k):
 
 
 @internal
-def rotated(a, i, x, y, z):
+def rotated(a, i, vector):
     """Vector a[i] (x, y, z) of a rotation a[i]."""
+    x, y, z = vector
     return (
         a[i, 0] * x + a[i, 1] * y + a[i, 2] * z,
         a[i, 3] * x + a[i, 4] * y + a[i, 5] * z,
@@ -38,8 +65,9 @@ def rotated(a, i, x, y, z):
 
 
 @internal
-def turned_back(a, i, x, y, z):
+def turned_back(a, i, vector):
     """Vector a[i]^T (x, y, z) of a rotation a[i]."""
+    x, y, z = vector
     return (
         a[i, 0] * x + a[i, 3] * y + a[i, 6] * z,
         a[i, 1] * x + a[i, 4] * y + a[i, 7] * z,
@@ -48,32 +76,31 @@ def turned_back(a, i, x, y, z):
 
 
 @internal
-def cross(ax, ay, az, bx, by, bz):
-    """Vector product a x b."""
-    return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
-
-
-@internal
-def spin(inertias, b, x, y, z):
-    """Inertia of body b about its mass's centre times (x, y, z), in its own axes."""
+def spin(inertias, b, vector):
+    """Inertia of body b about its mass's centre times a vector, in its own axes."""
+    x, y, z = vector
     xx, xy, yy = inertias[b, 4], inertias[b, 5], inertias[b, 6]
     xz, yz, zz = inertias[b, 7], inertias[b, 8], inertias[b, 9]
     return xx * x + xy * y + xz * z, xy * x + yy * y + yz * z, xz * x + yz * y + zz * z
 
 
 @internal
+def mass_centre(bodies, turn, b):
+    """Centre of the mass of body b from its origin, in world axes."""
+    inertias = bodies.inertias
+    return rotated(turn, b, (inertias[b, 1], inertias[b, 2], inertias[b, 3]))
+
+
+@internal
 def place(bodies, q, v, i, turn, origin, omega, speed):
     """Orientation, origin, angular velocity and the origin's velocity of all bodies in state i."""
-    parents, slides, turns, shifts = bodies[0], bodies[1], bodies[2], bodies[3]
-    for b in range(1, parents.size):
-        p, angle, rate = parents[b], q[i, b - 1], v[i, b - 1]
-        times(turn, p, turns, b, turn, b)
-        x, y, z = rotated(turn, p, shifts[b, 0], shifts[b, 1], shifts[b, 2])
-        ax, ay, az = turn[b, 2], turn[b, 5], turn[b, 8]
-        wx, wy, wz = omega[p, 0], omega[p, 1], omega[p, 2]
+    for b in range(1, bodies.parents.size):
+        p, angle, rate = bodies.parents[b], q[i, b - 1], v[i, b - 1]
+        times(turn, p, bodies.turns, b, turn, b)
+        arm, axis = rotated(turn, p, row(bodies.shifts, b)), axis_of(turn, b)
         along = 0.0
-        if slides[b]:
-            x, y, z = x + angle * ax, y + angle * ay, z + angle * az
+        if bodies.slides[b]:
+            arm = add_scaled(arm, angle, axis)
             along, rate = rate, 0.0
         else:
             c, s = math.cos(angle), math.sin(angle)
@@ -81,16 +108,10 @@ def place(bodies, q, v, i, turn, origin, omega, speed):
                 first, second = turn[b, r], turn[b, r + 1]
                 turn[b, r] = c * first + s * second
                 turn[b, r + 1] = c * second - s * first
-        vx, vy, vz = cross(wx, wy, wz, x, y, z)
-        origin[b, 0], origin[b, 1], origin[b, 2] = (
-            origin[p, 0] + x,
-            origin[p, 1] + y,
-            origin[p, 2] + z,
-        )
-        speed[b, 0] = speed[p, 0] + vx + along * ax
-        speed[b, 1] = speed[p, 1] + vy + along * ay
-        speed[b, 2] = speed[p, 2] + vz + along * az
-        omega[b, 0], omega[b, 1], omega[b, 2] = wx + rate * ax, wy + rate * ay, wz + rate * az
+        velocity = add(row(speed, p), cross(row(omega, p), arm))
+        put(origin, b, add(row(origin, p), arm))
+        put(speed, b, add_scaled(velocity, along, axis))
+        put(omega, b, add_scaled(row(omega, p), rate, axis))
 
 
 @internal
@@ -137,65 +158,56 @@ def _orient(turn, b, orientation, i):
 def move(
     bodies, q, v, first, end, carriers, places, tool, orientation, turning, energy, bearings, poses
 ):
-    """Fill the records `first` to `end` of a `tree.Motion`, whose arrays come last.
+    """Fill the records `first` to `end` of a `BodyMotion`, whose arrays come last.
 
     `carriers` and `places`: of the tool, then of each pair's two frames.
     """
-    inertias, gravity = bodies[4], bodies[5]
-    turn, origin, omega, speed = ground(bodies[0].size)
+    gravity = get_vector(bodies.gravity, 0)
+    turn, origin, omega, speed = ground(bodies.parents.size)
     at, frame = np.empty((carriers.size, 3)), np.empty((carriers.size, 9))
     for i in range(first, end):
         place(bodies, q, v, i, turn, origin, omega, speed)
         kinetic = potential = 0.0
-        for b in range(1, bodies[0].size):
-            mass = inertias[b, 0]
-            x, y, z = rotated(turn, b, inertias[b, 1], inertias[b, 2], inertias[b, 3])
-            wx, wy, wz = omega[b, 0], omega[b, 1], omega[b, 2]
-            vx, vy, vz = cross(wx, wy, wz, x, y, z)
-            vx, vy, vz = vx + speed[b, 0], vy + speed[b, 1], vz + speed[b, 2]
-            wx, wy, wz = turned_back(turn, b, wx, wy, wz)
-            lx, ly, lz = spin(inertias, b, wx, wy, wz)
-            kinetic += mass * (vx * vx + vy * vy + vz * vz) + wx * lx + wy * ly + wz * lz
-            x, y, z = x + origin[b, 0], y + origin[b, 1], z + origin[b, 2]
-            potential -= mass * (x * gravity[0] + y * gravity[1] + z * gravity[2])
+        for b in range(1, bodies.parents.size):
+            mass, arm = bodies.inertias[b, 0], mass_centre(bodies, turn, b)
+            velocity = add(cross(row(omega, b), arm), row(speed, b))
+            w = turned_back(turn, b, row(omega, b))
+            momentum = spin(bodies.inertias, b, w)
+            kinetic += (
+                mass * dot(velocity, velocity)
+                + w[0] * momentum[0]
+                + w[1] * momentum[1]
+                + w[2] * momentum[2]
+            )
+            potential -= mass * dot(add(arm, row(origin, b)), gravity)
         energy[i, 0], energy[i, 1] = 0.5 * kinetic, potential
         for f in range(carriers.size):
             b = carriers[f]
-            at[f, 0], at[f, 1], at[f, 2] = rotated(
-                turn, b, places[f, 9], places[f, 10], places[f, 11]
-            )
+            arm = rotated(turn, b, (places[f, 9], places[f, 10], places[f, 11]))
             times(turn, b, places, f, frame, f)
             if f == 0:
                 _orient(frame, f, orientation, i)
-                for k in range(3):
-                    turning[i, k] = omega[b, k]
-                vx, vy, vz = cross(
-                    omega[b, 0], omega[b, 1], omega[b, 2], at[f, 0], at[f, 1], at[f, 2]
-                )
-                tool[i, 3], tool[i, 4] = vx + speed[b, 0], vy + speed[b, 1]
-                tool[i, 5] = vz + speed[b, 2]
-            for k in range(3):
-                at[f, k] += origin[b, k]
-        tool[i, 0], tool[i, 1], tool[i, 2] = at[0, 0], at[0, 1], at[0, 2]
+                put(turning, i, row(omega, b))
+                velocity = add(cross(row(omega, b), arm), row(speed, b))
+                tool[i, 3], tool[i, 4], tool[i, 5] = velocity
+            put(at, f, add(arm, row(origin, b)))
+        put(tool, i, row(at, 0))
         for j in range(poses.shape[0]):
             f, g = 2 * j + 1, 2 * j + 2
             for k in range(9):
                 bearings[j, i, k] = frame[f, k]
-            poses[j, i, 0], poses[j, i, 1], poses[j, i, 2] = turned_back(
-                frame, f, at[g, 0] - at[f, 0], at[g, 1] - at[f, 1], at[g, 2] - at[f, 2]
-            )
+            centre = turned_back(frame, f, subtract(row(at, g), row(at, f)))
+            poses[j, i, 0], poses[j, i, 1], poses[j, i, 2] = centre
             for k in range(3):
-                poses[j, i, 3 + k], poses[j, i, 6 + k], poses[j, i, 9 + k] = turned_back(
-                    frame, f, frame[g, k], frame[g, 3 + k], frame[g, 6 + k]
-                )
+                column = turned_back(frame, f, (frame[g, k], frame[g, 3 + k], frame[g, 6 + k]))
+                poses[j, i, 3 + k], poses[j, i, 6 + k], poses[j, i, 9 + k] = column
 
 
 # Forces in the joints of a tree at many states at once: compiled.
 #
 # First what the motion takes without accelerations of the coordinates; by the mass matrix, and
 # forces that hold points together, the accelerations to which the efforts lead; then the forces
-# of the bodies, summed up from the tips. `bodies` is a `tree.Bodies`; numbers of bodies as in
-# the motion above.
+# of the bodies, summed up from the tips.
 
 
 _REGULAR = 1e-8
@@ -205,82 +217,49 @@ _ACCURACY, _ITERATIONS = 1e-15, 10
 
 
 @internal
-def _accelerate(bodies, v, i, a, turn, origin, omega, alpha, grow):
+def _accelerate(bodies, v, i, a, turn, origin, omega, alpha, lift):
     """Angular acceleration of all bodies and their origins' acceleration, with a = q''."""
-    parents, slides = bodies[0], bodies[1]
-    for b in range(1, parents.size):
-        p, rate, gain = parents[b], v[i, b - 1], a[b - 1]
-        ax, ay, az = turn[b, 2], turn[b, 5], turn[b, 8]
-        wx, wy, wz = omega[p, 0], omega[p, 1], omega[p, 2]
-        x, y, z = (
-            origin[b, 0] - origin[p, 0],
-            origin[b, 1] - origin[p, 1],
-            origin[b, 2] - origin[p, 2],
-        )
-        ex, ey, ez = alpha[p, 0], alpha[p, 1], alpha[p, 2]
-        gx, gy, gz = _lifted(ex, ey, ez, wx, wy, wz, x, y, z)
-        cx, cy, cz = cross(wx, wy, wz, ax, ay, az)
-        if slides[b]:
-            gx += 2.0 * rate * cx + gain * ax
-            gy += 2.0 * rate * cy + gain * ay
-            gz += 2.0 * rate * cz + gain * az
+    for b in range(1, bodies.parents.size):
+        p, rate, gain, axis = bodies.parents[b], v[i, b - 1], a[b - 1], axis_of(turn, b)
+        across = cross(row(omega, p), axis)
+        rise = _lifted(row(alpha, p), row(omega, p), subtract(row(origin, b), row(origin, p)))
+        turning = row(alpha, p)
+        if bodies.slides[b]:
+            rise = add(rise, add_scaled(scale(2.0 * rate, across), gain, axis))
         else:
-            ex, ey, ez = (
-                ex + rate * cx + gain * ax,
-                ey + rate * cy + gain * ay,
-                ez + rate * cz + gain * az,
-            )
-        alpha[b, 0], alpha[b, 1], alpha[b, 2] = ex, ey, ez
-        grow[b, 0], grow[b, 1], grow[b, 2] = grow[p, 0] + gx, grow[p, 1] + gy, grow[p, 2] + gz
+            turning = add_scaled(add_scaled(turning, rate, across), gain, axis)
+        put(alpha, b, turning)
+        put(lift, b, add(row(lift, p), rise))
 
 
 @internal
-def _lifted(ex, ey, ez, wx, wy, wz, x, y, z):
-    """Acceleration of a point at (x, y, z) from an origin at rest: alpha x r + w x (w x r)."""
-    tx, ty, tz = cross(ex, ey, ez, x, y, z)
-    cx, cy, cz = cross(wx, wy, wz, x, y, z)
-    cx, cy, cz = cross(wx, wy, wz, cx, cy, cz)
-    return tx + cx, ty + cy, tz + cz
+def _lifted(alpha, omega, arm):
+    """Acceleration of a point from an origin at rest: alpha x r + w x (w x r)."""
+    return add(cross(alpha, arm), cross(omega, cross(omega, arm)))
 
 
 @internal
-def _pushed(bodies, b, turn, origin, omega, alpha, grow):
-    """Force that moves body b against gravity, and its mass's centre from the body's origin."""
-    inertias, gravity = bodies[4], bodies[5]
-    mass = inertias[b, 0]
-    x, y, z = rotated(turn, b, inertias[b, 1], inertias[b, 2], inertias[b, 3])
-    gx, gy, gz = _lifted(
-        alpha[b, 0], alpha[b, 1], alpha[b, 2], omega[b, 0], omega[b, 1], omega[b, 2], x, y, z
-    )
-    return (
-        mass * (gx + grow[b, 0] - gravity[0]),
-        mass * (gy + grow[b, 1] - gravity[1]),
-        mass * (gz + grow[b, 2] - gravity[2]),
-        x,
-        y,
-        z,
-    )
+def _pushed(bodies, b, omega, alpha, lift, arm):
+    """Force that moves body b against gravity; `arm` is its mass's centre from its origin."""
+    rise = add(_lifted(row(alpha, b), row(omega, b), arm), row(lift, b))
+    return scale(bodies.inertias[b, 0], subtract(rise, get_vector(bodies.gravity, 0)))
 
 
 @internal
-def _needed(bodies, turn, origin, omega, alpha, grow, arm, force, moment):
+def _needed(bodies, turn, origin, omega, alpha, lift, arm, force, moment):
     """Force, and moment about the world's origin, that each body's motion takes against gravity.
 
     `arm` gets each mass's centre from its body's origin.
     """
-    inertias = bodies[4]
-    for b in range(1, bodies[0].size):
-        fx, fy, fz, x, y, z = _pushed(bodies, b, turn, origin, omega, alpha, grow)
-        arm[b, 0], arm[b, 1], arm[b, 2] = x, y, z
-        force[b, 0], force[b, 1], force[b, 2] = fx, fy, fz
-        wx, wy, wz = turned_back(turn, b, omega[b, 0], omega[b, 1], omega[b, 2])
-        ex, ey, ez = turned_back(turn, b, alpha[b, 0], alpha[b, 1], alpha[b, 2])
-        lx, ly, lz = spin(inertias, b, wx, wy, wz)
-        lx, ly, lz = cross(wx, wy, wz, lx, ly, lz)
-        ex, ey, ez = spin(inertias, b, ex, ey, ez)
-        lx, ly, lz = rotated(turn, b, lx + ex, ly + ey, lz + ez)
-        x, y, z = cross(x + origin[b, 0], y + origin[b, 1], z + origin[b, 2], fx, fy, fz)
-        moment[b, 0], moment[b, 1], moment[b, 2] = lx + x, ly + y, lz + z
+    inertias = bodies.inertias
+    for b in range(1, bodies.parents.size):
+        put(arm, b, mass_centre(bodies, turn, b))
+        put(force, b, _pushed(bodies, b, omega, alpha, lift, row(arm, b)))
+        w = turned_back(turn, b, row(omega, b))
+        gyroscopic = cross(w, spin(inertias, b, w))
+        inertial = spin(inertias, b, turned_back(turn, b, row(alpha, b)))
+        own = rotated(turn, b, add(gyroscopic, inertial))
+        put(moment, b, add(own, cross(add(row(arm, b), row(origin, b)), row(force, b))))
 
 
 @internal
@@ -319,91 +298,71 @@ def _mass_matrix(bodies, turn, origin, arm, weight, first_moment, second, mass):
 
     Moments are about the world's origin; `arm` has each mass's centre from its body's origin.
     """
-    parents, slides, inertias = bodies[0], bodies[1], bodies[4]
-    count = parents.size
+    count = bodies.parents.size
     for b in range(1, count):
-        m = inertias[b, 0]
-        x, y, z = origin[b, 0] + arm[b, 0], origin[b, 1] + arm[b, 1], origin[b, 2] + arm[b, 2]
+        m, centre = bodies.inertias[b, 0], add(row(origin, b), row(arm, b))
         weight[b] = m
-        first_moment[b, 0], first_moment[b, 1], first_moment[b, 2] = m * x, m * y, m * z
+        put(first_moment, b, scale(m, centre))
         for r in range(3):  # R I R^T, column by column
             k = 3 * r
-            lx, ly, lz = spin(inertias, b, turn[b, k], turn[b, k + 1], turn[b, k + 2])
-            second[b, k], second[b, k + 1], second[b, k + 2] = rotated(turn, b, lx, ly, lz)
-        square = m * (x * x + y * y + z * z)
-        second[b, 0] += square - m * x * x
-        second[b, 4] += square - m * y * y
-        second[b, 8] += square - m * z * z
-        second[b, 1] -= m * x * y
-        second[b, 3] -= m * x * y
-        second[b, 2] -= m * x * z
-        second[b, 6] -= m * x * z
-        second[b, 5] -= m * y * z
-        second[b, 7] -= m * y * z
+            column = spin(bodies.inertias, b, (turn[b, k], turn[b, k + 1], turn[b, k + 2]))
+            second[b, k], second[b, k + 1], second[b, k + 2] = rotated(turn, b, column)
+        square = m * dot(centre, centre)
+        for r in range(3):
+            for k in range(3):
+                if r == k:
+                    second[b, 4 * r] += square - m * centre[r] * centre[r]
+                else:
+                    second[b, 3 * r + k] -= m * centre[min(r, k)] * centre[max(r, k)]
     for b in range(count - 1, 0, -1):
-        p = parents[b]
-        ax, ay, az = turn[b, 2], turn[b, 5], turn[b, 8]
-        hx, hy, hz = first_moment[b, 0], first_moment[b, 1], first_moment[b, 2]
-        m = weight[b]
-        if slides[b]:
-            px, py, pz = m * ax, m * ay, m * az
-            lx, ly, lz = cross(hx, hy, hz, ax, ay, az)
+        p, axis, moment = bodies.parents[b], axis_of(turn, b), row(first_moment, b)
+        if bodies.slides[b]:
+            push, turning = scale(weight[b], axis), cross(moment, axis)
         else:
-            ux, uy, uz = cross(origin[b, 0], origin[b, 1], origin[b, 2], ax, ay, az)
-            px, py, pz = cross(ax, ay, az, hx, hy, hz)
-            px, py, pz = px + m * ux, py + m * uy, pz + m * uz
-            lx, ly, lz = rotated(second, b, ax, ay, az)
-            ux, uy, uz = cross(hx, hy, hz, ux, uy, uz)
-            lx, ly, lz = lx + ux, ly + uy, lz + uz
-        j = b
+            at_rest = cross(row(origin, b), axis)
+            push = add_scaled(cross(axis, moment), weight[b], at_rest)
+            turning = add(rotated(second, b, axis), cross(moment, at_rest))
         for k in range(b):
             mass[b - 1, k] = 0.0
+        j = b
         while j > 0:
-            mass[b - 1, j - 1] = _effort(slides, turn, origin, j, px, py, pz, lx, ly, lz)
-            j = parents[j]
+            mass[b - 1, j - 1] = _effort(bodies.slides, turn, origin, j, push, turning)
+            j = bodies.parents[j]
         if p > 0:
-            weight[p] += m
-            for k in range(3):
-                first_moment[p, k] += first_moment[b, k]
+            weight[p] += weight[b]
+            put(first_moment, p, add(row(first_moment, p), moment))
             for k in range(9):
                 second[p, k] += second[b, k]
 
 
 @internal
-def _effort(slides, turn, origin, b, px, py, pz, lx, ly, lz):
+def _effort(slides, turn, origin, b, force, moment):
     """What a force and a moment about the world's origin do at the coordinate of body b."""
-    ax, ay, az = turn[b, 2], turn[b, 5], turn[b, 8]
+    axis = axis_of(turn, b)
     if slides[b]:
-        return ax * px + ay * py + az * pz
-    x, y, z = cross(origin[b, 0], origin[b, 1], origin[b, 2], px, py, pz)
-    return ax * (lx - x) + ay * (ly - y) + az * (lz - z)
+        return dot(axis, force)
+    return dot(axis, subtract(moment, cross(row(origin, b), force)))
 
 
 @internal
-def _hold(bodies, carriers, places, turn, origin, omega, alpha, grow, rows, drift):
+def _hold(bodies, carriers, places, turn, origin, omega, alpha, lift, rows, drift):
     """Motion of held points against each other: Jacobian, and acceleration at constant speeds."""
-    parents, slides = bodies[0], bodies[1]
     rows[:] = 0.0
+    drift[:] = 0.0
     for f in range(carriers.size):
-        b, row, sign = carriers[f], 3 * (f // 2), 1.0 - 2.0 * (f % 2)
-        x, y, z = rotated(turn, b, places[f, 9], places[f, 10], places[f, 11])
-        gx, gy, gz = _lifted(
-            alpha[b, 0], alpha[b, 1], alpha[b, 2], omega[b, 0], omega[b, 1], omega[b, 2], x, y, z
-        )
-        if sign > 0.0:
-            drift[row] = drift[row + 1] = drift[row + 2] = 0.0
-        drift[row] += sign * (gx + grow[b, 0])
-        drift[row + 1] += sign * (gy + grow[b, 1])
-        drift[row + 2] += sign * (gz + grow[b, 2])
-        x, y, z = x + origin[b, 0], y + origin[b, 1], z + origin[b, 2]
+        b, first, sign = carriers[f], 3 * (f // 2), 1.0 - 2.0 * (f % 2)
+        arm = rotated(turn, b, (places[f, 9], places[f, 10], places[f, 11]))
+        rise = add(_lifted(row(alpha, b), row(omega, b), arm), row(lift, b))
+        for k in range(3):
+            drift[first + k] += sign * rise[k]
+        point = add(arm, row(origin, b))
         while b > 0:
-            ax, ay, az = turn[b, 2], turn[b, 5], turn[b, 8]
-            if not slides[b]:
-                ax, ay, az = cross(ax, ay, az, x - origin[b, 0], y - origin[b, 1], z - origin[b, 2])
-            rows[row, b - 1] += sign * ax
-            rows[row + 1, b - 1] += sign * ay
-            rows[row + 2, b - 1] += sign * az
-            b = parents[b]
+            way = axis_of(turn, b)
+            if not bodies.slides[b]:
+                way = cross(way, subtract(point, row(origin, b)))
+            for k in range(3):
+                rows[first + k, b - 1] += sign * way[k]
+            b = bodies.parents[b]
 
 
 @internal
@@ -448,30 +407,16 @@ def _close(mass, rows, drift, solved, square, acceleration, push):
 
 
 @njit(cache=True, error_model="numpy")
-def react(
-    bodies,
-    q,
-    v,
-    effort,
-    first,
-    end,
-    wanted,
-    carriers,
-    places,
-    acted,
-    given,
-    forces,
-    holds,
-):
-    """Fill `forces` and `holds`; see `tree.Tree.reactions`.
+def react(bodies, q, v, effort, first, end, wanted, carriers, places, acted, given, forces, holds):
+    """Fill `forces` and `holds`; see `Tree.reactions`.
 
     `wanted` and `acted`: bodies whose joints' forces are wanted, and on which `given` acts.
     """
-    parents, slides = bodies[0], bodies[1]
+    parents = bodies.parents
     count, held = parents.size, 3 * (carriers.size // 2)
     nv = count - 1
     turn, origin, omega, speed = ground(count)
-    alpha, grow = np.zeros((count, 3)), np.zeros((count, 3))
+    alpha, lift = np.zeros((count, 3)), np.zeros((count, 3))
     force, moment, arm = np.zeros((count, 3)), np.zeros((count, 3)), np.zeros((count, 3))
     weight, first_moment, second = np.zeros(count), np.zeros((count, 3)), np.zeros((count, 9))
     mass, acceleration = np.empty((nv, nv)), np.empty(nv)
@@ -480,58 +425,47 @@ def react(
     for i in range(first, end):
         place(bodies, q, v, i, turn, origin, omega, speed)
         acceleration[:] = 0.0
-        _accelerate(bodies, v, i, acceleration, turn, origin, omega, alpha, grow)
-        _needed(bodies, turn, origin, omega, alpha, grow, arm, force, moment)
+        _accelerate(bodies, v, i, acceleration, turn, origin, omega, alpha, lift)
+        _needed(bodies, turn, origin, omega, alpha, lift, arm, force, moment)
         for w in range(acted.size):
             for k in range(3):
                 force[acted[w], k] -= given[i, w, k]
                 moment[acted[w], k] -= given[i, w, 3 + k]
         for b in range(count - 1, 0, -1):
-            fx, fy, fz = force[b, 0], force[b, 1], force[b, 2]
-            lx, ly, lz = moment[b, 0], moment[b, 1], moment[b, 2]
-            acceleration[b - 1] = effort[i, b - 1] - _effort(
-                slides, turn, origin, b, fx, fy, fz, lx, ly, lz
-            )
-            for k in range(3):
-                force[parents[b], k] += force[b, k]
-                moment[parents[b], k] += moment[b, k]
+            needed = _effort(bodies.slides, turn, origin, b, row(force, b), row(moment, b))
+            acceleration[b - 1] = effort[i, b - 1] - needed
+            put(force, parents[b], add(row(force, parents[b]), row(force, b)))
+            put(moment, parents[b], add(row(moment, parents[b]), row(moment, b)))
         _mass_matrix(bodies, turn, origin, arm, weight, first_moment, second, mass)
         _factor(mass, nv)
         _solve(mass, nv, acceleration)
         if held:
-            _hold(bodies, carriers, places, turn, origin, omega, alpha, grow, rows, drift)
+            _hold(bodies, carriers, places, turn, origin, omega, alpha, lift, rows, drift)
             _close(mass, rows, drift, solved, square, acceleration, push)
-        _accelerate(bodies, v, i, acceleration, turn, origin, omega, alpha, grow)
+        _accelerate(bodies, v, i, acceleration, turn, origin, omega, alpha, lift)
         for b in range(1, count):
-            fx, fy, fz, _, _, _ = _pushed(bodies, b, turn, origin, omega, alpha, grow)
-            force[b, 0], force[b, 1], force[b, 2] = fx, fy, fz
+            put(force, b, _pushed(bodies, b, omega, alpha, lift, row(arm, b)))
         for w in range(acted.size):
             for k in range(3):
                 force[acted[w], k] -= given[i, w, k]
         for f in range(carriers.size):
-            sign = 1.0 - 2.0 * (f % 2)
-            for k in range(3):
-                force[carriers[f], k] -= sign * push[3 * (f // 2) + k]
-                holds[i - first, f // 2, k] = push[3 * (f // 2) + k]
+            hold = get_vector(push, 3 * (f // 2))
+            put(force, carriers[f], add_scaled(row(force, carriers[f]), 2.0 * (f % 2) - 1.0, hold))
+            put(holds[i - first], f // 2, hold)
         for b in range(count - 1, 0, -1):
-            for k in range(3):
-                force[parents[b], k] += force[b, k]
+            put(force, parents[b], add(row(force, parents[b]), row(force, b)))
         for j in range(wanted.size):
-            for k in range(3):
-                forces[i - first, j, k] = force[wanted[j], k]
+            put(forces[i - first], j, row(force, wanted[j]))
 
 
-stamp(react, (Path(__file__),))
+for _compiled in (move, react):
+    stamp(_compiled, (Path(__file__), Path(frames.__file__)))
 
 
 # Pinocchio does one state per call, and what it leaves must be fetched array by array:
 # microseconds, of which the arithmetic is a few tenths. Here all states of a run are one call of
 # a compiled loop. Every joint is split into joints of one coordinate, with bodies of no mass
 # between them; everything is in world axes. tests/test_tree.py holds it against Pinocchio.
-
-
-Frame = tuple[int, pin.SE3]
-"""A Pinocchio joint, and a frame's placement in it."""
 
 
 class Bodies(NamedTuple):
@@ -589,13 +523,16 @@ class Tree:
         data = model.createData()
         pin.computeJointJacobians(model, data, pin.neutral(model))
         parents, slides, placements, inertias = [0], [False], [pin.SE3.Identity()], [np.zeros(10)]
-        self._bodies = [0]
+        self._last_body = [0]
         self._turned = [pin.SE3.Identity()]  # a joint's frame as seen from its last body
         for index in range(1, model.njoints):
             joint, before = model.joints[index], model.parents[index]
             local = pin.getJointJacobian(model, data, index, pin.ReferenceFrame.LOCAL)
             columns = local.reshape(6, model.nv)[:, joint.idx_v : joint.idx_v + joint.nv].T
-            body, start = self._bodies[before], self._turned[before] * model.jointPlacements[index]
+            body, start = (
+                self._last_body[before],
+                self._turned[before] * model.jointPlacements[index],
+            )
             for column in columns:
                 straight = bool(column[:3].any())
                 turn = pin.SE3(z_to(column[:3] if straight else column[3:]), np.zeros(3))
@@ -607,9 +544,9 @@ class Tree:
             held = start.act(model.inertias[index])
             xx, xy, yy, xz, yz, zz = held.inertia[(0, 0, 1, 0, 1, 2), (0, 1, 1, 2, 2, 2)]
             inertias[body] = np.array([held.mass, *held.lever, xx, xy, yy, xz, yz, zz])
-            self._bodies.append(body)
+            self._last_body.append(body)
             self._turned.append(start)
-        self._data = Bodies(
+        self.bodies = Bodies(
             np.array(parents),
             np.array(slides),
             np.array([placement.rotation.ravel() for placement in placements]),
@@ -618,14 +555,9 @@ class Tree:
             np.array(model.gravity.linear),
         )
 
-    @property
-    def bodies(self) -> Bodies:
-        """All bodies, at coordinate zero."""
-        return self._data
-
     def frames(self, frames: Sequence[Frame]) -> tuple[np.ndarray, np.ndarray]:
         """Bodies that carry the frames (nf,), and rotation and origin of each in them (nf, 12)."""
-        carriers = np.array([self._bodies[index] for index, _ in frames], dtype=np.int64)
+        carriers = np.array([self._last_body[index] for index, _ in frames], dtype=np.int64)
         places = np.empty((len(frames), 12))
         for row, (index, placement) in zip(places, frames, strict=True):
             place = self._turned[index] * placement
@@ -652,7 +584,7 @@ class Tree:
             pairs: frames whose poses are wanted, the second in the first.
         """
         carriers, places = self.frames([tool, *(frame for pair in pairs for frame in pair)])
-        move(self._data, q, v, first, end, carriers, places, *motion)
+        move(self.bodies, q, v, first, end, carriers, places, *motion)
 
     def reactions(
         self,
@@ -691,11 +623,11 @@ class Tree:
             )
         ]
         carriers, places = self.frames(frames)
-        wanted = np.array([self._bodies[index] for index in joints], dtype=np.int64)
+        wanted = np.array([self._last_body[index] for index in joints], dtype=np.int64)
         forces = np.empty((end - first, len(wanted), 3))
         holds = np.empty((end - first, len(constraints), 3))
-        acted = np.array([self._bodies[index] for index in pushed], dtype=np.int64)
+        acted = np.array([self._last_body[index] for index in pushed], dtype=np.int64)
         given = np.zeros((len(q), 0, 6)) if wrenches is None else np.ascontiguousarray(wrenches)
         points = carriers, places
-        react(self._data, q, v, effort, first, end, wanted, *points, acted, given, forces, holds)
+        react(self.bodies, q, v, effort, first, end, wanted, *points, acted, given, forces, holds)
         return forces, holds

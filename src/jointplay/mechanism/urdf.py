@@ -6,7 +6,8 @@ import csv
 import io
 import shlex
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from copy import deepcopy
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -21,13 +22,9 @@ if TYPE_CHECKING:
     import yourdfpy
 
 
-# What a URDF says of its joints beyond the tree: limits, mimicry, transmissions.
-#
-# yourdfpy reads it, from the URDF without its pictures: no mesh is looked for, no file opened. It
-# is slow to import and comes with the first question.
+# What a URDF says of its joints beyond the tree: limits, mimicry, transmissions, pictures.
 
 
-_PICTURES = ("visual", "collision")
 SHAPES = {
     "box": ("size",),
     "cylinder": ("radius", "length"),
@@ -35,17 +32,15 @@ SHAPES = {
     "mesh": ("scale",),
 }
 """Geometries of pictures that are drawn, and their numbers; others are left out."""
-_READ = ("link", "joint")
+_READ = ("link", "joint", "material")
 """Elements of a robot that are read."""
-_SEEN = ("link", "joint", "material")
-"""Elements of a robot that its pictures need."""
 
 
-def _shapeless(element: ElementTree.Element) -> bool:
+def _without_known_shape(element: ElementTree.Element) -> bool:
     """Whether it is a picture without a shape, or with one that only other programs know."""
     geometry = element.find("geometry")
     known = geometry is not None and any(one.tag in SHAPES for one in geometry)
-    return element.tag in _PICTURES and not known
+    return element.tag in ("visual", "collision") and not known
 
 
 class Limits(NamedTuple):
@@ -83,56 +78,45 @@ class Transmission:
 
 
 class Declared:
-    """All that a URDF declares, read when it is asked for.
+    """What a URDF declares beyond its tree of joints, read by yourdfpy when it is asked for.
+
+    No mesh is looked for, no file opened. yourdfpy is slow to import.
 
     Args:
-        text: the URDF, whose names and numbers have been checked.
+        root: the URDF, whose names and numbers have been checked; not to be changed.
     """
 
-    def __init__(self, text: str) -> None:
-        """Keep the text."""
-        self._text = text
+    def __init__(self, root: ElementTree.Element) -> None:
+        """Keep the elements."""
+        self.root = root
 
     @cached_property
     def robot(self) -> yourdfpy.urdf.Robot:
-        """yourdfpy's reading: links with inertials only, joints with all they have.
+        """Links and joints with all they have; meshes are named, not read.
 
         Raises:
             JointplayError: yourdfpy cannot read it.
         """
-        return self._read(_READ, _PICTURES, "the URDF")
-
-    @cached_property
-    def pictured(self) -> yourdfpy.urdf.Robot:
-        """yourdfpy's reading of the links with their visuals, meshes unread.
-
-        Raises:
-            JointplayError: yourdfpy cannot read it.
-        """
-        return self._read(_SEEN, (), "the URDF's visuals")
-
-    def _read(self, read: Collection[str], left_out: Collection[str], of: str) -> Any:
-        """Read some elements of the robot, their links without others."""
         import yourdfpy
 
-        root = ElementTree.fromstring(self._text)
-        part = ElementTree.Element("robot", {"name": root.get("name", "robot")})
-        part.extend(element for element in root if element.tag in read)
-        for link in part.findall("link"):
-            for element in [one for one in link if one.tag in left_out or _shapeless(one)]:
+        root = deepcopy(self.root)
+        for element in [one for one in root if one.tag not in _READ]:
+            root.remove(element)
+        for link in root.findall("link"):
+            for element in [one for one in link if _without_known_shape(one)]:
                 link.remove(element)
-        text = io.BytesIO(ElementTree.tostring(part))
+        text = io.BytesIO(ElementTree.tostring(root))
         try:
             return yourdfpy.URDF.load(text, build_scene_graph=False, load_meshes=False).robot
         except (ValueError, TypeError, KeyError, AttributeError, IndexError) as error:
-            raise JointplayError(f"yourdfpy cannot read {of}: {error}") from None
+            raise JointplayError(f"yourdfpy cannot read the URDF: {error}") from None
 
     @cached_property
     def _joints(self) -> dict[str, Any]:
         return {joint.name: joint for joint in self.robot.joints}
 
     def limits(self, name: str) -> Limits:
-        """Limits of a joint; exporters write zeros, or twice the same, where they know none."""
+        """Limits of a joint; programs that write URDFs put zeros where they know none."""
         joint = self._joints[name]
         limit = joint.limit
         if limit is None or joint.type in ("fixed", "floating", "ball"):
@@ -152,16 +136,14 @@ class Declared:
     def transmissions(self) -> dict[str, Transmission]:
         """By joint. yourdfpy (0.0.60) leaves them out."""
         transmissions = {}
-        for element in ElementTree.fromstring(self._text).findall("transmission"):
-            texts = [one.text for one in element.iter("mechanicalReduction")]
+        for element in self.root.findall("transmission"):
             try:
-                reduction = float(texts[0]) if texts and texts[0] else None
+                reduction = float(element.findtext(".//mechanicalReduction") or "")
             except ValueError:
                 reduction = None
             for joint in element.findall("joint"):
-                transmissions[joint.get("name", "")] = Transmission(
-                    element.get("name", ""), reduction
-                )
+                found = Transmission(element.get("name", ""), reduction)
+                transmissions[joint.get("name", "")] = found
         return transmissions
 
 
@@ -200,7 +182,7 @@ class JointEntry:
 
     @property
     def upper(self) -> float | None:
-        """Upper limit of its position [rad or m]; likewise."""
+        """Upper limit of its position, likewise."""
         return self.declared.limits(self.name).upper
 
     @property
@@ -210,7 +192,7 @@ class JointEntry:
 
     @property
     def effort(self) -> float | None:
-        """Limit of its effort [N m or N]; likewise."""
+        """Limit of its effort [N m or N], likewise."""
         return self.declared.limits(self.name).effort
 
     @property
@@ -241,6 +223,12 @@ GROUND = "universe"
 _NO_AXIS = ("fixed", "floating", "ball")
 """Types of joint whose axis means nothing; exporters write zeros there."""
 
+STANDARD_GRAVITY = (0.0, 0.0, -9.81)
+"""In world axes [m/s^2]."""
+
+GRAVITY = {"balanced": (0.0, 0.0, 0.0), "loaded": STANDARD_GRAVITY}
+"""Gravity by word [m/s^2]: none, as if the weight were balanced, or 9.81 m/s^2 along -z."""
+
 INERTIA_TOLERANCE = 1e-6
 """Violation of the triangle inequality that passes for rounding, relative to the largest moment."""
 
@@ -267,18 +255,19 @@ class Description:
     text: str
     joints: dict[str, JointEntry]
     links: tuple[str, ...]
+    declared: Declared = field(compare=False, repr=False)
+    """The rest of what it says."""
     stored: bool = False
-    """From a result: a file of its own, with a folder that it may take meshes from, it has not."""
+    """Whether it comes from a result: it then has no folder from which it may take meshes."""
 
     @property
     def revolute(self) -> list[str]:
         """Names of the joints that can get clearance."""
         return [j.name for j in self.joints.values() if j.turns]
 
-    @property
-    def transmissions(self) -> dict[str, Transmission]:
-        """What stands between motors and joints, by joint."""
-        return Declared(self.text).transmissions
+    def elements(self) -> ElementTree.Element:
+        """Its elements, which may be changed."""
+        return deepcopy(self.declared.root)
 
 
 def read(path: str | Path, allow_unphysical: Collection[str] = ()) -> Description:
@@ -360,7 +349,7 @@ def _parsed(text: str, path: Path, allow_unphysical: tuple[str, ...]) -> Descrip
         rest = f" (impossible too: {', '.join(wrong[1:])}; all: {flag})" if wrong[1:] else ""
         raise JointplayError(faults[wrong[0]] + rest)
     joints = {}
-    declared = Declared(text)
+    declared = Declared(root)
     followers, _ = leaders(root)
     for joint in root.findall("joint"):
         name = joint.get("name", "")
@@ -371,13 +360,13 @@ def _parsed(text: str, path: Path, allow_unphysical: tuple[str, ...]) -> Descrip
             joint.get("type", ""),
             _link(joint, "parent", links),
             _link(joint, "child", links),
-            _number(dynamics, "friction", f"joint {name!r}", 0.0),
-            _number(dynamics, "damping", f"joint {name!r}", 0.0),
+            _number(dynamics, "friction", f"joint {name!r}:", "0"),
+            _number(dynamics, "damping", f"joint {name!r}:", "0"),
             name in followers,
             declared,
         )
     _check_tree(path, links, joints.values())
-    return Description(path, text, joints, tuple(links))
+    return Description(path, text, joints, tuple(links), declared)
 
 
 def _check_limit(joint: ElementTree.Element, name: str) -> None:
@@ -406,18 +395,25 @@ def leaders(root: ElementTree.Element) -> tuple[dict[str, str], dict[str, str]]:
         name, mimic = joint.get("name", ""), joint.find("mimic")
         if mimic is None:
             continue
-        for key, default in (("multiplier", 1.0), ("offset", 0.0)):
+        for key, default in (("multiplier", "1"), ("offset", "0")):
             _number(mimic, key, f"joint {name!r}: mimic", default)
         leader = mimic.get("joint", "")
         (followers if leader in joints else astray)[name] = leader
     for name in followers:
-        way = [name]
-        while way[-1] in followers:
-            way.append(followers[way[-1]])
-            if way[-1] in way[:-1]:
-                ring = " - ".join(way[way.index(way[-1]) :])
-                raise JointplayError(f"joints mimic each other in a ring: {ring}")
+        _, ring = _ascend(name, followers, ())
+        if ring:
+            raise JointplayError(f"joints mimic each other in a ring: {ring}")
     return followers, astray
+
+
+def _ascend(name: str, above: Mapping[str, str], known: Collection[str]) -> tuple[list[str], str]:
+    """Way from `name` to what has nothing above or is known, and the ring in which it ends."""
+    way = [name]
+    while way[-1] in above and way[-1] not in known:
+        way.append(above[way[-1]])
+        if way[-1] in way[:-1]:
+            return way, " - ".join(way[way.index(way[-1]) :])
+    return way, ""
 
 
 def _check_names(kind: str, names: Sequence[str]) -> None:
@@ -442,61 +438,50 @@ def _check_names(kind: str, names: Sequence[str]) -> None:
 
 def _check_placements(root: ElementTree.Element) -> None:
     """Refuse origins and axes that are not three finite numbers, and axes of no direction."""
-    for link in root.findall("link"):
-        owner = f"link {link.get('name', '')!r}"
-        for origin in link.findall("*/origin"):
-            _check_origin(origin, owner)
-    for joint in root.findall("joint"):
-        owner = f"joint {joint.get('name', '')!r}"
-        for origin in joint.findall("origin"):
-            _check_origin(origin, owner)
-        axis = joint.find("axis")
-        if axis is None or joint.get("type") in _NO_AXIS:
-            continue
-        if not any(_three(axis, "xyz", f"{owner}: axis", "1 0 0")):
-            raise JointplayError(
-                f"{owner} has the axis {axis.get('xyz')!r}, which points nowhere; give a direction"
-            )
+    for kind, path in (("link", "*/origin"), ("joint", "origin")):
+        for element in root.findall(kind):
+            owner = f"{kind} {element.get('name', '')!r}"
+            for origin in element.findall(path):
+                for key in ("xyz", "rpy"):
+                    _numbers(origin, key, f"{owner}: origin {key}", 3, "0 0 0")
+            axis = element.find("axis")
+            if axis is None or kind == "link" or element.get("type") in _NO_AXIS:
+                continue
+            if not any(_numbers(axis, "xyz", f"{owner}: axis", 3, "1 0 0")):
+                raise JointplayError(
+                    f"{owner} has the axis {axis.get('xyz')!r}, which points nowhere; "
+                    "give a direction"
+                )
 
 
 def _check_pictures(root: ElementTree.Element) -> None:
     """Refuse shapes whose sizes, and colours whose components, are not the numbers they must be."""
-    for link in root.findall("link"):
-        owner = f"link {link.get('name', '')!r}"
-        for geometry in link.findall("visual/geometry") + link.findall("collision/geometry"):
+    for element in root:
+        if element.tag not in ("link", "material"):
+            continue
+        owner = f"{element.tag} {element.get('name', '')!r}"
+        for geometry in element.findall("visual/geometry") + element.findall("collision/geometry"):
             for shape in geometry:
                 for key in SHAPES.get(shape.tag, ()):
                     _check_size(shape, key, f"{owner}: {shape.tag} {key}")
-        for colour in link.findall("visual/material/color"):
-            _numbers(colour, "rgba", f"{owner}: color rgba", 4, "1 1 1 1")
-    for material in root.findall("material"):
-        for colour in material.findall("color"):
-            owner = f"material {material.get('name', '')!r}"
+        for colour in element.findall("visual/material/color") + element.findall("color"):
             _numbers(colour, "rgba", f"{owner}: color rgba", 4, "1 1 1 1")
 
 
 def _check_size(shape: ElementTree.Element, key: str, what: str) -> None:
-    if key == "scale":  # can mirror; one number is for all axes
+    """Refuse sizes that are no numbers or negative; a scale may mirror, or be one for all axes."""
+    if key == "scale":
         text = shape.get(key, "1 1 1")
         _numbers(shape, key, what, 1 if len(text.split()) == 1 else 3, text)
     elif min(_numbers(shape, key, what, 3 if key == "size" else 1)) < 0.0:
         raise JointplayError(f"{what} must not be negative, got {shape.get(key)!r}")
 
 
-def _check_origin(origin: ElementTree.Element, owner: str) -> None:
-    for key in ("xyz", "rpy"):
-        _three(origin, key, f"{owner}: origin {key}", "0 0 0")
-
-
-def _three(element: ElementTree.Element, key: str, what: str, default: str) -> list[float]:
-    return _numbers(element, key, what, 3, default)
-
-
 def _numbers(
-    element: ElementTree.Element, key: str, what: str, count: int, default: str | None = None
+    element: ElementTree.Element | None, key: str, what: str, count: int, default: str | None = None
 ) -> list[float]:
-    """So many numbers of an attribute, which must be there if it has no `default`."""
-    text = element.get(key, default)
+    """So many finite numbers of an attribute, which must be there if it has no `default`."""
+    text = default if element is None else element.get(key, default)
     if text is None:
         raise JointplayError(f"{what} is missing in the URDF")
     try:
@@ -507,6 +492,13 @@ def _numbers(
         words = {1: "a finite number", 3: "three finite numbers", 4: "four finite numbers"}
         raise JointplayError(f"{what} must be {words[count]}, got {text!r}")
     return values
+
+
+def _number(
+    element: ElementTree.Element | None, key: str, what: str, default: str | None = None
+) -> float:
+    """One such number."""
+    return _numbers(element, key, f"{what} {key}", 1, default)[0]
 
 
 def impossible_inertias(root: ElementTree.Element) -> dict[str, str]:
@@ -547,49 +539,31 @@ def _check_tree(path: Path, links: Collection[str], joints: Iterable[JointEntry]
             f"the URDF {str(path)!r} falls apart: {', '.join(map(repr, roots))} have no parent; "
             "exactly one link must have none"
         )
-    good: dict[str, int] = dict.fromkeys(roots, 1)
+    parents = {link: joint.parent for link, joint in above.items()}
+    depth: dict[str, int] = dict.fromkeys(roots, 1)
     for link in links:
-        way = [link]
-        while way[-1] not in good:
-            way.append(above[way[-1]].parent)
-            if way[-1] in way[:-1]:
-                ring = " - ".join(way[way.index(way[-1]) :])
-                raise JointplayError(
-                    f"the URDF {str(path)!r} is cyclic: {ring}; describe one of these joints as a "
-                    "loop instead"
-                )
+        way, ring = _ascend(link, parents, depth)
+        if ring:
+            raise JointplayError(
+                f"the URDF {str(path)!r} is cyclic: {ring}; describe one of these joints as a "
+                "loop instead"
+            )
         for one in reversed(way[:-1]):
-            good[one] = good[above[one].parent] + 1
-            if good[one] > MOST_IN_SERIES:
+            depth[one] = depth[parents[one]] + 1
+            if depth[one] > MOST_IN_SERIES:
                 raise JointplayError(
                     f"the URDF {str(path)!r} has more than {MOST_IN_SERIES} links in series, up "
                     f"to {one!r}; at most {MOST_IN_SERIES} are possible"
                 )
 
 
-def _number(
-    element: ElementTree.Element | None, key: str, owner: str, default: float | None = None
-) -> float:
-    text = None if element is None else element.get(key)
-    if text is None:
-        if default is None:
-            raise JointplayError(f"{owner} has no {key} in its URDF")
-        return default
-    try:
-        value = float(text)
-    except ValueError:
-        value = np.nan
-    if not np.isfinite(value):
-        raise JointplayError(f"{owner}: {key} must be a finite number, got {text!r}")
-    return value
-
-
 def _check_inertia(name: str, inertial: ElementTree.Element) -> None:
     owner = f"link {name!r}"
-    mass = _number(inertial.find("mass"), "value", owner)
+    mass = _number(inertial.find("mass"), "value", f"{owner}: mass")
     element = inertial.find("inertia")
     xx, yy, zz, xy, xz, yz = (
-        _number(element, f"i{axes}", owner) for axes in ("xx", "yy", "zz", "xy", "xz", "yz")
+        _number(element, f"i{axes}", f"{owner}: inertia")
+        for axes in ("xx", "yy", "zz", "xy", "xz", "yz")
     )
     tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     if mass == 0.0 and not tensor.any():
@@ -605,10 +579,3 @@ def _check_inertia(name: str, inertial: ElementTree.Element) -> None:
         raise JointplayError(
             f"{owner} has {moments}: no rigid body has {high:.4g} > {low:.4g} + {middle:.4g}{hint}"
         )
-
-
-STANDARD_GRAVITY = (0.0, 0.0, -9.81)
-"""In world axes [m/s^2]."""
-
-GRAVITY = {"balanced": (0.0, 0.0, 0.0), "loaded": STANDARD_GRAVITY}
-"""Gravity by word [m/s^2]: none, as if the weight were balanced, or 9.81 m/s^2 along -z."""

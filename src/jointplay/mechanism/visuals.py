@@ -1,14 +1,14 @@
-"""What a mechanism looks like: the URDF's visuals, re-attached to the links of any model of it.
+"""What a mechanism looks like: the URDF's shapes as surfaces on the links of any model of it.
 
 A mechanism builds its own Pinocchio model, in which a joint with clearance is several joints and
-its frame is turned. Its link frames, however, are those of the URDF. Each visual therefore belongs
-to a link, by name, and stands where that link's frame stands.
+its frame is turned. Its link frames, however, are those of the URDF. Each shape therefore belongs
+to a link, by name, and stands where that link's frame stands. Meshes are read by `meshes`, all
+parts of them with their colours; where a mesh is missing capsules stand in.
 """
 
 from __future__ import annotations
 
 import warnings
-import xml.etree.ElementTree as ElementTree
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -22,34 +22,175 @@ import numpy as np
 import pinocchio as pin
 
 from jointplay.core.errors import JointplayError
-from jointplay.core.files import is_folder, temporary
+from jointplay.core.files import is_folder
+from jointplay.mechanism.loop import assemble
 from jointplay.mechanism.mechanism import Mechanism
-from jointplay.mechanism.meshes import FORMATS, Colour, Parts, Surface, parts_of, readable, surface
+from jointplay.mechanism.meshes import Colour, Parts, Surface, readable, surface
 from jointplay.mechanism.model import parse
-from jointplay.mechanism.urdf import Declared
 
-_VIEW = (1.6, -1.6, 1.0)
-"""Where the camera stands, from the robot's middle, relative to the robot's reach."""
-_GREY = np.array([0.62, 0.64, 0.67, 1.0])
+TONES: tuple[Colour, ...] = ((0.79, 0.83, 0.87, 1.0), (0.66, 0.72, 0.79, 1.0))
+"""Of links without colour, by turns, so that one can be told from the next."""
 THICKNESS = 0.035
 """Radius of a stand-in, relative to the robot's reach."""
+_VIEW = (1.6, -1.6, 1.0)
+"""Where the camera stands, from the robot's middle, relative to the robot's reach."""
+
+Form = tuple[str, tuple[float, ...]]
+"""``box`` and its sides; ``cylinder`` or ``capsule``, radius and length; ``mesh`` [m]."""
 
 
-@dataclass
-class Visuals:
+@dataclass(frozen=True, eq=False)
+class LinkShape:
+    """Surfaces on a link."""
+
+    link: str
+    frame: np.ndarray
+    """From the shape's frame to the link's (4, 4)."""
+    scale: np.ndarray
+    """Of a mesh, along its axes (3,)."""
+    form: Form
+    file: str
+    """Of a mesh."""
+    parts: Parts
+    colours: tuple[Colour, ...]
+    """Of each part."""
+    coloured: bool = False
+    """Whether the URDF gives its colour."""
+    stands_in: bool = False
+    """Whether it takes the place of what is missing."""
+
+    @property
+    def placement(self) -> np.ndarray:
+        """From the surfaces to the link's frame, their scale included (4, 4)."""
+        return self.frame @ np.diag([*self.scale, 1.0])
+
+
+@dataclass(frozen=True)
+class Look:
     """Shapes of a mechanism.
 
     Attributes:
-        geometry: `pin.GeometryModel`, valid for the mechanism's model.
-        links: link that carries each geometry object, in their order.
-        missing: mesh files that were not found or not readable; stand-ins take their place.
+        shapes: in the order of the URDF, stand-ins last.
         reach: size of the robot, the largest distance between two of its links' frames [m].
+        missing: mesh files that were not found or not readable.
     """
 
-    geometry: pin.GeometryModel
-    links: list[str]
+    shapes: list[LinkShape]
     reach: float
     missing: list[str] = field(default_factory=list)
+
+
+def look(
+    mechanism: Mechanism, folders: Sequence[str | Path] = (), collisions: bool = False
+) -> Look:
+    """What is seen of `mechanism`, with or without clearance.
+
+    Args:
+        mechanism: whose URDF has the shapes.
+        folders: where meshes may be, too.
+        collisions: take the URDF's collision shapes, without stand-ins, instead of its visuals.
+
+    Raises:
+        JointplayError: a given folder does not exist.
+    """
+    description = mechanism.description
+    robot = description.declared.robot
+    where = mesh_folders(mechanism, folders)
+    places = _link_places(parse(description))
+    points = np.array([place.translation for place in places.values()])
+    reach = float(np.linalg.norm(points[:, None] - points[None], axis=2).max())
+    made = Look([], reach if reach > 1e-6 else 0.3)
+    tones = {name: TONES[number % len(TONES)] for number, name in enumerate(places)}
+    bare = []
+    for link in robot.links:
+        elements = link.collisions if collisions else link.visuals
+        forms = []
+        for element in elements:
+            form, file, parts = _surfaces(element.geometry, where, not description.stored)
+            mesh = element.geometry.mesh
+            if not parts:
+                made.missing.append(mesh.filename or "")
+                continue
+            frame = np.eye(4) if element.origin is None else np.array(element.origin)
+            scale = np.ones(3) if mesh is None or mesh.scale is None else mesh.scale
+            scale = np.broadcast_to(np.asarray(scale, float), 3)
+            given = _colour(getattr(element, "material", None), robot)
+            colours = tuple(given or part.colour or tones[link.name] for part in parts)
+            own = given is not None
+            forms.append(LinkShape(link.name, frame, scale, form, file, parts, colours, own))
+        made.shapes.extend(one for one in forms if any(len(part.triangles) for part in one.parts))
+        if elements and not forms:
+            bare.append(link.name)
+    if collisions:
+        return made
+    if not any(link.visuals for link in robot.links):
+        bare = [link.name for link in robot.links]
+    for name, place, form in _stand_ins(mechanism, places, bare, THICKNESS * made.reach):
+        part, tone = _surface(form), tones[name]
+        made.shapes.append(
+            LinkShape(name, place, np.ones(3), form, "", (part,), (tone,), stands_in=True)
+        )
+    return made
+
+
+def geometry_model(mechanism: Mechanism, seen: Look) -> pin.GeometryModel:
+    """What is seen of `mechanism` as Pinocchio's geometry for its model, an object each."""
+    geometry, counts = pin.GeometryModel(), dict.fromkeys(mechanism.description.links, 0)
+    for shape in seen.shapes:
+        index = mechanism.model.getFrameId(shape.link, pin.FrameType.BODY)
+        frame = mechanism.model.frames[index]
+        word = "stand_in_" if shape.stands_in else ""
+        name = f"{shape.link}_{word}{counts[shape.link]}".replace("/", "_")  # meshcat's folders
+        counts[shape.link] += 1
+        body = pin.GeometryObject(
+            name,
+            frame.parentJoint,
+            index,
+            frame.placement * pin.SE3(shape.frame),
+            _solid(shape),
+            shape.file,
+            shape.scale,
+        )
+        body.overrideMaterial = shape.coloured
+        body.meshColor = np.array(shape.colours[0])
+        geometry.addGeometryObject(body)
+    return geometry
+
+
+def visualizer(mechanism: Mechanism, folders: Sequence[str | Path], open_browser: bool) -> Any:
+    """Pinocchio's MeshcatVisualizer with the mechanism loaded and shown, loops closed.
+
+    Raises:
+        JointplayError: a given folder does not exist, loops cannot be closed, or the server does
+            not start.
+    """
+    from pinocchio.visualize import MeshcatVisualizer
+
+    from jointplay.mechanism import viewer
+
+    seen = look(mechanism, folders)
+    visuals = geometry_model(mechanism, seen)
+    collisions = geometry_model(mechanism, look(mechanism, folders, collisions=True))
+    for shape in (*visuals.geometryObjects, *collisions.geometryObjects):
+        if Path(shape.meshPath).suffix.lower() == ".dae":
+            # Meshcat shows one part of a Collada file; the surface read here has them all.
+            shape.meshPath = ""
+    made = MeshcatVisualizer(mechanism.model, collisions, visuals)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # textures that meshcat cannot show
+        made.initViewer(viewer=viewer.visualizer(), open=open_browser)
+        made.loadViewerModel(mechanism.model.name or "mechanism")
+    made.display(assemble(mechanism, np.zeros(mechanism.model.nq), []))
+    places = np.array([place.translation for place in made.visual_data.oMg])
+    centre = 0.5 * (places.min(axis=0) + places.max(axis=0))
+    x, y, z = seen.reach * np.array(_VIEW)
+    # Released versions of meshcat have no call for this; its camera's frame has y up.
+    made.viewer["/Cameras/default"].set_transform(pin.SE3(np.eye(3), centre).homogeneous)
+    made.viewer["/Cameras/default/rotated/<object>"].set_property("position", [x, z, -y])
+    return made
+
+
+# Where mesh files are.
 
 
 def mesh_folders(mechanism: Mechanism, given: Sequence[str | Path] = ()) -> list[Path]:
@@ -128,325 +269,69 @@ def _inside(path: Path, folder: Path) -> bool:
     return path.resolve().is_relative_to(folder.resolve())
 
 
-def visuals(mechanism: Mechanism, folders: Sequence[str | Path] = ()) -> Visuals:
-    """Shapes of `mechanism`, meshes included.
-
-    Raises:
-        JointplayError: a given folder does not exist.
-    """
-    source = parse(mechanism.description)
-    where = mesh_folders(mechanism, folders)
-    root = ElementTree.fromstring(mechanism.description.text)
-    missing, bare = _set_meshes(root, "visual", where, mechanism.description.stored)
-    if root.find("link/visual") is None:
-        bare = [link.get("name", "") for link in root.findall("link")]
-    places = places_of(source)
-    reach = reach_of(places)
-    geometry, links = _carried(mechanism, source, root, pin.GeometryType.VISUAL)
-    text = mechanism.description.text
-    for name, placement, radius, length in capsules(text, places, bare, THICKNESS * reach):
-        body = coal.Capsule(radius, length) if length > 0.0 else coal.Sphere(radius)
-        shape = pin.GeometryObject(
-            f"{name}_stand_in_{len(links)}", 0, 0, pin.SE3.Identity(), body, "", np.ones(3)
-        )
-        shape.meshColor = _GREY
-        _attach(geometry, mechanism.model, shape, name, placement)
-        links.append(name)
-    return Visuals(geometry, links, reach, missing)
+# Surfaces and solids of a shape.
 
 
-def collisions(mechanism: Mechanism, folders: Sequence[str | Path] = ()) -> Visuals:
-    """The URDF's collision shapes, with no pairs of them chosen and no stand-ins.
-
-    Raises:
-        JointplayError: a given folder does not exist.
-    """
-    source = parse(mechanism.description)
-    root = ElementTree.fromstring(mechanism.description.text)
-    where = mesh_folders(mechanism, folders)
-    missing, _ = _set_meshes(root, "collision", where, mechanism.description.stored)
-    geometry, links = _carried(mechanism, source, root, pin.GeometryType.COLLISION)
-    return Visuals(geometry, links, reach_of(places_of(source)), missing)
-
-
-def visualizer(mechanism: Mechanism, folders: Sequence[str | Path], open_browser: bool) -> Any:
-    """Pinocchio's MeshcatVisualizer with the mechanism loaded and shown, loops closed.
-
-    Raises:
-        JointplayError: a given folder does not exist, loops cannot be closed, or the server does
-            not start.
-    """
-    from pinocchio.visualize import MeshcatVisualizer
-
-    from jointplay.mechanism import viewer
-    from jointplay.mechanism.loop import assemble
-
-    look, shapes = visuals(mechanism, folders), collisions(mechanism, folders)
-    for shape in (*look.geometry.geometryObjects, *shapes.geometry.geometryObjects):
-        if Path(shape.meshPath).suffix.lower() == ".dae":
-            # Meshcat shows one part of a Collada file; the surface read here has them all.
-            shape.meshPath = ""
-            shape.meshColor = shape.meshColor if shape.overrideMaterial else _GREY
-    made = MeshcatVisualizer(mechanism.model, shapes.geometry, look.geometry)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # textures that meshcat cannot show
-        made.initViewer(viewer=viewer.visualizer(), open=open_browser)
-        made.loadViewerModel(mechanism.model.name or "mechanism")
-    made.display(assemble(mechanism, np.zeros(mechanism.model.nq), []))
-    places = np.array([made.visual_data.oMg[k].translation for k in range(len(look.links))])
-    centre = 0.5 * (places.min(axis=0) + places.max(axis=0))
-    x, y, z = look.reach * np.array(_VIEW)
-    # Released versions of meshcat have no call for this; its camera's frame has y up.
-    made.viewer["/Cameras/default"].set_transform(pin.SE3(np.eye(3), centre).homogeneous)
-    made.viewer["/Cameras/default/rotated/<object>"].set_property("position", [x, z, -y])
-    return made
+def _surfaces(geometry: Any, where: Sequence[Path], anywhere: bool) -> tuple[Form, str, Parts]:
+    """Form, file and surfaces of a geometry; no surfaces where a mesh cannot be had."""
+    if geometry.mesh is not None:
+        path = find_mesh(geometry.mesh.filename or "", where, anywhere)
+        parts = None if path is None else readable(path)
+        return ("mesh", ()), str(path or ""), parts or ()
+    if geometry.box is not None:
+        x, y, z = (float(size) for size in geometry.box.size)
+        form: Form = "box", (x, y, z)
+    elif geometry.cylinder is not None:
+        form = "cylinder", (float(geometry.cylinder.radius), float(geometry.cylinder.length))
+    else:
+        form = "capsule", (float(geometry.sphere.radius), 0.0)
+    return form, "", (_surface(form),)
 
 
-def _set_meshes(
-    root: ElementTree.Element, tag: str, where: Sequence[Path], stored: bool
-) -> tuple[list[str], list[str]]:
-    """Name the files of the meshes of all elements `tag`; those not found go.
+@lru_cache(maxsize=256)
+def _surface(form: Form) -> Surface:
+    """Surface of a box, a cylinder or a capsule about its middle; without length it is a ball."""
+    import trimesh
 
-    Returns:
-        What was not found, and the links that are left without shape by that.
-    """
-    missing: list[str] = []
-    bare: list[str] = []
-    for link in root.findall("link"):
-        shapes = link.findall(tag)
-        for shape in shapes:
-            mesh = shape.find("geometry/mesh")
-            if mesh is None:
-                continue
-            name = mesh.get("filename", "")
-            file = find_mesh(name, where, anywhere=not stored)
-            if file is None or file.suffix.lower() not in FORMATS or not readable(file):
-                link.remove(shape)
-                missing.append(name)
-            else:
-                mesh.set("filename", str(file))
-        if shapes and link.find(tag) is None:
-            bare.append(link.get("name", ""))
-    return missing, bare
+    word, sizes = form
+    if word == "box":
+        mesh = trimesh.creation.box(sizes)
+    elif word == "cylinder":
+        mesh = trimesh.creation.cylinder(*sizes, sections=48)
+    elif sizes[1] > 0.0:
+        mesh = trimesh.creation.capsule(sizes[1], sizes[0], count=[32, 32])
+        mesh.vertices -= mesh.bounds.mean(axis=0)
+    else:
+        mesh = trimesh.creation.uv_sphere(1.0, count=[24, 32])
+        mesh.vertices *= sizes[0]  # of one of a millimetre trimesh would leave no triangle
+    return surface(mesh.vertices, mesh.faces)
 
 
-def _carried(
-    mechanism: Mechanism, source: pin.Model, root: ElementTree.Element, kind: pin.GeometryType
-) -> tuple[pin.GeometryModel, list[str]]:
-    """The URDF's shapes on the links of the mechanism's own model, and these links."""
-    with temporary("urdf") as folder:
-        file = Path(folder) / "robot.urdf"
-        file.write_text(ElementTree.tostring(root, encoding="unicode"), encoding="utf-8")
-        original = pin.buildGeomFromUrdf(source, str(file), kind)
-    geometry, links = pin.GeometryModel(), []
-    for shape in original.geometryObjects:
-        if Path(shape.meshPath).is_file():
-            shape.geometry = _solid(parts_of(Path(shape.meshPath)), np.array(shape.meshScale))
-        frame = source.frames[shape.parentFrame]
-        _attach(
-            geometry, mechanism.model, shape, frame.name, frame.placement.actInv(shape.placement)
-        )
-        links.append(frame.name)
-    return geometry, links
-
-
-def _solid(parts: Parts, scale: np.ndarray) -> Any:
-    """All parts of a mesh as one body of coal's.
+def _solid(shape: LinkShape) -> Any:
+    """A shape as a body of coal's; of a mesh all parts are one.
 
     coal's own loader (3.0.3) has the triangles of a file's second part use the points of the first.
     """
-    points = np.concatenate([part.points for part in parts]) * scale
-    before = np.cumsum([0, *(len(part.points) for part in parts[:-1])])
-    triangles = np.concatenate(
-        [part.triangles + first for part, first in zip(parts, before, strict=True)]
-    )
+    word, sizes = shape.form
+    if word == "box":
+        return coal.Box(*sizes)
+    if word == "cylinder":
+        return coal.Cylinder(*sizes)
+    if word == "capsule":
+        return coal.Capsule(*sizes) if sizes[1] > 0.0 else coal.Sphere(sizes[0])
+    points = np.concatenate([part.points for part in shape.parts]) * shape.scale
+    first = np.cumsum([0, *(len(part.points) for part in shape.parts[:-1])])
+    triangles = [part.triangles + n for part, n in zip(shape.parts, first, strict=True)]
     made = coal.BVHModelOBBRSS()
-    made.beginModel(len(triangles), len(points))
+    made.beginModel(sum(map(len, triangles)), len(points))
     made.addVertices(points)
-    made.addTriangles(triangles)
+    made.addTriangles(np.concatenate(triangles))
     made.endModel()
     return made
 
 
-def _attach(
-    geometry: pin.GeometryModel,
-    model: pin.Model,
-    shape: pin.GeometryObject,
-    link: str,
-    placement: pin.SE3,
-) -> None:
-    index = model.getFrameId(link, pin.FrameType.BODY)
-    frame = model.frames[index]
-    shape.name = shape.name.replace("/", "_")  # a slash opens a folder in meshcat
-    shape.parentJoint, shape.parentFrame = frame.parentJoint, index
-    shape.placement = frame.placement * placement
-    geometry.addGeometryObject(shape)
-
-
-def places_of(source: pin.Model) -> dict[str, pin.SE3]:
-    """World placement of every link, all joints at zero."""
-    data = source.createData()
-    pin.framesForwardKinematics(source, data, pin.neutral(source))
-    return {
-        frame.name: data.oMf[index].copy()
-        for index, frame in enumerate(source.frames)
-        if frame.type == pin.FrameType.BODY
-    }
-
-
-def reach_of(places: dict[str, pin.SE3]) -> float:
-    """Size of a robot: the largest distance between two of its links' frames [m]."""
-    points = np.array([place.translation for place in places.values()])
-    spread = np.linalg.norm(points[:, None] - points[None], axis=2).max()
-    return float(spread) if spread > 1e-6 else 0.3
-
-
-def capsules(
-    text: str, places: dict[str, pin.SE3], links: Sequence[str], radius: float
-) -> list[tuple[str, pin.SE3, float, float]]:
-    """Capsules from each of `links` to the links that it carries, or to its centre of mass.
-
-    Args:
-        text: of the URDF.
-        places: of all links' frames, at zero.
-        links: that have a stand-in.
-        radius: of the capsules [m].
-
-    Returns:
-        For each: link, place of its middle there (z along it), radius and length [m]; of a ball at
-        the link's frame the length is 0.
-    """
-    root = ElementTree.fromstring(text)
-    rods: list[tuple[str, pin.SE3, float, float]] = []
-    inertials = {link.get("name"): link.find("inertial") for link in root.findall("link")}
-    for name in links:
-        place = places[name]
-        ends = []
-        for joint in root.findall("joint"):
-            parent, child = joint.find("parent"), joint.find("child")
-            if parent is not None and child is not None and parent.get("link") == name:
-                ends.append(place.actInv(places[child.get("link", "")]).translation)
-        inertial = inertials.get(name)
-        if not any(np.linalg.norm(end) > 1e-6 for end in ends) and inertial is not None:
-            origin = inertial.find("origin")
-            text = "0 0 0" if origin is None else origin.get("xyz", "0 0 0")
-            ends.append(np.array([float(value) for value in text.split()]))
-        rods.append((name, pin.SE3.Identity(), 1.3 * radius, 0.0))
-        for end in ends:
-            length = float(np.linalg.norm(end))
-            if length > 1e-6:
-                turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), end / length)
-                middle = pin.SE3(turn.toRotationMatrix(), end / 2.0)
-                rods.append((name, middle, radius, length))
-    return rods
-
-
-# What is seen of a mechanism: the URDF's visuals as surfaces on its links, with their colours.
-#
-# `visuals` makes the same for Pinocchio, whose shapes know no colours of parts. Here meshes are
-# read by `meshes`, all parts of them; box, cylinder and ball are surfaces too; where a mesh is
-# missing capsules stand in.
-
-
-TONES: tuple[Colour, ...] = ((0.79, 0.83, 0.87, 1.0), (0.66, 0.72, 0.79, 1.0))
-"""Of links without colour, by turns, so that one can be told from the next."""
-
-
-@dataclass(frozen=True, eq=False)
-class LinkShape:
-    """Surfaces on a link."""
-
-    link: str
-    placement: np.ndarray
-    """From the surfaces to the link's frame, their scale included (4, 4)."""
-    parts: Parts
-    colours: tuple[Colour, ...]
-    """Of each part."""
-    key: str
-    """Shapes of one key have the same surfaces, if they are not colours that differ."""
-
-
-@dataclass(frozen=True)
-class Look:
-    """All shapes of a mechanism.
-
-    Attributes:
-        shapes: in the order of the URDF.
-        reach: size of the robot, the largest distance between two of its links' frames [m].
-        missing: mesh files that were not found or not readable; stand-ins take their place.
-    """
-
-    shapes: list[LinkShape]
-    reach: float
-    missing: list[str] = field(default_factory=list)
-
-
-def look(mechanism: Mechanism, folders: Sequence[str | Path] = ()) -> Look:
-    """What is seen of `mechanism`, with or without clearance.
-
-    Raises:
-        JointplayError: a given folder does not exist.
-    """
-    description = mechanism.description
-    robot = Declared(description.text).pictured
-    where = mesh_folders(mechanism, folders)
-    source = parse(description)
-    places = places_of(source)
-    reach = reach_of(places)
-    order = list(places)
-    shapes: list[LinkShape] = []
-    missing: list[str] = []
-    bare = []
-    for link in robot.links:
-        tone = TONES[order.index(link.name) % len(TONES)]
-        forms = []
-        for visual in link.visuals:
-            mesh = visual.geometry.mesh
-            key, parts = _surfaces(visual.geometry, where, not description.stored)
-            if not parts and mesh is not None:
-                missing.append(mesh.filename or "")
-                continue
-            place = np.eye(4) if visual.origin is None else np.array(visual.origin)
-            if mesh is not None and mesh.scale is not None:
-                place = place @ np.diag([*np.broadcast_to(mesh.scale, 3), 1.0])
-            given = _colour(visual.material, robot)
-            colours = tuple(given or part.colour or tone for part in parts)
-            forms.append(LinkShape(link.name, place, parts, colours, key))
-        shapes += [shape for shape in forms if any(len(part.triangles) for part in shape.parts)]
-        if link.visuals and not forms:
-            bare.append(link.name)
-    if not any(link.visuals for link in robot.links):
-        bare = [link.name for link in robot.links]
-    for name, placement, radius, length in capsules(
-        description.text, places, bare, THICKNESS * reach
-    ):
-        part = _capsule(radius, length)
-        tone = TONES[order.index(name) % len(TONES)]
-        key = f"capsule {radius!r} {length!r}"
-        shapes.append(LinkShape(name, placement.homogeneous, (part,), (tone,), key))
-    return Look(shapes, reach, missing)
-
-
-def _surfaces(geometry: Any, where: Sequence[Path], anywhere: bool) -> tuple[str, Parts]:
-    """Key and surfaces of a visual's geometry; none where a mesh cannot be had."""
-    if geometry.box is not None:
-        x, y, z = (float(size) for size in geometry.box.size)
-        return f"box {x!r} {y!r} {z!r}", (_box(x, y, z),)
-    if geometry.cylinder is not None:
-        radius, length = float(geometry.cylinder.radius), float(geometry.cylinder.length)
-        return f"cylinder {radius!r} {length!r}", (_cylinder(radius, length),)
-    if geometry.sphere is not None:
-        radius = float(geometry.sphere.radius)
-        return f"capsule {radius!r} 0.0", (_capsule(radius, 0.0),)
-    path = find_mesh(geometry.mesh.filename or "", where, anywhere)
-    if path is None:
-        return "", ()
-    parts = readable(path)
-    return (f"mesh {path}", parts) if parts else ("", ())
-
-
 def _colour(material: Any, robot: Any) -> Colour | None:
-    """Colour that the URDF gives a visual, by itself or by a name."""
+    """Colour that the URDF gives a shape, by itself or by a name."""
     if material is None:
         return None
     named = next((one for one in robot.materials if one.name == material.name), None)
@@ -457,30 +342,49 @@ def _colour(material: Any, robot: Any) -> Colour | None:
     return None
 
 
-@lru_cache(maxsize=256)
-def _box(x: float, y: float, z: float) -> Surface:
-    import trimesh
-
-    mesh = trimesh.creation.box((x, y, z))
-    return surface(mesh.vertices, mesh.faces)
-
-
-@lru_cache(maxsize=256)
-def _cylinder(radius: float, length: float) -> Surface:
-    import trimesh
-
-    mesh = trimesh.creation.cylinder(radius, length, sections=48)
-    return surface(mesh.vertices, mesh.faces)
+def _link_places(source: pin.Model) -> dict[str, pin.SE3]:
+    """World placement of every link, all joints at zero."""
+    data = source.createData()
+    pin.framesForwardKinematics(source, data, pin.neutral(source))
+    return {
+        frame.name: data.oMf[index].copy()
+        for index, frame in enumerate(source.frames)
+        if frame.type == pin.FrameType.BODY
+    }
 
 
-@lru_cache(maxsize=256)
-def _capsule(radius: float, length: float) -> Surface:
-    """A capsule about the middle of its axis z; a ball if it has no length."""
-    import trimesh
+def _stand_ins(
+    mechanism: Mechanism, places: dict[str, pin.SE3], links: Sequence[str], radius: float
+) -> list[tuple[str, np.ndarray, Form]]:
+    """Capsules from each of `links` to the links that it carries, or to its centre of mass.
 
-    if length > 0.0:
-        mesh = trimesh.creation.capsule(length, radius, count=[32, 32])
-        mesh.vertices -= mesh.bounds.mean(axis=0)
-    else:
-        mesh = trimesh.creation.uv_sphere(radius, count=[24, 32])
-    return surface(mesh.vertices, mesh.faces)
+    Args:
+        mechanism: whose links they are.
+        places: of all links' frames, at zero.
+        links: that have a stand-in.
+        radius: of the capsules [m].
+
+    Returns:
+        For each: link, place of its middle there (z along it), form; a ball at the link's frame.
+    """
+    robot = mechanism.description.declared.robot
+    origins = {
+        link.name: None if link.inertial is None else link.inertial.origin for link in robot.links
+    }
+    rods: list[tuple[str, np.ndarray, Form]] = []
+    for name in links:
+        ends = [
+            places[name].actInv(places[joint.child]).translation
+            for joint in mechanism.description.joints.values()
+            if joint.parent == name
+        ]
+        if not any(np.linalg.norm(end) > 1e-6 for end in ends) and origins[name] is not None:
+            ends.append(np.array(origins[name])[:3, 3])
+        rods.append((name, np.eye(4), ("capsule", (1.3 * radius, 0.0))))
+        for end in ends:
+            length = float(np.linalg.norm(end))
+            if length > 1e-6:
+                turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), end / length)
+                middle = pin.SE3(turn.toRotationMatrix(), end / 2.0)
+                rods.append((name, middle.homogeneous, ("capsule", (radius, length))))
+    return rods

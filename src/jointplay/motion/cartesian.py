@@ -14,10 +14,15 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from jointplay.core.errors import JointplayError, MissingName, require_finite, within
+from jointplay.core.errors import (
+    JointplayError,
+    MissingName,
+    require_finite,
+    require_numbers,
+    within,
+)
 from jointplay.mechanism.mechanism import Mechanism, frame_index
-from jointplay.mechanism.model import parse
-from jointplay.motion.reference import Motion
+from jointplay.motion.reference import Motion, check_waypoints
 
 # The ideal arm, and how its joints must stand for its tool to be somewhere.
 
@@ -90,11 +95,7 @@ class Arm:
         if not self.joints:
             raise JointplayError("a Cartesian motion needs moving joints, this robot has none")
         self.model, self.data = ideal.model, ideal.data
-        name = ideal.tool if frame is None else frame
-        if not self.model.existFrame(name):
-            frames = [known.name for known in self.model.frames if known.name != "universe"]
-            raise MissingName("frame", name, frames)
-        self.frame = frame_index(self.model, name)
+        self.frame = frame_index(self.model, ideal.tool if frame is None else frame)
         self.low, self.high = joint_limits(mechanism, self.joints)
         self.rank = 0
 
@@ -196,14 +197,10 @@ class Arm:
 
 def joint_limits(mechanism: Mechanism, joints: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
     """Lower and upper limits that the URDF sets, infinite where it sets none."""
-    source = parse(mechanism.description)
-    low, high = np.full(len(joints), -np.inf), np.full(len(joints), np.inf)
-    for i, name in enumerate(joints):
-        joint = source.joints[source.getJointId(name)]
-        if joint.nq == 1:  # a continuous joint has two coordinates there
-            low[i] = source.lowerPositionLimit[joint.idx_q]
-            high[i] = source.upperPositionLimit[joint.idx_q]
-    return low, high
+    entries = [mechanism.description.joints[name] for name in joints]
+    low = [-np.inf if entry.lower is None else entry.lower for entry in entries]
+    high = [np.inf if entry.upper is None else entry.upper for entry in entries]
+    return np.array(low), np.array(high)
 
 
 PATHS = ("joint", "line")
@@ -292,29 +289,11 @@ def _waypoints(
     given = {"times": times, "positions": positions}
     if orientations is not None:
         given["orientations"] = orientations
-    checked = {}
-    for name, values in given.items():
-        try:
-            checked[name] = np.array(values, float)
-        except (TypeError, ValueError) as error:
-            raise JointplayError(f"{name} must be numbers: {error}") from None
-        bad = np.argwhere(~np.isfinite(checked[name]))
-        if bad.size:
-            raise JointplayError(
-                f"{name} must be finite; waypoint {bad[0][0] + 1} is not",
-                where=(name, int(bad[0][0])),
-            )
+    checked = {name: require_numbers(name, values) for name, values in given.items()}
     moments = checked["times"]
     if moments.ndim != 1 or len(moments) < 2:
         raise JointplayError(
             f"a Cartesian motion needs at least 2 times, got the shape {moments.shape}"
-        )
-    late = np.flatnonzero(np.diff(moments) <= 0.0)
-    if late.size:
-        raise JointplayError(
-            f"waypoint times must increase: {moments[late[0]]:g} s is followed by "
-            f"{moments[late[0] + 1]:g} s (waypoint {late[0] + 2})",
-            where=("times", int(late[0]) + 1),
         )
     for name in list(checked)[1:]:
         if checked[name].shape != (len(moments), 3):
@@ -322,6 +301,7 @@ def _waypoints(
                 f"{name} must have the shape (times, 3) = ({len(moments)}, 3), "
                 f"got {checked[name].shape}"
             )
+    check_waypoints(checked)
     turns: list[np.ndarray | None] = [None] * len(moments)
     if orientations is not None:
         turns = [pin.rpy.rpyToMatrix(*angles) for angles in checked["orientations"]]

@@ -13,6 +13,7 @@ import numpy as np
 
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.mechanism.urdf import Mimic
+from jointplay.motion.cartesian import joint_limits
 from jointplay.motion.reference import Motion
 
 _SINGLE = ("revolute", "continuous", "prismatic")
@@ -29,7 +30,7 @@ class CompleteMotion:
     following: Mapping[str, Mimic]
     """What each joint follows that mimics another."""
 
-    def told(self) -> list[str]:
+    def notes(self) -> list[str]:
         """What was added in words, a line for each kind."""
         lines = []
         if self.held:
@@ -70,12 +71,14 @@ def complete_motion(
     ]
     if mechanism.loops or not missing:
         return CompleteMotion(motion, {}, {})
+    low, high = joint_limits(mechanism, missing)
+    nearest = dict(zip(missing, np.clip(0.0, low, high).tolist(), strict=True))
     held: dict[str, float] = {}
     columns = dict(zip(motion.joints, motion.positions.T, strict=True))
     following: dict[str, Mimic] = {}
     for name in missing:
         if not entries[name].mimics or name in start:
-            held[name] = start.get(name, _nearest(mechanism, name))
+            held[name] = start.get(name, nearest[name])
             columns[name] = np.full(len(motion.times), held[name])
     for name in missing:
         if name not in held:
@@ -84,14 +87,6 @@ def complete_motion(
         table = np.array(list(columns.values())).T
         motion = Motion(list(columns), motion.times, table, motion.interpolation)
     return CompleteMotion(motion, held, following)
-
-
-def _nearest(mechanism: Mechanism, name: str) -> float:
-    """The position within the limits of a joint that is nearest to 0."""
-    entry = mechanism.description.joints[name]
-    low = -np.inf if entry.lower is None else entry.lower
-    high = np.inf if entry.upper is None else entry.upper
-    return float(np.clip(0.0, low, high))
 
 
 def _follow(

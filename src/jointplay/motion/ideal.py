@@ -10,7 +10,6 @@ import pinocchio as pin
 from tqdm import tqdm
 
 from jointplay.core.errors import JointplayError
-from jointplay.joints import Coordinate
 from jointplay.mechanism.loop import assemble, closing_rows, follow
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.motion.reference import Motion
@@ -177,17 +176,12 @@ def _shown(things: Sequence[int], progress: bool) -> Iterable[int]:
 
 def _ideal_configuration(mechanism: Mechanism, ideal: Mechanism, q: np.ndarray) -> np.ndarray:
     """Configuration of the ideal mechanism whose joints stand as those of `mechanism` do."""
-    configuration = np.zeros(ideal.model.nq)
-    for name in ideal.joints:
-        if name in ideal.coordinates:
-            configuration[ideal.coordinates.index(name)] = q[mechanism.coordinate(name)]
-        else:  # a ball
-            for part in ("yaw", "pitch", "roll"):
-                coordinate = Coordinate(name, part)
-                configuration[ideal.coordinates.index(coordinate)] = q[
-                    mechanism.coordinates.index(coordinate)
-                ]
-    return configuration
+    names = mechanism.coordinates
+    places = [
+        names.index(one) if one in names else mechanism.coordinate(one.joint)
+        for one in ideal.coordinates
+    ]
+    return q[np.array(places, int)]
 
 
 def driven_map(mechanism: Mechanism, q: np.ndarray, at: Sequence[int]) -> np.ndarray:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,7 +11,13 @@ from typing import Any
 import numpy as np
 
 from jointplay.core import files
-from jointplay.core.errors import JointplayError, MissingName, require_numbers, require_positive
+from jointplay.core.errors import (
+    JointplayError,
+    MissingName,
+    require_increasing,
+    require_numbers,
+    require_positive,
+)
 from jointplay.core.overview import few
 from jointplay.core.schema import Described, quantity
 
@@ -19,6 +25,21 @@ INTERPOLATIONS = ("rest-to-rest", "spline", "constant-speed", "speed-ramps")
 
 GOES_ON = INTERPOLATIONS[2:]
 """Those that do not stand still after the last waypoint."""
+
+
+def check_waypoints(values: Mapping[str, np.ndarray]) -> None:
+    """Raise unless all values of all waypoints are finite and their "times" increase.
+
+    Args:
+        values: by name, a row to each waypoint.
+    """
+    for name, rows in values.items():
+        bad = np.flatnonzero(~np.isfinite(rows).reshape(len(rows), -1).all(axis=1))
+        if bad.size:
+            raise JointplayError(
+                f"{name} must be finite; waypoint {bad[0] + 1} is not", (name, int(bad[0]))
+            )
+    require_increasing("waypoint times", values["times"].tolist(), "s", ("times",))
 
 
 @dataclass(frozen=True)
@@ -95,62 +116,39 @@ class Motion(Described):
             )
         if len(self.times) < 2:
             raise JointplayError(f"a motion needs at least 2 waypoints, got {len(self.times)}")
-        for name, values in (("time", self.times), ("position", self.positions)):
-            bad = np.flatnonzero(~np.isfinite(values).reshape(len(self.times), -1).all(axis=1))
-            if bad.size:
-                raise JointplayError(
-                    f"waypoint {bad[0] + 1} has a non-finite {name}", (f"{name}s", int(bad[0]))
-                )
-        late = np.flatnonzero(np.diff(self.times) <= 0.0)
-        if late.size:
-            i = int(late[0])
-            raise JointplayError(
-                f"waypoint times must increase: {self.times[i]:g} s is followed by "
-                f"{self.times[i + 1]:g} s (waypoint {i + 2})",
-                where=("times", i + 1),
-            )
+        check_waypoints({"times": self.times, "positions": self.positions})
         if self.interpolation not in INTERPOLATIONS:
             raise MissingName(
                 "interpolation", self.interpolation, INTERPOLATIONS, where=("interpolation",)
             )
 
     def _fit(self) -> Any:
-        if self.interpolation == "rest-to-rest":
-            from scipy.interpolate import BPoly, PPoly  # takes long to import
+        """Piecewise polynomial through the waypoints."""
+        from scipy.interpolate import BPoly, PPoly, make_interp_spline  # takes long to import
 
+        if self.interpolation == "rest-to-rest":
             still = np.zeros_like(self.positions)
             nodes = np.stack([self.positions, still, still], axis=1)
             return PPoly.from_bernstein_basis(BPoly.from_derivatives(self.times, nodes))
-        if self.interpolation == "constant-speed":
-            speeds = np.diff(self.positions, axis=0) / np.diff(self.times)[:, None]
-            if not np.allclose(speeds, speeds[0], rtol=1e-6, atol=1e-9):
-                raise JointplayError(
-                    "constant-speed needs the same speed between all waypoints, got "
-                    f"{speeds[:, np.ptp(speeds, axis=0).argmax()]} rad/s or m/s"
-                )
-            from scipy.interpolate import PPoly
-
-            return PPoly(np.stack([speeds[:1], self.positions[:1]]), self.times[[0, -1]])
-        if self.interpolation == "speed-ramps":
-            return self._ramps()
-        from scipy.interpolate import make_interp_spline
-
-        still = np.zeros(len(self.joints))
-        rest = [(1, still), (2, still)]
-        return make_interp_spline(self.times, self.positions, k=5, bc_type=(rest, rest))
-
-    def _ramps(self) -> Any:
-        """Parabolas whose speeds meet; after them a straight line."""
+        if self.interpolation == "spline":
+            rest = [(order, np.zeros(len(self.joints))) for order in (1, 2)]
+            return make_interp_spline(self.times, self.positions, k=5, bc_type=(rest, rest))
         spans = np.diff(self.times)[:, None]
         means = np.diff(self.positions, axis=0) / spans
+        if self.interpolation == "constant-speed":
+            if not np.allclose(means, means[0], rtol=1e-6, atol=1e-9):
+                raise JointplayError(
+                    "constant-speed needs the same speed between all waypoints, got "
+                    f"{means[:, np.ptp(means, axis=0).argmax()]} rad/s or m/s"
+                )
+            return PPoly(np.stack([means[:1], self.positions[:1]]), self.times[[0, -1]])
+        # Parabolas whose speeds meet; after them a straight line.
         speeds = [means[0]]
         for mean in means:
             speeds.append(2.0 * mean - speeds[-1])
         bends = np.diff(speeds, axis=0) / (2.0 * spans)
         pieces = [np.vstack([bends, 0.0 * means[:1]]), np.array(speeds), self.positions]
         ends = np.append(self.times, 2.0 * self.times[-1] - self.times[-2])
-        from scipy.interpolate import PPoly
-
         return PPoly(np.stack(pieces), ends)
 
     @property

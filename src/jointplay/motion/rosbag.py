@@ -49,7 +49,7 @@ def read(path: str | Path, topic: str | None = None) -> tuple[list[str], np.ndar
             "pip install 'jointplay[ros]'"
         ) from None
     if not files.is_file(path):
-        raise files.absent(path, "bag")
+        raise files.missing(path, "bag")
     try:
         files.check_plain(path, MOST_BYTES)
         with path.open("rb") as file, redirect_stderr(io.StringIO()):  # which the parser prints to

@@ -106,7 +106,7 @@ def growths(
         seed: of the first direction.
 
     Returns:
-        Logarithms of the growth, shape (number,).
+        Logarithms, shape (number,).
     """
     number, seed = require_whole("number", number, 1), require_whole("seed", seed)
     apart = require_positive("apart", apart, "")

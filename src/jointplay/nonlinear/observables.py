@@ -24,18 +24,14 @@ class Observable:
 def names(mechanism: Mechanism) -> list[str]:
     """What can be observed of a mechanism: ``THING.QUANTITY``."""
     observables = [f"{joint}.{what}" for joint in mechanism.clearance for what in _OF_JOURNALS]
-    for joint in mechanism.joints:
-        observables += [
-            f"{joint}.{what}" for what in ("position", "speed", "acceleration", "moment")
-        ]
+    observables += [f"{joint}.{what}" for joint in mechanism.joints for what in _OF_JOINTS]
     return [*observables, *(f"{TOOL}.{what}" for what in _OF_TOOL)]
 
 
 TOOL = "tool"
-
 _OF_TOOL = (*AXES, "speed", "acceleration")
-
-_OF_JOURNALS = ("x", "y", "z", "eccentricity", "force")
+_OF_JOURNALS = (*AXES, "eccentricity", "force")
+_OF_JOINTS = ("position", "speed", "acceleration", "moment")
 
 
 def check(name: str, mechanism: Mechanism) -> None:
@@ -109,36 +105,28 @@ def _values(result: Result, mechanism: Mechanism, name: str) -> np.ndarray:
     if what in _OF_JOURNALS and thing in result.joints:
         return _of_journal(result, thing, what)
     at = mechanism.coordinate(thing)
-    history: np.ndarray
     if what == "moment":
-        history = result["drive"].values[:, mechanism.motor(thing)]
-    elif what == "position":
-        history = result["q"].values[:, at]
-    else:
-        history = result["v"].values[:, at]
+        return np.asarray(result["drive"].values[:, mechanism.motor(thing)])
+    history = np.asarray(result["q" if what == "position" else "v"].values[:, at])
     if what == "acceleration":
         history = np.gradient(history, result.time, edge_order=2)
     return history
 
 
 def _of_tool(result: Result, what: str) -> np.ndarray:
-    history: np.ndarray
     if what in AXES:
-        history = result["tool_position"].values[:, AXES.index(what)]
-        return history
+        return np.asarray(result["tool_position"].values[:, AXES.index(what)])
     velocity = result["tool_velocity"].values
     if what == "acceleration":
         velocity = np.gradient(velocity, result.time, axis=0, edge_order=2)
-    history = np.linalg.norm(velocity, axis=1)
-    return history
+    return np.asarray(np.linalg.norm(velocity, axis=1))
 
 
 def _of_journal(result: Result, joint: str, what: str) -> np.ndarray:
     index = result.joints.index(joint)
-    history: np.ndarray
     if what == "force":
-        history = np.linalg.norm(result["joint_force"].values[:, index], axis=1)
-        return history
+        return np.asarray(np.linalg.norm(result["joint_force"].values[:, index], axis=1))
     centre = result["journal_centre"].values[:, index]
-    history = np.hypot(*centre[:, :2].T) if what == "eccentricity" else centre[:, AXES.index(what)]
-    return history
+    if what == "eccentricity":
+        return np.asarray(np.hypot(*centre[:, :2].T))
+    return np.asarray(centre[:, AXES.index(what)])

@@ -22,13 +22,11 @@ from jointplay.core.errors import JointplayError
 from jointplay.nonlinear import lyapunov, steady_motion
 from jointplay.nonlinear.poincare import once_per_turn
 from jointplay.nonlinear.run_up import RunUp
+from jointplay.nonlinear.steady_motion import Place
 from jointplay.scenario import Scenario
 from jointplay.scenario.settings import Setting, divided, parse, tree
 from jointplay.simulation.ensemble import run_parallel
 from jointplay.simulation.simulation import Simulation
-
-# What `jointplay dynamics` finds for one value: rows of numbers, made in other processes.
-
 
 PIECES = 20
 """Intervals in a turn after which neighbours are put back to each other."""
@@ -123,17 +121,20 @@ class Study:
         """Over the turns of this study."""
         return steady_motion.Turning.of(simulation, self.settle, self.keep, self.records)
 
+    def _kept(self, simulation: Simulation, place: Place | None = None) -> np.ndarray:
+        """Quantities in the turns that are looked at, shape (keep records, names)."""
+        turning = self.turning(simulation)
+        return turning.kept(turning.run(place), self.names)[:-1]
+
     def section(self, key: tuple[float, ...]) -> np.ndarray:
         """Quantities once a turn, turn by turn, shape (keep names,)."""
-        turning = self.turning(self.simulation(*key))
-        kept = turning.kept(turning.run(), self.names)[:-1]
+        kept = self._kept(self.simulation(*key))
         return once_per_turn(kept, self.records, self.phase).ravel()
 
     def spectrum(self, key: tuple[float, ...]) -> np.ndarray:
         """Amplitudes of the first quantity by order."""
-        turning = self.turning(self.simulation(*key))
-        kept = turning.kept(turning.run(), self.names[:1])[:-1, 0]
-        return steady_motion.orders(kept, self.keep, self.highest)[1]
+        first = self._kept(self.simulation(*key))[:, 0]
+        return steady_motion.orders(first, self.keep, self.highest)[1]
 
     def run_up(self) -> RunUp:
         """From the first of the values to the last."""
@@ -158,8 +159,7 @@ class Study:
 
     def course(self, key: tuple[float, ...]) -> np.ndarray:
         """Quantities every so many records, record by record."""
-        turning = self.turning(self.simulation(*key))
-        return turning.kept(turning.run(), self.names)[: -1 : self.every].ravel()
+        return self._kept(self.simulation(*key))[:: self.every].ravel()
 
     def beside_ideal(self, key: tuple[float, ...]) -> np.ndarray:
         """Quantities by record, then the same of the ideal mechanism."""
@@ -171,8 +171,7 @@ class Study:
     def section_from(self, key: tuple[float, ...]) -> np.ndarray:
         """As `section`, the journal put to (x, y) [m] at the start."""
         centred = dataclasses.replace(self.simulation(), start="centred", seed=None)
-        turning = self.turning(centred)
-        kept = turning.kept(turning.run(steady_motion.placing(self.joint, *key)), self.names)[:-1]
+        kept = self._kept(centred, steady_motion.placing(self.joint, *key))
         return once_per_turn(kept, self.records, self.phase).ravel()
 
     def asked(self) -> dict[str, Any]:
@@ -185,9 +184,6 @@ class Study:
         if self.window and self.varied is not None:  # one row holds all its values
             given["varied"] += list(self.varied.values)
         return {name: list(v) if isinstance(v, tuple) else v for name, v in given.items()}
-
-
-# Rows of numbers, one for each value of a study, kept in a CSV file as soon as they are found.
 
 
 _BEGIN = "# jointplay dynamics "

@@ -15,7 +15,7 @@ import numpy as np
 from jointplay.core.errors import JointplayError, require_whole
 from jointplay.motion.reference import Motion
 from jointplay.nonlinear.observables import observe
-from jointplay.nonlinear.steady_motion import orders
+from jointplay.nonlinear.steady_motion import check_turns, orders
 from jointplay.result.result import Result
 from jointplay.simulation.ensemble import run_to_the_end
 from jointplay.simulation.simulation import Simulation
@@ -23,21 +23,18 @@ from jointplay.simulation.simulation import Simulation
 
 @dataclass(frozen=True)
 class RunUp:
-    """A simulation in which the speed of all that turns rises evenly.
-
-    Attributes:
-        simulation: to be run.
-        joint: that turns, by whose angle turns are counted.
-        settle: turns at the first speed.
-        turns: turns in which it rises.
-        records: of a turn, in the spectra.
-    """
+    """A simulation in which the speed of all that turns rises evenly."""
 
     simulation: Simulation
+    """To be run."""
     joint: str
+    """That turns, by whose angle turns are counted."""
     settle: int
+    """Turns at the first speed."""
     turns: int
+    """Turns in which it rises."""
     records: int
+    """Of a turn, in the spectra."""
 
     @classmethod
     def of(cls, slow: Simulation, fast: Simulation, settle: int, turns: int, records: int) -> RunUp:
@@ -47,9 +44,7 @@ class RunUp:
             JointplayError: they have no motion at constant speed, or the same speed; numbers that
                 make no sense.
         """
-        for word, value, least in (("settle", settle, 0), ("keep", turns, 1),
-                                   ("records", records, 4)):  # fmt: skip
-            require_whole(word, value, least)
+        check_turns(settle, turns, records)
         one, other = slow.motion, fast.motion
         if one is None or other is None or one.interpolation != "constant-speed":
             raise JointplayError("a run-up needs cranks at constant speed: give motion.speeds")
@@ -91,8 +86,7 @@ class RunUp:
         """A quantity at equal angles of the crank in the turns of the rise, (turns records,)."""
         angle = self._angle(result.time)
         wanted = self.settle + np.arange(self.turns * self.records) / self.records
-        quantity: np.ndarray = np.interp(wanted, angle, observe(result, name).values)
-        return quantity
+        return np.asarray(np.interp(wanted, angle, observe(result, name).values))
 
     def windows(self, number: int, window: int) -> np.ndarray:
         """First turns of `number` windows of so many turns, evenly over the rise.
@@ -117,30 +111,30 @@ class RunUp:
             number, window: see `windows`.
             highest: largest order wanted.
         """
-        rows = []
-        order = np.zeros(0)
-        for first in self.windows(number, window):
-            part = values[first * self.records : (first + window) * self.records]
-            order, amplitudes = orders(part, window, highest)
-            rows.append(amplitudes)
-        return order, np.array(rows)
+        parts = [
+            values[first * self.records : (first + window) * self.records]
+            for first in self.windows(number, window)
+        ]
+        found = [orders(part, window, highest) for part in parts]
+        return found[0][0], np.array([amplitudes for _, amplitudes in found])
 
     def speeds(self, number: int, window: int) -> np.ndarray:
         """Speed in the middle of each window [rad/s]: there half of its turns are over."""
-        motion = self.simulation.motion
-        assert motion is not None
+        motion = self._motion
         time = np.linspace(0.0, motion.duration, 20001)
         angle = self._angle(time)
         middle = self.settle + self.windows(number, window) + 0.5 * window
         at = motion.joints.index(self.joint)
-        speed: np.ndarray = np.abs(motion(np.interp(middle, angle, time))[1][:, at])
-        return speed
+        return np.asarray(np.abs(motion(np.interp(middle, angle, time))[1][:, at]))
+
+    @property
+    def _motion(self) -> Motion:
+        motion = self.simulation.motion
+        assert motion is not None
+        return motion
 
     def _angle(self, time: np.ndarray) -> np.ndarray:
         """Turns since the start."""
-        motion = self.simulation.motion
-        assert motion is not None
-        position = motion(time)[0][:, motion.joints.index(self.joint)]
-        start = motion(np.zeros(1))[0][0, motion.joints.index(self.joint)]
-        turns: np.ndarray = np.abs(position - start) / (2.0 * math.pi)
-        return turns
+        at = self._motion.joints.index(self.joint)
+        start = self._motion(np.zeros(1))[0][0, at]
+        return np.asarray(np.abs(self._motion(time)[0][:, at] - start) / (2.0 * math.pi))

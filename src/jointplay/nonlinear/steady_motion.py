@@ -22,6 +22,8 @@ from jointplay.result.result import Result
 from jointplay.simulation.run import Run
 from jointplay.simulation.simulation import Simulation
 
+Place = Callable[[Run], None]
+"""Changes the state of a run before it begins."""
 RECORDS = 1000
 """Records in a turn."""
 
@@ -56,6 +58,12 @@ def turn(motion: Motion | None) -> float:
     return float(2.0 * math.pi / moving[0])
 
 
+def check_turns(settle: int, keep: int, records: int) -> None:
+    """Raise a JointplayError on numbers of turns, or of records in one, that make no sense."""
+    for word, value, least in (("settle", settle, 0), ("keep", keep, 1), ("records", records, 4)):
+        require_whole(word, value, least)
+
+
 @dataclass(frozen=True)
 class Turning:
     """A simulation over a number of turns, in which a turn has a whole number of records."""
@@ -77,12 +85,7 @@ class Turning:
         Raises:
             JointplayError: see `turn`; or numbers of turns or records that make no sense.
         """
-        for word, value, least in (
-            ("settle", settle, 0),
-            ("keep", keep, 1),
-            ("records", records, 4),
-        ):
-            require_whole(word, value, least)
+        check_turns(settle, keep, records)
         period = turn(simulation.motion)
         turns = settle + keep
         every = max(math.ceil(period / records / simulation.step - 1e-9), 1)
@@ -97,11 +100,8 @@ class Turning:
         )
         return cls(changed, period, settle, keep, records)
 
-    def run(self, place: Callable[[Run], None] | None = None) -> Result:
-        """Simulate to the end.
-
-        Args:
-            place: changes the state before the run begins.
+    def run(self, place: Place | None = None) -> Result:
+        """Simulate to the end; `place` changes the state before the run begins.
 
         Raises:
             JointplayError: the run stopped early.
@@ -171,7 +171,7 @@ def room(simulation: Simulation, joint: str) -> tuple[float, float]:
     return float(x), float(y)
 
 
-def placing(joint: str, x: float, y: float) -> Callable[[Run], None]:
+def placing(joint: str, x: float, y: float) -> Place:
     """What puts the journal of a joint at (x, y) in its bearing [m] before a run begins.
 
     In a loop the bodies that are not driven move for it.

@@ -10,16 +10,21 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from jointplay.core import files
 from jointplay.core.errors import JointplayError
-from jointplay.core.files import check_new
-from jointplay.player.server import HOST, PORT, Server, open_browser
+from jointplay.player.server import HOST, PORT, Server, check_host, open_browser
 
 if TYPE_CHECKING:
+    from jointplay.player.movie import MovieFile, Shot
     from jointplay.player.scene import Scene
     from jointplay.result.result import Result
 
 MOST_BYTES = 15_000_000
 """Size that a page does not exceed, meshes permitting."""
+
+
+def _silent(text: str) -> None:
+    """Say nothing."""
 
 
 def load(paths: Sequence[str | Path], trust: Collection[str] = ()) -> dict[str, Result]:
@@ -30,22 +35,18 @@ def load(paths: Sequence[str | Path], trust: Collection[str] = ()) -> dict[str, 
     Raises:
         JointplayError: no such file, the same file twice, damaged, or not a result.
     """
-    files = [Path(path).resolve() for path in paths]
-    for path, again in zip(paths, files, strict=True):
-        if files.count(again) > 1:
+    resolved = [Path(path).resolve() for path in paths]
+    for path, again in zip(paths, resolved, strict=True):
+        if resolved.count(again) > 1:
             raise JointplayError(f"result {str(path)!r} is given twice")
-    depth = 1
-    while True:
-        labels = ["/".join((*file.parent.parts[1:], file.stem)[-depth:]) for file in files]
-        if len(set(labels)) == len(labels) or depth > max(len(f.parts) for f in files):
+    labels: list[str] = []
+    for depth in range(1, max((len(file.parts) for file in resolved), default=0) + 1):
+        labels = ["/".join((*file.parent.parts[1:], file.stem)[-depth:]) for file in resolved]
+        if len(set(labels)) == len(labels):
             break
-        depth += 1
     from jointplay.result.result import Result
 
-    results = {}
-    for label, path in zip(labels, paths, strict=True):
-        results[label] = Result.load(path, trust)
-    return results
+    return {label: Result.load(path, trust) for label, path in zip(labels, paths, strict=True)}
 
 
 def page(
@@ -72,17 +73,46 @@ def page(
         budget = int(0.8 * budget * min(MOST_BYTES / len(content), 1.0))
 
 
-def save_html(cases: Mapping[str, Result], path: str | Path, **options: Any) -> Path:
+def save_html(
+    cases: Mapping[str, Result],
+    path: str | Path,
+    say: Callable[[str], None] = _silent,
+    **options: Any,
+) -> Path:
     """Write one self-contained page that plays `cases`; it needs no server and no network.
+
+    `say` receives a line for each thing that the user should know; `options` are those of `page`.
 
     Raises:
         JointplayError: the file exists or cannot be written; see also `scene.build`.
     """
-    from jointplay.player.pages import write
+    files.check_new(path)
+    content, scene = page(cases, **options)
+    _tell(scene, say)
+    return files.write(path, content)
 
-    path = Path(path)
-    check_new(path)
-    return write(page(cases, **options)[0], path)
+
+def save_movie(
+    cases: Mapping[str, Result],
+    path: str | Path,
+    shot: Shot | None = None,
+    say: Callable[[str], None] = _silent,
+    **options: Any,
+) -> MovieFile:
+    """Make a picture (.png) or a film (.gif, .mp4, .webm) of results.
+
+    `say` and `options` are as for `save_html`.
+
+    Raises:
+        JointplayError: see `movie.check`, `movie.Shot` and `page`; there is no Chromium.
+    """
+    from jointplay.player import movie
+
+    path = movie.check(path)
+    content, scene = page(cases, **options)
+    _tell(scene, say)
+    progress = options.get("progress", False)
+    return movie.film(content, scene.contents, path, shot or movie.Shot(), progress)
 
 
 def play(
@@ -107,23 +137,10 @@ def play(
     Raises:
         JointplayError: see `Server` and `scene.build`.
     """
-    Server(b"", host, 0).server_close()  # a wrong host shows before the work
+    check_host(host)  # a wrong host shows before the work
     content, scene = page(cases, **options)
     del cases
-    serve(content, scene.notes, host, port, browser, say)
-
-
-def serve(
-    content: bytes,
-    notes: Sequence[str],
-    host: str = HOST,
-    port: int = PORT,
-    browser: bool = True,
-    say: Callable[[str], None] = print,
-) -> None:
-    """Serve a page until Ctrl-C; see `play`."""
-    for note in notes:
-        say(f"note: {note}")
+    _tell(scene, say)
     with Server(content, host, port) as server:
         if port and server.port != port:
             say(f"port {port} is taken; using {server.port}")
@@ -138,8 +155,7 @@ def serve(
             say("")
 
 
-def save_movie(cases: Mapping[str, Result], path: str | Path, **options: Any) -> Any:
-    """Write a picture (.png) or a film (.gif, .mp4, .webm) of `cases`; see `movie.save_movie`."""
-    from jointplay.player import movie
-
-    return movie.save_movie(cases, path, **options)
+def _tell(scene: Scene, say: Callable[[str], None]) -> None:
+    """Say what is to be known of a scene."""
+    for note in scene.notes:
+        say(f"note: {note}")

@@ -16,7 +16,7 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -28,9 +28,6 @@ from jointplay.core.errors import (
     require_non_negative,
     require_whole,
 )
-
-if TYPE_CHECKING:
-    from jointplay.result.result import Result
 
 KINDS = (".png", ".gif", ".mp4", ".webm")
 """Files that can be made, by their ending."""
@@ -180,30 +177,10 @@ def _needs(suffix: str) -> None:
             )
 
 
-def save_movie(
-    cases: Mapping[str, Result],
-    path: str | Path,
-    shot: Shot | None = None,
-    *,
-    progress: bool = False,
-    **options: Any,
-) -> MovieFile:
-    """Make a picture (.png) or a film (.gif, .mp4, .webm) of results.
-
-    Raises:
-        JointplayError: see `check`, `Shot` and `page`; there is no Chromium.
-    """
-    from jointplay import player
-
-    path = check(path)
-    content, scene = player.page(cases, progress=progress, **options)
-    return film(content, scene.contents, path, shot or Shot(), progress)
-
-
 def film(
     content: bytes, contents: Mapping[str, Any], path: Path, shot: Shot, progress: bool = False
 ) -> MovieFile:
-    """Film a page; see `save_movie`."""
+    """Film a page with these contents; see `player.save_movie`."""
     from tqdm import tqdm
 
     suffix = path.suffix.lower()

@@ -8,12 +8,10 @@ import json
 from collections.abc import Iterable
 from functools import cache
 from importlib import resources
-from pathlib import Path
 
 from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 from markupsafe import Markup
 
-from jointplay.core import files
 from jointplay.player.scene import Scene
 
 # What a page may do, as browsers enforce: run its own scripts, told by hashes, and no others.
@@ -106,12 +104,3 @@ def _licence_texts(text: str) -> str:
         words = package.get("licenseText") or package.get("license") or ""
         blocks.append(f"{package.get('name')} {package.get('version')}\n{words}")
     return "\n\n".join(blocks)
-
-
-def write(page: bytes, path: str | Path) -> Path:
-    """Write a page to a new file.
-
-    Raises:
-        JointplayError: the file exists or cannot be written.
-    """
-    return files.write(path, page)

@@ -323,14 +323,14 @@ def build(
     surfaces = _Surfaces(packer)
     for case, colour in zip(taken, colours(cases), strict=True):
         entry = case.pack(packer, max(budget // len(taken), 4))
-        seen = look(case.mechanism, meshes)
-        if seen.missing:
+        visuals = look(case.mechanism, meshes)
+        if visuals.missing:
             notes.append(
-                f"{case.label}: {len(seen.missing)} of its meshes not found "
-                f"({Path(seen.missing[0]).name}, ...): simple shapes instead; "
+                f"{case.label}: {len(visuals.missing)} of its meshes not found "
+                f"({Path(visuals.missing[0]).name}, ...): simple shapes instead; "
                 "name their folder with --meshes"
             )
-        entry |= {"objects": surfaces.objects(seen), "reach": seen.reach}
+        entry |= {"objects": surfaces.objects(visuals), "reach": visuals.reach}
         entry["ghost"] = None
         if ghosts and (case.result.joints or case.mechanism.gears):
             entry["ghost"] = _ghost(case, taken, packer, notes, progress)
@@ -356,7 +356,7 @@ class _Surfaces:
         self._number: dict[bytes, int] = {}
         self.entries: list[dict[str, Any]] = []
 
-    def objects(self, seen: Look) -> list[dict[str, Any]]:
+    def objects(self, visuals: Look) -> list[dict[str, Any]]:
         """What stands where: link, surface by number, colour, constant matrix column by column."""
         return [
             {
@@ -366,7 +366,7 @@ class _Surfaces:
                 "opacity": round(colour[3], 3),
                 "matrix": shape.placement.T.ravel().tolist(),
             }
-            for shape in seen.shapes
+            for shape in visuals.shapes
             for part, colour in zip(shape.parts, shape.colours, strict=True)
         ]
 

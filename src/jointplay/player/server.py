@@ -132,3 +132,12 @@ def open_browser(url: str) -> bool:
         return webbrowser.open(url, new=2)
     except webbrowser.Error:
         return False
+
+
+def check_host(host: str) -> None:
+    """Refuse a host on which this machine cannot listen.
+
+    Raises:
+        JointplayError: see `Server`.
+    """
+    Server(b"", host, 0).server_close()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import matplotlib as mpl
@@ -11,7 +12,6 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize, to_hex
 from matplotlib.figure import Figure
 
-from jointplay.design import loop_play
 from jointplay.design.allocation import Allocation
 from jointplay.design.iso9283 import Iso9283
 from jointplay.design.levers import GEAR
@@ -22,7 +22,7 @@ from jointplay.design.static_budget import Budget
 from jointplay.identification import Identification
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.mechanism.picture import picture
-from jointplay.plots.style import COLOURS, footnote, listed, new_figure, style
+from jointplay.plots.style import COLOURS, footnote, listed, panels
 
 # Figures of an error budget: bars, the coloured robot, the reachable set, course and map.
 
@@ -37,22 +37,13 @@ def bars(budget: Budget, pose: int | None = None) -> Figure:
     place = np.arange(len(budget.joints))
     rests, whole = budget.standing.rest(at)
     groups = (
-        (f"worst case, all {1e3 * budget.worst[at]:.3g} mm", budget.worst_parts[at], COLOURS[0]),
-        (
-            f"RMS over load directions, all {1e3 * budget.rms[at]:.3g} mm",
-            budget.rms_parts[at],
-            COLOURS[1],
-        ),
-        (
-            f"at rest, all {1e3 * np.linalg.norm(whole[:3]):.3g} mm",
-            np.linalg.norm(rests[:, :3], axis=1),
-            COLOURS[3],
-        ),
+        ("worst case", budget.worst[at], budget.worst_parts[at], COLOURS[0]),
+        ("RMS over load directions", budget.rms[at], budget.rms_parts[at], COLOURS[1]),
+        ("at rest", np.linalg.norm(whole[:3]), np.linalg.norm(rests[:, :3], axis=1), COLOURS[3]),
     )
-    with style():
-        figure = new_figure(7.0, 1.6 + 0.42 * len(place))
-        axes: Any = figure.subplots()
-        for index, (label, values, colour) in enumerate(groups):
+    with panels(7.0, 1.6 + 0.42 * len(place)) as (figure, axes):
+        for index, (words, total, values, colour) in enumerate(groups):
+            label = f"{words}, all {1e3 * total:.3g} mm"
             axes.barh(place + 0.27 * (index - 1), 1e3 * values, 0.25, label=label, color=colour)
         axes.set_yticks(place, budget.joints)
         axes.invert_yaxis()
@@ -81,6 +72,7 @@ def robot(mechanism: Mechanism, budget: Budget, q: np.ndarray) -> Figure:
         colours=colours,
         labels=labels,
     )
+    figure.set_dpi(130)
     figure.colorbar(
         ScalarMappable(scale, palette),
         ax=figure.axes[0],
@@ -98,32 +90,23 @@ def reachable(budget: Budget, pose: int | None = None) -> Figure:
     at = budget.worst_pose if pose is None else pose
     angle = np.linspace(0.0, 2.0 * np.pi, 241)
     rest = 1e3 * budget.standing.rest(at)[1]
-    ends = 1e3 * budget.standing.interval(at)[0]
-    with style():
-        figure = new_figure(8.5, 3.4)
-        axes: Any = figure.subplots(1, 3)
+    ends = 1e3 * budget.standing.interval(at)
+    held = f"{budget.standing.words} may hold it"
+    if budget.standing.unsearched:
+        held = "whole play: friction not searched"
+    with panels(8.5, 3.4, 1, 3) as (figure, axes):
         for panel, (i, j) in zip(axes, ((0, 1), (0, 2), (1, 2)), strict=True):
             directions = np.zeros((len(budget.positions), len(angle), 3))
             directions[..., i], directions[..., j] = np.cos(angle), np.sin(angle)
             outline = np.zeros((len(angle), 3))
-            for error in loop_play.along(budget.sources, directions).error[:, at]:
+            for error in budget.sources.along(directions).error[:, at]:
                 outline = outline + error[:, :3]
                 panel.plot(*(1e3 * outline[:, [i, j]]).T, color="0.75", lw=0.6)
             panel.plot(*(1e3 * outline[:, [i, j]]).T, color=COLOURS[0], label="reachable")
             panel.plot(rest[i], rest[j], "o", color=COLOURS[3], ms=5, label="at rest")
             (left, right), (low, high) = ends[i], ends[j]
-            panel.plot(
-                [left, right, right, left, left],
-                [low, low, high, high, low],
-                "--",
-                color=COLOURS[3],
-                lw=1.0,
-                label=(
-                    "whole play: friction not searched"
-                    if budget.standing.unsearched
-                    else f"{budget.standing.words} may hold it"
-                ),
-            )
+            box = [left, right, right, left, left], [low, low, high, high, low]
+            panel.plot(*box, "--", color=COLOURS[3], lw=1.0, label=held)
             panel.plot(0.0, 0.0, "+", color="black", label="without play")
             panel.set(xlabel=f"{'xyz'[i]} [mm]", ylabel=f"{'xyz'[j]} [mm]")
             panel.set_aspect("equal", adjustable="datalim")
@@ -142,9 +125,7 @@ def course(budget: Budget, time: np.ndarray | None = None) -> Figure:
         time: of its poses [s], shape (n,); None counts them.
     """
     x = np.arange(len(budget.worst)) if time is None else time
-    with style():
-        figure = new_figure(7.0, 3.6)
-        axes: Any = figure.subplots()
+    with panels(7.0, 3.6) as (figure, axes):
         tones = mpl.colormaps["tab20"](np.linspace(0.0, 1.0, max(len(budget.joints), 2)))
         axes.stackplot(
             x, 1e3 * budget.worst_parts.T, labels=budget.joints, colors=tones, alpha=0.75
@@ -171,18 +152,10 @@ def workspace_map(budget: Budget) -> Figure:
         (x, y, "x [m]", "y [m]"),
     )
     order = np.argsort(budget.worst)
-    with style():
-        figure = new_figure(8.0, 4.0)
-        axes: Any = figure.subplots(1, 2)
+    with panels(8.0, 4.0, 1, 2) as (figure, axes):
         for panel, (across, up, word, other) in zip(axes, views, strict=True):
-            drawn = panel.scatter(
-                across[order],
-                up[order],
-                c=1e3 * budget.worst[order],
-                cmap=_ERRORS,
-                s=14,
-                linewidths=0,
-            )
+            dots: Any = {"c": 1e3 * budget.worst[order], "cmap": _ERRORS, "s": 14, "linewidths": 0}
+            drawn = panel.scatter(across[order], up[order], **dots)
             panel.set(xlabel=word, ylabel=other)
             panel.set_aspect("equal", adjustable="datalim")
         figure.colorbar(drawn, ax=axes, label=f"worst-case error of {budget.tool!r} [mm]")
@@ -193,15 +166,13 @@ def workspace_map(budget: Budget) -> Figure:
 def allocation(allotment: Allocation) -> Figure:
     """Clearances, what they add to the error, and what another micrometre of each would save."""
     place = np.arange(len(allotment.joints))
-    panels = (
+    shown = (
         (1e6 * allotment.clearance, "clearance [µm]", COLOURS[1]),
         (1e6 * allotment.gain * allotment.clearance, "adds to the error [µm]", COLOURS[0]),
         (allotment.price, f"saves by one µm more\n[cost, {allotment.cost}]", COLOURS[3]),
     )
-    with style():
-        figure = new_figure(9.0, 1.6 + 0.35 * len(place))
-        axes: Any = figure.subplots(1, 3, sharey=True)
-        for panel, (values, label, colour) in zip(axes, panels, strict=True):
+    with panels(9.0, 1.6 + 0.35 * len(place), 1, 3, sharey=True) as (figure, axes):
+        for panel, (values, label, colour) in zip(axes, shown, strict=True):
             panel.barh(place, values, 0.6, color=colour)
             panel.set_xlabel(label)
         axes[0].set_yticks(place, allotment.joints)
@@ -227,53 +198,47 @@ def identification(fit: Identification) -> Figure:
     """Intervals relative to the scenario's values, predicted means over measured, restitution."""
     kinds = list(dict.fromkeys(kind for kind, _ in fit.observed.keys))
     words = "statistical; bars: 95 % intervals"
-    with style():
-        shown = [i for i, one in enumerate(fit.unknowns) if one.sought]
-        bounced = bool(fit.restitutions)
-        count = bool(shown) + len(kinds) + bounced
-        figure = new_figure(1.6 + 3.0 * count, max(2.0 + 0.3 * len(shown), 3.2))
-        axes: Any = iter(figure.subplots(1, count, squeeze=False)[0])
+    shown = [i for i, one in enumerate(fit.unknowns) if one.sought]
+    count = bool(shown) + len(kinds) + bool(fit.restitutions)
+    height = max(2.0 + 0.3 * len(shown), 3.2)
+    with panels(1.6 + 3.0 * count, height, 1, count, squeeze=False) as (figure, axes):
+        free = iter(axes[0])
         if shown:
-            _intervals(next(axes), fit, shown)
+            rows: list[tuple[str, Any, float]] = []
+            for i in shown:
+                one, told = fit.unknowns[i], not fit.reasons[i]
+                low_high = [value / one.scale for value in fit.interval(i)] if told else None
+                rows.append((one.label, low_high, fit.value[i] / one.scale))
+            panel = next(free)
+            _intervals(panel, rows, 1.0)
+            panel.axvline(1.0, color="0.5", lw=0.8, ls=":")
+            panel.set_xlim(left=0.0)
+            panel.set_xlabel("found / scenario")
             words += f"; static model, left over {fit.misfit:.2g} standard errors (RMS)"
         for kind in kinds:
-            _agreement(next(axes), fit, kind)
-        if bounced:
-            _restitution(next(axes), fit)
+            _agreement(next(free), fit, kind)
+        if fit.restitutions:
+            panel = next(free)
+            found = fit.restitutions
+            rows = [(one.joint, None if one.reason else one.interval, one.value) for one in found]
+            _intervals(panel, rows, 0.5)
+            panel.set_xlim(0.0, 1.0)
+            panel.set_xlabel("restitution")
         footnote(figure, words)
     return figure
 
 
-def _restitution(panel: Any, fit: Identification) -> None:
-    """Of each joint, of the range that there is."""
-    for row, one in enumerate(fit.restitutions):
-        if one.reason:
-            panel.text(0.5, row, "cannot tell", va="center", ha="center", color="0.4", fontsize=7)
+def _intervals(panel: Any, rows: Sequence[tuple[str, Any, float]], middle: float) -> None:
+    """Name, interval and value of a row each; those without an interval cannot be told."""
+    for row, (_, interval, value) in enumerate(rows):
+        if interval is None:
+            look: Any = {"va": "center", "ha": "center", "color": "0.4", "fontsize": 7}
+            panel.text(middle, row, "cannot tell", **look)
             continue
-        panel.plot(one.interval, [row, row], color=COLOURS[1], lw=2.0)
-        panel.plot(one.value, row, "o", ms=4, color=COLOURS[1])
-    panel.set_yticks(range(len(fit.restitutions)), [one.joint for one in fit.restitutions])
-    panel.set_ylim(len(fit.restitutions) - 0.5, -0.5)
-    panel.set_xlim(0.0, 1.0)
-    panel.set_xlabel("restitution")
-
-
-def _intervals(panel: Any, fit: Identification, shown: list[int]) -> None:
-    """What was found, over the scenario's value; names of what cannot be told stay empty."""
-    place = np.arange(len(shown))
-    for row, i in enumerate(shown):
-        one = fit.unknowns[i]
-        if fit.reasons[i]:
-            panel.text(1.0, row, "cannot tell", va="center", ha="center", color="0.4", fontsize=7)
-            continue
-        low, high = (value / one.scale for value in fit.interval(i))
-        panel.plot([low, high], [row, row], color=COLOURS[1], lw=2.0)
-        panel.plot(fit.value[i] / one.scale, row, "o", ms=4, color=COLOURS[1])
-    panel.axvline(1.0, color="0.5", lw=0.8, ls=":")
-    panel.set_yticks(place, [fit.unknowns[i].label for i in shown])
-    panel.set_ylim(len(shown) - 0.5, -0.5)
-    panel.set_xlim(left=0.0)
-    panel.set_xlabel("found / scenario")
+        panel.plot(interval, [row, row], color=COLOURS[1], lw=2.0)
+        panel.plot(value, row, "o", ms=4, color=COLOURS[1])
+    panel.set_yticks(range(len(rows)), [name for name, *_ in rows])
+    panel.set_ylim(len(rows) - 0.5, -0.5)
 
 
 def _agreement(panel: Any, fit: Identification, kind: str) -> None:
@@ -306,35 +271,32 @@ MOST_POSES = 6
 
 def poses(performance: Iso9283) -> Figure:
     """Attained poses of each cycle about their barycentre, seen along z and y, by stop."""
-    worst = sorted(performance.poses, key=lambda pose: -pose.ap.value)[:MOST_POSES]
+    worst = sorted(performance.poses, key=lambda pose: -pose.figures["AP_p"].value)[:MOST_POSES]
     shown = sorted(worst, key=lambda pose: pose.time)
     angle = np.linspace(0.0, 2.0 * np.pi, 181)
-    with style():
-        figure = new_figure(1.4 + 2.4 * max(len(shown), 2), 5.6)
-        axes: Any = figure.subplots(2, len(shown), squeeze=False)
+    with panels(1.4 + 2.4 * max(len(shown), 2), 5.6, 2, len(shown), squeeze=False) as (
+        figure,
+        axes,
+    ):
         for column, pose in enumerate(shown):
+            ap, rp = pose.figures["AP_p"].value, pose.figures["RP_l"].value
             centre = pose.attained.mean(axis=0)
             points = 1e6 * (pose.attained - centre)
-            circle = 1e6 * pose.rp.value * np.array([np.cos(angle), np.sin(angle)])
+            circle = 1e6 * rp * np.array([np.cos(angle), np.sin(angle)])
             towards = -centre / max(float(np.linalg.norm(centre)), 1e-300)
-            arrow = 0.8e6 * pose.rp.value * towards
+            arrow = 0.8e6 * rp * towards
             for row, (i, j) in enumerate(((0, 1), (0, 2))):
                 panel = axes[row, column]
                 panel.plot(*points[:, [i, j]].T, "o", ms=2.5, color=COLOURS[0], label="attained")
                 panel.plot(0.0, 0.0, "x", color=COLOURS[1], label="barycentre")
                 panel.plot(*circle, color=COLOURS[1], lw=0.8, label="RP_l")
-                panel.plot(
-                    *([0.0, arrow[i]], [0.0, arrow[j]]),
-                    color="0.6",
-                    lw=0.8,
-                    label="way to the command pose (length without meaning)",
-                )
+                way = "way to the command pose (length without meaning)"
+                panel.plot([0.0, arrow[i]], [0.0, arrow[j]], color="0.6", lw=0.8, label=way)
                 panel.set(xlabel=f"{'xyz'[i]} [um]", ylabel=f"{'xyz'[j]} [um]")
                 panel.set_aspect("equal", adjustable="datalim")
                 panel.locator_params(nbins=5)
             axes[0, column].set_title(
-                f"t = {pose.time:.4g} s\nAP_p {1e3 * pose.ap.value:.3g} mm, "
-                f"RP_l {1e6 * pose.rp.value:.3g} um",
+                f"t = {pose.time:.4g} s\nAP_p {1e3 * ap:.3g} mm, RP_l {1e6 * rp:.3g} um",
                 fontsize=8,
             )
         figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=2)
@@ -344,17 +306,13 @@ def poses(performance: Iso9283) -> Figure:
 
 def path(performance: Iso9283) -> Figure:
     """Accuracy and repeatability across the path, along it; AT and RT are their largest."""
-    assert performance.at is not None
-    assert performance.rt is not None
-    with style():
-        figure = new_figure(6.5, 3.4)
-        axes: Any = figure.subplots()
+    with panels(6.5, 3.4) as (figure, axes):
         lines = (
-            (performance.path_accuracy, performance.at, "AT_p", COLOURS[0]),
-            (performance.path_repeatability, performance.rt, "RT_p", COLOURS[1]),
+            (performance.path_accuracy, "AT_p", COLOURS[0]),
+            (performance.path_repeatability, "RT_p", COLOURS[1]),
         )
-        for values, one, name, colour in lines:
-            label = f"{name} = {one.words(1e3, 'mm')}"
+        for values, name, colour in lines:
+            label = f"{name} = {performance.path[name].words(1e3, 'mm')}"
             axes.plot(
                 performance.path_times, 1e3 * values, ".-", ms=3, lw=0.8, color=colour, label=label
             )
@@ -375,18 +333,14 @@ def _note(figure: Figure, performance: Iso9283) -> None:
 def wear_course(estimate: Maintenance) -> Figure:
     """The tool's error up to its tolerance, and each joint's growth of clearance."""
     aside = np.sqrt(np.cumsum(np.nan_to_num(estimate.scatter) ** 2))
-    with style():
-        figure = new_figure(7.5, 3.4)
-        axes: Any = figure.subplots(1, 2)
+    with panels(7.5, 3.4, 1, 2) as (figure, axes):
+        look: Any = {"fmt": "o-", "ms": 3, "capsize": 2, "color": COLOURS[0]}
         axes[0].errorbar(
             estimate.cycles,
             1e3 * estimate.error,
             xerr=2.0 * aside,
-            fmt="o-",
-            ms=3,
-            capsize=2,
-            color=COLOURS[0],
             label="worst case, static",
+            **look,
         )
         axes[0].axhline(1e3 * estimate.target, color="black", ls="--", label="tolerance")
         axes[0].set(xlabel="cycles", ylabel="error of the tool [mm]")
@@ -409,9 +363,7 @@ def wear_course(estimate: Maintenance) -> Figure:
 def reversals(reduction: Reduction) -> Figure:
     """The lag of the link behind the motor in time, and over the motor's angle (hysteresis)."""
     past = reduction.history
-    with style():
-        figure = new_figure(8.5, 3.4)
-        axes: Any = figure.subplots(1, 2)
+    with panels(8.5, 3.4, 1, 2) as (figure, axes):
         for name, colour, line in (("full", COLOURS[0], "-"), ("reduced", COLOURS[1], "--")):
             lag = 1e3 * (past["motor"] - past[name])
             axes[0].plot(past["time"], lag, line, color=colour, label=f"{name} model")
@@ -442,9 +394,7 @@ def share_bars(budget: DynamicBudget) -> Figure:
     place = np.arange(len(names))
     several = len(parts) > 1
     known = 100 * parts.std(axis=0, ddof=1) / math.sqrt(len(parts)) if several else None
-    with style():
-        figure = new_figure(8.5, 1.8 + 0.45 * len(names))
-        axes: Any = figure.subplots(1, 2)
+    with panels(8.5, 1.8 + 0.45 * len(names), 1, 2) as (figure, axes):
         axes[0].barh(place - 0.2, 1e3 * np.array(peak), 0.38, color=COLOURS[1], label="peak")
         axes[0].barh(place + 0.2, 1e3 * np.array(rms), 0.38, color=COLOURS[0], label="RMS")
         axes[0].set_yticks(place, names)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -250,18 +251,12 @@ def overview(cases: Cases) -> Figure:
     return figure
 
 
-def _force(axis: str) -> Callable[[Cases], Figure]:
-    return lambda cases: joint_force(cases, axis)
-
-
 FIGURES: dict[str, Callable[[Cases], Figure]] = {
     "tool_displacement": tool_displacement,
     "tool_velocity": tool_velocity,
     "tool_path": tool_path,
     "journal_orbit": journal_orbit,
-    "force_x": _force("x"),
-    "force_y": _force("y"),
-    "force_z": _force("z"),
+    **{f"force_{axis}": partial(joint_force, axis=axis) for axis in AXES},
     "overview": overview,
 }
 NEEDS_CLEARANCE = ("journal_orbit", "overview")

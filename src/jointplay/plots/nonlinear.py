@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -11,7 +10,7 @@ from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 
 from jointplay.nonlinear.lyapunov import Exponent
-from jointplay.plots.style import COLOURS, new_figure, style
+from jointplay.plots.style import COLOURS, panels
 
 
 def turns(
@@ -29,16 +28,16 @@ def turns(
         labels: of the quantities.
         title: of the figure.
     """
-    with style():
-        figure = new_figure(7.0, 0.6 + 2.2 * len(labels))
-        panels: Any = figure.subplots(len(labels), 1, sharex=True, squeeze=False)[:, 0]
-        for panel, label, history, plain in zip(panels, labels, values.T, ideal.T, strict=True):
+    height = 0.6 + 2.2 * len(labels)
+    with panels(7.0, height, len(labels), sharex=True, squeeze=False) as (figure, axes):
+        column = axes[:, 0]
+        for panel, label, history, plain in zip(column, labels, values.T, ideal.T, strict=True):
             panel.plot(angle, history, color=COLOURS[1], lw=0.7, label="with clearance")
             panel.plot(angle, plain, color=COLOURS[0], lw=1.0, ls="--", label="ideal")
             panel.set_ylabel(label)
-        panels[0].legend(loc="upper right")
-        panels[0].set_title(title)
-        panels[-1].set(xlabel="turn", xlim=(angle[0], angle[-1]))
+        column[0].legend(loc="upper right")
+        column[0].set_title(title)
+        column[-1].set(xlabel="turn", xlim=(angle[0], angle[-1]))
     return figure
 
 
@@ -53,9 +52,7 @@ def bifurcation(
         across, up: labels.
         title: of the figure.
     """
-    with style():
-        figure = new_figure(8.0, 4.2)
-        axes: Any = figure.subplots()
+    with panels(8.0, 4.2) as (figure, axes):
         at = np.repeat(values, samples.shape[1])
         axes.plot(at, samples.ravel(), ".", color="black", ms=1.4, mew=0, rasterized=True)
         axes.set(xlabel=across, ylabel=up, title=title)
@@ -64,9 +61,7 @@ def bifurcation(
 
 def poincare(points: np.ndarray, labels: Sequence[str], title: str = "") -> Figure:
     """A section: two quantities once a turn, shape (turns, 2), coloured in order."""
-    with style():
-        figure = new_figure(5.2, 4.4)
-        axes: Any = figure.subplots()
+    with panels(5.2, 4.4) as (figure, axes):
         drawn = axes.scatter(*points.T, c=np.arange(len(points)), s=7, cmap="viridis", linewidths=0)
         figure.colorbar(drawn, ax=axes, label="turn after settling")
         axes.set(xlabel=labels[0], ylabel=labels[1], title=title)
@@ -83,9 +78,7 @@ def exponent(growths: np.ndarray, estimate: Exponent, turn: float, title: str = 
         title: of the figure.
     """
     number = np.arange(1, len(growths) + 1)
-    with style():
-        figure = new_figure(6.4, 3.6)
-        axes: Any = figure.subplots()
+    with panels(6.4, 3.6) as (figure, axes):
         axes.plot(number, growths, ".", color="0.7", ms=3, label="growth in a turn")
         axes.plot(number, np.cumsum(growths) / number, color=COLOURS[1], label="mean so far")
         label = f"{100 * estimate.confidence:g} % interval: {estimate.verdict}"
@@ -101,9 +94,7 @@ def exponents(
 ) -> Figure:
     """Largest exponents over a parameter, with intervals; None where a run failed."""
     known = [(value, one) for value, one in zip(values, estimates, strict=True) if one is not None]
-    with style():
-        figure = new_figure(7.0, 3.6)
-        axes: Any = figure.subplots()
+    with panels(7.0, 3.6) as (figure, axes):
         for verdict, colour in zip(("chaotic", "undecided", "regular"), COLOURS, strict=False):
             of = [(value, one) for value, one in known if one.verdict == verdict]
             if of:
@@ -121,9 +112,7 @@ def exponents(
 
 def recurrence(near: np.ndarray, span: float, title: str = "") -> Figure:
     """A recurrence plot over a number of turns."""
-    with style():
-        figure = new_figure(5.0, 5.2)
-        axes: Any = figure.subplots()
+    with panels(5.0, 5.2) as (figure, axes):
         axes.imshow(near, origin="lower", cmap="binary", extent=(0.0, span, 0.0, span))
         axes.grid(visible=False)
         axes.set(xlabel="turn", ylabel="turn", title=title)
@@ -147,11 +136,7 @@ def waterfall(
     good = np.isfinite(amplitudes).all(axis=1)
     values, amplitudes = values[good], amplitudes[good]
     top = float(amplitudes.max(initial=1e-300))
-    with style():
-        figure = new_figure(9.0, 4.4)
-        lines: Any
-        panel: Any
-        lines, panel = figure.subplots(1, 2)
+    with panels(9.0, 4.4, 1, 2) as (figure, (lines, panel)):
         chosen = np.unique(np.linspace(0, len(values) - 1, min(len(values), 25)).astype(int))
         apart = np.median(np.diff(values[chosen])) if len(chosen) > 1 else 1.0
         for k in chosen[::-1]:
@@ -184,9 +169,7 @@ def basin(
     """
     words = {-1: "does not repeat itself", -2: "failed"}
     colours = {-1: "0.35", -2: "0.85"}
-    with style():
-        figure = new_figure(6.4, 4.6)
-        axes: Any = figure.subplots()
+    with panels(6.4, 4.6) as (figure, axes):
         for label in np.unique(labels):
             at = 1e3 * places[labels == label]
             word = words.get(label) or f"orbit {label + 1}, period {periods[label]}"

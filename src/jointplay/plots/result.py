@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from itertools import cycle
 from typing import Any
 
@@ -15,21 +16,22 @@ from jointplay import analysis
 from jointplay.core.errors import JointplayError, MissingName
 from jointplay.geometry import Form, Mode
 from jointplay.loads.terms import TERMS
-from jointplay.plots.palette import MODE_COLOURS
+from jointplay.plots.palette import AXIS_COLOURS, MODE_COLOURS
 from jointplay.plots.style import (
-    AXIS_COLOURS,
     COLOURS,
     COMPONENTS,
     CONTACT_COLOURS,
     MARKERS,
     MODE_NAMES,
-    Drawing,
     contact_line,
     figure_of,
     legend,
     listed,
+    literal,
     logarithmic,
     narrow,
+    new_figure,
+    style,
     timeline,
 )
 from jointplay.result.result import AXES, Result
@@ -37,21 +39,67 @@ from jointplay.result.result import AXES, Result
 _TICKS = 5
 """Intervals between the ticks of an orbit, at most."""
 
+ALWAYS = ("displacement", "velocity", "path", "coordinates", "forces", "energy", "spectrum")
+"""Plots that have a meaning for every run."""
+NEED_CLEARANCE = ("orbit", "contacts", "gaps", "modes", "tilt", "impacts")
+"""Plots that have one only with clearance."""
 
-class JointPlots(Drawing):
-    """Plots of joints with clearance."""
+_UNITS = {
+    "q": {"rad": "rad", "m": "m"},
+    "v": {"rad": "rad/s", "m": "m/s"},
+    "drive": {"rad": "N m", "m": "N"},
+}
+_WORDS = {"q": "position", "v": "velocity", "drive": "drive"}
+"""Units, by the coordinate's own, and names of the histories of coordinates."""
 
-    def orbit(
-        self,
-        joint: str | None = None,
-        *,
-        ax: Axes | None = None,
-        style: str = "screen",
-        **line: Any,
-    ) -> Figure:
+_ENERGIES = {
+    "kinetic_energy": "kinetic",
+    "potential_energy": "potential",
+    **{term.variable: term.label for term in TERMS},
+    "payload_energy": "brought in by payloads",
+    "load_energy": "stored in loads",
+    "load_work": "work of loads",
+    "energy_residual": "error of the balance",
+}
+_ENERGY_COLOURS = [*(COLOURS[k] for k in (1, 5, 3, 0, 4, 2)), "0.5", "#0F7E86", "#7A5C2E"]
+_ENERGY_COLOURS += ["#B0408A", "#5A7D2B", "black"]
+
+
+class Plots:
+    """Draws one result. Each method returns the figure and also takes these keywords.
+
+    Args:
+        ax: axes to draw into, which keep their own style; None makes a figure.
+        style: ``screen`` or ``paper`` (serif, 88 mm wide) for a figure made here.
+
+    Further keywords go to the drawn lines: ``color``, ``lw``, ``label``, ``alpha`` ...
+
+    Raises:
+        JointplayError: the plot has no meaning for this result; the message names those that have.
+        MissingName: no such joint, axis or style.
+    """
+
+    def __init__(self, result: Result) -> None:
+        """Draw `result`."""
+        self.result = result
+
+    def __repr__(self) -> str:
+        """The plots that this result has."""
+        return f"<plots of a result: {', '.join(self.available)}>"
+
+    @property
+    def available(self) -> tuple[str, ...]:
+        """Names of the plots that have a meaning for this result."""
+        names: tuple[str, ...] = ALWAYS
+        if self.result.joints:
+            names += NEED_CLEARANCE
+            names += ("forms",) if bool((self.result["form"] >= 0).any()) else ()
+        return names + (("deviation",) if analysis.has_play(self.result) else ())
+
+    def orbit(self, joint: str | None = None, **line: Any) -> Figure:
         """Path of the journal's centre in its clearance circle, bearing frame [mm] (Fig. 12)."""
         name = self._joint("orbit", joint)
-        with self._axes(ax, style, 4.8, 5.0) as panel:
+        with self._axes(line, 4.8, 5.0) as panel:
             centre = 1e3 * self.result["journal_centre"].sel(joint=name).values
             outline = analysis.clearance_outline(self.result, name)
             if outline is not None:
@@ -64,62 +112,26 @@ class JointPlots(Drawing):
             panel.set_aspect("equal")
             for axis in (panel.xaxis, panel.yaxis):  # small panels have room for few
                 axis.set_major_locator(MaxNLocator(_TICKS, symmetric=True))
-            panel.set_xlabel("x in the bearing frame [mm]")
-            panel.set_ylabel("y in the bearing frame [mm]")
+            panel.set(xlabel="x in the bearing frame [mm]", ylabel="y in the bearing frame [mm]")
         return figure_of(panel)
 
-    def contacts(
-        self,
-        joint: str | None = None,
-        *,
-        ax: Axes | None = None,
-        style: str = "screen",
-        **line: Any,
-    ) -> Figure:
+    def contacts(self, joint: str | None = None, **line: Any) -> Figure:
         """Largest normal force at each of the joint's contacts since the last record [N]."""
         name = self._joint("contacts", joint)
-        return self._places("normal_force_peak", name, 1.0, "normal force [N]", ax, style, line)
+        return self._of_contacts("normal_force_peak", name, 1.0, "normal force [N]", line)
 
-    def gaps(
-        self,
-        joint: str | None = None,
-        *,
-        ax: Axes | None = None,
-        style: str = "screen",
-        **line: Any,
-    ) -> Figure:
+    def gaps(self, joint: str | None = None, **line: Any) -> Figure:
         """Smallest gap at each of the joint's contacts since the last record; < 0 sunk in [mm]."""
         name = self._joint("gaps", joint)
-        figure = self._places("gap_min", name, 1e3, "gap [mm]", ax, style, line)
-        (ax or figure.axes[0]).axhline(0.0, color="black", lw=0.6)
+        panel = line.get("ax")
+        figure = self._of_contacts("gap_min", name, 1e3, "gap [mm]", line)
+        (panel or figure.axes[0]).axhline(0.0, color="black", lw=0.6)
         return figure
 
-    def _places(
-        self,
-        variable: str,
-        joint: str,
-        scale: float,
-        label: str,
-        ax: Axes | None,
-        look: str,
-        line: dict[str, Any],
-    ) -> Figure:
-        with self._axes(ax, look) as panel:
-            for i, contact in enumerate(analysis.places(self.result, joint)):
-                values = self.result[variable].sel(joint=joint, contact=contact).values
-                drawn = {"label": contact.replace("_", " "), "lw": 0.7, **contact_line(i)}
-                panel.plot(self.result.time, scale * values, **(drawn | line))
-            panel.set_xlabel("time [s]")
-            panel.set_ylabel(label)
-            legend(panel, 4)
-        return figure_of(panel)
-
-    def modes(
-        self, joint: str | None = None, *, ax: Axes | None = None, style: str = "screen", **bar: Any
-    ) -> Figure:
+    def modes(self, joint: str | None = None, **bar: Any) -> Figure:
         """Timeline of the joint's mode (Table 1), with the share of the time in each."""
         name = self._joint("modes", joint)
-        with self._axes(ax, style, 6.0, 2.2) as panel:
+        with self._axes(bar, 6.0, 2.2) as panel:
             shares = analysis.shares(self.result, name)
             rows = [
                 f"{text}\n{100 * share:.1f} %"
@@ -129,9 +141,7 @@ class JointPlots(Drawing):
             timeline(panel, self.result.time, values, list(Mode), rows, MODE_COLOURS, bar)
         return figure_of(panel)
 
-    def forms(
-        self, joint: str | None = None, *, ax: Axes | None = None, style: str = "screen", **bar: Any
-    ) -> Figure:
+    def forms(self, joint: str | None = None, **bar: Any) -> Figure:
         """Timeline of the contact forms that occurred (Figure 2), with the share of each."""
         name = self._joint("forms", joint)
         shares = analysis.shares(self.result, name, "form")
@@ -139,90 +149,55 @@ class JointPlots(Drawing):
             raise JointplayError(
                 f"Figure 2 has no forms for a joint such as {name!r}; plot its modes or contacts"
             )
-        seen = [form for form in Form if shares[form.name.lower()] > 0.0]
-        with self._axes(ax, style, 6.0, 0.9 + 0.24 * len(seen)) as panel:
+        occurred = [form for form in Form if shares[form.name.lower()] > 0.0]
+        with self._axes(bar, 6.0, 0.9 + 0.24 * len(occurred)) as panel:
             rows = []
-            for form in seen:
+            for form in occurred:
                 words = form.name.lower().replace("_", " ")
                 if form:
                     words = form.letter if narrow(panel) else f"{form.letter}: {words}"
                 rows.append(f"{words}, {100 * shares[form.name.lower()]:.1f} %")
             values = self.result["form"].sel(joint=name).values
-            timeline(panel, self.result.time, values, seen, rows, (COLOURS[1],) * 13, bar)
+            timeline(panel, self.result.time, values, occurred, rows, (COLOURS[1],) * 13, bar)
         return figure_of(panel)
 
-    def tilt(
-        self,
-        joint: str | None = None,
-        *,
-        ax: Axes | None = None,
-        style: str = "screen",
-        **line: Any,
-    ) -> Figure:
+    def tilt(self, joint: str | None = None, **line: Any) -> Figure:
         """Angle between the axes of journal and bearing over time [mrad]."""
         name = self._joint("tilt", joint)
-        with self._axes(ax, style) as panel:
+        with self._axes(line) as panel:
             values = 1e3 * self.result["tilt"].sel(joint=name).values
             panel.plot(self.result.time, values, **({"color": COLOURS[1]} | line))
-            panel.set_xlabel("time [s]")
-            panel.set_ylabel("tilt [mrad]")
+            panel.set(xlabel="time [s]", ylabel="tilt [mrad]")
         return figure_of(panel)
 
-    def impacts(
-        self,
-        joint: str | None = None,
-        *,
-        ax: Axes | None = None,
-        style: str = "screen",
-        **dots: Any,
-    ) -> Figure:
+    def impacts(self, joint: str | None = None, **dots: Any) -> Figure:
         """Peak normal force [N] of every contact over its duration [ms], by place."""
         name = self._joint("impacts", joint)
-        with self._axes(ax, style, 5.0, 3.6) as panel:
+        with self._axes(dots, 5.0, 3.6) as panel:
             places = [p for p in analysis.contacts(self.result) if p.joint == name]
             for i, place in enumerate(places):
-                marker = MARKERS[i % len(MARKERS)]
-                drawn = {**contact_line(i), "marker": marker, "ls": "none", "ms": 3.5, "mew": 0.0}
-                drawn |= {"label": f"{place.contact.replace('_', ' ')}, {len(place.peak)}"}
-                drawn |= {"alpha": 0.8}
-                panel.plot(1e3 * place.duration, place.peak, **(drawn | dots))
+                look = {
+                    **contact_line(i),
+                    "marker": MARKERS[i % len(MARKERS)],
+                    "label": f"{place.contact.replace('_', ' ')}, {len(place.peak)}",
+                    **{"ls": "none", "ms": 3.5, "mew": 0.0, "alpha": 0.8},
+                }
+                panel.plot(1e3 * place.duration, place.peak, **(look | dots))
             if any(len(place.peak) for place in places):
                 logarithmic(panel, "xy")
-            panel.set_xlabel("duration of the contact [ms]")
-            panel.set_ylabel("peak normal force [N]")
+            panel.set(xlabel="duration of the contact [ms]", ylabel="peak normal force [N]")
             legend(panel, 2)
         return figure_of(panel)
 
-
-class ToolPlots(Drawing):
-    """Plots of the tool."""
-
-    def displacement(
-        self, axis: str | None = None, *, ax: Axes | None = None, style: str = "screen", **line: Any
-    ) -> Figure:
+    def displacement(self, axis: str | None = None, **line: Any) -> Figure:
         """Tool position over time along world `axis` x, y, z (None: all) [m] (Figure 9)."""
-        return self._tool("tool_position", "displacement", "m", axis, ax, style, line)
+        values = self.result["tool_position"].values
+        return self._components(values, axis, "displacement", "m", line)
 
-    def velocity(
-        self, axis: str | None = None, *, ax: Axes | None = None, style: str = "screen", **line: Any
-    ) -> Figure:
+    def velocity(self, axis: str | None = None, **line: Any) -> Figure:
         """Tool velocity over time along world `axis` x, y, z, total (None: all) [m/s] (Fig. 10)."""
-        return self._tool("tool_velocity", "velocity", "m/s", axis, ax, style, line)
-
-    def _tool(
-        self,
-        variable: str,
-        symbol: str,
-        unit: str,
-        axis: str | None,
-        ax: Axes | None,
-        look: str,
-        line: dict[str, Any],
-    ) -> Figure:
-        with self._axes(ax, look) as panel:
-            values = self.result[variable].values
-            self._components(panel, self.result.time, values, axis, symbol, unit, line)
-        return figure_of(panel)
+        values = self.result["tool_velocity"].values
+        return self._components(values, axis, "velocity", "m/s", line)
 
     def deviation(
         self,
@@ -230,8 +205,6 @@ class ToolPlots(Drawing):
         ideal: Result | None = None,
         *,
         of: str = "tool_position",
-        ax: Axes | None = None,
-        style: str = "screen",
         **line: Any,
     ) -> Figure:
         """Tool's difference from the ideal robot over time [mm, mm/s, mrad, mrad/s].
@@ -248,23 +221,17 @@ class ToolPlots(Drawing):
             )
         reference = analysis.twin(self.result) if ideal is None else ideal
         error = analysis.deviation(self.result, reference, of)
-        unit = f"m{error.attrs['units']}"
-        with self._axes(ax, style) as panel:
-            time, values = error["time"].values, 1e3 * error.values
-            self._components(panel, time, values, axis, "deviation", unit, line)
-        return figure_of(panel)
+        unit, time = f"m{error.attrs['units']}", error["time"].values
+        return self._components(1e3 * error.values, axis, "deviation", unit, line, time)
 
-    def path(
-        self, plane: str = "xy", *, ax: Axes | None = None, style: str = "screen", **line: Any
-    ) -> Figure:
+    def path(self, plane: str = "xy", **line: Any) -> Figure:
         """Tool path in the world plane `plane`, two of x, y, z [m] (Figure 11)."""
         if len(plane) != 2 or plane[0] == plane[1] or not set(plane) <= set(AXES):
             raise MissingName("plane", plane, ("xy", "xz", "yz"))
-        with self._axes(ax, style, 4.6, 4.4) as panel:
+        with self._axes(line, 4.6, 4.4) as panel:
             across, up = (self.result["tool_position"].sel(axis=a).values for a in plane)
             panel.plot(across, up, **({"color": COLOURS[1]} | line))
-            panel.set_xlabel(f"{plane[0]} [m]")
-            panel.set_ylabel(f"{plane[1]} [m]")
+            panel.set(xlabel=f"{plane[0]} [m]", ylabel=f"{plane[1]} [m]")
             panel.set_aspect("equal", adjustable="datalim")
         return figure_of(panel)
 
@@ -275,8 +242,6 @@ class ToolPlots(Drawing):
         *,
         of: str = "acceleration",
         start: float | None = None,
-        ax: Axes | None = None,
-        style: str = "screen",
         **line: Any,
     ) -> Figure:
         """Power spectral density of the tool's vibration; see `analysis.spectrum`.
@@ -287,70 +252,24 @@ class ToolPlots(Drawing):
             of: ``acceleration`` or ``deviation``.
             start: records before this are left out [s]; None: before the run is judged.
         """
-        if axis is not None and axis not in COMPONENTS:
-            raise MissingName("axis", axis, COMPONENTS)
+        names = _axes_of(axis)
         density = analysis.spectrum(self.result, ideal, of, start)
         frequency = density["frequency"].values[1:]
-        with self._axes(ax, style) as panel:
-            for name in AXES if axis is None else (axis,):
+        with self._axes(line) as panel:
+            for name in names:
                 values = density.sel(axis=name).values[1:]
-                if not values.any():  # the tool does not move this way
-                    continue
-                drawn = {"color": AXIS_COLOURS[name], **({"label": name} if axis is None else {})}
-                panel.plot(frequency, values, **(drawn | line))
+                if values.any():  # else the tool does not move this way
+                    panel.plot(frequency, values, **(_axis_line(name, axis) | line))
             logarithmic(panel, "xy")
             unit = "(m/s²)²/Hz" if of == "acceleration" else "m²/Hz"
-            panel.set_xlabel("frequency [Hz]")
-            panel.set_ylabel(f"PSD of {of}{f' {axis}' if axis else ''} [{unit}]")
+            label = f"PSD of {of}{f' {axis}' if axis else ''} [{unit}]"
+            panel.set(xlabel="frequency [Hz]", ylabel=label)
             if axis is None:
                 legend(panel, 3)
         return figure_of(panel)
 
-
-# Figures of several cases are made of the same methods; see `jointplay.plots.figures`.
-
-
-ALWAYS = ("displacement", "velocity", "path", "coordinates", "forces", "energy", "spectrum")
-"""Plots that have a meaning for every run."""
-NEED_CLEARANCE = ("orbit", "contacts", "gaps", "modes", "tilt", "impacts")
-"""Plots that have one only with clearance."""
-
-
-class Plots(ToolPlots, JointPlots):
-    """Draws one result. Each method returns the figure and takes these arguments.
-
-    Args:
-        ax: axes to draw into, which keep their own style; None makes a figure.
-        style: ``screen`` or ``paper`` (serif, 88 mm wide) for a figure made here.
-
-    Further keywords go to the drawn lines: ``color``, ``lw``, ``label``, ``alpha`` ...
-
-    Raises:
-        JointplayError: the plot has no meaning for this result; the message names those that have.
-        MissingName: no such joint, axis or style.
-    """
-
-    def __repr__(self) -> str:
-        """The plots that this result has."""
-        return f"<plots of a result: {', '.join(self.available)}>"
-
-    @property
-    def available(self) -> tuple[str, ...]:
-        """Names of the plots that have a meaning for this result."""
-        names: tuple[str, ...] = ALWAYS
-        if self.result.joints:
-            names += NEED_CLEARANCE
-            names += ("forms",) if bool((self.result["form"] >= 0).any()) else ()
-        return names + (("deviation",) if analysis.has_play(self.result) else ())
-
     def coordinates(
-        self,
-        names: Sequence[str] | str | None = None,
-        *,
-        of: str = "q",
-        ax: Axes | None = None,
-        style: str = "screen",
-        **line: Any,
+        self, names: Sequence[str] | str | None = None, *, of: str = "q", **line: Any
     ) -> Figure:
         """Generalised coordinates, their rates or their drives' efforts over time.
 
@@ -359,20 +278,13 @@ class Plots(ToolPlots, JointPlots):
                 without clearance that turn, or if there are none those that slide.
             of: ``q`` [rad or m], ``v`` [rad/s or m/s] or ``drive`` [N m or N].
         """
-        units = {
-            "q": {"rad": "rad", "m": "m"},
-            "v": {"rad": "rad/s", "m": "m/s"},
-            "drive": {"rad": "N m", "m": "N"},
-        }
-        words = {"q": "position", "v": "velocity", "drive": "drive"}
-        if of not in units:
-            raise MissingName("history of coordinates", of, tuple(units))
+        if of not in _UNITS:
+            raise MissingName("history of coordinates", of, tuple(_UNITS))
         every = [str(name) for name in self.result["coordinate"].values]
         unit = dict(zip(every, map(str, self.result["coordinate_unit"].values), strict=True))
         if names is None:
             plain = [name for name in every if "." not in name] or every
-            turning = [name for name in plain if unit[name] == "rad"]
-            names = turning or plain
+            names = [name for name in plain if unit[name] == "rad"] or plain
         names = [names] if isinstance(names, str) else list(names)
         for name in names:
             if name not in unit:
@@ -382,26 +294,16 @@ class Plots(ToolPlots, JointPlots):
                 f"coordinates {', '.join(names)} have different units, or there are none; "
                 "draw those in rad and those in m apart"
             )
-        with self._axes(ax, style) as panel:
+        with self._axes(line) as panel:
             for name, colour in zip(names, cycle(CONTACT_COLOURS), strict=False):
+                look = {"color": colour, "label": listed(name)}
                 values = self.result[of].sel(coordinate=name).values
-                panel.plot(
-                    self.result.time, values, **({"color": colour, "label": listed(name)} | line)
-                )
-            panel.set_xlabel("time [s]")
-            panel.set_ylabel(f"{words[of]} [{units[of][unit[names[0]]]}]")
+                panel.plot(self.result.time, values, **(look | line))
+            panel.set(xlabel="time [s]", ylabel=f"{_WORDS[of]} [{_UNITS[of][unit[names[0]]]}]")
             legend(panel, 4)
         return figure_of(panel)
 
-    def forces(
-        self,
-        axis: str | None = None,
-        joint: str | None = None,
-        *,
-        ax: Axes | None = None,
-        style: str = "screen",
-        **line: Any,
-    ) -> Figure:
+    def forces(self, axis: str | None = None, joint: str | None = None, **line: Any) -> Figure:
         """Force on the journal over time, world axes [N] (Figures 13-15).
 
         With clearance the contact force, each record showing it at the instant since the last
@@ -418,36 +320,97 @@ class Plots(ToolPlots, JointPlots):
             if joint is not None and joint not in moving:
                 raise MissingName("moving joint", joint, moving)
             forces = self.result["reaction_force"].sel(moving_joint=joint or moving[0])
-        with self._axes(ax, style) as panel:
-            self._components(panel, self.result.time, forces.values, axis, "force", "N", line)
-            if axis in AXES:
-                panel.set_ylabel(f"F{axis} [N]")
-        return figure_of(panel)
+        panel = line.get("ax")
+        figure = self._components(forces.values, axis, "force", "N", line)
+        if axis in AXES:
+            (panel or figure.axes[0]).set_ylabel(f"F{axis} [N]")
+        return figure
 
-    def energy(self, *, ax: Axes | None = None, style: str = "screen", **line: Any) -> Figure:
+    def energy(self, **line: Any) -> Figure:
         """Terms of the energy balance over time, and its error [J]."""
-        names = {
-            "kinetic_energy": "kinetic",
-            "potential_energy": "potential",
-            **{term.variable: term.label for term in TERMS},
-            "payload_energy": "brought in by payloads",
-            "load_energy": "stored in loads",
-            "load_work": "work of loads",
-            "energy_residual": "error of the balance",
-        }
-        colours = [COLOURS[k] for k in (1, 5, 3, 0, 4, 2)]
-        colours += ["0.5", "#0F7E86", "#7A5C2E", "#B0408A", "#5A7D2B", "black"]
-        with self._axes(ax, style, 6.0, 3.8) as panel:
-            for (name, text), colour in zip(names.items(), colours, strict=True):
+        with self._axes(line, 6.0, 3.8) as panel:
+            for (name, text), colour in zip(_ENERGIES.items(), _ENERGY_COLOURS, strict=True):
                 if name not in self.result.dataset:
                     continue
                 values = self.result[name].values
                 values = values if values.ndim == 1 else values.sum(axis=1)
                 if name == "energy_residual" or np.any(values != values[0]):
-                    panel.plot(
-                        self.result.time, values, **({"color": colour, "label": text} | line)
-                    )
-            panel.set_xlabel("time [s]")
-            panel.set_ylabel("energy [J]")
+                    look = {"color": colour, "label": text}
+                    panel.plot(self.result.time, values, **(look | line))
+            panel.set(xlabel="time [s]", ylabel="energy [J]")
             legend(panel, 3)
         return figure_of(panel)
+
+    @contextmanager
+    def _axes(
+        self, options: dict[str, Any], width: float = 6.0, height: float = 3.2
+    ) -> Iterator[Axes]:
+        """The axes to draw into: the keywords `ax` and `style` are taken out of the options."""
+        ax, look = options.pop("ax", None), options.pop("style", "screen")
+        if ax is not None:
+            yield ax
+            literal(ax)
+            return
+        with style(look):
+            yield new_figure(width, height, look).subplots()
+
+    def _joint(self, plot: str, joint: str | None) -> str:
+        """A joint with clearance, by default the first."""
+        joints = self.result.joints
+        if not joints:
+            raise JointplayError(
+                f"plot {plot!r} needs a clearance joint, and this run has none; it can plot "
+                f"{', '.join(self.available)}"
+            )
+        if joint is None:
+            return joints[0]
+        if joint not in joints:
+            raise MissingName("clearance joint", joint, joints)
+        return joint
+
+    def _components(
+        self,
+        vectors: np.ndarray,
+        axis: str | None,
+        symbol: str,
+        unit: str,
+        line: dict[str, Any],
+        time: np.ndarray | None = None,
+    ) -> Figure:
+        """One component of vectors (n, 3) over time, or all three in the colours of the axes."""
+        time = self.result.time if time is None else time
+        with self._axes(line) as panel:
+            for name in _axes_of(axis):
+                total = name == "total"
+                values = np.linalg.norm(vectors, axis=1) if total else vectors[:, AXES.index(name)]
+                panel.plot(time, values, **(_axis_line(name, axis) | line))
+            if axis is None:
+                legend(panel, 3)
+            part = {None: "", "total": ", total"}.get(axis, f" {axis}")
+            panel.set(xlabel="time [s]", ylabel=f"{symbol}{part} [{unit}]")
+        return figure_of(panel)
+
+    def _of_contacts(
+        self, variable: str, joint: str, scale: float, label: str, line: dict[str, Any]
+    ) -> Figure:
+        """A history of each contact of a joint."""
+        with self._axes(line) as panel:
+            for i, contact in enumerate(analysis.places(self.result, joint)):
+                values = self.result[variable].sel(joint=joint, contact=contact).values
+                look = {"label": contact.replace("_", " "), "lw": 0.7, **contact_line(i)}
+                panel.plot(self.result.time, scale * values, **(look | line))
+            panel.set(xlabel="time [s]", ylabel=label)
+            legend(panel, 4)
+        return figure_of(panel)
+
+
+def _axes_of(axis: str | None) -> tuple[str, ...]:
+    """Components that are drawn."""
+    if axis is not None and axis not in COMPONENTS:
+        raise MissingName("axis", axis, COMPONENTS)
+    return AXES if axis is None else (axis,)
+
+
+def _axis_line(name: str, asked: str | None) -> dict[str, Any]:
+    """Colour of a component, and its label among several."""
+    return {"color": AXIS_COLOURS[name], **({"label": name} if asked is None else {})}

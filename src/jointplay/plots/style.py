@@ -6,7 +6,6 @@ import io
 import os
 import re
 import textwrap
-from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache
@@ -21,9 +20,9 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogFormatterSciNotation
 
 from jointplay.core import files
-from jointplay.core.errors import JointplayError, MissingName
-from jointplay.plots.palette import AXIS_COLOURS, COLOURS
-from jointplay.result.result import AXES, Result
+from jointplay.core.errors import MissingName
+from jointplay.plots.palette import COLOURS
+from jointplay.result.result import AXES
 
 _SMALL_PRINT, _LETTERS_AN_INCH = 5.5, 24
 """Size of footnotes [pt], and how many of their letters stand side by side."""
@@ -198,6 +197,19 @@ def new_figure(width: float, height: float, look: str = "screen") -> StyledFigur
     return StyledFigure(figsize=(width * SIZES[look], height * SIZES[look]), look=look)
 
 
+@contextmanager
+def panels(
+    width: float, height: float, rows: int = 1, columns: int = 1, look: str = "screen", **more: Any
+) -> Iterator[tuple[StyledFigure, Any]]:
+    """A new figure and its axes, to be drawn in its style within the block.
+
+    The axes are as `matplotlib.figure.Figure.subplots` gives them, to which `more` goes.
+    """
+    with style(look):
+        figure = new_figure(width, height, look)
+        yield figure, figure.subplots(rows, columns, **more)
+
+
 def footnote(figure: Figure, text: str) -> None:
     """Put small print below a figure, in as many lines as its width needs."""
     across = int(_LETTERS_AN_INCH * figure.get_figwidth())
@@ -205,8 +217,7 @@ def footnote(figure: Figure, text: str) -> None:
     figure.supxlabel("\n".join(lines), fontsize=_SMALL_PRINT, x=0.01, ha="left")
 
 
-# Panels: axes to draw into, their legends and timelines, and what is drawn of vectors.
-
+# Axes to draw into, their legends and timelines.
 
 COMPONENTS = (*AXES, "total")
 
@@ -215,71 +226,6 @@ CONTACT_COLOURS = (COLOURS[1], COLOURS[5], COLOURS[0], COLOURS[4], COLOURS[3], C
 _DASHES = ("-", "--", ":")
 """Tell contacts apart that share a colour: a slider has up to sixteen."""
 MARKERS = "o^sDvP*"
-
-
-class Drawing(ABC):
-    """What all plots of a result have in common.
-
-    `available` says which it has.
-    """
-
-    def __init__(self, result: Result) -> None:
-        """Draw `result`."""
-        self.result = result
-
-    @contextmanager
-    def _axes(
-        self, ax: Axes | None, look: str, width: float = 6.0, height: float = 3.2
-    ) -> Iterator[Axes]:
-        if ax is not None:
-            yield ax
-            literal(ax)
-            return
-        with style(look):
-            yield new_figure(width, height, look).subplots()
-
-    def _joint(self, plot: str, joint: str | None) -> str:
-        joints = self.result.joints
-        if not joints:
-            raise JointplayError(
-                f"plot {plot!r} needs a clearance joint, and this run has none; it can plot "
-                f"{', '.join(self.available)}"
-            )
-        if joint is None:
-            return joints[0]
-        if joint not in joints:
-            raise MissingName("clearance joint", joint, joints)
-        return joint
-
-    def _components(
-        self,
-        ax: Axes,
-        time: np.ndarray,
-        vectors: np.ndarray,
-        axis: str | None,
-        symbol: str,
-        unit: str,
-        options: dict[str, Any],
-    ) -> None:
-        """One component of vectors (n, 3), or all three of them in the colours of the axes."""
-        if axis is not None and axis not in COMPONENTS:
-            raise MissingName("axis", axis, COMPONENTS)
-        for name in AXES if axis is None else (axis,):
-            values = (
-                np.linalg.norm(vectors, axis=1) if name == "total" else vectors[:, AXES.index(name)]
-            )
-            line = {"color": AXIS_COLOURS[name], **({"label": name} if axis is None else {})}
-            ax.plot(time, values, **(line | options))
-        if axis is None:
-            legend(ax, 3)
-        part = {None: "", "total": ", total"}.get(axis, f" {axis}")
-        ax.set_ylabel(f"{symbol}{part} [{unit}]")
-        ax.set_xlabel("time [s]")
-
-    @property
-    @abstractmethod
-    def available(self) -> tuple[str, ...]:
-        """Names of the plots that have a meaning for this result."""
 
 
 def figure_of(panel: Axes) -> Figure:
@@ -316,6 +262,13 @@ def legend(panel: Axes, columns: int) -> None:
         line.set_linewidth(max(line.get_linewidth(), 1.6))
 
 
+def spans(time: np.ndarray, holds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """When each stretch begins and ends in which records hold something, (n,) of `time`."""
+    edges = np.diff(np.concatenate([[False], holds, [False]]).astype(int))
+    following = np.append(time, time[-1])
+    return time[np.flatnonzero(edges == 1)], following[np.flatnonzero(edges == -1)]
+
+
 def timeline(
     panel: Axes,
     time: np.ndarray,
@@ -326,13 +279,11 @@ def timeline(
     options: dict[str, Any],
 ) -> None:
     """A row for each of `members`, filled while `values` equals it."""
-    ends = np.append(time[1:], time[-1])
     for row, (member, colour) in enumerate(zip(members, colours, strict=False)):
-        edges = np.diff(np.concatenate([[False], values == member, [False]]).astype(int))
-        first, last = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1) - 1
-        spans = np.column_stack([time[first], ends[last] - time[first]])
+        begin, end = spans(time, values == member)
         drawn: dict[str, Any] = {"facecolors": colour, "linewidth": 0.0} | options
-        panel.broken_barh(spans.tolist(), (row - 0.4, 0.8), **drawn)
+        bars = np.column_stack([begin, end - begin])
+        panel.broken_barh(bars.tolist(), (row - 0.4, 0.8), **drawn)
     panel.set_yticks(range(len(rows)), rows)
     panel.set_ylim(len(rows) - 0.5, -0.5)
     panel.set_xlim(time[0], time[-1])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,7 +10,7 @@ import xarray as xr
 
 from jointplay.analysis.uncertainty import convergence, enough, estimate
 from jointplay.core.errors import JointplayError, MissingName
-from jointplay.plots.style import COLOURS, StyledFigure, listed, logarithmic, new_figure, style
+from jointplay.plots.style import COLOURS, StyledFigure, listed, logarithmic, panels
 from jointplay.sweeps.plan import SAMPLE
 from jointplay.sweeps.table import coordinate_text, label, measured, samples_of, scale, select
 
@@ -70,9 +70,7 @@ def _lines(
 ) -> StyledFigure:
     """A line, or points, for each value of `hue`."""
     values, sampled = measured(dataset, y), list(dataset.attrs["sampled"])
-    with style(look):
-        figure = new_figure(6.0, 3.8, look)
-        axes = figure.subplots()
+    with panels(6.0, 3.8, look=look) as (figure, axes):
         for number, k in enumerate(groups):
             part = values if k is None else values.isel({hue: k})
             text = None if k is None or hue is None else listed(coordinate_text(dataset, hue, k))
@@ -115,15 +113,24 @@ def _line(
     if words:
         axes.set_xticks(at, [coordinate_text(dataset, x, k) for k in range(len(estimates))])
     order = np.argsort(at)
-    middle = factor * np.array([one.value for one in estimates])
-    low = factor * np.array([one.low for one in estimates])
-    high = factor * np.array([one.high for one in estimates])
-    axes.plot(at[order], middle[order], marker="o", ms=3, **options)
-    if table.shape[1] > 1:
-        known = np.isfinite(low) & np.isfinite(high)
-        low, high = (np.where(known, end, middle) for end in (low, high))
-        axes.fill_between(at[order], low[order], high[order], color=options["color"],
-                          alpha=0.2, lw=0)  # fmt: skip
+    _band(
+        axes, at[order], [estimates[k] for k in order], factor, options | {"marker": "o", "ms": 3}
+    )
+
+
+def _band(
+    axes: Any,
+    at: np.ndarray,
+    estimates: Sequence[Any],
+    factor: float,
+    options: dict[str, Any],
+) -> None:
+    """Values as a line, and their confidence intervals, where they are known, as a band."""
+    middle, low, high = factor * np.array([(one.value, one.low, one.high) for one in estimates]).T
+    axes.plot(at, middle, **options)
+    known = np.isfinite(low) & np.isfinite(high)
+    if known.any():
+        axes.fill_between(at, low, high, where=known, color=options["color"], alpha=0.2, lw=0)
 
 
 def _points(
@@ -147,9 +154,7 @@ def _heat_map(dataset: xr.Dataset, x: str, y: str, z: str, look: str) -> StyledF
     table = factor * values.mean(rest, skipna=True).transpose(y, x).values
     if not np.isfinite(table).any():
         raise JointplayError(f"no case has a value of {z}")
-    with style(look):
-        figure = new_figure(6.0, 4.4, look)
-        axes = figure.subplots()
+    with panels(6.0, 4.4, look=look) as (figure, axes):
         image = axes.imshow(table, cmap="cividis", origin="lower", aspect="auto")
         axes.grid(False)
         for name, ticks in ((x, axes.set_xticks), (y, axes.set_yticks)):
@@ -177,23 +182,15 @@ def draw_convergence(
     Raises:
         JointplayError: nothing is sampled, or no such measure.
     """
-    values, _ = samples_of(dataset, measure)
+    values = samples_of(dataset, measure)
     factor = scale(dataset, measure)[0]
-    with style(look):
-        figure = new_figure(6.0, 3.8, look)
-        axes = figure.subplots()
+    with panels(6.0, 3.8, look=look) as (figure, axes):
         for number, (name, probability, text) in enumerate(
             (("mean", 0.5, "mean"), ("quantile", 0.95, "95 % quantile"))
         ):
             estimates = convergence(values, name, probability)
-            runs = np.array([one.runs for one in estimates])
-            middle = factor * np.array([one.value for one in estimates])
-            low = factor * np.array([one.low for one in estimates])
-            high = factor * np.array([one.high for one in estimates])
-            colour = COLOURS[number]
-            axes.plot(runs, middle, color=colour, label=text)
-            known = np.isfinite(low) & np.isfinite(high)
-            axes.fill_between(runs[known], low[known], high[known], color=colour, alpha=0.2, lw=0)
+            runs, colour = np.array([one.runs for one in estimates]), COLOURS[number]
+            _band(axes, runs, estimates, factor, {"color": colour, "label": text})
             done = enough(estimates, precision)
             if done is not None:
                 axes.axvline(done, color=colour, ls=":",

@@ -10,15 +10,15 @@ from importlib.resources import files
 from pathlib import Path
 
 from jointplay.core.errors import JointplayError
-from jointplay.core.files import check_new
 from jointplay.core.files import write as write_file
 from jointplay.core.processes import in_parallel
-from jointplay.player.pages import as_data, as_script, policy
+from jointplay.player.pages import as_data, as_script
 from jointplay.plots.figures import is_paper
+from jointplay.reports import html
 from jointplay.reports.cases import Case, Say, build, dark, follow_impacts, settled
 from jointplay.reports.cases import load as load
 from jointplay.reports.charts import MAX_RECORDS, Chart, Pack, all_charts
-from jointplay.reports.html import Html, joined, markup, render
+from jointplay.reports.html import Html, joined, markup, targets
 from jointplay.reports.inputs import parameters
 from jointplay.reports.sections import (
     accuracies,
@@ -69,9 +69,6 @@ def report(
         JointplayError: no results, a result without records, a file that exists or cannot be
             written, or a claims table that is none.
     """
-    path = Path(path)
-    if path.suffix != ".html":
-        raise JointplayError(f"the report is a page: {str(path)!r} must end in .html")
     if not results:
         raise JointplayError("a report needs at least one result")
     if impacts < 0:
@@ -79,9 +76,7 @@ def report(
     for label, result in results.items():
         if len(result.time) < 2:
             raise JointplayError(f"result {label!r} has {len(result.time)} record; nothing to show")
-    targets = [path, path.with_suffix(".pdf")] if pdf else [path]
-    for target in targets:
-        check_new(target)
+    written = targets(path, pdf)
     claim_rows(claims)
     cases = build(results, say)
     with in_parallel(partial(_figures, cases)) if pdf else nullcontext() as figures:
@@ -92,9 +87,9 @@ def report(
         contents = [page(cases, title, claims).encode()]
         if figures is not None:
             contents.append(figures())
-    for target, made in zip(targets, contents, strict=True):  # at the end: none without the other
+    for target, made in zip(written, contents, strict=True):  # at the end: none without the other
         write_file(target, made)
-    return targets
+    return written
 
 
 def _figures(cases: Sequence[Case]) -> bytes:
@@ -155,23 +150,13 @@ def page(cases: Sequence[Case], title: str, claims: Path | None) -> str:
         {"charts": drawn, "layout": pack.layout, "end": end}, separators=(",", ":"), allow_nan=False
     )
     resource = files("jointplay.reports") / "page"
-    look, *scripts = (
-        (resource / name).read_text(encoding="utf-8")
-        for name in ("report.css", "plotly-basic.min.js", "report.js")
-    )
-    own = [as_script(script) for script in scripts]
-    return render(
-        "page.html",
-        policy=policy(own),
-        title=title,
-        look=as_script(look),
-        cases=joined((dark(case) for case in cases), " &ensp; "),
-        made=", ".join(f"{name} {version}" for name, version in versions().items()),
-        sections=sections,
-        block=pack.block(),
-        data=as_data(data),
-        scripts=own,
-    )
+    scripts = [
+        as_script((resource / name).read_text(encoding="utf-8"))
+        for name in ("plotly-basic.min.js", "report.js")
+    ]
+    names = joined((dark(case) for case in cases), " &ensp; ")
+    charts = {"block": pack.block(), "data": as_data(data), "scripts": scripts}
+    return html.page(title, names, versions(), sections, **charts)
 
 
 def _place(chart: Chart) -> Html:

@@ -15,7 +15,7 @@ from jointplay.geometry import Mode
 from jointplay.plots.figures import force_joints, is_paper, plane_of
 from jointplay.plots.names import PAPER
 from jointplay.plots.palette import MODE_COLOURS
-from jointplay.plots.style import CONTACT_COLOURS, MODE_NAMES
+from jointplay.plots.style import MODE_NAMES, contact_line, spans
 from jointplay.reports.cases import Case
 from jointplay.result.result import AXES, Result
 
@@ -99,7 +99,8 @@ _FINE, _COARSE = 18, 13
 """Bits of the mantissa kept of motions (4e-6, relative) and of forces and gaps (6e-5)."""
 
 Chart = dict[str, Any]
-_DASHES = ("solid", "dash", "dot")
+_DASHES = {"-": "solid", "--": "dash", ":": "dot"}
+"""What plotly calls the dashes of figures."""
 
 
 class ChartSeries:
@@ -142,12 +143,10 @@ class ChartSeries:
 
     def spans(self, values: np.ndarray, row: int, member: int, **look: Any) -> dict[str, Any]:
         """A bar in `row` wherever `values` equals `member`."""
-        edges = np.diff(np.concatenate([[False], values == member, [False]]).astype(int))
-        first, last = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
-        ends = np.append(self._at, self._at[-1])
+        begin, end = spans(self._at, values == member)
         return {
-            "from": self._pack.add(self._at[first]),
-            "to": self._pack.add(ends[last]),
+            "from": self._pack.add(begin),
+            "to": self._pack.add(end),
             "dt": self._step,
             "row": row,
             **look,
@@ -267,24 +266,21 @@ def _modes(histories: list[ChartSeries], paper: bool) -> list[Chart]:
     for h in histories:
         for joint in h.case.joints:
             values = h.result["mode"].sel(joint=joint).values
-            spans = [
+            bars = [
                 h.spans(values, row, int(mode), color=colour, name=text)
                 for row, (mode, colour, text) in enumerate(
                     zip(Mode, MODE_COLOURS, MODE_NAMES, strict=True)
                 )
             ]
-            panels.append(_panel("", spans, title=f"{h.case.label}, {joint}", rows=MODE_NAMES))
+            panels.append(_panel("", bars, title=f"{h.case.label}, {joint}", rows=MODE_NAMES))
     return [_chart("time", "modes", f"Contact mode{' (Table 1)' if paper else ''}", panels)]
 
 
 def _look(index: int, contact: str) -> dict[str, Any]:
-    rounds, at = divmod(index, len(CONTACT_COLOURS))
-    colour = CONTACT_COLOURS[at]
-    return {
-        "color": "#808080" if colour == "0.5" else colour,
-        "dash": _DASHES[rounds % len(_DASHES)],
-        "name": contact.replace("_", " "),
-    }
+    """Colour, dashes and name of a contact, as in the figures."""
+    line = contact_line(index)
+    colour = "#808080" if line["color"] == "0.5" else line["color"]
+    return {"color": colour, "dash": _DASHES[line["ls"]], "name": contact.replace("_", " ")}
 
 
 def _places(

@@ -7,12 +7,19 @@ Names come from files of others. `Html` is text that is HTML already; the only w
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup as Html
 from markupsafe import escape
+
+from jointplay.core.errors import JointplayError
+from jointplay.core.files import check_new
+from jointplay.player.pages import as_script, policy
 
 _MINUS = "\N{MINUS SIGN}"
 
@@ -36,6 +43,37 @@ def _templates() -> Environment:
 def render(template: str, **values: object) -> Html:
     """A template of the folder `page`, filled in; text in `values` is escaped, `Html` is not."""
     return Html(_templates().get_template(template).render(**values))
+
+
+def page(title: str, cases: object, made: Mapping[str, str], sections: object, **more: Any) -> Html:
+    """A report: its title, the cases, with which versions it was made, and sections by name.
+
+    `more` is what interactive charts need: their series, layout and scripts.
+    """
+    look = (files("jointplay.reports") / "page" / "report.css").read_text(encoding="utf-8")
+    scripts = more.get("scripts", [])
+    return render(
+        "page.html",
+        policy=policy(scripts),
+        title=title,
+        look=as_script(look),
+        cases=cases,
+        made=", ".join(f"{name} {version}" for name, version in made.items()),
+        sections=sections,
+        **{"block": "", "data": "", "scripts": scripts} | more,
+    )
+
+
+def targets(path: str | Path, pdf: bool) -> list[Path]:
+    """The files of a report, checked before any work is done: the page, and the PDF beside it.
+
+    Raises:
+        JointplayError: no name for a page, or a file that exists or cannot be written.
+    """
+    path = Path(path)
+    if path.suffix != ".html":
+        raise JointplayError(f"the report is a page: {str(path)!r} must end in .html")
+    return [check_new(one) for one in ([path, path.with_suffix(".pdf")] if pdf else [path])]
 
 
 def markup(pattern: str, *values: object) -> Html:
@@ -92,6 +130,11 @@ def table(
 ) -> Html:
     """A table whose first `left` columns are text, the others numbers."""
     return render("table.html", head=head, rows=rows, caption=caption, left=left, name=name)
+
+
+def table_of(rows: Sequence[Mapping[str, Cell]], **options: Any) -> Html:
+    """A table of rows that have the same columns; `options` as of `table`."""
+    return table(list(rows[0]), [list(row.values()) for row in rows], **options)
 
 
 def paragraph(content: str) -> Html:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -91,14 +91,12 @@ def _parameters(result: Result) -> dict[str, Cell]:
         )
     for name, gear in robot.get("gears", {}).items():
         cells[f"gear of {name}"] = _plain(gear)
-    motion = inputs["motion"]
-    cells["motion"] = (
-        "none" if motion is None else f"{len(motion['times'])} waypoints, {motion['interpolation']}"
-    )
-    drives = inputs["drive"]
+    motion, drives = inputs["motion"], inputs["drive"]
+    cells["motion"] = "none"
+    if motion is not None:
+        cells["motion"] = f"{len(motion['times'])} waypoints, {motion['interpolation']}"
     shared = isinstance(drives.get("kind"), str)
-    named = [("all joints", drives)] if shared else drives.items()
-    for name, drive in named:
+    for name, drive in ({"all joints": drives} if shared else drives).items():
         cells[f"drive of {name}"] = _drive(drive)
     if inputs.get("joint_friction") is not None:
         cells["joint friction"] = _plain(inputs["joint_friction"])
@@ -111,25 +109,21 @@ def _parameters(result: Result) -> dict[str, Cell]:
             cells[name.replace("_", " ")] = _plain(value)
     derived, unknown = _derived_stiffness(result)
     for joint, fields in analysis.clearance_inputs(result).items():
+        stiffness: Cell = f"from eq. 11, not computed: {unknown}" if unknown else "from eq. 11"
+        if joint in derived:
+            stiffness = markup("{} (eq. 11)", derived[joint])
+        not_given = {"stiffness": stiffness, "axial_stiffness": "as radial"}
         for name, value in fields.items():
             label, unit, scale = _JOINT_FIELDS.get(name, (name.replace("_", " "), "", 1.0))
             label = f"{joint}: {label}{f' [{unit}]' if unit else ''}"
-            if name == "stiffness" and value is None and joint in derived:
-                cells[label] = markup("{} (eq. 11)", derived[joint])
-            elif name == "stiffness" and value is None and unknown:
-                cells[label] = f"from eq. 11, not reckoned: {unknown}"
-            elif name == "axial_stiffness" and value is None:
-                cells[label] = "as radial"
-            elif name == "stiffness" and value is None:
-                cells[label] = "from eq. 11"
+            if value is None:
+                cells[label] = not_given.get(name)
             elif isinstance(value, bool):
                 cells[label] = "yes" if value else None
-            elif isinstance(value, (int, float)) and not isinstance(value, bool):
+            elif isinstance(value, (int, float)):
                 cells[label] = float(value) * scale
-            elif isinstance(value, dict):
-                cells[label] = _law(value)
             else:
-                cells[label] = value
+                cells[label] = _law(value) if isinstance(value, dict) else value
     versions = json.loads(result.dataset.attrs.get("versions", "{}"))
     cells["made with"] = ", ".join(f"{name} {value}" for name, value in versions.items())
     return cells
@@ -171,27 +165,28 @@ def _derived_stiffness(result: Result) -> tuple[dict[str, float], str]:
         return {}, str(error)
 
 
-def _motions(cases: Sequence[Case]) -> Html:
-    seen: dict[str, list[Case]] = {}
+def _grouped(cases: Sequence[Case], key: Callable[[dict[str, Any]], str]) -> dict[str, list[Case]]:
+    """Cases whose inputs have the same text, by it."""
+    groups: dict[str, list[Case]] = {}
     for case in cases:
-        motion = json.dumps(analysis.inputs(case.result)["motion"], sort_keys=True)
-        seen.setdefault(motion, []).append(case)
+        groups.setdefault(key(analysis.inputs(case.result)), []).append(case)
+    return groups
+
+
+def _motions(cases: Sequence[Case]) -> Html:
+    """The waypoints of each motion, to unfold."""
     parts = []
-    for packed, those in seen.items():
-        motion = json.loads(packed)
+    groups = _grouped(cases, lambda inputs: json.dumps(inputs["motion"], sort_keys=True))
+    for text, those in groups.items():
+        motion = json.loads(text)
         if motion is None:
             continue
-        rows = [
-            [time, *position]
-            for time, position in zip(motion["times"], motion["positions"], strict=True)
-        ]
-        of = "" if len(seen) == 1 else f" of {', '.join(case.label for case in those)}"
+        pairs = zip(motion["times"], motion["positions"], strict=True)
+        rows = [[time, *position] for time, position in pairs]
+        of = "" if len(groups) == 1 else f" of {', '.join(case.label for case in those)}"
         units = _units(those[0].result)
-        head = [
-            "time [s]",
-            *(f"{name} [{units.get(name, 'rad or m')}]" for name in motion["joints"]),
-        ]
-        parts.append(details(f"Waypoints{of}", table(head, rows[:500], left=0)))
+        names = (f"{name} [{units.get(name, 'rad or m')}]" for name in motion["joints"])
+        parts.append(details(f"Waypoints{of}", table(["time [s]", *names], rows[:500], left=0)))
     return joined(parts)
 
 
@@ -203,15 +198,11 @@ def _units(result: Result) -> dict[str, str]:
 
 
 def _robots(cases: Sequence[Case]) -> Html:
-    seen: dict[str, list[str]] = {}
-    for case in cases:
-        source = analysis.inputs(case.result)["mechanism"].get("urdf_text", "")
-        seen.setdefault(source, []).append(case.label)
-    return joined(
-        details(
-            "Robot (URDF)" + ("" if len(seen) == 1 else f" of {', '.join(labels)}"),
-            markup("<pre>{}</pre>", source),
-        )
-        for source, labels in seen.items()
-        if source
-    )
+    """The text of each URDF, to unfold."""
+    groups = _grouped(cases, lambda inputs: inputs["mechanism"].get("urdf_text", ""))
+    parts = []
+    for source, those in groups.items():
+        of = "" if len(groups) == 1 else f" of {', '.join(case.label for case in those)}"
+        if source:
+            parts.append(details(f"Robot (URDF){of}", markup("<pre>{}</pre>", source)))
+    return joined(parts)

@@ -24,9 +24,9 @@ from jointplay.joints import JOINT_KINDS
 from jointplay.plots.figures import is_paper
 from jointplay.plots.style import MODE_NAMES
 from jointplay.reports.cases import Case, dark, place_of
-from jointplay.reports.html import Cell, Html, bullets, joined, markup, paragraph, table
+from jointplay.reports.html import Cell, Html, bullets, joined, markup, paragraph, table, table_of
 from jointplay.result.certificate import CertifiedFigure
-from jointplay.result.judging import START_UP
+from jointplay.result.settings import START_UP
 
 # What the paper claims, and what these runs say of it.
 
@@ -77,31 +77,25 @@ def claims(cases: Sequence[Case], source: Path | None) -> Html:
     lines = claim_rows(source)
     if source is not None and lines:
         verdicts = {"yes": "good", "no": "bad"}
-        rows = [
+        rows: list[list[Cell]] = [
             [a, b, c, markup('<span class="{}">{}</span>', verdicts.get(d, "open"), d), e]
             for a, b, c, d, e in lines[1:]
         ]
         parts.append(table(lines[0], rows, f"Ensembles of perturbed runs ({source.name})", 5))
     columns = {}
     for case in cases:
-        reference = case.ideal
-        if case.error is None or reference is None or len(case.joints) != 1:
+        if case.error is None or case.ideal is None or len(case.joints) != 1:
             continue
-        same = np.array_equal(case.result.time, reference.time)
+        same = np.array_equal(case.result.time, case.ideal.time)
         if same and case.duration > 2.0 * START_UP:
-            columns[case.label] = (dark(case), measure(case.result, reference))
+            columns[case.label] = (dark(case), measure(case.result, case.ideal))
     if columns:
-        measures: list[list[Cell]] = [
+        rows = [
             [label, *(float(column[key]) for _, column in columns.values())]
             for key, label in _MEASURES.items()
         ]
-        parts.append(
-            table(
-                ["measure", *(name for name, _ in columns.values())],
-                measures,
-                "What the claims are about, in these single runs",
-            )
-        )
+        head = ["measure", *(name for name, _ in columns.values())]
+        parts.append(table(head, rows, "What the claims are about, in these single runs"))
         parts.append(
             paragraph(
                 "No claim is decided on single runs: impacts magnify small differences. Ensembles "
@@ -150,110 +144,73 @@ def modes(cases: Sequence[Case], start: float) -> Html:
 
 def impacts(cases: Sequence[Case], start: float) -> Html:
     """Statistics of contacts by joint and place."""
-    head = [
-        "case, place",
-        "contacts begun",
-        "rate [1/s]",
-        "normal impulse [N s]",
-        "shortest [steps]",
-        "in contact [% of time]",
-        "duration, median [ms]",
-        "duration, 95 % [ms]",
-        "peak force, median [N]",
-        "peak force, 95 % [N]",
-        "peak force, largest [N]",
-    ]
-    rows: list[list[Cell]] = []
+    rows: list[dict[str, Cell]] = []
     for case in cases:
         for place in analysis.contacts(case.result, start):
-            name = place_of(case, place.joint, place.contact)
-            exact: list[Cell] = [None, None, None, None]
+            onsets = impulse = shortest = None
             if case.replay is not None:
                 one = case.replay.statistics.sel(joint=place.joint, contact=place.contact)
-                shortest = float(one["shortest_steps"])
-                onsets = int(one["onsets"])
-                exact = [
-                    onsets,
-                    onsets / case.duration,
-                    float(one["impulse"]),
-                    int(shortest) if math.isfinite(shortest) else None,
-                ]
-            row: list[Cell] = [name, *exact, 100.0 * place.share]
-            if len(place.peak):
-                row += [_ms(float(np.percentile(place.duration, p))) for p in (50, 95)]
-                row += [float(np.percentile(place.peak, p)) for p in (50, 95, 100)]
-            else:
-                row += [None] * 5
+                onsets, impulse = int(one["onsets"]), float(one["impulse"])
+                steps = float(one["shortest_steps"])
+                shortest = int(steps) if math.isfinite(steps) else None
+            row: dict[str, Cell] = {
+                "case, place": place_of(case, place.joint, place.contact),
+                "contacts begun": onsets,
+                "rate [1/s]": None if onsets is None else onsets / case.duration,
+                "normal impulse [N s]": impulse,
+                "shortest [steps]": shortest,
+                "in contact [% of time]": 100.0 * place.share,
+            }
+            for word, percent in (("median", 50), ("95 %", 95)):
+                row[f"duration, {word} [ms]"] = _percentile(1e3 * place.duration, percent)
+            for word, percent in (("median", 50), ("95 %", 95), ("largest", 100)):
+                row[f"peak force, {word} [N]"] = _percentile(place.peak, percent)
             rows.append(row)
     if not rows:
         return paragraph("No case has clearance.")
-    intervals = sorted(
-        {_ms(float(np.median(np.diff(case.result.time)))) for case in cases if case.joints}
-    )
-    spacing = ", ".join(f"{value:g}" for value in intervals)
+    intervals = {1e3 * float(np.median(np.diff(case.result.time))) for case in cases if case.joints}
+    spacing = ", ".join(f"{value:g}" for value in sorted(intervals))
     note = (
         "Contacts begun, impulse and shortest contact are exact: counted at every step of the "
         "whole run. Durations come from records, known to about one record interval "
         f"({spacing} ms), and contacts that follow each other within it count as one. Peak "
         "forces are held between records and exact."
     )
-    return joined([table(head, rows), paragraph(note)])
+    return table_of(rows) + paragraph(note)
+
+
+def _percentile(values: np.ndarray, percent: float) -> float | None:
+    """None of no values."""
+    return float(np.percentile(values, percent)) if len(values) else None
 
 
 def singles(cases: Sequence[Case]) -> Html:
     """The largest impacts, step by step, each with a button that zooms into it."""
-    head = [
-        "case, place",
-        "time [s]",
-        "peak normal force [N]",
-        "penetration [µm]",
-        "steps in contact",
-        "approach speed [mm/s]",
-        "separation speed [mm/s]",
-        "",
-    ]
-    rows: list[list[Cell]] = []
+    rows: list[dict[str, Cell]] = []
     for case in cases:
         windows = case.replay.windows if case.replay is not None else ()
         for impact, window in zip(case.impacts, windows, strict=True):
             time = window["time"].values
             force = window["normal_force"].sel(joint=impact.joint, contact=impact.contact)
+            zoom = f"{float(time[0])!r},{float(time[-1])!r}"
             rows.append(
-                [
-                    place_of(case, impact.joint, impact.contact),
-                    f"{float(time[int(force.values.argmax())]):.5f}",
-                    impact.peak_force,
-                    1e6 * impact.penetration,
-                    impact.steps if impact.complete else f"> {impact.steps}",
-                    1e3 * impact.approach_speed,
-                    1e3 * impact.separation_speed,
-                    markup(
-                        '<button type="button" data-zoom="{}">zoom</button>',
-                        f"{float(time[0])!r},{float(time[-1])!r}",
-                    ),
-                ]
+                {
+                    "case, place": place_of(case, impact.joint, impact.contact),
+                    "time [s]": f"{float(time[int(force.values.argmax())]):.5f}",
+                    "peak normal force [N]": impact.peak_force,
+                    "penetration [µm]": 1e6 * impact.penetration,
+                    "steps in contact": impact.steps if impact.complete else f"> {impact.steps}",
+                    "approach speed [mm/s]": 1e3 * impact.approach_speed,
+                    "separation speed [mm/s]": 1e3 * impact.separation_speed,
+                    "": markup('<button type="button" data-zoom="{}">zoom</button>', zoom),
+                }
             )
     if not rows:
         return paragraph("No impact was followed step by step.")
-    return table(head, rows, name="single-impacts")
-
-
-def _ms(seconds: float) -> float:
-    return 1e3 * seconds
+    return table_of(rows, name="single-impacts")
 
 
 # The runs' judgement of themselves, and their numerical errors.
-
-
-_OF_CONTACTS = (
-    "contacts begun",
-    "shortest contact [steps]",
-    "contacts under 10 steps",
-    "normal impulse [N s]",
-    "largest penetration [µm]",
-    "penetration [% of the clearance]",
-    "step that friction needs [µs]",
-)
 
 
 def audits(cases: Sequence[Case]) -> Html:
@@ -279,33 +236,29 @@ def audits(cases: Sequence[Case]) -> Html:
 
 def _judged(case: Case) -> dict[str, Cell]:
     """Audit figures of a run by name; None where a figure does not apply."""
-    audit, attributes = case.result.audit, case.result.dataset.attrs
-    contact: dict[str, Cell] = dict.fromkeys(_OF_CONTACTS)
-    if case.joints:
-        limit = audit.friction_step_limit
-        values: list[Cell] = [
-            audit.impacts,
-            audit.shortest_contact_steps or None,
-            audit.under_resolved,
-            audit.normal_impulse,
-            1e6 * audit.largest_penetration,
-            100.0 * audit.penetration_over_clearance,
-            1e6 * limit if math.isfinite(limit) else None,
-        ]
-        contact = dict(zip(_OF_CONTACTS, values, strict=True))
-    drift = 1e6 * audit.loop_drift if "loop_drift" in case.result.dataset else None
+    audit, result = case.result.audit, case.result
+    limit, wall = audit.friction_step_limit, result.dataset.attrs.get("wall_time_s")
+    contact: dict[str, Cell] = {
+        "contacts begun": audit.impacts,
+        "shortest contact [steps]": audit.shortest_contact_steps or None,
+        "contacts under 10 steps": audit.under_resolved,
+        "normal impulse [N s]": audit.normal_impulse,
+        "largest penetration [µm]": 1e6 * audit.largest_penetration,
+        "penetration [% of the clearance]": 100.0 * audit.penetration_over_clearance,
+        "step that friction needs [µs]": 1e6 * limit if math.isfinite(limit) else None,
+    }
     return {
-        "ended": case.result.message,
+        "ended": result.message,
         "energy residual [J]": audit.energy_residual,
         "energy exchanged [J]": audit.energy_exchanged,
         "residual [% of exchanged]": 100.0 * audit.relative_energy_residual,
-        **contact,
+        **(contact if case.joints else dict.fromkeys(contact)),
         "step [µs]": 1e6 * audit.step,
         "error by the step [µm]": None if audit.step_error is None else 1e6 * audit.step_error,
-        "drift of ideal loops [µm]": drift,
-        "computed in [s]": float(attributes["wall_time_s"])
-        if "wall_time_s" in attributes
+        "drift of ideal loops [µm]": 1e6 * audit.loop_drift
+        if "loop_drift" in result.dataset
         else None,
+        "computed in [s]": None if wall is None else float(wall),
     }
 
 
@@ -315,42 +268,34 @@ def certificates(cases: Sequence[Case]) -> Html:
     given = [(case, certificate) for case, certificate in known if certificate is not None]
     if not given:
         return Html("")
-    names = dict.fromkeys(
-        figure.name for _, certificate in given for figure in certificate.headline
-    )
+    names = dict.fromkeys(figure.name for _, one in given for figure in one.headline)
     rows: list[list[Cell]] = []
     for name in names:
-        row: list[Cell] = [name]
-        for _, certificate in given:
-            figure = next((one for one in certificate.figures if one.name == name), None)
-            row.append(None if figure is None else _certified(figure))
-        rows.append(row)
-    head: list[Cell] = ["figure", *(dark(case) for case, _ in given)]
-    points: list[str] = [
-        markup("{} of the claims' measures above 5 %: {}.", dark(case), ", ".join(others))
-        for case, certificate in given
-        if (others := [one.name for one in certificate.marked if one not in certificate.headline])
-    ]
-    points += [
-        markup("{} {}.", dark(case), certificate.note)
-        for case, certificate in given
-        if certificate.note
-    ]
-    points += [
-        markup("{} further runs: {}.", dark(case), "; ".join(certificate.runs))
-        for case, certificate in given
-        if certificate.runs
-    ]
-    return joined(
-        [
-            Html("<h3>Numerical errors</h3>"),
-            paragraph(
-                "Figures of the runs and how far they may be from what the model says, found by "
-                "running again more finely; those with errors above 5 % are marked."
-            ),
-            table(head, rows, left=1, name="certificates"),
-            bullets(points),
+        found = [
+            next((figure for figure in one.figures if figure.name == name), None)
+            for _, one in given
         ]
+        rows.append([name, *(None if figure is None else _certified(figure) for figure in found)])
+    points: list[str] = []
+    for case, one in given:
+        others = [figure for figure in one.marked if figure not in one.headline]
+        if others:
+            text = ", ".join(figure.name for figure in others)
+            points.append(markup("{} of the claims' measures above 5 %: {}.", dark(case), text))
+    points += [markup("{} {}.", dark(case), one.note) for case, one in given if one.note]
+    points += [
+        markup("{} further runs: {}.", dark(case), "; ".join(one.runs))
+        for case, one in given
+        if one.runs
+    ]
+    note = (
+        "Figures of the runs and how far they may be from what the model says, found by running "
+        "again more finely; those with errors above 5 % are marked."
+    )
+    head = ["figure", *(dark(case) for case, _ in given)]
+    heading = Html("<h3>Numerical errors</h3>")
+    return joined(
+        [heading, paragraph(note), table(head, rows, name="certificates"), bullets(points)]
     )
 
 
@@ -362,166 +307,146 @@ def _certified(figure: CertifiedFigure) -> Cell:
 # Errors of the tool over the run and at its stops, and its vibration.
 
 
-def stops(case: Case) -> list[analysis.Stop]:
-    """Stops of the reference motion, as far as the run came."""
+def stops(case: Case) -> tuple[list[analysis.Stop], str]:
+    """Stops of the reference motion, as far as the run came; or why nobody knows them."""
     assert case.error is not None
-    if unknown_stops(case):
-        return []
-    motion = case.result.simulation.motion
-    if motion is None:
-        return []
-    return analysis.stops(motion, float(case.error["time"][-1]))
-
-
-def unknown_stops(case: Case) -> str:
-    """Why nobody knows where the reference stopped: the run cannot be built again; else nothing."""
     try:
-        _ = case.result.simulation
-    except JointplayError as error:
-        return str(error)
-    return ""
+        motion = case.result.simulation.motion
+    except JointplayError as error:  # the run cannot be built again
+        return [], str(error)
+    if motion is None:
+        return [], ""
+    return analysis.stops(motion, float(case.error["time"][-1])), ""
 
 
 def accuracies(cases: Sequence[Case], start: float) -> Html:
     """Tool error per axis over the run, and at the stops of the reference motion."""
-    judged = [case for case in cases if case.error is not None]
-    if not judged:
-        return paragraph("No case has a tool error: none has play, or none has a reference.")
-    rows: list[list[Cell]] = []
-    for case in judged:
-        assert case.error is not None
+    rows: list[dict[str, Cell]] = []
+    at_stops: list[dict[str, Cell]] = []
+    unknown: list[Html] = []
+    for case in cases:
+        if case.error is None:
+            continue
         accuracy = analysis.accuracy(case.error, min(start, float(case.error["time"][-1])))
         for k, axis in enumerate(analysis.COMPONENTS):
-            values = (accuracy.mean, accuracy.rms, accuracy.peak)
-            rows.append([dark(case), axis, *(1e3 * float(value[k]) for value in values)])
-    whole = table(
-        ["case", "axis", "mean [mm]", "RMS [mm]", "peak [mm]"],
-        rows,
-        "Tool position less the ideal mechanism's at the same time, world axes; total: the "
-        "distance",
-        left=2,
-    )
-    rows = []
-    for case in judged:
-        assert case.error is not None
-        for stop in stops(case):
-            moments = [("arrival", stop.start)]
+            rows.append(
+                {
+                    "case": dark(case),
+                    "axis": axis,
+                    "mean [mm]": 1e3 * float(accuracy.mean[k]),
+                    "RMS [mm]": 1e3 * float(accuracy.rms[k]),
+                    "peak [mm]": 1e3 * float(accuracy.peak[k]),
+                }
+            )
+        reached, reason = stops(case)
+        if reason:
+            unknown.append(paragraph(f"{case.label}: its stops are not known: {reason}"))
+        for stop in reached:
+            at_stops.append(_at_stop(case, stop, "arrival", stop.start))
             if stop.kind == "dwell":
-                moments.append(("end of dwell", stop.end))
-            for what, moment in moments:
-                error = 1e3 * analysis.error_at(case.error, moment)
-                strong = what == "end of dwell"
-                cells: list[Cell] = [stop.kind, what, f"{moment:.4g}"]
-                cells += [float(value) for value in error]
-                rows.append([dark(case), *(_strong(cell) if strong else cell for cell in cells)])
-    reasons = [(case.label, unknown_stops(case)) for case in judged]
-    said = [paragraph(f"{label}: its stops are not known: {why}") for label, why in reasons if why]
-    whole = joined([whole, *said])
+                row = _at_stop(case, stop, "end of dwell", stop.end)
+                strong = {key: markup("<strong>{}</strong>", cell) for key, cell in row.items()}
+                at_stops.append(strong | {"case": row["case"]})
     if not rows:
-        return whole
-    at_stops = table(
-        ["case", "reference", "moment", "time [s]", "x [mm]", "y [mm]", "z [mm]", "total [mm]"],
-        rows,
-        "Tool error at the waypoints of the reference motion. The tool picks and places while the "
-        "reference dwells: the end of a dwell (bold) is what the process gets",
-        left=3,
-        name="stops",
+        return paragraph("No case has a tool error: none has play, or none has a reference.")
+    caption = (
+        "Tool position less the ideal mechanism's at the same time, world axes; total: the distance"
     )
-    return joined([whole, at_stops])
+    parts = [table_of(rows, caption=caption, left=2), *unknown]
+    if at_stops:
+        caption = (
+            "Tool error at the waypoints of the reference motion. The tool picks and places while "
+            "the reference dwells: the end of a dwell (bold) is what the process gets"
+        )
+        parts.append(table_of(at_stops, caption=caption, left=3, name="stops"))
+    return joined(parts)
 
 
-def _strong(cell: Cell) -> Html:
-    return markup("<strong>{}</strong>", cell)
+def _at_stop(case: Case, stop: analysis.Stop, what: str, moment: float) -> dict[str, Cell]:
+    """The tool's error at a moment of a stop."""
+    assert case.error is not None
+    error = 1e3 * analysis.error_at(case.error, moment)
+    components = {
+        f"{axis} [mm]": float(value) for axis, value in zip(analysis.COMPONENTS, error, strict=True)
+    }
+    return {
+        "case": dark(case),
+        "reference": stop.kind,
+        "moment": what,
+        "time [s]": f"{moment:.4g}",
+        **components,
+    }
 
 
 def spectra(cases: Sequence[Case], start: float) -> Html:
     """How the spectra were made, and what they sum up to."""
-    rows: list[list[Cell]] = []
-    made: list[str] = []
+    rows: list[dict[str, Cell]] = []
+    missing: list[str] = []
     for case in cases:
         try:
             density = analysis.spectrum(case.result, start=start)
         except JointplayError as error:
-            made.append(f"{case.label}: no spectrum, {error}.")
+            missing.append(f"{case.label}: no spectrum, {error}.")
             continue
-        frequency = density["frequency"].values
+        frequency, values = density["frequency"].values, density.values
         width = float(frequency[1] - frequency[0])
-        values = density.values
         rms = np.sqrt(values[1:].sum(axis=0) * width)
         above = frequency >= 20.0
-        strongest = frequency[above][values[above].argmax(axis=0)] if above.any() else [None] * 4
-        rows.append(
-            [
-                dark(case),
-                *(float(value) for value in rms),
-                *(None if value is None else float(value) for value in strongest[:3]),
-                density.attrs["sampling_frequency_hz"] / 1e3,
-                density.attrs["window_s"],
-                density.attrs["windows"],
-            ]
-        )
-    head = [
-        "case",
-        *(f"RMS {axis} [m/s²]" for axis in analysis.COMPONENTS),
-        *(f"strongest above 20 Hz, {axis} [Hz]" for axis in "xyz"),
-        "sampled at [kHz]",
-        "window [s]",
-        "windows",
-    ]
+        row: dict[str, Cell] = {"case": dark(case)}
+        for k, axis in enumerate(analysis.COMPONENTS):
+            row[f"RMS {axis} [m/s²]"] = float(rms[k])
+        for k, axis in enumerate("xyz"):
+            strongest = float(frequency[above][values[above, k].argmax()]) if above.any() else None
+            row[f"strongest above 20 Hz, {axis} [Hz]"] = strongest
+        row["sampled at [kHz]"] = density.attrs["sampling_frequency_hz"] / 1e3
+        row["window [s]"] = density.attrs["window_s"]
+        row["windows"] = density.attrs["windows"]
+        rows.append(row)
     note = (
         "Power spectral density of the tool's acceleration, world axes, by Welch's method: "
         "one-sided, Hann windows that overlap by half, each less its mean. The acceleration is the "
         "mean one of each record interval (difference of recorded velocities), which lowers the "
         "density towards the Nyquist frequency, by 59 % there."
     )
-    parts = [table(head, rows)] if rows else []
-    return joined([*parts, paragraph(note), bullets(made)])
+    parts = [table_of(rows)] if rows else []
+    return joined([*parts, paragraph(note), bullets(missing)])
 
 
 def glance(cases: Sequence[Case], start: float) -> Html:
     """One row for each case with the figures that matter most."""
-    head = [
-        "case",
-        "ended",
-        "tool error, RMS [mm]",
-        "tool error, peak [mm]",
-        "error at stops, largest [mm]",
-        "contacts begun [1/s]",
-        "force at the joint, peak [N]",
-        "penetration, largest [µm]",
-        "energy residual [% of exchanged]",
-        "warnings",
-    ]
-    rows: list[list[Cell]] = []
+    rows = []
     for case in cases:
         audit = case.result.audit
-        row: list[Cell] = [dark(case), case.result.status.name.lower().replace("_", " ")]
-        if case.error is None or float(case.error["time"][-1]) < start:
-            row += [None, None, None]
-        else:
+        rms = peak = at_stops = rate = force = penetration = None
+        if case.error is not None and float(case.error["time"][-1]) >= start:
             accuracy = analysis.accuracy(case.error, start)
-            row += [1e3 * accuracy.rms[3], 1e3 * accuracy.peak[3], None]
-            ends = [
-                1e3 * float(analysis.error_at(case.error, stop.end)[3])
-                for stop in stops(case)
-                if stop.at_rest and stop.end > 0.0
-            ]
-            row[-1] = max(ends) if ends else None
+            rms, peak = 1e3 * accuracy.rms[3], 1e3 * accuracy.peak[3]
+            ends = [stop.end for stop in stops(case)[0] if stop.at_rest and stop.end > 0.0]
+            errors = [1e3 * float(analysis.error_at(case.error, end)[3]) for end in ends]
+            at_stops = max(errors, default=None)
         if case.joints:
             late = case.result.time >= start
-            force = np.linalg.norm(case.result["joint_force_peak"].values[late], axis=2).max()
-            since = case.result.judge_from
-            begun = audit.judged_impacts
-            rate = (
-                audit.impacts / case.duration
-                if begun is None
-                else begun / max(case.duration - since, 1e-12)
-            )
-            row += [rate, float(force), 1e6 * audit.largest_penetration]
-        else:
-            row += [None, None, None]
-        rows.append([*row, 100.0 * audit.relative_energy_residual, len(audit.warnings)])
-    return table(head, rows, left=2)
+            peaks = case.result["joint_force_peak"].values[late]
+            force = float(np.linalg.norm(peaks, axis=2).max())
+            penetration = 1e6 * audit.largest_penetration
+            if audit.judged_impacts is None:
+                rate = audit.impacts / case.duration
+            else:
+                rate = audit.judged_impacts / max(case.duration - case.result.judge_from, 1e-12)
+        row: dict[str, Cell] = {
+            "case": dark(case),
+            "ended": case.result.status.name.lower().replace("_", " "),
+            "tool error, RMS [mm]": rms,
+            "tool error, peak [mm]": peak,
+            "error at stops, largest [mm]": at_stops,
+            "contacts begun [1/s]": rate,
+            "force at the joint, peak [N]": force,
+            "penetration, largest [µm]": penetration,
+            "energy residual [% of exchanged]": 100.0 * audit.relative_energy_residual,
+            "warnings": len(audit.warnings),
+        }
+        rows.append(row)
+    return table_of(rows, left=2)
 
 
 # What every reader of a report must know, from `assumptions.toml`, and which of it holds when.

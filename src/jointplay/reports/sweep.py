@@ -16,13 +16,12 @@ from matplotlib.figure import Figure
 
 from jointplay.analysis.uncertainty import estimate
 from jointplay.core.errors import JointplayError
-from jointplay.core.files import check_new
 from jointplay.core.files import write as write_file
-from jointplay.player.pages import policy
 from jointplay.plots import sweep as draw
 from jointplay.plots.style import style
+from jointplay.reports import html
 from jointplay.reports.cases import Say
-from jointplay.reports.html import Cell, Html, details, joined, markup, paragraph, render, table
+from jointplay.reports.html import Cell, Html, details, joined, markup, paragraph, table, targets
 from jointplay.sweeps import open_sweep
 from jointplay.sweeps.case import DONE, FAILED
 from jointplay.sweeps.plan import REPEAT, SAMPLE
@@ -55,15 +54,11 @@ def write(
         JointplayError: no such sweep, none of its cases was run, or a file that exists or cannot
             be written.
     """
-    path, store = Path(path), Path(store)
-    if path.suffix != ".html":
-        raise JointplayError(f"the report is a page: {str(path)!r} must end in .html")
+    store = Path(store)
     dataset = open_sweep(store)
     if not (dataset["state"].values != 0).any():
         raise JointplayError(f"no case of the sweep {str(store)!r} was run yet")
-    targets = [path, path.with_suffix(".pdf")] if pdf else [path]
-    for target in targets:
-        check_new(target)
+    written = targets(path, pdf)
     say("drawing the figures")
     lines, maps, samples = list(_lines(dataset)), list(_maps(dataset)), list(_samples(dataset))
     say("writing the page")
@@ -71,9 +66,9 @@ def write(
     figures = [*lines, *maps, *samples]
     if pdf and figures:
         contents.append(_pdf(figures))
-    for target, made in zip(targets, contents, strict=False):
+    for target, made in zip(written, contents, strict=False):
         write_file(target, made)
-    return targets[: len(contents)]
+    return written[: len(contents)]
 
 
 def page(
@@ -81,10 +76,8 @@ def page(
 ) -> str:
     """The page's source."""
     sections = {"At a glance": _glance(dataset), "Cases": _cases(dataset)}
+    note = "Means; the bands are 95 % confidence intervals of the mean over the runs of a point."
     if lines:
-        note = (
-            "Means; the bands are 95 % confidence intervals of the mean over the runs of a point."
-        )
         sections["Lines"] = paragraph(note) + joined(map(_picture, lines))
     if maps:
         sections["Heat maps"] = joined(map(_picture, maps))
@@ -92,31 +85,9 @@ def page(
         sections["Distributions"] = joined(map(_picture, samples)) + _words(dataset)
     sections["Failed cases"] = _failed(dataset)
     sections["What was run"] = _inputs(dataset)
-    versions = dict(dataset.attrs["versions"])
-    return render(
-        "page.html",
-        policy=policy([]),
-        title=title,
-        look=_look(),
-        cases=_dimensions(dataset),
-        made=", ".join(f"{name} {version}" for name, version in versions.items()),
-        sections=sections,
-        block="",
-        data="",
-        scripts=[],
-    )
-
-
-def _look() -> Html:
-    from importlib.resources import files
-
-    resource = files("jointplay.reports") / "page" / "report.css"
-    return Html(resource.read_text(encoding="utf-8"))
-
-
-def _dimensions(dataset: xr.Dataset) -> str:
     sizes = " x ".join(f"{name} {size}" for name, size in dataset.attrs["sizes"].items())
-    return f"{sizes} = {dataset['state'].size} cases"
+    cases = f"{sizes} = {dataset['state'].size} cases"
+    return html.page(title, cases, dataset.attrs["versions"], sections)
 
 
 def _glance(dataset: xr.Dataset) -> Html:
@@ -130,26 +101,22 @@ def _glance(dataset: xr.Dataset) -> Html:
         ["processor time [s]", cost],
     ]
     if "warnings" in dataset:
-        worried = int((dataset["warnings"].values > 0).sum())
-        rows.append(["runs with warnings", worried])
+        rows.append(["runs with warnings", int((dataset["warnings"].values > 0).sum())])
     return table(["", ""], rows)
 
 
 def _over(dataset: xr.Dataset) -> tuple[list[str], list[str]]:
     """Dimensions of the grid, and those that are averaged over."""
-    dims = list(dataset.attrs["sizes"])
-    return [d for d in dims if d not in (SAMPLE, REPEAT)], [
-        d for d in dims if d in (SAMPLE, REPEAT)
-    ]
+    dims, repeated = list(dataset.attrs["sizes"]), (SAMPLE, REPEAT)
+    return [d for d in dims if d not in repeated], [d for d in dims if d in repeated]
 
 
 def _cases(dataset: xr.Dataset) -> Html:
     """Means with half the width of their confidence intervals, at each point of the grid."""
     dims, over = _over(dataset)
-    columns = [(name, unit, factor) for name, unit, factor in columns_of(dataset)]
+    columns = columns_of(dataset)
     head: list[Cell] = [label(dataset, d) for d in dims]
     head += [f"{name.replace('_', ' ')}{f' [{unit}]' if unit else ''}" for name, unit, _ in columns]
-    several = bool(over)
     tables = {
         name: factor * measured(dataset, name).transpose(*dims, *over).values
         for name, _, factor in columns
@@ -160,10 +127,10 @@ def _cases(dataset: xr.Dataset) -> Html:
         row: list[Cell] = [coordinate_text(dataset, d, k) for d, k in zip(dims, index, strict=True)]
         for name, _, _ in columns:
             mean = estimate(np.atleast_1d(tables[name][index]).ravel())
-            row.append(_with_error(mean.value, mean.low, mean.high) if several else mean.value)
+            row.append(_with_error(mean.value, mean.low, mean.high) if over else mean.value)
         rows.append(row)
     caption = ""
-    if several:
+    if over:
         runs = int(np.prod([dataset.sizes[d] for d in over]))
         caption = f"Means over {runs} runs of each point, ± half the 95 % confidence interval."
     made = table(head, rows, caption, left=len(dims))
@@ -278,9 +245,11 @@ def _inputs(dataset: xr.Dataset) -> Html:
     identity: dict[str, Any] = dict(dataset.attrs["identity"])
     sweep = {k: v for k, v in identity.items() if k.startswith("sweep.")}
     base = {k: v for k, v in identity.items() if k not in sweep}
-    made = table(["key", "value"], [[k, _plain(v)] for k, v in sweep.items()], left=2)
-    scenario = table(["key", "value"], [[k, _plain(v)] for k, v in base.items()], left=2)
-    return made + details("The scenario that is changed", scenario)
+    keys, scenario = (
+        table(["key", "value"], [[k, _plain(v)] for k, v in those.items()], left=2)
+        for those in (sweep, base)
+    )
+    return keys + details("The scenario that is changed", scenario)
 
 
 def _plain(text: str) -> str:

@@ -339,10 +339,10 @@ class Auditor:
         self._start: np.ndarray | None = None
         self._last: np.ndarray | None = None
         self._variations: Any = 0.0
-        self._held = self._residual = self._drift = self._fed = 0.0
-        self._rubbed = -math.inf
+        self._stored = self._residual = self._drift = self._friction_returned = 0.0
+        self._friction_work = -math.inf
         self._peaks = np.zeros(len(mechanism.clearance))
-        self._late = self._early = 0.0
+        self._peak = self._peak_before = 0.0
         self._before: tuple[np.ndarray, np.ndarray] | None = None
         self._sampled: Any = 0.0
         self._pressed: Any = 0.0
@@ -374,12 +374,9 @@ class Auditor:
         if not 0 < records.rows <= PORTION:
             for begin in range(0, records.rows, PORTION):
                 at = slice(begin, begin + PORTION)
-                given = (work, residual, drift, effort, elastic)
-                self.add_records(
-                    records.part(begin, begin + PORTION),
-                    [values[at] for values in energies],
-                    *(values[at] for values in given),
-                )
+                given = (values[at] for values in (work, residual, drift, effort, elastic))
+                part = records.part(begin, begin + PORTION)
+                self.add_records(part, [values[at] for values in energies], *given)
             return
         q = records.recorded("q")
         if self._start is None:
@@ -388,30 +385,31 @@ class Auditor:
         before = moved[:1] if self._last is None else self._last
         self._variations += np.abs(np.diff(np.vstack([before, moved]), axis=0)).sum(axis=0)
         self._last = moved[-1:].copy()
-        self._held = _larger(self._held, energies[0] + elastic)
+        self._stored = _larger(self._stored, energies[0] + elastic)
         self._residual = _larger(self._residual, np.abs(residual))
         self._drift = _larger(self._drift, drift)
-        rubbed = np.maximum.accumulate(np.concatenate([[self._rubbed], work[:, FRICTION]]))
-        self._fed = _larger(self._fed, rubbed[1:] - work[:, FRICTION])
-        self._rubbed = float(rubbed[-1])
+        largest = np.maximum.accumulate(np.concatenate([[self._friction_work], work[:, FRICTION]]))
+        self._friction_returned = _larger(self._friction_returned, largest[1:] - work[:, FRICTION])
+        self._friction_work = float(largest[-1])
         self._forces(records)
         for name in self._twists:
             motor, link = self._mechanism.motor(name), self._mechanism.coordinate(name)
             self._twists[name] = _larger(self._twists[name], np.abs(q[:, motor] - q[:, link]))
         if self._simulation["limits"] != "ignore":
             time, v = records.recorded("time")[:, 0], records.recorded("v")
-            self._worst.append(self._of_worst(time, q, v, effort))
+            rows = worst(self._mechanism, q, v, effort)
+            self._worst.append((time[rows], q[rows], v[rows], effort[rows]))
             if len(self._worst) > MOST_WORST:  # memory must not grow with the length of a run
-                self._worst = [self._of_worst(*map(np.concatenate, zip(*self._worst, strict=True)))]
+                time, q, v, effort = self._worst_records()
+                rows = worst(self._mechanism, q, v, effort)
+                self._worst = [(time[rows], q[rows], v[rows], effort[rows])]
 
-    def _of_worst(
-        self, time: np.ndarray, q: np.ndarray, v: np.ndarray, effort: np.ndarray
-    ) -> tuple[np.ndarray, ...]:
-        """The records that say all about limits."""
-        rows = worst(self._mechanism, q, v, effort)
-        return time[rows], q[rows], v[rows], effort[rows]
+    def _worst_records(self) -> list[np.ndarray]:
+        """Times, coordinates, velocities and efforts of the records that say all about limits."""
+        return [np.concatenate(parts) for parts in zip(*self._worst, strict=True)]
 
     def _forces(self, records: Records) -> None:
+        """Take the largest forces of the joints, and their impulses."""
         if not len(self._peaks):
             return
         peaks = records.recorded("normal_peak").reshape(records.rows, -1, records.width)
@@ -419,8 +417,8 @@ class Auditor:
         vectors = records.recorded("force_peak").reshape(records.rows, -1, 3)
         sizes = np.linalg.norm(vectors, axis=2).max(axis=1)
         late = records.recorded("time")[:, 0] >= self._judged_from
-        self._late = _larger(self._late, sizes[late])
-        self._early = _larger(self._early, sizes[~late])
+        self._peak = _larger(self._peak, sizes[late])
+        self._peak_before = _larger(self._peak_before, sizes[~late])
         self._impulses(records, vectors)
 
     def _impulses(self, records: Records, peaks: np.ndarray) -> None:
@@ -446,20 +444,22 @@ class Auditor:
         statistics = workspace.contact_statistics()
         shortest = float(np.min(statistics["shortest_steps"], initial=np.inf))
         impulse = float(statistics["impulse"].sum())
+        poorly = float(statistics["under_resolved_impulse"].sum())
         depth, relative = 0.0, 0.0
-        for name, gaps in zip(mechanism.clearance, statistics["smallest_gap"], strict=True):
-            for gap, room in zip(gaps, mechanism.clearance[name].rooms, strict=False):
+        joints = mechanism.clearance.values()
+        for joint, gaps in zip(joints, statistics["smallest_gap"], strict=True):
+            for gap, room in zip(gaps, joint.rooms, strict=False):
                 depth, relative = max(depth, -gap), max(relative, -gap / room)
         moved = np.max(self._variations, initial=0.0)
+        before = judgement.before or {name: np.zeros(1) for name in ("onsets", "impulse")}
+        late = judgement.judged_from > 0.0
         return Audit(
             energy_residual=self._residual,
-            energy_exchanged=max(float(moved), NOTHING_EXCHANGED * self._held),
+            energy_exchanged=max(float(moved), NOTHING_EXCHANGED * self._stored),
             impacts=int(statistics["onsets"].sum()),
             shortest_contact_steps=int(shortest) if math.isfinite(shortest) else 0,
             under_resolved=int(statistics["under_resolved"].sum()),
-            under_resolved_impulse=float(statistics["under_resolved_impulse"].sum()) / impulse
-            if impulse
-            else 0.0,
+            under_resolved_impulse=poorly / impulse if impulse else 0.0,
             normal_impulse=impulse,
             largest_penetration=float(depth),
             penetration_over_clearance=float(relative),
@@ -468,12 +468,19 @@ class Auditor:
             unsolved=int(workspace.run["unsolved"][0]),
             unresolved=workspace.unresolved,
             impulse_missed=self._impulse_missed(workspace),
-            friction_fed=self._fed,
+            friction_fed=self._friction_returned,
             tooth_steps=self._tooth_steps(),
             loop_drift=self._drift,
             law_warnings=out_of_range(mechanism, statistics),
-            limit_warnings=self._beyond_limits(),
-            **self._judged(statistics, judgement),
+            limit_warnings=beyond(mechanism, *self._worst_records()) if self._worst else (),
+            start=judgement.start,
+            start_residual=judgement.residual,
+            start_load=judgement.load,
+            judged_from=judgement.judged_from,
+            judged_impacts=int((statistics["onsets"] - before["onsets"]).sum()),
+            judged_impulse=float((statistics["impulse"] - before["impulse"]).sum()),
+            peak_force=self._peak if mechanism.clearance else None,
+            peak_force_before=self._peak_before if mechanism.clearance and late else None,
         )
 
     def _impulse_missed(self, workspace: Workspace) -> float:
@@ -486,46 +493,25 @@ class Auditor:
         return float(np.max(missed[whole > 0.0] / whole[whole > 0.0], initial=0.0))
 
     def _friction_step_limit(self) -> float:
-        limit = math.inf
+        """See `Audit.friction_step_limit`; implicit methods have none."""
         explicit = integrator(self._simulation["integrator"]).single_rate
-        if explicit and self._start is not None:
-            for name, force in zip(self._mechanism.clearance, self._peaks, strict=True):
-                step = friction_step_limit(self._mechanism, name, self._start, float(force))
-                limit = min(limit, step)
-        return limit
+        if not explicit or self._start is None:
+            return math.inf
+        forces = zip(self._mechanism.clearance, self._peaks, strict=True)
+        steps = (
+            friction_step_limit(self._mechanism, name, self._start, float(force))
+            for name, force in forces
+        )
+        return min(steps, default=math.inf)
 
     def _tooth_steps(self) -> float:
         """See `Audit.tooth_steps`."""
-        steps = math.inf
         if self._start is None or self._simulation["tolerance"] is not None:
-            return steps
-        for name, gear in self._mechanism.gears.items():
-            if self._twists[name] > gear.play / 2.0:
-                duration = tooth_duration(self._mechanism, name, self._start)
-                steps = min(steps, duration / float(self._simulation["step"]))
-        return steps
-
-    def _beyond_limits(self) -> tuple[str, ...]:
-        if not self._worst:
-            return ()
-        return beyond(self._mechanism, *map(np.concatenate, zip(*self._worst, strict=True)))
-
-    def _judged(self, statistics: Mapping[str, np.ndarray], judgement: Judgement) -> dict[str, Any]:
-        """Headlines of the part of a run that is judged."""
-        before = judgement.before or {name: np.zeros(1) for name in ("onsets", "impulse")}
-        headlines: dict[str, Any] = {
-            "start": judgement.start,
-            "start_residual": judgement.residual,
-            "start_load": judgement.load,
-            "judged_from": judgement.judged_from,
-            "judged_impacts": int((statistics["onsets"] - before["onsets"]).sum()),
-            "judged_impulse": float((statistics["impulse"] - before["impulse"]).sum()),
-        }
-        if self._mechanism.clearance:
-            headlines["peak_force"] = self._late
-            if judgement.judged_from > 0.0:
-                headlines["peak_force_before"] = self._early
-        return headlines
+            return math.inf
+        gears = self._mechanism.gears.items()
+        touched = [name for name, gear in gears if self._twists[name] > gear.play / 2.0]
+        durations = (tooth_duration(self._mechanism, name, self._start) for name in touched)
+        return min(durations, default=math.inf) / float(self._simulation["step"])
 
 
 def _larger(before: float, values: np.ndarray) -> float:

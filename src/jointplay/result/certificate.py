@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import dataclass
 from typing import Any, ClassVar, Self
@@ -132,11 +131,6 @@ class Certificate(Described):
     def marked(self) -> list[CertifiedFigure]:
         """Figures whose error exceeds 5 %."""
         return [figure for figure in self.figures if figure.marked]
-
-    @classmethod
-    def from_json(cls, text: str) -> Certificate:
-        """Build it from a result file's attribute."""
-        return cls.from_description(json.loads(text))
 
     def __str__(self) -> str:
         """One figure a line."""

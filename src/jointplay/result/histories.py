@@ -34,7 +34,6 @@ from jointplay.result.variables import (
     motion_variables,
     phase_stretches,
     reactions,
-    sliding_work,
     unit_of,
 )
 
@@ -185,22 +184,23 @@ class HistoryBuilder:
 
     def totals(self, workspace: Workspace) -> dict[str, xr.DataArray]:
         """Variables that count over the whole run, by name; their azimuths are in them."""
-        if not any(joint.wears for joint in self._mechanism.clearance.values()):
+        joints = list(self._mechanism.clearance.values())
+        if not any(joint.wear is not None for joint in joints):
             return {}
         import xarray as xr  # takes long to import
 
+        names = contact_names(self._mechanism)
+        work = np.full((len(joints), len(names), AZIMUTHS), np.nan)  # where there is no contact
+        for j, joint in enumerate(joints):
+            for k, counted in enumerate(workspace.sliding_work[j]):
+                work[j, names.index(joint.contacts[k])] = counted
         azimuths = 2.0 * np.pi * np.arange(AZIMUTHS) / AZIMUTHS
         text = "around the bore, from the bearing's x axis"
         about = ("azimuth", azimuths, {"units": "rad", "long_name": text})
         text = "normal force times sliding distance over the whole run"
-
-        counted = xr.DataArray(
-            sliding_work(self._mechanism, workspace),
-            {"azimuth": about},
-            ("joint", "contact", "azimuth"),
-            attrs={"units": "N m", "long_name": text},
-        )
-        return {"sliding_work": counted}
+        attributes = {"units": "N m", "long_name": text}
+        dims = ("joint", "contact", "azimuth")
+        return {"sliding_work": xr.DataArray(work, {"azimuth": about}, dims, attrs=attributes)}
 
     def attributes(
         self,
@@ -245,7 +245,7 @@ def histories(
     reactions: bool = True,
     only: Sequence[str] | None = None,
 ) -> Result:
-    """Make a `Result` of the records that a run left in its workspace; see `Histories`.
+    """Make a `Result` of the records that a run left in its workspace; see `HistoryBuilder`.
 
     `only`: histories that are wanted; memory then holds the others a portion at a time.
     """
@@ -255,9 +255,12 @@ def histories(
     if only is None:
         dataset = made.portion(records, phases)
     else:
-        dataset = _joined(
-            [made.portion(part, phases)[list(only)] for part in records.parts(PORTION)]
-        )
+        import xarray as xr  # takes long to import
+
+        parts = [made.portion(part, phases)[list(only)] for part in records.parts(PORTION)]
+        dataset = parts[0]
+        if len(parts) > 1:
+            dataset = xr.concat(parts, "time", coords="minimal", compat="override", join="override")
     whole = made.totals(workspace)
     if whole:  # to assign nothing takes milliseconds
         dataset = dataset.assign(whole)
@@ -270,15 +273,6 @@ def records_of(workspace: Workspace) -> Records:
     count = workspace.rows - workspace.kept_elsewhere
     width = workspace.contacts.shape[1]
     return Records(workspace.record[:count], workspace.fields, width, workspace.kept_elsewhere)
-
-
-def _joined(parts: Sequence[xr.Dataset]) -> xr.Dataset:
-    """Histories that follow one another."""
-    import xarray as xr  # takes long to import
-
-    if len(parts) == 1:
-        return parts[0]
-    return xr.concat(parts, "time", coords="minimal", compat="override", join="override")
 
 
 def _dataset(variables: Variables, coordinates: Mapping[str, Any]) -> xr.Dataset:

@@ -13,10 +13,14 @@ import hashlib
 import io
 import math
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from types import ModuleType
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 from jointplay.core.errors import JointplayError
+from jointplay.core.files import system_errors
 from jointplay.core.hdf5 import MEMORY_SHARE, damaged, examined, memory
 
 if TYPE_CHECKING:
@@ -74,30 +78,17 @@ def open_lazily(path: Path, indexed: bool = True) -> xr.Dataset:
     Raises:
         JointplayError: damaged, without checksum, or no NetCDF file.
     """
-    try:
-        with path.open("rb") as file:
-            size = file.seek(0, os.SEEK_END) - _SEALED
-            file.seek(max(size, 0))
-            sealed = file.read()
-            file.seek(0)
-            if size < 0 or not sealed.startswith(SEAL):
-                raise damaged(path, "it has no checksum, so that it must be loaded whole")
-            if sealed != SEAL + digest(file, size) + b"\n":
-                raise damaged(path, _CHANGED)
-    except JointplayError:
-        raise
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise JointplayError(f"cannot read {str(path)!r}: {reason}") from None
-    try:
-        with examined(path):
-            import xarray as xr
-
+    with system_errors(f"cannot read {str(path)!r}"), path.open("rb") as file:
+        size = file.seek(0, os.SEEK_END) - _SEALED
+        file.seek(max(size, 0))
+        sealed = file.read()
+        file.seek(0)
+        if size < 0 or not sealed.startswith(SEAL):
+            raise damaged(path, "it has no checksum, so that it must be loaded whole")
+        if sealed != SEAL + digest(file, size) + b"\n":
+            raise damaged(path, _CHANGED)
+    with _examined(path) as xr:
         return xr.open_dataset(path, engine="h5netcdf", cache=False, create_default_indexes=indexed)
-    except JointplayError:
-        raise
-    except Exception as error:  # HDF5 raises whatever it stumbles over
-        raise damaged(path, error) from None
 
 
 def load(path: Path) -> xr.Dataset:
@@ -106,34 +97,38 @@ def load(path: Path) -> xr.Dataset:
     Raises:
         JointplayError: damaged, no NetCDF file, or larger than this machine's memory.
     """
-    try:
+    with system_errors(f"cannot read {str(path)!r}"):
         content = path.read_bytes()
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise JointplayError(f"cannot read {str(path)!r}: {reason}") from None
     body, sealed = content[:-_SEALED], content[-_SEALED:]
     if sealed.startswith(SEAL):
         if sealed != seal(body)[-_SEALED:]:
             raise damaged(path, _CHANGED)
         content = body
-    try:
-        with examined(path):
-            import xarray as xr
+    with (
+        _examined(path) as xr,
+        xr.open_dataset(io.BytesIO(content), engine="h5netcdf") as dataset,
+    ):
+        largest = MEMORY_SHARE * memory()
+        if dataset.nbytes > largest:  # a small file can claim to hold any size
+            raise JointplayError(
+                f"{str(path)!r} holds {dataset.nbytes / 1e9:.3g} GB, more than the "
+                f"{largest / 1e9:.3g} GB that this machine has for it"
+            )
+        return dataset.load()
 
-        with xr.open_dataset(io.BytesIO(content), engine="h5netcdf") as dataset:
-            _check_size(path, dataset)
-            return dataset.load()
+
+@contextmanager
+def _examined(path: Path) -> Iterator[ModuleType]:
+    """Give xarray to the block once another process has read the file; what HDF5 raises is damage.
+
+    Raises:
+        JointplayError: naming the file.
+    """
+    try:
+        with examined(path):  # meanwhile
+            import xarray as xr
+        yield xr
     except JointplayError:
         raise
     except Exception as error:  # HDF5 raises whatever it stumbles over
         raise damaged(path, error) from None
-
-
-def _check_size(path: Path, dataset: xr.Dataset) -> None:
-    """Refuse what would not fit into memory: a small file can claim to hold any size."""
-    largest = MEMORY_SHARE * memory()
-    if dataset.nbytes > largest:
-        raise JointplayError(
-            f"{str(path)!r} holds {dataset.nbytes / 1e9:.3g} GB, more than the {largest / 1e9:.3g} "
-            "GB that this machine has for it"
-        )

@@ -86,7 +86,7 @@ class Result:
             return None
         from jointplay.result.certificate import Certificate
 
-        return Certificate.from_json(text)
+        return Certificate.from_description(json.loads(text))
 
     @certificate.setter
     def certificate(self, certificate: Certificate) -> None:
@@ -269,7 +269,7 @@ class Result:
 
         path = Path(path)
         if not files.is_file(path):
-            raise files.absent(path, "result file")
+            raise files.missing(path, "result file")
         dataset = reader(path)
         found = dataset.attrs.get("jointplay_format")
         if found is None:

@@ -7,7 +7,12 @@ from dataclasses import dataclass
 from jointplay.core.schema import choice, quantity
 from jointplay.kernel.integrators import DEFAULT, INTEGRATORS
 from jointplay.loads.limits import LIMITS
-from jointplay.result.judging import STARTS
+
+STARTS = ("rest", "centred")
+"""Where journals begin: where they lie under load, or in the middle of their bearings."""
+
+START_UP = 0.15
+"""Start of a run that is not judged, while released journals fall into their bearings [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)

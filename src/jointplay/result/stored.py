@@ -16,6 +16,7 @@ import numpy as np
 
 from jointplay.core import schema
 from jointplay.core.errors import JointplayError
+from jointplay.core.hdf5 import damaged
 from jointplay.joints import MOTOR, VIRTUAL_LINK, Coordinate
 from jointplay.kernel import Status
 from jointplay.mechanism.mechanism import Mechanism
@@ -25,9 +26,6 @@ from jointplay.result.inputs import Inputs
 
 if TYPE_CHECKING:
     import xarray as xr
-
-
-_AXES = ["x", "y", "z"]
 
 _HISTORIES = {
     "q": ("time", "coordinate"),
@@ -56,11 +54,7 @@ _WITH_PLAY = {
 }
 """Those of results with clearance."""
 
-_WITHOUT_PLAY = {"reaction_force": ("time", "moving_joint", "axis")}
-"""Those of results without."""
-
 _TEXTS = ("status", "message", "audit", "simulation")
-
 
 _AT_ONCE = 1 << 16
 """Times that are looked at together."""
@@ -83,143 +77,150 @@ def check(dataset: xr.Dataset, path: Path) -> None:
     Raises:
         JointplayError: what is missing, of another kind or out of range; one line.
     """
+    try:
+        _check_attributes(dataset)
+        step = _described(dataset, "audit", Audit)["step"]
+        given = _described(dataset, "simulation", Inputs)
+        _require_all("simulation: mechanism", Mechanism, given["mechanism"])
+        if step != given["step"]:
+            raise JointplayError(
+                f"its step is {given['step']!r} s in one place and {step!r} in another"
+            )
+        if "certificate" in dataset.attrs:
+            _check_certificate(dataset)
+        _check_histories(dataset, given)
+    except JointplayError as error:
+        raise damaged(path, error) from None
+
+
+def _check_attributes(dataset: xr.Dataset) -> None:
+    """Texts must be texts, the status known, the versions a table, the time taken a number."""
     for name in _TEXTS:
         if not isinstance(dataset.attrs.get(name), str):
-            raise _damaged(path, f"its attribute {name!r} is missing or no text")
+            raise JointplayError(f"its attribute {name!r} is missing or no text")
     for name, value in dataset.attrs.items():
         if isinstance(value, str) and not _writable(value):
-            raise _damaged(path, f"its attribute {name!r} is no text")
+            raise JointplayError(f"its attribute {name!r} is no text")
     status = dataset.attrs["status"]
     if status.upper() not in Status.__members__:
         known = ", ".join(one.name.lower() for one in Status)
-        raise _damaged(path, f"it has the status {_short(status)}; known are {known}")
-    audit = _checked(path, dataset, "audit", Audit)
-    given = _checked(path, dataset, "simulation", Inputs)
-    _require_all(path, "simulation: mechanism", Mechanism, given["mechanism"])
-    if audit["step"] != given["step"]:
-        raise _damaged(
-            path, f"its step is {given['step']!r} s in one place and {audit['step']!r} in another"
-        )
-    if "certificate" in dataset.attrs:
-        _check_certificate(dataset, path)
+        raise JointplayError(f"it has the status {status!r:.60}; known are {known}")
     versions = dataset.attrs.get("versions", "{}")
-    if not isinstance(_json(path, "versions", versions), dict):
-        raise _damaged(path, f"its attribute 'versions' is no table: {_short(versions)}")
+    if not isinstance(_json("versions", versions), dict):
+        raise JointplayError(f"its attribute 'versions' is no table: {versions!r:.60}")
     wall = dataset.attrs.get("wall_time_s", 0.0)
     try:
         float(wall)
     except (TypeError, ValueError):
-        raise _damaged(path, f"its attribute 'wall_time_s' is no number: {_short(wall)}") from None
-    _check_histories(dataset, path, given)
+        raise JointplayError(f"its attribute 'wall_time_s' is no number: {wall!r:.60}") from None
 
 
-def _check_certificate(dataset: xr.Dataset, path: Path) -> None:
-    given = _checked(path, dataset, "certificate", Certificate)
+def _check_certificate(dataset: xr.Dataset) -> None:
+    """Its figures must be such that they can be shown."""
+    given = _described(dataset, "certificate", Certificate)
     try:
         for figure in Certificate.from_description(given).figures:
             str(figure)
     except (ArithmeticError, ValueError) as error:
-        raise _damaged(path, f"certificate: a figure cannot be shown: {error}") from None
+        raise JointplayError(f"certificate: a figure cannot be shown: {error}") from None
 
 
-def _json(path: Path, name: str, text: Any) -> Any:
+def _json(name: str, text: Any) -> Any:
+    """The plain data that an attribute holds."""
     try:
         given = json.loads(text)
         json.dumps(given, ensure_ascii=False).encode()  # half characters cannot be shown
         return given
     except (TypeError, ValueError, RecursionError) as error:
-        raise _damaged(path, f"its attribute {name!r} is no JSON: {error}") from None
+        raise JointplayError(f"its attribute {name!r} is no JSON: {error}") from None
 
 
-def _checked(path: Path, dataset: xr.Dataset, name: str, kind: type) -> Any:
+def _described(dataset: xr.Dataset, name: str, kind: type) -> Any:
     """An attribute as plain data, which describe a `kind`; nothing is made of them here."""
-    given = _json(path, name, dataset.attrs[name])
+    given = _json(name, dataset.attrs[name])
     try:
         schema.check(kind, given)
-    except JointplayError as error:
-        place = "".join(f"{part}: " for part in (".".join(map(str, error.where)),) if part)
-        raise _damaged(path, f"{name}: {place}{error}") from None
-    except (RecursionError, OverflowError) as error:
-        raise _damaged(path, f"{name}: {error}") from None
-    _require_all(path, name, kind, given)
+    except (JointplayError, RecursionError, OverflowError) as error:
+        where = ".".join(map(str, getattr(error, "where", ())))
+        place = f"{where}: " if where else ""
+        raise JointplayError(f"{name}: {place}{error}") from None
+    _require_all(name, kind, given)
     return given
 
 
-def _require_all(path: Path, name: str, kind: type, given: Mapping[str, Any]) -> None:
+def _require_all(name: str, kind: type, given: Mapping[str, Any]) -> None:
     """Refuse a table that lacks a key: runs write all, what is usual too."""
     for key in schema.fields_of(kind):
         if key not in given:
-            raise _damaged(path, f"{name}: the key {key} is missing")
+            raise JointplayError(f"{name}: the key {key} is missing")
 
 
-def _check_histories(dataset: xr.Dataset, path: Path, given: Any) -> None:
+def _check_histories(dataset: xr.Dataset, given: Any) -> None:
+    """Histories must be there, along their dimensions, with units, and real numbers."""
     wanted = dict(_HISTORIES)
     if "joint" in dataset.dims:
         wanted |= _WITH_PLAY
         names = given["mechanism"]["clearance"]
-        for joint in _names(dataset, path, "joint"):
+        for joint in _names(dataset, "joint"):
             if joint not in names:
-                raise _damaged(
-                    path, f"it has histories of the joint {_short(joint)}, not its inputs"
-                )
-        _names(dataset, path, "contact")
+                raise JointplayError(f"it has histories of the joint {joint!r:.60}, not its inputs")
+        _names(dataset, "contact")
     else:
-        wanted |= _WITHOUT_PLAY
+        wanted["reaction_force"] = ("time", "moving_joint", "axis")
     for name, dims in wanted.items():
         if name not in dataset.data_vars:
-            raise _damaged(path, f"it has no variable {name!r}")
+            raise JointplayError(f"it has no variable {name!r}")
         if dataset[name].dims != dims:
             own = ", ".join(map(str, dataset[name].dims))
-            raise _damaged(path, f"{name} has the dimensions ({own}), not ({', '.join(dims)})")
+            raise JointplayError(f"{name} has the dimensions ({own}), not ({', '.join(dims)})")
         if not isinstance(dataset[name].attrs.get("units"), str):
-            raise _damaged(path, f"{name} has no units")
+            raise JointplayError(f"{name} has no units")
     for variable, values in dataset.data_vars.items():
         if values.dtype.kind not in "fiu":
-            raise _damaged(path, f"{variable} holds {values.dtype}, not real numbers")
-    _check_times(dataset, path)
-    _names(dataset, path, "coordinate")
-    _names(dataset, path, "coordinate_unit", "coordinate")
-    if _names(dataset, path, "axis") != _AXES:
-        raise _damaged(path, f"its axes are {_short(_names(dataset, path, 'axis'))}, not x, y, z")
-    if _names(dataset, path, "quaternion") != [*"wxyz"]:
-        order = _short(_names(dataset, path, "quaternion"))
-        raise _damaged(path, f"its quaternions are {order}, not w, x, y, z")
+            raise JointplayError(f"{variable} holds {values.dtype}, not real numbers")
+    _check_times(dataset)
+    _names(dataset, "coordinate")
+    _names(dataset, "coordinate_unit", "coordinate")
+    for name, what, components in (("axis", "axes", "xyz"), ("quaternion", "quaternions", "wxyz")):
+        found = _names(dataset, name)
+        if found != [*components]:
+            raise JointplayError(f"its {what} are {found!r:.60}, not {', '.join(components)}")
     if "moving_joint" in dataset.dims:
-        _names(dataset, path, "moving_joint")
+        _names(dataset, "moving_joint")
 
 
-def _check_times(dataset: xr.Dataset, path: Path) -> None:
+def _check_times(dataset: xr.Dataset) -> None:
     """Times must increase; of a file opened lazily a piece is in memory at a time."""
     if "time" not in dataset.coords or dataset["time"].dtype.kind != "f":
-        raise _damaged(path, "it has no times")
+        raise JointplayError("it has no times")
     time, before = dataset.variables["time"], -np.inf
     for first in range(0, time.size, _AT_ONCE):
         values = np.append(before, time[first : first + _AT_ONCE].values)
         late = np.flatnonzero(~(np.diff(values) > 0.0))
         if late.size or not np.isfinite(values[-1]):
             at = int(late[0]) if late.size else len(values) - 2
-            raise _damaged(
-                path,
+            raise JointplayError(
                 f"its times must increase, but record {first + at + 1} of {time.size} is at "
-                f"{values[at + 1]:g} s behind {values[at]:g} s",
+                f"{values[at + 1]:g} s behind {values[at]:g} s"
             )
         before = values[-1]
 
 
-def _names(dataset: xr.Dataset, path: Path, name: str, dimension: str = "") -> list[str]:
+def _names(dataset: xr.Dataset, name: str, dimension: str = "") -> list[str]:
     """The texts of the coordinate `name`, which is the dimension itself unless one is given."""
     dimension = dimension or name
     if name not in dataset.coords or dataset[name].dims != (dimension,):
-        raise _damaged(path, f"it has no {name!r} along {dimension!r}")
+        raise JointplayError(f"it has no {name!r} along {dimension!r}")
     values = dataset[name].values.tolist()
     if not values and dimension != "contact":
-        raise _damaged(path, f"it has nothing along {dimension!r}")
+        raise JointplayError(f"it has nothing along {dimension!r}")
     if not all(isinstance(value, str) and _writable(value) for value in values):
-        raise _damaged(path, f"names along {dimension!r} are no text: {_short(values)}")
+        raise JointplayError(f"names along {dimension!r} are no text: {values!r:.60}")
     return values
 
 
 def _writable(text: str) -> bool:
+    """Whether it has no half characters."""
     try:
         text.encode()
     except UnicodeEncodeError:
@@ -227,23 +228,9 @@ def _writable(text: str) -> bool:
     return True
 
 
-def _short(value: Any) -> str:
-    text = repr(value)
-    return text if len(text) <= 60 else f"{text[:57]}..."
-
-
-def _damaged(path: Path, what: str) -> JointplayError:
-    return JointplayError(f"{str(path)!r} is damaged or not a result: {' '.join(what.split())}")
-
-
+@cache  # it takes milliseconds
 def versions() -> dict[str, str]:
     """Versions of this package, Python and the libraries that enter a result."""
-    return dict(_versions())
-
-
-@cache
-def _versions() -> dict[str, str]:
-    """The same, looked up once: that takes milliseconds."""
     import platform
     from importlib.metadata import PackageNotFoundError, version
 

@@ -14,9 +14,8 @@ from jointplay.core.errors import require_whole
 from jointplay.result import netcdf
 from jointplay.result.result import Result
 
-_LARGEST, _SMALLEST, _STRONGEST = ("normal_force_peak",), ("gap_min",), ("joint_force_peak",)
+_LARGEST, _SMALLEST, _STRONGEST = "normal_force_peak", "gap_min", "joint_force_peak"
 """Variables that cover the time since the last record, by how two of them make one."""
-
 
 _AT_ONCE = 1 << 15
 """Records of a variable that are read at once, about."""
@@ -41,8 +40,7 @@ def thinned(result: Result, every: int) -> Result:
     Raises:
         JointplayError: `every` is no whole number from 1 on.
     """
-    _require_whole(every)
-    if every == 1 or result.dataset.sizes["time"] < 2:
+    if require_whole("every", every, 1) == 1 or result.dataset.sizes["time"] < 2:
         return result
     return Result(thin(result.dataset, every), result.trust)
 
@@ -64,7 +62,7 @@ def load(
     Raises:
         JointplayError: see `Result.load`.
     """
-    _require_whole(every)
+    require_whole("every", every, 1)
     with Result.read(path, trust, partial(netcdf.open_lazily, indexed=False)).dataset as dataset:
         if most is not None:
             every = max(-(-dataset.sizes["time"] // most), 1)
@@ -96,11 +94,7 @@ def thin(dataset: xr.Dataset, every: int, only: Collection[str] | None = None) -
         dataset: of a result.
         every: n, at least 1.
         only: histories that are wanted; None: all. What does not depend on time always is.
-
-    Raises:
-        JointplayError: `every` is no whole number from 1 on.
     """
-    _require_whole(every)
     count = dataset.sizes["time"]
     kept = np.unique(np.append(np.arange(0, count, every), max(count - 1, 0)))[:count]
     begin = np.append(0, kept[:-1] + 1)[:count]
@@ -118,10 +112,6 @@ def thin(dataset: xr.Dataset, every: int, only: Collection[str] | None = None) -
         {name: read[name] for name in dataset.coords},
         dict(dataset.attrs),
     )
-
-
-def _require_whole(every: int) -> None:
-    require_whole("every", every, 1)
 
 
 def _read(
@@ -145,16 +135,11 @@ def _read(
 
 def _reduced(name: str, block: np.ndarray, kept: np.ndarray, begin: np.ndarray) -> np.ndarray:
     """Of a piece of a variable the records `kept`, or what covers the time from `begin` on."""
-    reduced: np.ndarray
-    if name in _LARGEST:
-        reduced = np.fmax.reduceat(block, begin, axis=0)
-    elif name in _SMALLEST:
-        reduced = np.fmin.reduceat(block, begin, axis=0)
-    elif name in _STRONGEST:
-        reduced = _strongest(block, begin)
-    else:
-        reduced = block[kept]
-    return reduced
+    if name == _LARGEST:
+        return np.asarray(np.fmax.reduceat(block, begin, axis=0))
+    if name == _SMALLEST:
+        return np.asarray(np.fmin.reduceat(block, begin, axis=0))
+    return _strongest(block, begin) if name == _STRONGEST else block[kept]
 
 
 def _strongest(vectors: np.ndarray, begin: np.ndarray) -> np.ndarray:

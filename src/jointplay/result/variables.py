@@ -11,14 +11,13 @@ import pinocchio as pin
 
 from jointplay.geometry import classify_many
 from jointplay.joints import VIRTUAL_LINK, Coordinate
-from jointplay.kernel import AZIMUTHS
-from jointplay.kernel.workspace import Workspace
 from jointplay.loads.base import Load
 from jointplay.loads.drive import JointFriction
 from jointplay.mechanism.impact import elastic_energy
 from jointplay.mechanism.loop import ANGLE_ARM_M, locked
 from jointplay.mechanism.mechanism import Mechanism
-from jointplay.mechanism.tree import BodyMotion, Frame, Tree
+from jointplay.mechanism.model import Frame
+from jointplay.mechanism.tree import BodyMotion, Tree
 
 # Records that a run left, whole or a portion of them, wherever they are kept.
 
@@ -180,29 +179,18 @@ def motion_variables(
     mechanism: Mechanism, records: Records, q: np.ndarray, v: np.ndarray, body: Mapping[str, Any]
 ) -> Variables:
     """Variables of the coordinates, the tool, and gravity."""
+    orientation = "orientation of the tool in the world, unit quaternion w, x, y, z"
+    spin = "angular velocity of the tool, world axes"
     return {
         "q": (("time", "coordinate"), q, "", "generalised coordinates"),
         "v": (("time", "coordinate"), v, "", "generalised velocities"),
         "drive": (("time", "coordinate"), records.recorded("drive"), "", "drive efforts"),
         "tool_position": (("time", "axis"), body["position"], "m", f"{mechanism.tool}, world axes"),
         "tool_velocity": (("time", "axis"), body["velocity"], "m/s", "of the tool, world axes"),
-        **orientation_variables(body),
+        "tool_orientation": (("time", "quaternion"), body["orientation"], "1", orientation),
+        "tool_angular_velocity": (("time", "axis"), body["spin"], "rad/s", spin),
         "kinetic_energy": (("time",), body["kinetic"], "J", "kinetic energy"),
         "potential_energy": (("time",), body["potential"], "J", "potential energy of gravity"),
-    }
-
-
-def orientation_variables(body: Mapping[str, Any]) -> dict[str, Any]:
-    """The tool's orientation and angular velocity."""
-    text = "orientation of the tool in the world, unit quaternion w, x, y, z"
-    return {
-        "tool_orientation": (("time", "quaternion"), body["orientation"], "1", text),
-        "tool_angular_velocity": (
-            ("time", "axis"),
-            body["spin"],
-            "rad/s",
-            "angular velocity of the tool, world axes",
-        ),
     }
 
 
@@ -342,16 +330,6 @@ def contact_variables(
     if all(joint.film is None for joint in mechanism.clearance.values()):
         del variables["film_force"]
     return variables, elastic
-
-
-def sliding_work(mechanism: Mechanism, workspace: Workspace) -> np.ndarray:
-    """By joint, contact and azimuth; not a number where a joint has no such contact [N m]."""
-    names = contact_names(mechanism)
-    counted = np.full((len(mechanism.clearance), len(names), AZIMUTHS), np.nan)
-    for j, joint in enumerate(mechanism.clearance.values()):
-        for k, work in enumerate(workspace.sliding_work[j]):
-            counted[j, names.index(joint.contacts[k])] = work
-    return counted
 
 
 def applied_effort(

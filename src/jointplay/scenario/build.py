@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Collection, Iterator, Mapping
-from contextlib import ExitStack, contextmanager
-from dataclasses import fields
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import fields, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -31,7 +31,18 @@ from jointplay.result.settings import Integration, Limited, Recording
 from jointplay.scenario.model import ANGLE, ANGULAR_SPEED, MOTION_SOURCES, PATHS, Model
 from jointplay.simulation.simulation import Simulation
 
-# What builders of scenarios share: laws beside the file, units of a joint's values.
+# What builders of scenarios share: laws beside the file, places of errors, units of joints.
+
+
+@contextmanager
+def _relocated(keys: Mapping[str, tuple[str, ...]]) -> Iterator[None]:
+    """Say of errors in the block at one of these arguments which key of the scenario it has."""
+    try:
+        yield
+    except JointplayError as error:
+        if error.where and error.where[0] in keys:
+            error.where = (*keys[str(error.where[0])], *error.where[1:])
+        raise
 
 
 def drafts(table: Any) -> dict[str, Draft]:
@@ -120,8 +131,9 @@ def drive_of(
 
 
 def _one_drive(draft: Draft, path: tuple[str, ...], **fitted: Any) -> Drive:
+    """A drive; errors are at `path`."""
     with within(*path):
-        drive: Drive = Draft(draft.kind, draft.word, {**draft.fields, **fitted}).make()
+        drive: Drive = replace(draft, fields={**draft.fields, **fitted}).make()
         return drive
 
 
@@ -161,7 +173,7 @@ def loads_of(model: Model, mechanism: Mechanism, folder: Path) -> dict[str, Load
             within("loads", name),
             laws_in_folder(folder, str(draft.fields.get("function", ""))),
         ):
-            load = Draft(draft.kind, draft.word, {**draft.fields, **fitted}).make()
+            load = replace(draft, fields={**draft.fields, **fitted}).make()
             load.site(mechanism)
             load.numbers(mechanism)
         loads[name] = load
@@ -183,16 +195,6 @@ def payloads_of(model: Model, mechanism: Mechanism) -> tuple[Payload, ...]:
 
 
 # The motion that a scenario gives: of a file, of joints, of the tool.
-
-
-@contextmanager
-def _renamed(**names: str) -> Iterator[None]:
-    """Say of errors in the block at one of these arguments that they are at its key."""
-    try:
-        yield
-    except JointplayError as error:
-        error.where = tuple(names.get(str(part), part) for part in error.where)
-        raise
 
 
 def motion_of(
@@ -254,19 +256,16 @@ def _as_given(
 
 def _from_file(path: Path, interpolation: str | None) -> Motion:
     """Motion of a file, which is read again only once it has changed."""
-    try:
-        stamp = path.stat()
-    except (OSError, ValueError):  # which those who read put into words
-        return _read(path, interpolation)
-    return _read_once(path, interpolation, (stamp.st_mtime_ns, stamp.st_size, stamp.st_ino))
+    stamp: tuple[int, ...] = ()
+    with suppress(OSError, ValueError):  # which reading it puts into words
+        found = path.stat()
+        stamp = found.st_mtime_ns, found.st_size, found.st_ino
+    return _read(path, interpolation, stamp)
 
 
 @lru_cache(maxsize=16)
-def _read_once(path: Path, interpolation: str | None, stamp: tuple[int, ...]) -> Motion:
-    return _read(path, interpolation)
-
-
-def _read(path: Path, interpolation: str | None) -> Motion:
+def _read(path: Path, interpolation: str | None, stamp: tuple[int, ...]) -> Motion:
+    """Motion of a file as of when it had this stamp."""
     if path.suffix.lower() == ".mcap":  # recorded, and dense
         return Motion.from_mcap(path, interpolation=interpolation or "spline")
     return Motion.from_csv(path, interpolation or INTERPOLATIONS[0])
@@ -302,7 +301,8 @@ def _cartesian(table: Any, mechanism: Mechanism, start: dict[str, float]) -> Mot
                 f"{len(rows)} waypoints for {len(table.times)} times; give one for each",
                 where=("motion", key),
             )
-    with _renamed(positions="tool_position", orientations="tool_rpy"), within("motion"):
+    keys = {"positions": ("tool_position",), "orientations": ("tool_rpy",)}
+    with within("motion"), _relocated(keys):
         motion: Motion = cartesian_motion(
             mechanism.ideal(),
             np.array(table.times),
@@ -346,7 +346,7 @@ def complete(
     added = complete_motion(mechanism, motion, start, alone)
     for name in added.held:
         start.pop(name, None)
-    return added.motion, added.told()
+    return added.motion, added.notes()
 
 
 def build(model: Model, folder: Path, built: Built) -> tuple[Simulation, list[str]]:
@@ -400,8 +400,8 @@ def _mechanism(model: Model, folder: Path, built: Built) -> Mechanism:
     with within("robot", "urdf"):
         path = resolve(robot.urdf, folder)
         description = read(path, robot.allow_unphysical)
-    told = (robot, model.loops, model.joints, model.gears, folder)
-    key = (str(path), description.text, *map(repr, told))
+    inputs = (robot, model.loops, model.joints, model.gears, folder)
+    key = (str(path), description.text, *map(repr, inputs))
     made = built.pop(key, None) or _built_anew(model, path, description, folder)
     built[key] = made
     if len(built) > _LAST_BUILT:
@@ -431,7 +431,8 @@ def _built_anew(model: Model, path: Path, description: Description, folder: Path
     for name, draft in drafts(model.gears).items():
         with within("gears", name):
             gears[name] = draft.make()
-    with _in_scenario("robot", ("tool", "gravity", "allow_unphysical")):
+    places = {key: ("robot", key) for key in ("tool", "gravity", "allow_unphysical")}
+    with _relocated({**places, "clearance": ("joints",)}):
         return Mechanism(
             path,
             joints,
@@ -441,19 +442,6 @@ def _built_anew(model: Model, path: Path, description: Description, folder: Path
             tool=robot.tool,
             allow_unphysical=robot.allow_unphysical,
         )
-
-
-@contextmanager
-def _in_scenario(table: str, keys: Collection[str]) -> Iterator[None]:
-    """Say of errors in the block at one of `keys` that they are at it in the `table`."""
-    try:
-        yield
-    except JointplayError as error:
-        if error.where and error.where[0] in keys:
-            error.where = (table, *error.where)
-        elif error.where[:1] == ("clearance",):
-            error.where = ("joints", *error.where[1:])
-        raise
 
 
 def _plain_when_ideal(kind: str | None, loop: bool) -> bool:

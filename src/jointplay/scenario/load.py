@@ -172,7 +172,7 @@ class Scenario(Overview):
             with trusting(self.trust):
                 simulation, notes = build(model, self.path.parent, self._built)
         except JointplayError as error:
-            raise self._error(error.where, str(error), case, True) from None
+            raise self.error(error.where, str(error), case, True) from None
         self.notes += [line for line in notes if line not in self.notes]
         return simulation
 
@@ -187,51 +187,42 @@ class Scenario(Overview):
         try:
             return Run(simulation, progress, records)
         except JointplayError as error:
-            raise self._error(_place_of(error), str(error), case, True) from None
+            raise self.error(_place_of(error), str(error), case, True) from None
 
     def model(self, case: str, changes: Mapping[str, Any] | None = None) -> Model:
         """What the file says of a case, checked; see `simulation`."""
         if case not in self._changes:
             raise MissingName("case", case, self.cases)
+        changed = self._changes[case]
         for key in NOT_IN_A_CASE:
-            if key in self._changes[case]:
-                message = unknown_key(
-                    key, [name for name in fields_of(Model) if name not in NOT_IN_A_CASE]
-                )
-                raise self._error(("cases", case, key), message)
-        if "figures" in (self._changes[case].get("output") or {}):
-            message = "figures compare all cases; give this in [output]"
-            raise self._error(("cases", case, "output", "figures"), message)
-        for key in NOT_IN_A_CASE:
+            if key in changed:
+                keys = [name for name in fields_of(Model) if name not in NOT_IN_A_CASE]
+                raise self.error(("cases", case, key), unknown_key(key, keys))
             if key in self._set and key != "title":
-                source = next(s.source for s in self.settings if s.key[0] == key)
+                source = next(one.source for one in self.settings if one.key[0] == key)
                 raise JointplayError(f"{source}: settings hold for all cases, and name none")
+        if "figures" in (changed.get("output") or {}):
+            message = "figures compare all cases; give this in [output]"
+            raise self.error(("cases", case, "output", "figures"), message)
         data = merge(self.data(case), changes or {})
         try:
             model: Model = make(check(Model, data), objects=False)
             return model
         except JointplayError as error:
-            raise self._error(error.where, str(error), case) from None
+            raise self.error(error.where, str(error), case) from None
 
     def data(self, case: str) -> dict[str, Any]:
         """What the file says of a case, as TOML has it; see `model`."""
         return merge(merge(self._base, self._changes[case]), self._set)
 
-    def error(self, path: Key, message: str) -> JointplayError:
-        """An error of the key at `path`, with file and line."""
-        return self._error(path, message)
-
     def _table(self, value: Any, path: Key) -> Mapping[str, Any]:
         if not isinstance(value, Mapping):
-            raise self._error(path, f"{toml_text(value)} is no table")
+            raise self.error(path, f"{toml_text(value)} is no table")
         return value
 
     @cached_property
     def _lines(self) -> dict[Key, int]:
         return lines(self.text)
-
-    def _line(self, path: Key) -> int | None:
-        return line_of(self._lines, path)
 
     def _place(self, path: Key, case: str | None) -> Key:
         """Where the file has the key: in the case, if it is there that it has it."""
@@ -245,14 +236,15 @@ class Scenario(Overview):
                 return path
         return path
 
-    def _error(
+    def error(
         self, path: Key, message: str, case: str | None = None, built: bool = False
     ) -> JointplayError:
+        """An error of the key at `path`, with file and line; `built`: found when built."""
         source = given_by(self.settings, path)
         if source is not None:
             return JointplayError(f"{source}: {' '.join(message.split())}")
         place = self._place(path, case)
-        line = self._line(place)
+        line = line_of(self._lines, place)
         words = [str(self.path)]
         words += [] if line is None else [f"line {line}"]
         words += [dotted(place)] if place else []

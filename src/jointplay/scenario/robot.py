@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -16,10 +15,7 @@ from jointplay.mechanism.robots import PREFIX, SHIPPED, resolve, robot_urdf
 from jointplay.mechanism.tool import choose_tool
 from jointplay.mechanism.urdf import Description, read
 from jointplay.scenario.load import Scenario
-from jointplay.scenario.settings import Setting, tree
-
-if TYPE_CHECKING:
-    pass
+from jointplay.scenario.settings import Setting, inline, tree
 
 SCARA = f"{SHIPPED}scara.urdf"
 SCARA_JOINT = "joint_b"
@@ -105,25 +101,19 @@ def robot_scenario(
         if name not in description.joints and name not in given.get("loops", {}):
             wrong = MissingName("joint", name, [*description.joints, *given.get("loops", {})])
             raise JointplayError(f"--joint {name}: {wrong}")
-    both = _of_any_kind(settings, description, given)
-    meant = {setting.key[1] for setting in both}
-    settings = both + [
-        setting
-        for setting in settings
-        if not (setting.key[2:] == ("clearance",) and setting.key[1] in meant)
-    ]
-    told = []
+    settings = _in_both_directions(settings, description, given)
+    assumptions = []
     text: dict[str, Any] = {"robot": {"urdf": place if ":" in place else str(path.resolve())}}
     if not scara and "tool" not in given.get("robot", {}):
         tool, reason = choose_tool(description)
         text["robot"]["tool"] = tool
-        told.append(f"tool: {tool} (chosen: {reason}; --tool FRAME takes another)")
+        assumptions.append(f"tool: {tool} (chosen: {reason}; --tool FRAME takes another)")
     if "motion" not in given:
         if scara:
             text["motion"] = {"file": SCARA_MOTION}
         else:
             text["motion"], words = _there_and_back(description)
-            told.append(words)
+            assumptions.append(words)
     named = []
     for name in () if ideal else joints:
         known = description.joints.get(name)
@@ -135,9 +125,9 @@ def robot_scenario(
             if instead in own and derived not in own:
                 table.pop(derived, None)
         named.append(Setting(("joints", name), table, f"--joint {name}"))
-    written = "\n".join(f"{key} = {_inline(value)}" for key, value in text.items())
+    written = "\n".join(f"{key} = {inline(value)}" for key, value in text.items())
     scenario = Scenario(written, place, (), (*named, *settings), LABEL)
-    scenario.assumptions = told
+    scenario.assumptions = assumptions
     return scenario
 
 
@@ -166,24 +156,27 @@ def step_for(scenario: Scenario) -> tuple[float, str] | None:
     return step, f"an impact in {shortest} lasts {durations[shortest]:.2g} s"
 
 
-def _of_any_kind(
+def _in_both_directions(
     settings: Sequence[Setting], description: Description, given: Mapping[str, Any]
 ) -> list[Setting]:
-    """What a clearance of which no direction is said means for joints that turn: both."""
-    clearances = []
+    """Settings in which a plain ``clearance`` of a joint that turns is radial and axial."""
+    first: list[Setting] = []  # further settings of the same keys count more
+    rest: list[Setting] = []
     for setting in settings:
-        if setting.key[:1] != ("joints",) or setting.key[2:] != ("clearance",):
-            continue
-        name = setting.key[1]
-        known, own = description.joints.get(name), given["joints"][name]
-        slides = known is not None and known.slides
-        if own.get("kind", "prismatic" if slides else "revolute") in ("prismatic", "spherical"):
-            continue
-        for key, other in (("radial", "journal_radius"), ("axial", "journal_length")):
-            if other not in own:
-                at = ("joints", name, f"{key}_clearance")
-                clearances.append(Setting(at, setting.value, setting.source))
-    return clearances
+        meant = []
+        if setting.key[:1] == ("joints",) and setting.key[2:] == ("clearance",):
+            name = setting.key[1]
+            known, own = description.joints.get(name), given["joints"][name]
+            kind = "prismatic" if known is not None and known.slides else "revolute"
+            if own.get("kind", kind) not in ("prismatic", "spherical"):
+                dimensions = {"radial": "journal_radius", "axial": "journal_length"}
+                meant = [key for key, other in dimensions.items() if other not in own]
+        for key in meant:
+            at = ("joints", setting.key[1], f"{key}_clearance")
+            first.append(Setting(at, setting.value, setting.source))
+        if not meant:
+            rest.append(setting)
+    return [*first, *rest]
 
 
 def _prefixed(place: str) -> str:
@@ -218,17 +211,8 @@ def _there_and_back(description: Description) -> tuple[dict[str, Any], str]:
         end = begin + (way if high - begin >= begin - low else -way)
         ways[name] = [begin, end, begin]
     motion = {"times": [0.0, SWING_S, 2.0 * SWING_S], "joints": ways}
-    told = (
+    words = (
         f"no motion given: every joint moves up to {SWING:g} rad or {SLIDE:g} m there and back in "
         f"{2.0 * SWING_S:g} s; --motion CSV or --set motion... gives another"
     )
-    return motion, told
-
-
-def _inline(value: Any) -> str:
-    """A value as TOML writes it in one line."""
-    if isinstance(value, Mapping):
-        return "{" + ", ".join(f"{json.dumps(k)} = {_inline(v)}" for k, v in value.items()) + "}"
-    if isinstance(value, list):
-        return "[" + ", ".join(map(_inline, value)) + "]"
-    return json.dumps(value, ensure_ascii=False)
+    return motion, words

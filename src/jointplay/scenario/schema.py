@@ -10,7 +10,6 @@ from typing import Any, Literal, Union, get_args, get_origin
 from jointplay.core.schema import (
     Family,
     Field,
-    Preset,
     explanations,
     family_of,
     fields_of,
@@ -118,8 +117,8 @@ class SchemaTables:
     def family(self, family: Family) -> dict[str, Any]:
         """Schema of what a word chooses: tables, and bare words for those that need no more."""
         tables, bare = [], []
-        for word, member in family.members.items():
-            preset = member if isinstance(member, Preset) else Preset(member, "", {})
+        for word in family.members:
+            preset = family.member(word)
             title = preset.title or preset.kind.__name__
             tables.append(self.table(preset.kind, title, (family.key, word), preset.given))
             if not any(field.required for field in fields_of(preset.kind).values()):

@@ -93,25 +93,21 @@ def tree(settings: Iterable[Setting]) -> dict[str, Any]:
 
 def given_by(settings: Iterable[Setting], path: Key) -> str | None:
     """Which setting gave the key at `path`, the last one of several; None if none did."""
-    source = None
-    for setting in settings:
-        size = min(len(setting.key), len(path))
-        if size and tuple(path[:size]) == setting.key[:size] and len(path) >= len(setting.key):
-            source = setting.source
-    return source
+    given = [one.source for one in settings if one.key and path[: len(one.key)] == one.key]
+    return given[-1] if given else None
 
 
 def words(settings: Iterable[Setting]) -> list[str]:
     """Settings as lines that `parse` reads, to be kept with a result."""
-    return [f"{dotted(s.key)}={_written(s.value)}" for s in settings]
+    return [f"{dotted(s.key)}={inline(s.value)}" for s in settings]
 
 
-def _written(value: Any) -> str:
+def inline(value: Any) -> str:
+    """A value as TOML writes it in one line."""
     if isinstance(value, Mapping):
-        inside = ", ".join(f"{json.dumps(k)} = {_written(v)}" for k, v in value.items())
-        return f"{{{inside}}}"
+        return "{" + ", ".join(f"{json.dumps(k)} = {inline(v)}" for k, v in value.items()) + "}"
     if isinstance(value, list | tuple):
-        return f"[{', '.join(map(_written, value))}]"
+        return f"[{', '.join(map(inline, value))}]"
     if isinstance(value, float):
-        return repr(value)
+        return repr(float(value))  # also of numpy's
     return json.dumps(value, ensure_ascii=False, default=str)

@@ -47,7 +47,7 @@ def _facts(run: Run) -> dict[str, str]:
     }
     for name, loop in mechanism.loops.items():
         facts[f"loop {name}"] = (
-            f"{mechanism.loop_kind(name)}, {loop.bearing_link} - {loop.journal_link}"
+            f"{mechanism.loop_class(name).kind}, {loop.bearing_link} - {loop.journal_link}"
         )
     step = simulation.step
     for name, joint in mechanism.clearance.items():

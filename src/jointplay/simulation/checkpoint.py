@@ -175,7 +175,7 @@ def read(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
 
 def _read(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
     if not files.is_file(path):
-        raise files.absent(path, "checkpoint")
+        raise files.missing(path, "checkpoint")
     try:
         with path.open("rb") as file:
             if file.read(len(CHECKPOINT)) != CHECKPOINT:

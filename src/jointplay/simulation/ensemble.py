@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from tqdm import tqdm
 
 from jointplay import kernel
-from jointplay.core.processes import Pool, named, number_of, one_thread
+from jointplay.core.processes import Pool, number_of, one_thread, with_item
 from jointplay.kernel import Status
 
 if TYPE_CHECKING:
@@ -169,6 +169,6 @@ def _run_serially(
             with one_thread():
                 value = work(item)
         except Exception as error:
-            named(error, name, place)
+            with_item(error, name, place)
             raise
         yield place, value

@@ -10,7 +10,7 @@ import numpy as np
 
 from jointplay.core.errors import JointplayError, require_non_negative
 from jointplay.motion.reference import Motion
-from jointplay.result.judging import START_UP
+from jointplay.result.settings import START_UP
 
 if TYPE_CHECKING:
     from jointplay.simulation.simulation import Simulation

@@ -12,7 +12,7 @@ import pinocchio as pin
 from jointplay.core.errors import JointplayError, MissingName
 from jointplay.kernel.sites import LoadSite
 from jointplay.kernel.workspace import Workspace
-from jointplay.loads.base import Load, Site, address
+from jointplay.loads.base import Load, Site, compiled_law
 from jointplay.loads.controller import Controller, hold
 from jointplay.loads.friction import LEVEL, RATE, TIME, LoadedFriction
 from jointplay.mechanism.loop import closing_rows
@@ -53,7 +53,7 @@ def load_site(load: Load, mechanism: Mechanism, bounds: Mapping[str, float]) -> 
         bounds: largest efforts of actuators by joint, to which they are cut [N m or N].
     """
     site = load.site(mechanism)
-    law, numbers = address(load), load.numbers(mechanism)
+    law, numbers = int(compiled_law(load).address), load.numbers(mechanism)
     if site.frames is None:
         largest = tuple(bounds.get(name, math.inf) for name in load.driven())
         cut = largest if any(math.isfinite(one) for one in largest) else ()

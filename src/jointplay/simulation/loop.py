@@ -14,7 +14,8 @@ from jointplay.kernel.integrators import Integrator
 from jointplay.kernel.sites import CarriedFrame, ContactSite, LoadSite
 from jointplay.kernel.workspace import Workspace
 from jointplay.mechanism.loop import PROXIMAL
-from jointplay.mechanism.tree import Frame, Tree
+from jointplay.mechanism.model import Frame
+from jointplay.mechanism.tree import Tree
 
 LOOP_CORRECTION = 0.1
 """Frequency of Baumgarte's stabilisation of ideal loops, times the step; of single-rate methods."""

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Self, TypedDict, Unpack
 
 import numpy as np
 
-from jointplay.core.errors import JointplayError, MissingName
+from jointplay.core.errors import JointplayError
 from jointplay.core.imports import load_object
 from jointplay.core.overview import Overview, few
 from jointplay.core.schema import check_fields, unknown_key
@@ -23,7 +23,6 @@ from jointplay.mechanism.payload import Payload
 from jointplay.motion.completion import complete_motion
 from jointplay.motion.reference import Motion
 from jointplay.result.inputs import Inputs
-from jointplay.result.judging import STARTS
 from jointplay.simulation import checkpoint, judging
 from jointplay.simulation.initial import position_and_speed
 from jointplay.simulation.run import Moment, Run
@@ -46,8 +45,6 @@ class Simulation(Overview, Inputs):
     def __post_init__(self) -> None:
         """Read what is written as in files; complete the motion."""
         check_fields(self)
-        if self.start is not None and self.start not in STARTS:
-            raise MissingName("start", str(self.start), STARTS)
         state = {name: position_and_speed(name, value) for name, value in self.state.items()}
         object.__setattr__(self, "state", state)
         object.__setattr__(self, "payloads", tuple(self.payloads))

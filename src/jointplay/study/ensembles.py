@@ -15,10 +15,11 @@ from typing import Any
 from tqdm import tqdm
 
 from jointplay.analysis.claims import ISOLATED, Measures, Verdict, judge
+from jointplay.analysis.tables import csv_text, markdown
 from jointplay.core import files
 from jointplay.core.processes import Pool, number_of
 from jointplay.mechanism.urdf import GRAVITY
-from jointplay.result.judging import START_UP
+from jointplay.result.settings import START_UP
 from jointplay.result.stored import versions
 from jointplay.simulation.initial import PERTURBATION
 from jointplay.study.cases import CASES, CONDITIONS, VARIANTS, Condition, explicit, perturbed
@@ -109,8 +110,8 @@ class Ensembles:
         verdicts = []
         for condition in CONDITIONS:
             small, large = (
-                [measures for (c, name, _), measures in sorted(self.measures.items(), key=_seed)
-                 if c == condition and name == label]
+                [self.measures[key] for key in self.plan
+                 if key in self.measures and key[:2] == (condition, label)]
                 for label in ("0.2 mm", "0.5 mm")
             )  # fmt: skip
             if min(len(small), len(large)) >= 2:
@@ -118,23 +119,14 @@ class Ensembles:
         return sorted(verdicts, key=lambda verdict: verdict.claim)
 
 
-def _seed(item: tuple[tuple[Condition, str, int], Measures]) -> int:
-    return item[0][2]
-
-
-# The paper's claims as judged, in tables.
-
-
 HEADER = ("claim", "statement", "condition", "holds", "0.2 mm → 0.5 mm")
 
 
 def write_claims(verdicts: Sequence[Verdict], ensembles: Ensembles, out: Path) -> None:
     """Write ``claims.csv`` and ``claims.md``."""
-    table = io.StringIO(newline="")
-    csv.writer(table).writerows([HEADER, *(verdict.row() for verdict in verdicts)])
-    files.write(out / "claims.csv", table.getvalue())
+    rows = [HEADER, *(verdict.row() for verdict in verdicts)]
+    files.write(out / "claims.csv", csv_text(rows, 9))
     done, planned = len(ensembles.measures), len(ensembles.plan)
-    made_with = ", ".join(f"{name} {version}" for name, version in versions().items())
     lines = [
         "# The paper's claims",
         "",
@@ -152,14 +144,18 @@ def write_claims(verdicts: Sequence[Verdict], ensembles: Ensembles, out: Path) -
         "variants (docs/assumptions.md). Numerical errors of the numbers, of one run: errors.md.",
         "",
         *([f"**Incomplete: {done} of {planned} runs.**", ""] if done < planned else []),
-        "| " + " | ".join(HEADER) + " |",
-        "|" + " --- |" * len(HEADER),
-        *("| " + " | ".join(cell.replace("|", "\\|") for cell in v.row()) + " |" for v in verdicts),
+        *markdown(rows),
         "",
-        f"Made with {made_with}.",
+        made_with(),
         "",
     ]
     files.write(out / "claims.md", "\n".join(lines))
+
+
+def made_with() -> str:
+    """A line that names the versions."""
+    names = ", ".join(f"{name} {version}" for name, version in versions().items())
+    return f"Made with {names}."
 
 
 def summary(verdicts: Sequence[Verdict]) -> str:

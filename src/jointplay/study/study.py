@@ -6,14 +6,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from jointplay.analysis.claims import Verdict
+from jointplay.analysis.tables import columns, markdown
 from jointplay.core import files, signals
 from jointplay.result.result import Result
-from jointplay.result.stored import versions
 from jointplay.study.cases import BESIDE, CASES, DIFFERS, EXPLICIT, EXPLICIT_STEP_S, run_case
-from jointplay.study.ensembles import Ensembles, write_claims
+from jointplay.study.ensembles import Ensembles, made_with, write_claims
 from jointplay.study.outputs import folder
-
-# The study's figures with their numerical errors, and the explicit method beside.
 
 
 def errors_table(
@@ -56,12 +54,12 @@ ERRORS_HEADER = (
 
 def measures_table(cases: Mapping[str, Result]) -> list[tuple[str, ...]]:
     """What the claims use, a row for each measure and a column for each case that has it."""
-    columns = {
+    named = {
         label: {one.name: one for one in certificate.figures if one not in certificate.headline}
         for label, result in cases.items()
         if (certificate := result.certificate) is not None
     }
-    played = {label: measures for label, measures in columns.items() if measures}
+    played = {label: measures for label, measures in named.items() if measures}
     names = dict.fromkeys(name for measures in played.values() for name in measures)
     head = ("measure", *played)
     rows = []
@@ -75,17 +73,8 @@ def write_errors(
     rows: Sequence[tuple[str, ...]], measures: Sequence[tuple[str, ...]], out: Path
 ) -> None:
     """Write ``errors.md``."""
-    made_with = ", ".join(f"{name} {version}" for name, version in versions().items())
     done = len({label for label, *_ in rows})
-    used = [
-        "What the claims use, of these runs, by the names in ensemble.csv:",
-        "",
-        *("| " + " | ".join(row) + " |" for row in (measures[0], ["---"] * len(measures[0]))),
-        *("| " + " | ".join(row) + " |" for row in measures[1:]),
-        "",
-    ]
-    if len(measures) == 1:
-        used = []
+    used = "What the claims use, of these runs, by the names in ensemble.csv:"
     lines = [
         "# The study's figures with their numerical errors",
         "",
@@ -95,11 +84,10 @@ def write_errors(
         f"{100 * DIFFERS:g} % and the error.",
         "",
         *([f"**Incomplete: {done} of {len(CASES)} cases.**", ""] if done < len(CASES) else []),
-        *("| " + " | ".join(row) + " |" for row in (ERRORS_HEADER, ["---"] * len(ERRORS_HEADER))),
-        *("| " + " | ".join(row) + " |" for row in rows),
+        *markdown([ERRORS_HEADER, *rows]),
         "",
-        *used,
-        f"Made with {made_with}.",
+        *([used, "", *markdown(measures), ""] if len(measures) > 1 else []),
+        made_with(),
         "",
     ]
     files.write(out / "errors.md", "\n".join(lines))
@@ -107,12 +95,7 @@ def write_errors(
 
 def errors_text(rows: Sequence[tuple[str, ...]]) -> str:
     """The same table for the terminal."""
-    table = [ERRORS_HEADER, *rows]
-    widths = [max(len(row[k]) for row in table) for k in range(len(ERRORS_HEADER))]
-    return "\n".join(
-        "  ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)).rstrip()
-        for row in table
-    )
+    return "\n".join(columns([ERRORS_HEADER, *rows]))
 
 
 def run_study(

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from jointplay.core.errors import JointplayError, require_whole
+from jointplay.core.errors import JointplayError, require_positive, require_whole
 from jointplay.core.schema import closest, one_of, unknown_key
 from jointplay.core.units import convert, toml_text
 from jointplay.scenario.places import Key, dotted
@@ -81,15 +81,14 @@ def read(name: str, given: Any) -> Axis:
     for word in given:
         if word not in words:
             raise JointplayError(unknown_key(str(word), words))
-    if "distribution" in given:
-        source = "distribution"
-    else:
-        sources = [word for word in _SOURCES if word in given]
-        if len(sources) != 1:
-            raise JointplayError(
-                f"needs one of {', '.join(_SOURCES)}; got {' and '.join(sources) or 'none'}"
-            )
-        (source,) = sources
+    sources = [word for word in _SOURCES if word in given]
+    if "distribution" in sources:
+        sources = ["distribution"]
+    if len(sources) != 1:
+        raise JointplayError(
+            f"needs one of {', '.join(_SOURCES)}; got {' and '.join(sources) or 'none'}"
+        )
+    (source,) = sources
     for word in given:
         if word not in (*_KEYS, source, *_SOURCES[source]):
             raise JointplayError(f"{word} contradicts {source}; leave one of them out")
@@ -102,8 +101,7 @@ def read(name: str, given: Any) -> Axis:
             raise JointplayError(
                 f"{dotted(key)} and {dotted(keys[0])} take values of different kinds"
             )
-    own = any(word in given for word in _KEYS)
-    label = name if own else dotted(keys[0][-1:])
+    label = name if any(word in given for word in _KEYS) else dotted(keys[0][-1:])
     if source == "values":
         return _list(label, keys, given["values"], units)
     if units is None and not (source == "from" and is_whole(keys[0])):
@@ -123,7 +121,7 @@ def _keys(name: str, given: Mapping[str, Any]) -> tuple[Key, ...]:
         raise JointplayError(f"{toml_text(texts)} are no keys; give a list of dotted names")
     paths = tuple(path_of(text) for text in texts)
     for path in paths:
-        if len(path) == 1 and "key" not in given and "keys" not in given:
+        if len(path) == 1 and not any(word in given for word in _KEYS):
             raise JointplayError(
                 f'the key is missing; give the one that varies, such as key = "joints.{name}..."'
             )
@@ -154,13 +152,14 @@ def _variants(name: str, given: Mapping[str, Any]) -> Axis:
 
 
 def _list(name: str, keys: tuple[Key, ...], values: Any, units: tuple[str, ...] | None) -> Axis:
+    """An axis of given values."""
     if not isinstance(values, Sequence) or isinstance(values, str) or not len(values):
         raise JointplayError(f"{toml_text(values)} are no values; give a list of at least one")
     if len(values) > MOST_VALUES:
         raise JointplayError(f"{len(values)} values; at most {MOST_VALUES} are possible")
     coordinate, unit = _coordinate(values, units)
-    if len(np.unique(coordinate)) < len(values):
-        _, first = np.unique(coordinate, return_index=True)
+    _, first = np.unique(coordinate, return_index=True)
+    if len(first) < len(values):
         twice = values[int(np.setdiff1d(np.arange(len(values)), first)[0])]
         raise JointplayError(f"the value {toml_text(twice)} is given twice")
     return Axis(name, keys, tuple(values), coordinate, unit)
@@ -172,8 +171,7 @@ def _coordinate(values: Sequence[Any], units: tuple[str, ...] | None) -> tuple[n
         try:
             measured = [convert(value, *units) for value in values]
         except ValueError as error:
-            words = [value for value in values if isinstance(value, str) and value[:1].isalpha()]
-            if not words:
+            if not any(isinstance(value, str) and value[:1].isalpha() for value in values):
                 raise JointplayError(str(error)) from None
         else:
             named = {one.unit for one in measured if one.unit}
@@ -194,6 +192,7 @@ def shown_whole(value: Any) -> str:
 
 
 def _number(given: Mapping[str, Any], word: str, units: tuple[str, ...] | None) -> float:
+    """A number of the table in SI."""
     if word not in given:
         raise JointplayError(f"the key {word} is missing")
     try:
@@ -213,6 +212,7 @@ def _unit(given: Mapping[str, Any], words: Sequence[str], units: tuple[str, ...]
 def _range(
     name: str, keys: tuple[Key, ...], given: Mapping[str, Any], units: tuple[str, ...] | None
 ) -> Axis:
+    """An axis of numbers at equal steps or ratios."""
     low, high = _number(given, "from", units), _number(given, "to", units)
     number = require_whole("number", given.get("number"), 2, MOST_VALUES)
     spacing = given.get("spacing", SPACINGS[0])
@@ -235,6 +235,7 @@ def _range(
 def _distribution(
     name: str, keys: tuple[Key, ...], given: Mapping[str, Any], units: tuple[str, ...]
 ) -> Axis:
+    """An axis that is sampled."""
     kind = given["distribution"]
     if not isinstance(kind, str) or kind not in DISTRIBUTIONS:
         raise JointplayError(one_of("distribution", kind, DISTRIBUTIONS))
@@ -250,17 +251,14 @@ def _distribution(
         for word in (*needed, *(word for word in optional if word in given))
     }
     for low, high in (("from", "to"), ("from", "mode"), ("mode", "to")):
-        if (
-            low in at
-            and high in at
-            and not (at[low] < at[high] or ("mode" in (low, high) and at[low] == at[high]))
-        ):
+        less = np.less_equal if "mode" in (low, high) else np.less
+        if low in at and high in at and not less(at[low], at[high]):
             raise JointplayError(
                 f"{low} must be less than {high}, got {at[low]:g} and {at[high]:g}"
             )
     for word in ("std", "sigma", "median"):
-        if word in at and at[word] <= 0.0:
-            raise JointplayError(f"{word} must be greater than zero, got {at[word]:g}")
+        if word in at:
+            require_positive(word, at[word], "")
     if kind == "log-uniform" and at["from"] <= 0.0:
         raise JointplayError("log-uniform needs from greater than zero")
     unit = _unit(given, ("from", "mean", "median"), units)
@@ -271,16 +269,16 @@ def _frozen(kind: str, at: Mapping[str, float]) -> Any:
     """The distribution as scipy has it."""
     from scipy import stats
 
-    if kind == "uniform":
-        return stats.uniform(at["from"], at["to"] - at["from"])
-    if kind == "log-uniform":
-        return stats.loguniform(at["from"], at["to"])
-    if kind == "lognormal":
-        return stats.lognorm(at["sigma"], scale=at["median"])
-    if kind == "triangular":
-        width = at["to"] - at["from"]
-        return stats.triang((at["mode"] - at["from"]) / width, at["from"], width)
-    low, high = (at.get(word, sign * np.inf) for word, sign in (("from", -1.0), ("to", 1.0)))
+    low, high = at.get("from", -np.inf), at.get("to", np.inf)
+    match kind:
+        case "uniform":
+            return stats.uniform(low, high - low)
+        case "log-uniform":
+            return stats.loguniform(low, high)
+        case "lognormal":
+            return stats.lognorm(at["sigma"], scale=at["median"])
+        case "triangular":
+            return stats.triang((at["mode"] - low) / (high - low), low, high - low)
     ends = [(end - at["mean"]) / at["std"] for end in (low, high)]
     return stats.truncnorm(*ends, loc=at["mean"], scale=at["std"])
 
@@ -318,15 +316,15 @@ def points(method: str, samples: int, dimensions: int, seed: int) -> np.ndarray:
     seed = require_whole("seed", seed)
     from scipy.stats import qmc  # which takes half a second that workers need not spend
 
-    if method == "saltelli":
-        design = _saltelli(samples, dimensions, seed)
-    elif method == "random":
-        design = np.random.default_rng(seed).random((samples, dimensions))
-    elif method == "latin-hypercube":
-        design = qmc.LatinHypercube(dimensions, seed=seed).random(samples)
-    else:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)  # of numbers that are no powers of two
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # of numbers that are no powers of two
+        if method == "saltelli":
+            design = _saltelli(samples, dimensions, seed)
+        elif method == "random":
+            design = np.random.default_rng(seed).random((samples, dimensions))
+        elif method == "latin-hypercube":
+            design = qmc.LatinHypercube(dimensions, seed=seed).random(samples)
+        else:
             design = qmc.Sobol(dimensions, seed=seed).random(samples)
     return np.clip(design, _INSIDE, 1.0 - _INSIDE)
 

@@ -12,7 +12,7 @@ from collections import OrderedDict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -36,6 +36,9 @@ from jointplay.sweeps.measures import (
     rests_of,
 )
 from jointplay.sweeps.plan import Index, Plan
+
+if TYPE_CHECKING:
+    import xarray as xr
 
 Case = tuple[Index, Mapping[str, Any]]
 """A case of a sweep, and what is changed for it."""
@@ -79,18 +82,8 @@ class Outcome:
     state: int
     values: dict[str, float]
     error: str = ""
-    histories: dict[str, History] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class History:
-    """A variable of a result over time."""
-
-    dims: tuple[str, ...]
-    values: np.ndarray
-    labels: Mapping[str, np.ndarray]
-    """Coordinates of its dimensions, the time [s] among them."""
-    attrs: Mapping[str, Any]
+    histories: dict[str, xr.DataArray] = field(default_factory=dict)
+    """Variables of its result over time, by name."""
 
 
 def job(plan: Plan, send_files: bool = False) -> Job:
@@ -131,7 +124,12 @@ class Bench:
         Raises:
             JointplayError: another version of jointplay, or a measure that cannot be imported.
         """
-        check_version(work.version)
+        mine = versions()["jointplay"]
+        if mine != work.version:
+            raise JointplayError(
+                f"a worker has jointplay {mine}, the sweep was started with {work.version}; "
+                "install the same"
+            )
         self.job = work
         self._folder: tempfile.TemporaryDirectory[str] | None = None
         path, text = Path(work.path), work.text
@@ -165,7 +163,7 @@ class Bench:
         """Run a case; what goes wrong with it is part of the outcome."""
         began = time.process_time()
         values: dict[str, float] = {}
-        kept: dict[str, History] = {}
+        kept: dict[str, xr.DataArray] = {}
         state, said = DONE, ""
         try:
             with warnings.catch_warnings(), np.errstate(all="ignore"):
@@ -206,7 +204,8 @@ class Bench:
                 tables[table] = {**tables.get(table, {}), key: self._names[name]}
         return tables
 
-    def _run(self, changes: Mapping[str, Any]) -> tuple[dict[str, float], dict[str, History]]:
+    def _run(self, changes: Mapping[str, Any]) -> tuple[dict[str, float], dict[str, xr.DataArray]]:
+        """Measures and histories of a case."""
         simulation = self.simulation(changes)
         result = simulation.run()
         if result.status != Status.COMPLETED:
@@ -224,7 +223,8 @@ class Bench:
                 if other in values or other == COST or other.startswith(NUMERICAL_ERROR):
                     raise JointplayError(f"{name} returns {other!r}, a name of another measure")
             values |= found
-        return values, {name: _history(result, name) for name in self.job.histories}
+        known = [name for name in self.job.histories if name in result.dataset]
+        return values, {name: result[name] for name in known}
 
     def _certified(self, changes: Mapping[str, Any]) -> bool:
         """Whether the case asks for the numerical errors of its figures."""
@@ -254,29 +254,6 @@ class Bench:
                 self._ideals.popitem(last=False)
         self._ideals.move_to_end(key)
         return self._ideals[key]
-
-
-def check_version(wanted: str) -> None:
-    """Refuse to work for another version of jointplay.
-
-    Raises:
-        JointplayError: this is another one.
-    """
-    mine = versions()["jointplay"]
-    if mine != wanted:
-        raise JointplayError(
-            f"a worker has jointplay {mine}, the sweep was started with {wanted}; install the same"
-        )
-
-
-def _history(result: Result, name: str) -> History:
-    """A variable of a result; of one that an ideal mechanism has not, nothing."""
-    if name not in result.dataset:
-        return History(("time",), np.full(len(result.time), np.nan), {"time": result.time}, {})
-    variable = result[name]
-    labels = {str(d): variable[d].values for d in variable.dims if d in variable.coords}
-    dims = tuple(str(d) for d in variable.dims)
-    return History(dims, variable.values, labels, dict(variable.attrs))
 
 
 _benches: list[Bench] = []

@@ -89,6 +89,7 @@ class ClusterWorkers:
         raise JointplayError(f"no Dask scheduler answers at {self.address!r}: {reason}")
 
     def _check(self) -> None:
+        """Refuse a cluster without workers, or with workers of another version."""
         deadline = time.monotonic() + CONNECT_S
         while not (threads := self.client.nthreads()):
             if time.monotonic() > deadline:
@@ -149,6 +150,7 @@ class ClusterWorkers:
             feed()
 
     def _lost(self, error: BaseException | None = None) -> JointplayError:
+        """What to say of a scheduler that was lost."""
         reason = f": {type(error).__name__}: {one_line(error)}" if error is not None else ""
         return JointplayError(f"the scheduler at {self.address!r} was lost{reason}")
 
@@ -180,6 +182,7 @@ class ClusterWorkers:
         yield batch[0][0], Outcome(batch[0][0], FAILED, {}, text)
 
     def _error(self, future: Any) -> BaseException | None:
+        """What ended a task; None if nothing tells."""
         if future.status != "error":
             return None
         with suppress(Exception):

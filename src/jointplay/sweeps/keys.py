@@ -79,6 +79,7 @@ def _mark(node: Any, unit: str) -> None:
 
 @cache
 def _schema() -> Mapping[str, Any]:
+    """JSON schema of scenarios, with units at its numbers."""
     tables = _Units()
     own = tables.properties(Model)
     return {"$defs": tables.definitions, "properties": own}
@@ -169,6 +170,7 @@ def put(changes: dict[str, Any], base: Mapping[str, Any], path: Key, value: Any)
 
 
 def _at(under: Any, part: str | int, path: Key) -> Any:
+    """What tables have at a key or index; None if nothing."""
     if isinstance(part, int):
         size = len(under) if isinstance(under, Sequence) else 0
         if part >= size:
@@ -178,6 +180,7 @@ def _at(under: Any, part: str | int, path: Key) -> Any:
 
 
 def _is_zero(value: Any) -> bool:
+    """Whether a value of a quantity is zero, in whatever unit."""
     if isinstance(value, str):
         match = re.match(r"\s*[+-]?([\d.]+)(e[+-]?\d+)?", value, re.IGNORECASE)
         return match is not None and not float(match[1].strip(".") or 1)

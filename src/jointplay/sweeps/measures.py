@@ -130,6 +130,7 @@ def _since(values: np.ndarray, kept: np.ndarray) -> np.ndarray:
 
 
 def _lost(result: Result, name: str, kept: np.ndarray) -> float:
+    """Energy that was lost in the records that are kept [J]."""
     return float(_since(_values(result, name), kept))
 
 

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from functools import partial
 from itertools import chain
 from pathlib import Path
@@ -23,17 +22,13 @@ from jointplay.scenario import Scenario
 from jointplay.simulation.run import CHUNK, Run
 from jointplay.sweeps.case import FAILED, Bench, Case, Job, Outcome, job, joints, run_cases
 from jointplay.sweeps.dataset import open_sweep
-from jointplay.sweeps.declaration import plan_of
 from jointplay.sweeps.measures import shipped
-from jointplay.sweeps.plan import REPEAT, SAMPLE, Index, Plan
+from jointplay.sweeps.plan import REPEAT, SAMPLE, Index, Plan, plan_of
 from jointplay.sweeps.sealed import METADATA, ROOT, metadata
 from jointplay.sweeps.store import Store, of_sweep, sweep_of_states
 
 if TYPE_CHECKING:
     from jointplay.sweeps.cluster import ClusterWorkers
-
-# What a sweep would take, found by running the beginning of one of its cases.
-
 
 MANY = 20_000
 """Cases above which a sweep asks whether it is meant."""
@@ -44,27 +39,12 @@ PATIENCE_S = 2.0
 MEASURES_BYTES = 300
 """What the measures of a case take in the store [bytes]."""
 
-
-@dataclass(frozen=True)
-class SweepCost:
-    """What a sweep takes."""
-
-    seconds: float
-    """On so many processes."""
-    processes: int
-    bytes: float
-
-    @property
-    def words(self) -> str:
-        """Time and size in words."""
-        return (
-            f"about {_time(self.seconds)} on {self.processes} processes and "
-            f"{_size(self.bytes)} of results"
-        )
+_TIMES = ((86400.0, "days"), (3600.0, "hours"), (60.0, "minutes"), (1.0, "seconds"))
+_SIZES = ((1e12, "TB"), (1e9, "GB"), (1e6, "MB"), (1e3, "kB"))
 
 
-def cost_of(made: Plan, bench: Bench, processes: int) -> SweepCost:
-    """Run the beginning of a case, and reckon from its pace."""
+def cost_of(made: Plan, bench: Bench, processes: int) -> str:
+    """Time and size of a sweep in words, by the pace of the beginning of one of its cases."""
     reason: JointplayError | None = None
     for index in made.indices():
         try:
@@ -85,27 +65,20 @@ def cost_of(made: Plan, bench: Bench, processes: int) -> SweepCost:
     seconds = ready + (time.perf_counter() - started) / share
     records = run.total_steps / run.simulation.record_every
     kept = 8.0 * 3.0 * records * len(made.histories)
-    return SweepCost(
-        made.count * seconds / processes, processes, made.count * (MEASURES_BYTES + kept)
+    return (
+        f"about {_amount(made.count * seconds / processes, _TIMES, 2.0)} on {processes} processes "
+        f"and {_amount(made.count * (MEASURES_BYTES + kept), _SIZES, 1.0)} of results"
     )
 
 
-def _time(seconds: float) -> str:
-    for size, name in ((86400.0, "days"), (3600.0, "hours"), (60.0, "minutes")):
-        if seconds >= 2.0 * size:
-            return _rounded(seconds / size, name)
-    return f"{seconds:.0f} seconds"
-
-
-def _rounded(value: float, unit: str) -> str:
-    return f"{value:.2g} {unit}" if value < 100.0 else f"{value:.0f} {unit}"
-
-
-def _size(size: float) -> str:
-    for factor, name in ((1e12, "TB"), (1e9, "GB"), (1e6, "MB")):
-        if size >= factor:
-            return _rounded(size / factor, name)
-    return f"{size / 1e3:.0f} kB"
+def _amount(value: float, units: Sequence[tuple[float, str]], least: float) -> str:
+    """A value in the largest unit of which it is at least so many."""
+    for size, name in units[:-1]:
+        if value >= least * size:
+            part = value / size
+            return f"{part:.2g} {name}" if part < 100.0 else f"{part:.0f} {name}"
+    size, name = units[-1]
+    return f"{value / size:.0f} {name}"
 
 
 Workers: TypeAlias = "Pool[Case, Outcome] | ClusterWorkers"
@@ -119,11 +92,13 @@ def local_workers(work: Job, number: int) -> Pool[Case, Outcome]:
 
 
 def _case(work: Job, case: Case) -> Outcome:
+    """Run one case in a process of this machine."""
     (outcome,) = run_cases(work, [case])
     return outcome
 
 
 def _lost(case: Case) -> Outcome:
+    """The outcome of a case that ends its processes."""
     text = (
         f"{MOST_DEATHS} worker processes ended while running this case "
         "(killed, out of memory, or crashed)"
@@ -197,17 +172,11 @@ def run_plan(
     progress: bool = False,
     begin: Callable[[], None] | None = None,
 ) -> Plan:
-    """Run what is planned; see `sweep`.
+    """Run what is planned; see `sweep` for what is not listed here.
 
     Args:
         made: the plan.
         path: of the store.
-        jobs: see `sweep`, as for what follows.
-        scheduler: of Dask.
-        resume: go on.
-        extend: become larger.
-        yes: run what is very large.
-        progress: show a bar.
         begin: called when nothing stands against it, before the first case.
 
     Returns:
@@ -217,34 +186,43 @@ def run_plan(
     first = probe(made)
     if made.count > MANY and not yes:
         guess = cost_of(made, first, number)
-        raise JointplayError(f"{made.words}: {guess.words}; if that is meant, --yes runs it")
+        raise JointplayError(f"{made.words}: {guess}; if that is meant, --yes runs it")
     _ = made.identity  # reads the files, and says what is missing
     made = _largest_so_far(made, Path(path)) if resume or extend else made
-    workers: Workers | None = None
     store = Store(path, made, resume, extend)
+    try:
+        _run_rounds(store, number, scheduler, progress, begin)
+        store.close()
+    except BaseException as error:
+        if not store.removed:
+            _give_up(store, error)
+        raise
+    return store.plan
+
+
+def _run_rounds(
+    store: Store,
+    number: int,
+    scheduler: str | None,
+    progress: bool,
+    begin: Callable[[], None] | None,
+) -> None:
+    """Run all cases, and more samples of them until there are enough."""
+    workers: Workers | None = None
     try:
         while True:
             left = int(np.count_nonzero(store.state == 0))
             if left and workers is None:
-                workers = _begun(store, number if made.until else min(number, left), scheduler)
+                processes = number if store.plan.until else min(number, left)
+                workers = _begun(store, processes, scheduler)
             if begin is not None:
                 begin()
                 begin = None
             if workers is not None:
                 _run_all(store, workers, left, progress)
-            if _enough(made, store):
-                break
-            made = made.with_samples(2 * made.samples)
-            store.grow(made)
-        store.close()
-        return made
-    except BaseException as error:
-        if workers is not None:
-            workers.close()
-            workers = None
-        if not store.removed:
-            _give_up(store, error)
-        raise
+            if _enough(store):
+                return
+            store.grow(store.plan.with_samples(2 * store.plan.samples))
     finally:
         if workers is not None:
             workers.close()
@@ -295,8 +273,9 @@ def _run_all(store: Store, workers: Workers, left: int, progress: bool) -> None:
             bar.update()
 
 
-def _enough(made: Plan, store: Store) -> bool:
+def _enough(store: Store) -> bool:
     """Whether the sweep is over: it has no aim, may not go on, or has reached it everywhere."""
+    made = store.plan
     if made.until is None or 2 * made.samples > made.until.most:
         return True
     values = np.moveaxis(store.column(made.until.measure), list(made.sizes).index(SAMPLE), 0)
@@ -313,15 +292,13 @@ def _largest_so_far(made: Plan, path: Path) -> Plan:
     """The plan with as many samples as the store has, where `until` has added some."""
     if made.until is None or not (path / METADATA).is_file():
         return made
-    is_it: Callable[[Plan], bool]
+    given = states = None
     try:
         given = metadata(path, ROOT)["attributes"].get("identity", {}).get("sweep.samples", "0")
-        is_it = lambda plan: str(plan.samples) == given  # noqa: E731
     except (OSError, ValueError):  # damaged; the store tells by its states which sweep it is of
-        known = sweep_of_states(path)
-        is_it = lambda plan: of_sweep(plan) == known  # noqa: E731
+        states = sweep_of_states(path)
     larger = made
-    while not is_it(larger):
+    while (str(larger.samples) != given) if states is None else (of_sweep(larger) != states):
         if 2 * larger.samples > made.until.most:
             return made
         larger = larger.with_samples(2 * larger.samples)
@@ -356,16 +333,15 @@ def probe(made: Plan) -> Bench:
         if axis.name in measured:
             said = f"an axis cannot be called {axis.name!r}, as a measure is"
             raise JointplayError(f"{made.scenario.path}, sweep: {said}")
-    first: JointplayError | None = None
+    errors = []
     for index in _some(made):
         try:
             Run(bench.simulation(made.changes(index)))
             break
         except JointplayError as error:
-            first = first or error
+            errors.append(error)
     else:
-        assert first is not None
-        raise first
+        raise errors[0]
     _check_histories(made, bench)
     return bench
 
@@ -389,7 +365,7 @@ def _check_histories(made: Plan, bench: Bench) -> None:
         for k in range(0 if axis.keys else len(axis.values))
     )
     known: set[str] = set()
-    first: JointplayError | None = None
+    errors = []
     for index in chain(_some(made), variants):
         if known.issuperset(made.histories):
             return
@@ -399,9 +375,9 @@ def _check_histories(made: Plan, bench: Bench) -> None:
             known |= {str(name) for name in run.result().dataset.data_vars}
             known |= {"payload_energy"} if run.simulation.payloads else set()  # once one comes
         except JointplayError as error:  # another case may be possible
-            first = first or error
-    if not known and first is not None:
-        raise first
+            errors.append(error)
+    if not known and errors:
+        raise errors[0]
     for name in made.histories:
         if name not in known:
             text = one_of("history", name, sorted(known))

@@ -147,32 +147,33 @@ class SealedStore(LocalStore):
 
     async def set(self, key: str, value: Buffer) -> None:
         """Write a chunk, or metadata with their checksum."""
-        await super().set(key, _sealed_too(key, value))
+        await super().set(key, _sealed(key, value))
 
     async def set_if_not_exists(self, key: str, value: Buffer) -> None:
         """The same, unless it is there."""
-        await super().set_if_not_exists(key, _sealed_too(key, value))
+        await super().set_if_not_exists(key, _sealed(key, value))
 
     def set_sync(self, key: str, value: Buffer) -> None:
         """The same as `set`."""
-        super().set_sync(key, _sealed_too(key, value))
+        super().set_sync(key, _sealed(key, value))
 
     def _damaged(self, name: str, chunk: str | None, error: Exception) -> JointplayError:
+        """What to say of an array's chunk or metadata, and what becomes of it."""
         reason = getattr(error, "strerror", None) or " ".join(str(error).split())
         place = f"array {name!r}" if name else "the whole"
-        if isinstance(error, Foreign):  # no damage does that
-            return damaged(self.root, f"metadata of {place}: {reason}")
-        if chunk is None:
-            return damaged(self.root, f"metadata of {place}: {reason}; --resume writes them again")
-        fate = "the cases of that chunk"
-        try:
+        if chunk is None:  # no damage makes foreign metadata of ours
+            fate = "" if isinstance(error, Foreign) else "; --resume writes them again"
+            return damaged(self.root, f"metadata of {place}: {reason}{fate}")
+        what = "cases"
+        with suppress(OSError, ValueError, KeyError):
             root = metadata(self.root, ROOT)
             arrays = root["consolidated_metadata"]["metadata"]
             what = kind(name, arrays[name], root["attributes"])
-            fate = {"cases": fate, "labels": "all cases", "coordinate": ""}[what]
-        except (OSError, ValueError, KeyError):
-            pass
-        after = f"runs {fate} again" if fate else "writes it again"
+        after = {
+            "cases": "runs the cases of that chunk again",
+            "labels": "runs all cases again",
+            "coordinate": "writes it again",
+        }[what]
         dotted = chunk.replace("/", ".")
         return damaged(self.root, f"chunk {dotted} of {place}: {reason}; --resume {after}")
 
@@ -182,9 +183,8 @@ def array_name(name: str) -> str:
 
     `plain_name` is its inverse.
     """
-    kept = "_- " if not name.startswith("_") else "- "  # Zarr keeps names that begin so to itself
-    first = "".join(_escaped(c, kept) for c in name[:1])
-    return first + "".join(_escaped(c, "_- ") for c in name[1:])
+    kept = "- " if name.startswith("_") else "_- "  # Zarr keeps names that begin so to itself
+    return _escaped(name[:1], kept) + _escaped(name[1:], "_- ")
 
 
 def plain_name(folder: str) -> str:
@@ -192,10 +192,12 @@ def plain_name(folder: str) -> str:
     return unquote(folder)
 
 
-def _escaped(character: str, kept: str) -> str:
-    if character.isalnum() or character in kept:
-        return character
-    return "".join(f"%{byte:02X}" for byte in character.encode())
+def _escaped(text: str, kept: str) -> str:
+    """Text with all as %XX but letters, digits and what is kept."""
+    return "".join(
+        c if c.isalnum() or c in kept else "".join(f"%{byte:02X}" for byte in c.encode())
+        for c in text
+    )
 
 
 def damaged(path: Path, words: str) -> JointplayError:
@@ -304,7 +306,7 @@ def _array(root: Path, name: str) -> dict[str, Any] | None:
 
 
 def _whole(root: Path) -> tuple[dict[str, set[str]], dict[str, dict[str, Any]]]:
-    """What `written` gives, and metadata of arrays by name; empty if they are damaged."""
+    """Chunks at the end of the sweep and metadata, by array; empty if they are damaged."""
     try:
         found = (root / METADATA).lstat()
         return _read_whole(root, (found.st_ino, found.st_mtime_ns, found.st_size))
@@ -377,15 +379,16 @@ def _unpacked(content: bytes) -> int | None:
     return int.from_bytes(content[begin : begin + width], "little") + (256 if width == 2 else 0)
 
 
-def _sealed_too(key: str, value: Buffer) -> Buffer:
+def _sealed(key: str, value: Buffer) -> Buffer:
+    """Content for a file, metadata with their checksum."""
     if key.rpartition("/")[2] != METADATA:
         return value
-    return default_buffer_prototype().buffer.from_bytes(
-        write_metadata(json.loads(value.to_bytes()))
-    )
+    content = write_metadata(json.loads(value.to_bytes()))
+    return default_buffer_prototype().buffer.from_bytes(content)
 
 
 def _checksum(content: Any) -> str:
+    """SHA-256 of metadata."""
     text = json.dumps(content, sort_keys=True, separators=(",", ":"))
     return hashlib.sha256(text.encode()).hexdigest()
 
@@ -397,7 +400,7 @@ def _check_root(found: Mapping[str, Any]) -> None:
         ValueError: what is foreign.
     """
     _check_keys(found, {"attributes", "zarr_format", "node_type", "consolidated_metadata"})
-    _check_node(found, "group")
+    _check_fixed(found, {"zarr_format": 3, "node_type": "group"})
     for name, value in found["attributes"].items():
         if name not in _ABOUT or not isinstance(value, _ABOUT[name]):
             raise ValueError(f"the attribute {name!r} is foreign")
@@ -420,6 +423,7 @@ def _check_root(found: Mapping[str, Any]) -> None:
 
 
 def _check_name(name: str) -> None:
+    """Refuse names of arrays that lead elsewhere."""
     if not name or name.startswith(".") or "/" in name or "\0" in name:
         raise ValueError(f"an array is called {name!r}")
 
@@ -432,35 +436,39 @@ def _check_array(found: Any) -> None:
     """
     if not isinstance(found, dict):
         raise ValueError("no metadata")
-    _check_node(found, "array")
+    _check_fixed(found, {"zarr_format": 3, "node_type": "array"})
     _check_keys(found, _ARRAY)
     if set(found) != _ARRAY:
         raise ValueError(f"it has no {', no '.join(sorted(_ARRAY - set(found)))}")
     kind, shape, names = found["data_type"], found["shape"], found["dimension_names"]
     if not isinstance(kind, str) or kind not in _TYPES:
         raise ValueError(f"the type {kind!r} is none of {', '.join(_TYPES)}")
-    if found["storage_transformers"]:
-        raise ValueError("it has storage transformers")
     _check_codecs(kind, found["codecs"])
-    if found["chunk_key_encoding"] != {"name": "default", "configuration": {"separator": "/"}}:
-        raise ValueError(f"unknown chunk key encoding: {found['chunk_key_encoding']!r}")
-    grid = found["chunk_grid"]
-    if not isinstance(grid, dict) or grid.get("name") != "regular" or set(grid) != {
-        "name", "configuration"
-    } or set(grid["configuration"]) != {"chunk_shape"}:  # fmt: skip
-        raise ValueError(f"unknown chunk grid: {grid!r}")
-    chunks = grid["configuration"]["chunk_shape"]
+    try:
+        chunks = found["chunk_grid"]["configuration"]["chunk_shape"]
+    except (TypeError, KeyError):
+        chunks = None
+    fixed = {
+        "storage_transformers": [],
+        "chunk_key_encoding": {"name": "default", "configuration": {"separator": "/"}},
+        "chunk_grid": {"name": "regular", "configuration": {"chunk_shape": chunks}},
+    }
+    _check_fixed(found, fixed)
     if not (_sizes(shape, 0) and _sizes(chunks, 1) and len(shape) == len(chunks) > 0):
         raise ValueError(f"the shape {shape!r} in chunks {chunks!r}")
     if math.prod(chunks) * _TYPES[kind] > MOST_CHUNK_BYTES:
         raise ValueError(f"chunks {chunks!r} are larger than {MOST_CHUNK_BYTES} bytes")
-    if not (isinstance(names, list) and len(names) == len(shape) and all(map(_text, names))):
+    if not (
+        isinstance(names, list)
+        and len(names) == len(shape)
+        and all(isinstance(n, str) for n in names)
+    ):
         raise ValueError(f"the dimensions {names!r}")
     if not isinstance(found["fill_value"], str | int | float):
         raise ValueError(f"the fill value {found['fill_value']!r}")
     attributes = found["attributes"]
     if not isinstance(attributes, dict) or not all(
-        name in ("units", "long_name", "origin", "sweep") and _text(v)
+        name in ("units", "long_name", "origin", "sweep") and isinstance(v, str)
         for name, v in attributes.items()
     ):
         raise ValueError(f"the attributes {attributes!r}")
@@ -468,42 +476,43 @@ def _check_array(found: Any) -> None:
 
 def _check_codecs(kind: str, codecs: Any) -> None:
     """Refuse codecs other than ours: metadata name codecs, and zarr runs what they name."""
-    try:
-        given = [(one["name"], one.get("configuration") or {}) for one in codecs]
-        known = all(set(one) <= {"name", "configuration"} for one in codecs)
-    except (TypeError, KeyError, AttributeError):
-        given, known = [], False
-    ours = [(one["name"], one.get("configuration") or {}) for one in map(_described, COMPRESSORS)]
-    first: tuple[str, dict[str, Any]] = ("bytes", {"endian": "little"} if _TYPES[kind] > 1 else {})
+    first: dict[str, Any] = {"name": "bytes"}
     if kind == "string":
-        first = ("vlen-utf8", {})
-    if not known or given != [first, *ours]:
-        words = ", ".join(name for name, _ in (first, *ours))
-        shown = ", ".join(str(name)[:40] for name, _ in given) or repr(codecs)[:60]
+        first = {"name": "vlen-utf8"}
+    elif _TYPES[kind] > 1:
+        first["configuration"] = {"endian": "little"}
+    try:
+        given = [one | {"configuration": one.get("configuration") or {}} for one in codecs]
+        shown = ", ".join(str(one["name"])[:40] for one in given)
+    except (TypeError, KeyError, AttributeError):
+        given, shown = [], repr(codecs)[:60]
+    ours = [{"configuration": {}, **one} for one in (first, *map(_described, COMPRESSORS))]
+    if given != ours:
+        words = ", ".join(one["name"] for one in ours)
         raise ValueError(f"its codecs ({shown}) are not ours ({words})")
 
 
 def _described(codec: Any) -> dict[str, Any]:
+    """A codec as metadata name it."""
     described: dict[str, Any] = codec.to_dict()
     return described
 
 
-def _check_node(found: Mapping[str, Any], kind: str) -> None:
-    if type(found.get("zarr_format")) is not int or found["zarr_format"] != 3:
-        raise ValueError(f"zarr_format is {found.get('zarr_format')!r}, not 3")
-    if found.get("node_type") != kind:
-        raise ValueError(f"node_type is {found.get('node_type')!r}, not {kind!r}")
+def _check_fixed(found: Mapping[str, Any], ours: Mapping[str, Any]) -> None:
+    """Refuse other values of keys than ours."""
+    for key, value in ours.items():
+        given = found.get(key)
+        if type(given) is not type(value) or given != value:
+            raise ValueError(f"{key} is {given!r:.60}, not {value!r}")
 
 
 def _check_keys(found: Mapping[str, Any], known: set[str]) -> None:
+    """Refuse keys that we do not write."""
     foreign = sorted(set(found) - known)
     if foreign:
         raise ValueError(f"unknown keys: {', '.join(foreign)[:60]}")
 
 
 def _sizes(given: Any, least: int) -> bool:
+    """Whether it is a list of whole numbers."""
     return isinstance(given, list) and all(type(n) is int and n >= least for n in given)
-
-
-def _text(given: Any) -> bool:
-    return isinstance(given, str)

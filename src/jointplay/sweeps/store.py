@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import xarray as xr
 import zarr
 from zarr.core.sync import sync
 from zarr.dtype import parse_dtype
@@ -24,7 +25,7 @@ from jointplay.result.stored import versions
 from jointplay.scenario.places import dotted
 from jointplay.sweeps import sealed
 from jointplay.sweeps.axes import GROWING
-from jointplay.sweeps.case import DONE, FAILED, History, Outcome, joints
+from jointplay.sweeps.case import DONE, FAILED, Outcome, joints
 from jointplay.sweeps.dataset import FORMAT, check_format, quiet, reading
 from jointplay.sweeps.journal import JOURNAL, SYNC_S, Journal, entries, is_there, line
 from jointplay.sweeps.measures import USER, about
@@ -41,137 +42,14 @@ from jointplay.sweeps.sealed import (
     plain_name,
 )
 
-# In what two sweeps differ: whether an old store is of this one, or of this one made larger.
-
-
 GROWS = ("samples", "repeats")
 """Keys of a sweep that may grow."""
-
-
-def differences(old: Mapping[str, str], new: Mapping[str, str]) -> list[Any]:
-    """In what two sweeps differ: key, and a few words."""
-    changes = []
-    for key in dict.fromkeys((*old, *new)):
-        was, now = old.get(key, "not given"), new.get(key, "not given")
-        if was != now:
-            if key.startswith("file ") and "not given" not in (was, now):
-                changes.append((key, f"{key} has changed"))
-            else:
-                changes.append((key, f"{key} is {_short(now)}, and was {_short(was)}"))
-    return changes
-
-
-def _short(text: str) -> str:
-    return text if len(text) <= 80 else f"{text[:60]}...{text[-15:]}"
-
-
-def grown(attrs: Mapping[str, Any], plan: Plan) -> set[str]:
-    """Keys in which the plan is the old one made larger."""
-    old, new = attrs["identity"], plan.identity
-    keys = set()
-    for word in GROWS:
-        key = f"sweep.{word}"
-        grows = word != "samples" or plan.sampling in GROWING
-        if grows and json.loads(new.get(key, "0")) >= json.loads(old.get(key, "1")):
-            keys.add(key)
-    for key in new:
-        if key.startswith("sweep.axes.") and key in old:
-            was, now = json.loads(old[key]), json.loads(new[key])
-            if isinstance(was, list) and isinstance(now, list) and now[: len(was)] == was:
-                keys.add(key)
-    same_dims = list(attrs["sizes"]) == list(plan.sizes)
-    return keys if same_dims else set()
-
-
-# Time histories in the store of a sweep: arrays over its dimensions, the time, and axes or
-# joints.
-#
-# Cases can differ in length and in joints: an array grows as needed, and what a case has not is
-# NaN. All cases share one time axis: what was recorded at other times than those of the cases
-# before is refused, for it would be labelled with times that are not its own.
-
 
 ROUNDING = 1e-9
 """Times that differ by less than this, relative to the last of them, are the same."""
 
 SUFFIX = "_history"
-"""What the names of the arrays end with."""
-
-
-def write_histories(store: Store, outcome: Outcome) -> Outcome:
-    """Write the histories of a case; where they do not fit to the others, the case has failed."""
-    try:
-        for name, history in outcome.histories.items():
-            write(store, name, outcome.index, history)
-    except JointplayError as error:
-        return replace(outcome, state=FAILED, error=str(error))
-    return outcome
-
-
-def write(store: Store, name: str, index: Index, history: History) -> None:
-    """Write a variable of a case's result.
-
-    Raises:
-        JointplayError: it was recorded at other times than those of the cases before.
-
-    A chunk is one case, so that writing it again, after a kill, gives what it was.
-    """
-    if not history.attrs:
-        return
-    key, group = name + SUFFIX, store.group
-    values = np.asarray(history.values, float)
-    if key not in group:
-        tail = dict(zip(history.dims, values.shape, strict=True))
-        unit, text = (str(history.attrs.get(word, "")) for word in ("units", "long_name"))
-        store.array(key, "float64", np.nan, text, unit, tail)
-    array = group[key]
-    places = [_places(store, d, history) for d in history.dims]
-    sizes = array.shape[len(index) :]
-    needed = [max(int(p.max(initial=-1)) + 1, size) for p, size in zip(places, sizes, strict=True)]
-    if tuple(needed) != tuple(sizes):
-        array.resize((*array.shape[: len(index)], *needed))
-    block = np.full(needed, np.nan)
-    block[np.ix_(*places)] = values
-    array[index] = block
-
-
-def _places(store: Store, dimension: str, history: History) -> np.ndarray:
-    """Positions of a case's labels along a dimension, to which new ones are added."""
-    own: list[Any] = np.asarray(history.labels[dimension]).tolist()
-    known: list[Any] = []
-    if dimension in store.group:
-        known = np.asarray(store.group[dimension][...]).tolist()
-        while (known and known[-1] in ("", None)) or (known and known[-1] != known[-1]):
-            known.pop()  # there was no room to write it
-    if dimension == "time":  # the longest case has the times of all
-        shared = min(len(own), len(known))
-        ours, theirs = np.array(own[:shared], float), np.array(known[:shared], float)
-        other = np.flatnonzero(np.abs(ours - theirs) > ROUNDING * theirs.max(initial=0.0))
-        if other.size:
-            k = int(other[0])
-            raise JointplayError(
-                f"its record {k + 1} is of t = {ours[k]:.6g} s, that of the cases before of "
-                f"{theirs[k]:.6g} s: histories of a sweep have one time axis; let all cases "
-                "end at one of their times, or leave histories out"
-            )
-        if len(own) > len(known):
-            store.labels(dimension, dimension, np.asarray(own), {"units": "s"})
-        return np.arange(len(own))
-    new = [label for label in own if label not in known]
-    if new:
-        known += new
-        store.labels(dimension, dimension, np.asarray(known), {})
-    return np.array([known.index(label) for label in own], int)
-
-
-# A finished case is one line of the journal. The arrays are filled from it now and then, and at
-# the end; filled again, they are what they were. So whatever is killed, and whenever, nothing
-# that was finished is lost: the journal is emptied only when all that it says is in the arrays
-# and on disk.
-#
-# What has changed since it was written is found by its checksum, what is gone by the list of
-# chunks that the sweep has left, and runs again.
-
+"""What the names of arrays of time histories end with."""
 
 CHUNK = 4096
 """Cases in a chunk, at most."""
@@ -184,6 +62,51 @@ FLUSH_S = 60.0
 
 MOST_DIFFERENCES = 4
 """Differences that a message names."""
+
+
+def differences(old: Mapping[str, str], new: Mapping[str, str]) -> dict[str, str]:
+    """In what two sweeps differ, in words by key."""
+    changes = {}
+    for key in dict.fromkeys((*old, *new)):
+        was, now = old.get(key, "not given"), new.get(key, "not given")
+        if was != now:
+            file = key.startswith("file ") and "not given" not in (was, now)
+            words = "has changed" if file else f"is {_short(now)}, and was {_short(was)}"
+            changes[key] = f"{key} {words}"
+    return changes
+
+
+def _short(text: str) -> str:
+    """A text without its middle, if it is long."""
+    return text if len(text) <= 80 else f"{text[:60]}...{text[-15:]}"
+
+
+def grown(attrs: Mapping[str, Any], plan: Plan) -> set[str]:
+    """Keys in which the plan is the old one made larger."""
+    old, new = attrs["identity"], plan.identity
+    if list(attrs["sizes"]) != list(plan.sizes):
+        return set()
+    keys = set()
+    for word in GROWS:
+        key = f"sweep.{word}"
+        grows = word != "samples" or plan.sampling in GROWING
+        if grows and json.loads(new.get(key, "0")) >= json.loads(old.get(key, "1")):
+            keys.add(key)
+    for key in new:
+        if key.startswith("sweep.axes.") and key in old:
+            was, now = json.loads(old[key]), json.loads(new[key])
+            if isinstance(was, list) and isinstance(now, list) and now[: len(was)] == was:
+                keys.add(key)
+    return keys
+
+
+# A finished case is one line of the journal. The arrays are filled from it now and then, and at
+# the end; filled again, they are what they were. So whatever is killed, and whenever, nothing
+# that was finished is lost: the journal is emptied only when all that it says is in the arrays
+# and on disk.
+#
+# What has changed since it was written is found by its checksum, what is gone by the list of
+# chunks that the sweep has left, and runs again.
 
 
 class Store:
@@ -233,7 +156,12 @@ class Store:
             files.release(self.path)
             raise
 
+    def _opened(self) -> Any:
+        """The arrays of the store, for writing."""
+        return zarr.open_group(SealedStore(self.path), mode="r+", use_consolidated=False)
+
     def _make(self) -> None:
+        """Begin a new store."""
         files.empty(self.path)  # by zarr the folder itself would go, and with it its lock
         store = SealedStore(self.path)
         self.group = zarr.create_group(store, attributes={BEGUN: FORMAT}, zarr_format=3)
@@ -280,27 +208,26 @@ class Store:
             return
         check_format(attrs, self.path)
         changes = differences(attrs["identity"], self.plan.identity)
-        smaller = grown(attrs, self.plan)
+        beyond = changes.keys() - grown(attrs, self.plan)
         mine, theirs = versions()["jointplay"], attrs["versions"].get("jointplay")
         if mine != theirs:
-            changes.append(("version", f"jointplay is {mine}, and was {theirs}"))
-        beyond = [text for key, text in changes if key not in smaller]
+            changes["version"] = f"jointplay is {mine}, and was {theirs}"
+            beyond |= {"version"}
         if beyond or (changes and not extend):
-            shown = [text for _, text in changes][:MOST_DIFFERENCES]
-            more = len(changes) - len(shown)
+            shown = list(changes.values())[:MOST_DIFFERENCES]
+            if len(changes) > len(shown):
+                shown.append(f"and {len(changes) - len(shown)} more")
             advice = (
                 "--extend adds the new cases" if not beyond else "choose another name for the store"
             )
             raise JointplayError(
-                f"{str(self.path)!r} is of another sweep: {'; '.join(shown)}"
-                f"{f'; and {more} more' if more > 0 else ''}; {advice}"
+                f"{str(self.path)!r} is of another sweep: {'; '.join(shown)}; {advice}"
             )
         for rest in self.path.rglob(f"*{PARTIAL}"):  # of a process that was killed
             rest.unlink(missing_ok=True)
         if not self._mend(hurt, attrs):
             self._make()
             return
-        self.group = zarr.open_group(SealedStore(self.path), mode="r+", use_consolidated=False)
         if tuple(attrs["sizes"].values()) != self.plan.shape:
             self.grow(self.plan)
         self.state = np.asarray(self.group["state"][...], np.int8).copy()
@@ -319,7 +246,7 @@ class Store:
             )
         about = {"attributes": self._about(), "zarr_format": 3, "node_type": "group"}
         files.write(self.path / METADATA, sealed.write_metadata(about), overwrite=True)
-        self.group = zarr.open_group(SealedStore(self.path), mode="r+", use_consolidated=False)
+        self.group = self._opened()
         with suppress(JointplayError):  # metadata of an array are damaged as well
             self._consolidate()
 
@@ -357,11 +284,10 @@ class Store:
                 coordinates |= kind == "coordinate"
                 if kind == "cases":
                     again[_region(key, name, array, again.ndim)] = True
+        self.group = self._opened()
         if gone:
             self._forget(again, [path for *_, path in sorted(gone)], journal)
-        self.group = zarr.open_group(SealedStore(self.path), mode="r+", use_consolidated=False)
-        if gone:  # which chunks there are is listed again at the end
-            self.group.update_attributes({WRITTEN: {}})
+            self.group.update_attributes({WRITTEN: {}})  # chunks are listed again at the end
             self._consolidate()
         if coordinates:
             self._coordinates()
@@ -374,13 +300,12 @@ class Store:
             kept = [e for e in found if (o := outcome_of(e, again.shape)) and not again[o.index]]
             files.write(journal, b"".join(map(line, kept)), overwrite=True)
         cells = list(zip(*np.nonzero(again), strict=True))
-        group: Any = zarr.open_group(SealedStore(self.path), mode="r+", use_consolidated=False)
         for name, nothing in (("state", 0), ("error", "")):
             for path in gone:
                 if path.is_relative_to(self.path / name):
                     path.unlink(missing_ok=True)
             if cells:
-                _set(group[name], [(cell, nothing) for cell in cells])
+                _set(self.group[name], [(cell, nothing) for cell in cells])
             os.sync()
         for path in gone:
             path.unlink(missing_ok=True)
@@ -430,15 +355,15 @@ class Store:
             self.group.update_attributes(self._about())
             self._consolidate()
 
+    @quiet()
     def _consolidate(self) -> None:
         """Write into one file what the arrays are, so that a reader need not look for them."""
-        with quiet():
-            zarr.consolidate_metadata(self.group.store)
+        zarr.consolidate_metadata(self.group.store)
 
+    @quiet()
     def _arrays(self) -> dict[str, Any]:
         """All arrays by their names."""
-        with quiet():
-            return {plain_name(folder): array for folder, array in self.group.arrays()}
+        return {plain_name(folder): array for folder, array in self.group.arrays()}
 
     def array(
         self,
@@ -452,37 +377,51 @@ class Store:
     ) -> zarr.Array[Any]:
         """Make an array over the dimensions of the sweep and those of `tail`."""
         tail = tail or {}
-        chunks = _chunks(self.plan.shape) if not tail else (1,) * len(self.plan.shape)
-        with quiet():
-            return self.group.create_array(
-                array_name(name),
-                shape=(*self.plan.shape, *tail.values()),
-                chunks=(*chunks, *(max(size, 1) for size in tail.values())),
-                dtype=dtype,
-                fill_value=fill,
-                compressors=COMPRESSORS,
-                dimension_names=[array_name(one) for one in (*self.plan.sizes, *tail)],
-                attributes={"units": unit, "long_name": text}
-                | ({"origin": origin} if origin else {}),
-                overwrite=True,
-            )
+        attributes = {"units": unit, "long_name": text} | ({"origin": origin} if origin else {})
+        chunks = (1,) * len(self.plan.shape) if tail else _chunks(self.plan.shape)
+        chunks = (*chunks, *(max(size, 1) for size in tail.values()))
+        shape = (*self.plan.shape, *tail.values())
+        return self._create(name, shape, chunks, dtype, fill, (*self.plan.sizes, *tail), attributes)
+
+    @quiet()
+    def _create(
+        self,
+        name: str,
+        shape: Index,
+        chunks: Index,
+        dtype: Any,
+        fill: Any,
+        dimensions: Sequence[str],
+        attributes: Mapping[str, Any],
+    ) -> zarr.Array[Any]:
+        """Make an array, in place of one of its name."""
+        return self.group.create_array(
+            array_name(name),
+            shape=shape,
+            chunks=chunks,
+            dtype=dtype,
+            fill_value=fill,
+            compressors=COMPRESSORS,
+            dimension_names=list(map(array_name, dimensions)),
+            attributes=dict(attributes),
+            overwrite=True,
+        )
 
     def _coordinates(self) -> None:
         """Values of the dimensions, and of what is sampled."""
         plan = self.plan
-        coordinates: dict[str, tuple[str, Any, str, str]] = {}
-        for axis in plan.axes:
+        for k, axis in enumerate((*plan.axes, *plan.drawn)):
+            sampled = k - len(plan.axes)
+            values = axis.coordinate if sampled < 0 else plan.drawn_values[:, sampled]
             text = ", ".join(dotted(key) for key in axis.keys)
-            coordinates[axis.name] = (axis.name, axis.coordinate, axis.unit, text)
-        for k, axis in enumerate(plan.drawn):
-            text = ", ".join(dotted(key) for key in axis.keys)
-            coordinates[axis.name] = (SAMPLE, plan.drawn_values[:, k], axis.unit, text)
+            dimension = axis.name if sampled < 0 else SAMPLE
+            self.labels(axis.name, dimension, values, {"units": axis.unit, "long_name": text})
         if REPEAT in plan.sizes:
+            text = "seed of the displacement of the journals"
             seeds = plan.seed + np.arange(plan.repeats)
-            coordinates[REPEAT] = (REPEAT, seeds, "", "seed of the displacement of the journals")
-        for name, (dimension, values, unit, text) in coordinates.items():
-            self.labels(name, dimension, np.asarray(values), {"units": unit, "long_name": text})
+            self.labels(REPEAT, REPEAT, seeds, {"units": "", "long_name": text})
 
+    @quiet()
     def labels(
         self, name: str, dimension: str, values: np.ndarray, attrs: Mapping[str, Any]
     ) -> None:
@@ -491,27 +430,75 @@ class Store:
         One that is there grows in place: whenever that ends, all its values are there, but for
         those that are new, which are NaN or empty until they are written.
         """
-        whole = values.astype(object) if values.dtype.kind in "UO" else values
-        kind: Any = "string" if values.dtype.kind in "UO" else values.dtype
-        with quiet():
-            array = self._arrays().get(name)
-            if array is not None and array.metadata.data_type == parse_dtype(kind, zarr_format=3):
-                if array.shape != values.shape:
-                    array.resize(values.shape)
-                array.update_attributes(dict(attrs))
-            else:
-                array = self.group.create_array(
-                    array_name(name),
-                    shape=values.shape,
-                    chunks=(max(len(values), 1),),
-                    dtype=kind,
-                    fill_value=np.nan if values.dtype.kind == "f" else None,
-                    compressors=COMPRESSORS,
-                    dimension_names=[array_name(dimension)],
-                    attributes=dict(attrs),
-                    overwrite=True,
+        text = values.dtype.kind in "UO"
+        kind: Any = "string" if text else values.dtype
+        array = self._arrays().get(name)
+        if array is not None and array.metadata.data_type == parse_dtype(kind, zarr_format=3):
+            if array.shape != values.shape:
+                array.resize(values.shape)
+            array.update_attributes(dict(attrs))
+        else:
+            fill = np.nan if values.dtype.kind == "f" else None
+            chunks = (max(len(values), 1),)
+            array = self._create(name, values.shape, chunks, kind, fill, (dimension,), attrs)
+        array[:] = values.astype(object) if text else values
+
+    def _write_history(self, name: str, index: Index, history: xr.DataArray) -> None:
+        """Write a variable of a case over time: an array over the sweep, the time, and labels.
+
+        Cases can differ in length and in joints: the array grows as needed, and what a case has not
+        is NaN. A chunk is one case, so that writing it again, after a kill, gives what it was.
+
+        Raises:
+            JointplayError: it was recorded at other times than those of the cases before.
+        """
+        key = name + SUFFIX
+        values = np.asarray(history.values, float)
+        dims = list(map(str, history.dims))
+        if key not in self.group:
+            tail = dict(zip(dims, values.shape, strict=True))
+            unit, text = (str(history.attrs.get(word, "")) for word in ("units", "long_name"))
+            self.array(key, "float64", np.nan, text, unit, tail)
+        array = self.group[key]
+        places = [self._places(dimension, history) for dimension in dims]
+        sizes = array.shape[len(index) :]
+        needed = [max(int(p.max(initial=-1)) + 1, n) for p, n in zip(places, sizes, strict=True)]
+        if tuple(needed) != tuple(sizes):
+            array.resize((*array.shape[: len(index)], *needed))
+        block = np.full(needed, np.nan)
+        block[np.ix_(*places)] = values
+        array[index] = block
+
+    def _places(self, dimension: str, history: xr.DataArray) -> np.ndarray:
+        """Positions of a case's labels along a dimension, to which new ones are added.
+
+        All cases share one time axis: the longest one's.
+        """
+        own: list[Any] = history[dimension].values.tolist()
+        known: list[Any] = []
+        if dimension in self.group:
+            known = np.asarray(self.group[dimension][...]).tolist()
+            while known and (known[-1] in ("", None) or known[-1] != known[-1]):
+                known.pop()  # there was no room to write it
+        if dimension == "time":
+            shared = min(len(own), len(known))
+            ours, theirs = np.array(own[:shared], float), np.array(known[:shared], float)
+            other = np.flatnonzero(np.abs(ours - theirs) > ROUNDING * theirs.max(initial=0.0))
+            if other.size:
+                k = int(other[0])
+                raise JointplayError(
+                    f"its record {k + 1} is of t = {ours[k]:.6g} s, that of the cases before of "
+                    f"{theirs[k]:.6g} s: histories of a sweep have one time axis; let all cases "
+                    "end at one of their times, or leave histories out"
                 )
-            array[:] = whole
+            if len(own) > len(known):
+                self.labels(dimension, dimension, np.asarray(own), {"units": "s"})
+            return np.arange(len(own))
+        new = [label for label in own if label not in known]
+        if new:
+            known += new
+            self.labels(dimension, dimension, np.asarray(known), {})
+        return np.array([known.index(label) for label in own], int)
 
     def keep(self, outcome: Outcome) -> None:
         """Keep a finished case: on return it survives this process.
@@ -525,7 +512,11 @@ class Store:
             said = f"a measure cannot be called {taken[0]!r}: the sweep has another of that name"
             outcome = Outcome(outcome.index, FAILED, values, said)
         with writing(self.path):
-            outcome = write_histories(self, outcome)
+            try:
+                for name, history in outcome.histories.items():
+                    self._write_history(name, outcome.index, history)
+            except JointplayError as error:  # it does not fit those of the cases before
+                outcome = replace(outcome, state=FAILED, error=str(error))
         entry = {"i": list(map(int, outcome.index)), "s": outcome.state, "v": outcome.values}
         self.journal.add(entry | ({"e": outcome.error} if outcome.error else {}))
         self.state[outcome.index] = outcome.state
@@ -550,6 +541,7 @@ class Store:
         self._flushed = time.monotonic()
 
     def _fill(self, outcomes: Sequence[Outcome]) -> None:
+        """Write finished cases into the arrays."""
         columns: dict[str, list[tuple[Index, float]]] = {}
         for outcome in outcomes:
             for name, value in outcome.values.items():

@@ -63,22 +63,20 @@ def table(dataset: xr.Dataset, rows: int = 20) -> str:
 
 def columns_of(dataset: xr.Dataset) -> list[tuple[str, str, float]]:
     """Measures of the table, the user's own last: name, unit, and factor to it."""
-    own = [(name, str(dataset[name].attrs.get("units", "")), 1.0) for name in _own(dataset)]
+    from jointplay.sweeps.measures import USER
+
+    own = [
+        (name, str(dataset[name].attrs.get("units", "")), 1.0)
+        for name in _measures(dataset)
+        if dataset[name].attrs.get("origin") == USER
+    ]
     return [column for column in (*SHOWN, *own) if column[0] in dataset]
 
 
-def _own(dataset: xr.Dataset) -> list[str]:
-    """Measures of the user's own."""
-    from jointplay.sweeps.measures import USER
-
-    dims = set(dataset.attrs["sizes"])
-    return [
-        str(name)
-        for name, variable in dataset.data_vars.items()
-        if set(variable.dims) == dims
-        and variable.dtype.kind == "f"
-        and variable.attrs.get("origin") == USER
-    ]
+def _measures(dataset: xr.Dataset) -> list[str]:
+    """Names of all measures."""
+    dims = tuple(dataset.attrs["sizes"])
+    return [str(n) for n, v in dataset.data_vars.items() if v.dims == dims and v.dtype.kind == "f"]
 
 
 def measured(dataset: xr.Dataset, name: str) -> xr.DataArray:
@@ -87,8 +85,7 @@ def measured(dataset: xr.Dataset, name: str) -> xr.DataArray:
     Raises:
         MissingName: there is none of the name.
     """
-    dims = tuple(dataset.attrs["sizes"])
-    names = [str(n) for n, v in dataset.data_vars.items() if v.dims == dims and v.dtype.kind == "f"]
+    names = _measures(dataset)
     if name not in names:
         raise MissingName("measure", name, names)
     return dataset[name]
@@ -126,6 +123,7 @@ def label(dataset: xr.Dataset, name: str) -> str:
 
 
 def _head(name: str, unit: str) -> str:
+    """Title of a column."""
     plain = name.replace("_", " ")
     return f"{plain} [{unit}]" if unit and unit != "1" else plain
 
@@ -141,10 +139,12 @@ def coordinate_text(dataset: xr.Dataset, name: str, index: int) -> str:
 
 
 def _text(value: float) -> str:
+    """A number of the table."""
     return "-" if not np.isfinite(value) else f"{value:.4g}"
 
 
 def _aligned(lines: Sequence[Sequence[str]]) -> str:
+    """Lines of a table, columns at the right."""
     widths = [max(len(line[k]) for line in lines) for k in range(len(lines[0]))]
     return "\n".join(
         "  ".join(word.rjust(width) for word, width in zip(line, widths, strict=True))
@@ -180,6 +180,7 @@ def select(dataset: xr.Dataset, only: Mapping[str, str]) -> xr.Dataset:
 
 
 def _is_number(text: str) -> bool:
+    """Whether a text is a plain number."""
     try:
         float(text)
     except ValueError:
@@ -188,6 +189,7 @@ def _is_number(text: str) -> bool:
 
 
 def _index(text: str, size: int) -> int:
+    """A position along a dimension without values."""
     if not text.isdigit() or int(text) >= size:
         raise JointplayError(f"expected a whole number below {size}, got {text!r}")
     return int(text)
@@ -199,8 +201,8 @@ def _index(text: str, size: int) -> int:
 QUANTILES = (0.05, 0.5, 0.95, 0.99)
 
 
-def samples_of(dataset: xr.Dataset, measure: str) -> tuple[np.ndarray, int]:
-    """Values of a measure in the order of the samples, and how many of them are independent.
+def samples_of(dataset: xr.Dataset, measure: str) -> np.ndarray:
+    """Independent values of a measure in the order of the samples.
 
     Of a saltelli design only the base sample's points are; repeats are averaged, for runs of the
     same point are not independent samples.
@@ -222,8 +224,8 @@ def samples_of(dataset: xr.Dataset, measure: str) -> tuple[np.ndarray, int]:
     flat = values.values.ravel()
     if dataset.attrs["sampling"] == "saltelli" and dataset.attrs["sampled"]:
         block = len(dataset.attrs["sampled"]) + 2
-        return flat.reshape(-1, block)[:, [0, -1]].ravel(), len(flat)
-    return flat, len(flat)
+        return flat.reshape(-1, block)[:, [0, -1]].ravel()
+    return flat
 
 
 def indices_of(dataset: xr.Dataset, measure: str) -> SobolIndices | None:
@@ -252,11 +254,11 @@ def uncertainty(dataset: xr.Dataset, measure: str, precision: float) -> str:
         JointplayError: see `samples_of`.
     """
     precision = require_share("precision", precision)
-    values, _ = samples_of(dataset, measure)
+    values = samples_of(dataset, measure)
     factor, unit = scale(dataset, measure)
     known = int(np.isfinite(values).sum())
-    lines = [f"{measure}: {known} samples" + (f", {len(values) - known} without a value"
-             if known < len(values) else "")]  # fmt: skip
+    missing = f", {len(values) - known} without a value" if known < len(values) else ""
+    lines = [f"{measure}: {known} samples{missing}"]
     lines += [_line(name, estimate(values, name), factor, unit) for name in ("mean", "std")]
     lines += [
         _line(f"{100 * p:g} %", estimate(values, "quantile", p), factor, unit) for p in QUANTILES
@@ -282,8 +284,9 @@ def uncertainty(dataset: xr.Dataset, measure: str, precision: float) -> str:
 
 
 def _line(name: str, statistic: IntervalEstimate, factor: float, unit: str) -> str:
-    low, high = (f"{factor * end:.4g}" if np.isfinite(end) else "unknown"
-                 for end in (statistic.low, statistic.high))  # fmt: skip
+    """A statistic with its interval."""
+    ends = (statistic.low, statistic.high)
+    low, high = (f"{factor * end:.4g}" if np.isfinite(end) else "unknown" for end in ends)
     unit = "" if unit == "1" else unit
     text = f"  {name:<5} {factor * statistic.value:.4g} {unit} (95 %: {low} to {high})"
     return text.rstrip()

@@ -1,14 +1,83 @@
-"""Anagnostopoulos: linear spring and a dashpot from the restitution and the mass (1988, 2004)."""
+"""Laws with a linear spring, F = k delta: alone (eq. 16), and with a dashpot (eq. 17)."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
 
+from jointplay.contact.hertzian import REFERENCE_PENETRATION_M
 from jointplay.contact.law import ContactProperties, NormalForceLaw
-from jointplay.contact.normal.linear_spring import linear_stiffness, spring_and_dashpot
 from jointplay.core.errors import JointplayError
 from jointplay.core.schema import quantity
+
+
+def linear_stiffness(given: float | None, contact: ContactProperties) -> float:
+    """Linear stiffness [N/m]: the given one, or the Hertz contact's.
+
+    Eq. 11 gives N/m^1.5. Derived, k is the spring that stores Hertz's energy at 10 um:
+    k delta^2 / 2 = 2/5 k_Hertz delta^(5/2).
+    """
+    if given is not None:
+        return given
+    return 0.8 * contact.stiffness * math.sqrt(REFERENCE_PENETRATION_M)
+
+
+def spring_and_dashpot(
+    delta: float, ddelta: float, ddelta0: float, stiffness: float, damping: float
+) -> float:
+    """F_n = k delta + b ddelta."""
+    return stiffness * delta + damping * ddelta
+
+
+@dataclass(frozen=True)
+class LinearSpring(NormalForceLaw):
+    """F_n = k delta (eq. 16)."""
+
+    name = "linear-spring"
+    formula = r"F_n = k_l\delta"
+    reference = "doi 10.3390/app13042211, eq. 16"
+    validity = "rough estimates near the depth that the stiffness is chosen for; no loss"
+
+    stiffness: float | None = quantity("N/m", default=None, above=0.0)
+    """k [N/m]; None takes it from the joint's Hertz stiffness (`linear_stiffness`)."""
+
+    @staticmethod
+    def function(delta: float, ddelta: float, ddelta0: float, stiffness: float) -> float:
+        """Evaluate eq. 16."""
+        return stiffness * delta
+
+    def parameters(self, contact: ContactProperties) -> tuple[float, ...]:
+        """k [N/m]."""
+        return (linear_stiffness(self.stiffness, contact),)
+
+    def effective_restitution(self, restitution: float) -> float:
+        """1, whatever c_e is."""
+        return 1.0
+
+
+@dataclass(frozen=True)
+class KelvinVoigt(NormalForceLaw):
+    """F_n = k delta + b ddelta (eq. 17).
+
+    The force jumps to b ddelta at the first touch and would pull before separation, which the
+    time loop cuts off: a contact never pulls.
+    """
+
+    name = "kelvin-voigt"
+    formula = r"F_n = k_l\delta + b\dot\delta"
+    reference = "doi 10.3390/app13042211, eq. 17"
+    validity = "rough estimates: the force jumps at the first touch; c_e does not enter"
+
+    damping: float = quantity("N*s/m", least=0.0)
+    """b [N s/m]."""
+    stiffness: float | None = quantity("N/m", default=None, above=0.0)
+    """k [N/m]; None takes it from the joint's Hertz stiffness (`linear_stiffness`)."""
+
+    function = staticmethod(spring_and_dashpot)
+
+    def parameters(self, contact: ContactProperties) -> tuple[float, ...]:
+        """k [N/m] and b [N s/m]."""
+        return linear_stiffness(self.stiffness, contact), self.damping
 
 
 def damping_ratio(restitution: float) -> float:
@@ -62,16 +131,11 @@ class Anagnostopoulos(NormalForceLaw):
 
     function = staticmethod(spring_and_dashpot)
 
-    @property
-    def impact_mass(self) -> float:
-        """m [kg]."""
-        assert self.mass is not None
-        return self.mass
-
     def parameters(self, contact: ContactProperties) -> tuple[float, ...]:
         """k [N/m] and b [N s/m]."""
+        assert self.mass is not None
         k = linear_stiffness(self.stiffness, contact)
-        return k, 2.0 * damping_ratio(contact.restitution) * math.sqrt(k * self.impact_mass)
+        return k, 2.0 * damping_ratio(contact.restitution) * math.sqrt(k * self.mass)
 
     def effective_restitution(self, restitution: float) -> float:
         """exp(-2 phi cot(phi)), phi = arccos(zeta), of the given mass, the pull cut off.

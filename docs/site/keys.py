@@ -1,0 +1,162 @@
+"""Write the tables of keys into docs/scenarios.md, from the classes that read scenario files."""
+
+import dataclasses
+import re
+from pathlib import Path
+from typing import get_args
+
+from jointplay.contact.film import FilmLaw
+from jointplay.contact.law import FrictionLaw, NormalForceLaw
+from jointplay.core.schema import (
+    Preset,
+    default_at,
+    explanations,
+    family_of,
+    fields_of,
+    is_word,
+    names_of,
+)
+from jointplay.joints import Clearance
+from jointplay.loads import Load
+from jointplay.loads.drive import Drive, JointFriction
+from jointplay.mechanism.gear import Gear
+from jointplay.scenario.model import (
+    HeldPayload,
+    IntegrationTable,
+    LoopEnds,
+    MotionTable,
+    Output,
+    Robot,
+)
+
+PAGE = Path(__file__).parents[1] / "scenarios.md"
+SECTION = re.compile(
+    r"(<!-- keys of (\w+): written by docs/site/keys.py -->\n).*?(<!-- end -->)", re.S
+)
+KINDS = {
+    **{"Robot": Robot, "LoopEnds": LoopEnds, "Clearance": Clearance, "MotionTable": MotionTable},
+    **{"NormalForceLaw": NormalForceLaw, "FrictionLaw": FrictionLaw, "FilmLaw": FilmLaw},
+    **{"Drive": Drive, "JointFriction": JointFriction, "Gear": Gear, "Load": Load},
+    **{"HeldPayload": HeldPayload, "IntegrationTable": IntegrationTable, "Output": Output},
+}
+"""Classes whose keys have a table on the page."""
+IN_A_LINE = ("NormalForceLaw", "FrictionLaw", "FilmLaw", "Drive", "Load")
+"""Families of which each member has a line with all its keys."""
+
+
+def members_of(kind):
+    """Classes of a family by word, with the keys that the word leaves open; or just the class."""
+    family = family_of(kind)
+    members = {"": kind} if family is None else family.members
+    found = {}
+    for word, member in members.items():
+        preset = member if isinstance(member, Preset) else Preset(member, "", {})
+        fields = fields_of(preset.kind)
+        keys = {name: one for name, one in fields.items() if name not in preset.given}
+        found[word] = preset.kind, keys
+    return found
+
+
+def units(field):
+    return f" [{' or '.join(field.units)}]".replace("*", " ") if field.units != ("",) else ""
+
+
+def default_of(field):
+    """What a key is if not given, as a file would say it; empty if the explanation says it."""
+    if field.required:
+        return "required"
+    value = field.default
+    if field.choices and not is_word(field.hint):
+        value = next((word for word, one in dict(field.choices[1]).items() if one == value), value)
+    if value is None:
+        value = default_at(field.hint, ())
+    if isinstance(value, bool):
+        return f"`{str(value).lower()}`"
+    if isinstance(value, str):
+        return f'`"{value}"`' if value else ""
+    if isinstance(value, tuple):
+        return f"`[{', '.join(f'{one:g}' for one in value)}]`"
+    return f"{value:g}" if isinstance(value, int | float) else ""
+
+
+def inner_keys(hint):
+    """Keys of a table that a key holds, if it holds one of a single class."""
+    for part in (hint, *get_args(hint)):
+        if dataclasses.is_dataclass(part) and family_of(part) is None:
+            named = (f"`{name}`{units(one)}" for name, one in fields_of(part).items())
+            return f" Table: {', '.join(named)}."
+    return ""
+
+
+def meaning(kind, name, field):
+    text = explanations(kind).get(name, "").replace("``", "`").rstrip(".")
+    text += units(field) if "[" not in text else ""
+    words = [f"`{word}`" for word in (field.choices[1] if field.choices else ())]
+    if not all(word in text for word in words):
+        text += f": {', '.join(words)}"
+    parts = (field.hint, *get_args(field.hint))
+    if not text:
+        text = next((f"A {family.noun}" for part in parts if (family := family_of(part))), "")
+    if any(map(names_of, parts)):
+        text = f"{text}. By name, or a table".removeprefix(". ")
+    text = f"{text}.{inner_keys(field.hint)}".replace("a table. Table", "a table")
+    return text.removeprefix(".").strip().replace("|", "\\|")
+
+
+def table(kind):
+    """A line for each key; of a family with the words that have it."""
+    members = members_of(kind)
+    several = len(members) > 1
+    lines = ["| key | kinds | meaning | default |" if several else "| key | meaning | default |"]
+    lines.append("| --- | --- | --- | --- |" if several else "| --- | --- | --- |")
+    if several:
+        family = family_of(kind)
+        words = ", ".join(f"`{word}`" for word in members)
+        lines.append(f"| `{family.key}` | all | {words} | `{family.default}` |")
+    done = set()
+    for owner, keys in members.values():
+        for name, field in keys.items():
+            if name in done:
+                continue
+            done.add(name)
+            having = [word for word, (_, own) in members.items() if name in own]
+            among = "all" if len(having) == len(members) else ", ".join(having)
+            cells = [f"`{name}`", *([among] if several else [])]
+            cells += [meaning(owner, name, field), default_of(field)]
+            lines.append(f"| {' | '.join(cells)} |")
+    return lines
+
+
+def in_a_line(kind):
+    """A line for each member of a family, with its keys, their units and defaults."""
+    family = family_of(kind)
+    same = {}
+    for word, (_, keys) in members_of(kind).items():
+        parts = []
+        for name, field in keys.items():
+            if name == "source":  # which only results have
+                continue
+            default = default_of(field)
+            if field.choices and is_word(field.hint):
+                others = [word for word in field.choices[1] if word != field.default]
+                default = ", ".join([default, *(f'`"{word}"`' for word in others)])
+            default = f" ({default})" if default else ""
+            parts.append(f"`{name}`{units(field)}{default}")
+        same.setdefault(", ".join(parts) or "none", []).append(f"`{word}`")
+    lines = [f"| `{family.key}` | keys |", "| --- | --- |"]
+    return lines + [f"| {', '.join(words)} | {keys} |" for keys, words in same.items()]
+
+
+def section(match):
+    begin, name, end = match.groups()
+    lines = in_a_line(KINDS[name]) if name in IN_A_LINE else table(KINDS[name])
+    return "\n".join([f"{begin}", *lines, f"\n{end}"])
+
+
+def renewed(text):
+    """The page with its tables as they should be."""
+    return SECTION.sub(section, text)
+
+
+if __name__ == "__main__":
+    PAGE.write_text(renewed(PAGE.read_text(encoding="utf-8")), encoding="utf-8")

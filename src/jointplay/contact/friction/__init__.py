@@ -1,1 +1,0 @@
-"""Laws of friction, one module each: functions of the speed, and with bristles."""

@@ -1,1 +1,0 @@
-"""Laws of normal force, one module each."""
