@@ -362,7 +362,7 @@ ELSEWHERE = {
     "analysis/runs.py": {"np.savez_compressed(content, **vars(trace))"},  # in memory
     "commands/schema.py": {"json.dump(schema(), sys.stdout, indent=1, ensure_ascii=False)"},
     "exports/notebook.py": {"figure.savefig(buffer, format='png', dpi=100)"},  # in memory
-    "exports/table.py": {"block.to_csv(index=False, header=first == 0)"},  # in memory
+    "exports/table.py": {"table.iloc[block].to_csv("},  # in memory
     "exports/trajectory.py": {"yaml.dump("},  # text
     "core/numba_inside.py": {"file.unlink()"},  # the kernels' cache, which is numba's to write
     "mechanism/viewer.py": {"shutil.rmtree(", "folder.rmdir()"},  # a temporary folder
