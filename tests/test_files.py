@@ -369,7 +369,6 @@ ELSEWHERE = {
     "core/streams.py": {"os.open(os.devnull, ", "os.fdopen(number, mode, closefd=False)"},
     "mechanism/meshes.py": {"np.savez(file, ", "scene.dump()", "file.unlink("},  # the user's cache
     "mechanism/model.py": {"file.write_text("},  # in a temporary folder, for Pinocchio to read
-    "mechanism/visuals.py": {"file.write_text("},  # likewise
     "player/movie.py": {"page_file.write_bytes("},  # in a temporary folder, for the browser
     "plots/figures.py": {"pages.savefig("},  # in memory
     "plots/style.py": {"super().savefig(", "self.savefig(drawn, "},  # in memory
