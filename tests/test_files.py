@@ -362,14 +362,13 @@ ELSEWHERE = {
     "analysis/runs.py": {"np.savez_compressed(content, **vars(trace))"},  # in memory
     "commands/schema.py": {"json.dump(schema(), sys.stdout, indent=1, ensure_ascii=False)"},
     "exports/notebook.py": {"figure.savefig(buffer, format='png', dpi=100)"},  # in memory
-    "exports/table.py": {"block.to_csv(index=False, header=first == 0)"},  # in memory
+    "exports/table.py": {"table.iloc[block].to_csv("},  # in memory
     "exports/trajectory.py": {"yaml.dump("},  # text
     "core/numba_inside.py": {"file.unlink()"},  # the kernels' cache, which is numba's to write
     "mechanism/viewer.py": {"shutil.rmtree(", "folder.rmdir()"},  # a temporary folder
     "core/streams.py": {"os.open(os.devnull, ", "os.fdopen(number, mode, closefd=False)"},
     "mechanism/meshes.py": {"np.savez(file, ", "scene.dump()", "file.unlink("},  # the user's cache
     "mechanism/model.py": {"file.write_text("},  # in a temporary folder, for Pinocchio to read
-    "mechanism/visuals.py": {"file.write_text("},  # likewise
     "player/movie.py": {"page_file.write_bytes("},  # in a temporary folder, for the browser
     "plots/figures.py": {"pages.savefig("},  # in memory
     "plots/style.py": {"super().savefig(", "self.savefig(drawn, "},  # in memory

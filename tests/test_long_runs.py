@@ -29,8 +29,8 @@ PATIENCE_S = 900.0
 @pytest.fixture
 def small_portions(monkeypatch):
     """So little memory for records that a short run needs several portions."""
-    monkeypatch.setattr(audit, "PORTION", 64)
-    monkeypatch.setattr(spool, "PORTION", 64)
+    monkeypatch.setattr(audit, "PORTION", 256)
+    monkeypatch.setattr(spool, "PORTION", 256)
     monkeypatch.setattr(spool, "PORTION_BYTES", 1)
     monkeypatch.setattr(spool, "RECORD_BYTES", 1)
     monkeypatch.setattr(spool, "MOST_BYTES", 1)
