@@ -57,7 +57,7 @@ KEPT = 2.0
 SAFETY = 0.85
 """Part of the length that the last error would allow."""
 
-FIRST_PART = 0.25
+FIRST_PART = 0.6
 """Length of the first step of an impact, relative to what the tolerance would allow in its midst:
 the force grows there from nothing."""
 
@@ -264,7 +264,7 @@ def _step_error(run, h):
     wrong = _size(run, off)
     if wrong == 0.0:
         return 0.0
-    moved = _size_of_forces(run) + _size(run, a)
+    moved = max(_size_of_forces(run), _size(run, a))
     whole = max(moved, run.moved, run.braking)
     run.moved = moved
     return wrong / (run.micro_tolerance * (whole + SMALL_SPEED / h))
