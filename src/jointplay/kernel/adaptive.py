@@ -1,18 +1,18 @@
 """Micro steps of the multi-rate method as long as their error allows.
 
-A micro step of length h from the state n - 1 to the state n changes velocities by h a, a being the
-acceleration in its middle as the leapfrog method takes it. What that leaves out is
+A micro step of length h changes velocities by h a, with the acceleration a at its middle as the
+leapfrog method takes it. Taylor's next term is what that leaves out,
 
     e = h^3/24 d2a/dt2,
 
-found from the accelerations at the last three states. The step is as long as e, with velocities
-measured by the root of twice their kinetic energy, stays below `micro_tolerance` times what
-contacts and inertia move in it; an impact counts by its mean deceleration from the first, or its
-onset, where forces grow from nothing, would be resolved for ever. In flight one step so spans the
-macro step, in lasting contact steps follow the contact's own swing, in impacts they are as short
-as their stiffness wants them. Onsets of contacts are located. A step whose error
-turns out far larger is done again, shorter: no call of Pinocchio is repeated. Reference for the error of the leapfrog method by its next term: E. Hairer, C. Lubich,
-G. Wanner, Acta Numerica 12 (2003) 399-450.
+found from the accelerations at the last three states. The step is as long as e stays below
+`micro_tolerance` times what contacts and inertia move in it, all measured as the root of twice a
+kinetic energy. Impacts count by their mean deceleration at least: their beginning, where the force
+grows from nothing, would otherwise be resolved without end. So a step in flight spans the macro
+step, steps in lasting contact follow the oscillation of the contact, and an impact has as many
+steps however stiff it is. Onsets of contacts are located. A step whose error turns out too large is
+done again, shorter, from a copy of the state; no call of Pinocchio is repeated. Steps are not made
+longer by little: leapfrog steps of equal length keep the energy of an elastic contact.
 
 Records are due at multiples of `run.dt`, wherever the states are: they are interpolated.
 """
