@@ -358,13 +358,14 @@ def _try_steps(run):
         step_positions(run, h)
         run.time = start + h
         evaluate(run)
-        if run.status != 0:
-            break
-        error = _step_error(run, h)
+        # A step that is far too long can end anywhere: a failure counts with the shortest only.
+        error = _step_error(run, h) if run.status == 0 else np.inf
         if error > REFUSED and h > run.shortest:
             run.refused_at = start
             run.refused_step = max(h * max(SAFETY * error ** (-1.0 / 3.0), 0.1), run.shortest)
             return False
+        if run.status != 0:
+            break
         if error > REFUSED:
             run.unresolved += 1
         factor = min(SAFETY * error ** (-1.0 / 3.0), GROWTH) if error > 0.0 else GROWTH
@@ -383,8 +384,11 @@ def _try_steps(run):
                 end = last * run.dt
         if run.time >= end - 1e-9 * run.dt:
             break
-    run.step = last
-    run.time = last * run.dt
+    if run.status == 0:
+        run.step = last
+        run.time = last * run.dt
+    else:
+        run.step = int(run.time / run.dt)
     return True
 
 

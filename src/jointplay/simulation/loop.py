@@ -153,6 +153,9 @@ class TimeLoop(ABC):
 LONGEST_MACRO_STEP_S = 2e-4
 """Macro steps that an error estimate chooses are no longer than this [s]."""
 
+LONGEST_ADAPTIVE_MACRO_STEP_S = 5e-4
+"""The same where micro steps go by their own error [s]."""
+
 MACRO_TOLERANCE = 1e-3
 """Error of the acceleration drawn along a line through two macro steps, relative: what the third
 says differs from it by no more, or the next macro step is shorter.
@@ -303,7 +306,7 @@ class Adaptive(MultiRate):
     """
 
     advancing = Command.ADVANCE_ADAPTIVELY
-    longest_macro_step_s = 5e-4
+    longest_macro_step_s = LONGEST_ADAPTIVE_MACRO_STEP_S
 
     def __init__(self, *args: Any, macro_step: float | None, tolerance: float) -> None:
         """Prepare the calls, and the room for states to come back to."""

@@ -40,6 +40,7 @@ from jointplay.simulation import loads as acting
 from jointplay.simulation.assemble import check_step, contact_site, require_inertia
 from jointplay.simulation.loads import Events, LoadSchedule
 from jointplay.simulation.loop import (
+    LONGEST_ADAPTIVE_MACRO_STEP_S,
     LONGEST_MACRO_STEP_S,
     LOOP_CORRECTION,
     Adaptive,
@@ -251,7 +252,8 @@ class Run:
         require_inertia(mechanism, start.q)
         if simulation.seed is not None and not simulation.starts_at_rest:
             start.perturb(simulation.seed, at_rest=False)
-        macro = simulation.macro_step or LONGEST_MACRO_STEP_S
+        longest = LONGEST_ADAPTIVE_MACRO_STEP_S if simulation.tolerance else LONGEST_MACRO_STEP_S
+        macro = simulation.macro_step or longest
         tables, armature, self._reference = tabulate(
             mechanism,
             simulation.motion,
