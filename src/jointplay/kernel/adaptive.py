@@ -205,7 +205,7 @@ def _judge_onset(run, joint, contact):
     contact.braking = speed / (half * math.sqrt(compliance))
     contact.braking_end = run.time + IMPACT * half
     first = FIRST_PART * math.sqrt(24.0 * run.micro_tolerance) * half
-    run.micro_step = min(run.micro_step, max(first, run.shortest))
+    run.micro_step = min(run.micro_step, max(first, run.shortest_micro))
 
 
 @internal
@@ -294,7 +294,7 @@ def _remember_acceleration(run, h):
 @internal
 def _next_length(run, remaining):
     """Length of the next micro step: what remains is divided evenly among few."""
-    h = max(run.micro_step, run.shortest)
+    h = max(run.micro_step, run.shortest_micro)
     if h >= remaining:
         return remaining
     return remaining / math.ceil(remaining / h) if remaining < 3.0 * h else h
@@ -360,9 +360,9 @@ def _try_steps(run):
         evaluate(run)
         # A step that is far too long can end anywhere: a failure counts with the shortest only.
         error = _step_error(run, h) if run.status == 0 else np.inf
-        if error > REFUSED and h > run.shortest:
+        if error > REFUSED and h > run.shortest_micro:
             run.refused_at = start
-            run.refused_step = max(h * max(SAFETY * error ** (-1.0 / 3.0), 0.1), run.shortest)
+            run.refused_step = max(h * max(SAFETY * error ** (-1.0 / 3.0), 0.1), run.shortest_micro)
             return False
         if run.status != 0:
             break
@@ -370,7 +370,7 @@ def _try_steps(run):
             run.unresolved += 1
         factor = min(SAFETY * error ** (-1.0 / 3.0), GROWTH) if error > 0.0 else GROWTH
         if factor < 1.0 or (factor > KEPT and h >= 0.99 * run.micro_step):
-            run.micro_step = max(factor * h, run.shortest)
+            run.micro_step = max(factor * h, run.shortest_micro)
         if records:
             due = _write_due_records(run, start, h, due)
         if h < wanted:

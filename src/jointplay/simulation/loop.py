@@ -312,7 +312,7 @@ class Adaptive(MultiRate):
         """Prepare the calls, and the room for states to come back to."""
         super().__init__(*args, macro_step=macro_step)
         run = self.workspace.run
-        run["micro_tolerance"], run["shortest"] = tolerance, SHORTEST_MICRO_STEP_S
+        run["micro_tolerance"], run["shortest_micro"] = tolerance, SHORTEST_MICRO_STEP_S
         run["micro_step"] = self._dt
         self.workspace.keep_copies()
 
