@@ -68,6 +68,12 @@ SMALL_SPEED = 1e-5
 """What moves no faster than this, as the root of twice a kinetic energy, is not resolved further
 [kg^0.5 m/s]."""
 
+SMALL_DEPTH = 1e-9
+"""From where the search for an impact's depth begins at least [m]."""
+
+DEPTH_TRIALS = 4
+"""Trials of that search, exact after the first for Hertz's force."""
+
 ONSET_TRIALS = 30
 """Trials by which the onset of a contact is located, at most."""
 
@@ -89,14 +95,16 @@ def _save(run):
 def _restore(run):
     """Come back to the copy, but for the counts of the work done and what was refused."""
     solves, iterations, unsolved = run.solves, run.iterations, run.unsolved
-    at, step = run.refused_at, run.refused_step
+    at, step, length = run.refused_at, run.refused_step, run.refused_length
+    retried = run.retried_at
     for k in range(run.ncopies):
         row = integers(run.copies + 24 * k, 3)
         source, target = integers(row[1], row[2]), integers(row[0], row[2])
         for i in range(row[2]):
             target[i] = source[i]
     run.solves, run.iterations, run.unsolved = solves, iterations, unsolved
-    run.refused_at, run.refused_step = at, step
+    run.refused_at, run.refused_step, run.refused_length = at, step, length
+    run.retried_at = retried
 
 
 @internal
@@ -160,10 +168,23 @@ def _time_to_onset(run, h):
 
 
 @internal
+def _quadratic_form(run, forces):
+    """Generalised forces f as f M^-1 f."""
+    nv = run.nv
+    minv = matrix(run.minv, nv, nv)
+    total = 0.0
+    for i in range(nv):
+        if forces[i] != 0.0:
+            for k in range(nv):
+                total += forces[i] * minv[i, k] * forces[k]
+    return total
+
+
+@internal
 def _compliance_at(run, joint, contact):
     """Inverse of the mass that a contact meets along its normal [1/kg]."""
     nv = run.nv
-    pull, minv = floats(run.scratch, nv), matrix(run.minv, nv, nv)
+    pull = floats(run.scratch, nv)
     kept = (get_vector(joint.wrench, 0), get_vector(joint.wrench, 3))
     normal = get_vector(contact.direction, 0)
     set_vector(joint.wrench, 0, normal)
@@ -173,12 +194,7 @@ def _compliance_at(run, joint, contact):
     project_wrench(joint, pull)
     set_vector(joint.wrench, 0, kept[0])
     set_vector(joint.wrench, 3, kept[1])
-    total = 0.0
-    for i in range(nv):
-        if pull[i] != 0.0:
-            for k in range(nv):
-                total += pull[i] * minv[i, k] * pull[k]
-    return total
+    return _quadratic_form(run, pull)
 
 
 @internal
@@ -195,8 +211,8 @@ def _judge_onset(run, joint, contact):
         return
     energy = 0.5 * speed * speed / compliance
     law = address_of(contact.parameters)
-    depth = max(-contact.gap, 1e-9)
-    for _ in range(4):
+    depth = max(-contact.gap, SMALL_DEPTH)
+    for _ in range(DEPTH_TRIALS):
         stored = STORED * depth * call_normal(joint.normal_law, (depth, 0.0, 1.0, law))
         if not stored > 0.0:
             return
@@ -239,14 +255,7 @@ def _size(run, values):
 @internal
 def _size_of_forces(run):
     """Acceleration by what depends on velocity, as the root of twice a kinetic energy."""
-    nv = run.nv
-    forces, minv = floats(run.velocity_forces, nv), matrix(run.minv, nv, nv)
-    total = 0.0
-    for i in range(nv):
-        if forces[i] != 0.0:
-            for k in range(nv):
-                total += forces[i] * minv[i, k] * forces[k]
-    return math.sqrt(max(total, 0.0))
+    return math.sqrt(max(_quadratic_form(run, floats(run.velocity_forces, run.nv)), 0.0))
 
 
 @internal
@@ -301,10 +310,8 @@ def _next_length(run, remaining):
 
 
 @internal
-def _begin_rows(run, due):
-    """Write the state just evaluated where records are interpolated, if one is due."""
-    if not due:
-        return
+def _keep_row(run):
+    """Keep the state just evaluated, for records to be interpolated from it."""
     fill_row(run, floats(run.row_before, run.record_columns))
     for i in range(_NP):
         run.before[i] = run.power[i]
@@ -314,18 +321,12 @@ def _begin_rows(run, due):
 
 @internal
 def _write_due_records(run, start, h, due):
-    """Write the records from step `due` on that lie in the micro step from `start`."""
+    """Write the records from step `due` on that lie in the micro step from `start`.
+
+    Returns the step that is due next.
+    """
     end = start + h
-    nv = run.nv
-    row = floats(run.row_after, run.record_columns)
-    fill_row(run, row)
-    work = 1 + 3 * nv
-    for i in range(_NP):
-        row[work + i] += 0.5 * h * run.power[i]
-    at = run.record_columns - run.nl
-    for load in loads(run):
-        row[at] += 0.5 * h * load.power
-        at += 1
+    fill_row(run, floats(run.row_after, run.record_columns))
     while due < run.step + run.macro and due * run.dt < end - 1e-6 * run.dt:
         write_interpolated(run, due * run.dt, max(due * run.dt - start, 0.0), h)
         due = _first_due(run, (due + 0.5) * run.dt)
@@ -351,7 +352,8 @@ def _try_steps(run):
         add_work(run, before)
         commit_all_contacts(run, before + 0.5 * h)
         records = due < last and due * run.dt < start + h - 1e-6 * run.dt
-        _begin_rows(run, records)
+        if records:
+            _keep_row(run)
         add_work(run, 0.5 * h)
         run.fresh = 0
         _remember_acceleration(run, h)
@@ -360,7 +362,14 @@ def _try_steps(run):
         evaluate(run)
         # A step that is far too long can end anywhere: a failure counts with the shortest only.
         error = _step_error(run, h) if run.status == 0 else np.inf
+        retried = run.retried_at == start
+        if retried:
+            # Where the acceleration jumps, no step is short enough: what counts is the momentum
+            # that is wrong, against that of a step as long as the first that was refused here.
+            error *= h / run.refused_length
         if error > REFUSED and h > run.shortest_micro:
+            if not retried:
+                run.retried_at, run.refused_length = start, h
             run.refused_at = start
             run.refused_step = max(h * max(SAFETY * error ** (-1.0 / 3.0), 0.1), run.shortest_micro)
             return False
@@ -373,8 +382,8 @@ def _try_steps(run):
             run.micro_step = max(factor * h, run.shortest_micro)
         if records:
             due = _write_due_records(run, start, h, due)
-        if h < wanted:
-            run.known_a = 0  # a contact begins here: the acceleration has a corner
+        if h < wanted or retried:
+            run.known_a = 0  # a contact begins, or a force jumps: the acceleration has a corner
         end_macro_step(run)
         if run.departure > run.departure_limit:
             # States between macro steps lie on multiples of `dt`.
@@ -401,6 +410,7 @@ def advance_adaptively(run):
     run.macros += 1
     first, macro = run.step, run.macro
     run.refused_at = np.inf
+    run.retried_at = -1.0
     _save(run)
     while not _try_steps(run):
         _restore(run)

@@ -100,7 +100,7 @@ class Audit(Described):
     unsolved: int = 0
     """Steps whose velocity solve did not converge."""
     unresolved: int = 0
-    """Macro steps in which the shortest micro steps did not reach the tolerance."""
+    """Shortest micro steps that did not reach the tolerance."""
     impulse_missed: float = _figure("", default=0.0)
     """Part of a joint's impulse that its recorded forces miss, the largest; see `Auditor`.
 
@@ -186,8 +186,7 @@ class Audit(Described):
             )
         if self.unresolved:
             worries.append(
-                f"{self.unresolved} macro steps did not reach the tolerance with the shortest "
-                "micro steps: raise it"
+                f"{self.unresolved} of the shortest micro steps did not reach the tolerance: raise it"
             )
         if self.impulse_missed > IMPULSE_WARNING:
             worries.append(

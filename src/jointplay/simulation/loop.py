@@ -171,7 +171,7 @@ LOOP_TOLERANCE = 3e-5
 """`MACRO_TOLERANCE` with ideal loops, which drift apart by what the parabola is off."""
 
 SHORTEST_MICRO_STEP_S = 2e-8
-"""Adaptive micro steps are halved down to this [s]."""
+"""Micro steps that go by their error are no shorter than this [s]."""
 
 _aba, _inverse, _WORLD = pin.aba, pin.computeMinverse, pin.Convention.WORLD
 
