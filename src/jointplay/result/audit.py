@@ -186,7 +186,8 @@ class Audit(Described):
             )
         if self.unresolved:
             worries.append(
-                f"{self.unresolved} of the shortest micro steps did not reach the tolerance: raise it"
+                f"{self.unresolved} of the shortest micro steps did not reach the tolerance: "
+                "raise it"
             )
         if self.impulse_missed > IMPULSE_WARNING:
             worries.append(
