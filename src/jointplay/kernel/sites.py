@@ -16,65 +16,21 @@ Carriers = tuple[tuple[int, pin.SE3], tuple[int, pin.SE3]]
 
 
 @dataclass(frozen=True)
-class FilmSite:
-    """What the kernels know of a film."""
+class JointSite:
+    """One joint with clearance, as the kernels have it."""
 
-    law: int
-    """Address of the law."""
-    sections: int
-    """1, or 2 for a journal that can tilt."""
-    section: float
-    """Their distance from the journal's centre [m]."""
-    clearance: float
-    """c [m]."""
-    thinnest: float
-    """Eccentricity ratio at which the film is thinnest."""
-    transition: float
-    """Depth at which nothing of it is left [m]."""
-    lag_mass: float
-    """No more than the smallest mass that the film meets; of explicit methods [kg]."""
-    parameters: tuple[float, ...]
-    """Of the film law."""
-
-
-@dataclass(frozen=True)
-class ContactSite:
-    """What the kernels know of one joint with clearance.
-
-    Attributes:
-        shape, dimensions: see `geometry.touch`.
-        depth_limit: penetration at which the journal has broken out [m].
-        normal, friction: addresses of the laws.
-        bristles: whether the friction law has them.
-        parameters: of the normal-force law, for each contact.
-        friction_parameters: of the friction law.
-        rest_mass: the mass whose impacts damping at rest is referred to, see `contact` [kg].
-        first: index of the virtual link's first coordinate, or None where bearing and journal are
-            reached through their frames; then are needed
-        carriers: Pinocchio joint that carries the bearing, and the bearing's placement in it; the
-            same of the journal.
-        film: None for a dry joint.
-        wearing: this many contacts, from the first, count their sliding work.
-        must_not_touch: this many contacts, from the first, end the run when they touch.
-        signs: +1 for coordinates that move the journal only, -1 for those that move the bearing
-            only, 0 for all others, shape (nv,).
-    """
-
-    shape: int
+    record: np.ndarray
+    """Of `layout.JOINT`, shape (1,); what it points to is left to the workspace."""
+    parameters: np.ndarray
+    """Of the normal-force law, for each contact, shape (contacts, `layout.MAX_PARAMETERS`)."""
     dimensions: tuple[float, ...]
-    depth_limit: float
-    normal: int
-    friction: int
-    bristles: bool
-    parameters: Sequence[tuple[float, ...]]
-    friction_parameters: tuple[float, ...]
-    rest_mass: float
-    first: int | None
+    """See `geometry.touch`."""
     carriers: Carriers | None = None
+    """Pinocchio joint that carries the bearing, and the bearing's placement in it; the same of the
+    journal. None where the coordinates of a virtual link, from `first` on, move the journal."""
     signs: np.ndarray | None = None
-    film: FilmSite | None = None
-    must_not_touch: int = 0
-    wearing: int = 0
+    """With `carriers`: +1 for coordinates that move the journal only, -1 for those that move the
+    bearing only, 0 for all others, shape (nv,)."""
 
 
 PARTS = ("bearing", "journal")
@@ -107,7 +63,7 @@ class LoadSite:
     carriers: Carriers | None = None
     """Between frames: Pinocchio joints that carry them, and the frames' placements in these."""
     signs: np.ndarray | None = None
-    """See `ContactSite`."""
+    """See `JointSite`."""
 
     @property
     def size(self) -> int:

@@ -16,8 +16,8 @@ from jointplay.kernel.sites import (
     PARTS,
     CarriedFrame,
     Carriers,
-    ContactSite,
     CoordinateTables,
+    JointSite,
     LoadSite,
 )
 from jointplay.kernel.words import AZIMUTHS, POWERS
@@ -161,7 +161,7 @@ class Workspace(PointerRecord):
         self,
         data: pin.Data,
         nv: int,
-        sites: Sequence[ContactSite],
+        sites: Sequence[JointSite],
         tables: CoordinateTables,
         dt: float,
         every: int,
@@ -194,12 +194,14 @@ class Workspace(PointerRecord):
         for index, load in enumerate(loads):
             self._write_load(index, load, data)
         for j, site in enumerate(sites):
-            self._write(j, site, data)
+            self._write_joint(j, site, data)
         self.windows = np.zeros((0, 2))
         self.record = np.zeros((rows, columns))
         self.kept_elsewhere = 0
         """Records that are no longer in memory, see `release_records`."""
-        through_frames = any(site.first is None for site in sites) or self.loads["frames"].any()
+        through_frames = (
+            any(site.carriers is not None for site in sites) or self.loads["frames"].any()
+        )
         self._set(
             nv=nv,
             nj=len(sites),
@@ -275,42 +277,26 @@ class Workspace(PointerRecord):
             prescribed=int(prescribed.any()),
         )
 
-    def _write(self, j: int, site: ContactSite, data: pin.Data) -> None:
+    def _write_joint(self, j: int, site: JointSite, data: pin.Data) -> None:
+        self.joints[j] = site.record[0]
         joint = self.joints[j]
-        parameters = self.contacts["parameters"][j]
-        for row, values in zip(parameters, site.parameters, strict=False):
-            row[: len(values)] = values
-        self.sliding_work.append(np.zeros((site.wearing, AZIMUTHS)))
-        if site.first is None:
-            assert site.carriers is not None
+        self.contacts["parameters"][j, : len(site.parameters)] = site.parameters
+        self.sliding_work.append(np.zeros((joint["wearing"], AZIMUTHS)))
+        if site.carriers is None:
+            support, signs = joint["first"] + np.arange(6), np.ones(6, np.int64)
+        else:
             assert site.signs is not None
             support, signs = self._link_frames("joints", joint, site.carriers, site.signs, data)
-        else:
-            support = site.first + np.arange(6)
-            signs = np.ones(6, np.int64)
-        n = len(support)
+        joint["nsupport"] = len(support)
         arrays = {
             "dimensions": np.array([*site.dimensions, *(0.0,) * 4]),
             "support": support.astype(np.int64),
             "signs": signs,
-            "jacobian": np.zeros((6, n)),
+            "jacobian": np.zeros((6, len(support))),
             "sliding_work": self.sliding_work[j],
         }
         self._set_row_pointers(joint, arrays, "{}." + str(j))
         self._addresses["joints"] |= {*arrays, "normal_law", "friction_law", "film_law"}
-        joint["friction_parameters"][: len(site.friction_parameters)] = site.friction_parameters
-        joint["first"] = layout.NO_VIRTUAL_LINK if site.first is None else site.first
-        joint["nsupport"], joint["shape"] = n, site.shape
-        joint["normal_law"], joint["friction_law"] = site.normal, site.friction
-        joint["bristles"], joint["count"] = int(site.bristles), len(site.parameters)
-        joint["limit"], joint["wearing"] = -site.depth_limit, site.wearing
-        joint["rest_mass"] = site.rest_mass
-        joint["must_not_touch"] = site.must_not_touch
-        if site.film is not None:
-            joint["film_law"] = site.film.law
-            for name in ("sections", "section", "clearance", "thinnest", "transition", "lag_mass"):
-                joint[name] = getattr(site.film, name)
-            joint["film_parameters"][: len(site.film.parameters)] = site.film.parameters
 
     def _link_frames(
         self, kind: str, row: np.ndarray, carriers: Carriers, signs: np.ndarray, data: pin.Data
@@ -369,7 +355,7 @@ class Workspace(PointerRecord):
         self._set_pointer("bodies", bodies)
         self._allocate("jacobian", len(self.q), 6)
         frames = iter(carried)
-        sites: list[ContactSite | LoadSite] = [*self.sites, *self.load_sites]
+        sites: list[JointSite | LoadSite] = [*self.sites, *self.load_sites]
         for joint, site in zip([*self.joints, *self.loads], sites, strict=True):
             if site.carriers is None:
                 continue

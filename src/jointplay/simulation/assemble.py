@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pinocchio as pin
 
 from jointplay import kernel
 from jointplay.contact.compiled import address, check_parameters
+from jointplay.contact.law import Law
 from jointplay.core.errors import JointplayError
-from jointplay.kernel.sites import ContactSite, FilmSite
+from jointplay.kernel import layout
+from jointplay.kernel.sites import JointSite
 from jointplay.mechanism.impact import (
     REFERENCE_SPEED,
     contact_duration,
@@ -42,8 +42,8 @@ is below 1/REST_SPEED^2 = 400 times the smallest one of the start (docs/theory.m
 """
 
 
-def contact_site(mechanism: Mechanism, name: str, q: np.ndarray) -> ContactSite:
-    """What the kernels must know of the joint with clearance `name`.
+def joint_site(mechanism: Mechanism, name: str, q: np.ndarray) -> JointSite:
+    """The joint with clearance `name`, as the kernels have it.
 
     Args:
         mechanism: whose joint it is.
@@ -51,46 +51,40 @@ def contact_site(mechanism: Mechanism, name: str, q: np.ndarray) -> ContactSite:
         q: configuration at the start, shape (nq,).
     """
     joint = mechanism.clearance[name]
-    parameters = [
-        check_parameters(joint.normal.parameters(joint.contact_properties(k)), joint.normal.name)
-        for k in range(len(joint.contacts))
-    ]
-    rubbing = check_parameters(joint.friction.parameters(), joint.friction.name)
     mass = effective_mass(mechanism, name, q)
-    first = mechanism.virtual_link(name) if mechanism.has_virtual_link(name) else None
-    reach: dict[str, Any] = {}
-    if first is None:
-        reach = {
-            "carriers": (mechanism.bearing_frame(name), mechanism.journal_frame(name)),
-            "signs": mechanism.signs(name),
-        }
+    record = np.zeros(1, layout.JOINT)
+    parameters = np.zeros((len(joint.contacts), layout.MAX_PARAMETERS))
+    for contact, row in enumerate(parameters):
+        _fill(row, joint.normal, joint.normal.parameters(joint.contact_properties(contact)))
+    _fill(record["friction_parameters"][0], joint.friction, joint.friction.parameters())
+    record["normal_law"], record["friction_law"] = address(joint.normal), address(joint.friction)
+    record["bristles"] = joint.friction.bristles
+    record["shape"], record["count"] = int(joint.shape), len(joint.contacts)
+    record["wearing"] = len(joint.wear.widths) if joint.wear else 0
+    record["limit"] = -joint.depth_limit
+    record["rest_mass"] = mass / REST_SPEED**2
     if joint.film is not None:
         law, properties = joint.film
-        reach["film"] = FilmSite(
-            address(law),
-            properties.contacts,
-            law.section * properties.length if properties.tilts else 0.0,
-            properties.clearance,
-            law.thickest(properties.clearance),
-            law.transition,
-            FILM_LAG * mass,
-            check_parameters(law.parameters(properties), law.name),
-        )
-        reach["must_not_touch"] = 0 if law.hybrid else properties.contacts
-    reach["wearing"] = len(joint.wear.widths) if joint.wear else 0
-    return ContactSite(
-        int(joint.shape),
-        joint.dimensions,
-        joint.depth_limit,
-        address(joint.normal),
-        address(joint.friction),
-        joint.friction.bristles,
-        parameters,
-        rubbing,
-        mass / REST_SPEED**2,
-        first,
-        **reach,
-    )
+        _fill(record["film_parameters"][0], law, law.parameters(properties))
+        record["film_law"] = address(law)
+        record["must_not_touch"] = 0 if law.hybrid else properties.contacts
+        record["sections"] = properties.contacts
+        record["section"] = law.section * properties.length if properties.tilts else 0.0
+        record["clearance"] = properties.clearance
+        record["thinnest"] = law.thickest(properties.clearance)
+        record["transition"] = law.transition
+        record["lag_mass"] = FILM_LAG * mass
+    if mechanism.has_virtual_link(name):
+        record["first"] = mechanism.virtual_link(name)
+        return JointSite(record, parameters, joint.dimensions)
+    record["first"] = layout.NO_VIRTUAL_LINK
+    carriers = mechanism.bearing_frame(name), mechanism.journal_frame(name)
+    return JointSite(record, parameters, joint.dimensions, carriers, mechanism.signs(name))
+
+
+def _fill(row: np.ndarray, law: Law, parameters: tuple[float, ...]) -> None:
+    """Write a law's parameters, checked, into the beginning of a row of zeros."""
+    row[: len(parameters)] = check_parameters(parameters, law.name)
 
 
 def _link_masses(mechanism: Mechanism, name: str) -> str:

@@ -11,7 +11,7 @@ import pinocchio as pin
 
 from jointplay.kernel import REACHED, Command, compiled, entry_of, layout
 from jointplay.kernel.integrators import Integrator
-from jointplay.kernel.sites import CarriedFrame, ContactSite, LoadSite
+from jointplay.kernel.sites import CarriedFrame, JointSite, LoadSite
 from jointplay.kernel.workspace import Workspace
 from jointplay.mechanism.loop import PROXIMAL
 from jointplay.mechanism.model import Frame
@@ -220,7 +220,7 @@ class MultiRate(TimeLoop):
         Where they are must be known at every micro step: no call of Pinocchio is cheap enough.
         """
         w = self.workspace
-        sites: list[ContactSite | LoadSite] = [*w.sites, *w.load_sites]
+        sites: list[JointSite | LoadSite] = [*w.sites, *w.load_sites]
         reached = [frame for site in sites for frame in site.carriers or ()]
         held = [
             frame

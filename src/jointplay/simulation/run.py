@@ -37,7 +37,7 @@ from jointplay.result.histories import histories
 from jointplay.result.variables import Phase
 from jointplay.simulation import checkpoint, initial, limits, step_check
 from jointplay.simulation import loads as acting
-from jointplay.simulation.assemble import check_step, contact_site, require_inertia
+from jointplay.simulation.assemble import check_step, joint_site, require_inertia
 from jointplay.simulation.loads import Events, LoadSchedule
 from jointplay.simulation.loop import (
     LONGEST_ADAPTIVE_MACRO_STEP_S,
@@ -275,7 +275,7 @@ class Run:
         self.workspace = w = Workspace(
             self.data,
             self.model.nv,
-            [contact_site(mechanism, name, start.q) for name in mechanism.clearance],
+            [joint_site(mechanism, name, start.q) for name in mechanism.clearance],
             tables,
             step,
             every,
