@@ -109,8 +109,8 @@ class Controller(OfFunction):
         """Coordinates that the encoders see, and those that the motors turn."""
         links = tuple(mechanism.coordinate(name) for name in self.joints)
         motors = tuple(mechanism.motor(name) for name in self.joints)
-        seen = {"link": links, "motor": motors, "both": links + motors}[self.encoder]
-        return Site(seen, motors)
+        measured = {"link": links, "motor": motors, "both": links + motors}[self.encoder]
+        return Site(measured, motors)
 
     def law(self) -> Callable[..., None]:
         """The user's own, or the last sample held."""

@@ -97,7 +97,7 @@ class BoundLoads:
         """What each load's law gave, (n, size)."""
         recorded, answers, at = records.recorded("load_force"), {}, 0
         for name, site in self._sites.items():
-            size = len(site.pushed) if site.frames is None else 6
+            size = len(site.outputs) if site.frames is None else 6
             answers[name] = recorded[:, at : at + size]
             at += size
         return answers
@@ -117,7 +117,7 @@ class BoundLoads:
         parts, values, units = [], [], []
         for i, (name, load) in enumerate(self.loads.items()):
             site = self._sites[name]
-            x = q[:, list(site.seen)] if site.frames is None else body["poses"]["load", name]
+            x = q[:, list(site.inputs)] if site.frames is None else body["poses"]["load", name]
             energy[:, i] = load.energy(x, load.numbers(self.mechanism))
             for series in load.record(x, answers[name]):
                 parts.append(f"{name}.{series.name}")
@@ -139,7 +139,7 @@ class BoundLoads:
         efforts = np.zeros((records.rows, self.mechanism.model.nv))
         for name, answers in self._answers(records).items():
             if self.loads[name].driven():
-                efforts[:, list(self._sites[name].pushed)] += answers
+                efforts[:, list(self._sites[name].outputs)] += answers
         return efforts
 
     def pushes(self, body: Mapping[str, Any], records: Records) -> LoadWrenches:
@@ -151,7 +151,7 @@ class BoundLoads:
         for name, answers in self._answers(records).items():
             site = self._sites[name]
             if site.frames is None:
-                efforts[:, list(site.pushed)] += answers
+                efforts[:, list(site.outputs)] += answers
                 continue
             turn = body["bearings"]["load", name]
             force = np.einsum("nik,nk->ni", turn, answers[:, :3])
