@@ -5,8 +5,8 @@ from __future__ import annotations
 import tempfile
 import time
 import warnings
-from collections.abc import Callable, Mapping
-from contextlib import closing
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -52,20 +52,20 @@ def run_and_save(
     notes: Mapping[str, Any] | None = None,
     overwrite: bool = False,
 ) -> tuple[Status, Result | None]:
-    """Run and save; told to stop, the run is saved as far as it came, with a checkpoint beside it.
+    """Run and save; after a request to stop, save what there is, with a checkpoint beside it.
 
     Returns:
         How it ended, and the result; None of a run whose records are on disk: the file has it.
 
     Raises:
         JointplayError: the result cannot be written to `path`; the message says where it is.
-        KeyboardInterrupt: told to stop twice, or before anything was computed.
+        KeyboardInterrupt: two requests to stop, or one before anything was computed.
     """
     on_disk = run.on_disk
     kept = working_paths(path)[1]
     result: Result | None = None
     with signals.keeping(str(path)):
-        signals.stoppable(run)
+        _stop_on_request(run)
         if on_disk is not None:
             run.stop_checks.append(_checkpoints(run, kept))
         with warnings.catch_warnings():
@@ -86,6 +86,21 @@ def run_and_save(
             on_disk.remove()
             working_files.remove(path)
     return status, result
+
+
+def _stop_on_request(run: Run) -> None:
+    """Have `run` stop between two stretches when this process is asked to stop."""
+
+    @contextmanager
+    def guard() -> Iterator[None]:
+        if signals.stop_requested():  # before it began
+            raise KeyboardInterrupt
+        yield
+        if run.workspace.rows == 0:  # stopped before its first record
+            raise KeyboardInterrupt
+
+    run.guards.append(guard)
+    run.stop_checks.append(signals.stop_requested)
 
 
 def _checkpoints(run: Run, path: Path) -> Callable[[], bool]:
