@@ -17,17 +17,19 @@ import inspect
 import linecache
 import sys
 import textwrap
+import warnings
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from contextvars import ContextVar
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, Self
 from weakref import WeakKeyDictionary
 
 from jointplay.core.errors import JointplayError
 from jointplay.core.files import is_file
+from jointplay.core.schema import Described, quantity
 
 Function = Callable[..., Any]
 
@@ -323,3 +325,86 @@ def imported(path: str) -> Function:
         raise JointplayError(f"the law {path!r} cannot be imported here: {error}") from error
     finally:
         sys.path.remove(here)
+
+
+# Laws and loads that are made of such a function.
+
+
+@dataclass(frozen=True, kw_only=True)
+class FunctionDescription:
+    """How files describe a law or load that is made of a user's function."""
+
+    function: str
+    """``module:function`` of a module beside the scenario; of another with ``--trust MODULE``."""
+    parameters: tuple[float, ...] | dict[str, float] = quantity("", default=())
+    """Parameters of the function, in the order of its arguments or by name."""
+    source: str | None = None
+    """Text of the function, in results; it is shown, and never run."""
+
+
+class OfFunction(Described):
+    """A law or load that is made of a user's function; a dataclass with the field `function`."""
+
+    function: Any
+
+    def _keep_function(self, function: Any) -> None:
+        """Keep a function, without numba's wrapping, if its arguments are right.
+
+        Raises:
+            JointplayError: it is no function, or takes other arguments than it should.
+        """
+        function = getattr(function, "py_func", function)
+        if not isinstance(function, Absent):
+            if not callable(function):
+                raise JointplayError(f"a law must be a function, got {function!r}", ("function",))
+            self._check_arguments(function)
+            remember(function)
+        object.__setattr__(self, "function", function)
+
+    def _check_arguments(self, function: Function) -> None:
+        """Raise if the function takes other arguments than it should."""
+        raise NotImplementedError
+
+    def _further_arguments(self) -> dict[str, Any]:
+        """What the constructor takes besides the function, by name."""
+        names = [field.name for field in fields(self)]  # type: ignore[arg-type]
+        return {name: getattr(self, name) for name in names if name != "function"}
+
+    @property
+    def source(self) -> str | None:
+        """Text of the function; None where Python does not know it."""
+        return source_of(self.function)
+
+    def describe(self) -> dict[str, Any]:
+        """The fields as plain data; of the function ``module:function`` and its text."""
+        text = {} if self.source is None else {"source": self.source}
+        return {**super().describe(), "function": path_of(self.function), **text}
+
+    @classmethod
+    def from_fields(cls, fields: dict[str, Any]) -> Self:
+        """Build the law or load from what `describe` returned.
+
+        Raises:
+            JointplayError: the function is neither known here nor in a trusted module (see
+                `function_at`); within `showing`, the law is then made to be shown, not run.
+        """
+        arguments = dict(fields)
+        path, source = arguments.pop("function"), arguments.pop("source", None)
+        function = function_or_absent(path, source)
+        if source is not None and source_of(function) not in (None, source):
+            warnings.warn(
+                f"the function {path!r} here differs from the one in the result; a rerun uses the "
+                "one that is here",
+                RuntimeWarning,
+                stacklevel=2,
+            )
+        return cls(function=function, **arguments)  # type: ignore[call-arg]
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Go to another process with the name of the function, as to a file."""
+        return _restored, (type(self), place_of(self.function), self._further_arguments())
+
+
+def _restored(kind: type[Any], place: Place, arguments: dict[str, Any]) -> Any:
+    """Build a law or load again from the name of its function."""
+    return kind(function=function_of(place), **arguments)

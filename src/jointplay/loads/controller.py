@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from jointplay.contact.trust import Absent, path_of
+from jointplay.contact.trust import Absent, OfFunction, path_of
 from jointplay.core.errors import JointplayError
 from jointplay.core.schema import choice, quantity
-from jointplay.loads.base import Series, Site
-from jointplay.loads.wrench import OfFunction, WrittenFunction
+from jointplay.loads.base import Load, Series, Site
+from jointplay.loads.wrench import LoadFunctionDescription, check_arguments
 
 if TYPE_CHECKING:
     from jointplay.mechanism.mechanism import Mechanism
@@ -38,8 +38,8 @@ Sample = Callable[[float, np.ndarray, np.ndarray], Any]
 
 
 @dataclass(frozen=True, kw_only=True)
-class WrittenController(WrittenFunction):
-    """What files say of a controller."""
+class ControllerDescription(LoadFunctionDescription):
+    """How files describe a controller."""
 
     joints: tuple[str, ...]
     """Joints whose torques it gives."""
@@ -50,7 +50,7 @@ class WrittenController(WrittenFunction):
 
 
 @dataclass(frozen=True)
-class Controller(OfFunction):
+class Controller(OfFunction, Load):
     """A controller of the user's own, that gives the torques of some joints.
 
     With a `period` it is a Python callable, called at the times 0, period, 2 period, ...; its
@@ -75,7 +75,7 @@ class Controller(OfFunction):
             multiple of its step, a function that numba cannot compile.
     """
 
-    written = WrittenController
+    written = ControllerDescription
 
     kind: ClassVar[str] = "controller"
 
@@ -100,10 +100,13 @@ class Controller(OfFunction):
         if len(set(self.joints)) < len(self.joints):
             raise JointplayError(f"a controller has a joint twice: {', '.join(self.joints)}")
         super().__post_init__()
+        self._keep_function(self.function)
+
+    def _check_arguments(self, function: Callable[..., Any]) -> None:
         if self.period is None:
-            self._keep(("time", "q", "v", "p", "out"))
-        else:
-            self._keep(("time", "q", "v", "p"), may_be_class=True)
+            check_arguments(function, ("time", "q", "v", "p", "out"))
+        elif not inspect.isclass(function):
+            check_arguments(function, ("time", "q", "v", "p"))
 
     def site(self, mechanism: Mechanism) -> Site:
         """Coordinates that the encoders see, and those that the motors turn."""
