@@ -373,8 +373,12 @@ ELSEWHERE = {
     "plots/figures.py": {"pages.savefig("},  # in memory
     "plots/style.py": {"super().savefig(", "self.savefig(drawn, "},  # in memory
     "reports/sweep.py": {"figure.savefig(content, ", "pages.savefig(figure)"},  # in memory
-    "result/portions.py": {"first.to_netcdf(None, ", "h5py.File(self._disk, ", "h5netcdf.File("},
-    "result/netcdf.py": {"dataset.to_netcdf(None, "},  # in memory
+    "result/netcdf.py": {  # in memory, and a file that is open already
+        "dataset.to_netcdf(None, ",
+        "first.to_netcdf(None, ",
+        "h5py.File(self._disk, ",
+        "h5netcdf.File(",
+    },
     "simulation/checkpoint.py": {"np.savez(out, "},  # in memory
     "simulation/spool.py": {"path.open('r+b')", "self._file.truncate("},  # marked as ours
     "sweeps/case.py": {"place.write_text("},  # in a temporary folder, for Pinocchio to read

@@ -24,7 +24,6 @@ from scipy.optimize import linprog, minimize, nnls
 from scipy.stats import binom
 from tqdm import tqdm
 
-from jointplay.analysis.tables import columns
 from jointplay.core.errors import (
     JointplayError,
     MissingName,
@@ -32,6 +31,7 @@ from jointplay.core.errors import (
     require_share,
     require_whole,
 )
+from jointplay.core.tables import columns
 from jointplay.design.levers import PlaySources, sources
 from jointplay.design.static_budget import budget, half_sphere
 from jointplay.mechanism.mechanism import Mechanism

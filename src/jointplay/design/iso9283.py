@@ -48,11 +48,11 @@ import numpy as np
 from scipy import stats
 
 from jointplay.analysis.runs import MOST_RUNS, Trace, at_speed, errors, loaded, seeded, traces
-from jointplay.analysis.tables import csv_text
 from jointplay.analysis.tool_error import Stop, rotations, stops
 from jointplay.analysis.twins import ideal_simulation
 from jointplay.analysis.uncertainty import IntervalEstimate
 from jointplay.core.errors import JointplayError, require_positive
+from jointplay.core.tables import csv_text
 from jointplay.design.wear import all_wearing, first_profile, with_worn, worn_depths
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.motion.cartesian import cartesian_motion

@@ -16,9 +16,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import optimize
 
-from jointplay.analysis.tables import columns, csv_text
 from jointplay.analysis.uncertainty import standard_error
 from jointplay.core.errors import JointplayError, require_finite, require_positive
+from jointplay.core.tables import columns, csv_text
 from jointplay.design.poses import along_motion, start_of
 from jointplay.design.static_budget import budget
 from jointplay.design.wear import (

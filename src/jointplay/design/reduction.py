@@ -27,11 +27,11 @@ import numpy as np
 import pinocchio as pin
 from scipy.optimize import nnls
 
+from jointplay.analysis.runs import fitting_step
 from jointplay.core.errors import JointplayError, MissingName, require_positive
 from jointplay.core.schema import plain
 from jointplay.design.levers import place, sources
 from jointplay.design.poses import moving
-from jointplay.design.verify import fitting_step
 from jointplay.joints import JOINT_KINDS, Clearance, Coordinate
 from jointplay.loads.drive import JointFriction, Prescribed
 from jointplay.mechanism.gear import Gear

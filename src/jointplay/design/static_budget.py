@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jointplay.analysis.tables import columns, csv_text
 from jointplay.core.errors import JointplayError, require_finite, require_whole
+from jointplay.core.tables import columns, csv_text
 from jointplay.design.levers import PlaySources, configurations, displaced, sources, tool_place
 from jointplay.design.loops import ClosedLoops
 from jointplay.design.rest import AGREES_M, Standing

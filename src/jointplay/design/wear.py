@@ -26,9 +26,9 @@ import numpy as np
 from tqdm import tqdm
 
 from jointplay.analysis.runs import MOST_RUNS, check_numbers
-from jointplay.analysis.tables import csv_text
 from jointplay.analysis.uncertainty import standard_error
 from jointplay.core.errors import JointplayError, MissingName, require_positive, require_whole
+from jointplay.core.tables import csv_text
 from jointplay.joints.base import BoreWear
 from jointplay.kernel import AZIMUTHS
 from jointplay.simulation.ensemble import run_in_order

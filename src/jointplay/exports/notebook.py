@@ -9,7 +9,7 @@ import io
 import numpy as np
 from matplotlib.figure import Figure
 
-from jointplay.core.overview import few, html_table
+from jointplay.core.tables import few, html_table
 from jointplay.core.units import readable
 from jointplay.plots.style import new_figure, style
 from jointplay.result.result import Result

@@ -18,8 +18,8 @@ from jointplay.core.errors import (
     require_numbers,
     require_positive,
 )
-from jointplay.core.overview import few
 from jointplay.core.schema import Described, quantity
+from jointplay.core.tables import few
 
 INTERPOLATIONS = ("rest-to-rest", "spline", "constant-speed", "speed-ramps")
 

@@ -1,4 +1,4 @@
-"""What histories are made of: motion of the bodies, contacts, loads, forces of ideal joints."""
+"""What histories are made of: energies, body motion, contacts, loads, forces of ideal joints."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import pinocchio as pin
 
 from jointplay.geometry import classify_many
 from jointplay.joints import VIRTUAL_LINK, Coordinate
+from jointplay.kernel import POWERS
 from jointplay.loads.base import Load
 from jointplay.loads.drive import JointFriction
 from jointplay.mechanism.impact import elastic_energy
@@ -18,6 +19,42 @@ from jointplay.mechanism.loop import ANGLE_ARM_M, locked
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.mechanism.model import Frame
 from jointplay.mechanism.tree import BodyMotion, Tree
+
+# Terms of the energy balance: one for each power that the kernels count.
+#
+# Results, the audit, the certificate and the energy chart go through this list.
+
+
+@dataclass(frozen=True)
+class Term:
+    """Work that one kind of load has done since the start."""
+
+    power: str
+    """Which of the kernels' powers."""
+    variable: str
+    """Name of its time history in results."""
+    label: str
+    """What charts call it."""
+    lost: bool = True
+    """Whether it takes energy out of the mechanism; else it brings it in."""
+
+
+TERMS = (
+    Term("drive", "drive_work", "work of the drives", lost=False),
+    Term("normal_dissipation", "normal_dissipation", "lost in normal contact"),
+    Term("friction_dissipation", "friction_dissipation", "lost in sliding"),
+    Term("joint_friction", "joint_friction_loss", "lost in joint friction"),
+    Term("gear_dissipation", "gear_dissipation", "lost in gears"),
+    Term("film_dissipation", "film_dissipation", "lost in oil"),
+)
+"""In the order of the kernels' powers."""
+
+if tuple(term.power for term in TERMS) != POWERS:
+    raise TypeError(f"the terms of the energy balance are not the kernels': {', '.join(POWERS)}")
+
+LOSSES = tuple(term.variable for term in TERMS if term.lost)
+"""Time histories of energy lost."""
+
 
 # Records that a run left, whole or a portion of them, wherever they are kept.
 

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 from jointplay.contact.trust import trusting
 from jointplay.core.errors import JointplayError, MissingName
 from jointplay.core.files import read_text
-from jointplay.core.overview import Overview, few
 from jointplay.core.schema import check, fields_of, make, unknown_key
+from jointplay.core.tables import Overview, few
 from jointplay.core.units import toml_text
 from jointplay.mechanism.robots import SHIPPED, resolve
 from jointplay.scenario.model import MOTION_SOURCES, NOT_IN_A_CASE, IntegrationTable, Model, Output

@@ -14,6 +14,7 @@ from jointplay.core import files, signals
 from jointplay.core.errors import JointplayError
 from jointplay.kernel import Status
 from jointplay.result.histories import HistoryBuilder
+from jointplay.result.netcdf import GrowingDataset
 from jointplay.result.result import Result
 from jointplay.simulation import checkpoint, working_files
 from jointplay.simulation.progress import Writing
@@ -148,8 +149,6 @@ def _save_from_disk(
         whole, records = made.totals(w), next(portions)
         first = made.portion(records, run.phases).assign(whole)
         bar.update(records.rows)
-        from jointplay.result.portions import GrowingDataset  # takes long to import
-
         with closing(GrowingDataset(file, first)) as growing:
             for records in portions:
                 growing.append(made.portion(records, run.phases))

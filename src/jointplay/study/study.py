@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from jointplay.analysis.claims import Verdict
-from jointplay.analysis.tables import columns, markdown
 from jointplay.core import files, signals
+from jointplay.core.tables import columns, markdown
 from jointplay.result.result import Result
 from jointplay.study.cases import BESIDE, CASES, DIFFERS, EXPLICIT, EXPLICIT_STEP_S, run_case
 from jointplay.study.ensembles import Ensembles, made_with, write_claims

@@ -12,9 +12,9 @@ from jointplay.analysis.tool_error import COMPONENTS, deviation, stops
 from jointplay.contact.trust import function_in_folder, imported, is_beside
 from jointplay.core.errors import JointplayError
 from jointplay.geometry import Mode
-from jointplay.loads.terms import LOSSES
 from jointplay.motion.reference import Motion
 from jointplay.result.result import Result
+from jointplay.result.variables import LOSSES
 
 COST = "cost"
 """Name of the measure that no two runs share: seconds of processor time."""
