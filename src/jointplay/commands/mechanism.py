@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import re
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from jointplay.commands import (
@@ -168,7 +167,7 @@ def _mechanism(
         raise JointplayError("--case needs a scenario (.toml)")
     else:
         allowed, named = options.allow_unphysical, None
-        plain = Mechanism(_urdf(options.robot), allow_unphysical=allowed)
+        plain = Mechanism(options.robot, allow_unphysical=allowed)
         description = plain.description
     tool = options.tool or named
     if tool is None:
@@ -191,18 +190,6 @@ def _mechanism(
         allow_unphysical=allowed,
     )
     return mechanism, simulation, notes
-
-
-def _urdf(place: str) -> Path:
-    """URDF of a path, a name of example-robot-data, or one that ships."""
-    from jointplay.mechanism.robots import PREFIX, resolve, robot_urdf
-    from jointplay.mechanism.urdf import shipped
-
-    if place.startswith("jointplay:"):
-        return shipped(place.removeprefix("jointplay:"))
-    if place.startswith(PREFIX) or Path(place).suffix or Path(place).is_file():
-        return resolve(place)
-    return robot_urdf(place)
 
 
 def _clearance(

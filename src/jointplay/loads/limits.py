@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from jointplay.core.errors import JointplayError, MissingName
+from jointplay.core.errors import JointplayError
 
 if TYPE_CHECKING:
     from jointplay.mechanism.mechanism import Mechanism
@@ -29,13 +29,6 @@ MARGIN = 1e-6
 
 _SIZES = {"speed": ("a speed", ("rad/s", "m/s")), "effort": ("an effort", ("N m", "N"))}
 """Words and units, of revolute and of prismatic joints."""
-
-
-def require_known(limits: str) -> str:
-    """Return `limits` if it is one of `LIMITS`, else raise."""
-    if limits not in LIMITS:
-        raise MissingName("way with limits", limits, LIMITS)
-    return limits
 
 
 def bounds(mechanism: Mechanism) -> dict[str, float]:
