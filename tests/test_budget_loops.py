@@ -314,7 +314,9 @@ def test_what_holds_each_other_is_allocated_within_the_target(door):
 
 
 def test_others_than_budgets_say_that_they_take_no_loops():
-    with pytest.raises(JointplayError, match="'piston_pin': this is for robots without closed"):
+    with pytest.raises(
+        JointplayError, match="'piston_pin': this works only for robots without closed"
+    ):
         sources(slider_crank({"piston_pin": pin_joint()}), START)
 
 

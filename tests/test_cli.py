@@ -94,7 +94,7 @@ BAD_INPUT = {
     "two robots": (["ur5", "--urdf", "scara.urdf"], "--urdf scara.urdf beside ur5"),
     "no robot": (["nothing_like_it"], "nothing_like_it"),
     "not a setting": (["--set", "step"], '--set "step": give KEY=VALUE'),
-    "not a key": (["--set", "a..b=1"], '"a..b" is no key'),
+    "not a key": (["--set", "a..b=1"], '"a..b" is not a key'),
     "unknown key": (
         ["--set", "integration.stepp=1"],
         '--set integration.stepp: unknown key "stepp"; did you mean "step"?',
@@ -334,7 +334,7 @@ GEARED = ["jointplay:scara.urdf", "--clearance", "1e-4", "--joint", "joint_b"]
     ("words", "said"),
     [
         (["budget", *GEARED, "--friction", "abc"], "--friction"),
-        (["reduce", *GEARED, "--rotor-inertia", "-1"], "no joint has one; name it by --gear"),
+        (["reduce", *GEARED, "--rotor-inertia", "-1"], "no joint has one; add it with --gear"),
         (["reduce", *GEARED, "--spread", "inf"], "--spread must be finite"),
         (["reduce", *GEARED, "--period", "inf"], "--period"),
     ],

@@ -87,7 +87,7 @@ def test_numbers_take_their_units():
         ({"wheels": [], "load": {"hay": "a lot"}}, ("load", "hay"), "is no mass"),
         ({"wheels": [], "at": [1, 2]}, ("at",), "are not three components"),
         ({"wheels": [], "tags": [1]}, ("tags", 0), "text in quotes"),
-        ([], (), "is no table; its keys are: wheels, load, at, tags"),
+        ([], (), "is not a table; its keys are: wheels, load, at, tags"),
     ],
 )
 def test_errors_have_their_place(data, where, message):

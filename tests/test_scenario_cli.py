@@ -42,7 +42,7 @@ def test_init_writes_what_check_and_run_take_and_never_overwrites(tmp_path):
     refused = jointplay("init", "scenario", cwd=tmp_path)
     assert refused.returncode == 2
     assert refused.stderr == (
-        "jointplay init: error: 'scenario.toml' exists; choose another name\n"
+        "jointplay init: error: 'scenario.toml' already exists; choose another name\n"
     )
     assert path.read_text() == "mine"
     assert jointplay("init", "no/where.toml", cwd=tmp_path).returncode == 2
@@ -106,7 +106,7 @@ def test_check_draws_the_mechanism_but_over_no_one_elses_picture(short):
     picture.write_bytes(b"mine")
     refused = jointplay("check", short)
     assert refused.returncode == 2
-    assert "exists; choose another name (--picture" in refused.stderr
+    assert "already exists; choose another name (--picture" in refused.stderr
     assert picture.read_bytes() == b"mine"
 
 

@@ -56,7 +56,7 @@ def test_examples_of_messages_fit_their_own_unit(unit):
         ("0.2 mmm", "m", 'unknown unit "mmm" in "0.2 mmm"; expected a length such as "0.2 mm"'),
         ("3 kg", "m", '"3 kg" is no length'),
         ("3", "m", '"3" without a unit is no length'),
-        ("30 deg", "", '"30 deg" is no number'),
+        ("30 deg", "", '"30 deg" is not a number'),
         ("3", "rad", '"3" without a unit is no angle'),
         ("wide", "m", '"wide" is no length'),
         (True, "m", "true is no length"),

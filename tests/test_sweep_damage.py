@@ -308,7 +308,7 @@ def test_a_damaged_store_is_not_taken_for_that_of_another_sweep(whole, here, tmp
     root.write_bytes(flipped(root.read_bytes(), 800))
     other = tmp_path / "other.toml"
     other.write_text(path.read_text().replace('"2 ms"', '"1 ms"'))
-    with pytest.raises(JointplayError, match="not known to be of this sweep"):
+    with pytest.raises(JointplayError, match="states belong to this sweep"):
         jp.sweep(other, tmp_path / "s", resume=True)
     assert here.ran == []
 

@@ -175,7 +175,7 @@ def test_what_cannot_be_is_said_in_a_line_with_its_place(axes, options, words, u
 
 def test_errors_of_an_axis_name_its_line(unplannable):
     said = unplannable('a = { key = "integration.step", values = [1e-5] }\nb = 3')
-    assert "study.toml, line 23, sweep.axes.b: 3 is no axis" in said
+    assert "study.toml, line 23, sweep.axes.b: 3 is not an axis" in said
 
 
 def test_samples_grow_without_those_there_are_changing():

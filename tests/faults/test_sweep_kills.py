@@ -214,7 +214,7 @@ def test_told_to_stop_a_sweep_keeps_what_is_finished_and_says_how_to_go_on(numbe
     _, err, status = end(process)
     assert status in (0, 130), err
     if status == 130:
-        assert re.search(r"\d+ of 60 cases are kept; --resume goes on", err)
+        assert re.search(r"\d+ of 60 cases are kept; --resume continues", err)
     assert "Traceback" not in err
     resume(path, tmp_path / "s")
     same(tmp_path / "s", reference)

@@ -55,20 +55,21 @@ def add_robot(parser: Any) -> None:
     )
     add_shared(parser, "--case")
     group = parser.add_argument_group("play")
-    add_option(group, "--clearance LENGTH", "radial clearance of all joints of --joint")
+    add_option(group, "--clearance LENGTH", "radial clearance of the joints given by --joint")
     add_repeatable(
         group,
         "--joint NAME[=LENGTH]",
-        "joint with clearance, and its own; by default all joints that move the tool",
+        "joint with clearance, and optionally its radial clearance; by default all joints that "
+        "move the tool",
     )
     add_option(group, "--axial LENGTH", "axial clearance (default: the radial one)")
     add_option(group, "--bearing-radius LENGTH", "R_i (default 10 mm)")
     add_option(group, "--bearing-length LENGTH", "L_i (default 40 mm)")
     add_repeatable(
-        group, "--gear NAME=ANGLE", 'whole play of a joint\'s gear, such as elbow="2 arcmin"'
+        group, "--gear NAME=ANGLE", 'total play of a joint\'s gear, such as elbow="2 arcmin"'
     )
     group = parser.add_argument_group("robot")
-    add_option(group, "--tool FRAME", "frame whose error counts")
+    add_option(group, "--tool FRAME", "frame whose error is computed")
     add_shared(group, "--allow-unphysical")
 
 
@@ -78,10 +79,11 @@ def add_poses(parser: Any) -> None:
     add_option(
         group,
         "--pose JOINT=X,...",
-        "joint positions [rad or m, or with a unit]; other joints are at zero or mid-way",
+        "joint positions [rad or m, or with a unit]; other joints are at zero, or mid-range if "
+        "zero is outside their limits",
     )
-    add_option(group, "--motion CSV", "waypoints, header time_s,<joint>,...")
-    add_option(group, "--workspace N", "N poses over the limits of all joints")
+    add_option(group, "--motion CSV", "waypoints, with the header time_s,<joint>,...")
+    add_option(group, "--workspace N", "N poses spread over the limits of all joints")
 
 
 def task(options: argparse.Namespace) -> Task:
@@ -111,7 +113,8 @@ def task(options: argparse.Namespace) -> Task:
         kind, words = "workspace", f"{len(q)} poses over the workspace"
         if len(q) < options.workspace:
             words += (
-                f" ({options.workspace - len(q)} more, in which the loops do not close, left out)"
+                f" ({options.workspace - len(q)} others were left out because the loops do not "
+                "close there)"
             )
     elif motion is not None and options.pose is None:
         q, kind = poses.along_motion(mechanism, motion, near=near), "motion"
@@ -222,7 +225,7 @@ def _clearance(
                 f"no joint {name!r} that can have play; available: {', '.join(choices) or 'none'}"
             )
         if name not in chain:
-            notes.append(f"note: {name} does not move {tool!r}: it adds nothing to the error")
+            notes.append(f"note: {name} does not move {tool!r}, so it adds nothing to the error")
         own[name] = length
     if not own and options.clearance is not None:
         own = dict.fromkeys(chain)

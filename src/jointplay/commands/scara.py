@@ -27,7 +27,7 @@ def add(commands: Any) -> None:
     )
     add_option(scara, "--out DIR", "folder for the results", required=True)
     add_option(
-        scara, "--runs N", "perturbed runs for each clearance and condition; 0: no claims", 8
+        scara, "--runs N", "perturbed runs for each clearance and condition; 0 skips the claims", 8
     )
     add_shared(scara, "--jobs", "--quiet")
 

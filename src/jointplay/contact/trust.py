@@ -151,7 +151,7 @@ def function_at(path: str, source: str | None = None) -> Function:
     module, _, name = path.partition(":") if isinstance(path, str) else ("", "", "")
     parts = module.split(".")
     if not all(part.isidentifier() for part in (*parts, *name.split("."))):
-        raise JointplayError(f"a law of one's own is named module:function, got {path!r}")
+        raise JointplayError(f"a user's law must be named module:function, got {path!r}")
     folder = _folder.get()
     if folder is not None and is_beside(folder, module):
         return function_in_folder(folder, path)
@@ -160,14 +160,14 @@ def function_at(path: str, source: str | None = None) -> Function:
         return known[source] if source in known else list(known.values())[-1]
     if module == "__main__":
         raise JointplayError(
-            f"the law {path!r} was typed in a script or a notebook that is not this one; to run it "
-            "again, define it here and make a law of it"
+            f"the law {path!r} was defined in another script or notebook; to run it again, define "
+            "it here and make a law of it"
         )
     ways = {".".join(parts[:size]) for size in range(1, len(parts) + 1)}
     if ways.isdisjoint(_trusted.get()):
         raise JointplayError(
-            f"the law {path!r} is code that no one here has named; if it is yours, trust its "
-            f"module: --trust {module}, or trust=[{module!r}] in Python"
+            f"the law {path!r} is code of a module that is not trusted; if you know it, trust it: "
+            f"--trust {module}, or trust=[{module!r}] in Python"
         )
     return imported(path)
 

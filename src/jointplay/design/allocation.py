@@ -80,8 +80,9 @@ class ErrorModel:
         self.j = len(self.names)
         if self.sources.tied and quantile is not None:
             raise JointplayError(
-                "a quantile is of journals that rest independently of each other; those of a loop "
-                "that lean hold each other: take the worst case, or kind 'planar'"
+                "a quantile is defined for journals that rest independently of each other, but "
+                "journals that tilt in a loop constrain each other: use the worst case, or kind "
+                "'planar'"
             )
         if quantile is None:
             self._half = half_sphere(_DIRECTIONS_TIED) if self.sources.tied else half_sphere()
@@ -219,7 +220,7 @@ class AllocationProblem:
                 method="highs",
             )
             if not optimum.success:
-                raise JointplayError(f"no clearances keep the target: {optimum.message}")
+                raise JointplayError(f"no clearances meet the target: {optimum.message}")
             return np.clip(optimum.x * unit, self.least, self.most)
         # In logarithms of clearances the problem is convex too, and well scaled.
         cost = self.value(start)

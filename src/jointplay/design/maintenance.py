@@ -166,8 +166,9 @@ def maintenance(
     first = error_of(begun)
     if first >= target:
         raise JointplayError(
-            f"the tool can be off by {1e3 * first:.4g} mm before anything wears: the target of "
-            f"{1e3 * target:.4g} mm is missed already (jointplay budget says by which joint)"
+            f"the tool's error can reach {1e3 * first:.4g} mm before anything wears: the target "
+            f"of {1e3 * target:.4g} mm is exceeded already (jointplay budget shows by which "
+            "joint)"
         )
 
     def cycles_until(part: float, worn: Depths, rates: Depths) -> float:
@@ -215,7 +216,7 @@ def _cycles_until(
     wearing = [name for name in worn if rates[name].max() > 0.0]
     if not wearing:
         raise JointplayError(
-            f"no journal slides under load in {', '.join(worn)}: their clearances last"
+            f"no journal slides under load in {', '.join(worn)}: their clearances do not grow"
         )
 
     def missing(count: float) -> float:

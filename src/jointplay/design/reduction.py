@@ -214,8 +214,8 @@ def reduce(
     if clearance is not None and clearance.hinge is None:
         kinds = [word for word, kind in JOINT_KINDS.items() if kind.hinge is not Clearance.hinge]
         raise JointplayError(
-            f"joint {joint!r} is {clearance.kind}, for which no hinge can stand; "
-            f"kinds that can be reduced: {', '.join(kinds)}"
+            f"joint {joint!r} is {clearance.kind}, which cannot be represented by a hinge; kinds "
+            f"that can be reduced: {', '.join(kinds)}"
         )
     require_positive("amplitude", amplitude, "rad")
     require_positive("period", period, "s")

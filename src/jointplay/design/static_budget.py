@@ -301,8 +301,8 @@ def budget(
         raise JointplayError(f"the friction coefficient must be >= 0, got {friction:g}")
     if not drive.follows:
         raise JointplayError(
-            f"a {drive.kind} drive holds nothing: the budget's drives must follow a motion, such "
-            "as ComputedTorque() or Prescribed()"
+            f"a {drive.kind} drive holds no position: the budget's drives must follow a motion, "
+            "such as ComputedTorque() or Prescribed()"
         )
     q = configurations(mechanism, poses, driven)
     plays = sources(mechanism, q, force=force, second_order=second_order, driven=driven, loops=True)

@@ -243,7 +243,7 @@ def wear(
         rate = rates[joint]
         if rate.max() <= 0.0:
             raise JointplayError(
-                f"the journal of {joint!r} does not slide under load: its clearance lasts"
+                f"the journal of {joint!r} does not slide under load: its clearance does not grow"
             )
         wears = rate > 0.0
         return float((((growth * part) - (worn[joint] - begun))[wears] / rate[wears]).min())

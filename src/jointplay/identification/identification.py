@@ -101,7 +101,7 @@ class Elasticity:
 
 
 def elasticity(problem: LeastSquares, fit: Fit, model: StaticModel) -> tuple[Elasticity, ...]:
-    """Each joint's compliances with what was found; the structure's at the tool is no number."""
+    """Each joint's compliances with what was found; the structure's at the tool is not a number."""
     effect = problem.sensitivity(fit.theta, raw=True) / problem.error[:, None]
     left = (problem.measured - problem.predict(fit.theta)) / problem.error
     nuisance = problem.nuisance / problem.error[:, None]
@@ -559,7 +559,7 @@ def _inputs(
         motion = motion or machine.motion
         if machine.payloads:
             raise JointplayError(
-                "payloads that are picked up are not known to identify; put them into the URDF"
+                "identify does not support payloads that are picked up; put them into the URDF"
             )
         friction |= dict(machine.joint_friction or {})
     return mechanism, motion, friction | dict(joint_friction or {})

@@ -391,8 +391,8 @@ class Instruments:
         felt = channels(measured)
         if not felt:
             raise JointplayError(
-                f"{measured.source}: no impacts show: acceleration x (y, z) or JOINT reaction is "
-                "needed"
+                f"{measured.source}: impacts are not measured: acceleration x (y, z) or JOINT "
+                "reaction is needed"
             )
         noise: dict[str, float] = {}
         for one in felt:

@@ -139,7 +139,9 @@ def verify(
     if simulation.motion is None and simulation.duration is None:
         raise JointplayError("to verify, the scenario must have the motion that was measured")
     if runs < FEWEST_RUNS:
-        raise JointplayError(f"to tell scatter at least {FEWEST_RUNS} runs are needed, got {runs}")
+        raise JointplayError(
+            f"to estimate the scatter, at least {FEWEST_RUNS} runs are needed, got {runs}"
+        )
     measured, keys = identification.measured, identification.observed.keys
     impacts = bool(channels(measured))
     if not keys and not impacts:

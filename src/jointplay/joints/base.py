@@ -504,7 +504,7 @@ class Clearance(Described, ABC):
         if self.normal.line:
             raise JointplayError(
                 f"law {self.normal.name!r} is for a cylinder in a bore, which a {self.kind} joint "
-                "has not; take one for point contacts, such as 'lankarani-nikravesh'",
+                "does not have; choose one for point contacts, such as 'lankarani-nikravesh'",
                 where=("normal",),
             )
 
@@ -552,7 +552,7 @@ def complete(
     inner = outer - factor * play if inner is None else inner
     if inner <= 0.0:
         raise JointplayError(
-            f"{clearance} clearance {play:g} m leaves no journal in a bearing of "
+            f"{clearance} clearance {play:g} m leaves no room for a journal in a bearing of "
             f"{dimension} {outer:g} m",
             where=at_play,
         )

@@ -169,15 +169,15 @@ class Controller(OfFunction, Load):
         name = path_of(self.function)
         if not all(callable(getattr(sample, way, None)) for way in ("memory", "recall")):
             raise JointplayError(
-                f"the controller {name!r} is an object whose state no checkpoint can know; give it "
-                "memory(), which returns plain data, and recall(memory)"
+                f"the controller {name!r} is an object whose state cannot be saved in a "
+                "checkpoint; give it memory(), which returns plain data, and recall(memory)"
             )
         state: Any = sample.memory()  # type: ignore[attr-defined]
         try:
             return json.loads(json.dumps(state))
         except (TypeError, ValueError) as error:
             raise JointplayError(
-                f"the memory of the controller {name!r} is no plain data: {error}"
+                f"the memory of the controller {name!r} is not plain data: {error}"
             ) from error
 
     def torques(self, sample: Sample, time: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:

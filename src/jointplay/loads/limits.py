@@ -55,7 +55,7 @@ def check_motion(mechanism: Mechanism, motion: Motion, joints: Sequence[str]) ->
         place = _position_beyond(entry, times, position[:, k])
         if place is not None:
             raise JointplayError(
-                f"the motion takes joint {name!r} to {place}; change it, or say limits = ignore"
+                f"the motion takes joint {name!r} to {place}; change it, or set limits = ignore"
             )
         text = _size_beyond(entry, "speed", times, velocity[:, k])
         lines += [f"the motion asks joint {name!r} for {text}"] if text else []

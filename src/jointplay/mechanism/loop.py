@@ -336,7 +336,7 @@ def consistent_velocity(
         given = [name for name in mechanism.joints if mechanism.coordinate(name) in held]
         raise JointplayError(
             f"the initial speeds would tear a loop apart at {left:.3g} m/s: those given for "
-            f"{', '.join(given)} do not go together; give fewer of them"
+            f"{', '.join(given)} contradict each other; give fewer of them"
         )
     return moved
 

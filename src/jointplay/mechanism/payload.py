@@ -53,7 +53,8 @@ class Payload(Described):
         low, middle, high = sorted(self.inertia)
         if low < 0.0 or high > (low + middle) * (1.0 + 1e-6):
             raise JointplayError(
-                f"no body has the moments of inertia {self.inertia} kg m^2", where=("inertia",)
+                f"no rigid body can have the moments of inertia {self.inertia} kg m^2",
+                where=("inertia",),
             )
 
     @property

@@ -291,8 +291,8 @@ class Plots:
                 raise MissingName("coordinate", name, every)
         if len({unit[name] for name in names}) != 1:
             raise JointplayError(
-                f"coordinates {', '.join(names)} have different units, or there are none; "
-                "draw those in rad and those in m apart"
+                f"coordinates {', '.join(names)} have different units, or there are none; draw "
+                "those in rad and those in m separately"
             )
         with self._axes(line) as panel:
             for name, colour in zip(names, cycle(CONTACT_COLOURS), strict=False):

@@ -185,7 +185,7 @@ def _follow(case: Case, number: int, say: Say) -> None:
     try:
         mechanism = case.result.simulation.mechanism
         if contact_names(mechanism) != [str(name) for name in case.result["contact"].values]:
-            raise JointplayError("its contacts are not those of its inputs")
+            raise JointplayError("its contacts do not match its inputs")
         repetition = replay(case.result, [window(place, i, step) for place, i in chosen])
     except JointplayError as error:
         case.notes.append(f"No single steps: the run cannot be repeated ({error}).")

@@ -125,7 +125,8 @@ def drive_of(
         if drives[name].follows and (motion is None or name not in motion.joints):
             kind = drives[name].kind
             raise JointplayError(
-                f"a {kind} drive follows a motion, and [motion] has none for it", where=path
+                f"a {kind} drive follows a motion, but [motion] does not give one for it",
+                where=path,
             )
     return drives
 
@@ -278,7 +279,7 @@ def _turning(model: Model, mechanism: Mechanism, start: dict[str, float]) -> Mot
     duration = model.integration.duration
     if duration is None:
         raise JointplayError(
-            "constant speeds have no end; give duration in [integration]",
+            "constant speeds do not end by themselves; give duration in [integration]",
             where=("motion", "speeds"),
         )
     names = list(model.motion.speeds)

@@ -200,7 +200,7 @@ class Scenario(Overview):
                 raise self.error(("cases", case, key), unknown_key(key, keys))
             if key in self._set and key != "title":
                 source = next(one.source for one in self.settings if one.key[0] == key)
-                raise JointplayError(f"{source}: settings hold for all cases, and name none")
+                raise JointplayError(f"{source}: settings apply to all cases; leave out the case")
         if "figures" in (changed.get("output") or {}):
             message = "figures compare all cases; give this in [output]"
             raise self.error(("cases", case, "output", "figures"), message)
@@ -217,7 +217,7 @@ class Scenario(Overview):
 
     def _table(self, value: Any, path: Key) -> Mapping[str, Any]:
         if not isinstance(value, Mapping):
-            raise self.error(path, f"{toml_text(value)} is no table")
+            raise self.error(path, f"{toml_text(value)} is not a table")
         return value
 
     @cached_property

@@ -125,7 +125,7 @@ def _write_checkpoint(run: Run, kept: Path) -> None:
     except JointplayError as error:
         signals.say(f"no checkpoint: {error}")
     else:
-        signals.say(f"checkpoint at t = {run.workspace.time:.6g} s: --resume goes on from it")
+        signals.say(f"checkpoint at t = {run.workspace.time:.6g} s: --resume continues from it")
 
 
 def _save_from_disk(
@@ -175,5 +175,5 @@ def save(result: Result, path: Path, overwrite: bool = False) -> None:
             other = Path(tempfile.mkdtemp(prefix="jointplay-")) / path.name
             result.save(other)
         except (JointplayError, OSError):
-            raise JointplayError(f"{error}; nor is there room for it elsewhere") from None
+            raise JointplayError(f"{error}; it could not be saved elsewhere either") from None
         raise JointplayError(f"{error}; the result is in {str(other)!r} instead") from None

@@ -111,8 +111,8 @@ class Simulation(Overview, Inputs):
         if self.judge_from is not None:
             if self.settle is not None:
                 raise JointplayError(
-                    f"judge_from ({self.judge_from!r}) and settle ({self.settle!r}) say the same; "
-                    "give one of them"
+                    f"judge_from ({self.judge_from!r}) and settle ({self.settle!r}) both set the "
+                    "start of judging; give only one of them"
                 )
             start = require_non_negative("judge_from", self.judge_from, "s")
         elif self.settle is not None:
@@ -282,7 +282,7 @@ def _settling_time(simulation: Simulation, settle: float | str, duration: float)
     first = min(times)
     if math.isinf(first):
         raise JointplayError(
-            f"settle = {settle!r}: no joint of the motion turns so often; give seconds",
+            f"settle = {settle!r}: no joint of the motion makes so many turns; give seconds",
             where=("settle",),
         )
     return first

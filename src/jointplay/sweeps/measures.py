@@ -226,6 +226,6 @@ def measure_function(name: str, folder: Path, trust: Collection[str]) -> Any:
     except JointplayError as error:
         raise JointplayError(str(error).replace("the law", "the measure", 1)) from None
     raise JointplayError(
-        f"the measure {name!r} is no module beside the scenario; if you trust it: "
-        f"--trust {module}, or trust=[{module!r}] in Python"
+        f"the measure {name!r} is not a module in the scenario's folder; if you trust it: --trust "
+        f"{module}, or trust=[{module!r}] in Python"
     )

@@ -263,7 +263,9 @@ def plan_of(
 def _axes(scenario: Scenario, tables: Any, place: Key) -> list[Axis]:
     """Axes by name, at a place of the file if they are its own."""
     if not isinstance(tables, Mapping):
-        raise scenario.error(("sweep", "axes"), f"{toml_text(tables)} is no table of axes by name")
+        raise scenario.error(
+            ("sweep", "axes"), f"{toml_text(tables)} is not a table of axes by name"
+        )
     axes: list[Axis] = []
     for name, table in tables.items():
         where = (*place, name) if place else ()

@@ -221,7 +221,7 @@ class Store:
                 "--extend adds the new cases" if not beyond else "choose another name for the store"
             )
             raise JointplayError(
-                f"{str(self.path)!r} is of another sweep: {'; '.join(shown)}; {advice}"
+                f"{str(self.path)!r} belongs to another sweep: {'; '.join(shown)}; {advice}"
             )
         for rest in self.path.rglob(f"*{PARTIAL}"):  # of a process that was killed
             rest.unlink(missing_ok=True)
@@ -241,8 +241,9 @@ class Store:
         if sweep_of_states(self.path) != of_sweep(self.plan):
             raise sealed.damaged(
                 self.path,
-                f"metadata of the whole {sealed.CHANGED}, and its states are not known to be of "
-                "this sweep; go on with the same scenario, or choose another name",
+                f"metadata of the whole {sealed.CHANGED}, and it cannot be verified that its "
+                "states belong to this sweep; continue with the same scenario, or choose another "
+                "name",
             )
         about = {"attributes": self._about(), "zarr_format": 3, "node_type": "group"}
         files.write(self.path / METADATA, sealed.write_metadata(about), overwrite=True)
