@@ -128,7 +128,7 @@ def test_a_scheduler_that_is_killed_loses_nothing_that_was_finished(cluster, ref
     if status:
         assert status == 2, err
         assert "was lost" in err
-        assert "--resume goes on" in err
+        assert "--resume continues" in err
         assert "Traceback" not in err
     gone(pids)
     resume(path, tmp_path / "s")  # by local processes: the store does not mind

@@ -42,9 +42,9 @@ class FilmDescription(FunctionDescription):
     hybrid: bool = True
     """Dry contact takes over where the journal touches the bore."""
     transition: float = quantity("m", default=1e-6)
-    """Depth of penetration at which nothing of the film is left."""
+    """Penetration depth at which the film has vanished."""
     least_thickness: float = quantity("m", default=1e-6)
-    """Thickness below which a film is no thinner."""
+    """Smallest film thickness."""
 
 
 @dataclass(frozen=True, init=False, repr=False, kw_only=True)

@@ -335,11 +335,12 @@ class FunctionDescription:
     """How files describe a law or load that is made of a user's function."""
 
     function: str
-    """``module:function`` of a module beside the scenario; of another with ``--trust MODULE``."""
+    """``module:function`` of a module in the scenario's folder, or of another one with ``--trust
+    MODULE``."""
     parameters: tuple[float, ...] | dict[str, float] = quantity("", default=())
     """Parameters of the function, in the order of its arguments or by name."""
     source: str | None = None
-    """Text of the function, in results; it is shown, and never run."""
+    """Source text of the function, in results; it is shown and never run."""
 
 
 class OfFunction(Described):

@@ -200,9 +200,8 @@ class Clearance(Described, ABC):
     normal: NormalForceLaw = field(default_factory=LankaraniNikravesh)
     friction: FrictionLaw = field(default_factory=Ambrosio)
     stiffness: float | None = quantity("N/m^1.5", default=None, above=0.0)
-    """Hertz stiffness [N/m^1.5]; None derives it from geometry and materials.
-
-    A linear law with a stiffness of its own does not use it.
+    """Hertz stiffness [N/m^1.5]; None derives it from geometry and materials. A linear law that has
+    its own stiffness does not use it.
     """
     exchanged: bool = False
     """The parent link carries the journal and the child link the bearing (Figure 1b)."""

@@ -42,11 +42,11 @@ class ControllerDescription(LoadFunctionDescription):
     """How files describe a controller."""
 
     joints: tuple[str, ...]
-    """Joints whose torques it gives."""
+    """Joints whose torques it sets."""
     period: float | None = quantity("s", default=None, above=0.0, words="period of a controller")
-    """Between two samples [s]; without, the function is compiled."""
+    """Sampling period [s]; if not given, the function is compiled."""
     encoder: str = choice("encoder", ENCODERS, default=ENCODERS[0])
-    """What it sees: ``link``, ``motor``, or ``both``."""
+    """What it measures: ``link``, ``motor``, or ``both``."""
 
 
 @dataclass(frozen=True)
@@ -80,15 +80,15 @@ class Controller(OfFunction, Load):
     kind: ClassVar[str] = "controller"
 
     joints: tuple[str, ...]
-    """Joints whose torques it gives."""
+    """Joints whose torques it sets."""
     function: Callable[..., Any]
     """At module level of an importable file (files then name it as ``module:function``)."""
     parameters: tuple[float, ...] = quantity("", default=())
     """Numbers for the function."""
     period: float | None = quantity("s", default=None, above=0.0, words="period of a controller")
-    """Between two samples [s]; without, the function is compiled."""
+    """Sampling period [s]; if not given, the function is compiled."""
     encoder: str = choice("encoder", ENCODERS, default=ENCODERS[0])
-    """What it sees: ``link``, ``motor``, or ``both``."""
+    """What it measures: ``link``, ``motor``, or ``both``."""
 
     def __post_init__(self) -> None:
         """Check everything."""
