@@ -442,7 +442,7 @@ def _of_robot(options: argparse.Namespace, target: str | None, given: list[Setti
         every = round(Recording.record_every * Integration.step / step)
         settings.append(Setting(("output", "record_every"), every, "step chosen"))
     scenario = robot_scenario(target, joints, settings, options.ideal)
-    scenario.assumptions.append(f"step: {step:g} s (chosen: {reason}; --step takes another)")
+    scenario.assumptions.append(f"step: {step:g} s (chosen: {reason}; --step selects another)")
     return scenario
 
 

@@ -136,7 +136,7 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
         there = ", ".join(items[case].path.name for case in results)
         note = f"; there is {there}" if there else ""
         note += f"; not certified: {', '.join(bare)}" if bare else ""
-        note = f"; nothing of: {', '.join(missing)}" if missing else note
+        note = f"; not started: {', '.join(missing)}" if missing else note
         print(f"interrupted{note}; the same command with --resume continues", file=sys.stderr)
         return INTERRUPTED
     if stopped:
@@ -232,7 +232,7 @@ def _run_parallel(
     layout = "{percentage:3.0f}%|{bar}| {n:.3f}/{total:.3f} s simulated{postfix}, {remaining} left"
     bar = tqdm(total=total, disable=not progress, bar_format=layout, mininterval=_LOOK_S)
     given = str(scenario.path), scenario.text, scenario.trust, scenario.settings
-    kept = f"what is complete is in {str(items[0].path.parent)!r}"
+    kept = f"completed results are in {str(items[0].path.parent)!r}"
     pool = processes.Pool(partial(_work, clocks, begun, *given), jobs, begin=_begin, kept=kept)
     left = [item.case for item in items]
     try:

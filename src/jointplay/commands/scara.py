@@ -44,7 +44,7 @@ def run(options: argparse.Namespace) -> int:
     cases, rows, verdicts = study.run_study(options.out, options.runs, options.jobs, progress)
     for label, result in cases.items():
         print(f"\n{label}: {result.message}\n{result.audit}")
-    print("\nFigures with their numerical errors, and the explicit method beside them:\n")
+    print("\nFigures with their numerical errors, compared with the explicit method:\n")
     print(study.errors_text(rows))
     if verdicts:
         print(f"\nThe paper's claims on {options.runs} runs each; numbers in claims.md:\n")

@@ -54,7 +54,7 @@ class Custom(OfFunction, Law):
     written = FunctionDescription
 
     reference = "the user"
-    validity = "what its author says"
+    validity = "as stated by its author"
 
     function: Callable[..., Any]  # type: ignore[misc]
     """The law: a function of the arguments of its kind."""

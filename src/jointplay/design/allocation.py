@@ -428,14 +428,14 @@ def _check(
         raise MissingName("cost", cost, COSTS)
     if quantile is not None and cost == "linear":
         raise JointplayError(
-            "the cost 'linear' goes with the worst case only, for a quantile is not convex; take "
-            + " or ".join(COSTS[:2])
+            "the cost 'linear' is possible for the worst case only, because a quantile is not "
+            "convex; use " + " or ".join(COSTS[:2])
         )
     most = require_positive("the most clearance", most, "m")
     if require_positive("least clearance", least, "m") >= most:
         raise JointplayError(f"the least clearance {least:g} m must be below the most, {most:g} m")
     if not names:
-        raise JointplayError("no joint has clearance to decide on")
+        raise JointplayError("no joint has clearance to allocate")
     for name, value in weights.items():
         if name not in names:
             raise MissingName("joint with clearance", name, names)

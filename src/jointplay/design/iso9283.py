@@ -525,7 +525,7 @@ class Iso9283:
         if missed:
             return {}, (
                 f"stabilization, overshoot: still outside the {band} at half of the dwell in "
-                f"{missed} of {self.cycles.settling} cycles: a longer dwell tells"
+                f"{missed} of {self.cycles.settling} cycles: a longer dwell is needed"
             )
         longest = f"longest {1e3 * found.longest:.4g} ms"
         note = f"stabilization time: mean ({longest}, {band}); overshoot: the largest"

@@ -100,7 +100,7 @@ class Maintenance:
             [
                 *columns([head, *rows]),
                 f"growth of the error by joint: {shares}",
-                f"about {self.life:.3g}{runs} cycles {what} the tool can miss its "
+                f"about {self.life:.3g}{runs} cycles {what} the tool may exceed its "
                 f"{1e3 * self.target:.4g} mm",
                 f"an estimate: {known}{self.factor:g}; tool error is the static worst case along "
                 "the motion with each bore as wide as its deepest place; cycles are simulated, and "

@@ -101,8 +101,8 @@ _DAMPINGS = (0.0, 0.1, 0.2, 0.4, 0.7, 1.0, 1.5)
 """Of the gear's damping, tried; the written one acts within the play, too."""
 _STEP_S = 2e-5
 _LOOPED = (
-    "the mechanism has the loop {!r}: a hinge is fitted to what it alone carries, and a loop has "
-    "two ends; jointplay budget and allocate take loops"
+    "the mechanism has the loop {!r}: a hinge is fitted to what it alone carries, but a loop has "
+    "two ends; jointplay budget and allocate accept loops"
 )
 
 

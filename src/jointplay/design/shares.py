@@ -220,7 +220,7 @@ class Sensitivity(SobolIndices):
             "confidence of the indices by resampling"
         )
         if max(self.first_confidence.max(), self.total_confidence.max()) > _WIDE:
-            lines.append("the intervals are wide: more samples (--sobol) tell more")
+            lines.append("the intervals are wide: use more samples (--sobol)")
         return "\n".join(lines)
 
 

@@ -202,7 +202,7 @@ class WearLife:
         what = "until" if self.reached else "interrupted, not until"
         return (
             f"about {last:.3g}{spread} cycles {what} the clearance of {self.joint!r} has grown by "
-            f"{self.growth:.3g} m where it is worn most (by {self.mean[-1]:.2g} m in the mean): an "
+            f"{self.growth:.3g} m where wear is deepest ( {self.mean[-1]:.2g} m in the mean): an "
             f"estimate, extrapolated over {blocks} blocks of equal cycles"
         )
 

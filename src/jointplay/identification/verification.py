@@ -99,11 +99,13 @@ class Verification:
         if off:
             verdict = f"{off} of {len(self.checks)} statistics are off"
             if self.not_identified:
-                verdict += f"; not told, as in the scenario: {', '.join(self.not_identified)}"
-            lines.append(f"the identified machine does not do what was measured: {verdict}")
+                verdict += (
+                    f"; not determined, taken from the scenario: {', '.join(self.not_identified)}"
+                )
+            lines.append(f"the identified machine does not reproduce the measurement: {verdict}")
         else:
             lines.append(
-                "the identified machine does what was measured, within scatter (simulated)"
+                "the identified machine reproduces the measurement within scatter (simulated)"
             )
         return "\n".join(lines)
 

@@ -275,8 +275,8 @@ def launched(tools: Any, failure: type[Exception]) -> Any:
         raise JointplayError(
             f"{CHROMIUM} names no file: {wanted!r}"
             if wanted
-            else "films need a Chromium, and there is none; get one with: playwright install "
-            f"chromium, or name yours in {CHROMIUM}"
+            else "films need Chromium, which was not found; install it with: playwright install "
+            f"chromium, or set {CHROMIUM} to its path"
         )
     root = hasattr(os, "geteuid") and os.geteuid() == 0
     problem = ""

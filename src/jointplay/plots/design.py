@@ -93,7 +93,7 @@ def reachable(budget: Budget, pose: int | None = None) -> Figure:
     ends = 1e3 * budget.standing.interval(at)
     held = f"{budget.standing.words} may hold it"
     if budget.standing.unsearched:
-        held = "whole play: friction not searched"
+        held = "entire play: friction not searched"
     with panels(8.5, 3.4, 1, 3) as (figure, axes):
         for panel, (i, j) in zip(axes, ((0, 1), (0, 2), (1, 2)), strict=True):
             directions = np.zeros((len(budget.positions), len(angle), 3))

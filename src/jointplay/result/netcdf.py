@@ -92,7 +92,7 @@ def open_lazily(path: Path, indexed: bool = True) -> xr.Dataset:
         sealed = file.read()
         file.seek(0)
         if size < 0 or not sealed.startswith(SEAL):
-            raise damaged(path, "it has no checksum, so that it must be loaded whole")
+            raise damaged(path, "it has no checksum, so it can only be loaded completely")
         if sealed != SEAL + digest(file, size) + b"\n":
             raise damaged(path, _CHANGED)
     with _examined(path) as xr:

@@ -58,7 +58,7 @@ class Recording:
 class Limited:
     """How limits of the URDF are treated."""
 
-    limits: str = choice("way with limits", LIMITS, default=LIMITS[0])
+    limits: str = choice("treatment of limits", LIMITS, default=LIMITS[0])
     """How joint limits of the URDF are treated: ``report`` refuses motions beyond a position limit
     and reports speeds and efforts beyond theirs, ``cut`` also cuts the efforts of drives and
     controllers, ``ignore`` checks nothing.

@@ -121,7 +121,7 @@ def first_difference(was: Any, now: Any, place: str = "") -> str:
         for k, (one, other) in enumerate(zip(was, now, strict=True)):
             if one != other:
                 return first_difference(one, other, f"{place}[{k}]")
-    return f"{place} is {_short(now)}, and was {_short(was)}"
+    return f"{place} is {_short(now)} instead of {_short(was)}"
 
 
 def _short(value: Any) -> str:

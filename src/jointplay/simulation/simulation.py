@@ -208,7 +208,7 @@ class Simulation(Overview, Inputs):
             try:
                 result.certificate = find_errors(result, simulation=self, progress=progress)
             except KeyboardInterrupt:
-                text = "interrupted while certifying: the result is whole, but not certified"
+                text = "interrupted while certifying: the result is complete, but not certified"
                 warnings.warn(text, RuntimeWarning, stacklevel=2)
         return result
 

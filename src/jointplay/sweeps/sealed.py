@@ -412,7 +412,7 @@ def _check_root(found: Mapping[str, Any]) -> None:
     if whole is None:  # it is being made
         return
     if not isinstance(whole, dict) or not isinstance(whole.get("metadata"), dict):
-        raise ValueError("consolidated metadata that are none")
+        raise ValueError("invalid consolidated metadata")
     _check_keys(whole, {"kind", "must_understand", "metadata"})
     for name, array in whole["metadata"].items():
         _check_name(name)

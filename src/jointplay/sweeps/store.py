@@ -71,7 +71,7 @@ def differences(old: Mapping[str, str], new: Mapping[str, str]) -> dict[str, str
         was, now = old.get(key, "not given"), new.get(key, "not given")
         if was != now:
             file = key.startswith("file ") and "not given" not in (was, now)
-            words = "has changed" if file else f"is {_short(now)}, and was {_short(was)}"
+            words = "has changed" if file else f"is {_short(now)} instead of {_short(was)}"
             changes[key] = f"{key} {words}"
     return changes
 
@@ -510,7 +510,7 @@ class Store:
         taken = sorted(self._reserved() & set(outcome.values))
         if taken:
             values = {n: v for n, v in outcome.values.items() if n not in taken}
-            said = f"a measure cannot be called {taken[0]!r}: the sweep has another of that name"
+            said = f"a measure cannot be called {taken[0]!r}: the sweep has a measure of that name"
             outcome = Outcome(outcome.index, FAILED, values, said)
         with writing(self.path):
             try:
