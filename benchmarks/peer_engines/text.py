@@ -27,8 +27,8 @@ TEXT = {
         "friction. MuJoCo has no concave cylinder | 1e8 kg m² of armature | its Euler |",
         "| Exudyn, own contact | `ObjectContactSphereSphere`, hollow: in the plane a journal "
         "in a bore. Exponent 1.5 and a Hunt-Crossley damping whose factor is set to the same "
-        "value; according to its source code $\\dot\\delta_0$ is the speed at the onset, known one step late; "
-        "never clipped at zero; the point of contact lies at half the penetration | 1e8 kg m² of "
+        "value; according to its source code $\\dot\\delta_0$ is the speed at the onset, "
+        "known one step late; never clipped at zero; the point of contact lies at half the penetration | 1e8 kg m² of "
         "inertia | its RK44 |",
         "| Exudyn, same law (SCARA) | the same law in a Python user function | | its RK44 |",
         "| Siconos | rigid: Newton's restitution, no duration, no penetration law; no "
@@ -65,8 +65,8 @@ TEXT = {
         "is that of a Python user function called four times per step, and MuJoCo's is that "
         "of Python between the halves of a step: neither shows the engine's own speed. "
         "jointplay's rk4 records the mean force of a step, Exudyn the force at its end, which "
-        "is only one of those that act in it: from the same motion the two have different mean forces, and touch in "
-        "different numbers of records.",
+        "is only one of those that act in it: from the same motion the two have different "
+        "mean forces, and touch in different numbers of records.",
     ],
     "models": [
         "Each engine with its own contact model, on the slider-crank, as far as possible with "
