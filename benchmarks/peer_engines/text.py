@@ -28,8 +28,8 @@ TEXT = {
         "| Exudyn, own contact | `ObjectContactSphereSphere`, hollow: in the plane a journal "
         "in a bore. Exponent 1.5 and a Hunt-Crossley damping whose factor is set to the same "
         "value; according to its source code $\\dot\\delta_0$ is the speed at the onset, "
-        "known one step late; never clipped at zero; the point of contact lies at half the penetration | 1e8 kg m² of "
-        "inertia | its RK44 |",
+        "known one step late; never clipped at zero; the point of contact lies at half the "
+        "penetration | 1e8 kg m² of inertia | its RK44 |",
         "| Exudyn, same law (SCARA) | the same law in a Python user function | | its RK44 |",
         "| Siconos | rigid: Newton's restitution, no duration, no penetration law; no "
         "friction | 1e8 kg m² of inertia | Moreau-Jean, theta = 1/2; gap linearised once per "
