@@ -438,7 +438,7 @@ def test_a_case_whose_records_are_of_other_times_has_failed_and_says_so(swept, t
     path = swept(axis, 'histories = ["tool_position"]')
     found = jp.sweep(path, tmp_path / "store.zarr", jobs=1)
     assert found["state"].values.tolist() == [1, 1, 1, 2]
-    assert "record 32 is of t = 0.00305 s" in str(found["error"].values[3])
+    assert "record 32 is at t = 0.00305 s" in str(found["error"].values[3])
     time = found["time"].values
     kept = found["tool_position_history"]
     assert time == pytest.approx(np.arange(41) * 1e-4)

@@ -205,8 +205,8 @@ def unsized(content):
     [
         ("peak_force", crc(Zstd().encode(bytes(1 << 28))), "it unpacks to 268435456 bytes, not to"),
         ("peak_force", crc(Zstd().encode(bytes(8))), "it unpacks to 8 bytes, not to"),
-        ("peak_force", unsized(bytes(96)), "it does not say how many bytes it unpacks to"),
-        ("peak_force", crc(bytes(100)), "it does not say how many bytes it unpacks to"),
+        ("peak_force", unsized(bytes(96)), "its uncompressed size is missing"),
+        ("peak_force", crc(bytes(100)), "its uncompressed size is missing"),
         ("error", crc(Zstd().encode(bytes(1 << 28))), "it unpacks to 268435456 bytes, more than"),
     ],
 )

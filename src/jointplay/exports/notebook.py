@@ -24,7 +24,7 @@ def page(result: Result) -> str:
     return (
         f"<div><p><b>jointplay result</b>: {html.escape(result.message)}</p>"
         + html_table(rows_of(result))
-        + (f"<p>To worry about:</p><ul>{warnings}</ul>" if warnings else "")
+        + (f"<p>Warnings:</p><ul>{warnings}</ul>" if warnings else "")
         + _image(result)
         + "</div>"
     )

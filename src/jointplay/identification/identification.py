@@ -135,7 +135,7 @@ def reason(i: int, fit: Fit, problem: LeastSquares, model: StaticModel) -> str:
     if others := fit.partners(i):
         return f"it acts only together with {', '.join(problem.unknowns[k].label for k in others)}"
     if np.isfinite(half):
-        return f"its 95 % interval would be +- {one.shown(half)}, more than half of it"
+        return f"its 95 % interval would be +- {one.shown(half)}, more than half of its value"
     return "it hardly shows above the noise"
 
 
@@ -327,12 +327,13 @@ class Identification:
         lines.append(
             f"statistical, static model; {int(at.sum())} visits "
             f"({int((self.visits.stopped & at).sum())} stops) of "
-            f"{len(np.unique(self.visits.cell[at]))} places, {int(used.sum())} means; "
-            f"left over: {self.excess:.2g} times what the records' scatter explains (RMS)"
+            f"{len(np.unique(self.visits.cell[at]))} places, {int(used.sum())} means; residual: "
+            f"{self.excess:.2g} times what the records' scatter explains (RMS)"
         )
         if self.excess > LARGE:
             lines.append(
-                "the model does not explain all of that: errors were enlarged, intervals with them"
+                "the model does not explain all of it: errors and intervals were enlarged "
+                "accordingly"
             )
         return "\n".join([*self.notes, *lines])
 

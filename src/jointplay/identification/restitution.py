@@ -80,7 +80,7 @@ class Restitution:
         low, high = self.interval
         line = f"{label:<34} {'':>12} {self.value:>12.4g}  {low:.4g} to {high:.4g}"
         if np.isnan(self.nominal):
-            return f"{line} ({self.evidence}; the joint's law cannot deliver it)"
+            return f"{line} ({self.evidence}; the joint's law cannot produce it)"
         nominal = "" if abs(self.nominal - self.value) < 5e-3 else f"; c_e {self.nominal:.3g}"
         return f"{line} ({self.evidence}{nominal})"
 

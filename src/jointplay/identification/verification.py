@@ -90,7 +90,7 @@ class Verification:
             parts = (self.measured, self.static, self.dynamic, self.error)
             no, static, dynamic, noise = (factor * part[kind] for part in parts)
             lines.append(
-                f"{kind}: RMS left over [{unit}] without play {no:.4g}, static model {static:.4g}, "
+                f"{kind}: RMS residual [{unit}] without play {no:.4g}, static model {static:.4g}, "
                 f"simulated {dynamic:.4g}; standard error of the means {noise:.4g}"
             )
         lines.append(f"{'statistic':<58} {'measured':>10}  of {self.runs} runs and their scatter")

@@ -355,8 +355,9 @@ def accuracies(cases: Sequence[Case], start: float) -> Html:
     parts = [table_of(rows, caption=caption, left=2), *unknown]
     if at_stops:
         caption = (
-            "Tool error at the waypoints of the reference motion. The tool picks and places while "
-            "the reference dwells: the end of a dwell (bold) is what the process gets"
+            "Tool error at the waypoints of the reference motion. The tool picks and places "
+            "while the reference dwells: the end of a dwell (bold) is what matters to the "
+            "process"
         )
         parts.append(table_of(at_stops, caption=caption, left=3, name="stops"))
     return joined(parts)

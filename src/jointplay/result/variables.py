@@ -162,11 +162,11 @@ class BoundLoads:
                 units.append(series.unit)
         work = records.recorded("load_work").copy()
         each, part = ("time", "load"), ("time", "load_part")
-        text = "brought in by the load since t = 0, beyond what it stores"
+        text = "work added by the load since t = 0, beyond its stored energy"
         variables: Variables = {
-            "load_energy": (each, energy, "J", "stored in the load"),
+            "load_energy": (each, energy, "J", "energy stored in the load"),
             "load_work": (each, work, "J", text),
-            "load_record": (part, np.stack(values, axis=1), "", "what loads record of themselves"),
+            "load_record": (part, np.stack(values, axis=1), "", "quantities that loads record"),
         }
         units_of_parts = ("load_part", units)
         return variables, {"load": names, "load_part": parts, "load_part_unit": units_of_parts}

@@ -167,7 +167,7 @@ class Store:
         self.group = zarr.create_group(store, attributes={BEGUN: FORMAT}, zarr_format=3)
         self.array("state", "int8", 0, "0: not run, 1: done, 2: failed", "1")
         self.group["state"].update_attributes({"sweep": of_sweep(self.plan)})
-        self.array("error", "string", "", "what went wrong with the case", "")
+        self.array("error", "string", "", "error message of the case", "")
         self._coordinates()
         # With these attributes it is a store; without, the rest of one that was not made.
         self.group.attrs.put(self._about())
@@ -211,7 +211,7 @@ class Store:
         beyond = changes.keys() - grown(attrs, self.plan)
         mine, theirs = versions()["jointplay"], attrs["versions"].get("jointplay")
         if mine != theirs:
-            changes["version"] = f"jointplay is {mine}, and was {theirs}"
+            changes["version"] = f"jointplay is {mine} instead of {theirs}"
             beyond |= {"version"}
         if beyond or (changes and not extend):
             shown = list(changes.values())[:MOST_DIFFERENCES]
@@ -488,9 +488,9 @@ class Store:
             if other.size:
                 k = int(other[0])
                 raise JointplayError(
-                    f"its record {k + 1} is of t = {ours[k]:.6g} s, that of the cases before of "
+                    f"its record {k + 1} is at t = {ours[k]:.6g} s, that of earlier cases at "
                     f"{theirs[k]:.6g} s: histories of a sweep have one time axis; let all cases "
-                    "end at one of their times, or leave histories out"
+                    "end at one of their times, or leave out histories"
                 )
             if len(own) > len(known):
                 self.labels(dimension, dimension, np.asarray(own), {"units": "s"})
