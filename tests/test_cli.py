@@ -505,7 +505,7 @@ sys.exit(cli.main(sys.argv[1:]))
     command = [PYTHON, "-c", code, "run", *two, *SHORT, "--out", str(tmp_path / "p")]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 130
-    assert "interrupted; nothing of: 0.2 mm" in done.stderr
+    assert "interrupted; no result of: 0.2 mm" in done.stderr
 
 
 @pytest.mark.parametrize("moment", ["errors_table", "write_errors", "plots"])

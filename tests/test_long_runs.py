@@ -353,7 +353,7 @@ def test_a_checkpoint_replaces_checkpoints_only(tmp_path):
     run = stepped(jp.Run(simulation(duration=0.02)), 0.01)
     mine = tmp_path / "mine.dat"
     mine.write_text("precious")
-    with pytest.raises(jp.JointplayError, match="is no checkpoint of jointplay"):
+    with pytest.raises(jp.JointplayError, match="is not a checkpoint of jointplay"):
         run.checkpoint(mine)
     assert mine.read_text() == "precious"
     kept = run.checkpoint(tmp_path / "run.checkpoint")

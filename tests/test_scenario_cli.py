@@ -193,7 +193,7 @@ def test_ctrl_c_keeps_what_was_computed(short, jobs, tmp_path):
     process.send_signal(signal.SIGINT)
     _, errors = process.communicate(timeout=900)
     assert process.returncode == 130
-    assert "interrupted; nothing of: " in errors
+    assert "interrupted; no result of: " in errors
     assert "Traceback" not in errors
     kept = [Result.load(path) for path in out.glob("*.nc")]
     assert 1 <= len(kept) <= jobs  # a case may not have begun its first step yet

@@ -240,7 +240,7 @@ def test_a_million_cases_are_asked_about(swept, tmp_path, capsys):
     assert main(["sweep", str(path), "--out", str(tmp_path / "s"), "--quiet"]) == 2
     said = capsys.readouterr().err
     assert "c 1000 x d 1000 = 1000000 cases: about" in said
-    assert "--yes runs it" in said
+    assert "use --yes to run it" in said
     assert not (tmp_path / "s").exists()
 
 

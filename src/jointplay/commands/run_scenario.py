@@ -136,7 +136,7 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
         there = ", ".join(items[case].path.name for case in results)
         note = f"; there is {there}" if there else ""
         note += f"; not certified: {', '.join(bare)}" if bare else ""
-        note = f"; not started: {', '.join(missing)}" if missing else note
+        note = f"; no result of: {', '.join(missing)}" if missing else note
         print(f"interrupted{note}; the same command with --resume continues", file=sys.stderr)
         return INTERRUPTED
     if stopped:
