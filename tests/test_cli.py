@@ -81,7 +81,7 @@ BAD_INPUT = {
     ),
     "negative clearance": (["--radial", "-1e-4"], "-0.0001 m"),
     "zero clearance": (["--axial", "0"], "got 0 m"),
-    "not a number": (["--radial", "wide"], '--radial: "wide" is no length'),
+    "not a number": (["--radial", "wide"], '--radial: "wide" is not a length'),
     "non-finite": (["--radial", "nan"], "nan"),
     "journal too large": (["--journal-radius", "0.02"], "0.02 m does not fit"),
     "restitution": (["--restitution", "1.5"], "(0, 1], got 1.5"),

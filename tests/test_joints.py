@@ -65,7 +65,7 @@ BAD = [
     ({"radial_clearance": -1e-4}, "-0.0001 m"),
     ({"axial_clearance": float("nan")}, "nan"),
     ({"radial_clearance": float("inf")}, "inf"),
-    ({"radial_clearance": "wide"}, '"wide" is no length'),
+    ({"radial_clearance": "wide"}, '"wide" is not a length'),
     ({"radial_clearance": None}, "give the radial clearance or the journal radius"),
     ({"axial_clearance": None}, "give the axial clearance or the journal length"),
     ({"radial_clearance": 11e-3}, "0.011 m leaves no room for a journal"),

@@ -381,7 +381,7 @@ def test_no_file_is_touched_because_a_checkpoint_names_it(small_portions, tmp_pa
     mine = tmp_path / "precious.dat"
     mine.write_bytes(b"precious" * len(content))
     before = mine.read_bytes()
-    with pytest.raises(jp.JointplayError, match=r"precious\.dat' is no file of records"):
+    with pytest.raises(jp.JointplayError, match=r"precious\.dat' is not a file of records"):
         jp.Simulation.resume(renamed(kept, mine.name))
     assert mine.read_bytes() == before
     for outside in ("../precious.dat", "/etc/hostname", ""):

@@ -15,7 +15,7 @@ import numpy as np
 from jointplay.contact import trust
 from jointplay.core.errors import JointplayError, MissingName, require_positive, within
 from jointplay.core.schema import Draft, Preset, fields_of, unknown_key
-from jointplay.core.units import WORDS, Measured, expected, toml_text
+from jointplay.core.units import Measured, expected, named, toml_text
 from jointplay.joints import JOINT_WORDS, Clearance
 from jointplay.loads import Load
 from jointplay.loads.drive import ComputedTorque, Drive, JointFriction, Torque
@@ -79,7 +79,7 @@ def fit(
         raise MissingName("moving joint", joint, mechanism.joints, where=path)
     if isinstance(value, Measured) and value.unit not in ("", unit):
         raise JointplayError(
-            f"{toml_text(value.text)} is no {WORDS[unit][0]}, but joint {joint!r} is {kind}; "
+            f"{toml_text(value.text)} is not {named(unit)}, but joint {joint!r} is {kind}; "
             f"expected {expected(unit)}",
             where=path,
         )
