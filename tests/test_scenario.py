@@ -393,7 +393,7 @@ REFUSED = {
     "payload": (
         ("[motion]", '[[payloads]]\nmass = "1 kg"\n[[payloads]]\nmass = "1 m"\n[motion]'),
         "line 12, payloads[2].mass",
-        "no mass",
+        "is not a mass",
     ),
 }  # fmt: skip
 
