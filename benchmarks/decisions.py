@@ -20,12 +20,12 @@ from pathlib import Path
 import numpy as np
 
 import jointplay as jp
+from jointplay.analysis.runs import dynamic_error
 from jointplay.core.files import temporary
 from jointplay.design.poses import along_motion, over_workspace
 from jointplay.design.reduced_files import follow, to_mjcf
 from jointplay.design.reduction import reduce
 from jointplay.design.static_budget import budget
-from jointplay.design.verify import dynamic_error
 from jointplay.mechanism.robots import robot_urdf
 
 UR5 = (

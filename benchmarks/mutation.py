@@ -41,7 +41,7 @@ LAWS = ("tests/contact/test_restitution.py", "tests/contact/test_line_contact.py
 TARGETS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "geometry": (
         (
-            "geometry/bore.py",
+            "geometry/cylinder.py",
             "geometry/cylinder.py",
             "geometry/contacts.py",
             "geometry/contacts.py",

@@ -518,11 +518,11 @@ def page(engines: Engines, out: dict, images: str) -> str:
         "# Other engines",
         "",
         f"Written by `python benchmarks/peers.py`; do not edit. {machine()}; {here}; "
-        f"{engines.versions()}. Times are CPU times of the time loop alone. The engines take turns "
-        "where costs are compared, yet on a machine that does other work as well they do not "
-        "suffer alike: what is compiled costs 1.7 times as much as on a quieter one, and ratios "
-        "within it stay (jointplay, Exudyn, MuJoCo's own limit); what works in Python, such as the "
-        "scheme around Pinocchio's solvers, costs 2 to 4 times as much.",
+        f"{engines.versions()}. Times are CPU times of the time loop alone. The engines take "
+        "turns where costs are compared, but other work on the machine does not slow them "
+        "equally: compiled code (jointplay, Exudyn, MuJoCo's own limit) costs 1.7 times as much "
+        "as on a quieter machine, with unchanged ratios; Python code, such as the scheme around "
+        "Pinocchio's solvers, costs 2 to 4 times as much.",
         "",
     ]
     lines += [
@@ -550,9 +550,9 @@ def page(engines: Engines, out: dict, images: str) -> str:
         (when, how), *_ = out["elastic"]
         later = max(how for _, how in out["elastic"])
         lines += [
-            "- Exudyn again with restitution 1 and no friction, where both laws are Hertz's and "
-            f"nothing else: first touch within {1e6 * when:.1e} µs, its impulse within "
-            f"{100 * how:.1e} %, all {len(out['elastic'])} impulses within {100 * later:.1e} %.",
+            "- Exudyn again with restitution 1 and no friction, where both laws are purely "
+            f"Hertz's: first touch within {1e6 * when:.1e} µs, its impulse within {100 * how:.1e} "
+            f"%, all {len(out['elastic'])} impulses within {100 * later:.1e} %.",
         ]
     lines += ["", "## The same contact law: SCARA", "", *TEXT["scara"], "", markdown(out["scara"])]
     lines += [

@@ -41,12 +41,12 @@ def page(found: dict[str, tuple[Case, Outcome, float]], images: str) -> str:
         "Written by `python benchmarks/validate.py`; do not edit. "
         f"{len(found) - len(failed)} of {len(found)} cases pass, in {seconds:.0f} s ({machine}).",
         "",
-        "Each case states what is compared with what. Its error is one number; the limit is where "
-        "the case fails. *Origin* is where what it is compared with comes from: theory, an "
-        "integration written out in the case, what a publication says, another engine, a "
-        "commercial code, an experiment, or the package itself with other settings. A short form "
-        "of each runs in the test suite, and once more with the deliberate mistake named under "
-        "*fails with*: a check that cannot fail is worth nothing.",
+        "Each case states what is compared. Its error is one number; the case fails above the "
+        "limit. *Origin* is the source of the reference: theory, an independent integration in "
+        "the case itself, a publication, another engine, a commercial code, an experiment, or "
+        "the package itself with other settings. A short form of each case runs in the test "
+        "suite, and again with the deliberate mistake named under *fails with*, to show that the "
+        "check can fail.",
         "",
         "| case | origin | error | limit | |",
         "| --- | --- | --- | --- | --- |",
@@ -85,7 +85,7 @@ def page(found: dict[str, tuple[Case, Outcome, float]], images: str) -> str:
             "",
             "## What could not be compared",
             "",
-            "Looked for, and not compared with:",
+            "The following were considered, but could not be compared:",
             "",
             *(f"- {paper['name']}: {paper['found']}." for paper in absent()),
         ]

@@ -100,7 +100,7 @@ def test_sound_run_does_not_warn():
         ({"step_error": 8e-3, "relative_step_error": 0.09}, "tool is off by about 0.008 m"),
         (
             {"relative_step_error": 0.09},
-            "a different motion: all coordinates by 9 %",
+            "different results: all coordinates by 9 %",
         ),  # a file edited
         ({"step_error": math.inf, "relative_step_error": math.inf}, "the run ends differently"),
         ({"tooth_steps": 6.0}, "gear teeth last 6 steps"),

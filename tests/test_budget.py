@@ -382,16 +382,16 @@ def test_a_journal_that_bears_nothing_rests_anywhere_in_its_play_and_the_table_s
         assert found.rest_interval[0, :3, 0] == pytest.approx(-reach, rel=1e-6)
         assert found.rest_interval[0, 3, 0] == 0.0
         assert found.rest_interval[0, 3, 1] >= found.worst[0]
-        assert "nothing presses on any joint: the journals may rest anywhere" in found.table()
+        assert "no force acts on any joint: the journals may rest anywhere" in found.table()
     heavy = budget(Mechanism(arm, {"j": bearing()}, tool="tip"), {})
-    assert "nothing presses" not in heavy.table()
+    assert "no force acts on" not in heavy.table()
 
 
 def test_the_table_says_whether_friction_decides_where_the_tool_rests(urdf):
     shifts = budget(hung(urdf), {}, friction=0.1).table()
     assert "friction shifts the place of rest by up to 0.01" in shifts
     decides = budget(hung(urdf), {}, friction=1.0).table()
-    assert "friction decides where it rests: up to 0.0" in decides
+    assert "friction determines where it rests: up to 0.0" in decides
 
 
 def loose_joints(name):

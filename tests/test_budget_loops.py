@@ -314,7 +314,9 @@ def test_what_holds_each_other_is_allocated_within_the_target(door):
 
 
 def test_others_than_budgets_say_that_they_take_no_loops():
-    with pytest.raises(JointplayError, match="'piston_pin': this is for robots without closed"):
+    with pytest.raises(
+        JointplayError, match="'piston_pin': this works only for robots without closed"
+    ):
         sources(slider_crank({"piston_pin": pin_joint()}), START)
 
 
@@ -340,7 +342,7 @@ def test_the_table_says_that_in_loops_the_whole_play_is_taken():
     found = budget(mechanism, poses.at_pose(mechanism, {"crank_pin": 1.0}, near=START))
     text = found.table()
     assert "where friction can hold all joints is not known" in text
-    assert "their whole play is taken" in text
+    assert "their entire play is assumed" in text
     assert "friction decides" not in text
     assert "friction shifts" not in text
     ends = found.rest_interval[0, :3]

@@ -315,6 +315,6 @@ def test_robots_that_cannot_be_led_are_refused(urdf):
     ball = joint("ball", "base", "arm", "floating")
     path = urdf(body("arm"), ball, body("end"), joint("hinge", "arm", "end"))
     robot = jp.Mechanism(path, {"ball": SphericalClearance(radial_clearance=1e-4)})
-    assert "cannot lead the ball joint 'ball'" in refused(robot, [0, 1], [HERE, HERE])
+    assert "cannot move the ball joint 'ball'" in refused(robot, [0, 1], [HERE, HERE])
     fixed = jp.Mechanism(urdf('<link name="rock"/>', joint("nail", "base", "rock", "fixed")))
     assert "has none" in refused(fixed, [0, 1], [HERE, HERE])

@@ -337,7 +337,7 @@ def test_a_scenario_told_to_stop_while_it_certifies_keeps_its_runs(tmp_path, cap
     path.write_text(SCENARIO.format(more=""))
     arguments = ["run", str(path), "--out", str(tmp_path / "o"), "--quiet", "--jobs", "1"]
     assert cli.main(arguments) == 130
-    assert "interrupted; nothing of: two" in capsys.readouterr().err
+    assert "interrupted; no result of: two" in capsys.readouterr().err
     assert plain(tmp_path / "o" / "one.nc")
 
 

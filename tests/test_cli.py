@@ -81,7 +81,7 @@ BAD_INPUT = {
     ),
     "negative clearance": (["--radial", "-1e-4"], "-0.0001 m"),
     "zero clearance": (["--axial", "0"], "got 0 m"),
-    "not a number": (["--radial", "wide"], '--radial: "wide" is no length'),
+    "not a number": (["--radial", "wide"], '--radial: "wide" is not a length'),
     "non-finite": (["--radial", "nan"], "nan"),
     "journal too large": (["--journal-radius", "0.02"], "0.02 m does not fit"),
     "restitution": (["--restitution", "1.5"], "(0, 1], got 1.5"),
@@ -94,7 +94,7 @@ BAD_INPUT = {
     "two robots": (["ur5", "--urdf", "scara.urdf"], "--urdf scara.urdf beside ur5"),
     "no robot": (["nothing_like_it"], "nothing_like_it"),
     "not a setting": (["--set", "step"], '--set "step": give KEY=VALUE'),
-    "not a key": (["--set", "a..b=1"], '"a..b" is no key'),
+    "not a key": (["--set", "a..b=1"], '"a..b" is not a key'),
     "unknown key": (
         ["--set", "integration.stepp=1"],
         '--set integration.stepp: unknown key "stepp"; did you mean "step"?',
@@ -334,7 +334,7 @@ GEARED = ["jointplay:scara.urdf", "--clearance", "1e-4", "--joint", "joint_b"]
     ("words", "said"),
     [
         (["budget", *GEARED, "--friction", "abc"], "--friction"),
-        (["reduce", *GEARED, "--rotor-inertia", "-1"], "no joint has one; name it by --gear"),
+        (["reduce", *GEARED, "--rotor-inertia", "-1"], "no joint has one; add it with --gear"),
         (["reduce", *GEARED, "--spread", "inf"], "--spread must be finite"),
         (["reduce", *GEARED, "--period", "inf"], "--period"),
     ],
@@ -505,7 +505,7 @@ sys.exit(cli.main(sys.argv[1:]))
     command = [PYTHON, "-c", code, "run", *two, *SHORT, "--out", str(tmp_path / "p")]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 130
-    assert "interrupted; nothing of: 0.2 mm" in done.stderr
+    assert "interrupted; no result of: 0.2 mm" in done.stderr
 
 
 @pytest.mark.parametrize("moment", ["errors_table", "write_errors", "plots"])

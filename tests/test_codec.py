@@ -77,17 +77,17 @@ def test_numbers_take_their_units():
     ("data", "where", "message"),
     [
         ({"wheels": [{"radius": 1}, {"radius": -1}]}, ("wheels", 1, "radius"), "greater than zero"),
-        ({"wheels": [{"radius": "1 kg"}]}, ("wheels", 0, "radius"), '"1 kg" is no length'),
+        ({"wheels": [{"radius": "1 kg"}]}, ("wheels", 0, "radius"), '"1 kg" is not a length'),
         ({"wheels": [{"radius": 1, "color": "red"}]}, ("wheels", 0, "color"), '"colour"?'),
         ({"wheels": [{"radius": 1, "colour": "pink"}]}, ("wheels", 0, "colour"), "no colour"),
         ({"wheels": [{"radius": 1, "spokes": 2.5}]}, ("wheels", 0, "spokes"), "a whole number"),
         ({"wheels": [{"radius": 1, "spokes": True}]}, ("wheels", 0, "spokes"), "a whole number"),
         ({"wheels": [{}]}, ("wheels", 0), "the key radius is missing"),
         ({"wheels": {}}, ("wheels",), "a list in brackets"),
-        ({"wheels": [], "load": {"hay": "a lot"}}, ("load", "hay"), "is no mass"),
+        ({"wheels": [], "load": {"hay": "a lot"}}, ("load", "hay"), "is not a mass"),
         ({"wheels": [], "at": [1, 2]}, ("at",), "are not three components"),
         ({"wheels": [], "tags": [1]}, ("tags", 0), "text in quotes"),
-        ([], (), "is no table; its keys are: wheels, load, at, tags"),
+        ([], (), "is not a table; its keys are: wheels, load, at, tags"),
     ],
 )
 def test_errors_have_their_place(data, where, message):
@@ -244,9 +244,9 @@ def push(delta, ddelta, ddelta0, p):
     return p[0] * delta
 
 
-def test_a_users_law_that_reads_otherwise_now_is_said_to(recwarn):
+def test_a_users_law_that_differs_from_the_one_in_the_result_is_reported(recwarn):
     described = jp.contact.CustomNormalForce(push, (1e8,)).describe()
     schema.read(NormalForceLaw, described)
     assert not recwarn
-    with pytest.warns(RuntimeWarning, match="reads otherwise here than in the result"):
+    with pytest.warns(RuntimeWarning, match="here differs from the one in the result"):
         schema.read(NormalForceLaw, described | {"source": "def push(): ..."})

@@ -300,7 +300,7 @@ def test_wrong_laws_are_refused_with_the_right_signature():
     with pytest.raises(JointplayError, match="non-finite"):
         jp.contact.CustomNormalForce(my_hertz, (math.inf,))
     nowhere = {"law": "custom", "function": "nowhere:law", "parameters": []}
-    with pytest.raises(JointplayError, match="trust its module: --trust nowhere"):
+    with pytest.raises(JointplayError, match="trust it: --trust nowhere"):
         NormalForceLaw.from_description(nowhere)
     with trusting(["nowhere"]), pytest.raises(JointplayError, match="cannot be imported"):
         NormalForceLaw.from_description(nowhere)

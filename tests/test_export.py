@@ -318,7 +318,7 @@ def test_command(arm, tmp_path, capsys):
     assert "shoulder.x, shoulder.y, shoulder.z, shoulder (yaw)" in printed
     assert "mesh paths are relative" in printed
     assert main(options) == 2  # never overwrites
-    assert "exists; choose another name" in capsys.readouterr().err
+    assert "already exists; choose another name" in capsys.readouterr().err
 
 
 def test_command_names_the_joints_there_are(arm, tmp_path, capsys):

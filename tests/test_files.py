@@ -56,7 +56,7 @@ def test_a_file_of_someone_else_is_never_replaced_unless_asked(tmp_path, monkeyp
     # It comes into being between the look and the naming.
     monkeypatch.setattr(os.path, "lexists", lambda _: False)
     path.write_text("precious")
-    with pytest.raises(JointplayError, match="exists; choose another name"):
+    with pytest.raises(JointplayError, match="already exists; choose another name"):
         files.write(path, "mine")
     assert path.read_text() == "precious"
     assert [file.name for file in tmp_path.iterdir()] == ["a.txt"]
@@ -161,7 +161,9 @@ def test_a_file_is_read_however_busy_the_machine_is(saved, tmp_path, monkeypatch
 
 def test_without_a_process_to_look_at_it_a_file_is_not_read(saved, monkeypatch):
     monkeypatch.setattr(hdf5, "sys", SimpleNamespace(executable="/nowhere/python"))
-    with pytest.raises(JointplayError, match="no process can be started to look at it: No such"):
+    with pytest.raises(
+        JointplayError, match="the process that would check it cannot be started: No such"
+    ):
         jp.Result.load(saved)
 
 
@@ -373,8 +375,12 @@ ELSEWHERE = {
     "plots/figures.py": {"pages.savefig("},  # in memory
     "plots/style.py": {"super().savefig(", "self.savefig(drawn, "},  # in memory
     "reports/sweep.py": {"figure.savefig(content, ", "pages.savefig(figure)"},  # in memory
-    "result/portions.py": {"first.to_netcdf(None, ", "h5py.File(self._disk, ", "h5netcdf.File("},
-    "result/netcdf.py": {"dataset.to_netcdf(None, "},  # in memory
+    "result/netcdf.py": {  # in memory, and a file that is open already
+        "dataset.to_netcdf(None, ",
+        "first.to_netcdf(None, ",
+        "h5py.File(self._disk, ",
+        "h5netcdf.File(",
+    },
     "simulation/checkpoint.py": {"np.savez(out, "},  # in memory
     "simulation/spool.py": {"path.open('r+b')", "self._file.truncate("},  # marked as ours
     "sweeps/case.py": {"place.write_text("},  # in a temporary folder, for Pinocchio to read
@@ -536,11 +542,11 @@ def with_times(*times):
         ("report", with_times(0.0, 1e-4, 1e-4), "record 3 of 3 is at 0.0001 s behind 0.0001 s"),
         ("export", with_times(0.0, float("nan"), 1e-4), "record 2 of 3 is at nan s"),
         ("report", with_times(0.0, 1e-4, float("inf")), "record 3 of 3 is at inf s"),
-        ("play", lambda d: d.assign(q=d["q"] * 1j), "is no dataset"),
+        ("play", lambda d: d.assign(q=d["q"] * 1j), "is not a dataset"),
         (
             "report",
             lambda d: d.assign(own=d["time"] * 1j),
-            "is no dataset",
+            "is not a dataset",
         ),
     ],
 )

@@ -126,7 +126,7 @@ def test_pushes_of_one_size_cannot_tell_and_the_message_names_more(arm):
     assert found.reasons[0].startswith("elasticity (")
     assert "pushes of 1 size are not enough" in found.reasons[0]
     assert "--stiffness" in found.reasons[0]
-    assert "would tell" in found.advice[0]
+    assert "would determine it" in found.advice[0]
     assert "N and" in found.advice[0]  # two sizes, or a third besides
 
 

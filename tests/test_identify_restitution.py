@@ -93,8 +93,8 @@ def test_intervals_of_flights_hold_the_truth_or_nothing_is_told(e, first, seed, 
 @pytest.mark.parametrize(
     ("measured", "words"),
     [
-        (bounces(0.7, noise=5e4), "no impact stands out of the noise"),
-        (bounces(0.7, hit=0.0, noise=1.0), "no impact stands out of the noise"),
+        (bounces(0.7, noise=5e4), "no impact exceeds the noise"),
+        (bounces(0.7, hit=0.0, noise=1.0), "no impact exceeds the noise"),
         (bounces(0.7, drops=1, first=4e-3, noise=1e-3), "4 are needed"),
         (bounces(0.5, rate=250.0, noise=1e-2), "4 are needed"),
     ],
@@ -227,7 +227,7 @@ def test_noise_as_large_as_the_impacts_tells_nothing_by_simulations_either(urdf)
     simulation = hanging(urdf, 0.5, angle=0.0, end=0.5)
     measured = felt(simulation, noise=1e3)
     (one,) = by_simulation(simulation, measured, runs=20)
-    assert "impacts stand out of the noise" in one.reason
+    assert "impacts exceed the noise" in one.reason
     still = replace(measured, signals={k: 0.0 * v for k, v in measured.signals.items()})
     (one,) = by_simulation(simulation, still, runs=20)
     assert "0 impacts" in one.reason
@@ -238,7 +238,7 @@ def test_a_machine_of_another_load_is_like_no_simulated_one(urdf):
     strange = replace(measured, signals={k: 5.0 * v for k, v in measured.signals.items()})
     strange = replace(strange, noise={"acceleration": 1.0})
     (one,) = by_simulation(hanging(urdf, 0.5, angle=0.0, end=0.5), strange, runs=20)
-    assert "like those of no simulated machine" in one.reason
+    assert "do not match any simulated machine" in one.reason
 
 
 def test_what_was_found_agrees_with_the_measurement_and_something_else_does_not(urdf):
@@ -247,7 +247,7 @@ def test_what_was_found_agrees_with_the_measurement_and_something_else_does_not(
     checked = verify(replace(simulation, seed=None), found, runs=4)
     assert len(checked.checks) >= 8
     assert checked.agrees, str(checked)
-    assert "the identified machine does what was measured" in str(checked)
+    assert "the identified machine reproduces the measurement" in str(checked)
     joints = {"j": replace(found.mechanism.clearance["j"], restitution=0.3)}
     other = replace(found, mechanism=found.mechanism.with_clearance(joints), restitutions=())
     checked = verify(replace(simulation, seed=None), other, runs=4)
@@ -298,7 +298,7 @@ def test_two_joints_hit_and_an_accelerometer_does_not_say_which(urdf):
     mechanism = Mechanism(path, {"a": bearing, "b": bearing}, tool="tool")
     shaken = bounces(0.6, noise=1.0)
     found = identify(mechanism, shaken)
-    assert all("an impact may be of any of a, b" in one.reason for one in found.restitutions)
+    assert all("an impact may belong to any of a, b" in one.reason for one in found.restitutions)
     force = bounces(0.6, noise=1.0, kind="reaction").signals["reaction", "j"]
     both = replace(shaken, signals={**shaken.signals, ("reaction", "b"): force})
     first, second = identify(mechanism, both).restitutions
@@ -368,7 +368,7 @@ def test_the_command_tells_restitution_verifies_and_writes_both(urdf, tmp_path, 
     assert main([*order, "--out", str(tmp_path / "out")]) == 0
     said = capsys.readouterr().out
     assert "j restitution" in said
-    assert "the identified machine does what was measured" in said
+    assert "the identified machine reproduces the measurement" in said
     kept = json.loads((tmp_path / "out/identified.json").read_text())
     (one,) = kept["unknowns"]
     assert one["low"] <= 0.85 <= one["high"]

@@ -61,7 +61,7 @@ def test_values_may_be_written_as_in_files():
 @pytest.mark.parametrize(
     ("wrong", "where", "words"),
     [
-        ({"step": "10 kg"}, ("step",), '"10 kg" is no time; expected a time such as "10 us"'),
+        ({"step": "10 kg"}, ("step",), '"10 kg" is not a time; expected a time such as "10 us"'),
         ({"drive": "fre"}, ("drive",), 'no drive "fre"; did you mean "free"?'),
         ({"drive": {"joint_a": "fre"}}, ("drive", "joint_a"), 'no drive "fre"'),
         ({"start": "above"}, ("start",), "no start 'above'"),

@@ -264,7 +264,7 @@ def test_the_study_does_not_grow_without_end(tmp_path):
 
 
 def test_waypoints_beyond_all_numbers_are_refused_without_a_warning(recwarn):
-    with pytest.raises(JointplayError, match="beyond all numbers"):
+    with pytest.raises(JointplayError, match="accelerations overflow"):
         jp.Motion(["a"], [0.0, 1e-200, 1.0], [[0.0], [1e200], [0.0]])
     assert not recwarn.list
 
@@ -331,7 +331,7 @@ def test_positions_given_to_the_last_digit_may_leave_the_journal_off_centre():
 
 def test_positions_that_do_not_go_together_are_blamed_not_the_lengths():
     start = {"crank_pin": 0.3, "coupler_pin": 2.0, "rocker_pin": 1.0}
-    with pytest.raises(JointplayError, match="given for crank_pin, coupler_pin, rocker_pin do not"):
+    with pytest.raises(JointplayError, match="given for crank_pin, coupler_pin, rocker_pin contra"):
         jp.Run(four_bar(5e-5, **FREE, state=start))
 
 
@@ -349,7 +349,7 @@ def test_a_journal_may_fly_at_the_start():
 def test_a_loop_without_clearance_is_not_torn_apart():
     ideal = jp.Scenario.load(jp.shipped("four_bar.toml")).simulation("ideal")
     state = {"crank_pin": (None, 1.0), "coupler_pin": (None, 0.0), "rocker_pin": (None, 0.0)}
-    with pytest.raises(JointplayError, match="given for crank_pin, coupler_pin, rocker_pin do not"):
+    with pytest.raises(JointplayError, match="given for crank_pin, coupler_pin, rocker_pin contra"):
         jp.Run(dataclasses.replace(ideal, **FREE, state=state))
 
 
@@ -526,7 +526,7 @@ READERS = {
 def test_what_is_no_plain_file_or_a_giant_is_not_opened(reader, tmp_path):
     """A pipe that nobody writes to would be waited for, a device read for ever."""
     for path in _devices(tmp_path):
-        with pytest.raises(JointplayError, match=f"{path.name}.*(no plain|at most 256|folder|dir)"):
+        with pytest.raises(JointplayError, match=f"{path.name}.*(regular|at most 256|folder|dir)"):
             reader(path)
 
 

@@ -111,14 +111,16 @@ def test_records_that_are_missing_are_said(small_portions, tmp_path):
     records, kept = working_paths(tmp_path / "r.nc")
     stepped(jp.Run(one, records=records), 0.03).checkpoint(kept)
     os.truncate(records, 1000)
-    with pytest.raises(jp.JointplayError, match="lacks records of the run: it holds 1000 bytes"):
+    with pytest.raises(
+        jp.JointplayError, match="is missing records of the run: it holds 1000 bytes"
+    ):
         one.run_to(tmp_path / "r.nc", resume=True)
 
 
 def test_a_checkpoint_of_another_run_is_refused_with_the_difference(tmp_path):
     kept = working_paths(tmp_path / "r.nc")[1]
     stepped(jp.Run(simulation(duration=0.02)), 0.01).checkpoint(kept)
-    with pytest.raises(jp.JointplayError, match=r"of another run: duration is 0.03, and was 0.02"):
+    with pytest.raises(jp.JointplayError, match=r"to another run: duration is 0.03, and was 0.02"):
         simulation(duration=0.03).run_to(tmp_path / "r.nc", resume=True)
     with pytest.raises(jp.JointplayError, match="exists"):
         simulation(duration=0.02).run_to(tmp_path / "r.nc")
@@ -285,13 +287,13 @@ def test_sigterm_writes_a_checkpoint_says_so_and_resume_gives_the_same_bits(tmp_
     said, err, status = stopped_once_it_steps(start("run", *LONG, "--out", out))
     assert status == 130, err
     assert "checkpoint at t = " in err
-    assert "the same command with --resume goes on" in err
+    assert "the same command with --resume continues" in err
     assert "interrupted at" in said
     assert {"result.checkpoint", "result.nc"} <= set(names(out))
     part = jp.Result.load(out / "result.nc")
     assert part.status == Status.INTERRUPTED
     _, err, status = ended(start("run", *LONG, "--out", out))
-    assert (status, "--resume goes on with it" in err) == (2, True)
+    assert (status, "--resume continues it" in err) == (2, True)
     _, err, status = ended(start("run", *LONG, "--step", "8e-6", "--out", out, "--resume"))
     assert (status, "step is 8e-06, and was 1e-05" in err) == (2, True)
     _, err, status = ended(start("run", *LONG, "--out", out, "--resume"))
@@ -351,7 +353,7 @@ def test_a_checkpoint_replaces_checkpoints_only(tmp_path):
     run = stepped(jp.Run(simulation(duration=0.02)), 0.01)
     mine = tmp_path / "mine.dat"
     mine.write_text("precious")
-    with pytest.raises(jp.JointplayError, match="is no checkpoint of jointplay"):
+    with pytest.raises(jp.JointplayError, match="is not a checkpoint of jointplay"):
         run.checkpoint(mine)
     assert mine.read_text() == "precious"
     kept = run.checkpoint(tmp_path / "run.checkpoint")
@@ -379,11 +381,11 @@ def test_no_file_is_touched_because_a_checkpoint_names_it(small_portions, tmp_pa
     mine = tmp_path / "precious.dat"
     mine.write_bytes(b"precious" * len(content))
     before = mine.read_bytes()
-    with pytest.raises(jp.JointplayError, match=r"precious\.dat' is no file of records"):
+    with pytest.raises(jp.JointplayError, match=r"precious\.dat' is not a file of records"):
         jp.Simulation.resume(renamed(kept, mine.name))
     assert mine.read_bytes() == before
     for outside in ("../precious.dat", "/etc/hostname", ""):
-        with pytest.raises(jp.JointplayError, match="damaged or no checkpoint"):
+        with pytest.raises(jp.JointplayError, match="damaged or not a checkpoint"):
             jp.Simulation.resume(renamed(kept, outside))
     other, its = working_paths(tmp_path / "other.nc")
     stepped(jp.Run(one, records=other), 0.04).checkpoint(its)

@@ -60,7 +60,7 @@ def test_two_cycles_a_run_double_the_life(urdf):
 
 
 def test_a_target_that_is_missed_already_is_refused_with_the_present_error(urdf):
-    with pytest.raises(jp.JointplayError, match=r"0\.1 mm before anything wears.*missed already"):
+    with pytest.raises(jp.JointplayError, match=r"0\.1 mm before anything wears.*exceeded already"):
         maintenance(rubbing(urdf), 0.9e-4)
 
 
@@ -130,4 +130,4 @@ def test_the_command_prints_and_writes(urdf, tmp_path, capsys):
     assert rows[0] == "cycles,standard_error_of_block,error_m,growth_pin_m"
     assert float(rows[-1].split(",")[2]) == pytest.approx(1.02e-4, rel=2e-3)
     assert main([*order, "--target", "0.05 mm"]) == 2
-    assert "missed already" in capsys.readouterr().err
+    assert "exceeded already" in capsys.readouterr().err

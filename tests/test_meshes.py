@@ -167,8 +167,8 @@ def test_pipes_devices_and_giants_are_refused_before_they_are_read(tmp_path):
     with giant.open("wb") as file:
         file.truncate(meshes.MOST_BYTES + 1)
     for path, reason in (
-        (pipe, "no plain file"),
-        (device, "no plain file"),
+        (pipe, "not a regular file"),
+        (device, "not a regular file"),
         (giant, "at most 200"),
     ):
         with pytest.raises(JointplayError, match=reason):

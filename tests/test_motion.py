@@ -59,7 +59,7 @@ def test_joints_stand_still_outside_the_motion():
         ("time_s,j\n0,0\n", "at least 2 waypoints"),
         ("time_s,j\n0,0\n1,nan\n", "positions must be finite; waypoint 2 is not"),
         ("time_s,j\n0,0\n1,1\n1,2\n", "1 s is followed by 1 s (number 3)"),
-        ("time_s,j,j\n0,0,0\n1,1,1\n", "named twice"),
+        ("time_s,j,j\n0,0,0\n1,1,1\n", "appears twice"),
         ("time_s,j\n", "no waypoints"),
         ("", "is empty"),
     ],

@@ -173,7 +173,7 @@ def test_every_robot_is_surveyed():
     assert found["panda"].mimics == ("panda_finger_joint2",)
     assert not found["a1"].serial
     assert "LFinger21" in found["romeo"].massless
-    assert "move no mass" in found["romeo"].remarks[0]
+    assert "move links without mass" in found["romeo"].remarks[0]
     assert found["so101"].unphysical == ("gripper_frame_link",)
     assert not found["quadrotor_base"].moving
     astray = found["alex_psyonic_hands"]
@@ -232,8 +232,8 @@ def test_command_lists_any_urdf(urdf, capsys):
     assert re.search(r"slide +prismatic +arm +tip +follows 0\.5 turn - 0\.1\n", out)
     assert "frames: base, arm, tip" in out
     assert "tool, if none is named: tip" in out
-    assert "no mass of their own: tip" in out
-    assert "slide move no mass" in out
+    assert "links without mass: tip" in out
+    assert "slide move links without mass" in out
 
 
 def test_a_urdf_that_cannot_be_read_is_refused(tmp_path, capsys):

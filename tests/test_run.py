@@ -240,7 +240,7 @@ def test_turns_settle_when_the_joint_has_turned_so_often(urdf):
 @pytest.mark.parametrize(
     ("options", "text"),
     [
-        ({"settle": "5 turns"}, "no joint of the motion turns so often"),
+        ({"settle": "5 turns"}, "no joint of the motion makes so many turns"),
         ({"settle": "soon"}, "as in '2 turns'"),
         ({"settle": 0.2}, "the run ends at 0.1 s"),
         ({"judge_from": -1.0}, "judge_from"),
@@ -315,7 +315,7 @@ def test_names_of_joints_are_never_parsed(urdf, tmp_path, name):
 def test_a_joint_called_like_a_coordinate_of_another_is_refused(urdf):
     path = urdf(body("one"), joint("a", "base", "one"), body("two"), joint("a.x", "one", "two"))
     bearing = jp.RevoluteClearance(radial_clearance=1e-4, axial_clearance=1e-4)
-    with pytest.raises(jp.JointplayError, match=r"'a\.x' is called like the coordinate 'x'"):
+    with pytest.raises(jp.JointplayError, match=r"'a\.x' has the same name as the coordinate 'x'"):
         jp.Mechanism(path, {"a": bearing})
 
 

@@ -60,8 +60,8 @@ def test_orders_stay_where_they_are_while_the_speed_rises():
 @pytest.mark.parametrize(
     ("speeds", "more", "words"),
     [
-        ("1000:1000:2 rpm", (), "a run-up needs two speeds of one direction"),
-        ("-1000:1000:2 rpm", (), "a run-up needs two speeds of one direction"),
+        ("1000:1000:2 rpm", (), "a run-up needs two speeds of the same direction"),
+        ("-1000:1000:2 rpm", (), "a run-up needs two speeds of the same direction"),
         ("1000:2000:3 rpm", ("--window", "9"), "a window of 9 turns does not fit into 4 turns"),
     ],
 )

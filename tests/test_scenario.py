@@ -326,9 +326,9 @@ REFUSED = {
     ),
     "unknown table": (("[motion]", "[motoin]"), "line 9, motoin", 'did you mean "motion"?'),
     "unknown unit": (("0.2 mm", "0.2 mmm"), "line 7, joints.joint_b.radial", "unknown unit"),
-    "wrong dimension": (("0.2 mm", "0.2 kg"), "line 7", '"0.2 kg" is no length', '"0.2 mm"'),
+    "wrong dimension": (("0.2 mm", "0.2 kg"), "line 7", '"0.2 kg" is not a length', '"0.2 mm"'),
     "angle of a slider": (("-50 mm", "50 deg"), "line 14, motion.joints.stroke", "is prismatic"),
-    "length of a hinge": (("30 deg", "30 mm"), "line 12", '"30 mm" is no angle', "is revolute"),
+    "length of a hinge": (("30 deg", "30 mm"), "line 12", '"30 mm" is not an angle', "is revolute"),
     "negative": (("0.2 mm", "-0.2 mm"), "line 7, joints.joint_b.radial_clearance", "-0.0002 m"),
     "two clearances on one joint": (
         ("[motion]", '[joints.joint_b]\nkind = "planar"\n[motion]'),
@@ -393,7 +393,7 @@ REFUSED = {
     "payload": (
         ("[motion]", '[[payloads]]\nmass = "1 kg"\n[[payloads]]\nmass = "1 m"\n[motion]'),
         "line 12, payloads[2].mass",
-        "no mass",
+        "is not a mass",
     ),
 }  # fmt: skip
 

@@ -42,7 +42,7 @@ def test_init_writes_what_check_and_run_take_and_never_overwrites(tmp_path):
     refused = jointplay("init", "scenario", cwd=tmp_path)
     assert refused.returncode == 2
     assert refused.stderr == (
-        "jointplay init: error: 'scenario.toml' exists; choose another name\n"
+        "jointplay init: error: 'scenario.toml' already exists; choose another name\n"
     )
     assert path.read_text() == "mine"
     assert jointplay("init", "no/where.toml", cwd=tmp_path).returncode == 2
@@ -106,7 +106,7 @@ def test_check_draws_the_mechanism_but_over_no_one_elses_picture(short):
     picture.write_bytes(b"mine")
     refused = jointplay("check", short)
     assert refused.returncode == 2
-    assert "exists; choose another name (--picture" in refused.stderr
+    assert "already exists; choose another name (--picture" in refused.stderr
     assert picture.read_bytes() == b"mine"
 
 
@@ -193,7 +193,7 @@ def test_ctrl_c_keeps_what_was_computed(short, jobs, tmp_path):
     process.send_signal(signal.SIGINT)
     _, errors = process.communicate(timeout=900)
     assert process.returncode == 130
-    assert "interrupted; nothing of: " in errors
+    assert "interrupted; no result of: " in errors
     assert "Traceback" not in errors
     kept = [Result.load(path) for path in out.glob("*.nc")]
     assert 1 <= len(kept) <= jobs  # a case may not have begun its first step yet

@@ -270,7 +270,7 @@ def test_a_scenario_takes_laws_beside_it_and_others_by_trust(tmp_path, monkeypat
     (tmp_path / "b" / "own_laws.py").write_text(LAW)
     monkeypatch.chdir(tmp_path / "b")
     scenario = tmp_path / "a" / "s.toml"
-    with pytest.raises(JointplayError, match="trust its module: --trust own_laws"):
+    with pytest.raises(JointplayError, match="trust it: --trust own_laws"):
         jp.Scenario.load(scenario).simulation("0.2 mm")
     assert jp.Scenario.load(scenario, trust=["own_laws"]).simulation("0.2 mm")
     sys.modules.pop("own_laws")
@@ -422,10 +422,10 @@ STRANGE = {
     linked: "'tool_position' is an external link",
     linked_softly: "'tool_position' is a soft link",
     filtered: "'tool_position' has the filter 32768; known are deflate, shuffle, fletcher32",
-    grouped: "'more' is no dataset",
+    grouped: "'more' is not a dataset",
     refers: "the attribute 'to' of '/' holds neither numbers nor text",
     opaque: "the attribute 'raw' of 'tool_position' holds neither numbers nor text",
-    named: "'kind' is no dataset",
+    named: "'kind' is not a dataset",
     compound: "'pairs' holds neither numbers nor text",
     immense: "'tool_position' claims 2.4e[+]13 bytes, which the file does not hold",
 }

@@ -105,7 +105,7 @@ REFUSALS = [
     (["maintenance", "good.toml", "--target", "1e-4", "--out", "full"], "(maintenance.csv)"),
     (["identify", "good.toml", "--plan", "--out", "full"], "(plan.txt)"),
     (["sweep", "good.toml", "--out", "a.zarr"], "--resume"),
-    (["sweep", "good.toml", "--out", "full"], "a folder of other things"),
+    (["sweep", "good.toml", "--out", "full"], "a folder that holds other files"),
     (["plot-sweep", "a.zarr", "x=a", "y=b", "--out", "there.html"], "exists"),
     (["uncertainty", "a.zarr", "m", "--out", "there.html"], "exists"),
     (["export", "a.nc", "--out", "table.xyz"], "table.xyz"),

@@ -102,7 +102,7 @@ def test_resuming_a_finished_sweep_runs_nothing(done, monkeypatch):
 
 
 def test_a_store_is_not_overwritten(done):
-    with pytest.raises(jp.JointplayError, match="exists; go on with it by --resume"):
+    with pytest.raises(jp.JointplayError, match="exists; continue it with --resume"):
         jp.sweep(done[1], done[0])
 
 
@@ -130,7 +130,7 @@ def test_a_changed_measure_is_a_changed_sweep(done):
 
 def test_other_folders_are_left_alone(done, tmp_path):
     (tmp_path / "precious.txt").write_text("x")
-    with pytest.raises(jp.JointplayError, match="a folder of other things"):
+    with pytest.raises(jp.JointplayError, match="a folder that holds other files"):
         jp.sweep(done[1], tmp_path)
 
 
@@ -206,7 +206,7 @@ def test_a_failed_case_is_kept_with_its_error_and_the_rest_goes_on(swept, tmp_pa
     )
     found = jp.sweep(path, tmp_path / "s.zarr", jobs=1)
     assert found["state"].values.tolist() == [1, 2, 1]
-    assert "leaves no journal in a bearing" in str(found["error"].values[1])
+    assert "leaves no room for a journal in a bearing" in str(found["error"].values[1])
     assert np.isfinite(found["peak_force"].values).tolist() == [True, False, True]
     assert "1 of 3 cases failed" in table(found)
 
@@ -240,7 +240,7 @@ def test_a_million_cases_are_asked_about(swept, tmp_path, capsys):
     assert main(["sweep", str(path), "--out", str(tmp_path / "s"), "--quiet"]) == 2
     said = capsys.readouterr().err
     assert "c 1000 x d 1000 = 1000000 cases: about" in said
-    assert "--yes runs it" in said
+    assert "use --yes to run it" in said
     assert not (tmp_path / "s").exists()
 
 
@@ -438,7 +438,7 @@ def test_a_case_whose_records_are_of_other_times_has_failed_and_says_so(swept, t
     path = swept(axis, 'histories = ["tool_position"]')
     found = jp.sweep(path, tmp_path / "store.zarr", jobs=1)
     assert found["state"].values.tolist() == [1, 1, 1, 2]
-    assert "record 32 is of t = 0.00305 s" in str(found["error"].values[3])
+    assert "record 32 is at t = 0.00305 s" in str(found["error"].values[3])
     time = found["time"].values
     kept = found["tool_position_history"]
     assert time == pytest.approx(np.arange(41) * 1e-4)

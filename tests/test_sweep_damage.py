@@ -205,8 +205,8 @@ def unsized(content):
     [
         ("peak_force", crc(Zstd().encode(bytes(1 << 28))), "it unpacks to 268435456 bytes, not to"),
         ("peak_force", crc(Zstd().encode(bytes(8))), "it unpacks to 8 bytes, not to"),
-        ("peak_force", unsized(bytes(96)), "it does not say how many bytes it unpacks to"),
-        ("peak_force", crc(bytes(100)), "it does not say how many bytes it unpacks to"),
+        ("peak_force", unsized(bytes(96)), "its uncompressed size is missing"),
+        ("peak_force", crc(bytes(100)), "its uncompressed size is missing"),
         ("error", crc(Zstd().encode(bytes(1 << 28))), "it unpacks to 268435456 bytes, more than"),
     ],
 )
@@ -308,7 +308,7 @@ def test_a_damaged_store_is_not_taken_for_that_of_another_sweep(whole, here, tmp
     root.write_bytes(flipped(root.read_bytes(), 800))
     other = tmp_path / "other.toml"
     other.write_text(path.read_text().replace('"2 ms"', '"1 ms"'))
-    with pytest.raises(JointplayError, match="not known to be of this sweep"):
+    with pytest.raises(JointplayError, match="states belong to this sweep"):
         jp.sweep(other, tmp_path / "s", resume=True)
     assert here.ran == []
 

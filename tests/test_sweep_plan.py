@@ -132,8 +132,8 @@ def test_units_of_a_key_are_those_of_the_scenario(key, units):
         ('c = { key = "joints.joint_b.friction.mu_dd", values = [1] }', "", 'did you mean "mu_d"?'),
         (f'c = {{ kye = "{CR}", values = [1] }}', "", 'did you mean "key"?'),
         (f'c = {{ key = "{CR}", values = [1], from = 2 }}', "", "needs one of"),
-        (f'c = {{ key = "{CR}", values = [1], number = 2 }}', "", "number contradicts values"),
-        (f'c = {{ key = "{CR}", values = ["1 s"] }}', "", "is no length"),
+        (f'c = {{ key = "{CR}", values = [1], number = 2 }}', "", "number and values exclude each other"),
+        (f'c = {{ key = "{CR}", values = ["1 s"] }}', "", "is not a length"),
         (f'c = {{ key = "{CR}", values = ["0.1 mm", 1e-4] }}', "", "is given twice"),
         (f'c = {{ key = "{CR}", from = 1, to = 2 }}', "", "number must be a whole number"),
         (f'c = {{ key = "{CR}", from = 1, to = 1, number = 3 }}', "", "from and to are both 1"),
@@ -175,7 +175,7 @@ def test_what_cannot_be_is_said_in_a_line_with_its_place(axes, options, words, u
 
 def test_errors_of_an_axis_name_its_line(unplannable):
     said = unplannable('a = { key = "integration.step", values = [1e-5] }\nb = 3')
-    assert "study.toml, line 23, sweep.axes.b: 3 is no axis" in said
+    assert "study.toml, line 23, sweep.axes.b: 3 is not an axis" in said
 
 
 def test_samples_grow_without_those_there_are_changing():

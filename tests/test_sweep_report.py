@@ -41,7 +41,7 @@ def test_the_page_has_table_lines_maps_and_failed_cases(grid, tmp_path):
     source = page.read_text(encoding="utf-8")
     for name in ("Cases", "Lines", "Heat maps", "Failed cases", "What was run"):
         assert f"<h2>{name}</h2>" in source
-    assert "leaves no journal in a bearing of radius 0.01 m" in source
+    assert "leaves no room for a journal in a bearing of radius 0.01 m" in source
     assert "4 of 12 cases" in source
     assert "<script" not in source  # neither of ours nor of a name
     assert "&lt;script&gt;friction" in source
@@ -90,7 +90,7 @@ def test_a_sweep_has_a_report_of_its_own(grid, tmp_path, capsys):
     assert main(["report", str(grid), "--impacts", "3"]) == 2
     assert main(["report", str(grid), "-o", str(tmp_path / "page.txt")]) == 2
     err = capsys.readouterr().err
-    assert "give its store alone" in err
+    assert "give only its store" in err
     assert "--impacts is for results" in err
     assert "must end in .html" in err
 

@@ -84,7 +84,7 @@ def test_a_precision_is_reached_when_the_interval_is_narrow_enough():
 @pytest.mark.parametrize(
     ("given", "words"),
     [
-        (3, "is no table"),
+        (3, "is not a table"),
         ({"measure": "x"}, "precision is missing"),
         ({"measure": "x", "precision": 2}, "between 0 and 1"),
         ({"measure": "x", "precision": 0.1, "statistic": "median"}, "available: mean"),

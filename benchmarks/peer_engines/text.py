@@ -2,15 +2,15 @@
 
 TEXT = {
     "setup": [
-        "What is the same for all: masses, inertias, dimensions, starting state and motion, "
-        "read from the shipped files (`urdf/slider_crank.toml`, clearance 0.2 mm in the "
-        "piston pin, 5000 rpm; `urdf/scara.toml`, clearance 0.2 mm in joint B, weight "
-        "balanced). The engines are given numbers, not code: the mechanism is read from the "
-        "URDF's text by the benchmark, and where a law is applied from outside it is written "
-        "down once more there. The gaps of the SCARA's tilting cylinder are "
-        "`jointplay.geometry`'s for all, and its drive (feed-forward torques and gains) is "
-        "jointplay's table. Friction of the slider-crank is a ramp from rest to 0.01 at 10 "
-        "mm/s (the shipped ramp begins at 1 mm/s), for that is the ramp Exudyn has.",
+        "Common to all: masses, inertias, dimensions, starting state and motion, read from the "
+        "shipped files (`urdf/slider_crank.toml`, clearance 0.2 mm in the piston pin, 5000 rpm; "
+        "`urdf/scara.toml`, clearance 0.2 mm in joint B, weight balanced). The engines are given "
+        "numbers, not code: the mechanism is read from the URDF's text by the benchmark, and "
+        "where a law is applied from outside, the benchmark implements it again. The gaps of the "
+        "SCARA's tilting cylinder are `jointplay.geometry`'s for all, and its drive "
+        "(feed-forward torques and gains) is jointplay's table. Friction of the slider-crank is "
+        "a ramp from rest to 0.01 at 10 mm/s (the shipped ramp begins at 1 mm/s), because "
+        "Exudyn's ramp begins at rest.",
         "",
         "What differs:",
         "",
@@ -23,14 +23,13 @@ TEXT = {
         "kinematics and MuJoCo's mapping of wrenches | 1e8 kg m² of armature | its Euler "
         "(semi-implicit) |",
         "| MuJoCo, own limit | a tendon from bearing to journal, limited to C_r: its soft "
-        "unilateral constraint, a spring and damper per mass that carries steady loads "
-        "besides; no friction. MuJoCo has no concave cylinder | 1e8 kg m² of armature | its "
-        "Euler |",
+        "unilateral constraint, a spring and damper per mass that also carries steady loads; no "
+        "friction. MuJoCo has no concave cylinder | 1e8 kg m² of armature | its Euler |",
         "| Exudyn, own contact | `ObjectContactSphereSphere`, hollow: in the plane a journal "
         "in a bore. Exponent 1.5 and a Hunt-Crossley damping whose factor is set to the same "
-        "value; by its source $\\dot\\delta_0$ is the speed at the onset, known one step late; "
-        "never clipped at zero; the point of contact lies at half the penetration | 1e8 kg m² of "
-        "inertia | its RK44 |",
+        "value; according to its source code $\\dot\\delta_0$ is the speed at the onset, "
+        "known one step late; never clipped at zero; the point of contact lies at half the "
+        "penetration | 1e8 kg m² of inertia | its RK44 |",
         "| Exudyn, same law (SCARA) | the same law in a Python user function | | its RK44 |",
         "| Siconos | rigid: Newton's restitution, no duration, no penetration law; no "
         "friction | 1e8 kg m² of inertia | Moreau-Jean, theta = 1/2; gap linearised once per "
@@ -48,55 +47,55 @@ TEXT = {
     "free": [
         "No contact, no drive, 5 µs steps; SCARA for 20 ms at up to 20 rad/s with a 5 mm "
         "clearance, slider-crank for 3 ms (a quarter turn) with a bore that is never reached. "
-        "Differences at the level of rounding mean the same equations of motion. Siconos is "
-        "of second order here, so its difference must fall by four when its step is halved. "
-        "jointplay's prescribed crank follows its table to 1e-9, which is what is left between it "
-        "and the heavy cranks of the others.",
+        "Differences at the level of rounding mean the same equations of motion. Siconos is of "
+        "second order here, so its difference must fall by four when its step is halved. "
+        "jointplay's prescribed crank follows its table to 1e-9, which explains the remaining "
+        "difference from the heavy cranks of the others.",
     ],
     "law": [
         "Step 0.1 µs, with friction, from the same state; time of touch and normal impulse "
-        "(friction included, 1 %) of the first impacts. MuJoCo's scheme is that of "
-        "semi-implicit Euler, so that both should agree to rounding; Exudyn's agrees with "
-        "rk4 but for the differences of the law named above, which later impacts magnify. The "
-        "largest is d'_0: with Exudyn's rule in the applied law MuJoCo and Exudyn meet again, "
-        "within the first-order error of MuJoCo's Euler.",
+        "(friction included, 1 %) of the first impacts. MuJoCo's scheme is that of semi-implicit "
+        "Euler, so that both should agree to rounding; Exudyn's agrees with rk4 except for the "
+        "differences of the law named above, which later impacts magnify. The largest is d'_0: "
+        "with Exudyn's rule in the applied law, MuJoCo and Exudyn agree again, within the "
+        "first-order error of MuJoCo's Euler.",
     ],
     "scara": [
         "Step 10 µs, computed torque and PD, friction 0.1, all four contacts. Exudyn's cost "
         "is that of a Python user function called four times per step, and MuJoCo's is that "
-        "of Python between the halves of a step: neither is the engine's speed. jointplay's rk4 "
-        "records the mean force of a step, Exudyn the force at its end, which is only one of those "
-        "that act in it: from the same motion the two have different mean forces, and touch in "
-        "different numbers of records.",
+        "of Python between the halves of a step: neither shows the engine's own speed. "
+        "jointplay's rk4 records the mean force of a step, Exudyn the force at its end, which "
+        "is only one of those that act in it: from the same motion the two have different "
+        "mean forces, and touch in different numbers of records.",
     ],
     "models": [
-        "Each engine with the contact that it has itself, on the slider-crank, as far as "
-        "possible with the same restitution. A rigid impact has a smaller impulse than a soft "
-        "one, which carries the load of the moving crank as long as it lasts. MuJoCo's limit "
-        "carries that load without giving way, so that small bounces still end in flight where a "
-        "loaded Hertzian contact stays closed: it has many more contacts. The plain "
-        "Moreau-Jean scheme, which is used of Siconos here, and around Pinocchio's solvers, keeps "
-        "the speed of a lasting contact, not its gap: eccentricities above 1 are that scheme's "
-        "drift, not Siconos's. Siconos has two schemes with a projection besides, which hold the "
-        "gap as well; they were not run here. Around Pinocchio's solvers the gap is looked at in "
-        "mid-step, not where the step leads: a lasting contact is let go and closed again, so "
-        "that there are more contacts, not more force.",
+        "Each engine with its own contact model, on the slider-crank, as far as possible with "
+        "the same restitution. A rigid impact has a smaller impulse than a soft one, which "
+        "carries the load of the moving crank as long as it lasts. MuJoCo's limit carries that "
+        "load without deformation, so small bounces still end in flight where a loaded Hertzian "
+        "contact stays closed: it has many more contacts. The plain Moreau-Jean scheme, used "
+        "here for Siconos and around Pinocchio's solvers, constrains the speed of a lasting "
+        "contact, not its gap: eccentricities above 1 are the drift of that scheme, not of "
+        "Siconos. Siconos also has two schemes with a projection that constrain the gap; they "
+        "were not run here. Around Pinocchio's solvers the gap is evaluated at mid-step, not at "
+        "the end of the step: a lasting contact is released and closed again, so there are more "
+        "contacts, but not more force.",
     ],
     "cost": [
-        "Slider-crank without friction. Error: largest distance of the journal's centre, in "
-        "the first 0.6 ms (two or three impacts), from the *same engine's* own path at a "
-        "step of 0.02 µs, for their limits differ (last column). Cost: CPU time of a step, "
-        "over 6 ms at 1 µs, all engines in turns, the fastest of eight, over the largest step (in "
-        "brackets, µs) from which on all smaller ones have that error: CPU seconds per simulated "
-        "second. Steps tried: 16 to 0.25 µs, halved. MuJoCo with the same law, Siconos and "
-        "Pinocchio's solvers pay for Python in every step (Siconos for the gap, which a compiled "
-        "plugin would make cheaper; Pinocchio for the whole scheme); jointplay, Exudyn and "
-        "MuJoCo's own limit do not.",
+        "Slider-crank without friction. Error: largest distance of the journal's centre, in the "
+        "first 0.6 ms (two or three impacts), from the *same engine's* path at a step of 0.02 "
+        "µs, because their limits differ (last column). Cost: CPU time of a step, over 6 ms at 1 "
+        "µs, all engines in turns, the fastest of eight, over the largest step (in brackets, µs) "
+        "at and below which all steps have that error: CPU seconds per simulated second. Steps "
+        "tried: 16 to 0.25 µs, halved. MuJoCo with the same law, Siconos and Pinocchio's solvers "
+        "pay for Python in every step (Siconos for the gap, which a compiled plugin would make "
+        "cheaper; Pinocchio for the whole scheme); jointplay, Exudyn and MuJoCo's own limit do "
+        "not.",
     ],
     "better": [
         "- Not measured here: MuJoCo, Exudyn and Siconos simulate contacts between bodies of any "
         "kind; Exudyn has flexible bodies, implicit and adaptive integrators; Siconos has "
         "set-valued Coulomb friction, which holds a body at rest exactly, and event-driven "
-        "integration. jointplay has joints with clearance and nothing else.",
+        "integration. jointplay only has contacts of joints with clearance.",
     ],
 }

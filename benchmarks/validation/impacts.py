@@ -36,8 +36,9 @@ def disc(
     origin="theory",
     title="Bouncing in the bore",
     compared="A disc falls from the middle of its bearing (2 mm of clearance, k = 1e13 N/m^1.5) "
-    "and bounces; Zhang and Sharf's law, which delivers the restitution asked for. From bounce to "
-    "bounce the flight is shorter by the factor c_e, after n of them by c_e^n. rk4.",
+    "and bounces; with Zhang and Sharf's law, which delivers the nominal restitution. "
+    "Each flight is shorter than the one before by the factor c_e, after n bounces by "
+    "c_e^n. rk4.",
     measures="largest error of a flight's duration, over the first flight's",
     wrong="the flights shorten by c_e^2",
 )
@@ -68,19 +69,19 @@ def bouncing(quick: bool = False, wrong: bool = False) -> Outcome:
             theory = 2 * arrives / g * (c_e ** (2 * n) if wrong else c_e**n)
             errors.append(abs(lasts - theory) / (2 * arrives / g * c_e))
             rows.append([f"{c_e:g}", f"{n}", f"{1e3 * lasts:.3f}", f"{1e3 * theory:.3f}"])
-    note = "The weight works on during an impact: what is left of the difference grows with n."
+    note = "The weight also acts during an impact, so the remaining difference grows with n."
     return Outcome(max(errors), 1e-2, rows, notes=(note,))
 
 
 @case(
     origin="theory",
     title="Impact of a spinning disc",
-    compared="A spinning disc falls on its bore and slides all through the impact. Its impulse is "
+    compared="A spinning disc falls on its bore and slides during the whole impact. Its impulse is "
     "m (1 + e) v along the normal and mu times that across: the disc leaves with the sideways "
     "speed mu (1 + e) v and has lost mu (1 + e) v m R/I of its spin. mu = 0.05 to 0.2, Coulomb's "
     "law with a ramp of 1 mm/s; rk4.",
     measures="largest relative error of sideways speed and lost spin",
-    wrong="the impulse is m v: what stops the disc, without the rebound",
+    wrong="the impulse is m v: it stops the disc, without rebound",
 )
 def spinning_impact(quick: bool = False, wrong: bool = False) -> Outcome:
     e, spin, fall, g = 0.6, 50.0, 2e-3, 9.81

@@ -378,11 +378,11 @@ def ideal_slider_crank(quick: bool = False, wrong: bool = False) -> Outcome:
     origin="integrator",
     title="Slider-crank with clearance: curves",
     compared="Slider velocity, slider acceleration and crank moment with clearance in the piston "
-    "pin against an independent integration of the same mechanism written out in the case (two "
-    "coordinates, Newton-Euler by hand, Hertz with Lankarani-Nikravesh damping, Ambrosio's "
-    "friction, own Runge-Kutta), from the same start over the first third of a turn, before "
-    "impacts have magnified rounding. Table and figure: turns after the transient, as the "
-    f"literature draws them ({CLASSIC}).",
+    "pin against an independent integration of the same mechanism written out in the "
+    "case (two coordinates, Newton-Euler by hand, Hertz with Lankarani-Nikravesh "
+    "damping, Ambrosio's friction, own Runge-Kutta), from the same start over the first "
+    "third of a turn, before impacts have magnified rounding. Table and figure: turns "
+    f"after the transient, plotted as in the literature ({CLASSIC}).",
     measures="largest RMS difference of any curve at any clearance, relative to the ideal peak",
     wrong="half the clearance in the integration by hand",
 )
@@ -520,7 +520,7 @@ def clearance_orbits(quick: bool = False, wrong: bool = False) -> Outcome:
         return Outcome(max(errors), 1e-9)
     notes = (
         "Paths: 20 turns of one run after the transient; Poincaré maps: crank at 90°, 60 turns "
-        "after 40 of each of two runs, which are told apart by colour; the scales of the maps "
+        "after 40 of each of two runs, which are distinguished by colour; the scales of the maps "
         "differ. Neighbours: RMS distance over the last turn of the journals of two runs that "
         "began 1 nm apart. At 0.05 mm one run repeats every few turns, the other fills a curve.",
     )
@@ -571,9 +571,10 @@ OIL = 0.4
 @case(
     origin="literature",
     title="Slider-crank with clearance: findings of the literature",
-    compared="What the literature says of mechanisms with clearance, each judged by one number "
-    f"against a threshold, on ensembles of runs of the slider-crank of {CLASSIC}. Where no source "
-    "is named the direction is what mechanics lets expect; none was read that says so.",
+    compared="Findings of the literature on mechanisms with clearance, each judged by one number "
+    f"against a threshold, on ensembles of runs of the slider-crank of {CLASSIC}. Where "
+    "no source is named, the direction is expected from mechanics; no source that "
+    "states it was read.",
     measures="number of findings that fail",
     wrong="the clearances are taken in the opposite order",
 )
@@ -668,24 +669,24 @@ def clearance_findings(quick: bool = False, wrong: bool = False) -> Outcome:
         )  # fmt: skip
     thinner = means(thin, "thinnest_um")
     notes = (
-        "**What does not hold over the whole range:** with oil the film is thickest at a clearance "
-        f"in between, not at the smallest. It is {_list(films)} µm thick at "
+        "**What does not hold over the whole range:** with oil the film is thickest at an "
+        f"intermediate clearance, not at the smallest. It is {_list(films)} µm thick at "
         f"{_list(1e3 * np.array(CLEARANCES))} mm with {OIL:g} Pa s, and {_list(thinner)} µm with "
-        f"{OIL / 4:g} Pa s. A film cannot be thicker than its clearance, and relative to it "
-        "the film does become thinner throughout.",
+        f"{OIL / 4:g} Pa s. A film cannot be thicker than its clearance, and relative to it the "
+        "film does become thinner throughout.",
         "**Thresholds** were written after a probe of one or two runs per setting: the table "
-        "confirms more than it predicts. Two changed later: friction and damping were to bring "
-        "0.8 at most; damping brought 0.803, and both are now judged by their direction, as the "
-        "growths are.",
+        "confirms more than it predicts. Two changed later: friction and damping were expected "
+        "to give at most 0.8; damping gave 0.803, and both are now judged by their direction, as "
+        "the growths are.",
     )
     if not quick:
         notes += (
             "**That a small clearance gives regular motion is not confirmed.** Neighbours 1 nm "
             f"apart are {_list(100 * parted)} % of the clearance apart 60 turns later, at "
-            f"{_list(1e3 * np.array(CLEARANCES))} mm. At 0.05 mm they part slowly, in a run whose "
-            "Poincaré map fills a curve; that of another start repeats every few turns. Only the "
-            "trend is therefore judged; it was first put as regular (below 1 %) at 0.05 mm, which "
-            "fails.",
+            f"{_list(1e3 * np.array(CLEARANCES))} mm. At 0.05 mm they diverge slowly, in a run "
+            "whose Poincaré map fills a curve; a run from another start repeats every few turns. "
+            "Therefore only the trend is judged; the original criterion, regular motion (below 1 "
+            "%) at 0.05 mm, fails.",
         )
     return Outcome(float(failed), 0.0, rows, _draw_findings(dry), notes)
 
@@ -913,7 +914,7 @@ def guided(
     "(2010) 165-190 (slider with 1 mm of clearance in its guide, crank thrown at 150 rad/s, "
     "restitution 0.4, friction 0.01) with a non-smooth integration written out in the case "
     "(Moreau's time stepping, steps of 2 µs), in time, over 50 ms.",
-    measures="largest of three differences over what is allowed, RMS over the run: crank angle "
+    measures="largest of three differences over its allowance, RMS over the run: crank angle "
     "0.01 rad, crank speed 2 rad/s, place across the guide 20 % of the clearance",
     wrong="half the clearance in the integration by hand",
 )
@@ -943,8 +944,9 @@ def clearance_in_the_guide(quick: bool = False, wrong: bool = False) -> Outcome:
     axes[2, 0].set_xlabel("time [ms]")
     axes[0, 0].legend(fontsize=9)
     notes = (
-        "The walls here give way by 6 % of the clearance (1 GN/m^1.5), and the corners of the "
-        "light slider bounce one after the other; by hand the walls are rigid and the slider does "
-        "not turn. Small bounces therefore differ, the motion of the mechanism hardly does.",
+        "Here the walls deform by 6 % of the clearance (1 GN/m^1.5), and the corners of the "
+        "light slider bounce one after the other; in the reference the walls are rigid and the "
+        "slider does not turn. Small bounces therefore differ, but the motion of the mechanism "
+        "hardly does.",
     )
     return Outcome(max(errors), 1.0, rows, figure, notes)

@@ -89,10 +89,11 @@ SITUATIONS = {
     origin="integrator",
     title="Order of convergence",
     compared="Journal of a pendulum at the end of a short motion against scipy's DOP853 with "
-    "touches located as events, for the step going to zero: free flight, one impact (Lankarani-"
-    "Nikravesh), lasting contact without friction and with that of eq. 21, whose corners the "
-    "sliding speed crosses. Expected are 2 for multi-rate, 1 for semi-implicit Euler; for rk4 4 "
-    "where the force is smooth, 2.5 where it begins as delta^1.5 between two steps, 2 at corners.",
+    "touches located as events, as the step tends to zero: free flight, one impact "
+    "(Lankarani-Nikravesh), lasting contact without friction and with that of eq. 21, "
+    "whose corners the sliding speed crosses. Expected are 2 for multi-rate, 1 for "
+    "semi-implicit Euler; for rk4 4 where the force is smooth, 2.5 where it begins as "
+    "delta^1.5 between two steps, 2 at corners.",
     measures="largest shortfall of an observed order",
     wrong="the reference has g = 9.80665 m/s^2",
 )
@@ -215,9 +216,10 @@ def compare_costs(points: dict[str, list]) -> str:
     origin="integrator",
     title="Error per CPU second",
     compared="A pendulum whose pin bounces five times in its bore in 30 ms, from eight starts: "
-    "fixed steps against scipy's DOP853 at rtol 1e-12, with touches and the growth of the approach "
-    "speed located as events, and Radau at 1e-10; scipy's own errors and times at coarser "
-    "tolerances beside them. Errors are RMS over the starts, times the least.",
+    "fixed steps against scipy's DOP853 at rtol 1e-12, with touches and the growth of "
+    "the approach speed located as events, and Radau at 1e-10; scipy's own errors and "
+    "times at coarser tolerances are shown for comparison. Errors are RMS over the "
+    "starts, times the minimum.",
     measures="distance of the journal from DOP853's, rk4 with 1 us and Radau, over the clearance",
     wrong="the reference has g = 9.80665 m/s^2",
 )
@@ -250,9 +252,9 @@ def work_precision(quick: bool = False, wrong: bool = False) -> Outcome:
             judged.append(error / pendulum.play)
     notes = (compare_costs(points),) if not quick else ()
     note = (
-        "CPU times of scipy are those of a right-hand side in Python, of the program those of its "
-        "compiled loop with Pinocchio called from Python; evaluations compare the methods, times "
-        "what a user has."
+        "CPU times of scipy are those of a right-hand side in Python, of the program those of "
+        "its compiled loop with Pinocchio called from Python; evaluations compare the methods, "
+        "times compare the programs."
     )
     return Outcome(max(judged), 1e-5, rows, draw_work(points), (*notes, note))
 
@@ -307,10 +309,11 @@ def bounce(mass, stiffness, speed, step, method, phase, c_e) -> float:
     origin="theory",
     title="Step size for impacts",
     compared="Restitution of single impacts (Lankarani-Nikravesh, c_e = 0.9: closed form 0.9132) "
-    "of four masses, stiffnesses and speeds, with N = T/dt steps per impact, T = 3.218 (m^2/(k^2 "
-    "v))^(1/5), and the touch anywhere in its step. If T is right the error depends on N alone; "
-    "docs/integrators.md makes a rule of it.",
-    measures="how far the largest errors of different impacts at the same N are apart, relative",
+    "of four masses, stiffnesses and speeds, with N = T/dt steps per impact, T = 3.218 "
+    "(m^2/(k^2 v))^(1/5), and the touch anywhere in its step. If T is right, the error "
+    "depends on N alone; docs/integrators.md derives a rule from it.",
+    measures="largest relative difference between the largest errors of different impacts at the "
+    "same N",
     wrong="the speed is left out of T",
 )
 def step_size(quick: bool = False, wrong: bool = False) -> Outcome:
@@ -355,7 +358,7 @@ def step_size(quick: bool = False, wrong: bool = False) -> Outcome:
 
 @case(
     origin="itself",
-    title="Step that a run refuses",
+    title="Largest step that a run accepts",
     compared="The largest step that the program accepts, found by bisection, against a quarter of "
     "the duration of an impact at 0.1 m/s: 3.218 (m^2/(k^2 v))^(1/5) under Hertz's law, pi sqrt("
     "m/k) of a linear spring; m = 1/(1/m + l^2/I) of a pendulum whose pin strikes across its arm.",
@@ -397,8 +400,8 @@ def step_check(quick: bool = False, wrong: bool = False) -> Outcome:
              f"{errors[-1]:.1e}"]
         )  # fmt: skip
     note = (
-        "The program reckons with 3 depth/speed for every law; Hertz's exact factor is 2.943, a "
-        "linear spring's pi."
+        "The program uses 3 depth/speed for every law; the exact factor is 2.943 for Hertz and "
+        "pi for a linear spring."
     )
     return Outcome(max(errors), 0.06, rows, None, (note,))
 
@@ -445,9 +448,9 @@ def swing(job: tuple[str, float, bool]) -> tuple[str, np.ndarray, np.ndarray, fl
     origin="theory",
     title="Energy over a minute",
     compared="Kinetic, potential and elastic energy (2/5 k delta^(5/2)) of a swinging pendulum "
-    "with clearance, from formulas of the case's own, plus what impacts and friction took, against "
-    "their value at the start; the SCARA (0.2 mm, 20 cycles) by the program's own account. "
-    "Semi-implicit Euler, 10 us.",
+    "with clearance, from formulas written for this case, plus the losses in impacts "
+    "and friction, against their value at the start; for the SCARA (0.2 mm, 20 cycles) "
+    "from the program's own energy balance. Semi-implicit Euler, 10 us.",
     measures="largest error of the balance over the largest kinetic energy",
     wrong="g is 9.7 m/s^2 in the potential energy",
 )
@@ -477,8 +480,8 @@ def energy(quick: bool = False, wrong: bool = False) -> Outcome:
         panel.title.set_fontsize(9)
     axes[-1, 0].set_xlabel("time [s]")
     note = (
-        "The SCARA's error grows evenly with the cycles: it is that of friction in a jammed "
-        "journal, which the step does not follow (docs/integrators.md). The pendulum's rises "
+        "The SCARA's error grows evenly with the cycles: it comes from friction in a jammed "
+        "journal, which the step does not resolve (docs/integrators.md). The pendulum's rises "
         "and falls with its speed and does not grow."
     )
     return Outcome(max(errors), 2e-3 if quick else 2e-2, rows, figure, () if quick else (note,))
@@ -515,12 +518,12 @@ def scara_stretching(job: tuple[float, int]) -> np.ndarray:
 @case(
     origin="theory",
     title="Largest Lyapunov exponent",
-    compared="Benettin's method (G. Benettin et al., Meccanica 15 (1980) 9-20): two trajectories, "
-    "1 nm apart, put back to that distance every 10 ms. A pendulum balanced upright has the "
-    "exponent sqrt(m g l/(I + m l^2)); one that the method must find. Then the paper's SCARA, "
-    "weight balanced, over six cycles after the first.",
+    compared="Benettin's method (G. Benettin et al., Meccanica 15 (1980) 9-20): two "
+    "trajectories, 1 nm apart, rescaled to that distance every 10 ms. A pendulum "
+    "balanced upright has the exponent sqrt(m g l/(I + m l^2)), which the method must "
+    "find. Then the paper's SCARA, weight balanced, over six cycles after the first.",
     measures="relative error of the upright pendulum's exponent",
-    wrong="the root is forgotten",
+    wrong="the square root is left out",
 )
 def lyapunov(quick: bool = False, wrong: bool = False) -> Outcome:
     square = MASS * GRAVITY * ARM / (INERTIA + MASS * ARM**2)
@@ -556,15 +559,16 @@ def lyapunov(quick: bool = False, wrong: bool = False) -> Outcome:
                 f"{1e3 * math.log(10) / mean:.0f} ms on the average; rounding (1e-16 of a metre) "
                 f"has grown to 1 um after about {math.log(1e10) / mean:.1f} s."
                 if mean - half > 0
-                else f"SCARA, {label}: {mean:.1f} per second; the interval holds zero or less: "
-                "a journal that each stroke wedges anew forgets at least what impacts magnify."
+                else f"SCARA, {label}: {mean:.1f} per second; the interval includes zero or less: "
+                "each stroke wedges the journal again, which removes at least as much of a "
+                "difference as impacts add."
             )
         axes[0, 0].set(xlabel="time averaged over [s]", ylabel="mean growth [1/s]")
         axes[0, 1].set(xlabel="time in the cycle [s]", ylabel="growth, mean of the cycles [1/s]")
         axes[0, 0].legend(title="clearance")
         axes[0, 1].axhline(0.0, color="0.5", lw=0.6)
         notes.append(
-            "Intervals are Student's, of the six cycles after the first, taken for independent. "
+            "Intervals are Student's, from the six cycles after the first, assumed independent. "
             "Locally the growth is very uneven, as the right-hand figure shows."
         )
     return Outcome(abs(found / theory - 1.0), 1e-3, rows, figure, notes)
@@ -601,8 +605,8 @@ def mean_and_interval(values: np.ndarray) -> tuple[float, float]:
     origin="itself",
     title="Ensembles",
     compared="Figures of the SCARA's cycle from two disjoint sets of random starts (journal "
-    "displaced by up to half of its clearances). Single runs cannot be compared, means can: the "
-    "sets must agree within their scatter (Welch's t).",
+    "displaced by up to half of its clearances). Single runs cannot be compared, but "
+    "means can: the sets must agree within their scatter (Welch's t).",
     measures="largest |t| of a figure between the two sets; 4.1 is exceeded once in a thousand "
     "by chance (14 degrees of freedom)",
     wrong="the second set has another clearance",

@@ -96,11 +96,11 @@ def recurdyn_ideal(quick: bool = False, wrong: bool = False) -> Outcome:
 @case(
     origin="commercial code",
     title="RecurDyn: free fall and first touch",
-    compared="The same with a radial clearance of 10 mm (bore 460 mm): height of the journal until "
-    f"it touches, and the time of that, against {SOURCE}. Its surfaces are faceted: their meshes "
-    "let the journal fall less than 10 mm, by how much is computed from them "
-    "(`benchmarks/validation/data/make.py`). Its touch lies between the last sample with "
-    "acceleration -g and the next.",
+    compared="The same with a radial clearance of 10 mm (bore 460 mm): height of the journal "
+    f"until it touches, and the time of that, against {SOURCE}. Its surfaces are "
+    "faceted: with their meshes the journal falls less than 10 mm; the difference is "
+    "computed from the meshes (`benchmarks/validation/data/make.py`). It touches "
+    "between the last sample with acceleration -g and the next.",
     measures="largest difference of the height over the clearance; 1 more if the time at which the "
     "meshes' gap closes here is not between their two samples",
     wrong="gravity is 9.81 instead of 9.80665 m/s^2, and the gap that of round surfaces",
@@ -134,8 +134,9 @@ def recurdyn_fall(quick: bool = False, wrong: bool = False) -> Outcome:
     origin="commercial code",
     title="RecurDyn: swing with clearance",
     compared="The same for 3 s with the clearance: the gross swing of the arm, while the journal "
-    f"bounces in its bore, against {SOURCE}. Hertz's stiffness is that which fits RecurDyn's "
-    "contact force (from its accelerations) over its depth best; no loss. rk4, step 50 µs.",
+    f"bounces in its bore, against {SOURCE}. Hertz's stiffness is fitted to RecurDyn's "
+    "contact force (from its accelerations) over its depth; without loss. rk4, step 50 "
+    "µs.",
     measures="largest difference of the swing angle [rad]",
     wrong="the journal's own moment of inertia smaller by 10 %",
 )
@@ -195,7 +196,7 @@ def recurdyn_swing(quick: bool = False, wrong: bool = False) -> Outcome:
         "one of faceted meshes with a largest depth of 30 mm in its settings; its force falls "
         f"again beyond {1e3 * depth[inside][strongest]:.0f} mm, though the journal sinks to "
         f"{1e3 * depth.max():.0f} mm. That its arm swings along the bearing's axis by some "
-        "centimetres, in a model that is all but symmetric, is the meshes' doing as well (nothing "
+        "centimetres, in a model that is almost symmetric, is also caused by the meshes (nothing "
         "holds its journal along the axis, and here the motion is plane). The ideal joint's swing "
         f"differs from RecurDyn's with clearance by up to {np.abs(ideal - angle).max():.3f} rad.",
     )
@@ -285,18 +286,18 @@ def guide_siconos(quick: bool = False, wrong: bool = False) -> Outcome:
     stiff = guided(0.2, stiffness=1e10, step=2e-7)
     other = _apart(data["time"], stiff, *(data[f"limit_{part}"] for part in PARTS))
     notes = (
-        "What the published reference is worth: its step of 0.1 ms is far from the limit of its "
-        f"own scheme. By the mass matrix its states gain {100 * gain:.2g} % of energy in the first "
-        f"{1e3 * data['time'][before]:g} ms, before any contact, and its angle then runs "
-        "ahead, as the table says. Siconos's own error falls with the step, in first order, "
-        "towards what is found here.",
-        "No contact law here is Siconos's rigid one, and how stiff the walls are matters more than "
-        f"what is left between the two: with walls ten times as stiff the crank turns "
+        "Accuracy of the published reference: its step of 0.1 ms is far from the limit of its "
+        f"own scheme. Evaluated with the mass matrix, its states gain {100 * gain:.2g} % of "
+        f"energy in the first {1e3 * data['time'][before]:g} ms, before any contact, and its "
+        "angle then runs ahead, as the table shows. Siconos's own error falls with the step, in "
+        "first order, towards the solution found here.",
+        "No contact law here is rigid like Siconos's, and the stiffness of the walls matters "
+        "more than the remaining difference: with walls ten times as stiff the crank turns "
         f"{stiff['q'].values[-1, 0] / (2 * np.pi):.5f} times, and its angle is {other[0]:.2g} rad "
-        "from Siconos's limit. So good, and not better, is the agreement.",
-        "Small bounces of the light slider differ (rigid walls with Newton's law there; walls that "
-        "give way by 6 % of the clearance here), and with them its place across the guide and the "
-        "speed in between; crank and rod hardly notice.",
+        "from Siconos's limit. The agreement is of this order, not better.",
+        "Small bounces of the light slider differ (rigid walls with Newton's law there; walls "
+        "that deform by 6 % of the clearance here), and with them its position across the guide "
+        "and the speed in between differ; crank and rod are hardly affected.",
     )
     return Outcome(error, 0.02, rows, figure, notes)
 
@@ -337,13 +338,13 @@ def _dys_depth(law: str, f: float, contact: jp.contact.ContactProperties) -> flo
 
 @case(
     origin="engine",
-    title="Second opinions on the contact laws",
+    title="Contact laws in other programs",
     compared="The package's hysteresis factors and cylindrical laws against those in the code of "
     "DyS (L. Skrinjar, J. Slavic, M. Boltezar, github.com/ladisk/DyS, commit 5e6a54d; read, and "
     "its formulas written down in the case), and Carvalho and Martins's factor against the manual "
     "of Exudyn.",
-    measures="largest relative difference where both should agree; where DyS differs for a reason "
-    "that is known, from what is expected then",
+    measures="largest relative difference where both should agree; where DyS differs for a known "
+    "reason, difference from the value expected then",
     wrong="Flores's factor with 3/2 for 8/5",
 )
 def second_opinions(quick: bool = False, wrong: bool = False) -> Outcome:
@@ -464,8 +465,9 @@ def exudyn_impacts(quick: bool = False, wrong: bool = False) -> Outcome:
     origin="engine",
     title="MuJoCo: damped impacts of the slider-crank",
     compared="The same with restitution 0.9 and friction 0.01 (ramp to 10 mm/s) against MuJoCo, "
-    "which moves the bodies while the contact law is applied from outside; its Euler at 20 ns is "
-    "of first order, which is what is left. rk4, 0.1 µs.",
+    "which moves the bodies while the contact law is applied from outside; its Euler "
+    "method at 20 ns is of first order, which explains the remaining difference. rk4, "
+    "0.1 µs.",
     measures="largest distance of the journals over the clearance",
     wrong="friction 0.02",
 )
@@ -480,12 +482,12 @@ def mujoco_impacts(quick: bool = False, wrong: bool = False) -> Outcome:
 
 @case(
     origin="experiment",
-    title="What an experiment says of clearance and speed",
+    title="Experiment: clearance and speed",
     compared="The abstract of an experiment on a linkage with three clearance joints "
     "(doi 10.1177/16878140211012541): impacts appear in the acceleration, and their amplitude "
     "grows with the size of the clearance and with the driving speed. No numbers of it were "
-    "accessible; here the same is asked of the slider-crank, at three clearances and three speeds. "
-    "rk4, from the first turn on.",
+    "accessible; here the same is checked for the slider-crank, at three clearances and three "
+    "speeds. rk4, from the first turn on.",
     measures="number of steps in clearance or speed at which the amplitude does not grow",
     wrong="the speeds are taken in the opposite order",
 )

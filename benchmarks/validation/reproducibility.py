@@ -57,9 +57,9 @@ def elsewhere(file: Path, out: Path, **environment: str) -> xr.Dataset:
 
 @case(
     origin="itself",
-    title="Same bits again",
+    title="Bit-for-bit repetition",
     compared="A run of the SCARA (0.5 mm, random start) is repeated in the same process, and from "
-    "its result file in a new one; every variable of the results, bit for bit.",
+    "its result file in a new one; every variable of the results is compared bit for bit.",
     measures="number of variables that differ",
     wrong="the run to compare with has a friction coefficient larger by one part in 10^15",
 )
@@ -110,25 +110,25 @@ def same_bits(quick: bool = False, wrong: bool = False) -> Outcome:
                     f"Impacts: {first.audit.impacts} and {jp.Result(other).audit.impacts}."
                 )
     notes.append(
-        "What to expect: one machine with one set of versions gives the same bits, in any process "
-        "and at any load; nothing in a run depends on time, threads or the order of a dictionary. "
-        "Another processor, operating system or version of numba, Pinocchio or the C library may "
-        "round a last bit otherwise (fused multiply-add, sin and cos). Impacts may then part the "
-        "trajectories: on the average at the rate of the Lyapunov exponents above, but very "
-        "unevenly. Across machines compare what is compared here: energies, ensembles, limits, not "
-        "samples."
+        "What to expect: one machine with one set of versions gives the same bits, in any "
+        "process and at any load; nothing in a run depends on time, threads or the order of a "
+        "dictionary. Another processor, operating system or version of numba, Pinocchio or the C "
+        "library may round the last bit differently (fused multiply-add, sin and cos). Impacts "
+        "may then separate the trajectories, on average at the rate of the Lyapunov exponents "
+        "above, but very unevenly. Across machines, compare energies, ensembles and limits, as "
+        "here, not single samples."
     )
     return Outcome(float(len(different)), 0.0, rows, figure, notes)
 
 
 @case(
     origin="itself",
-    title="Result files say what made them",
+    title="Result files record their origin",
     compared="A saved result, opened without the package (xarray): the versions of package, "
     "Python and libraries against those installed; the scenario (robot, clearance, motion, step, "
-    "integrator, seed) against what was asked for.",
+    "integrator, seed) against the inputs of the run.",
     measures="number of entries missing or wrong",
-    wrong="the run asked for had another seed",
+    wrong="the run had another seed",
 )
 def provenance(quick: bool = False, wrong: bool = False) -> Outcome:
     del quick

@@ -30,7 +30,7 @@ SOUND_TIME = 2.9432751
     "closed form (W. Goldsmith, Impact, Edward Arnold, 1960): depth (5 m v^2/4 k)^(2/5), duration "
     "2.9433 depth/v.",
     measures="largest relative error of depth and duration",
-    wrong="the exponent 3/2 of the force is taken for 1.45 in the depth",
+    wrong="the exponent 3/2 of the force is replaced by 1.45 in the depth",
 )
 def hertz_impact(quick: bool = False, wrong: bool = False) -> Outcome:
     mass, stiffness = 2.0, 1e10
@@ -182,8 +182,8 @@ def restitution(quick: bool = False, wrong: bool = False) -> Outcome:
     axes[0, 0].set(xlabel="restitution asked for, c_e [-]", ylabel="restitution found, e [-]")
     axes[0, 0].legend(fontsize=8, title="lines: closed form; dots: runs", title_fontsize=8)
     note = (
-        f"The largest error is that of `{worst}`. What differs from the diagonal is the law's own "
-        "doing, not the program's: only `zhang-sharf` delivers what is asked for."
+        f"The largest error is that of `{worst}`. Differences from c_e are a property of each "
+        "law, not of the program: only `zhang-sharf` delivers the nominal restitution."
     )
     return Outcome(max(errors.values()), 2e-3 if quick else 1e-3, rows, figure, (note,))
 
@@ -251,7 +251,7 @@ def rolling(quick: bool = False, wrong: bool = False) -> Outcome:
     title="Slider on an incline",
     compared="A slider in a guide inclined by alpha, held up by its corners and rubbing with mu = "
     "0.3: acceleration g (sin alpha - mu cos alpha) above the friction angle (16.7 deg); below, "
-    "LuGre friction holds it, and the ramp of eq. 21 lets it creep at v0 + (v1 - v0) tan(alpha)/"
+    "LuGre friction holds it, and with the ramp of eq. 21 it creeps at v0 + (v1 - v0) tan(alpha)/"
     "mu.",
     measures="largest error of the acceleration over g, or of the creeping speed over v1",
     wrong="the friction coefficient is 2 % larger",
@@ -400,12 +400,13 @@ def stick_slip(quick: bool = False, wrong: bool = False) -> Outcome:
 @case(
     origin="theory",
     title="Heavy top in a ball joint with clearance",
-    compared="Steady precession of a spinning body on a smooth ball with 0.2 mm of clearance. The "
-    "ball's centre stands off by the clearance against the force and goes round with it, which is "
-    "reckoned with: I3 w W - I1 W^2 cos(theta) = m l (g + W^2 r cot(theta)), r the distance of the "
-    "centre of mass from the axis, I1 about the centre of mass. For fast spin W = m g l/(I3 w).",
+    compared="Steady precession of a spinning body on a smooth ball with 0.2 mm of clearance. "
+    "The ball's centre is displaced by the clearance against the force and rotates with "
+    "it, which the formula includes: I3 w W - I1 W^2 cos(theta) = m l (g + W^2 r "
+    "cot(theta)), r the distance of the centre of mass from the axis, I1 about the "
+    "centre of mass. For fast spin W = m g l/(I3 w).",
     measures="largest relative error of the rate of precession W",
-    wrong="the term with I1 has the other sign",
+    wrong="the term with I1 has the opposite sign",
 )
 def top(quick: bool = False, wrong: bool = False) -> Outcome:
     mass, arm, across, along, theta = 1.0, 0.05, 8e-4, 5e-4, 0.4
@@ -505,7 +506,7 @@ def wedge_statics(bearing, mass, overhang, lever=1.0):
     "foot as a couple, N = M/(L_j cos(tilt) - 2 R_j sin(tilt)); the tilt follows from geometry and "
     "Hertz's depth.",
     measures="largest relative error of rim forces, wall force and tilt",
-    wrong="the journal stands on the wall with its axis, not with its rim",
+    wrong="the journal touches the wall at its axis, not at its rim",
 )
 def wedge(quick: bool = False, wrong: bool = False) -> Outcome:
     mass = 4.0
@@ -555,13 +556,13 @@ def wedge(quick: bool = False, wrong: bool = False) -> Outcome:
 @case(
     origin="theory",
     title="Self-locking",
-    compared="A slider of length L and width w in a vertical guide, its centre of mass x away from "
-    "the axis, tilted and pressed against both walls. Its support along the axis is slowly taken "
-    "away. Statics: N (L cos(tilt) - w sin(tilt)) = m g x, and it is held by friction alone if "
-    "2 mu N > m g, that is beyond x = L/(2 mu) but for the tilt. The limit is found by bisection "
-    "of runs with LuGre friction.",
+    compared="A slider of length L and width w in a vertical guide, its centre of mass x away "
+    "from the axis, tilted and pressed against both walls. Its support along the axis "
+    "is slowly removed. Statics: N (L cos(tilt) - w sin(tilt)) = m g x, and it is held "
+    "by friction alone if 2 mu N > m g, that is, apart from the tilt, beyond x = L/(2 mu). "
+    "The limit is found by bisection of runs with LuGre friction.",
     measures="largest relative error of the overhang at which it jams",
-    wrong="one corner rubs, not two: x = L/mu",
+    wrong="only one corner rubs instead of two: x = L/mu",
 )
 def self_locking(quick: bool = False, wrong: bool = False) -> Outcome:
     mass, duration = 2.0, 0.18
@@ -617,8 +618,8 @@ def self_locking(quick: bool = False, wrong: bool = False) -> Outcome:
     axes[0, 0].legend()
     note = (
         "The bristles are well damped (sigma1 = 300 s/m). Before contacts at rest were damped, a "
-        "jammed slider's own oscillation worked it loose with 30 s/m up to about 10 % beyond the "
-        "limit of statics; that was not measured again."
+        "jammed slider with 30 s/m came loose by its own oscillation up to about 10 % beyond the "
+        "static limit; this was not measured again."
     )
     return Outcome(max(errors), 0.03, rows, figure, (note,))
 

@@ -32,7 +32,7 @@ class _Parser(argparse.ArgumentParser):
 
     def _get_values(self, action: argparse.Action, arg_strings: list[str]) -> Any:
         if action.option_strings and action.nargs is None and arg_strings == ["--"]:
-            self.error(f"argument {'/'.join(action.option_strings)}: '--' is no value")
+            self.error(f"argument {'/'.join(action.option_strings)}: '--' is not a value")
         if action.option_strings and any(not text.strip() for text in arg_strings):
             self.error(f"argument {'/'.join(action.option_strings)}: the value is empty")
         return super()._get_values(action, arg_strings)  # type: ignore[misc]
@@ -51,10 +51,10 @@ def parser() -> argparse.ArgumentParser:
     """The parser of the whole command line."""
     made = _Parser(
         prog="jointplay",
-        description="Simulate robots whose joints have play: the journal flies, hits, slides and "
-        "tilts in its bearing, and the tool pays for it.",
-        epilog='Values of options are in SI units (m, s, kg, N, rad), or have a unit: "0.1 mm". '
-        "Documentation: docs/.",
+        description="Simulate robots whose joints have play: each journal flies, hits, slides "
+        "and tilts in its bearing, and the tool loses accuracy.",
+        epilog="Values of options are in SI units (m, s, kg, N, rad), or carry a unit, as in "
+        '"0.1 mm". Documentation: docs/.',
     )
     made.add_argument("--version", action="store_true", help="print the version and exit")
     commands = made.add_subparsers(dest="command", metavar="COMMAND", title="commands")
@@ -84,7 +84,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         except OSError as error:  # of a file that has a name, else standard output on a full disk
             # Files of ours say their name; what is left of a full disk is standard output.
             full = error.errno in (errno.ENOSPC, errno.EFBIG, errno.EDQUOT)
-            what = "cannot print" if full or streams.full(sys.stdout) else "the system says"
+            what = "cannot print" if full or streams.full(sys.stdout) else "the system reports"
             if error.filename:
                 what = f"cannot use {str(error.filename)!r}"
             streams.silence(sys.stdout)
@@ -115,11 +115,11 @@ def _command(parser: argparse.ArgumentParser, options: argparse.Namespace) -> in
         linear = () if numpy is None else (numpy.linalg.LinAlgError,)
         if not isinstance(error, (ArithmeticError, *linear)):
             raise
-        reason = f"one is far too large or too small: {error}"
-        return _refuse(options, f"these numbers cannot be used in computations: {reason}")
+        reason = f"one of them is far too large or too small ({error})"
+        return _refuse(options, f"these numbers cannot be computed with: {reason}")
     except MemoryError:
         less = "record less often, or simulate a shorter time"
-        return _refuse(options, f"this machine's memory is too small for it; {less}")
+        return _refuse(options, f"this machine has too little memory for it; {less}")
     except KeyboardInterrupt as error:
         print(f"\ninterrupted{_kept(str(error))}", file=sys.stderr)
         return INTERRUPTED
@@ -141,7 +141,7 @@ def _kept(lost: str) -> str:
     parts = [lost] if lost else []
     if files.written:
         names = ", ".join(path.name for path in files.written)
-        parts.append(f"in {files.written[0].parent} there is {names}")
+        parts.append(f"{files.written[0].parent} contains {names}")
     elif not lost:
         parts.append("nothing was written")
     return f"; {'; '.join(parts)}"

@@ -284,7 +284,7 @@ def test_a_result_too_large_for_the_disk_is_an_error_of_one_line(tmp_path):
     assert done.returncode == 2, done.stderr
     assert done.stderr.count("\n") == 1
     assert "cannot write" in done.stderr
-    assert "nor is there room for it elsewhere" in done.stderr
+    assert "it could not be saved elsewhere either" in done.stderr
     assert list(tmp_path.glob("o/*")) == []
 
 
@@ -331,7 +331,7 @@ def test_the_rest_of_a_killed_run_is_called_that(left, word, tmp_path):
     _, err, status = end(start("run", "--out", tmp_path, "--no-figures"))
     assert status == 2
     assert f"is {word}, left by a run that was killed" in err
-    assert "delete it, or name another folder" in err
+    assert "delete it, or choose another folder" in err
 
 
 def test_a_signal_in_the_midst_of_a_write_is_answered_all_the_same(monkeypatch, capfd):

@@ -97,7 +97,7 @@ def test_a_cluster_gives_what_local_processes_give(cluster, reference, tmp_path)
     found = jp.sweep(path, tmp_path / "s", scheduler=cluster.address)
     xr.testing.assert_identical(found.load().drop_vars("cost"), whole.drop_vars("cost"))
     assert (found["state"] == 1).sum() == 40
-    assert "leaves no journal" in str(found["error"].values[0, 2])
+    assert "leaves no room for a journal" in str(found["error"].values[0, 2])
 
 
 @needs_proc
@@ -128,7 +128,7 @@ def test_a_scheduler_that_is_killed_loses_nothing_that_was_finished(cluster, ref
     if status:
         assert status == 2, err
         assert "was lost" in err
-        assert "--resume goes on" in err
+        assert "--resume continues" in err
         assert "Traceback" not in err
     gone(pids)
     resume(path, tmp_path / "s")  # by local processes: the store does not mind
@@ -173,7 +173,7 @@ def test_without_workers_what_an_earlier_sweep_finished_stays(reference, tmp_pat
     store = Store(tmp_path / "s", plan_of(reference[0]))
     store.keep(Outcome((0, 1), DONE, {"impacts": 7.0}))
     store.close()
-    with pytest.raises(jp.JointplayError, match="1 of 60 cases are kept; --resume goes on"):
+    with pytest.raises(jp.JointplayError, match="1 of 60 cases are kept; --resume continues"):
         jp.sweep(reference[0], tmp_path / "s", scheduler="tcp://127.0.0.1:9", resume=True)
     assert jp.open_sweep(tmp_path / "s")["impacts"].values[0, 1] == 7.0
 

@@ -214,7 +214,7 @@ def test_told_to_stop_a_sweep_keeps_what_is_finished_and_says_how_to_go_on(numbe
     _, err, status = end(process)
     assert status in (0, 130), err
     if status == 130:
-        assert re.search(r"\d+ of 60 cases are kept; --resume goes on", err)
+        assert re.search(r"\d+ of 60 cases are kept; --resume continues", err)
     assert "Traceback" not in err
     resume(path, tmp_path / "s")
     same(tmp_path / "s", reference)
@@ -254,7 +254,7 @@ def test_a_full_disk_loses_nothing_that_was_finished(whole, small_disk):
     if status != 0:
         assert status == 2, err
         assert "No space left" in err
-        assert "--resume goes on" in err
+        assert "--resume continues" in err
         assert err.count("\n") == 1
     filler.unlink()
     resume(path, store)
@@ -278,7 +278,7 @@ def test_a_disk_without_room_or_inodes_is_said_in_a_line(small_disk, beside, who
     assert status == 2, said
     line = (
         r"jointplay sweep: error: cannot write '.*': No space left on device; \d+ of 60 cases are "
-        r"kept; --resume goes on\n"
+        r"kept; --resume continues\n"
     )
     assert re.fullmatch(line, said) or (beside and not said)
 

@@ -1058,7 +1058,7 @@ def _depth(seed: int, rng: random.Random, folder: Path) -> Case:
     if rng.random() < 0.3:
         rng.shuffle(parts)
     (folder / "r.urdf").write_text(f'<robot name="r">{text}</robot>', encoding="utf-8")
-    if rng.random() < 0.5:  # which says what stands against simulating it
+    if rng.random() < 0.5:  # which says what prevents simulating it
         return Case(seed, "depth", ["robots", str(folder / "r.urdf")])
     call = ["urdf", "--urdf", str(folder / "r.urdf"), "--joint", "j1"]
     return Case(

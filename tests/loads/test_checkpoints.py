@@ -36,7 +36,7 @@ class Silent:
 
 
 class Odd(Silent):
-    """One that says what is no plain data."""
+    """One that says what is not plain data."""
 
     def memory(self):
         return object()
@@ -86,7 +86,10 @@ def test_loads_are_continued_bit_for_bit(urdf, tmp_path, options):
 
 @pytest.mark.parametrize(
     ("kind", "words"),
-    [(Silent, "whose state no checkpoint can know; give it memory"), (Odd, "is no plain data")],
+    [
+        (Silent, "whose state cannot be saved in a checkpoint; give it memory"),
+        (Odd, "is not plain data"),
+    ],
 )
 def test_a_controller_that_cannot_say_its_state_is_refused(urdf, tmp_path, kind, words):
     run = jp.Run(simulation(urdf, {"c": Controller(["a"], kind, period=1e-3)}))

@@ -163,7 +163,7 @@ def test_a_spring_says_which_frames_there_are(urdf):
     for load, words in (
         (Spring("carts", 1.0, 0.1), "no frame for a load 'carts'; available: world, x, base, cart"),
         (Spring("base", 1.0, 0.1), "do not move against each other"),
-        ("rubber", "loads.*is no table; a load is a table"),
+        ("rubber", "loads.*is not a table; a load is a table"),
     ):
         with pytest.raises(jp.JointplayError, match=words):
             jp.simulate(robot, duration=0.1, loads={"s": load}, **QUIET)

@@ -107,7 +107,9 @@ def test_a_users_function_is_named_in_files_and_not_run_untrusted(urdf, tmp_path
     shown = jp.Result.load(tmp_path / "run.nc").simulation
     assert shown.loads["pull"].function.source.startswith("def pull(time, pose")
     assert shown.loads["pull"].describe() == loads["pull"].describe()
-    with pytest.raises(jp.JointplayError, match="my_wrench_of_tests:pull' is code that no one"):
+    with pytest.raises(
+        jp.JointplayError, match="my_wrench_of_tests:pull' is code of a module that is not trusted"
+    ):
         shown.run()
     trusted = jp.Result.load(tmp_path / "run.nc", trust=["my_wrench_of_tests"])
     again = trusted.simulation.run()

@@ -20,10 +20,10 @@ from jointplay.core.errors import JointplayError
 from jointplay.kernel import Status
 from jointplay.kernel.integrators import DEFAULT, integrator
 from jointplay.kernel.multirate import LARGEST_TURN, LEAST_STEPS
-from jointplay.loads.terms import LOSSES
 from jointplay.result.certificate import COUNTS, HEADLINE, Certificate, CertifiedFigure
 from jointplay.result.result import Result
 from jointplay.result.settings import START_UP
+from jointplay.result.variables import LOSSES
 from jointplay.simulation.run import Run
 from jointplay.simulation.saving import save
 from jointplay.simulation.simulation import Simulation

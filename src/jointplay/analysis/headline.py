@@ -34,7 +34,7 @@ def reference(result: Result, progress: bool = False) -> Result | None:
     try:
         return tool_motion(ideal_simulation(result), progress)
     except JointplayError as error:
-        text = f"no tool error is known: the ideal mechanism cannot be simulated ({error})"
+        text = f"the tool error is unknown: the ideal mechanism cannot be simulated ({error})"
         warnings.warn(text, RuntimeWarning, stacklevel=2)
         return None
 
@@ -70,7 +70,7 @@ def _tool(result: Result, error: xr.DataArray, start: float, since: str) -> list
     early = last < 0.999 * result.time[-1]
     ended = f", whose run ends at {last:.4g} s" if early else ""
     if not len(judged):
-        return [f"no tool error{since} is known against the ideal mechanism{ended}"]
+        return [f"the tool error{since} against the ideal mechanism is unknown{ended}"]
     sizes = np.linalg.norm(judged.values, axis=1)
     at = float(judged["time"][int(sizes.argmax())])
     rms = accuracy(error, start).rms[-1]

@@ -93,7 +93,7 @@ def replay(result: Result, windows: Sequence[tuple[float, float]]) -> Replay:
     simulation = result.simulation
     step = simulation.step
     if len(result.time) < 2:
-        raise JointplayError(f"a run of {len(result.time)} records cannot be repeated")
+        raise JointplayError(f"a run with {len(result.time)} records cannot be repeated")
     kept = np.rint(result.time / step).astype(int)
     steps = int(kept[-1])
     spans = [(max(0, round(a / step)), min(steps, round(b / step))) for a, b in windows]

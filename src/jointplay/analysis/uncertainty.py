@@ -217,7 +217,8 @@ def sobol_indices(values: np.ndarray, names: tuple[str, ...]) -> SobolIndices:
     missing = int(np.count_nonzero(~np.isfinite(y)))
     if missing or len(y) % (len(names) + 2):
         raise JointplayError(
-            f"{missing} of {len(y)} cases have no value: Sobol indices need all of the design"
+            f"{missing} of {len(y)} cases have no value: Sobol indices need every case of the "
+            "design"
         )
     zero = np.zeros(len(names))
     if np.ptp(y) == 0.0:  # nothing varies, so nothing causes it

@@ -175,22 +175,22 @@ class Outputs:
 
 
 _SHARED: dict[str, dict[str, Any]] = {
-    "--case": {"help": "case of the scenario; may be left out if there is only one"},
+    "--case": {"help": "case of the scenario (not needed if there is only one)"},
     "--jobs": {"type": int, "metavar": "N", "help": "processes (default: one per core)"},
-    "--quiet": {"action": "store_true", "help": "show no progress"},
+    "--quiet": {"action": "store_true", "help": "do not show progress"},
     "--trust": {
         "action": "append",
         "default": [],
         "metavar": "MODULE",
-        "help": "import laws from this module if the file names any (repeatable; by default a "
-        "result imports none, a scenario those beside it)",
+        "help": "allow laws to be imported from this module (repeatable; by default a result "
+        "imports no module, a scenario only those in its own folder)",
     },
     "--allow-unphysical": {
         "action": "extend",
         "type": listed,
         "default": [],
         "metavar": "LINK,...",
-        "help": "accept the inertia of these links although no rigid body can have it (repeatable)",
+        "help": "accept these links' inertias although they are physically impossible (repeatable)",
     },
 }
 """Options that several commands have."""

@@ -25,25 +25,30 @@ def add(commands: Any) -> None:
     parser = commands.add_parser(
         "allocate",
         help="the largest clearances that keep the tool's error below a target",
-        description="The cheapest clearances of all joints with which the tool's static error "
-        "stays below a target, at a pose, along a motion or over the workspace; and what the last "
-        "micrometre of each costs. The dimensions of the bearings are those of the options or the "
-        "scenario; the ratio of axial to radial clearance is kept. See docs/decisions.md.",
+        description="Find the cheapest clearances of all joints that keep the tool's static "
+        "error below a target, at a pose, along a motion or over the workspace, and "
+        "the marginal cost of each. The bearings' dimensions come from the options "
+        "or the scenario; the ratio of axial to radial clearance is kept. See "
+        "docs/decisions.md.",
         epilog='Example: jointplay allocate ur5 --target "0.2 mm" --workspace 200',
     )
     add_robot(parser)
     add_poses(parser)
     add_option(parser, "--target LENGTH", "largest error of the tool", required=True)
-    add_option(parser, "--quantile P", "share of states, such as 0.99 (default: the worst)")
-    add_option(parser, "--cost", "of a clearance c: 1/c, 1/c^2 or -c", COSTS[0], choices=COSTS)
-    add_repeatable(parser, "--weight JOINT=X", "weight of a joint's cost, 1 if not given")
+    add_option(
+        parser,
+        "--quantile P",
+        "share of states that must meet the target, such as 0.99 (default: all)",
+    )
+    add_option(parser, "--cost", "cost of a clearance c: 1/c, 1/c^2 or -c", COSTS[0], choices=COSTS)
+    add_repeatable(parser, "--weight JOINT=X", "weight of a joint's cost (default 1)")
     add_option(parser, "--least LENGTH", "smallest possible clearance (default 2 um)")
     add_option(parser, "--most LENGTH", "largest possible clearance (default 1 mm)")
     add_option(
         parser,
         "--verify RUNS",
-        "simulate the motion with these clearances in so many perturbed runs; 3 if no number is "
-        "given",
+        "simulate the motion with the clearances found, in this many perturbed runs (3 if no "
+        "number is given)",
         nargs="?",
         const=3,
     )
@@ -82,7 +87,7 @@ def run(options: argparse.Namespace) -> int:
     notes = [note for note in work.notes if not note.startswith("play:")]
     print("\n".join([*notes, f"at: {work.poses}", str(allotment)]))
     if options.verify is not None:
-        from jointplay.design.verify import dynamic_error
+        from jointplay.analysis.runs import dynamic_error
 
         assert work.motion is not None
         error = dynamic_error(

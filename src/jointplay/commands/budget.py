@@ -15,28 +15,29 @@ def add(commands: Any) -> None:
     """Add the command's parser."""
     parser = commands.add_parser(
         "budget",
-        help="how far off play lets the tool be, and which joint is to blame; no simulation",
-        description="Error budget of the tool from the play of all joints, without dynamics: worst "
-        "case along every direction, where everything rests under its weight and where friction "
-        "may hold it, RMS for a load in a random direction, and each joint's share. At a pose, "
-        "along a motion, or over the workspace. docs/decisions.md says what the numbers mean.",
+        help="how much error play allows at the tool, and which joint causes it; no simulation",
+        description="Static error budget of the tool from the play of all joints: worst case in "
+        "every direction, the position at rest under gravity and how far friction "
+        "may change it, RMS for a load in a random direction, and each joint's "
+        "share. At a pose, along a motion, or over the workspace. docs/decisions.md "
+        "explains the numbers.",
         epilog='Example: jointplay budget panda --clearance "0.05 mm" --workspace 500 --out panda',
     )
     add_robot(parser)
     add_poses(parser)
-    add_option(parser, "--force FX,FY,FZ", "on the tool, world axes [N]")
-    add_option(parser, "--payload MASS", "held at the tool")
+    add_option(parser, "--force FX,FY,FZ", "force on the tool, world axes [N]")
+    add_option(parser, "--payload MASS", "mass held at the tool")
     add_option(
         parser,
         "--friction MU",
-        "coefficient with which friction may hold the journals elsewhere than they rest without it "
+        "friction coefficient that may hold journals away from their frictionless rest position "
         "(default: the largest of each joint's friction law)",
     )
     add_switch(
         parser,
         "--rest-everywhere",
-        "find for budget.csv where the machine rests at every pose, not only at the worst one "
-        "(0.4 s a pose with one joint, up to 3.5 s with six)",
+        "for budget.csv, find the position at rest at every pose, not only the worst one (0.4 s "
+        "per pose with one joint, up to 3.5 s with six)",
     )
     add_option(parser, "--out DIR", "folder for budget.csv and the figures")
 

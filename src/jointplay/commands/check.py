@@ -26,13 +26,14 @@ def add(commands: Any) -> None:
         "check",
         help="check a scenario file without running it",
         description="Check a scenario file without running it: its keys, values and units, the "
-        "robot, and whether every case can start. Prints how it was understood, and draws the "
-        "mechanism where the first case with clearance starts.",
+        "robot, and whether every case can start. Prints how the file was "
+        "understood, and draws the mechanism at the start of the first case with "
+        "clearance.",
     )
     parser.add_argument("file", metavar="FILE", help="scenario (TOML)")
     group = parser.add_mutually_exclusive_group()
     add_option(group, "--picture PNG", "picture of the mechanism (default: beside FILE, as .png)")
-    add_switch(group, "--no-picture", "draw no picture")
+    add_switch(group, "--no-picture", "do not draw a picture")
     add_shared(parser, "--trust")
 
 

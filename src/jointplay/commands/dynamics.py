@@ -14,14 +14,14 @@ if TYPE_CHECKING:
 
 
 KINDS = {
-    "turns": "quantities over the crank's angle, beside those of the ideal mechanism",
-    "bifurcation": "a quantity once a turn, over the values of a key (--vary)",
-    "poincare": "two quantities once a turn against each other",
-    "lyapunov": "largest Lyapunov exponent with its confidence; over a key with --vary",
-    "recurrence": "when the journal, or what is named, comes back to where it has been",
+    "turns": "quantities over the crank's angle, compared with the ideal mechanism",
+    "bifurcation": "a quantity sampled once per turn, over the values of a key (--vary)",
+    "poincare": "two quantities sampled once per turn, plotted against each other",
+    "lyapunov": "largest Lyapunov exponent with its confidence interval; over a key with --vary",
+    "recurrence": "when the journal, or a quantity given by --of, returns to an earlier state",
     "waterfall": "spectra over the values of a key, such as the crank's speed (--vary)",
     "runup": "spectra while the crank's speed rises evenly over the values of --vary",
-    "basin": "on which orbit the motion ends, over where a journal starts",
+    "basin": "the orbit on which the motion settles, over the journal's starting position",
 }
 TURNS = {
     "turns": (20, 2),
@@ -42,39 +42,46 @@ def add(commands: Any) -> None:
     parser = commands.add_parser(
         "dynamics",
         help="nonlinear dynamics: bifurcations, Poincare maps, Lyapunov exponents, basins",
-        description="Let a periodically driven mechanism settle over many turns, then look at it: "
+        description=(
+            "Let a periodically driven mechanism settle over many turns, then analyse it: "
+        )
         + "; ".join(f"{name}: {text}" for name, text in KINDS.items())
-        + ". Values run side by side; what is done is kept in a CSV file in the folder, and the "
-        "same command goes on with it. docs/nonlinear.md says what the figures mean.",
+        + ". Values run in parallel; finished ones are kept in a CSV file in the folder, and the "
+        "same command continues from it. docs/nonlinear.md explains the figures.",
         epilog="Example: jointplay dynamics jointplay:slider_crank.toml bifurcation "
         '--case "0.5 mm" --vary "motion.speeds.crank_pin=500:5000:400 rpm" --out speeds',
     )
     parser.add_argument("file", metavar="FILE", help="scenario (TOML)")
     parser.add_argument("kind", metavar="WHAT", choices=KINDS, help=", ".join(KINDS))
     add_shared(parser, "--case")
-    add_option(parser, "--vary KEY=FROM:TO:COUNT", "key of the scenario, its values, their unit")
+    add_option(
+        parser,
+        "--vary KEY=FROM:TO:COUNT",
+        "key of the scenario, its range of values, and their unit",
+    )
     add_repeatable(
         parser,
         "--of NAME",
-        "quantity, such as guide.acceleration, crank_pin.moment, piston_pin.eccentricity; a wrong "
-        "name lists all",
+        "quantity, such as guide.acceleration, crank_pin.moment, piston_pin.eccentricity; an "
+        "unknown name lists all of them",
     )
-    add_option(parser, "--settle N", "turns that are not looked at (default: by what is asked)")
-    add_option(parser, "--keep N", "turns that are looked at (default: by what is asked)")
-    add_option(parser, "--phase X", "of the section [turns]", 0.25)
-    add_option(parser, "--records N", "records in a turn", 1000)
-    add_option(parser, "--orders X", "of spectra, at most", 20.0)
-    add_option(parser, "--window N", "runup: turns of a spectrum", 8)
+    add_option(parser, "--settle N", "turns left out at the start (default: depends on WHAT)")
+    add_option(parser, "--keep N", "turns that are analysed (default: depends on WHAT)")
+    add_option(parser, "--phase X", "phase of the section [turns]", 0.25)
+    add_option(parser, "--records N", "records per turn", 1000)
+    add_option(parser, "--orders X", "highest order of spectra", 20.0)
+    add_option(parser, "--window N", "runup: turns per spectrum", 8)
     add_option(
-        parser, "--threshold X", "recurrence: distance that counts as near, of all distances", 0.1
+        parser,
+        "--threshold X",
+        "recurrence: distance that counts as near, as a share of all distances",
+        0.1,
     )
-    add_option(parser, "--joint NAME", "basin: the joint whose journal starts off centre")
-    add_option(parser, "--grid N", "basin: starts along x and y", 21)
-    add_repeatable(
-        parser, "--set KEY=VALUE", "another value for a key of the scenario", dest="changes"
-    )
+    add_option(parser, "--joint NAME", "basin: joint whose journal starts off centre")
+    add_option(parser, "--grid N", "basin: number of starting positions along x and along y", 21)
+    add_repeatable(parser, "--set KEY=VALUE", "set a key of the scenario", dest="changes")
     add_shared(parser, "--jobs")
-    add_option(parser, "--out DIR", "folder for table and figure", required=True)
+    add_option(parser, "--out DIR", "folder for the table and the figure", required=True)
     add_shared(parser, "--quiet", "--trust")
 
 
@@ -87,7 +94,9 @@ def run(options: argparse.Namespace) -> int:
     out, mark = files.claim(options.out, []), f"jointplay dynamics {options.kind}"
     path = out / f"{options.kind}.png"
     if path.exists() and not files.holds(path, mark):
-        raise JointplayError(f"{str(path)!r} is no figure of this command; name another folder")
+        raise JointplayError(
+            f"{str(path)!r} is not a figure of this command; choose another folder"
+        )
     from jointplay.commands.dynamics_figures import FIGURES, FigureJob
 
     figure = FIGURES[options.kind](FigureJob(study, options, out))
@@ -108,7 +117,7 @@ def _study(options: argparse.Namespace) -> Study:
     if options.kind in ("bifurcation", "waterfall", "runup") and not options.vary:
         raise JointplayError(f"{options.kind} needs --vary KEY=FROM:TO:COUNT")
     if options.vary and options.kind not in ("bifurcation", "waterfall", "lyapunov", "runup"):
-        raise JointplayError(f"{options.kind} has no --vary; it is of one motion")
+        raise JointplayError(f"{options.kind} takes no --vary: it analyses a single motion")
     varied = Varied.parse(options.vary) if options.vary else None
     study = Study(
         str(scenario.path), scenario.text, tuple(scenario.trust), settings, options.case,
@@ -166,7 +175,7 @@ def _names(options: argparse.Namespace, simulation: Any) -> tuple[str, ...]:
         pairs = {"acceleration": ("acceleration", "speed"), "position": ("position", "speed")}
         a, b = pairs.get(what, ("x", "y"))
         if thing not in simulation.mechanism.clearance and what not in pairs:
-            raise JointplayError("name both quantities of the map: --of NAME --of NAME")
+            raise JointplayError("give both quantities of the map: --of NAME --of NAME")
         return f"{thing}.{a}", f"{thing}.{b}"
     clearance = simulation.mechanism.clearance
     if kind == "recurrence" and not asked and clearance:

@@ -37,7 +37,7 @@ class FigureJob:
         kind = self.options.kind
         table = Table(self.out / f"{kind}.csv", {"kind": kind, **self.study.asked()}, columns)
         done = table.fill(work, keys, self.options.jobs, not self.options.quiet)
-        print(f"{done} of {len(keys)} runs computed now, {len(keys) - done} from earlier")
+        print(f"{done} of {len(keys)} runs computed now, {len(keys) - done} earlier")
         failed = [key for key in keys if key in table.failures]
         for key in failed[:3]:
             at = f" at {', '.join(f'{x:g}' for x in key)}" if key else ""

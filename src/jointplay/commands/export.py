@@ -14,22 +14,25 @@ def add(commands: Any) -> None:
     parser = commands.add_parser(
         "export",
         help="write a result as table, joint trajectory, ROS 2 bag or rerun recording",
-        description="Write a result for other programs. Kinds of file: "
+        description="Write a result for other programs. File kinds: "
         + "; ".join(
             f"{name} ({', '.join(kind.suffixes)}): {kind.about}"
             for name, kind in exports.KINDS.items()
         )
         + ".",
-        epilog="docs/exports.md says what the files hold. parquet, mcap, YAML and rerun need the "
+        epilog="docs/exports.md describes the files. parquet, mcap, YAML and rerun need the "
         "extras tables, ros and rerun: pip install 'jointplay[ros]'.",
     )
-    parser.add_argument("result", metavar="RESULT", help="file that a run wrote (.nc)")
+    parser.add_argument("result", metavar="RESULT", help="result file (.nc)")
     add_option(
-        parser, "--to", "kind of file (default: by the ending of --out)", choices=exports.KINDS
+        parser, "--to", "kind of file (default: by the extension of --out)", choices=exports.KINDS
     )
     add_option(parser, "--out FILE", "file to write", required=True)
     add_option(
-        parser, "--every N", "only each N-th record and the last; peaks cover what lies between", 1
+        parser,
+        "--every N",
+        "only every N-th record and the last; peaks include the records between",
+        1,
     )
     add_shared(parser, "--quiet", "--trust")
 

@@ -31,89 +31,102 @@ def add(commands: Any) -> None:
     """Add the command's parser."""
     parser = commands.add_parser(
         "identify",
-        help="clearance, friction, restitution of each joint from measurements; or what to measure",
-        description="Clearances, friction, play of gears and restitution from measured signals, "
-        "with 95 % confidence intervals, or a plain 'this measurement cannot tell' and which "
-        "further measurement would. Means over stops and slow stretches are compared with the "
-        "static model, impacts (of an accelerometer or of forces in bearings) by their statistics. "
-        "With --plan: poses and motions that would tell best. docs/identify.md says which columns "
-        "a measurement has.",
+        help=(
+            "identify clearance, friction, restitution of each joint from measurements; or plan "
+            "what to measure"
+        ),
+        description="Identify clearances, friction, gear play and restitution from measured "
+        "signals, with 95 % confidence intervals, or state that this measurement "
+        "cannot determine a value and which further measurement would. Means over "
+        "stops and slow stretches are compared with the static model, impacts (of an "
+        "accelerometer or of forces in bearings) by their statistics. With --plan: "
+        "the most informative poses and motions. docs/identify.md lists the columns "
+        "of a measurement.",
         epilog="Example: jointplay identify my_robot.toml measured.csv --out worn",
     )
     add_robot(parser)
     parser.add_argument(
-        "data", nargs="?", metavar="CSV", help="columns such as 'time [s]', 'tool x [mm]'"
+        "data",
+        nargs="?",
+        metavar="CSV",
+        help=("measurement with columns such as 'time [s]', 'tool x [mm]'"),
     )
     group = parser.add_argument_group("measurement")
-    add_option(group, "--motion CSV", "reference of joints without encoder, if no scenario has it")
+    add_option(
+        group, "--motion CSV", "reference motion of joints without encoder, if no scenario gives it"
+    )
     add_option(
         group,
         "--reference",
-        "what is known of the tool's ideal place: nothing but that it is the same at each visit of "
-        "a place; all but where the tracker's frame lies; all (calibrated)",
+        "what is known of the tool's ideal position: place: only that it is the same at each "
+        "visit; frame: everything except the pose of the tracker's frame; ideal: everything "
+        "(calibrated)",
         REFERENCES[0],
         choices=REFERENCES,
     )
     add_repeatable(
         group,
         "--noise SIGNAL=X",
-        'standard deviation of a record, "tool=20 um"; by default that of the records',
+        'standard deviation of a record, such as "tool=20 um"; by default estimated from the '
+        "records",
     )
     add_repeatable(
         group,
         "--known UNKNOWN",
-        'taken from the scenario, such as "friction" or "elbow radial clearance"',
+        'unknown to take from the scenario instead, such as "friction" or "elbow radial clearance"',
     )
     add_repeatable(
         group,
         "--also",
-        "identify the dry friction behind all gears, not only where the scenario has some",
+        "identify the dry friction on the joint's side of every gear, not only where the "
+        "scenario has some",
         choices=("friction",),
     )
     add_repeatable(
         group,
         "--stiffness PART=X[+-Y%]",
-        'of what is known, such as "elbow=1e5 N*m/rad" (about its axis, of the gear if there is '
-        'one), "elbow radial=2e8 N/m +- 20 %%", "tool=1e6 N/m", "elbow=inf" (rigid), "all=inf" '
-        "(except gears); what is not given is unknown",
+        'known stiffness, such as "elbow=1e5 N*m/rad" (about its axis, of the gear if there is '
+        'one), "elbow radial=2e8 N/m +- 20 %%", "tool=1e6 N/m", "elbow=inf" (rigid), '
+        '"all=inf" (except gears); stiffnesses that are not given are unknown',
     )
     add_option(
         group,
         "--drift N",
-        "degree of the polynomial in time by which readings may drift; 0: they do not",
+        "degree of the polynomial in time by which readings may drift; 0: no drift",
         DRIFT,
     )
     group = parser.add_argument_group("by simulated runs of the scenario")
     add_option(
         group,
         "--restitution RUNS",
-        "where flights do not tell restitution: by the statistics of the impacts of so many runs, "
-        f"{RUNS} if no number is given",
+        "where flights do not determine restitution, fit the impact statistics with this many "
+        f"runs ({RUNS} if no number is given)",
         nargs="?",
         const=RUNS,
     )
     add_option(
         group,
         "--verify RUNS",
-        "run the scenario with what was found, and say whether its statistics are those of the "
-        f"measurement, within the scatter of so many runs, {VERIFYING} if no number is given",
+        "run the scenario with the identified values and check that its statistics agree with "
+        f"the measurement's, within the scatter of this many runs ({VERIFYING} if no number is "
+        "given)",
         nargs="?",
         const=VERIFYING,
     )
     add_shared(group, "--jobs")
     group = parser.add_argument_group("plan")
-    add_switch(group, "--plan", "say what to measure")
+    add_switch(group, "--plan", "propose what to measure")
     add_repeatable(
         group,
         "--signal",
-        "that can be measured besides the motors' encoders; by default tool",
+        "signal that can be measured besides the motors' encoders; by default tool",
         choices=("tool", "link", "torque"),
     )
-    add_option(group, "--count N", "experiments to choose", 6)
+    add_option(group, "--count N", "number of experiments to choose", 6)
     add_option(
-        group, "--push FORCE", "with which the tool can be pushed; 0: not at all (default 20)"
+        group, "--push FORCE", "force with which the tool can be pushed; 0: none (default 20)"
     )
-    add_option(parser, "--out DIR", "folder for tables (CSV, JSON) and figure")
+    add_option(parser, "--out DIR", "folder for the tables (CSV, JSON) and the figure")
     add_shared(parser, "--quiet")
     parser.set_defaults(pose=None, workspace=None)
 
@@ -123,7 +136,7 @@ def run(options: argparse.Namespace) -> int:
     from jointplay.core import processes
 
     if options.plan and options.data is not None:
-        raise JointplayError("give --plan or a measurement, not both")
+        raise JointplayError("give either --plan or a measurement, not both")
     processes.number_of(options.jobs)
     if not options.plan and options.data is None:
         raise JointplayError("give a measurement (CSV), or --plan to ask what to measure")

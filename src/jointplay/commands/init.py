@@ -26,7 +26,7 @@ def add(commands: Any) -> None:
         nargs="?",
         default="scenario",
         metavar="NAME",
-        help="of the file; .toml is added if missing (default scenario.toml)",
+        help="file name; .toml is added if missing (default scenario.toml)",
     )
 
 
@@ -34,7 +34,7 @@ def run(options: argparse.Namespace) -> int:
     """Write the file, never over another."""
     path = Path(options.name)
     if not path.name:
-        raise JointplayError(f"{options.name!r} is no name for a file")
+        raise JointplayError(f"{options.name!r} is not a valid file name")
     if path.suffix != ".toml":
         path = path.with_name(f"{path.name}.toml")
     files.write(path, TEMPLATE.read_bytes())

@@ -28,12 +28,13 @@ def add(commands: Any) -> None:
         usage="jointplay iso9283 [FILE | ROBOT] [--cycles N] [--speed PERCENT] [--load MASS] "
         "[--cube LENGTH --cube-centre X,Y,Z] [--drift TIME] [--out DIR] [options]",
         help="accuracy and repeatability as ISO 9283 names them, from perturbed cycles",
-        description="Simulate the cycle of a scenario or robot many times, journals displaced at "
-        "random at the start, and print pose accuracy AP and repeatability RP at each stop, "
-        "distance accuracy AD and repeatability RD between stops, multi-directional variation vAP, "
-        "stabilization time, overshoot, path accuracy AT and repeatability RT, cornering "
-        "deviations CR and CO, and drift by wear, with confidence intervals. Options besides these "
-        "are those of jointplay run. docs/decisions.md says what the figures mean.",
+        description="Simulate the cycle of a scenario or robot many times, with journals "
+        "displaced at random at the start, and print pose accuracy AP and "
+        "repeatability RP at each stop, distance accuracy AD and repeatability RD "
+        "between stops, multi-directional variation vAP, stabilization time, "
+        "overshoot, path accuracy AT and repeatability RT, cornering deviations CR "
+        "and CO, and drift by wear, with confidence intervals. All input options of "
+        "jointplay run are accepted too. docs/decisions.md explains the figures.",
         epilog='Example: jointplay iso9283 ur5 --joint elbow_joint --radial "0.05 mm" '
         "--duration 2.2 --out ur5",
         lazy=run_command.explain,
@@ -45,22 +46,24 @@ def add(commands: Any) -> None:
     add_option(
         group,
         "--speed PERCENT",
-        "share of the motion's speed, which counts as the rated one; repeatable: the standard asks "
-        "for 100, 50 and 10 (default 100)",
+        "percentage of the motion's speed, which is taken as the rated speed (repeatable; the "
+        "standard asks for 100, 50 and 10) (default 100)",
         action="append",
     )
-    add_option(group, "--load MASS", "at the tool: the rated load, 100 %%")
-    add_option(group, "--cube LENGTH", "go through the five poses in a cube of this edge instead")
-    add_option(group, "--cube-centre X,Y,Z", "centre of the cube, world axes [m]")
-    add_option(group, "--drift TIME", 'drift by wear over this time, "8 h" in the standard')
+    add_option(group, "--load MASS", "mass at the tool: the rated load, 100 %%")
     add_option(
-        group, "--band LENGTH", "limit band of stabilization, the repeatability if not given"
+        group, "--cube LENGTH", "visit the five poses in a cube with this edge length instead"
     )
+    add_option(group, "--cube-centre X,Y,Z", "centre of the cube, world axes [m]")
+    add_option(
+        group, "--drift TIME", 'compute the drift by wear over this time, "8 h" in the standard'
+    )
+    add_option(group, "--band LENGTH", "limit band of stabilization (default: the repeatability)")
     add_option(
         group,
         "--out DIR",
-        "folder for the table, the figures and, while it runs, the cycles: given again, an "
-        "interrupted command goes on",
+        "folder for the table, the figures and, during the run, finished cycles: with the same "
+        "folder, an interrupted command continues",
     )
     groups = run_command.add_inputs(parser)
     add_shared(groups["integration and output"], "--quiet")

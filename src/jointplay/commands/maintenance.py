@@ -14,15 +14,15 @@ def add(commands: Any) -> None:
     """Add the command's parser."""
     parser = commands.add_parser(
         "maintenance",
-        help="estimate the cycles until wear makes the tool miss its tolerance",
-        description="Estimate after how many cycles of a scenario the worn bores of its joints let "
-        "the tool be off by more than a target (static worst case along the motion), and which "
-        "joint's wear it is. Joints need a wear_rate in the scenario. docs/decisions.md says what "
-        "the numbers mean.",
+        help="estimate how many cycles it takes until wear puts the tool out of tolerance",
+        description="Estimate after how many cycles of a scenario wear of its bores lets the "
+        "tool's error exceed a target (static worst case along the motion), and "
+        "which joint's wear causes it. Joints need a wear_rate in the scenario. "
+        "docs/decisions.md explains the numbers.",
     )
     add_cycles(parser, blocks=5, runs=2)
     add_option(parser, "--target LENGTH", "tolerance of the tool", required=True)
-    add_option(parser, "--wear-factor X", "factor to which wear rates are known", default=3.0)
+    add_option(parser, "--wear-factor X", "factor within which wear rates are known", default=3.0)
     add_option(parser, "--out DIR", "folder for maintenance.csv and the figure")
 
 

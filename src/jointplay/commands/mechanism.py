@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import re
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from jointplay.commands import (
@@ -56,20 +55,21 @@ def add_robot(parser: Any) -> None:
     )
     add_shared(parser, "--case")
     group = parser.add_argument_group("play")
-    add_option(group, "--clearance LENGTH", "radial clearance of all joints of --joint")
+    add_option(group, "--clearance LENGTH", "radial clearance of the joints given by --joint")
     add_repeatable(
         group,
         "--joint NAME[=LENGTH]",
-        "joint with clearance, and its own; by default all joints that move the tool",
+        "joint with clearance, and optionally its radial clearance; by default all joints that "
+        "move the tool",
     )
     add_option(group, "--axial LENGTH", "axial clearance (default: the radial one)")
     add_option(group, "--bearing-radius LENGTH", "R_i (default 10 mm)")
     add_option(group, "--bearing-length LENGTH", "L_i (default 40 mm)")
     add_repeatable(
-        group, "--gear NAME=ANGLE", 'whole play of a joint\'s gear, such as elbow="2 arcmin"'
+        group, "--gear NAME=ANGLE", 'total play of a joint\'s gear, such as elbow="2 arcmin"'
     )
     group = parser.add_argument_group("robot")
-    add_option(group, "--tool FRAME", "frame whose error counts")
+    add_option(group, "--tool FRAME", "frame whose error is computed")
     add_shared(group, "--allow-unphysical")
 
 
@@ -79,10 +79,11 @@ def add_poses(parser: Any) -> None:
     add_option(
         group,
         "--pose JOINT=X,...",
-        "joint positions [rad or m, or with a unit]; other joints are at zero or mid-way",
+        "joint positions [rad or m, or with a unit]; other joints are at zero, or mid-range if "
+        "zero is outside their limits",
     )
-    add_option(group, "--motion CSV", "waypoints, header time_s,<joint>,...")
-    add_option(group, "--workspace N", "N poses over the limits of all joints")
+    add_option(group, "--motion CSV", "waypoints, with the header time_s,<joint>,...")
+    add_option(group, "--workspace N", "N poses spread over the limits of all joints")
 
 
 def task(options: argparse.Namespace) -> Task:
@@ -112,7 +113,8 @@ def task(options: argparse.Namespace) -> Task:
         kind, words = "workspace", f"{len(q)} poses over the workspace"
         if len(q) < options.workspace:
             words += (
-                f" ({options.workspace - len(q)} more, in which the loops do not close, left out)"
+                f" ({options.workspace - len(q)} others were left out because the loops do not "
+                "close there)"
             )
     elif motion is not None and options.pose is None:
         q, kind = poses.along_motion(mechanism, motion, near=near), "motion"
@@ -168,7 +170,7 @@ def _mechanism(
         raise JointplayError("--case needs a scenario (.toml)")
     else:
         allowed, named = options.allow_unphysical, None
-        plain = Mechanism(_urdf(options.robot), allow_unphysical=allowed)
+        plain = Mechanism(options.robot, allow_unphysical=allowed)
         description = plain.description
     tool = options.tool or named
     if tool is None:
@@ -191,18 +193,6 @@ def _mechanism(
         allow_unphysical=allowed,
     )
     return mechanism, simulation, notes
-
-
-def _urdf(place: str) -> Path:
-    """URDF of a path, a name of example-robot-data, or one that ships."""
-    from jointplay.mechanism.robots import PREFIX, resolve, robot_urdf
-    from jointplay.mechanism.urdf import shipped
-
-    if place.startswith("jointplay:"):
-        return shipped(place.removeprefix("jointplay:"))
-    if place.startswith(PREFIX) or Path(place).suffix or Path(place).is_file():
-        return resolve(place)
-    return robot_urdf(place)
 
 
 def _clearance(
@@ -235,7 +225,7 @@ def _clearance(
                 f"no joint {name!r} that can have play; available: {', '.join(choices) or 'none'}"
             )
         if name not in chain:
-            notes.append(f"note: {name} does not move {tool!r}: it adds nothing to the error")
+            notes.append(f"note: {name} does not move {tool!r}, so it adds nothing to the error")
         own[name] = length
     if not own and options.clearance is not None:
         own = dict.fromkeys(chain)

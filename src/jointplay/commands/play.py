@@ -18,16 +18,20 @@ def add(commands: Any) -> None:
     parser = commands.add_parser(
         "play",
         help="play results in the browser, or write a page that does",
-        description="Show results in motion: robots side by side, their ideal twins as ghosts, "
-        "paths of the tool, contact forces, and a close-up of a joint with its play magnified. "
-        "Play in real time, slower or faster, scrub, jump from impact to impact.",
+        description="Show results in motion: robots side by side, their ideal counterparts as "
+        "ghosts, paths of the tool, contact forces, and a close-up of a joint with "
+        "its play magnified. Play in real time, slower or faster, scrub, jump from "
+        "impact to impact.",
         epilog="The file of --html needs no server and no network: send it to anyone. Films need "
-        "the extra jointplay[movie] and a Chromium; no screen, no graphics card.",
+        "the extra jointplay[movie] and Chromium, but neither a screen nor a graphics "
+        "card.",
     )
-    parser.add_argument("results", nargs="+", metavar="RESULT", help="files that runs wrote (.nc)")
-    add_option(parser, "--html FILE", "write one self-contained page and stop")
+    parser.add_argument("results", nargs="+", metavar="RESULT", help="result files (.nc)")
+    add_option(parser, "--html FILE", "write one self-contained page instead of serving it")
     add_option(
-        parser, "--movie FILE", "write a picture (.png) or a film (.gif, .mp4, .webm) and stop"
+        parser,
+        "--movie FILE",
+        "write a picture (.png) or a film (.gif, .mp4, .webm) instead of serving a page",
     )
     add_option(parser, "--joint NAME", "joint of the close-up (default: the first)")
     add_option(
@@ -38,18 +42,17 @@ def add(commands: Any) -> None:
     add_repeatable(
         parser,
         "--meshes DIR",
-        "where the meshes of a URDF are, its packages below it; those of example-robot-data are "
-        "found without",
+        "folder of the URDF's meshes or packages; those of example-robot-data are found without it",
     )
-    add_switch(parser, "--no-ghost", "no ideal twins")
+    add_switch(parser, "--no-ghost", "do not show the ideal counterparts")
     add_option(
         parser,
         "--host HOST",
-        "interface to listen on; other machines cannot reach this one",
+        "interface to listen on; other machines cannot reach the default",
         "127.0.0.1",
     )
     add_option(parser, "--port N", "port to listen on", 7000)
-    add_switch(parser, "--no-browser", "only serve")
+    add_switch(parser, "--no-browser", "do not open a browser")
     film = parser.add_argument_group("film (--movie)")
     add_option(
         film,
@@ -59,9 +62,9 @@ def add(commands: Any) -> None:
     add_option(
         film,
         "--begin T",
-        "from when on [s]; of a picture the moment (default: the start; the hardest impact)",
+        "start time [s]; for a picture, its time (default: the start; the hardest impact)",
     )
-    add_option(film, "--end T", "until when [s] (default: the end)")
+    add_option(film, "--end T", "end time [s] (default: the end)")
     add_option(film, "--fps X", "frames per second (default 25)")
     add_option(film, "--size WxH", "pixels, even numbers (default 1280x720)")
     add_option(film, "--view VIEW", "both, robot or closeup (default both)")

@@ -22,13 +22,13 @@ def add(commands: Any) -> None:
         epilog="Examples: jointplay plot-sweep S x=clearance y=peak_force hue=friction; "
         "jointplay plot-sweep S x=clearance y=friction z=tool_error_rms_total",
     )
-    parser.add_argument("store", metavar="STORE", help="of jointplay sweep")
+    parser.add_argument("store", metavar="STORE", help="store of jointplay sweep")
     parser.add_argument(
         "words",
         nargs="+",
         metavar="WORD=NAME",
         help="x and y, and hue for lines, or z (the measure) for a heat map; DIMENSION=VALUE "
-        "takes only the cases nearest to a value",
+        "selects the cases nearest to a value",
     )
     add_option(parser, "--out FILE", "picture (default: beside STORE, as .png)")
 

@@ -31,8 +31,8 @@ FORMATS = {
 
 GEAR = {
     "gear-stiffness": ("N*m/rad", "of the teeth"),
-    "gear-damping": ("N*m*s/rad", "of the teeth; 0 if not given"),
-    "rotor-inertia": ("kg*m^2", "seen from the joint's side"),
+    "gear-damping": ("N*m*s/rad", "of the teeth (default 0)"),
+    "rotor-inertia": ("kg*m^2", "referred to the joint's side of the gear"),
 }
 """Options about a gear: units and explanations."""
 
@@ -41,30 +41,37 @@ def add(commands: Any) -> None:
     """Add the command's parser."""
     parser = commands.add_parser(
         "reduce",
-        help="a joint's play as dead band and friction, for MuJoCo, Gazebo, ROS",
-        description="Fit a hinge with dead band, stiffness, damping and friction to the full model "
-        "of one joint's play, by reversals about a pose, and write it: MJCF (MuJoCo), SDF "
-        "(Gazebo), URDF and YAML, JSON with ranges for domain randomisation. The dead band about "
-        "the axis is the gear's; the bearing gives friction and lean. See docs/decisions.md.",
+        help="model a joint's play as dead band and friction, for MuJoCo, Gazebo, ROS",
+        description="Fit a hinge with dead band, stiffness, damping and friction to the full "
+        "model of one joint's play, by reversals about a pose, and write it as MJCF "
+        "(MuJoCo), SDF (Gazebo), URDF and YAML, JSON with ranges for domain "
+        "randomisation. The dead band about the axis comes from the gear; the "
+        "bearing contributes friction and tilt. See docs/decisions.md.",
         epilog='Example: jointplay reduce ur5 --joint elbow_joint --clearance "0.05 mm" --gear '
         'elbow_joint="2 arcmin" --gear-stiffness 2e4 --rotor-inertia 0.5 --out elbow',
     )
     add_robot(parser)
-    add_option(parser, "--pose JOINT=X,...", "about which the joint reverses")
+    add_option(parser, "--pose JOINT=X,...", "pose about which the joint reverses")
     group = parser.add_argument_group("gear (of a scenario, or these)")
     for name, (unit, text) in GEAR.items():
         add_option(group, f"--{name} X", f"{text} [{unit}]".replace("*", " "), type=in_unit(unit))
     group = parser.add_argument_group("reversals")
-    add_option(group, "--amplitude ANGLE", "of the reversals (default 0.1)")
-    add_option(group, "--period TIME", "of a reversal there and back (default 2)")
+    add_option(group, "--amplitude ANGLE", "amplitude of the reversals (default 0.1)")
+    add_option(group, "--period TIME", "period of a reversal, there and back (default 2)")
     group = parser.add_argument_group("output")
-    add_option(group, "--encoder", "before or after the play", "motor", choices=("motor", "link"))
-    add_switch(group, "--tilt", "MJCF: the axis can lean, too")
-    add_repeatable(group, "--format", "by default all", choices=FORMATS)
     add_option(
-        group, "--spread X", "JSON: relative half width of ranges that are not measured", 0.3
+        group,
+        "--encoder",
+        "whether the encoder is before or after the play",
+        "motor",
+        choices=("motor", "link"),
     )
-    add_switch(group, "--check", "run the MJCF in MuJoCo and compare")
+    add_switch(group, "--tilt", "MJCF: let the axis tilt as well")
+    add_repeatable(group, "--format", "file format; by default all", choices=FORMATS)
+    add_option(
+        group, "--spread X", "JSON: relative half width of ranges without measured values", 0.3
+    )
+    add_switch(group, "--check", "run the MJCF in MuJoCo and compare it with the full model")
     add_option(group, "--out DIR", "folder for the files", required=True)
     add_shared(group, "--quiet")
     parser.set_defaults(motion=None, workspace=None)
@@ -90,7 +97,9 @@ def run(options: argparse.Namespace) -> int:
     options.pose = options.pose or ""
     work = task(options)
     if not (options.joint or scenario or joint in work.mechanism.gears):
-        raise JointplayError("--clearance is missing, or --gear: without play nothing is reduced")
+        raise JointplayError(
+            "--clearance or --gear is missing: without play there is nothing to reduce"
+        )
     require_non_negative("--spread", options.spread, "")
     mechanism = _with_gear(options, work.mechanism, scenario)
     out.claim()
@@ -150,7 +159,7 @@ def _with_gear(options: argparse.Namespace, mechanism: Any, scenario: bool) -> A
     values = given(options, *(name.replace("-", "_") for name in GEAR))
     if values and not mechanism.gears:
         option = next(iter(values)).replace("_", "-")
-        raise JointplayError(f"--{option} is of a gear, and no joint has one; name it by --gear")
+        raise JointplayError(f"--{option} needs a gear, and no joint has one; add it with --gear")
     if options.gear and not scenario:
         for option in ("gear-stiffness", "rotor-inertia"):
             if option.replace("-", "_") not in values:

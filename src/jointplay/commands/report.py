@@ -17,12 +17,12 @@ def add(commands: Any) -> None:
         "report",
         help="write a report on results, or on a sweep: one HTML page, and a PDF of the figures",
         description="Write a report on one or several results: parameters, assumptions, audit, "
-        "Figures 9-15 to zoom into, contact modes, impacts, spectra, accuracy of the tool. The "
-        "page needs no network. Of a sweep: table, lines with confidence bands, heat maps, "
-        "distributions, failed cases. Runs are repeated to show their largest impacts step by "
-        "step.",
-        epilog="A tool's error is its difference from an ideal run of the same work, which is "
-        "simulated if it is not among the results.",
+        "zoomable Figures 9-15, contact modes, impacts, spectra, accuracy of the "
+        "tool. The page needs no network. For a sweep: a table, lines with "
+        "confidence bands, heat maps, distributions, failed cases. Runs are repeated "
+        "to show their largest impacts step by step.",
+        epilog="The tool's error is its deviation from an ideal run with the same inputs, which "
+        "is simulated if it is not among the results.",
     )
     parser.add_argument(
         "results",
@@ -35,10 +35,14 @@ def add(commands: Any) -> None:
         "-o",
         "--out",
         metavar="FILE",
-        help="the page (default: report.html beside the first result); the PDF gets its name",
+        help="the page (default: report.html beside the first result); the PDF is named after it",
     )
-    add_option(parser, "--title TEXT", "of the page")
-    add_repeatable(parser, "--label TEXT", "name of a result, in their order; else the file's name")
+    add_option(parser, "--title TEXT", "title of the page")
+    add_repeatable(
+        parser,
+        "--label TEXT",
+        "label of a result, in the order of the results (default: the file name)",
+    )
     add_option(
         parser,
         "--claims CSV",
@@ -47,10 +51,10 @@ def add(commands: Any) -> None:
     add_option(
         parser,
         "--impacts N",
-        "impacts of each run to follow step by step; 0 repeats no run (default 5)",
+        "impacts of each run to show step by step; with 0, no run is repeated (default 5)",
     )
     add_switch(parser, "--no-pdf", "write the page only")
-    add_switch(parser, "--quiet", "do not say what is being done")
+    add_switch(parser, "--quiet", "do not report progress")
     add_shared(parser, "--trust")
 
 
@@ -101,7 +105,7 @@ def _sweep(paths: list[Path], options: argparse.Namespace) -> int:
     from jointplay.sweeps.dataset import reading
 
     if len(paths) > 1:
-        raise JointplayError("a sweep has a report of its own; give its store alone")
+        raise JointplayError("a sweep gets a separate report; give only its store")
     for name in ("label", "claims", "impacts"):
         if getattr(options, name):
             raise JointplayError(f"--{name} is for results; {str(paths[0])!r} is a sweep")

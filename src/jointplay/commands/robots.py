@@ -16,14 +16,14 @@ def add(commands: Any) -> None:
     """Add the command to the subparsers."""
     parser = commands.add_parser(
         "robots",
-        help="list robots that are at hand, with their joints",
-        description="List the robots of the package example-robot-data with their joints, and what "
-        "stands against simulating them. Each is loaded to find out. Of one robot, or of any "
-        "URDF: joints with limits, what they follow, frames, the tool.",
+        help="list the available robots and their joints",
+        description="List the robots of the package example-robot-data, their joints, and what "
+        "prevents simulating them; each is loaded to find out. For one robot, or any "
+        "URDF: joints with their limits and mimic relations, frames, the tool.",
         epilog="Use one wherever a URDF is expected: jointplay run NAME --joint JOINT.",
     )
     parser.add_argument(
-        "name", nargs="?", metavar="NAME", help="one robot, or the path of a URDF, in detail"
+        "name", nargs="?", metavar="NAME", help="robot, or path of a URDF, to describe in detail"
     )
 
 
@@ -68,8 +68,8 @@ def _detail(survey: Survey) -> str:
     remarks = list(survey.remarks)
     if survey.bare:
         remarks.append(
-            f"no mass of their own: {', '.join(survey.bare)}; joints beside them can have no "
-            "clearance until the URDF gives them an <inertial>"
+            f"links without mass: {', '.join(survey.bare)}; their joints cannot have clearance "
+            "until the URDF gives the links an <inertial>"
         )
     lines += [_wrapped(f"! {remark}") for remark in remarks]
     if survey.unphysical:

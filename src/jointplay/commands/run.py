@@ -276,8 +276,9 @@ def add(commands: Any) -> None:
         usage="jointplay run [FILE | ROBOT] --out DIR [--set KEY=VALUE ...] [options]",
         help="simulate the cases of a scenario file, or one robot",
         description="Simulate all cases of a scenario file, or one robot with clearance in the "
-        "joints named, and draw figures that compare the cases. Without FILE or ROBOT: the SCARA "
-        "arm under gravity, 0.2 mm in joint B, 3 s. Options count more than what FILE says.",
+        "joints named, and draw figures that compare the cases. Without FILE or "
+        "ROBOT: the SCARA arm under gravity, 0.2 mm in joint B, 3 s. Options "
+        "override FILE.",
         epilog="DIR receives result.nc, or a .nc for each case (read it with jointplay.Result.load "
         "or any NetCDF reader), and the figures as .png and .pdf.",
         lazy=explain,
@@ -287,15 +288,15 @@ def add(commands: Any) -> None:
     add_switch(
         group,
         "--certify",
-        "run again more finely, and give the headline figures with their numerical errors; takes "
-        "about ten times as long",
+        "repeat the run with finer steps to give the headline figures numerical error bounds; "
+        "takes about ten times as long",
     )
     add_switch(
         group,
         "--resume",
-        "go on with the runs in DIR that were interrupted, bit for bit; finished ones stay",
+        "continue the interrupted runs in DIR, bit for bit; finished ones are kept",
     )
-    add_switch(group, "--no-figures", "write no figures")
+    add_switch(group, "--no-figures", "do not draw figures")
     add_shared(group, "--quiet")
 
 
@@ -318,14 +319,14 @@ def add_inputs(run: Any) -> dict[str, Any]:
     add_repeatable(group, "--case NAME", "run only this case")
     add_shared(group, "--jobs", "--trust")
     groups: dict[str, Any] = {name: run.add_argument_group(name) for name in _OPTIONS}
-    add_option(groups["robot"], "--urdf ROBOT", "the same as ROBOT")
-    add_switch(groups["robot"], "--ideal", "no clearance anywhere")
+    add_option(groups["robot"], "--urdf ROBOT", "another way to give ROBOT")
+    add_switch(groups["robot"], "--ideal", "simulate the robot without clearance")
     add_shared(groups["robot"], "--allow-unphysical")
     add_repeatable(
         groups["clearance joint"],
         "--joint NAME[=LENGTH]",
-        "joint that has clearance, its own or that of --clearance, and that the options of this "
-        "and the next group are for",
+        "joint with clearance, optionally with its radial clearance; the options of this group "
+        "and the next apply to these joints",
     )
     for flag in FLAGS:
         several = len(flag.metavar) > 1
@@ -337,7 +338,7 @@ def add_inputs(run: Any) -> dict[str, Any]:
     add_repeatable(
         groups["motion and drive"],
         "--joint-friction JOINT=C,V",
-        "Coulomb [N m or N] and viscous [N m s/rad or N s/m] friction; by default the URDF's",
+        "Coulomb [N m or N] and viscous [N m s/rad or N s/m] friction (default: from the URDF)",
     )
     return groups
 
@@ -389,7 +390,7 @@ def scenario_of(options: argparse.Namespace) -> Scenario:
         scenario = Scenario.load(options.target, options.trust, settings)
         if options.ideal:
             raise JointplayError(
-                "--ideal is for a robot; of a scenario's joint say --set joints.NAME.ideal=true"
+                "--ideal is for a robot; for a joint of a scenario use --set joints.NAME.ideal=true"
             )
     return scenario
 
@@ -441,7 +442,7 @@ def _of_robot(options: argparse.Namespace, target: str | None, given: list[Setti
         every = round(Recording.record_every * Integration.step / step)
         settings.append(Setting(("output", "record_every"), every, "step chosen"))
     scenario = robot_scenario(target, joints, settings, options.ideal)
-    scenario.assumptions.append(f"step: {step:g} s (chosen: {reason}; --step takes another)")
+    scenario.assumptions.append(f"step: {step:g} s (chosen: {reason}; --step selects another)")
     return scenario
 
 
@@ -481,7 +482,7 @@ def _require_known(target: str) -> None:
     )
     similar = f"; did you mean {', '.join(near)}?" if near else ""
     raise JointplayError(
-        f"{target!r} is no file and no robot{similar} (jointplay robots lists all)"
+        f"{target!r} is neither a file nor a robot{similar} (jointplay robots lists all)"
     )
 
 

@@ -99,7 +99,9 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
         done = [case for case, item in items.items() if is_finished(item.path, simulations[case])]
         for path in (out / name for name in drawn):
             if path.exists() and not holds(path, MARK):
-                raise JointplayError(f"{str(path)!r} is no figure of a run; name another folder")
+                raise JointplayError(
+                    f"{str(path)!r} is not a figure of a run; choose another folder"
+                )
     else:
         check_not_interrupted(out, names)
         claim(out, [*names, *drawn])
@@ -134,8 +136,8 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
         there = ", ".join(items[case].path.name for case in results)
         note = f"; there is {there}" if there else ""
         note += f"; not certified: {', '.join(bare)}" if bare else ""
-        note = f"; nothing of: {', '.join(missing)}" if missing else note
-        print(f"interrupted{note}; the same command with --resume goes on", file=sys.stderr)
+        note = f"; no result of: {', '.join(missing)}" if missing else note
+        print(f"interrupted{note}; the same command with --resume continues", file=sys.stderr)
         return INTERRUPTED
     if stopped:
         print(signals.SAVED, file=sys.stderr)
@@ -230,7 +232,7 @@ def _run_parallel(
     layout = "{percentage:3.0f}%|{bar}| {n:.3f}/{total:.3f} s simulated{postfix}, {remaining} left"
     bar = tqdm(total=total, disable=not progress, bar_format=layout, mininterval=_LOOK_S)
     given = str(scenario.path), scenario.text, scenario.trust, scenario.settings
-    kept = f"what is complete is in {str(items[0].path.parent)!r}"
+    kept = f"completed results are in {str(items[0].path.parent)!r}"
     pool = processes.Pool(partial(_work, clocks, begun, *given), jobs, begin=_begin, kept=kept)
     left = [item.case for item in items]
     try:
@@ -374,8 +376,8 @@ def check_not_interrupted(out: Path, names: Iterable[str]) -> None:
         kept = working_paths(out / name)[1]
         if kept.exists():
             raise JointplayError(
-                f"{str(out)!r} holds an interrupted run ({kept.name}); --resume goes on with it, "
-                "or name another folder"
+                f"{str(out)!r} holds an interrupted run ({kept.name}); --resume continues it, or "
+                "choose another folder"
             )
 
 
@@ -411,13 +413,13 @@ def is_finished(path: Path, simulation: Simulation) -> bool:
     now = json.loads(json.dumps(simulation.describe()))
     if was != now:
         raise JointplayError(
-            f"{str(path)!r} is of another run: {first_difference(was, now)}; name "
-            "another folder, or change it back"
+            f"{str(path)!r} belongs to another run: {first_difference(was, now)}; choose another "
+            "folder, or undo the change"
         )
     if result.status == Status.INTERRUPTED:
         raise JointplayError(
-            f"{str(path)!r} was interrupted and has no checkpoint; delete it to begin anew, or "
-            "name another folder"
+            f"{str(path)!r} was interrupted and has no checkpoint; delete it to start again, or "
+            "choose another folder"
         )
     return True
 

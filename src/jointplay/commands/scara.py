@@ -27,7 +27,7 @@ def add(commands: Any) -> None:
     )
     add_option(scara, "--out DIR", "folder for the results", required=True)
     add_option(
-        scara, "--runs N", "perturbed runs for each clearance and condition; 0: no claims", 8
+        scara, "--runs N", "perturbed runs for each clearance and condition; 0 skips the claims", 8
     )
     add_shared(scara, "--jobs", "--quiet")
 
@@ -44,7 +44,7 @@ def run(options: argparse.Namespace) -> int:
     cases, rows, verdicts = study.run_study(options.out, options.runs, options.jobs, progress)
     for label, result in cases.items():
         print(f"\n{label}: {result.message}\n{result.audit}")
-    print("\nFigures with their numerical errors, and the explicit method beside them:\n")
+    print("\nFigures with their numerical errors, compared with the explicit method:\n")
     print(study.errors_text(rows))
     if verdicts:
         print(f"\nThe paper's claims on {options.runs} runs each; numbers in claims.md:\n")

@@ -15,28 +15,30 @@ def add(commands: Any) -> None:
     parser = commands.add_parser(
         "shares",
         usage="jointplay shares [FILE | ROBOT] [--runs N] [--sobol N] [--jobs N] [options]",
-        help="each joint's share of the tool's error in runs, and Sobol indices",
+        help="find each joint's share of the tool's error in simulated runs, and Sobol indices",
         description="Dynamic error budget: simulate the play of each joint alone and of all "
-        "together, and print each joint's share of the tool's error and the interaction; with "
-        "--sobol also how much of its variance comes from clearances, friction, speed and payload. "
-        "Options besides these are those of jointplay run. See docs/decisions.md.",
+        "together, and print each joint's share of the tool's error and the "
+        "interaction; with --sobol also how much of its variance comes from "
+        "clearances, friction, speed and payload. All input options of jointplay run "
+        "are accepted too. See docs/decisions.md.",
         epilog="Example: jointplay shares ur5 --joint elbow_joint --joint wrist_1_joint --jobs 2",
         lazy=run_command.explain,
     )
     group = parser.add_argument_group("shares")
-    add_option(group, "--runs N", "perturbed runs of each", 3)
+    add_option(group, "--runs N", "perturbed runs of each variant", 3)
     add_option(
         group,
         "--sobol N",
-        "also Sobol indices from N (inputs + 2) runs, N a power of two (needs SALib)",
+        "also compute Sobol indices from N (inputs + 2) runs, N a power of two (needs SALib)",
     )
     add_option(group, "--spread X", "factor by which clearances and friction vary, up or down", 2.0)
-    add_option(group, "--slowest X", "share of the motion's speed down to which it varies", 0.7)
-    add_option(group, "--payload MASS", "at the tool, varied from none to this")
+    add_option(group, "--slowest X", "lowest share of the motion's speed", 0.7)
+    add_option(group, "--payload MASS", "largest payload at the tool, varied from zero")
     add_option(
         group,
         "--out DIR",
-        "folder for the table, the figure and the runs, from which an interrupted command goes on",
+        "folder for the table, the figure and the runs, from which an interrupted command "
+        "continues",
     )
     groups = run_command.add_inputs(parser)
     add_shared(groups["integration and output"], "--quiet")

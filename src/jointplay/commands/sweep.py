@@ -17,18 +17,18 @@ def add(commands: Any) -> None:
         "sweep",
         help="run many cases of a scenario: grids, samples, repeats",
         description="Run all cases of the table [sweep] of a scenario (docs/sweeps.md) on all "
-        "cores, or on the workers of a Dask cluster. Whatever is killed, and whenever: --resume "
-        "goes on, and no finished case runs again.",
+        "cores, or on the workers of a Dask cluster. Whenever a process is killed, "
+        "--resume continues, and no finished case runs again.",
         epilog="STORE is a folder of Zarr arrays over the dimensions of the sweep: read it with "
         "jointplay.open_sweep, or xarray.open_zarr.",
     )
     parser.add_argument("file", metavar="FILE", help="scenario (TOML) with a table [sweep]")
-    add_option(parser, "--out STORE", "folder of the store", required=True)
-    add_switch(parser, "--resume", "go on with the store")
+    add_option(parser, "--out STORE", "folder for the results", required=True)
+    add_switch(parser, "--resume", "continue the sweep")
     add_switch(
         parser,
         "--extend",
-        "go on with the store, with more samples, repeats, or values at the end of a list",
+        "continue the sweep with more samples, repeats, or values at the end of a list",
     )
     add_shared(parser, "--jobs")
     add_option(
@@ -36,8 +36,8 @@ def add(commands: Any) -> None:
         "--scheduler ADDRESS",
         "Dask scheduler whose workers run the cases, such as tcp://10.0.0.1:8786",
     )
-    add_switch(parser, "--yes", "run it even if it is very large")
-    add_option(parser, "--rows N", "rows of the table that is printed", 20)
+    add_switch(parser, "--yes", "run the sweep even if it is very large")
+    add_option(parser, "--rows N", "rows of the printed table", 20)
     add_shared(parser, "--quiet", "--trust")
 
 

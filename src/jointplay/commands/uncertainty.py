@@ -14,16 +14,18 @@ def add(commands: Any) -> None:
     parser = commands.add_parser(
         "uncertainty",
         help="quantiles, Sobol indices and convergence of a sweep's samples",
-        description="What the samples of a sweep say of a measure: mean, standard deviation and "
-        "quantiles with 95 % confidence, how many runs were enough, and, of a saltelli design, "
-        "what causes the variance (Sobol indices).",
+        description="Evaluate a measure over the samples of a sweep: mean, standard deviation "
+        "and quantiles with 95 % confidence intervals, how many runs were enough, "
+        "and, for a saltelli design, what causes the variance (Sobol indices).",
     )
-    parser.add_argument("store", metavar="STORE", help="of jointplay sweep")
-    parser.add_argument("measure", metavar="MEASURE", help="such as tool_error_rms_total")
+    parser.add_argument("store", metavar="STORE", help="store of jointplay sweep")
+    parser.add_argument(
+        "measure", metavar="MEASURE", help=("measure, such as tool_error_rms_total")
+    )
     add_option(
         parser,
         "--precision X",
-        "relative half width of the confidence interval that is enough",
+        "relative half width of the confidence interval that is precise enough",
         0.05,
     )
     add_option(parser, "--out FILE", "picture of the convergence")

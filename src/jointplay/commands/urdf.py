@@ -21,14 +21,14 @@ def add(commands: Any) -> None:
         "link: three translations x, y, z of the journal in its bearing, then yaw, pitch and roll. "
         "Yaw keeps the joint's name, limits, friction and transmission. Everything else in the "
         "file stays as it is.",
-        epilog="Limits let the journal move about twice its clearance; bearings themselves (round, "
-        "elastic, with friction) cannot be said in a URDF: docs/robots.md.",
+        epilog="Limits let the journal move about twice its clearance; the bearings themselves "
+        "(round, elastic, with friction) cannot be described in a URDF: docs/robots.md.",
     )
-    add_option(parser, "--urdf FILE", "a file, or example-robot-data:NAME", required=True)
+    add_option(parser, "--urdf FILE", "path of a URDF, or example-robot-data:NAME", required=True)
     add_option(
         parser,
         "--joint NAME",
-        "revolute joint that has clearance (repeatable)",
+        "revolute joint to be given clearance (repeatable)",
         action="append",
         required=True,
     )
@@ -37,7 +37,7 @@ def add(commands: Any) -> None:
     add_option(parser, "--bearing-radius LENGTH", "R_i", 10e-3)
     add_option(parser, "--bearing-length LENGTH", "L_i", 40e-3)
     add_shared(parser, "--allow-unphysical")
-    add_option(parser, "--out FILE", "the URDF to write", required=True)
+    add_option(parser, "--out FILE", "URDF file to write", required=True)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -67,6 +67,6 @@ def run(options: argparse.Namespace) -> int:
         print(f"{joint}.pitch, {joint}.roll")
     moved = out.parent.resolve() != mechanism.description.path.parent.resolve()
     if moved and re.search(r'<mesh[^>]*filename="(?!\w+://|/)', text):
-        print("note: mesh paths are relative to the old file; put the new one beside it")
+        print("note: mesh paths are relative to the old file; put the new file in the same folder")
     print(f"written: {out}")
     return 0

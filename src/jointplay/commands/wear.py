@@ -14,15 +14,16 @@ def add(commands: Any) -> None:
     """Add the command's parser."""
     parser = commands.add_parser(
         "wear",
-        help="estimate the cycles until a clearance has grown",
+        help="estimate how many cycles it takes a clearance to grow",
         description="Estimate how many cycles of a scenario wear the bore of a joint by a given "
-        "depth: Archard's law, extrapolated over blocks of equal cycles between which the bore's "
-        "shape is brought up to date. The joint needs a wear_rate in the scenario.",
+        "depth: Archard's law, extrapolated over blocks of equal cycles; the bore's "
+        "shape is updated between blocks. The joint needs a wear_rate in the "
+        "scenario.",
     )
     add_cycles(parser, blocks=10, runs=1)
     add_option(parser, "--joint NAME", "the joint whose wear is estimated", required=True)
     add_option(parser, "--growth LENGTH", "growth of its clearance", required=True)
-    add_option(parser, "--out CSV", "file for cycles and depths after each block")
+    add_option(parser, "--out CSV", "file for the cycles and depths after each block")
 
 
 def add_cycles(parser: Any, blocks: int, runs: int) -> None:
@@ -30,7 +31,9 @@ def add_cycles(parser: Any, blocks: int, runs: int) -> None:
     parser.add_argument("file", metavar="FILE", help="scenario (TOML); one run is one cycle")
     add_shared(parser, "--case")
     add_option(parser, "--blocks N", "blocks of cycles", blocks)
-    add_option(parser, "--runs N", "runs of each block, perturbed at the start if several", runs)
+    add_option(
+        parser, "--runs N", "runs per block, perturbed at the start if there are several", runs
+    )
     add_option(parser, "--cycles-per-run X", "cycles in one run", 1.0)
     add_shared(parser, "--jobs", "--quiet", "--trust")
 

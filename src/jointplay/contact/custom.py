@@ -14,25 +14,15 @@ a result can be plotted, played and reported, and a rerun says what is missing.
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
-from typing import Any, Self
+from typing import Any
 
 from jointplay.contact.bristle import BristleLaw
 from jointplay.contact.compiled import check_parameters, check_signature, parameter_names
 from jointplay.contact.film import FilmLaw
 from jointplay.contact.law import ContactProperties, FrictionLaw, Law, NormalForceLaw
-from jointplay.contact.trust import (
-    Absent,
-    Place,
-    function_of,
-    function_or_absent,
-    path_of,
-    place_of,
-    remember,
-    source_of,
-)
+from jointplay.contact.trust import Absent, FunctionDescription, OfFunction
 from jointplay.core.errors import JointplayError
 from jointplay.core.schema import quantity
 
@@ -43,40 +33,28 @@ _DEPTHS, _SPEEDS = (1e-7, 1e-5), (1e-3, 1.0, 3.0)
 """Depths [m] and approach speeds [m/s] at which a law's elastic force is looked at."""
 
 
-@dataclass(frozen=True)
-class LawDescription:
-    """A law of one's own as files have it; see docs/laws.md."""
-
-    function: str
-    """``module:function`` of a module beside the scenario; of another with ``--trust MODULE``."""
-    parameters: tuple[float, ...] | dict[str, float] = quantity("", default=())
-    """Parameters of the function, in the order of its arguments or by name."""
-    source: str | None = None
-    """Text of the function, in results; it is shown, and never run."""
-
-
-@dataclass(frozen=True)
-class FilmDescription(LawDescription):
-    """A film law of one's own as files have it; see docs/lubrication.md."""
+@dataclass(frozen=True, kw_only=True)
+class FilmDescription(FunctionDescription):
+    """How files describe a user's film law; see docs/lubrication.md."""
 
     viscosity: float = quantity("Pa*s", default=1.0)
     """Dynamic viscosity."""
     hybrid: bool = True
     """Dry contact takes over where the journal touches the bore."""
     transition: float = quantity("m", default=1e-6)
-    """Depth of penetration at which nothing of the film is left."""
+    """Penetration depth at which the film has vanished."""
     least_thickness: float = quantity("m", default=1e-6)
-    """Thickness below which a film is no thinner."""
+    """Smallest film thickness."""
 
 
 @dataclass(frozen=True, init=False, repr=False, kw_only=True)
-class Custom(Law):
+class Custom(OfFunction, Law):
     """What the user's own laws of all kinds have in common."""
 
-    written = LawDescription
+    written = FunctionDescription
 
     reference = "the user"
-    validity = "what its author says"
+    validity = "as stated by its author"
 
     function: Callable[..., Any]  # type: ignore[misc]
     """The law: a function of the arguments of its kind."""
@@ -89,69 +67,34 @@ class Custom(Law):
 
     def _keep(self, function: Callable[..., Any], parameters: Parameters, before: int = 0) -> None:
         """Keep function and parameters, of which the joint gives the first `before`."""
-        function = getattr(function, "py_func", function)  # without numba's wrapping
-        if not isinstance(function, Absent):
-            if not callable(function):
-                raise JointplayError(f"a law must be a function, got {function!r}")
-            check_signature(function, self.state, bool(self.answers))
-            remember(function)
-        values = _in_order(function, self.state, parameters, before)
-        check_parameters((0.0,) * before + values, function.__name__)
-        object.__setattr__(self, "function", function)
+        self._keep_function(function)
+        values = _in_order(self.function, self.state, parameters, before)
+        check_parameters((0.0,) * before + values, self.function.__name__)
         object.__setattr__(self, "values", values)
+
+    def _check_arguments(self, function: Callable[..., Any]) -> None:
+        check_signature(function, self.state, bool(self.answers))
 
     def parameters(self, *joint: Any) -> tuple[float, ...]:
         """Return the user's own numbers; properties of the joint do not enter."""
         return self.values
 
-    def _arguments(self) -> dict[str, Any]:
-        """Further fields by name."""
-        names = [one.name for one in fields(self) if one.name not in ("function", "values")]
-        return {name: getattr(self, name) for name in names}
-
-    @property
-    def source(self) -> str | None:
-        """Text of the function; None where Python does not know it."""
-        return source_of(self.function)
+    def _further_arguments(self) -> dict[str, Any]:
+        arguments = super()._further_arguments()
+        return {"parameters": arguments.pop("values"), **arguments}
 
     def describe(self) -> dict[str, Any]:
-        """Import path of the function, its parameters, and its text."""
-        return {
-            "law": self.name,
-            "function": path_of(self.function),
-            "parameters": list(self.values),
-            **({} if self.source is None else {"source": self.source}),
-            **self._arguments(),
-        }
-
-    @classmethod
-    def from_fields(cls, fields: dict[str, Any]) -> Self:
-        """Build the law from what `describe` said of it.
-
-        Raises:
-            JointplayError: the function is neither known here nor of a trusted module (see
-                `trust`); within `trust.showing` the law is then one to be shown, not run.
-        """
-        path, source = fields["function"], fields.get("source")
-        rest = {key: value for key, value in fields.items() if key not in ("function", "source")}
-        function: Any = function_or_absent(path, source)
-        if source is not None and source_of(function) not in (None, source):
-            warnings.warn(
-                f"the law {path!r} reads otherwise here than in the result; a rerun uses the one "
-                "that is here",
-                RuntimeWarning,
-                stacklevel=2,
-            )
-        return cls(function, **rest)
+        """The fields as plain data; of the function ``module:function`` and its text."""
+        described = super().describe()
+        described["parameters"] = described.pop("values")
+        return described
 
     def __repr__(self) -> str:
         """As one would write it where the function is at hand."""
-        more = "".join(f", {name}={value!r}" for name, value in self._arguments().items())
-        return f"{type(self).__name__}({self.function.__name__}, {self.values!r}{more})"
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        """Go to another process by name, as to a file."""
-        return _restored, (type(self), place_of(self.function), self.values, self._arguments())
+        arguments = self._further_arguments()
+        more = [f"{name}={value!r}" for name, value in arguments.items() if name != "parameters"]
+        given = ", ".join([self.function.__name__, repr(self.values), *more])
+        return f"{type(self).__name__}({given})"
 
 
 @dataclass(frozen=True, init=False, repr=False)
@@ -304,11 +247,3 @@ def _in_order(
             f"got {len(values)}"
         )
     return values
-
-
-def _restored(
-    kind: type[Custom], place: Place, values: tuple[float, ...], rest: dict[str, Any]
-) -> Any:
-    """Build a user's own law again from the name of its function."""
-    function: Any = function_of(place)
-    return kind(function, values, **rest)

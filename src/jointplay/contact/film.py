@@ -79,9 +79,9 @@ class FilmLaw(Law):
     The film then fades over the depth `transition`. Without it a journal that touches ends the run.
     """
     transition: float = quantity("m", default=1e-6, above=0.0)
-    """Depth e_t of penetration at which nothing of the film is left [m]."""
+    """Penetration depth e_t at which the film has vanished [m]."""
     least_thickness: float = quantity("m", default=1e-6, above=0.0, words="least film thickness")
-    """Thickness below which a film is no thinner, for the surfaces are rough [m]."""
+    """Smallest film thickness, because the surfaces are rough [m]."""
 
     def parameters(self, film: FilmProperties) -> tuple[float, ...]:
         """Parameters of `function`: c [m], R [m], L [m], viscosity [Pa s], and the law's own."""

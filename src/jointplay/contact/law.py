@@ -163,8 +163,8 @@ class NormalForceLaw(Law):
             and abs(delivered - contact.restitution) > RESTITUTION_MARGIN
         ):
             lines.append(
-                f"{self.name} delivers a restitution of {delivered:.3f} where "
-                f"{contact.restitution:g} is asked for"
+                f"{self.name} delivers a restitution of {delivered:.3f} instead of the nominal "
+                f"{contact.restitution:g}"
             )
         limit = WAVE_FRACTION * contact.wave_speed
         if max_speed > limit:

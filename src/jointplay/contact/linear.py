@@ -39,7 +39,7 @@ class LinearSpring(NormalForceLaw):
     validity = "rough estimates near the depth that the stiffness is chosen for; no loss"
 
     stiffness: float | None = quantity("N/m", default=None, above=0.0)
-    """k [N/m]; None takes it from the joint's Hertz stiffness (`linear_stiffness`)."""
+    """Stiffness k [N/m]; None derives it from the joint's Hertz stiffness (`linear_stiffness`)."""
 
     @staticmethod
     def function(delta: float, ddelta: float, ddelta0: float, stiffness: float) -> float:
@@ -69,7 +69,7 @@ class KelvinVoigt(NormalForceLaw):
     validity = "rough estimates: the force jumps at the first touch; c_e does not enter"
 
     damping: float = quantity("N*s/m", least=0.0)
-    """b [N s/m]."""
+    """Damping coefficient b [N s/m]."""
     stiffness: float | None = quantity("N/m", default=None, above=0.0)
     """k [N/m]; None takes it from the joint's Hertz stiffness (`linear_stiffness`)."""
 
@@ -112,9 +112,8 @@ class Anagnostopoulos(NormalForceLaw):
     )
 
     mass: float | None = quantity("kg", default=None, above=0.0)
-    """Effective mass m of the impact [kg], m_1 m_2/(m_1 + m_2) of two free bodies; required.
-
-    `jointplay.mechanism.impact.effective_mass` gives a mechanism's.
+    """Effective mass m of the impact [kg], m_1 m_2/(m_1 + m_2) for two free bodies; required.
+    `jointplay.mechanism.impact.effective_mass` computes it for a mechanism.
     """
     stiffness: float | None = quantity("N/m", default=None, above=0.0)
     """k [N/m]; None takes it from the joint's Hertz stiffness (`linear_stiffness`)."""

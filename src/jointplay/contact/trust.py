@@ -17,17 +17,19 @@ import inspect
 import linecache
 import sys
 import textwrap
+import warnings
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from contextvars import ContextVar
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, Self
 from weakref import WeakKeyDictionary
 
 from jointplay.core.errors import JointplayError
 from jointplay.core.files import is_file
+from jointplay.core.schema import Described, quantity
 
 Function = Callable[..., Any]
 
@@ -149,7 +151,7 @@ def function_at(path: str, source: str | None = None) -> Function:
     module, _, name = path.partition(":") if isinstance(path, str) else ("", "", "")
     parts = module.split(".")
     if not all(part.isidentifier() for part in (*parts, *name.split("."))):
-        raise JointplayError(f"a law of one's own is named module:function, got {path!r}")
+        raise JointplayError(f"a user's law must be named module:function, got {path!r}")
     folder = _folder.get()
     if folder is not None and is_beside(folder, module):
         return function_in_folder(folder, path)
@@ -158,14 +160,14 @@ def function_at(path: str, source: str | None = None) -> Function:
         return known[source] if source in known else list(known.values())[-1]
     if module == "__main__":
         raise JointplayError(
-            f"the law {path!r} was typed in a script or a notebook that is not this one; to run it "
-            "again, define it here and make a law of it"
+            f"the law {path!r} was defined in another script or notebook; to run it again, define "
+            "it here and make a law of it"
         )
     ways = {".".join(parts[:size]) for size in range(1, len(parts) + 1)}
     if ways.isdisjoint(_trusted.get()):
         raise JointplayError(
-            f"the law {path!r} is code that no one here has named; if it is yours, trust its "
-            f"module: --trust {module}, or trust=[{module!r}] in Python"
+            f"the law {path!r} is code of a module that is not trusted; if you know it, trust it: "
+            f"--trust {module}, or trust=[{module!r}] in Python"
         )
     return imported(path)
 
@@ -323,3 +325,87 @@ def imported(path: str) -> Function:
         raise JointplayError(f"the law {path!r} cannot be imported here: {error}") from error
     finally:
         sys.path.remove(here)
+
+
+# Laws and loads that are made of such a function.
+
+
+@dataclass(frozen=True, kw_only=True)
+class FunctionDescription:
+    """How files describe a law or load that is made of a user's function."""
+
+    function: str
+    """``module:function`` of a module in the scenario's folder, or of another one with ``--trust
+    MODULE``."""
+    parameters: tuple[float, ...] | dict[str, float] = quantity("", default=())
+    """Parameters of the function, in the order of its arguments or by name."""
+    source: str | None = None
+    """Source text of the function, in results; it is shown and never run."""
+
+
+class OfFunction(Described):
+    """A law or load that is made of a user's function; a dataclass with the field `function`."""
+
+    function: Any
+
+    def _keep_function(self, function: Any) -> None:
+        """Keep a function, without numba's wrapping, if its arguments are right.
+
+        Raises:
+            JointplayError: it is no function, or takes other arguments than it should.
+        """
+        function = getattr(function, "py_func", function)
+        if not isinstance(function, Absent):
+            if not callable(function):
+                raise JointplayError(f"a law must be a function, got {function!r}", ("function",))
+            self._check_arguments(function)
+            remember(function)
+        object.__setattr__(self, "function", function)
+
+    def _check_arguments(self, function: Function) -> None:
+        """Raise if the function takes other arguments than it should."""
+        raise NotImplementedError
+
+    def _further_arguments(self) -> dict[str, Any]:
+        """What the constructor takes besides the function, by name."""
+        names = [field.name for field in fields(self)]  # type: ignore[arg-type]
+        return {name: getattr(self, name) for name in names if name != "function"}
+
+    @property
+    def source(self) -> str | None:
+        """Text of the function; None where Python does not know it."""
+        return source_of(self.function)
+
+    def describe(self) -> dict[str, Any]:
+        """The fields as plain data; of the function ``module:function`` and its text."""
+        text = {} if self.source is None else {"source": self.source}
+        return {**super().describe(), "function": path_of(self.function), **text}
+
+    @classmethod
+    def from_fields(cls, fields: dict[str, Any]) -> Self:
+        """Build the law or load from what `describe` returned.
+
+        Raises:
+            JointplayError: the function is neither known here nor in a trusted module (see
+                `function_at`); within `showing`, the law is then made to be shown, not run.
+        """
+        arguments = dict(fields)
+        path, source = arguments.pop("function"), arguments.pop("source", None)
+        function = function_or_absent(path, source)
+        if source is not None and source_of(function) not in (None, source):
+            warnings.warn(
+                f"the function {path!r} here differs from the one in the result; a rerun uses the "
+                "one that is here",
+                RuntimeWarning,
+                stacklevel=2,
+            )
+        return cls(function=function, **arguments)  # type: ignore[call-arg]
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Go to another process with the name of the function, as to a file."""
+        return _restored, (type(self), place_of(self.function), self._further_arguments())
+
+
+def _restored(kind: type[Any], place: Place, arguments: dict[str, Any]) -> Any:
+    """Build a law or load again from the name of its function."""
+    return kind(function=function_of(place), **arguments)

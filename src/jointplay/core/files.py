@@ -112,7 +112,9 @@ def picture_format(path: Path) -> str:
     kind = path.suffix.lower().removeprefix(".")
     if kind not in PICTURES:
         choices = ", ".join(f".{one}" for one in PICTURES)
-        raise JointplayError(f"{path.name!r} must end in {choices}: no other picture is drawn")
+        raise JointplayError(
+            f"{path.name!r} must end in {choices}; no other picture format is supported"
+        )
     return kind
 
 
@@ -146,8 +148,8 @@ def check_own(path: Path, mark: bytes, what: str) -> None:
         if not os.path.lexists(path) or begins(path, mark):
             return
     raise JointplayError(
-        f"{str(path)!r} is no {what} of jointplay, which would be written there; move it, or name "
-        "another file or folder for the results"
+        f"{str(path)!r} is not a {what} of jointplay, and one would be written there; move it, or "
+        "choose another file or folder for the results"
     )
 
 
@@ -239,7 +241,7 @@ def _sync(folder: Path) -> None:
 
 def exists(path: Path) -> JointplayError:
     """What to say of a file that is there already."""
-    return JointplayError(f"{str(path)!r} exists; choose another name")
+    return JointplayError(f"{str(path)!r} already exists; choose another name")
 
 
 def cannot_write(path: Path, error: Exception) -> JointplayError:
@@ -334,7 +336,7 @@ def check_plain(path: Path, most: int) -> None:
     """
     found = path.stat()
     if not stat.S_ISREG(found.st_mode):
-        raise ValueError("it is no plain file")
+        raise ValueError("it is not a regular file")
     if found.st_size > most:
         raise ValueError(f"it has {found.st_size / 1e6:.4g} MB; at most {most / 1e6:g} MB are read")
 
@@ -452,7 +454,7 @@ def _lock(folder: Path) -> None:
     except BlockingIOError:
         os.close(descriptor)
         raise JointplayError(
-            f"another process is writing to {str(folder)!r}; name another folder"
+            f"another process is writing to {str(folder)!r}; choose another folder"
         ) from None
     except OSError:  # a file system that locks no folders
         os.close(descriptor)
@@ -504,6 +506,6 @@ def _present(folder: Path, name: str) -> str:
     if what:
         return (
             f"{str(path)!r} is {what}, left by a run that was killed or damaged since; delete it, "
-            "or name another folder"
+            "or choose another folder"
         )
-    return f"{str(folder)!r} already holds results ({name}); name another folder"
+    return f"{str(folder)!r} already holds results ({name}); choose another folder"

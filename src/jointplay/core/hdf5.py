@@ -69,7 +69,8 @@ def examined(path: Path) -> Iterator[None]:
     except OSError as error:
         reason = error.strerror or error
         raise JointplayError(
-            f"{str(path)!r} is not read: no process can be started to look at it: {reason}"
+            f"{str(path)!r} is not read, because the process that would check it cannot be "
+            f"started: {reason}"
         ) from None
     too_long = f"reading it did not end within {allowed:.0f} s of processor time"
     try:
@@ -162,7 +163,7 @@ def _check(h5py: Any, file: Any) -> None:
             raise _Refused(f"{shown!r} is {words.get(kind, 'a link of an unknown kind')}")
         dataset = h5py.h5o.open(root, name)
         if not isinstance(dataset, h5py.h5d.DatasetID):
-            raise _Refused(f"{shown!r} is no dataset")
+            raise _Refused(f"{shown!r} is not a dataset")
         _check_storage(h5py, dataset, shown)
         _check_attributes(h5py, dataset, shown)
 

@@ -68,7 +68,7 @@ def number_of(jobs: int | None, items: object = None) -> int:
     """Processes for some items: as many as wanted, or one for each core; no more than items.
 
     Raises:
-        JointplayError: `jobs` is no whole number above zero.
+        JointplayError: `jobs` is not a whole number above zero.
     """
     number = cores() if jobs is None else require_whole("jobs", jobs, 1)
     if multiprocessing.current_process().daemon:  # works for another one, and has one core
@@ -246,7 +246,7 @@ class Pool(Generic[Item, Value]):
             text = f"a process was ended from outside (too little memory?); {self._kept}"
             raise with_item(JointplayError(text), self._name, place)
         if self._done == 0 and len(self._deaths) > 2 * self._number:
-            raise JointplayError("the processes end before they have done anything")
+            raise JointplayError("the worker processes end before they have done any work")
         if self._deaths[place] >= MOST_DEATHS:
             yield place, self._lost(item)
         else:

@@ -75,7 +75,7 @@ def quantity(
         finite: without, files may have infinity or no number (NaN) here.
 
     Raises:
-        TypeError: a unit is no text, such as a default without its name.
+        TypeError: a unit is not text, such as a default without its name.
         ValueError: a range that begins elsewhere.
     """
     if not units or not all(isinstance(unit, str) for unit in units):
@@ -509,7 +509,7 @@ def _chosen(family: Family, data: Any) -> Draft:
         data = {key: word, parameter: data}
     if not isinstance(data, Mapping):
         raise JointplayError(
-            f"{toml_text(data)} is no table; a {noun} is a table with the key {key}"
+            f"{toml_text(data)} is not a table; a {noun} is a table with the key {key}"
         )
     word = data.get(key, family.default)
     if word is None:
@@ -533,7 +533,7 @@ def _table(kind: type, data: Any, word: tuple[str, str] | None, preset: Mapping[
     form = getattr(kind, "written", None) or kind
     keys = [*([word[0]] if word else []), *fields, *getattr(form, "further_keys", ())]
     if not isinstance(data, Mapping):
-        raise JointplayError(f"{toml_text(data)} is no table; its keys are: {', '.join(keys)}")
+        raise JointplayError(f"{toml_text(data)} is not a table; its keys are: {', '.join(keys)}")
     for key in data:
         if key not in keys:
             whose = f" of the {word[0]} {word[1]}" if word else ""

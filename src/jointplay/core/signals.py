@@ -1,7 +1,7 @@
-"""Being told to stop: Ctrl-C, SIGTERM and SIGHUP do the same, and a second time gives up.
+"""Requests to stop: Ctrl-C, SIGTERM and SIGHUP all do the same, and a second one gives up.
 
-The first time, what was computed is saved and what is being saved is finished. The second time
-gives up what is not yet saved, and says so.
+After the first request what was computed is saved, and a file being written is finished. The second
+gives up what is not yet saved, and reports it.
 """
 
 from __future__ import annotations
@@ -12,16 +12,13 @@ import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from jointplay.simulation.run import Run
+from typing import Any
 
 INTERRUPTED = 130
-"""Exit status after being told to stop."""
+"""Exit status after a request to stop."""
 
 SAVED = "stop requested after the computation had ended: the result is saved"
-"""What is said where that comes too late to stop anything."""
+"""Message for a request that comes too late to stop anything."""
 
 SIGNALS = tuple(
     getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
@@ -29,14 +26,14 @@ SIGNALS = tuple(
 
 
 class GivenUp(KeyboardInterrupt):
-    """Told to stop again before all was saved; the message says what is lost."""
+    """A second request to stop came before all was saved; the message says what is lost."""
 
 
 class _State:
     """What this process is doing, for the handler of signals."""
 
     requests = 0
-    """How often it has been told to stop."""
+    """How often it has been asked to stop."""
     keeping = ""
     """What is to be saved, if anything."""
 
@@ -74,7 +71,7 @@ def _handle(*_: Any) -> None:
 
 
 def say(text: str) -> None:
-    """Tell the user, if there is anyone to be told."""
+    """Print to the standard error, if there is one."""
     with suppress(OSError, ValueError, AttributeError):  # closed, full, or none
         try:
             print(f"\n{text}", file=sys.stderr, flush=True)
@@ -84,12 +81,12 @@ def say(text: str) -> None:
 
 @contextmanager
 def keeping(what: str) -> Iterator[None]:
-    """Compute and save `what` in the block: being told to stop once does not lose it.
+    """Compute and save `what` in the block: a single request to stop does not lose it.
 
     Ask `stop_requested` afterwards.
 
     Raises:
-        GivenUp: told to stop twice, or before there was anything to save.
+        GivenUp: two requests to stop, or one before there was anything to save.
     """
     outer = _state.keeping
     _state.keeping = what
@@ -107,21 +104,5 @@ def keeping(what: str) -> Iterator[None]:
 
 
 def stop_requested() -> bool:
-    """Whether this process has been told to stop."""
+    """Whether this process has been asked to stop."""
     return _state.requests > 0
-
-
-def stoppable(run: Run) -> Run:
-    """Have `run` stop between two stretches when this process is told to; returns it."""
-
-    @contextmanager
-    def guard() -> Iterator[None]:
-        if _state.requests:  # before it began
-            raise KeyboardInterrupt
-        yield
-        if run.workspace.rows == 0:  # stopped before its first record
-            raise KeyboardInterrupt
-
-    run.guards.append(guard)
-    run.stop_checks.append(stop_requested)
-    return run

@@ -86,7 +86,7 @@ def expected(*units: str) -> str:
     for unit in units:
         word, example = WORDS.get(unit, (f"quantity in {unit}", f"1 {unit}"))
         shown = f'"{example}"' if unit else example
-        parts.append(f"{'an' if word[0] in 'aeiou' else 'a'} {word} such as {shown}")
+        parts.append(f"{_with_article(word)} such as {shown}")
     return " or ".join(parts)
 
 
@@ -108,7 +108,7 @@ def convert(value: Any, *units: str) -> Measured:
         return Measured(float(value), "", str(value))
     match = _QUANTITY.fullmatch(value) if isinstance(value, str) else None
     if match is None:
-        raise ValueError(f"{toml_text(value)} is {_no(units)}; expected {expected(*units)}")
+        raise ValueError(f"{toml_text(value)} is not {named(*units)}; expected {expected(*units)}")
     number, text = match.groups()
     usual, factor = COMMON.get(text, ("", 1.0))
     if usual in units and usual:
@@ -125,7 +125,9 @@ def convert(value: Any, *units: str) -> Measured:
         if fits(unit, goal) and not (goal and not text):
             return _measured(value, number, unit.factor / unit_of(goal).factor, goal, units)
     missing = " without a unit" if not text else ""
-    raise ValueError(f"{toml_text(value)}{missing} is {_no(units)}; expected {expected(*units)}")
+    raise ValueError(
+        f"{toml_text(value)}{missing} is not {named(*units)}; expected {expected(*units)}"
+    )
 
 
 def _measured(
@@ -153,9 +155,14 @@ def toml_text(value: Any) -> str:
     return str(value)
 
 
-def _no(units: tuple[str, ...]) -> str:
+def _with_article(word: str) -> str:
+    return f"{'an' if word[0] in 'aeiou' else 'a'} {word}"
+
+
+def named(*units: str) -> str:
+    """What `units` measure: ``a length``, ``an angle or a length``."""
     words = [WORDS.get(unit, (f"quantity in {unit}",))[0] for unit in units]
-    return f"no {' or '.join(words)}"
+    return " or ".join(map(_with_article, words))
 
 
 class _Unit:

@@ -24,7 +24,6 @@ from scipy.optimize import linprog, minimize, nnls
 from scipy.stats import binom
 from tqdm import tqdm
 
-from jointplay.analysis.tables import columns
 from jointplay.core.errors import (
     JointplayError,
     MissingName,
@@ -32,6 +31,7 @@ from jointplay.core.errors import (
     require_share,
     require_whole,
 )
+from jointplay.core.tables import columns
 from jointplay.design.levers import PlaySources, sources
 from jointplay.design.static_budget import budget, half_sphere
 from jointplay.mechanism.mechanism import Mechanism
@@ -80,8 +80,9 @@ class ErrorModel:
         self.j = len(self.names)
         if self.sources.tied and quantile is not None:
             raise JointplayError(
-                "a quantile is of journals that rest independently of each other; those of a loop "
-                "that lean hold each other: take the worst case, or kind 'planar'"
+                "a quantile is defined for journals that rest independently of each other, but "
+                "journals that tilt in a loop constrain each other: use the worst case, or kind "
+                "'planar'"
             )
         if quantile is None:
             self._half = half_sphere(_DIRECTIONS_TIED) if self.sources.tied else half_sphere()
@@ -219,7 +220,7 @@ class AllocationProblem:
                 method="highs",
             )
             if not optimum.success:
-                raise JointplayError(f"no clearances keep the target: {optimum.message}")
+                raise JointplayError(f"no clearances meet the target: {optimum.message}")
             return np.clip(optimum.x * unit, self.least, self.most)
         # In logarithms of clearances the problem is convex too, and well scaled.
         cost = self.value(start)
@@ -427,14 +428,14 @@ def _check(
         raise MissingName("cost", cost, COSTS)
     if quantile is not None and cost == "linear":
         raise JointplayError(
-            "the cost 'linear' goes with the worst case only, for a quantile is not convex; take "
-            + " or ".join(COSTS[:2])
+            "the cost 'linear' is possible for the worst case only, because a quantile is not "
+            "convex; use " + " or ".join(COSTS[:2])
         )
     most = require_positive("the most clearance", most, "m")
     if require_positive("least clearance", least, "m") >= most:
         raise JointplayError(f"the least clearance {least:g} m must be below the most, {most:g} m")
     if not names:
-        raise JointplayError("no joint has clearance to decide on")
+        raise JointplayError("no joint has clearance to allocate")
     for name, value in weights.items():
         if name not in names:
             raise MissingName("joint with clearance", name, names)

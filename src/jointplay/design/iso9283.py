@@ -48,11 +48,11 @@ import numpy as np
 from scipy import stats
 
 from jointplay.analysis.runs import MOST_RUNS, Trace, at_speed, errors, loaded, seeded, traces
-from jointplay.analysis.tables import csv_text
 from jointplay.analysis.tool_error import Stop, rotations, stops
 from jointplay.analysis.twins import ideal_simulation
 from jointplay.analysis.uncertainty import IntervalEstimate
 from jointplay.core.errors import JointplayError, require_positive
+from jointplay.core.tables import csv_text
 from jointplay.design.wear import all_wearing, first_profile, with_worn, worn_depths
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.motion.cartesian import cartesian_motion
@@ -413,7 +413,7 @@ def drift(times: Sequence[float] | np.ndarray, attained: np.ndarray) -> Drift:
     """
     moments, points = np.asarray(times, float), np.asarray(attained, float)
     if moments.ndim != 1 or len(moments) < 2 or (np.diff(moments) <= 0.0).any():
-        raise JointplayError("a drift needs two increasing times or more")
+        raise JointplayError("a drift needs at least two increasing times")
     if points.ndim != 3 or len(points) != len(moments) or points.shape[2] != 3:
         raise JointplayError(
             f"attained poses must have the shape ({len(moments)}, cycles, 3), got {points.shape}"
@@ -525,7 +525,7 @@ class Iso9283:
         if missed:
             return {}, (
                 f"stabilization, overshoot: still outside the {band} at half of the dwell in "
-                f"{missed} of {self.cycles.settling} cycles: a longer dwell tells"
+                f"{missed} of {self.cycles.settling} cycles: a longer dwell is needed"
             )
         longest = f"longest {1e3 * found.longest:.4g} ms"
         note = f"stabilization time: mean ({longest}, {band}); overshoot: the largest"
@@ -636,12 +636,14 @@ def _load_words(simulation: Simulation, load: float) -> str:
 def check(simulation: Simulation, speed: float = 1.0, load: float = 0.0) -> None:
     """Raise a JointplayError on what has no such figures, or cannot be run so."""
     if simulation.motion is None:
-        raise JointplayError("ISO 9283 judges a motion, and this simulation has none")
+        raise JointplayError("ISO 9283 evaluates a motion, but this simulation has none")
     if not (simulation.mechanism.clearance or simulation.mechanism.gears):
         raise JointplayError("no joint or gear has play: every cycle would be the same")
     joints = simulation.mechanism.clearance.values()
     if all(getattr(joint, "ideal", False) for joint in joints):
-        raise JointplayError("no joint has clearance: seeds displace journals, and there are none")
+        raise JointplayError(
+            "no joint has clearance: there are no journals that seeds could displace"
+        )
     Run(loaded(at_speed(simulation, speed), load))
 
 
@@ -701,7 +703,7 @@ def cube_motion(
         limit = mechanism.description.joints[name].speed
         if np.ptp(q[:, k]) > 0.0 and limit is None:
             raise JointplayError(
-                f"joint {name!r} has no limit of speed in the URDF: give a motion instead of a cube"
+                f"joint {name!r} has no speed limit in the URDF: give a motion instead of a cube"
             )
         most[k] = limit or math.inf
     times, rows = [0.0, dwell], [q[0], q[0]]
@@ -738,7 +740,7 @@ def figures(
     """
     counts = Cycles.up_to(len(runs)) if cycles is None else cycles
     if len(runs) < counts.most:
-        raise JointplayError(f"{counts.most} cycles are asked for, and there are {len(runs)}")
+        raise JointplayError(f"{counts.most} cycles are requested, but there are only {len(runs)}")
     if band is not None:
         require_positive("limit band", band, "m")
     time = ideal.time

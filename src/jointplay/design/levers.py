@@ -200,8 +200,8 @@ def sources(
     """
     if mechanism.loops and not loops:
         raise JointplayError(
-            f"loop {next(iter(mechanism.loops))!r}: this is for robots without closed loops; "
-            "jointplay budget and allocate take them, and so does jointplay run"
+            f"loop {next(iter(mechanism.loops))!r}: this works only for robots without closed "
+            "loops; jointplay budget, allocate and run accept them"
         )
     if not mechanism.clearance and not mechanism.gears:
         raise JointplayError(
@@ -214,7 +214,7 @@ def sources(
         raise JointplayError(f"the force on the tool must have three components, got {force!r}")
     gears = [name + GEAR for name in mechanism.gears]
     for name in set(gears) & set(mechanism.clearance):
-        raise JointplayError(f"the joint {name!r} is called like the gear of another joint")
+        raise JointplayError(f"the joint {name!r} has the same name as the gear of another joint")
     plays = [joint.play(second_order) for joint in mechanism.clearance.values()]
     plays += [TurnPlay(gear.play / 2.0) for gear in mechanism.gears.values()]
     joints = [*mechanism.clearance, *mechanism.gears]

@@ -121,7 +121,7 @@ class ClosedLoops:
             at = int(np.argmin(good))
             raise JointplayError(
                 f"the loops {', '.join(self.mechanism.loops)} cannot be closed with "
-                f"{self.stands(q[at], at, len(q))}: out of reach, or at the end of it"
+                f"{self.stands(q[at], at, len(q))}: out of reach, or at the limit of reach"
             )
         return found
 

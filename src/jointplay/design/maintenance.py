@@ -16,9 +16,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import optimize
 
-from jointplay.analysis.tables import columns, csv_text
 from jointplay.analysis.uncertainty import standard_error
 from jointplay.core.errors import JointplayError, require_finite, require_positive
+from jointplay.core.tables import columns, csv_text
 from jointplay.design.poses import along_motion, start_of
 from jointplay.design.static_budget import budget
 from jointplay.design.wear import (
@@ -100,7 +100,7 @@ class Maintenance:
             [
                 *columns([head, *rows]),
                 f"growth of the error by joint: {shares}",
-                f"about {self.life:.3g}{runs} cycles {what} the tool can miss its "
+                f"about {self.life:.3g}{runs} cycles {what} the tool may exceed its "
                 f"{1e3 * self.target:.4g} mm",
                 f"an estimate: {known}{self.factor:g}; tool error is the static worst case along "
                 "the motion with each bore as wide as its deepest place; cycles are simulated, and "
@@ -166,8 +166,9 @@ def maintenance(
     first = error_of(begun)
     if first >= target:
         raise JointplayError(
-            f"the tool can be off by {1e3 * first:.4g} mm before anything wears: the target of "
-            f"{1e3 * target:.4g} mm is missed already (jointplay budget says by which joint)"
+            f"the tool's error can reach {1e3 * first:.4g} mm before anything wears: the target "
+            f"of {1e3 * target:.4g} mm is exceeded already (jointplay budget shows by which "
+            "joint)"
         )
 
     def cycles_until(part: float, worn: Depths, rates: Depths) -> float:
@@ -215,7 +216,7 @@ def _cycles_until(
     wearing = [name for name in worn if rates[name].max() > 0.0]
     if not wearing:
         raise JointplayError(
-            f"no journal slides under load in {', '.join(worn)}: their clearances last"
+            f"no journal slides under load in {', '.join(worn)}: their clearances do not grow"
         )
 
     def missing(count: float) -> float:

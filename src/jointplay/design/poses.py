@@ -140,7 +140,7 @@ def over_workspace(
     found = closed[1:][good[1:] & ~_outside(mechanism, closed[1:]).any(axis=1)]
     if not len(found):
         raise JointplayError(
-            f"the loops {', '.join(mechanism.loops)} can be closed at none of {count} poses"
+            f"the loops {', '.join(mechanism.loops)} cannot be closed at any of {count} poses"
         )
     return found
 

@@ -27,11 +27,11 @@ import numpy as np
 import pinocchio as pin
 from scipy.optimize import nnls
 
+from jointplay.analysis.runs import fitting_step
 from jointplay.core.errors import JointplayError, MissingName, require_positive
 from jointplay.core.schema import plain
 from jointplay.design.levers import place, sources
 from jointplay.design.poses import moving
-from jointplay.design.verify import fitting_step
 from jointplay.joints import JOINT_KINDS, Clearance, Coordinate
 from jointplay.loads.drive import JointFriction, Prescribed
 from jointplay.mechanism.gear import Gear
@@ -101,8 +101,8 @@ _DAMPINGS = (0.0, 0.1, 0.2, 0.4, 0.7, 1.0, 1.5)
 """Of the gear's damping, tried; the written one acts within the play, too."""
 _STEP_S = 2e-5
 _LOOPED = (
-    "the mechanism has the loop {!r}: a hinge is fitted to what it alone carries, and a loop has "
-    "two ends; jointplay budget and allocate take loops"
+    "the mechanism has the loop {!r}: a hinge is fitted to what it alone carries, but a loop has "
+    "two ends; jointplay budget and allocate accept loops"
 )
 
 
@@ -214,8 +214,8 @@ def reduce(
     if clearance is not None and clearance.hinge is None:
         kinds = [word for word, kind in JOINT_KINDS.items() if kind.hinge is not Clearance.hinge]
         raise JointplayError(
-            f"joint {joint!r} is {clearance.kind}, for which no hinge can stand; "
-            f"kinds that can be reduced: {', '.join(kinds)}"
+            f"joint {joint!r} is {clearance.kind}, which cannot be represented by a hinge; kinds "
+            f"that can be reduced: {', '.join(kinds)}"
         )
     require_positive("amplitude", amplitude, "rad")
     require_positive("period", period, "s")

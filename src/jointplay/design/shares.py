@@ -34,7 +34,6 @@ from jointplay.analysis.runs import (
     seeded,
     traces,
 )
-from jointplay.analysis.tables import columns, csv_text
 from jointplay.analysis.twins import ideal_simulation, state_without_play
 from jointplay.analysis.uncertainty import SobolIndices, salib, sobol_indices, standard_error
 from jointplay.core.errors import (
@@ -44,6 +43,7 @@ from jointplay.core.errors import (
     require_positive,
     require_whole,
 )
+from jointplay.core.tables import columns, csv_text
 from jointplay.design.levers import GEAR
 from jointplay.simulation.simulation import Simulation
 
@@ -220,7 +220,7 @@ class Sensitivity(SobolIndices):
             "confidence of the indices by resampling"
         )
         if max(self.first_confidence.max(), self.total_confidence.max()) > _WIDE:
-            lines.append("the intervals are wide: more samples (--sobol) tell more")
+            lines.append("the intervals are wide: use more samples (--sobol)")
         return "\n".join(lines)
 
 

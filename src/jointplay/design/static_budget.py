@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from jointplay.analysis.tables import columns, csv_text
 from jointplay.core.errors import JointplayError, require_finite, require_whole
+from jointplay.core.tables import columns, csv_text
 from jointplay.design.levers import PlaySources, configurations, displaced, sources, tool_place
 from jointplay.design.loops import ClosedLoops
 from jointplay.design.rest import AGREES_M, Standing
@@ -159,7 +159,7 @@ class Budget:
             f"worst case along x, y, z: {', '.join(axes[:3])} mm; "
             f"about x, y, z: {', '.join(axes[3:])} mrad"
         )
-        begins = "" if self.standing.force.any() else " (where a run with start=rest begins)"
+        begins = "" if self.standing.force.any() else " (the start of a run with start=rest)"
         place = ", ".join(f"{1e3 * value:.4f}" for value in whole_rest[:3])
         lines.append(
             "at rest without friction: no equilibrium was found"
@@ -184,16 +184,14 @@ class Budget:
         lines = []
         if free:
             names = "any joint" if len(free) == len(self.joints) else ", ".join(free)
-            lines.append(
-                f"nothing presses on {names}: the journals may rest anywhere in their play"
-            )
+            lines.append(f"no force acts on {names}: the journals may rest anywhere in their play")
         whole = self.standing.unsearched
         if whole:
             all_joints = len(whole) == len(self.standing.coefficients)
             names = "all joints" if all_joints else ", ".join(whole)
             lines.append(
-                f"where friction can hold {names} is not known (closed loops, or a kind without "
-                "contacts): their whole play is taken"
+                f"how far friction can hold {names} is not known (closed loops, or a kind without "
+                "contacts): their entire play is assumed"
             )
         lines.append(
             f"with {self.standing.words} the tool may rest anywhere within {', '.join(box)} mm; "
@@ -204,7 +202,8 @@ class Budget:
         if len(free) < len(self.joints) and not whole and np.isfinite(away):
             part = f", {100 * away / own:.0f} % of the error there" if own > 0.0 else ""
             lines.append(
-                f"friction decides where it rests: up to {away:.4f} mm from the place without{part}"
+                f"friction determines where it rests: up to {away:.4f} mm from the place "
+                f"without{part}"
                 if away > _DECIDES * own
                 else f"friction shifts the place of rest by up to {away:.4f} mm{part}"
             )
@@ -222,7 +221,7 @@ class Budget:
             else f"rotations of second order up to {more}"
         )
         at_rest = (
-            "at rest, drives taken for rigid under the force on the tool"
+            "at rest, with drives assumed rigid under the force on the tool"
             if self.standing.force.any()
             else f"at rest within {1e6 * AGREES_M:g} um of where a run begins"
         )
@@ -301,8 +300,8 @@ def budget(
         raise JointplayError(f"the friction coefficient must be >= 0, got {friction:g}")
     if not drive.follows:
         raise JointplayError(
-            f"a {drive.kind} drive holds nothing: the budget's drives must follow a motion, such "
-            "as ComputedTorque() or Prescribed()"
+            f"a {drive.kind} drive holds no position: the budget's drives must follow a motion, "
+            "such as ComputedTorque() or Prescribed()"
         )
     q = configurations(mechanism, poses, driven)
     plays = sources(mechanism, q, force=force, second_order=second_order, driven=driven, loops=True)

@@ -26,9 +26,9 @@ import numpy as np
 from tqdm import tqdm
 
 from jointplay.analysis.runs import MOST_RUNS, check_numbers
-from jointplay.analysis.tables import csv_text
 from jointplay.analysis.uncertainty import standard_error
 from jointplay.core.errors import JointplayError, MissingName, require_positive, require_whole
+from jointplay.core.tables import csv_text
 from jointplay.joints.base import BoreWear
 from jointplay.kernel import AZIMUTHS
 from jointplay.simulation.ensemble import run_in_order
@@ -202,7 +202,7 @@ class WearLife:
         what = "until" if self.reached else "interrupted, not until"
         return (
             f"about {last:.3g}{spread} cycles {what} the clearance of {self.joint!r} has grown by "
-            f"{self.growth:.3g} m where it is worn most (by {self.mean[-1]:.2g} m in the mean): an "
+            f"{self.growth:.3g} m where wear is deepest ( {self.mean[-1]:.2g} m in the mean): an "
             f"estimate, extrapolated over {blocks} blocks of equal cycles"
         )
 
@@ -243,7 +243,7 @@ def wear(
         rate = rates[joint]
         if rate.max() <= 0.0:
             raise JointplayError(
-                f"the journal of {joint!r} does not slide under load: its clearance lasts"
+                f"the journal of {joint!r} does not slide under load: its clearance does not grow"
             )
         wears = rate > 0.0
         return float((((growth * part) - (worn[joint] - begun))[wears] / rate[wears]).min())

@@ -9,7 +9,7 @@ import io
 import numpy as np
 from matplotlib.figure import Figure
 
-from jointplay.core.overview import few, html_table
+from jointplay.core.tables import few, html_table
 from jointplay.core.units import readable
 from jointplay.plots.style import new_figure, style
 from jointplay.result.result import Result
@@ -24,7 +24,7 @@ def page(result: Result) -> str:
     return (
         f"<div><p><b>jointplay result</b>: {html.escape(result.message)}</p>"
         + html_table(rows_of(result))
-        + (f"<p>To worry about:</p><ul>{warnings}</ul>" if warnings else "")
+        + (f"<p>Warnings:</p><ul>{warnings}</ul>" if warnings else "")
         + _image(result)
         + "</div>"
     )

@@ -60,7 +60,7 @@ def dataframe(result: Result, every: int = 1) -> pd.DataFrame:
         how the run ended.
 
     Raises:
-        JointplayError: `every` is no whole number from 1 on.
+        JointplayError: `every` is not a whole number from 1 on.
     """
     import pandas as pd
 

@@ -9,12 +9,13 @@ import numpy as np
 
 from jointplay.core import compiler
 from jointplay.core.compiler import calling_with_arrays, njit
-from jointplay.geometry.bore import worn_bore, worn_gap
 from jointplay.geometry.cylinder import (
     axial_gap,
     deepest_rim_direction,
     radial_gap,
     touch_cylinder,
+    worn_bore,
+    worn_gap,
 )
 from jointplay.geometry.shapes import (
     _ALIGNED_CYLINDER,

@@ -101,7 +101,7 @@ class Elasticity:
 
 
 def elasticity(problem: LeastSquares, fit: Fit, model: StaticModel) -> tuple[Elasticity, ...]:
-    """Each joint's compliances with what was found; the structure's at the tool is no number."""
+    """Each joint's compliances with what was found; the structure's at the tool is not a number."""
     effect = problem.sensitivity(fit.theta, raw=True) / problem.error[:, None]
     left = (problem.measured - problem.predict(fit.theta)) / problem.error
     nuisance = problem.nuisance / problem.error[:, None]
@@ -135,8 +135,8 @@ def reason(i: int, fit: Fit, problem: LeastSquares, model: StaticModel) -> str:
     if others := fit.partners(i):
         return f"it acts only together with {', '.join(problem.unknowns[k].label for k in others)}"
     if np.isfinite(half):
-        return f"its 95 % interval would be +- {one.shown(half)}, more than half of it"
-    return "next to nothing of it shows above the noise"
+        return f"its 95 % interval would be +- {one.shown(half)}, more than half of its value"
+    return "it hardly shows above the noise"
 
 
 def _held_by_friction(i: int, fit: Fit, problem: LeastSquares) -> str:
@@ -152,7 +152,7 @@ def _held_by_friction(i: int, fit: Fit, problem: LeastSquares) -> str:
         rubs = other.joint == one.joint and other.name == "friction" and other.sought
         if rubs and fit.half_width[k] > other.widest(fit.theta[k]):
             return (
-                f"its interval begins at zero, and {other.label}, which cannot be told, may "
+                f"its interval begins at zero, and {other.label}, which cannot be determined, may "
                 "hold the journal wherever it is: pass the places slowly, in both directions"
             )
     return ""
@@ -183,9 +183,9 @@ def _explained(i: int, fit: Fit, problem: LeastSquares, made: Visits) -> str:
     words = ", ".join(which[:_NAMED]) if which else "of several parts at once"
     words += f" or another of {len(which)}" if len(which) > _NAMED else ""
     return (
-        f"elasticity ({words}) explains what shows as well: pushes of "
-        f"{max(count, 0)} size{'s' * (count != 1)} are not enough here; push with others, or give "
-        f"the stiffness (--stiffness{f' of {which[0]}' if which else ''})"
+        f"elasticity ({words}) explains the data equally well: pushes of {max(count, 0)} "
+        f"size{'s' * (count != 1)} are not enough here; push with others, or give the stiffness "
+        f"(--stiffness{f' of {which[0]}' if which else ''})"
     )
 
 
@@ -195,12 +195,12 @@ def _without_effect(one: Parameter, model: StaticModel) -> str:
     if one.joint in made.joints and one.name in ("friction", "gear_play", "dry_friction"):
         ways = set(made.direction[:, made.joints.index(one.joint)].tolist()) - {0}
         if len(ways) < 2:
-            return "nothing shows: the joint never reverses"
+            return "not observable: the joint never reverses"
         if one.name == "gear_play":
-            return "nothing shows: the load keeps the gear's teeth on one side"
+            return "not observable: the load keeps the gear's teeth on one side"
     if one.joint in model.levers and not model.levers[one.joint].any():
-        return "nothing shows: the joint does not move the tool"
-    return "nothing shows: its load pushes the journal the same way at every visit of a place"
+        return "not observable: the joint does not move the tool"
+    return "not observable: its load pushes the journal the same way at every visit of a place"
 
 
 def advice(
@@ -232,10 +232,10 @@ def advice(
                 best, words = half, text
         limit = one.widest(fit.theta[i])
         if best <= limit:
-            lines.append(f"would tell, to +- {one.shown(best)}: {words}")
+            lines.append(f"would determine it, to +- {one.shown(best)}: {words}")
         elif words and best < 0.5 * fit.half_width[i] and best < 4.0 * limit:
             times = int(np.ceil((best / limit) ** 2))
-            lines.append(f"would tell if done about {times} times: {words}")
+            lines.append(f"would determine it if done about {times} times: {words}")
         else:
             lines.append("")
     return tuple(lines)
@@ -321,18 +321,19 @@ class Identification:
             return "\n".join([*self.notes, *lines])
         vague = [one.label for one in self.elasticity if not one.identified]
         if vague:
-            lines.append(f"compliances accounted for, but not told: {', '.join(vague)}, tool")
+            lines.append(f"compliances accounted for, but not determined: {', '.join(vague)}, tool")
         used = np.isfinite(self.error)
         at = used.any(axis=1)
         lines.append(
             f"statistical, static model; {int(at.sum())} visits "
             f"({int((self.visits.stopped & at).sum())} stops) of "
-            f"{len(np.unique(self.visits.cell[at]))} places, {int(used.sum())} means; "
-            f"left over: {self.excess:.2g} times what the records' scatter explains (RMS)"
+            f"{len(np.unique(self.visits.cell[at]))} places, {int(used.sum())} means; residual: "
+            f"{self.excess:.2g} times what the records' scatter explains (RMS)"
         )
         if self.excess > LARGE:
             lines.append(
-                "the model does not explain all of that: errors were enlarged, intervals with them"
+                "the model does not explain all of it: errors and intervals were enlarged "
+                "accordingly"
             )
         return "\n".join([*self.notes, *lines])
 
@@ -477,8 +478,8 @@ def _by_means(
     links = set(measured.has("link")) & set(mechanism.gears)
     if not (measured.has("tool") or measured.has("torque") or links):
         raise TooLittle(
-            f"{measured.source} has nothing that play would show in: tool x (y, z), JOINT link of "
-            "a gear with play, or JOINT torque is needed beside the motors' encoders"
+            f"{measured.source} has no signal in which play would show: tool x (y, z), JOINT link "
+            "of a gear with play, or JOINT torque is needed in addition to the motors' encoders"
         )
     made, observed = visits(mechanism, measured, motion)
     kinds = [kind for kind, _ in observed.keys]
@@ -559,7 +560,7 @@ def _inputs(
         motion = motion or machine.motion
         if machine.payloads:
             raise JointplayError(
-                "payloads that are picked up are not known to identify; put them into the URDF"
+                "identify does not support payloads that are picked up; put them into the URDF"
             )
         friction |= dict(machine.joint_friction or {})
     return mechanism, motion, friction | dict(joint_friction or {})
@@ -594,9 +595,9 @@ def _check(measured: Measurement, model: StaticModel, use: np.ndarray, reference
     at, made = use.any(axis=1), model.visits
     if not at.any():
         raise TooLittle(
-            f"{measured.source}: no visit counts: at none it is known on which side teeth and "
-            "journals lie; each gear must cross its play before, by a reversal or a push, and each "
-            "bearing be pressed: push the tool"
+            f"{measured.source}: no visit can be used: it is never known on which side teeth and "
+            "journals lie; each gear must cross its play before, by a reversal or a push, and "
+            "each bearing be pressed: push the tool"
         )
     if reference != "place" or any(kind == "torque" for kind, _ in model.keys):
         return
@@ -604,8 +605,8 @@ def _check(measured: Measurement, model: StaticModel, use: np.ndarray, reference
     if len(np.unique(ways, axis=0)) == len(np.unique(made.cell[at])):
         raise TooLittle(
             f"{measured.source}: the motion never reverses: no place is visited from two sides or "
-            "under two forces, so that no play shows; measure the way back, too (if the robot's "
-            "geometry is calibrated, say so with the reference 'ideal')"
+            "under two forces, so play does not show; measure the way back, too (if the robot's "
+            "geometry is calibrated, use the reference 'ideal')"
         )
 
 
@@ -700,7 +701,7 @@ def apply(
 
 _IDEAL = {
     "place": "the tool's ideal place is the same at each visit of a place",
-    "frame": "the tool's ideal place is known but for the tracker's frame",
+    "frame": "the tool's ideal place is known except for the tracker's frame",
     "ideal": "the tool's ideal place is known",
 }
 _NOISE = {"tool": (1e6, "um"), "link": (1e6, "urad"), "torque": (1.0, "N m")}
@@ -744,11 +745,13 @@ def _assumptions(
     if taken := _taken(machine, {(one.joint, one.name) for one in model.unknowns}):
         lines.append(f"taken from the scenario: {', '.join(taken)}")
     if machine.mechanism.clearance:
-        lines.append("assumed: contacts give way by the scenario's law, beside the compliances")
+        lines.append(
+            "assumed: contacts deform by the scenario's law, in addition to the compliances"
+        )
     if made := model.visits.without_encoder:
         lines.append(
-            f"note: no encoder of {', '.join(made)}: taken where the reference says (or at rest)"
-            "; what the drives lag counts as play"
+            f"note: no encoder of {', '.join(made)}: taken from the reference (or at rest), so "
+            "tracking errors of the drives count as play"
         )
     return lines
 

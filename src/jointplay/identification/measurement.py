@@ -91,7 +91,9 @@ class Measurement:
         for kind, value in self.noise.items():
             if kind not in (*TOOL_UNITS, *JOINT_UNITS):
                 choices = ", ".join((*TOOL_UNITS, *JOINT_UNITS))
-                raise JointplayError(f"no signal {kind!r} to have noise; there are: {choices}")
+                raise JointplayError(
+                    f"no signal {kind!r} that could have noise; available: {choices}"
+                )
             require_positive(f"noise of {kind!r}", value, "SI")
         for key, values in self.signals.items():
             if np.shape(values) != time.shape:
@@ -117,7 +119,7 @@ class Measurement:
 
         Raises:
             JointplayError: no such file; no time; a column without unit, of an unknown name or
-                given twice; a cell that is no number (with its line); see also the class.
+                given twice; a cell that is not a number (with its line); see also the class.
         """
         path = Path(path)
         header, table = _table(path)
@@ -130,7 +132,7 @@ class Measurement:
             except ValueError as error:
                 raise JointplayError(f"{path}, column {title!r}: {error}") from None
             if key in signals:
-                raise JointplayError(f"{path}: {name!r} is there twice")
+                raise JointplayError(f"{path}: {name!r} appears twice")
             signals[key] = factor * table[:, column]
         time = signals.pop(_TIME, None)
         if time is None:
@@ -139,7 +141,7 @@ class Measurement:
                 + ", ".join(header)
             )
         if not signals:
-            raise JointplayError(f"{path} has times only: nothing was measured")
+            raise JointplayError(f"{path} contains only times: nothing was measured")
         if np.isnan(time).any():
             raise JointplayError(f"{path}: record {np.isnan(time).argmax() + 1} has no time")
         sliding = frozenset(name for name, slides in joints.items() if slides)
@@ -251,7 +253,7 @@ def _wrenches(result: Result) -> np.ndarray:
     for load in simulation.loads.values():
         if isinstance(load, Wrench | WrenchOverTime) and load.frame == simulation.mechanism.tool:
             if load.axes != "world" or any(load.at):
-                raise JointplayError("forces of a run are known in world axes at the tool only")
+                raise JointplayError("forces of a run are known only at the tool, in world axes")
             if isinstance(load, Wrench):
                 total += np.array(load.force)
             elif load.forces:
@@ -313,8 +315,8 @@ def _meaning(name: str, joints: Mapping[str, bool], title: str, path: Path) -> t
         if last in JOINT_UNITS and first in joints:
             return (last, first), JOINT_UNITS[last][joints[first]]
     raise JointplayError(
-        f"{path}: column {title!r} is no signal; there are: time, tool x (y, z), force x, "
-        f"acceleration x, and JOINT motor, JOINT link, JOINT torque, JOINT reaction of the joints "
+        f"{path}: column {title!r} is not a signal; there are: time, tool x (y, z), force x, "
+        "acceleration x, and JOINT motor, JOINT link, JOINT torque, JOINT reaction of the joints "
         f"{', '.join(joints)}"
     )
 

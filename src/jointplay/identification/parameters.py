@@ -204,7 +204,7 @@ class Machine:
         _check(also, known, found)
         kept = tuple(one for one in found if not {one.label, one.name} & set(known))
         if not any(one.sought for one in kept):
-            raise JointplayError("everything is said to be known: nothing is left to identify")
+            raise JointplayError("everything is given as known: nothing is left to identify")
         return kept
 
     def _compliance(self, joint: str, name: str, expected: float) -> list[Parameter]:

@@ -223,7 +223,9 @@ def all_keys(mechanism: Mechanism, signals: Sequence[str]) -> tuple[Key, ...]:
         else:
             raise JointplayError(f"no signal {kind!r} to plan with: tool, link, torque")
     if not keys:
-        raise JointplayError("link encoders tell of gears with play only, and there are none")
+        raise JointplayError(
+            "link encoders are informative only for gears with play, and there are none"
+        )
     return tuple(keys)
 
 

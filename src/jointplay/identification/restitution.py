@@ -80,7 +80,7 @@ class Restitution:
         low, high = self.interval
         line = f"{label:<34} {'':>12} {self.value:>12.4g}  {low:.4g} to {high:.4g}"
         if np.isnan(self.nominal):
-            return f"{line} ({self.evidence}; the joint's law cannot deliver it)"
+            return f"{line} ({self.evidence}; the joint's law cannot produce it)"
         nominal = "" if abs(self.nominal - self.value) < 5e-3 else f"; c_e {self.nominal:.3g}"
         return f"{line} ({self.evidence}{nominal})"
 
@@ -241,8 +241,8 @@ def flights(channel: Channel) -> Restitution:
 
     if not len(found):
         return unknown(
-            f"no impact stands out of the noise ({channel.noise:.2g} a record); let the load turn "
-            "round suddenly, or take a quieter sensor"
+            f"no impact exceeds the noise ({channel.noise:.2g} a record); let the load reverse "
+            "suddenly, or use a quieter sensor"
         )
     bounces = sequences(found, channel.interval)
     ratios = [np.log(gaps[1:] / gaps[:-1]) for gaps, _ in bounces]
@@ -285,7 +285,7 @@ def _too_few(found: ImpactTimes, number: int, rate: float) -> str:
     if len(gaps) and np.median(gaps) * rate < 2.0 * SHORTEST:
         faster = 4.0 * SHORTEST / float(np.median(gaps))
         return words + f"at {rate:.4g} records a second flights are not resolved: {faster:.2g} may"
-    return words + "let the load turn round more often"
+    return words + "let the load reverse more often"
 
 
 def _mean(groups: list[np.ndarray]) -> tuple[float, float]:
@@ -391,8 +391,8 @@ class Instruments:
         felt = channels(measured)
         if not felt:
             raise JointplayError(
-                f"{measured.source}: no impacts show: acceleration x (y, z) or JOINT reaction is "
-                "needed"
+                f"{measured.source}: impacts are not measured: acceleration x (y, z) or JOINT "
+                "reaction is needed"
             )
         noise: dict[str, float] = {}
         for one in felt:
@@ -636,7 +636,9 @@ def by_flights(mechanism: Mechanism, measured: Measurement) -> tuple[Restitution
             found.append(replace(one, joint=name, nominal=nominal))
             continue
         if felt:
-            reason = f"an impact may be of any of {', '.join(names)}: measure '{name} reaction', "
+            reason = (
+                f"an impact may belong to any of {', '.join(names)}: measure '{name} reaction', "
+            )
             reason += "give the others no clearance, or compare with simulations (--restitution)"
         elif any(measured.has(kind) for kind in IMPACT_KINDS):
             reason = f"{len(measured.time)} records are too few to see an impact; {WINDOW} at "
@@ -694,7 +696,7 @@ def by_simulation(
     compared = _Comparison(simulation, measured, spreads or {}, seed)
     hits = max(len(impacts(one)) for one in channels(measured))
     if hits < _FEWEST_IMPACTS:
-        reason = f"{hits} impacts stand out of the noise; let loads turn round suddenly, or take a "
+        reason = f"{hits} impacts exceed the noise; let loads reverse suddenly, or use a "
         return tuple(
             Restitution(name, reason=reason + "quieter or faster sensor") for name in names
         )
@@ -778,16 +780,16 @@ class _Comparison:
         """Of the i-th joint by an estimate of so many runs, sought within limits."""
         name, joint = list(self._simulation.mechanism.clearance.items())[i]
         if found is None:
-            reason = "no statistic of the impacts is there in every run"
+            reason = "no statistic of the impacts exists in every run"
             return Restitution(name, reason=reason)
         if found.strange:
-            reason = f"its impacts are like those of no simulated machine ({oddest} is farthest "
-            reason += "off); is the scenario's motion, load, clearance or noise another?"
+            reason = f"its impacts do not match any simulated machine ({oddest} is farthest "
+            reason += "off); does the scenario's motion, load, clearance or noise differ?"
             return Restitution(name, reason=reason)
         value, half = float(found.value[i]), float(found.half_width[i])
         if half > _WIDEST:
             reason = f"its 95 % interval would be {value:.2g} +- {half:.2g}: impacts of runs with "
-            reason += "other restitutions look alike; more drops, or a faster or quieter sensor "
+            reason += "other restitutions look the same; more drops, or a faster or quieter sensor "
             return Restitution(name, reason=reason + "may tell")
         evidence = f"impacts of {runs} runs"
         if "clearance" not in " ".join(self._spreads.get(name, ())):

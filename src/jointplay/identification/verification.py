@@ -90,7 +90,7 @@ class Verification:
             parts = (self.measured, self.static, self.dynamic, self.error)
             no, static, dynamic, noise = (factor * part[kind] for part in parts)
             lines.append(
-                f"{kind}: RMS left over [{unit}] without play {no:.4g}, static model {static:.4g}, "
+                f"{kind}: RMS residual [{unit}] without play {no:.4g}, static model {static:.4g}, "
                 f"simulated {dynamic:.4g}; standard error of the means {noise:.4g}"
             )
         lines.append(f"{'statistic':<58} {'measured':>10}  of {self.runs} runs and their scatter")
@@ -99,11 +99,13 @@ class Verification:
         if off:
             verdict = f"{off} of {len(self.checks)} statistics are off"
             if self.not_identified:
-                verdict += f"; not told, as in the scenario: {', '.join(self.not_identified)}"
-            lines.append(f"the identified machine does not do what was measured: {verdict}")
+                verdict += (
+                    f"; not determined, taken from the scenario: {', '.join(self.not_identified)}"
+                )
+            lines.append(f"the identified machine does not reproduce the measurement: {verdict}")
         else:
             lines.append(
-                "the identified machine does what was measured, within scatter (simulated)"
+                "the identified machine reproduces the measurement within scatter (simulated)"
             )
         return "\n".join(lines)
 
@@ -139,7 +141,9 @@ def verify(
     if simulation.motion is None and simulation.duration is None:
         raise JointplayError("to verify, the scenario must have the motion that was measured")
     if runs < FEWEST_RUNS:
-        raise JointplayError(f"to tell scatter at least {FEWEST_RUNS} runs are needed, got {runs}")
+        raise JointplayError(
+            f"to estimate the scatter, at least {FEWEST_RUNS} runs are needed, got {runs}"
+        )
     measured, keys = identification.measured, identification.observed.keys
     impacts = bool(channels(measured))
     if not keys and not impacts:

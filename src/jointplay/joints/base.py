@@ -200,9 +200,8 @@ class Clearance(Described, ABC):
     normal: NormalForceLaw = field(default_factory=LankaraniNikravesh)
     friction: FrictionLaw = field(default_factory=Ambrosio)
     stiffness: float | None = quantity("N/m^1.5", default=None, above=0.0)
-    """Hertz stiffness [N/m^1.5]; None derives it from geometry and materials.
-
-    A linear law with a stiffness of its own does not use it.
+    """Hertz stiffness [N/m^1.5]; None derives it from geometry and materials. A linear law that has
+    its own stiffness does not use it.
     """
     exchanged: bool = False
     """The parent link carries the journal and the child link the bearing (Figure 1b)."""
@@ -504,7 +503,7 @@ class Clearance(Described, ABC):
         if self.normal.line:
             raise JointplayError(
                 f"law {self.normal.name!r} is for a cylinder in a bore, which a {self.kind} joint "
-                "has not; take one for point contacts, such as 'lankarani-nikravesh'",
+                "does not have; choose one for point contacts, such as 'lankarani-nikravesh'",
                 where=("normal",),
             )
 
@@ -552,7 +551,7 @@ def complete(
     inner = outer - factor * play if inner is None else inner
     if inner <= 0.0:
         raise JointplayError(
-            f"{clearance} clearance {play:g} m leaves no journal in a bearing of "
+            f"{clearance} clearance {play:g} m leaves no room for a journal in a bearing of "
             f"{dimension} {outer:g} m",
             where=at_play,
         )

@@ -99,7 +99,8 @@ class Play(ABC):
             JointplayError: a kind of play that does not say.
         """
         raise JointplayError(
-            f"{type(self).__name__} does not say which cones bound it, which a closed loop asks for"
+            f"{type(self).__name__} does not give the cones that bound it, which a closed loop "
+            "needs"
         )
 
     def pressed(self, loads: np.ndarray, point: np.ndarray) -> Pressed | None:
@@ -177,8 +178,8 @@ class JournalPlay(Play):
             size = np.abs(loads).max(axis=1, initial=0.0)
             if (np.abs(axial) > _NOTHING * size).any():
                 raise JointplayError(
-                    "nothing limits the journal along its axis, and the tool feels it: give the "
-                    "joint end walls (an axial clearance), or lock_axial"
+                    "nothing limits the journal along its axis, and this affects the tool: give "
+                    "the joint end walls (an axial clearance), or lock_axial"
                 )
             axial, way = np.zeros(len(loads)), 0.0
         else:

@@ -138,7 +138,7 @@ class RevoluteClearance(RoundClearance):
             )
         if self.lubricant is not None:
             raise JointplayError(
-                "the films are those of round bores: leave out the lubricant or the worn profile"
+                "film laws are for round bores: leave out the lubricant or the worn profile"
             )
         return tuple(map(tuple, np.broadcast_to(depths, (rows, depths.shape[1])).tolist()))
 

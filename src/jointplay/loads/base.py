@@ -50,9 +50,9 @@ class Series(NamedTuple):
 class Site:
     """Where a load acts: on coordinates, or between two frames."""
 
-    seen: tuple[int, ...] = ()
-    """Coordinates whose positions and velocities its law sees."""
-    pushed: tuple[int, ...] = ()
+    inputs: tuple[int, ...] = ()
+    """Coordinates whose positions and velocities its law reads."""
+    outputs: tuple[int, ...] = ()
     """Coordinates on which it acts."""
     frames: tuple[Frame, Frame] | None = None
     """The law's wrench acts on the second, its opposite on the first."""

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from jointplay.contact.trust import Absent, path_of
+from jointplay.contact.trust import Absent, OfFunction, path_of
 from jointplay.core.errors import JointplayError
 from jointplay.core.schema import choice, quantity
-from jointplay.loads.base import Series, Site
-from jointplay.loads.wrench import OfFunction, WrittenFunction
+from jointplay.loads.base import Load, Series, Site
+from jointplay.loads.wrench import LoadFunctionDescription, check_arguments
 
 if TYPE_CHECKING:
     from jointplay.mechanism.mechanism import Mechanism
@@ -38,19 +38,19 @@ Sample = Callable[[float, np.ndarray, np.ndarray], Any]
 
 
 @dataclass(frozen=True, kw_only=True)
-class WrittenController(WrittenFunction):
-    """What files say of a controller."""
+class ControllerDescription(LoadFunctionDescription):
+    """How files describe a controller."""
 
     joints: tuple[str, ...]
-    """Joints whose torques it gives."""
+    """Joints whose torques it sets."""
     period: float | None = quantity("s", default=None, above=0.0, words="period of a controller")
-    """Between two samples [s]; without, the function is compiled."""
+    """Sampling period [s]; if not given, the function is compiled."""
     encoder: str = choice("encoder", ENCODERS, default=ENCODERS[0])
-    """What it sees: ``link``, ``motor``, or ``both``."""
+    """What it measures: ``link``, ``motor``, or ``both``."""
 
 
 @dataclass(frozen=True)
-class Controller(OfFunction):
+class Controller(OfFunction, Load):
     """A controller of the user's own, that gives the torques of some joints.
 
     With a `period` it is a Python callable, called at the times 0, period, 2 period, ...; its
@@ -75,20 +75,20 @@ class Controller(OfFunction):
             multiple of its step, a function that numba cannot compile.
     """
 
-    written = WrittenController
+    written = ControllerDescription
 
     kind: ClassVar[str] = "controller"
 
     joints: tuple[str, ...]
-    """Joints whose torques it gives."""
+    """Joints whose torques it sets."""
     function: Callable[..., Any]
     """At module level of an importable file (files then name it as ``module:function``)."""
     parameters: tuple[float, ...] = quantity("", default=())
     """Numbers for the function."""
     period: float | None = quantity("s", default=None, above=0.0, words="period of a controller")
-    """Between two samples [s]; without, the function is compiled."""
+    """Sampling period [s]; if not given, the function is compiled."""
     encoder: str = choice("encoder", ENCODERS, default=ENCODERS[0])
-    """What it sees: ``link``, ``motor``, or ``both``."""
+    """What it measures: ``link``, ``motor``, or ``both``."""
 
     def __post_init__(self) -> None:
         """Check everything."""
@@ -100,17 +100,20 @@ class Controller(OfFunction):
         if len(set(self.joints)) < len(self.joints):
             raise JointplayError(f"a controller has a joint twice: {', '.join(self.joints)}")
         super().__post_init__()
+        self._keep_function(self.function)
+
+    def _check_arguments(self, function: Callable[..., Any]) -> None:
         if self.period is None:
-            self._keep(("time", "q", "v", "p", "out"))
-        else:
-            self._keep(("time", "q", "v", "p"), may_be_class=True)
+            check_arguments(function, ("time", "q", "v", "p", "out"))
+        elif not inspect.isclass(function):
+            check_arguments(function, ("time", "q", "v", "p"))
 
     def site(self, mechanism: Mechanism) -> Site:
         """Coordinates that the encoders see, and those that the motors turn."""
         links = tuple(mechanism.coordinate(name) for name in self.joints)
         motors = tuple(mechanism.motor(name) for name in self.joints)
-        seen = {"link": links, "motor": motors, "both": links + motors}[self.encoder]
-        return Site(seen, motors)
+        measured = {"link": links, "motor": motors, "both": links + motors}[self.encoder]
+        return Site(measured, motors)
 
     def law(self) -> Callable[..., None]:
         """The user's own, or the last sample held."""
@@ -166,15 +169,15 @@ class Controller(OfFunction):
         name = path_of(self.function)
         if not all(callable(getattr(sample, way, None)) for way in ("memory", "recall")):
             raise JointplayError(
-                f"the controller {name!r} is an object whose state no checkpoint can know; give it "
-                "memory(), which returns plain data, and recall(memory)"
+                f"the controller {name!r} is an object whose state cannot be saved in a "
+                "checkpoint; give it memory(), which returns plain data, and recall(memory)"
             )
         state: Any = sample.memory()  # type: ignore[attr-defined]
         try:
             return json.loads(json.dumps(state))
         except (TypeError, ValueError) as error:
             raise JointplayError(
-                f"the memory of the controller {name!r} is no plain data: {error}"
+                f"the memory of the controller {name!r} is not plain data: {error}"
             ) from error
 
     def torques(self, sample: Sample, time: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:

@@ -50,15 +50,15 @@ class JointFriction(Described):
     viscous: float = quantity(
         "N*m*s/rad", "N*s/m", default=0.0, least=0.0, words="viscous joint friction"
     )
-    """[N m s/rad, or N s/m]."""
+    """Viscous friction [N m s/rad, or N s/m for prismatic joints]."""
     static: float | None = quantity(
         "N*m", "N", default=None, least=0.0, words="static joint friction"
     )
-    """Friction at breakaway [N m or N]; None is dry friction's."""
+    """Friction at breakaway [N m or N]; None: equal to the dry friction."""
     stribeck_speed: float = quantity(
         "rad/s", "m/s", default=0.01, above=0.0, words="Stribeck speed"
     )
-    """Speed at which 1/e of the difference to dry friction is left [rad/s or m/s]."""
+    """Speed at which the excess over dry friction has fallen to 1/e [rad/s or m/s]."""
 
     def __post_init__(self) -> None:
         """Check all values."""

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from jointplay.core.errors import JointplayError, MissingName
+from jointplay.core.errors import JointplayError
 
 if TYPE_CHECKING:
     from jointplay.mechanism.mechanism import Mechanism
@@ -29,13 +29,6 @@ MARGIN = 1e-6
 
 _SIZES = {"speed": ("a speed", ("rad/s", "m/s")), "effort": ("an effort", ("N m", "N"))}
 """Words and units, of revolute and of prismatic joints."""
-
-
-def require_known(limits: str) -> str:
-    """Return `limits` if it is one of `LIMITS`, else raise."""
-    if limits not in LIMITS:
-        raise MissingName("way with limits", limits, LIMITS)
-    return limits
 
 
 def bounds(mechanism: Mechanism) -> dict[str, float]:
@@ -62,7 +55,7 @@ def check_motion(mechanism: Mechanism, motion: Motion, joints: Sequence[str]) ->
         place = _position_beyond(entry, times, position[:, k])
         if place is not None:
             raise JointplayError(
-                f"the motion takes joint {name!r} to {place}; change it, or say limits = ignore"
+                f"the motion takes joint {name!r} to {place}; change it, or set limits = ignore"
             )
         text = _size_beyond(entry, "speed", times, velocity[:, k])
         lines += [f"the motion asks joint {name!r} for {text}"] if text else []

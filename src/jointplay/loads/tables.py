@@ -193,10 +193,10 @@ def tabulate(
             rotor = gear.rotor_inertia if gear else 0.0
             inertia = ideal.inertia[k] + rotor
             efforts[k] = partial(_effort, rotor, losses)
-            seen = at if drive.encoder == "motor" else mechanism.coordinate(name)
+            measured = at if drive.encoder == "motor" else mechanism.coordinate(name)
             kp = drive.bandwidth**2 * inertia
             kd = 2.0 * drive.damping_ratio * drive.bandwidth * inertia
-            row = drive_row(u, at, seen, kp, kd, limit=limit)
+            row = drive_row(u, at, measured, kp, kd, limit=limit)
         rows.append(row)
 
     def rows_at(times: np.ndarray, bar: bool) -> np.ndarray:

@@ -2,29 +2,18 @@
 
 from __future__ import annotations
 
-import dataclasses
 import inspect
 from collections.abc import Callable, Sequence
 from dataclasses import KW_ONLY, dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from jointplay.contact.trust import (
-    Absent,
-    Place,
-    function_of,
-    function_or_absent,
-    path_of,
-    place_of,
-    remember,
-    source_of,
-)
+from jointplay.contact.trust import FunctionDescription, OfFunction
 from jointplay.core.errors import JointplayError, require_increasing
 from jointplay.core.schema import choice, quantity
 from jointplay.loads.base import (
     WORLD,
-    Load,
     OnFrame,
     Series,
     Site,
@@ -37,72 +26,23 @@ if TYPE_CHECKING:
     from jointplay.mechanism.mechanism import Mechanism
 
 
-# Loads of a function of the user's own: how files name it, and what travels with results.
-#
-# As with contact laws (`contact.custom`): a function of an importable file is named
-# ``module:function``; its text goes with the result, where it is shown and never run.
+# Loads of a user's function (`contact.trust`): it finds its parameters in an array.
 
 
 @dataclass(frozen=True, kw_only=True)
-class WrittenFunction:
-    """What files say of a function of one's own."""
+class LoadFunctionDescription(FunctionDescription):
+    """How files describe a load that is made of a user's function."""
 
-    function: str
-    """``module:function`` of a module beside the scenario; of another with ``--trust MODULE``."""
     parameters: tuple[float, ...] = quantity("", default=())
     """Numbers for the function."""
-    source: str | None = None
-    """Text of the function, in results; it is shown, and never run."""
 
 
-class OfFunction(Load):
-    """What loads of a user's own function have in common; `written` has `WrittenFunction`."""
+def check_arguments(function: Callable[..., Any], expected: tuple[str, ...]) -> None:
+    """Refuse a function that takes another number of arguments than `expected`.
 
-    written: ClassVar[type | None] = WrittenFunction
-
-    function: Callable[..., Any]
-    parameters: tuple[float, ...]
-
-    def _keep(self, expected: tuple[str, ...], may_be_class: bool = False) -> None:
-        """Check the function's arguments, and remember it.
-
-        Raises:
-            JointplayError: it takes other arguments than `expected`.
-        """
-        function = getattr(self.function, "py_func", self.function)  # numba's own wrapping
-        if not isinstance(function, Absent):
-            if not (may_be_class and inspect.isclass(function)):
-                _check_arguments(function, expected)
-            remember(function)
-        object.__setattr__(self, "function", function)
-
-    def describe(self) -> dict[str, Any]:
-        """Kind and fields; the function by its ``module:function``, and its text."""
-        source = source_of(self.function)
-        text = {} if source is None else {"source": source}
-        return {**super().describe(), "function": path_of(self.function), **text}
-
-    @classmethod
-    def from_fields(cls, fields: dict[str, Any]) -> Self:
-        """Build the load from what `describe` said of it.
-
-        Raises:
-            JointplayError: the function is neither known here nor of a trusted module (see
-                `contact.trust`); within `trust.showing` the load is then one to be shown, not run.
-        """
-        rest = {name: value for name, value in fields.items() if name != "source"}
-        rest["function"] = function_or_absent(fields["function"], fields.get("source"))
-        return cls(**rest)
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        """Go to another process by the name of its function, as to a file."""
-        fields = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}  # type: ignore[arg-type]
-        return _restored, (type(self), place_of(fields.pop("function")), fields)
-
-
-def _check_arguments(function: Any, expected: tuple[str, ...]) -> None:
-    if not callable(function):
-        raise JointplayError(f"a law must be a function, got {function!r}", where=("function",))
+    Raises:
+        JointplayError: it does; the message has both.
+    """
     try:
         names = tuple(inspect.signature(function).parameters)
     except (TypeError, ValueError):
@@ -113,11 +53,6 @@ def _check_arguments(function: Any, expected: tuple[str, ...]) -> None:
             f"it must take ({', '.join(expected)})",
             where=("function",),
         )
-
-
-def _restored(kind: Any, place: Place, fields: dict[str, Any]) -> Any:
-    """Build a load again from the name of its function."""
-    return kind(function=function_of(place), **fields)
 
 
 AXES = ("world", "frame")
@@ -243,8 +178,8 @@ class WrenchOverTime(_InAxes):
 
 
 @dataclass(frozen=True, kw_only=True)
-class WrittenWrench(WrittenFunction):
-    """What files say of a wrench by a function of one's own."""
+class WrenchDescription(LoadFunctionDescription):
+    """How files describe a wrench by a user's function."""
 
     frame: str
     """Link or frame that it acts on."""
@@ -266,7 +201,7 @@ class WrenchFunction(OfFunction, _Pushing):
             compiles is found out when a run is prepared.
     """
 
-    written = WrittenWrench
+    written = WrenchDescription
 
     kind: ClassVar[str] = "wrench-function"
 
@@ -278,7 +213,10 @@ class WrenchFunction(OfFunction, _Pushing):
     def __post_init__(self) -> None:
         """Check signature and numbers."""
         super().__post_init__()
-        self._keep(("time", "pose", "twist", "p", "out"))
+        self._keep_function(self.function)
+
+    def _check_arguments(self, function: Callable[..., Any]) -> None:
+        check_arguments(function, ("time", "pose", "twist", "p", "out"))
 
     def law(self) -> Callable[..., None]:
         """The user's own."""

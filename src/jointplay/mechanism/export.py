@@ -49,7 +49,9 @@ def to_urdf(mechanism: Mechanism) -> str:
     """
     for name in (*mechanism.loops, *mechanism.gears):
         what = "loop" if name in mechanism.loops else "gear with play"
-        raise JointplayError(f"{what} {name!r} cannot be written: URDF knows only trees of joints")
+        raise JointplayError(
+            f"{what} {name!r} cannot be written: a URDF can only describe a tree of joints"
+        )
     text = mechanism.description.text
     data = text.encode("utf-8")
     joints = mechanism.description.elements().findall("joint")

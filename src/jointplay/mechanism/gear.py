@@ -23,11 +23,11 @@ class Gear(Described):
     play: float = quantity("rad", least=0.0, words="gear play")
     """Angle by which the joint turns freely while the motor stands [rad]."""
     rotor_inertia: float = quantity("kg*m^2", above=0.0, words="rotor inertia")
-    """[kg m^2]."""
+    """Inertia of the rotor, referred to the joint [kg m^2]."""
     stiffness: float = quantity("N*m/rad", above=0.0, words="gear stiffness")
-    """Of the teeth in contact and the shaft [N m/rad]."""
+    """Stiffness of the teeth in contact and the shaft [N m/rad]."""
     damping: float = quantity("N*m*s/rad", default=0.0, least=0.0, words="gear damping")
-    """Of the teeth in contact and the shaft [N m s/rad]."""
+    """Damping of the teeth in contact and the shaft [N m s/rad]."""
 
     def __post_init__(self) -> None:
         """Check the values."""

@@ -270,7 +270,7 @@ def _blame(
     if given and _gap(mechanism, freed, {}) <= ASSEMBLY_TOLERANCE_M:
         near = ", ".join(f"{name} = {freed[mechanism.coordinate(name)]:.6g}" for name in given)
         return worst, (
-            f"{what}the positions given for {', '.join(given)} do not go together: it closes at "
+            f"{what}the positions given for {', '.join(given)} contradict each other: it closes at "
             f"{near} [rad or m]; give fewer of them, or these"
         )
     return worst, f"{what}check lengths and frames, or start from other joint positions"
@@ -336,7 +336,7 @@ def consistent_velocity(
         given = [name for name in mechanism.joints if mechanism.coordinate(name) in held]
         raise JointplayError(
             f"the initial speeds would tear a loop apart at {left:.3g} m/s: those given for "
-            f"{', '.join(given)} do not go together; give fewer of them"
+            f"{', '.join(given)} contradict each other; give fewer of them"
         )
     return moved
 

@@ -20,8 +20,8 @@ import pinocchio as pin
 
 from jointplay.core.errors import JointplayError, MissingName, Where, require_finite, within
 from jointplay.core.imports import load_object
-from jointplay.core.overview import Overview, few
 from jointplay.core.schema import Described, plain, quantity
+from jointplay.core.tables import Overview, few
 from jointplay.core.units import readable
 from jointplay.joints import MOTOR, RELATIVE, UNNAMED_KIND, VIRTUAL_LINK, Clearance, Coordinate
 from jointplay.mechanism import urdf

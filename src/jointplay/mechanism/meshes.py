@@ -77,7 +77,7 @@ def parts_of(path: Path) -> Parts:
     """
     if path.suffix.lower() not in FORMATS:
         raise JointplayError(
-            f"mesh {str(path)!r} is no {', '.join(FORMATS)} file: no other format is read"
+            f"mesh {str(path)!r} is not a {', '.join(FORMATS)} file; other formats cannot be read"
         )
     try:
         data = files.read_plain(path, MOST_BYTES)

@@ -144,8 +144,8 @@ def _check_names(coordinates: Sequence[Coordinate]) -> None:
         if other is not one:
             plain, part = (other, one) if not other.part else (one, other)
             raise JointplayError(
-                f"the joint {plain.joint!r} is called like the coordinate {part.part!r} of the "
-                f"joint {part.joint!r}; give one of them another name"
+                f"the joint {plain.joint!r} has the same name as the coordinate {part.part!r} of "
+                f"the joint {part.joint!r}; give one of them another name"
             )
 
 

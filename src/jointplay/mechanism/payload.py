@@ -30,13 +30,13 @@ class Payload(Described):
     """
 
     frame: str
-    """Frame that holds it; usually the tool."""
+    """Frame that holds the payload; usually the tool."""
     mass: float = quantity("kg", above=0.0, words="payload mass")
-    """[kg]."""
+    """Mass [kg]."""
     pick: float = quantity("s", default=0.0, least=0.0, words="payload pick time")
-    """[s]; a payload picked at 0 is there from the start."""
+    """Time at which it is picked up [s]; a payload picked up at 0 is there from the start."""
     release: float | None = quantity("s", default=None, words="payload release time")
-    """[s]; None: never."""
+    """Time at which it is released [s]; None: never."""
     centre: Vector = quantity("m", default=(0.0, 0.0, 0.0), words="payload centre")
     """Centre of mass in the frame [m]."""
     inertia: Vector = quantity("kg*m^2", default=(0.0, 0.0, 0.0), words="payload inertia")
@@ -53,7 +53,8 @@ class Payload(Described):
         low, middle, high = sorted(self.inertia)
         if low < 0.0 or high > (low + middle) * (1.0 + 1e-6):
             raise JointplayError(
-                f"no body has the moments of inertia {self.inertia} kg m^2", where=("inertia",)
+                f"no rigid body can have the moments of inertia {self.inertia} kg m^2",
+                where=("inertia",),
             )
 
     @property

@@ -180,10 +180,10 @@ class Survey:
         """What is not as it should be, in words."""
         astray = tuple(f"{name} ({leader})" for name, leader in self.astray.items())
         remarks = (
-            (self.massless, "cannot be simulated: {} move no mass"),
-            (self.unphysical, "impossible inertia, to be allowed by name: {}"),
+            (self.massless, "cannot be simulated: {} move links without mass"),
+            (self.unphysical, "physically impossible inertia, must be allowed by name: {}"),
             (self.mimics, "joints that follow others: {}"),
-            (astray, "move on their own, for what they mimic does not exist: {}"),
+            (astray, "move independently, because the joint that they mimic does not exist: {}"),
         )
         found = tuple(text.format(_list(names)) for names, text in remarks if names)
         return (self.problem, *found) if self.problem else found

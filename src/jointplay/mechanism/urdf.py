@@ -379,7 +379,7 @@ def _check_limit(joint: ElementTree.Element, name: str) -> None:
         except ValueError:
             value = np.nan
         if np.isnan(value):
-            raise JointplayError(f"{key} of the limit of joint {name!r} is no number: {text!r}")
+            raise JointplayError(f"{key} of the limit of joint {name!r} is not a number: {text!r}")
 
 
 def leaders(root: ElementTree.Element) -> tuple[dict[str, str], dict[str, str]]:
@@ -402,7 +402,7 @@ def leaders(root: ElementTree.Element) -> tuple[dict[str, str], dict[str, str]]:
     for name in followers:
         _, ring = _ascend(name, followers, ())
         if ring:
-            raise JointplayError(f"joints mimic each other in a ring: {ring}")
+            raise JointplayError(f"joints mimic each other in a cycle: {ring}")
     return followers, astray
 
 
@@ -449,8 +449,7 @@ def _check_placements(root: ElementTree.Element) -> None:
                 continue
             if not any(_numbers(axis, "xyz", f"{owner}: axis", 3, "1 0 0")):
                 raise JointplayError(
-                    f"{owner} has the axis {axis.get('xyz')!r}, which points nowhere; "
-                    "give a direction"
+                    f"{owner} has the axis {axis.get('xyz')!r}, which has no direction"
                 )
 
 
@@ -528,16 +527,16 @@ def _check_tree(path: Path, links: Collection[str], joints: Iterable[JointEntry]
     for joint in joints:
         if joint.child in above:
             raise JointplayError(
-                f"the URDF {str(path)!r} is no tree: link {joint.child!r} is the child of the "
-                f"joints {above[joint.child].name!r} and {joint.name!r}; describe one of them as a "
-                "loop instead"
+                f"the URDF {str(path)!r} is not a tree: link {joint.child!r} is the child of the "
+                f"joints {above[joint.child].name!r} and {joint.name!r}; describe one of them as "
+                "a loop instead"
             )
         above[joint.child] = joint
     roots = [link for link in links if link not in above]
     if len(roots) > 1:
         raise JointplayError(
-            f"the URDF {str(path)!r} falls apart: {', '.join(map(repr, roots))} have no parent; "
-            "exactly one link must have none"
+            f"the URDF {str(path)!r} has several roots: {', '.join(map(repr, roots))} have no "
+            "parent; exactly one link must have none"
         )
     parents = {link: joint.parent for link, joint in above.items()}
     depth: dict[str, int] = dict.fromkeys(roots, 1)

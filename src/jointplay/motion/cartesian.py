@@ -90,7 +90,7 @@ class Arm:
         balls = [name for name in self.joints if name not in ideal.coordinates]
         if balls:
             raise JointplayError(
-                f"a Cartesian motion cannot lead the ball joint {balls[0]!r}, which no drive turns"
+                f"a Cartesian motion cannot move the ball joint {balls[0]!r}, which has no drive"
             )
         if not self.joints:
             raise JointplayError("a Cartesian motion needs moving joints, this robot has none")

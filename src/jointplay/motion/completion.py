@@ -39,8 +39,8 @@ class CompleteMotion:
                 places.setdefault(position, []).append(name)
             words = [f"{', '.join(names)} at {at:g}" for at, names in places.items()]
             lines.append(
-                f"held, for the motion does not name them: {'; '.join(words)} [rad or m]; "
-                '[start] says where, [drives] NAME = "free" lets one go'
+                f"held because the motion does not name them: {'; '.join(words)} [rad or m]; set "
+                'their position in [start], or release one with [drives] NAME = "free"'
             )
         if self.following:
             words = [f"{name} = {mimic.formula()}" for name, mimic in self.following.items()]

@@ -18,8 +18,8 @@ from jointplay.core.errors import (
     require_numbers,
     require_positive,
 )
-from jointplay.core.overview import few
 from jointplay.core.schema import Described, quantity
+from jointplay.core.tables import few
 
 INTERPOLATIONS = ("rest-to-rest", "spline", "constant-speed", "speed-ramps")
 
@@ -102,13 +102,13 @@ class Motion(Described):
         object.__setattr__(self, "_curves", curves)
         if not all(np.isfinite(one.c).all() for one in curves):
             raise JointplayError(
-                "the motion's accelerations are beyond all numbers: its waypoints are too far apart"
+                "the motion's accelerations overflow: its waypoints are too far apart"
             )
 
     def _check(self) -> None:
         """Raise on waypoints of wrong shape or order."""
         if len(set(self.joints)) != len(self.joints):
-            raise JointplayError(f"a joint is named twice in the motion: {', '.join(self.joints)}")
+            raise JointplayError(f"a joint appears twice in the motion: {', '.join(self.joints)}")
         if self.times.ndim != 1 or self.positions.shape != (len(self.times), len(self.joints)):
             raise JointplayError(
                 f"positions must have the shape (times, joints) = "

@@ -72,7 +72,7 @@ def _choose(reader: Any, path: Path, topic: str | None) -> tuple[str, str]:
     """Kind and name of the topic to read."""
     summary = reader.get_summary()
     if summary is None:
-        raise JointplayError(f"the bag {str(path)!r} has no summary; mcap recover makes one")
+        raise JointplayError(f"the bag {str(path)!r} has no summary; `mcap recover` creates one")
     topics: dict[str, str] = {}
     for channel in summary.channels.values():
         schema = summary.schemas.get(channel.schema_id)
@@ -89,7 +89,7 @@ def _choose(reader: Any, path: Path, topic: str | None) -> tuple[str, str]:
         if named:
             return kind, named[0]
     held = ", ".join(sorted(schema.name for schema in summary.schemas.values())) or "nothing"
-    raise JointplayError(f"{path}: no JointTrajectory and no JointState; it holds {held}")
+    raise JointplayError(f"{path}: neither a JointTrajectory nor a JointState; it holds {held}")
 
 
 def _trajectory(message: Any, where: str) -> tuple[list[str], np.ndarray, np.ndarray]:

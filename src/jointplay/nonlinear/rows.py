@@ -222,8 +222,8 @@ class Table:
         lines = text.split("\n")
         if lines[0] != self._head:
             raise JointplayError(
-                f"{str(self.path)!r} was made for something else"
-                f"{_difference(lines[0], self._head)}; name another folder"
+                f"{str(self.path)!r} was made for something "
+                f"else{_difference(lines[0], self._head)}; choose another folder"
             )
         whole = lines[2:-1]  # after the last line end is nothing, or half a row
         try:
@@ -271,7 +271,7 @@ class Table:
         if not missing:
             return 0
         bar = tqdm(total=len(missing), unit="run", disable=not progress, smoothing=0.1)
-        kept = f"what is done is in {str(self.path)!r}; the same command goes on with it"
+        kept = f"finished values are in {str(self.path)!r}; the same command continues"
         with bar, run_parallel(partial(_found, work), missing, jobs, kept=kept) as outcomes:
             for place, found in outcomes:
                 self.add(missing[place], *found)

@@ -52,8 +52,9 @@ class RunUp:
         at = int(np.abs(np.stack([first, last])).max(axis=0).argmax())
         if np.array_equal(first, last) or first[at] == 0.0 or first[at] * last[at] <= 0.0:
             raise JointplayError(
-                f"a run-up needs two speeds of one direction, got {first[at]:g} and {last[at]:g} "
-                "rad/s; --vary the crank's speed, such as motion.speeds.crank_pin=1000:6000:40 rpm"
+                f"a run-up needs two speeds of the same direction, got {first[at]:g} and "
+                f"{last[at]:g} rad/s; --vary the crank's speed, such as "
+                "motion.speeds.crank_pin=1000:6000:40 rpm"
             )
         turn = 2.0 * math.pi
         steady = max(settle, 1) * turn / abs(first[at])

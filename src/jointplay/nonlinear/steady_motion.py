@@ -54,7 +54,10 @@ def turn(motion: Motion | None) -> float:
         words = ", ".join(
             f"{name} {speed:g}" for name, speed in zip(motion.joints, speeds[0], strict=True)
         )
-        raise JointplayError(f"turns need one speed of all that turns, got {words} [rad/s]")
+        raise JointplayError(
+            "turns are defined only if all rotating joints have the same speed, "
+            f"got {words} [rad/s]"
+        )
     return float(2.0 * math.pi / moving[0])
 
 
@@ -167,7 +170,7 @@ def room(simulation: Simulation, joint: str) -> tuple[float, float]:
     rooms = clearance[joint].room_to_start
     x, y = rooms.get("x", 0.0), rooms.get("y", 0.0)
     if not (x > 0.0 and y > 0.0):
-        raise JointplayError(f"the journal of {joint!r} has not both x and y to move in")
+        raise JointplayError(f"the journal of {joint!r} cannot move in both x and y")
     return float(x), float(y)
 
 

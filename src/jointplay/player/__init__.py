@@ -143,12 +143,12 @@ def play(
     _tell(scene, say)
     with Server(content, host, port) as server:
         if port and server.port != port:
-            say(f"port {port} is taken; using {server.port}")
+            say(f"port {port} is in use; using {server.port}")
         if host not in ("localhost", "::1") and not host.startswith("127."):
             say(f"listening on {host}: other machines can see this page")
-        say(f"playing at {server.url} (Ctrl-C ends)")
+        say(f"playing at {server.url} (stop with Ctrl-C)")
         if browser and not open_browser(server.url):
-            say("no browser opened; open that address yourself")
+            say("no browser could be opened; open this address yourself")
         try:
             server.serve_forever(poll_interval=0.2)
         except KeyboardInterrupt:

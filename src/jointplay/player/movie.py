@@ -110,7 +110,7 @@ class Shot:
         if frames > _MOST_FRAMES:
             raise JointplayError(
                 f"a film of {frames} frames; at most {_MOST_FRAMES} are made: play it faster than "
-                f"at {speed:g} of real time, or less of it"
+                f"at {speed:g} of real time, or film less of it"
             )
         return np.minimum(first + np.arange(frames) * speed / self.frames_per_second, last), speed
 
@@ -255,7 +255,7 @@ def _browser(
             yield take
         except Error as error:
             reason = str(error).strip().splitlines()[0]
-            raise JointplayError(f"the browser that films gave up: {reason}") from None
+            raise JointplayError(f"the browser that records the film failed: {reason}") from None
         finally:
             browser.close()
 
@@ -275,8 +275,8 @@ def launched(tools: Any, failure: type[Exception]) -> Any:
         raise JointplayError(
             f"{CHROMIUM} names no file: {wanted!r}"
             if wanted
-            else "films need a Chromium, and there is none; get one with: playwright install "
-            f"chromium, or name yours in {CHROMIUM}"
+            else "films need Chromium, which was not found; install it with: playwright install "
+            f"chromium, or set {CHROMIUM} to its path"
         )
     root = hasattr(os, "geteuid") and os.geteuid() == 0
     problem = ""

@@ -45,7 +45,9 @@ class Server(ThreadingHTTPServer):
         try:
             addresses = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
         except (OSError, UnicodeError):
-            raise JointplayError(f"no host {host!r}; 127.0.0.1 is this machine alone") from None
+            raise JointplayError(
+                f"no host {host!r}; 127.0.0.1 is reachable from this machine only"
+            ) from None
         self.address_family = addresses[0][0]
         self._host = host
         candidates = [port, *range(port + 1, min(port + _ATTEMPTS, 65536)), 0] if port else [0]
@@ -57,7 +59,7 @@ class Server(ThreadingHTTPServer):
                 if error.errno not in (errno.EADDRINUSE, errno.EACCES) or candidate == 0:
                     raise JointplayError(
                         f"cannot listen on {host!r}, port {candidate}: {error.strerror or error}; "
-                        "127.0.0.1 is this machine alone"
+                        "127.0.0.1 is reachable from this machine only"
                     ) from None
 
     @property

@@ -47,7 +47,7 @@ def bars(budget: Budget, pose: int | None = None) -> Figure:
             axes.barh(place + 0.27 * (index - 1), 1e3 * values, 0.25, label=label, color=colour)
         axes.set_yticks(place, budget.joints)
         axes.invert_yaxis()
-        axes.set_xlabel(f"what the joint adds to the error of {budget.tool!r} [mm]")
+        axes.set_xlabel(f"contribution of the joint to the error of {budget.tool!r} [mm]")
         figure.legend(loc="outside upper center", ncols=2)
         footnote(figure, budget.accuracy)
     return figure
@@ -68,7 +68,7 @@ def robot(mechanism: Mechanism, budget: Budget, q: np.ndarray) -> Figure:
     figure = picture(
         mechanism,
         q[budget.worst_pose],
-        title=f"where the worst case of {worst:.3g} mm at {budget.tool!r} comes from (static)",
+        title=f"origin of the worst case of {worst:.3g} mm at {budget.tool!r} (static)",
         colours=colours,
         labels=labels,
     )
@@ -93,7 +93,7 @@ def reachable(budget: Budget, pose: int | None = None) -> Figure:
     ends = 1e3 * budget.standing.interval(at)
     held = f"{budget.standing.words} may hold it"
     if budget.standing.unsearched:
-        held = "whole play: friction not searched"
+        held = "entire play: friction not searched"
     with panels(8.5, 3.4, 1, 3) as (figure, axes):
         for panel, (i, j) in zip(axes, ((0, 1), (0, 2), (1, 2)), strict=True):
             directions = np.zeros((len(budget.positions), len(angle), 3))
@@ -169,7 +169,7 @@ def allocation(allotment: Allocation) -> Figure:
     shown = (
         (1e6 * allotment.clearance, "clearance [µm]", COLOURS[1]),
         (1e6 * allotment.gain * allotment.clearance, "adds to the error [µm]", COLOURS[0]),
-        (allotment.price, f"saves by one µm more\n[cost, {allotment.cost}]", COLOURS[3]),
+        (allotment.price, f"saved by one µm more\n[cost, {allotment.cost}]", COLOURS[3]),
     )
     with panels(9.0, 1.6 + 0.35 * len(place), 1, 3, sharey=True) as (figure, axes):
         for panel, (values, label, colour) in zip(axes, shown, strict=True):
@@ -189,7 +189,7 @@ def allocation(allotment: Allocation) -> Figure:
 
 
 _SCALES = {
-    "tool": (1e6, "tool off ideal [µm]"),
+    "tool": (1e6, "deviation of the tool [µm]"),
     "link": (1e3, "link - motor [mrad]"),
 }
 
@@ -290,7 +290,7 @@ def poses(performance: Iso9283) -> Figure:
                 panel.plot(*points[:, [i, j]].T, "o", ms=2.5, color=COLOURS[0], label="attained")
                 panel.plot(0.0, 0.0, "x", color=COLOURS[1], label="barycentre")
                 panel.plot(*circle, color=COLOURS[1], lw=0.8, label="RP_l")
-                way = "way to the command pose (length without meaning)"
+                way = "direction to the command pose (length not to scale)"
                 panel.plot([0.0, arrow[i]], [0.0, arrow[j]], color="0.6", lw=0.8, label=way)
                 panel.set(xlabel=f"{'xyz'[i]} [um]", ylabel=f"{'xyz'[j]} [um]")
                 panel.set_aspect("equal", adjustable="datalim")

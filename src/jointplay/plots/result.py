@@ -15,7 +15,6 @@ from matplotlib.ticker import MaxNLocator
 from jointplay import analysis
 from jointplay.core.errors import JointplayError, MissingName
 from jointplay.geometry import Form, Mode
-from jointplay.loads.terms import TERMS
 from jointplay.plots.palette import AXIS_COLOURS, MODE_COLOURS
 from jointplay.plots.style import (
     COLOURS,
@@ -35,6 +34,7 @@ from jointplay.plots.style import (
     timeline,
 )
 from jointplay.result.result import AXES, Result
+from jointplay.result.variables import TERMS
 
 _TICKS = 5
 """Intervals between the ticks of an orbit, at most."""
@@ -291,8 +291,8 @@ class Plots:
                 raise MissingName("coordinate", name, every)
         if len({unit[name] for name in names}) != 1:
             raise JointplayError(
-                f"coordinates {', '.join(names)} have different units, or there are none; "
-                "draw those in rad and those in m apart"
+                f"coordinates {', '.join(names)} have different units, or there are none; draw "
+                "those in rad and those in m separately"
             )
         with self._axes(line) as panel:
             for name, colour in zip(names, cycle(CONTACT_COLOURS), strict=False):

@@ -75,7 +75,9 @@ def report(
         raise JointplayError(f"impacts must be a whole number >= 0, got {impacts}")
     for label, result in results.items():
         if len(result.time) < 2:
-            raise JointplayError(f"result {label!r} has {len(result.time)} record; nothing to show")
+            raise JointplayError(
+                f"result {label!r} has {len(result.time)} record; there is nothing to show"
+            )
     written = targets(path, pdf)
     claim_rows(claims)
     cases = build(results, say)

@@ -149,13 +149,13 @@ def _refer(cases: Iterable[Case], say: Say) -> None:
                 case.ideal = made[key]
                 case.notes.append(
                     "Tool errors are measured against the ideal mechanism, simulated for this "
-                    "report because no ideal run of the same work was given."
+                    "report because no ideal run with the same inputs was given."
                 )
             case.error = analysis.deviation(case.result, case.ideal)
             if not _follows(case.result):
                 case.notes.append(
-                    "No drive follows a reference: the ideal mechanism moves as it likes, and the "
-                    "tool's difference from it is no error of position."
+                    "No drive follows a reference: the ideal mechanism moves freely, so the "
+                    "tool's difference from it is not a position error."
                 )
             if float(case.error["time"][-1]) < case.duration:
                 case.notes.append(
@@ -185,7 +185,7 @@ def _follow(case: Case, number: int, say: Say) -> None:
     try:
         mechanism = case.result.simulation.mechanism
         if contact_names(mechanism) != [str(name) for name in case.result["contact"].values]:
-            raise JointplayError("its contacts are not those of its inputs")
+            raise JointplayError("its contacts do not match its inputs")
         repetition = replay(case.result, [window(place, i, step) for place, i in chosen])
     except JointplayError as error:
         case.notes.append(f"No single steps: the run cannot be repeated ({error}).")
@@ -193,7 +193,7 @@ def _follow(case: Case, number: int, say: Say) -> None:
     if not repetition.faithful:
         versions = case.result.dataset.attrs.get("versions", "unknown")
         case.notes.append(
-            "No single steps: repeated here, the run does not come out bit for bit as stored "
+            "No single steps: repeated here, the run does not match the stored one bit for bit "
             f"(made with {versions}), and impacts magnify any difference."
         )
         return

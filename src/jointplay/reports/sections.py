@@ -103,8 +103,8 @@ def claims(cases: Sequence[Case], source: Path | None) -> Html:
             )
         )
     return joined(parts) or paragraph(
-        "There is nothing to judge: no claims table was given, "
-        f"and no run with clearance is longer than {2.0 * START_UP:g} s."
+        "There are no claims to judge: no claims table was given, and no run with clearance is "
+        f"longer than {2.0 * START_UP:g} s."
     )
 
 
@@ -289,8 +289,8 @@ def certificates(cases: Sequence[Case]) -> Html:
         if one.runs
     ]
     note = (
-        "Figures of the runs and how far they may be from what the model says, found by running "
-        "again more finely; those with errors above 5 % are marked."
+        "Figures of the runs with bounds on their numerical errors, found by repeating the runs "
+        "with finer steps; those with errors above 5 % are marked."
     )
     head = ["figure", *(dark(case) for case, _ in given)]
     heading = Html("<h3>Numerical errors</h3>")
@@ -355,8 +355,9 @@ def accuracies(cases: Sequence[Case], start: float) -> Html:
     parts = [table_of(rows, caption=caption, left=2), *unknown]
     if at_stops:
         caption = (
-            "Tool error at the waypoints of the reference motion. The tool picks and places while "
-            "the reference dwells: the end of a dwell (bold) is what the process gets"
+            "Tool error at the waypoints of the reference motion. The tool picks and places "
+            "while the reference dwells: the end of a dwell (bold) is what matters to the "
+            "process"
         )
         parts.append(table_of(at_stops, caption=caption, left=3, name="stops"))
     return joined(parts)

@@ -175,14 +175,14 @@ class Audit(Described):
         if self.step > self.friction_step_limit:
             worries.append(
                 f"the explicit step of {self.step:.3g} s does not follow friction under the "
-                f"largest normal force, which asks for {self.friction_step_limit:.3g} s: forces of "
-                "a jammed journal may be off by tens of per cent; take the integrator "
+                f"largest normal force, which requires {self.friction_step_limit:.3g} s: forces "
+                "of a jammed journal may be off by tens of per cent; take the integrator "
                 f"{DEFAULT!r}, which does"
             )
         if self.unsolved > FEW_UNSOLVED:
             worries.append(
-                f"the velocities of {self.unsolved} steps were not found: friction falls too "
-                "steeply with speed for this step; reduce it"
+                f"the velocity equations of {self.unsolved} steps did not converge: friction "
+                "falls too steeply with speed for this step; reduce it"
             )
         if self.unresolved:
             worries.append(
@@ -197,7 +197,7 @@ class Audit(Described):
             )
         if self.friction_fed > FED_WARNING * self.energy_exchanged:
             worries.append(
-                f"friction gave back {self.friction_fed:.3g} J: its bristles are not passive with "
+                f"friction returned {self.friction_fed:.3g} J: its bristles are not passive with "
                 "these parameters (docs/laws.md)"
             )
         if self.relative_step_error is not None and not self.relative_step_error <= STEP_WARNING:
@@ -240,9 +240,8 @@ class Audit(Described):
             "" if self.step_error is None else f"the tool is off by about {self.step_error:.2g} m, "
         )
         return (
-            f"half the step gives a different motion: {tool}all coordinates by "
-            f"{100 * relative:.2g} % "
-            "of how far they move: reduce the step"
+            f"half the step gives different results: {tool}all coordinates by "
+            f"{100 * relative:.2g} % of how far they move: reduce the step"
         )
 
     def __str__(self) -> str:

@@ -14,13 +14,13 @@ from jointplay.kernel import AZIMUTHS, Status
 from jointplay.kernel.workspace import Workspace
 from jointplay.loads.base import Load
 from jointplay.loads.drive import JointFriction
-from jointplay.loads.terms import TERMS
 from jointplay.mechanism.loop import locked
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.result.audit import PORTION, Auditor, Judgement
 from jointplay.result.result import AXES, FORMAT, Result
 from jointplay.result.stored import versions
 from jointplay.result.variables import (
+    TERMS,
     BoundLoads,
     Phase,
     Records,

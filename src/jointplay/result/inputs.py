@@ -27,7 +27,7 @@ class Inputs(Integration, Recording, Limited, Described):
     """One for all joints of the motion, or by joint; joints that are not named are then free."""
     _: KW_ONLY
     joint_friction: Mapping[str, JointFriction] | None = None
-    """Friction by joint; None takes the URDF's <dynamics> entries."""
+    """Friction by joint; None uses the URDF's <dynamics> entries."""
     payloads: tuple[Payload, ...] = ()
     """Bodies that frames pick up and release."""
     state: Mapping[str, float | tuple[float | None, float | None]] = quantity(
@@ -37,4 +37,4 @@ class Inputs(Integration, Recording, Limited, Described):
     reference or of any coordinate: ``joint.x`` and so on are the journal's own. None leaves
     one of the two open. In loops, what is not given follows."""
     loads: Mapping[str, Load] = field(default_factory=dict)
-    """What else acts, by a name of your choice: springs, wrenches, stops, controllers."""
+    """Other loads, each under a name of your choice: springs, wrenches, stops, controllers."""

@@ -1,10 +1,12 @@
-"""Datasets as NetCDF files that can be trusted to be whole: made in memory, sealed by a checksum.
+"""Datasets as NetCDF files, sealed by a checksum that shows whether they are complete.
 
 HDF5 ends the process if it closes a file on a full disk, and a file with a flipped bit can keep it
 busy for ever. So it writes to memory only, and the bytes then go to disk like those of any file
 (`files.write`). Behind them stands a line with their SHA-256: NetCDF readers do not see it, and
 HDF5 is not shown anything that has changed since. Nor is it shown anything here that another
-process has not read before (`hdf5.examined`): a stranger seals what he likes.
+process has not read before (`hdf5.examined`): anyone can compute a checksum.
+
+A file that is too large for memory is written portion by portion (`GrowingDataset`).
 """
 
 from __future__ import annotations
@@ -13,7 +15,7 @@ import hashlib
 import io
 import math
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from types import ModuleType
@@ -28,6 +30,12 @@ if TYPE_CHECKING:
 
 SEAL = b"\njointplay sha256 "
 """What stands between a file's content and its checksum, which ends the file with a newline."""
+
+CHUNK = 4096
+"""Records that are compressed together."""
+
+INDEX_BYTES = 1 << 18
+"""Memory for the index of the chunks, however many there are [bytes]."""
 
 _CHANGED = "its checksum does not match (cut short, or changed since)"
 
@@ -67,7 +75,7 @@ def digest(file: BinaryIO, size: int | None = None) -> bytes:
 
 
 def open_lazily(path: Path, indexed: bool = True) -> xr.Dataset:
-    """A file that `pack` or `Growing` made, of which is read what is asked for.
+    """A file that `pack` or `GrowingDataset` made, of which is read what is asked for.
 
     All of it is read once, for its checksum.
 
@@ -84,7 +92,7 @@ def open_lazily(path: Path, indexed: bool = True) -> xr.Dataset:
         sealed = file.read()
         file.seek(0)
         if size < 0 or not sealed.startswith(SEAL):
-            raise damaged(path, "it has no checksum, so that it must be loaded whole")
+            raise damaged(path, "it has no checksum, so it can only be loaded completely")
         if sealed != SEAL + digest(file, size) + b"\n":
             raise damaged(path, _CHANGED)
     with _examined(path) as xr:
@@ -132,3 +140,140 @@ def _examined(path: Path) -> Iterator[ModuleType]:
         raise
     except Exception as error:  # HDF5 raises whatever it stumbles over
         raise damaged(path, error) from None
+
+
+# Written portion by portion: the content is the same as `pack` makes, and so is the seal.
+
+
+class GrowingDataset:
+    """Dataset in a file, to which records are appended.
+
+    Args:
+        file: empty, to be written and read.
+        first: the first records, and whatever does not depend on time.
+
+    Raises:
+        OSError: there is no room for it.
+    """
+
+    def __init__(self, file: BinaryIO, first: xr.Dataset) -> None:
+        """Write the first records."""
+        import h5py
+
+        self._file = file
+        encoding = compression(first)
+        for name, variable in first.variables.items():
+            if variable.dims[:1] == ("time",):
+                sizes = (CHUNK, *variable.shape[1:])
+                encoding.setdefault(str(name), {})["chunksizes"] = sizes
+        content = first.to_netcdf(
+            None, engine="h5netcdf", encoding=encoding, unlimited_dims=["time"]
+        )
+        file.write(content)
+        file.flush()
+        self._rows = first.sizes["time"]
+        self._disk = _CheckedFile(file)
+        self._h5 = h5py.File(self._disk, "r+")
+        known = self._h5.id.get_mdc_config()
+        known.set_initial_size, known.initial_size = True, INDEX_BYTES
+        known.min_size, known.max_size = INDEX_BYTES, INDEX_BYTES
+        self._h5.id.set_mdc_config(known)
+
+    def append(self, records: xr.Dataset) -> None:
+        """Append the next records.
+
+        Raises:
+            OSError: there is no room for them.
+        """
+        end = self._rows + records.sizes["time"]
+        for name, variable in records.variables.items():
+            if variable.dims[:1] == ("time",):
+                dataset = self._h5[str(name)]
+                dataset.resize(end, axis=0)
+                dataset[self._rows : end] = variable.values
+        self._rows = end
+        self._disk.check()
+
+    def finish(self, attributes: Mapping[str, Any], whole: Mapping[str, xr.DataArray]) -> None:
+        """Write what is known at the end, and the seal.
+
+        Args:
+            attributes: of the dataset.
+            whole: variables that are there, with their values at the end.
+
+        Raises:
+            OSError: there is no room for it.
+        """
+        import h5netcdf
+
+        for name, variable in whole.items():
+            self._h5[name][...] = variable.values
+        with h5netcdf.File(self._h5, "r+") as dataset:
+            dataset.attrs.update(attributes)
+        self.close()
+        self._disk.check()
+        self._file.flush()
+        self._file.seek(0)
+        sealed = digest(self._file)
+        self._file.seek(0, io.SEEK_END)
+        self._file.write(SEAL + sealed + b"\n")
+
+    def close(self) -> None:
+        """Let go of the file, finished or not."""
+        self._h5.close()
+
+
+class _CheckedFile(io.RawIOBase):
+    """A file that accepts whatever HDF5 writes, and reports afterwards what failed.
+
+    HDF5 ends the process if a file cannot be closed because the disk is full.
+    """
+
+    def __init__(self, file: BinaryIO) -> None:
+        self._inner, self._error = file, None
+
+    _error: OSError | None
+
+    def check(self) -> None:
+        """Raise what went wrong."""
+        self._try(self._inner.flush)
+        if self._error is not None:
+            raise self._error
+
+    def _try(self, function: Any, *arguments: Any) -> Any:
+        try:
+            return function(*arguments)
+        except OSError as error:
+            self._error = self._error or error
+            return None
+
+    def readable(self) -> bool:
+        return True
+
+    def writable(self) -> bool:
+        return True
+
+    def seekable(self) -> bool:
+        return True
+
+    def readinto(self, buffer: Any) -> int:
+        got = self._try(self._inner.readinto, buffer)  # type: ignore[attr-defined]
+        return len(buffer) if got is None else int(got)
+
+    def write(self, content: Any) -> int:
+        self._try(self._inner.write, content)
+        return len(content)
+
+    def seek(self, offset: int, whence: int = io.SEEK_SET) -> int:
+        place = self._try(self._inner.seek, offset, whence)
+        return offset if place is None else int(place)
+
+    def tell(self) -> int:
+        return int(self._try(self._inner.tell) or 0)
+
+    def truncate(self, size: int | None = None) -> int:
+        self._try(self._inner.truncate, size)
+        return size or 0
+
+    def flush(self) -> None:
+        self._try(self._inner.flush)

@@ -195,7 +195,7 @@ class Result:
         is missing: code that a file brings is never run.
 
         Raises:
-            JointplayError: its inputs make no simulation.
+            JointplayError: its inputs do not make a simulation.
         """
         kind: type[Simulation] = load_object("simulation:Simulation")
         with trusting(self.trust), showing():
@@ -206,7 +206,7 @@ class Result:
             except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as error:
                 reason = " ".join(str(error).split()) or type(error).__name__
                 raise JointplayError(
-                    f"the inputs that the result holds make no simulation: {reason}"
+                    f"the inputs in the result do not define a simulation: {reason}"
                 ) from None
 
     def save(self, path: str | Path, overwrite: bool = False) -> Path:
@@ -275,7 +275,7 @@ class Result:
         if found is None:
             raise JointplayError(f"{str(path)!r} is not a jointplay result")
         if not isinstance(found, int | np.integer):
-            raise JointplayError(f"{str(path)!r} is damaged: its format is no whole number")
+            raise JointplayError(f"{str(path)!r} is damaged: its format is not a whole number")
         if found != FORMAT:
             raise JointplayError(
                 f"{str(path)!r} is a result of format {found}; this version reads only "

@@ -24,41 +24,42 @@ class Integration:
     integrator: str = choice("integrator", INTEGRATORS, default=DEFAULT)
     """Method."""
     macro_step: float | None = quantity("s", default=None)
-    """Interval at which `multi-rate` asks Pinocchio for the arm's inertia; an error estimate's
-    choice if not given."""
+    """Interval at which `multi-rate` updates the arm's inertia with Pinocchio; if not given, it is
+    chosen by an error estimate."""
     tolerance: float | None = quantity("", default=None)
-    """Error of a macro step relative to the momentum that contacts and inertia move in it, by which
-    `multi-rate` chooses its micro steps; if not given they are all as long as the step, which
-    otherwise sets the times of records only."""
+    """Error allowed in a macro step, relative to the momentum that contacts and inertia exchange in
+    it; `multi-rate` chooses its micro steps accordingly. If not given, all micro steps are as long
+    as the step; if given, the step sets only the times of records."""
     duration: float | None = quantity("s", default=None)
-    """Simulated time; the motion's if not given."""
+    """Simulated time; if not given, the duration of the motion."""
     seed: int | None = None
-    """Displaces each journal at the start by a random vector of up to half its clearances."""
+    """Seed of random displacements: each journal starts displaced by up to half its clearances."""
     start: str | None = choice("start", STARTS, default=None)
-    """Where journals begin: ``rest``, where they lie under gravity and drives, or ``centred``, in
-    the middle of their bearings. If not given: at rest where gravity acts or the reference moves
-    from the first, if there is a place of rest; centred where a film that is not hybrid must not
-    break."""
+    """Where journals start: ``rest``, at their equilibrium under gravity and drives, or
+    ``centred``, in the middle of their bearings. If not given: at rest if gravity acts or the
+    reference moves from the beginning, provided that there is an equilibrium; centred if a film
+    that is not hybrid must not break."""
     settle: float | str | None = quantity("s", default=None)
-    """Time at the start in which the motion settles and is not judged, or ``"2 turns"``: until a
-    driven joint has turned so often."""
+    """Time at the start in which the motion settles and figures are not judged, or ``"2 turns"``:
+    until a driven joint has made so many turns."""
     judge_from: float | None = quantity("s", default=None)
-    """When figures begin to be judged; when the run has settled if not given."""
+    """Time from which figures are judged; if not given, when the run has settled."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Recording:
-    """What is kept."""
+    """What is recorded."""
 
     record_every: int = 10
-    """Steps between two records; peaks in between are held."""
+    """Steps between two records; each record holds the peaks since the one before."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Limited:
-    """What becomes of the URDF's limits."""
+    """How limits of the URDF are treated."""
 
-    limits: str = choice("way with limits", LIMITS, default=LIMITS[0])
-    """The URDF's limits of joints: ``report`` refuses motions beyond a position and reports speeds
-    and efforts, ``cut`` also cuts the efforts of drives and controllers, ``ignore`` checks nothing.
+    limits: str = choice("treatment of limits", LIMITS, default=LIMITS[0])
+    """How joint limits of the URDF are treated: ``report`` refuses motions beyond a position limit
+    and reports speeds and efforts beyond theirs, ``cut`` also cuts the efforts of drives and
+    controllers, ``ignore`` checks nothing.
     """

@@ -97,22 +97,22 @@ def _check_attributes(dataset: xr.Dataset) -> None:
     """Texts must be texts, the status known, the versions a table, the time taken a number."""
     for name in _TEXTS:
         if not isinstance(dataset.attrs.get(name), str):
-            raise JointplayError(f"its attribute {name!r} is missing or no text")
+            raise JointplayError(f"its attribute {name!r} is missing or not text")
     for name, value in dataset.attrs.items():
         if isinstance(value, str) and not _writable(value):
-            raise JointplayError(f"its attribute {name!r} is no text")
+            raise JointplayError(f"its attribute {name!r} is not text")
     status = dataset.attrs["status"]
     if status.upper() not in Status.__members__:
         known = ", ".join(one.name.lower() for one in Status)
         raise JointplayError(f"it has the status {status!r:.60}; known are {known}")
     versions = dataset.attrs.get("versions", "{}")
     if not isinstance(_json("versions", versions), dict):
-        raise JointplayError(f"its attribute 'versions' is no table: {versions!r:.60}")
+        raise JointplayError(f"its attribute 'versions' is not a table: {versions!r:.60}")
     wall = dataset.attrs.get("wall_time_s", 0.0)
     try:
         float(wall)
     except (TypeError, ValueError):
-        raise JointplayError(f"its attribute 'wall_time_s' is no number: {wall!r:.60}") from None
+        raise JointplayError(f"its attribute 'wall_time_s' is not a number: {wall!r:.60}") from None
 
 
 def _check_certificate(dataset: xr.Dataset) -> None:
@@ -122,7 +122,7 @@ def _check_certificate(dataset: xr.Dataset) -> None:
         for figure in Certificate.from_description(given).figures:
             str(figure)
     except (ArithmeticError, ValueError) as error:
-        raise JointplayError(f"certificate: a figure cannot be shown: {error}") from None
+        raise JointplayError(f"certificate: a figure is invalid: {error}") from None
 
 
 def _json(name: str, text: Any) -> Any:
@@ -132,7 +132,7 @@ def _json(name: str, text: Any) -> Any:
         json.dumps(given, ensure_ascii=False).encode()  # half characters cannot be shown
         return given
     except (TypeError, ValueError, RecursionError) as error:
-        raise JointplayError(f"its attribute {name!r} is no JSON: {error}") from None
+        raise JointplayError(f"its attribute {name!r} is not valid JSON: {error}") from None
 
 
 def _described(dataset: xr.Dataset, name: str, kind: type) -> Any:
@@ -215,7 +215,7 @@ def _names(dataset: xr.Dataset, name: str, dimension: str = "") -> list[str]:
     if not values and dimension != "contact":
         raise JointplayError(f"it has nothing along {dimension!r}")
     if not all(isinstance(value, str) and _writable(value) for value in values):
-        raise JointplayError(f"names along {dimension!r} are no text: {values!r:.60}")
+        raise JointplayError(f"names along {dimension!r} are not text: {values!r:.60}")
     return values
 
 

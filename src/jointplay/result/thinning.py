@@ -38,7 +38,7 @@ def thinned(result: Result, every: int) -> Result:
         every: n, at least 1.
 
     Raises:
-        JointplayError: `every` is no whole number from 1 on.
+        JointplayError: `every` is not a whole number from 1 on.
     """
     if require_whole("every", every, 1) == 1 or result.dataset.sizes["time"] < 2:
         return result

@@ -1,4 +1,4 @@
-"""What histories are made of: motion of the bodies, contacts, loads, forces of ideal joints."""
+"""What histories are made of: energies, body motion, contacts, loads, forces of ideal joints."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import pinocchio as pin
 
 from jointplay.geometry import classify_many
 from jointplay.joints import VIRTUAL_LINK, Coordinate
+from jointplay.kernel import POWERS
 from jointplay.loads.base import Load
 from jointplay.loads.drive import JointFriction
 from jointplay.mechanism.impact import elastic_energy
@@ -18,6 +19,42 @@ from jointplay.mechanism.loop import ANGLE_ARM_M, locked
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.mechanism.model import Frame
 from jointplay.mechanism.tree import BodyMotion, Tree
+
+# Terms of the energy balance: one for each power that the kernels count.
+#
+# Results, the audit, the certificate and the energy chart go through this list.
+
+
+@dataclass(frozen=True)
+class Term:
+    """Work that one kind of load has done since the start."""
+
+    power: str
+    """Which of the kernels' powers."""
+    variable: str
+    """Name of its time history in results."""
+    label: str
+    """What charts call it."""
+    lost: bool = True
+    """Whether it takes energy out of the mechanism; else it brings it in."""
+
+
+TERMS = (
+    Term("drive", "drive_work", "work of the drives", lost=False),
+    Term("normal_dissipation", "normal_dissipation", "lost in normal contact"),
+    Term("friction_dissipation", "friction_dissipation", "lost in sliding"),
+    Term("joint_friction", "joint_friction_loss", "lost in joint friction"),
+    Term("gear_dissipation", "gear_dissipation", "lost in gears"),
+    Term("film_dissipation", "film_dissipation", "lost in oil"),
+)
+"""In the order of the kernels' powers."""
+
+if tuple(term.power for term in TERMS) != POWERS:
+    raise TypeError(f"the terms of the energy balance are not the kernels': {', '.join(POWERS)}")
+
+LOSSES = tuple(term.variable for term in TERMS if term.lost)
+"""Time histories of energy lost."""
+
 
 # Records that a run left, whole or a portion of them, wherever they are kept.
 
@@ -97,7 +134,7 @@ class BoundLoads:
         """What each load's law gave, (n, size)."""
         recorded, answers, at = records.recorded("load_force"), {}, 0
         for name, site in self._sites.items():
-            size = len(site.pushed) if site.frames is None else 6
+            size = len(site.outputs) if site.frames is None else 6
             answers[name] = recorded[:, at : at + size]
             at += size
         return answers
@@ -117,7 +154,7 @@ class BoundLoads:
         parts, values, units = [], [], []
         for i, (name, load) in enumerate(self.loads.items()):
             site = self._sites[name]
-            x = q[:, list(site.seen)] if site.frames is None else body["poses"]["load", name]
+            x = q[:, list(site.inputs)] if site.frames is None else body["poses"]["load", name]
             energy[:, i] = load.energy(x, load.numbers(self.mechanism))
             for series in load.record(x, answers[name]):
                 parts.append(f"{name}.{series.name}")
@@ -125,11 +162,11 @@ class BoundLoads:
                 units.append(series.unit)
         work = records.recorded("load_work").copy()
         each, part = ("time", "load"), ("time", "load_part")
-        text = "brought in by the load since t = 0, beyond what it stores"
+        text = "work added by the load since t = 0, beyond its stored energy"
         variables: Variables = {
-            "load_energy": (each, energy, "J", "stored in the load"),
+            "load_energy": (each, energy, "J", "energy stored in the load"),
             "load_work": (each, work, "J", text),
-            "load_record": (part, np.stack(values, axis=1), "", "what loads record of themselves"),
+            "load_record": (part, np.stack(values, axis=1), "", "quantities that loads record"),
         }
         units_of_parts = ("load_part", units)
         return variables, {"load": names, "load_part": parts, "load_part_unit": units_of_parts}
@@ -139,7 +176,7 @@ class BoundLoads:
         efforts = np.zeros((records.rows, self.mechanism.model.nv))
         for name, answers in self._answers(records).items():
             if self.loads[name].driven():
-                efforts[:, list(self._sites[name].pushed)] += answers
+                efforts[:, list(self._sites[name].outputs)] += answers
         return efforts
 
     def pushes(self, body: Mapping[str, Any], records: Records) -> LoadWrenches:
@@ -151,7 +188,7 @@ class BoundLoads:
         for name, answers in self._answers(records).items():
             site = self._sites[name]
             if site.frames is None:
-                efforts[:, list(site.pushed)] += answers
+                efforts[:, list(site.outputs)] += answers
                 continue
             turn = body["bearings"]["load", name]
             force = np.einsum("nik,nk->ni", turn, answers[:, :3])

@@ -15,7 +15,7 @@ import numpy as np
 from jointplay.contact import trust
 from jointplay.core.errors import JointplayError, MissingName, require_positive, within
 from jointplay.core.schema import Draft, Preset, fields_of, unknown_key
-from jointplay.core.units import WORDS, Measured, expected, toml_text
+from jointplay.core.units import Measured, expected, named, toml_text
 from jointplay.joints import JOINT_WORDS, Clearance
 from jointplay.loads import Load
 from jointplay.loads.drive import ComputedTorque, Drive, JointFriction, Torque
@@ -79,7 +79,7 @@ def fit(
         raise MissingName("moving joint", joint, mechanism.joints, where=path)
     if isinstance(value, Measured) and value.unit not in ("", unit):
         raise JointplayError(
-            f"{toml_text(value.text)} is no {WORDS[unit][0]}, but joint {joint!r} is {kind}; "
+            f"{toml_text(value.text)} is not {named(unit)}, but joint {joint!r} is {kind}; "
             f"expected {expected(unit)}",
             where=path,
         )
@@ -125,7 +125,8 @@ def drive_of(
         if drives[name].follows and (motion is None or name not in motion.joints):
             kind = drives[name].kind
             raise JointplayError(
-                f"a {kind} drive follows a motion, and [motion] has none for it", where=path
+                f"a {kind} drive follows a motion, but [motion] does not give one for it",
+                where=path,
             )
     return drives
 
@@ -278,7 +279,7 @@ def _turning(model: Model, mechanism: Mechanism, start: dict[str, float]) -> Mot
     duration = model.integration.duration
     if duration is None:
         raise JointplayError(
-            "constant speeds have no end; give duration in [integration]",
+            "constant speeds do not end by themselves; give duration in [integration]",
             where=("motion", "speeds"),
         )
     names = list(model.motion.speeds)

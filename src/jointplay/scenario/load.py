@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 from jointplay.contact.trust import trusting
 from jointplay.core.errors import JointplayError, MissingName
 from jointplay.core.files import read_text
-from jointplay.core.overview import Overview, few
 from jointplay.core.schema import check, fields_of, make, unknown_key
+from jointplay.core.tables import Overview, few
 from jointplay.core.units import toml_text
 from jointplay.mechanism.robots import SHIPPED, resolve
 from jointplay.scenario.model import MOTION_SOURCES, NOT_IN_A_CASE, IntegrationTable, Model, Output
@@ -200,7 +200,7 @@ class Scenario(Overview):
                 raise self.error(("cases", case, key), unknown_key(key, keys))
             if key in self._set and key != "title":
                 source = next(one.source for one in self.settings if one.key[0] == key)
-                raise JointplayError(f"{source}: settings hold for all cases, and name none")
+                raise JointplayError(f"{source}: settings apply to all cases; leave out the case")
         if "figures" in (changed.get("output") or {}):
             message = "figures compare all cases; give this in [output]"
             raise self.error(("cases", case, "output", "figures"), message)
@@ -217,7 +217,7 @@ class Scenario(Overview):
 
     def _table(self, value: Any, path: Key) -> Mapping[str, Any]:
         if not isinstance(value, Mapping):
-            raise self.error(path, f"{toml_text(value)} is no table")
+            raise self.error(path, f"{toml_text(value)} is not a table")
         return value
 
     @cached_property

@@ -42,11 +42,11 @@ class Robot(Limited):
     """URDF: a path relative to the scenario's file, ``jointplay:NAME`` for one that ships with the
     package, or ``example-robot-data:NAME``."""
     tool: str | None = None
-    """Frame whose motion is reported; the last one of the URDF if not given."""
+    """Frame whose motion is reported; if not given, the last one of the URDF."""
     gravity: Vector = quantity("m/s^2", default=STANDARD_GRAVITY, choices=("gravity", GRAVITY))
-    """``loaded`` (9.81 m/s^2 along -z), ``balanced`` (none), or three components in world axes."""
+    """``loaded`` (9.81 m/s^2 along -z), ``balanced`` (zero), or three components in world axes."""
     allow_unphysical: tuple[str, ...] = ()
-    """Links whose inertia is used although no rigid body has it."""
+    """Links whose inertias are accepted although they are physically impossible."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,8 +76,8 @@ class MotionTable:
     """Reference motion: a file, joint positions, constant speeds, or positions of the tool."""
 
     file: str | None = None
-    """CSV with the header ``time_s,<joint>,...``, in rad and m, or ROS 2 bag (.mcap); a path like
-    that of the URDF."""
+    """CSV with the header ``time_s,<joint>,...``, in rad and m, or ROS 2 bag (.mcap); the path is
+    given like that of the URDF."""
     times: list[float] | None = quantity("s", default=None)
     """Times of the waypoints."""
     joints: dict[str, list[float]] | None = quantity(*ANGLE, default=None)
@@ -85,17 +85,19 @@ class MotionTable:
     speeds: dict[str, float] | None = quantity(*ANGULAR_SPEED, default=None)
     """Constant speed, by joint, from the position in [start]; needs a duration."""
     interpolation: str | None = choice("interpolation", INTERPOLATIONS, default=None)
-    """How joints move between waypoints; if not given ``rest-to-rest``, for a bag ``spline``."""
+    """How joints move between waypoints; if not given, ``rest-to-rest``, or ``spline`` for a bag.
+    """
     tool_position: list[Vector] | None = quantity("m", default=None)
     """Position of the frame at each time, in world axes; inverse kinematics finds the joints'."""
     tool_rpy: list[Vector] | None = quantity("rad", default=None)
     """Its roll, pitch and yaw at each time; free if not given."""
     frame: str | None = None
-    """Frame that moves like this; the tool if not given."""
+    """Frame that follows these positions; if not given, the tool."""
     faster: float | None = quantity("", default=None)
-    """How many times as fast as given the motion is; it takes so much less time."""
+    """Factor by which the motion is run faster than given."""
     path: str | None = choice("path", PATHS, default=None)
-    """Between Cartesian waypoints: joints in step, or the frame on a straight line."""
+    """Between Cartesian waypoints: ``joint`` moves all joints in step, ``line`` moves the frame on
+    a straight line."""
 
     def given(self) -> dict[str, Any]:
         """Values of those keys that the file has."""
@@ -108,12 +110,13 @@ class IntegrationTable(Integration):
     """Time integration, the start, and certificates."""
 
     certify: bool = False
-    """Whether the case is run again more finely, for the numerical errors of its figures."""
+    """Whether the case is repeated with finer steps to bound the numerical errors of its figures.
+    """
 
 
 @dataclass(frozen=True, kw_only=True)
 class Output(Recording):
-    """What is kept."""
+    """What is recorded."""
 
     figures: bool = True
     """Whether figures that compare the cases are drawn."""
@@ -124,7 +127,7 @@ class HeldPayload(Payload):
     """A payload of which the frame may be left out."""
 
     frame: str = field(default="", kw_only=True)
-    """Frame that holds it; the tool if not given."""
+    """Frame that holds it; if not given, the tool."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -144,20 +147,21 @@ class Model:
     gears: dict[str, Gear] = field(default_factory=dict)
     """Gears with play, by joint."""
     drive: Drive | None = None
-    """Of all joints of the motion; ``computed-torque`` if not given."""
+    """Drive of all joints of the motion; if not given, ``computed-torque``."""
     drives: dict[str, Drive] = field(default_factory=dict)
-    """Of single joints; those with neither motion nor drive are then free."""
+    """Drives of single joints; if this table is given, joints with neither motion nor drive are
+    free."""
     joint_friction: dict[str, JointFriction] = field(default_factory=dict)
-    """By joint; those not named have that of their URDF."""
+    """Friction by joint; joints not named have the friction of the URDF."""
     motion: MotionTable | None = None
     """Reference motion."""
     start: dict[str, float] = quantity(*ANGLE, default_factory=dict)
     """Position at the start of joints without reference, or of single coordinates such as
     ``"joint_b.x"``; with ``tool_position``, where inverse kinematics begins."""
     start_speed: dict[str, float] = quantity(*ANGULAR_SPEED, default_factory=dict)
-    """Speed at the start of the same."""
+    """Speeds at the start, likewise."""
     loads: dict[str, Load] = field(default_factory=dict)
-    """What else acts, by a name of your choice."""
+    """Other loads, each under a name of your choice."""
     payloads: list[HeldPayload] = field(default_factory=list)
     """Bodies that the tool picks up and releases."""
     integration: IntegrationTable = IntegrationTable()

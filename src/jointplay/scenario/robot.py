@@ -107,7 +107,7 @@ def robot_scenario(
     if not scara and "tool" not in given.get("robot", {}):
         tool, reason = choose_tool(description)
         text["robot"]["tool"] = tool
-        assumptions.append(f"tool: {tool} (chosen: {reason}; --tool FRAME takes another)")
+        assumptions.append(f"tool: {tool} (chosen: {reason}; --tool FRAME selects another)")
     if "motion" not in given:
         if scara:
             text["motion"] = {"file": SCARA_MOTION}
@@ -213,6 +213,6 @@ def _there_and_back(description: Description) -> tuple[dict[str, Any], str]:
     motion = {"times": [0.0, SWING_S, 2.0 * SWING_S], "joints": ways}
     words = (
         f"no motion given: every joint moves up to {SWING:g} rad or {SLIDE:g} m there and back in "
-        f"{2.0 * SWING_S:g} s; --motion CSV or --set motion... gives another"
+        f"{2.0 * SWING_S:g} s; --motion CSV or --set motion... replaces it"
     )
     return motion, words

@@ -44,8 +44,8 @@ def parse(text: str) -> Setting:
         table = tomllib.loads(f"{name} = 0")
     except (tomllib.TOMLDecodeError, RecursionError):
         raise JointplayError(
-            f"--set {toml_text(text)}: {toml_text(name)} is no key; parts are joined by dots, and "
-            "quoted where they have other signs than letters, digits, - and _"
+            f"--set {toml_text(text)}: {toml_text(name)} is not a key; parts are joined by dots, "
+            "and quoted where they have other signs than letters, digits, - and _"
         ) from None
     key = []
     here: Any = table

@@ -102,8 +102,8 @@ def continue_run(run: Run, path: Path) -> None:
     was, now = head["simulation"], json.loads(json.dumps(run.simulation.describe()))
     if was != now:
         raise JointplayError(
-            f"{str(path)!r} is of another run: {first_difference(was, now)}; name "
-            "another folder, or change it back"
+            f"{str(path)!r} belongs to another run: {first_difference(was, now)}; choose another "
+            "folder, or undo the change"
         )
     with _naming_checkpoint(path):
         _restore(run, arrays, head)
@@ -121,7 +121,7 @@ def first_difference(was: Any, now: Any, place: str = "") -> str:
         for k, (one, other) in enumerate(zip(was, now, strict=True)):
             if one != other:
                 return first_difference(one, other, f"{place}[{k}]")
-    return f"{place} is {_short(now)}, and was {_short(was)}"
+    return f"{place} is {_short(now)} instead of {_short(was)}"
 
 
 def _short(value: Any) -> str:
@@ -138,7 +138,7 @@ def _restore(run: Run, arrays: dict[str, np.ndarray], head: dict[str, Any]) -> N
     run.workspace.restore(arrays)
     if run.workspace.kept_elsewhere:
         if run.on_disk is None:
-            raise JointplayError("its records are on disk")
+            raise JointplayError("its records are on disk already")
         run.on_disk.name = head["records"]["run"]
         run.on_disk.write_to_disk()
     run.recall(head["memory"] | {"unjudged": unjudged or None})
@@ -167,8 +167,8 @@ def read(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
         if head.get(what) != value:
             raise JointplayError(
                 f"{str(path)!r} was written by another version "
-                f"({_difference(head.get(what), value)}), which may step otherwise; continue it "
-                "with that one"
+                f"({_difference(head.get(what), value)}), which may compute different steps; "
+                "continue it with that version"
             )
     return arrays, head
 
@@ -185,7 +185,7 @@ def _read(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
     except (OSError, ValueError, LookupError, RecursionError) as error:
         raise _damaged(path, error) from None
     if not isinstance(head, dict):
-        raise _damaged(path, ValueError("its head is no table"))
+        raise _damaged(path, ValueError("its head is not a table"))
     return arrays, head
 
 
@@ -198,5 +198,5 @@ def _difference(theirs: Any, ours: Any) -> str:
 
 def _damaged(path: Path, error: Exception) -> JointplayError:
     return JointplayError(
-        f"{str(path)!r} is damaged or no checkpoint: {' '.join(str(error).split())}"
+        f"{str(path)!r} is damaged or not a checkpoint: {' '.join(str(error).split())}"
     )

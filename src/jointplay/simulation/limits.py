@@ -71,16 +71,17 @@ def joint_friction(simulation: Simulation) -> Mapping[str, JointFriction]:
 
 
 def effort_bounds(simulation: Simulation, followed: Sequence[str]) -> dict[str, float]:
-    """Hold the motion against the URDF's limits; returns the efforts that are to be cut."""
-    way = limits_of_joints.require_known(simulation.limits)
-    if way == "ignore":
+    """Check the motion against the URDF's limits; returns the efforts at which drives are cut."""
+    if simulation.limits == "ignore":
         return {}
     if followed:
         assert simulation.motion is not None
         motion = simulation.motion
         for text in limits_of_joints.check_motion(simulation.mechanism, motion, followed):
             warnings.warn(text, RuntimeWarning, stacklevel=5)
-    return limits_of_joints.bounds(simulation.mechanism) if way == "cut" else {}
+    if simulation.limits != "cut":
+        return {}
+    return limits_of_joints.bounds(simulation.mechanism)
 
 
 def check_numbers(step: float, duration: float, every: object, seed: object) -> None:

@@ -57,7 +57,7 @@ def load_site(load: Load, mechanism: Mechanism, bounds: Mapping[str, float]) -> 
     if site.frames is None:
         largest = tuple(bounds.get(name, math.inf) for name in load.driven())
         cut = largest if any(math.isfinite(one) for one in largest) else ()
-        return LoadSite(law, numbers, load.stores, load.implicit(), site.seen, site.pushed, cut)
+        return LoadSite(law, numbers, load.stores, load.implicit(), site.inputs, site.outputs, cut)
     (i, _), (j, _) = site.frames
     return LoadSite(
         law,
@@ -102,7 +102,7 @@ def _direction(site: Site, model: pin.Model, data: pin.Data, q: np.ndarray) -> n
     """Rate at which a spring's length or angle changes per generalised velocity, shape (nv,)."""
     row = np.zeros(model.nv)
     if site.frames is None:
-        row[list(site.pushed)] = 1.0
+        row[list(site.outputs)] = 1.0
         return row
     (i, first), (j, second) = site.frames
     pin.computeJointJacobians(model, data, q)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import tempfile
 import time
 import warnings
-from collections.abc import Callable, Mapping
-from contextlib import closing
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +14,7 @@ from jointplay.core import files, signals
 from jointplay.core.errors import JointplayError
 from jointplay.kernel import Status
 from jointplay.result.histories import HistoryBuilder
+from jointplay.result.netcdf import GrowingDataset
 from jointplay.result.result import Result
 from jointplay.simulation import checkpoint, working_files
 from jointplay.simulation.progress import Writing
@@ -52,20 +53,20 @@ def run_and_save(
     notes: Mapping[str, Any] | None = None,
     overwrite: bool = False,
 ) -> tuple[Status, Result | None]:
-    """Run and save; told to stop, the run is saved as far as it came, with a checkpoint beside it.
+    """Run and save; after a request to stop, save what there is, with a checkpoint beside it.
 
     Returns:
         How it ended, and the result; None of a run whose records are on disk: the file has it.
 
     Raises:
         JointplayError: the result cannot be written to `path`; the message says where it is.
-        KeyboardInterrupt: told to stop twice, or before anything was computed.
+        KeyboardInterrupt: two requests to stop, or one before anything was computed.
     """
     on_disk = run.on_disk
     kept = working_paths(path)[1]
     result: Result | None = None
     with signals.keeping(str(path)):
-        signals.stoppable(run)
+        _stop_on_request(run)
         if on_disk is not None:
             run.stop_checks.append(_checkpoints(run, kept))
         with warnings.catch_warnings():
@@ -86,6 +87,21 @@ def run_and_save(
             on_disk.remove()
             working_files.remove(path)
     return status, result
+
+
+def _stop_on_request(run: Run) -> None:
+    """Have `run` stop between two stretches when this process is asked to stop."""
+
+    @contextmanager
+    def guard() -> Iterator[None]:
+        if signals.stop_requested():  # before it began
+            raise KeyboardInterrupt
+        yield
+        if run.workspace.rows == 0:  # stopped before its first record
+            raise KeyboardInterrupt
+
+    run.guards.append(guard)
+    run.stop_checks.append(signals.stop_requested)
 
 
 def _checkpoints(run: Run, path: Path) -> Callable[[], bool]:
@@ -109,7 +125,7 @@ def _write_checkpoint(run: Run, kept: Path) -> None:
     except JointplayError as error:
         signals.say(f"no checkpoint: {error}")
     else:
-        signals.say(f"checkpoint at t = {run.workspace.time:.6g} s: --resume goes on from it")
+        signals.say(f"checkpoint at t = {run.workspace.time:.6g} s: --resume continues from it")
 
 
 def _save_from_disk(
@@ -133,8 +149,6 @@ def _save_from_disk(
         whole, records = made.totals(w), next(portions)
         first = made.portion(records, run.phases).assign(whole)
         bar.update(records.rows)
-        from jointplay.result.portions import GrowingDataset  # takes long to import
-
         with closing(GrowingDataset(file, first)) as growing:
             for records in portions:
                 growing.append(made.portion(records, run.phases))
@@ -161,5 +175,5 @@ def save(result: Result, path: Path, overwrite: bool = False) -> None:
             other = Path(tempfile.mkdtemp(prefix="jointplay-")) / path.name
             result.save(other)
         except (JointplayError, OSError):
-            raise JointplayError(f"{error}; nor is there room for it elsewhere") from None
+            raise JointplayError(f"{error}; it could not be saved elsewhere either") from None
         raise JointplayError(f"{error}; the result is in {str(other)!r} instead") from None

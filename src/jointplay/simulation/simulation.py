@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import warnings
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
@@ -11,10 +12,10 @@ from typing import TYPE_CHECKING, Any, Self, TypedDict, Unpack
 
 import numpy as np
 
-from jointplay.core.errors import JointplayError
+from jointplay.core.errors import JointplayError, require_non_negative
 from jointplay.core.imports import load_object
-from jointplay.core.overview import Overview, few
 from jointplay.core.schema import check_fields, unknown_key
+from jointplay.core.tables import Overview, few
 from jointplay.core.units import readable
 from jointplay.loads import Load
 from jointplay.loads.drive import Drive, JointFriction
@@ -23,13 +24,19 @@ from jointplay.mechanism.payload import Payload
 from jointplay.motion.completion import complete_motion
 from jointplay.motion.reference import Motion
 from jointplay.result.inputs import Inputs
-from jointplay.simulation import checkpoint, judging
+from jointplay.result.settings import START_UP
+from jointplay.simulation import checkpoint
 from jointplay.simulation.initial import position_and_speed
 from jointplay.simulation.run import Moment, Run
 from jointplay.simulation.saving import run_to
 
 if TYPE_CHECKING:
     from jointplay.result.result import Result
+
+_TURNS = re.compile(r"\s*([0-9.]+(?:[eE][+-]?[0-9]+)?)\s*(turns?|s)\s*")
+
+_NODES = 20000
+"""Times at which a motion is searched for its turns."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -64,7 +71,7 @@ class Simulation(Overview, Inputs):
             facts["motion"] = f"{joints}: {len(motion.times)} waypoints, {motion.interpolation}"
         drives = {"all": self.drive} if isinstance(self.drive, Drive) else self.drive
         facts["drives"] = "; ".join(f"{name}: {one.kind}" for name, one in drives.items()) or "none"
-        duration = judging.duration_of(self)
+        duration = self._simulated_time()
         facts["duration"] = "not given" if math.isnan(duration) else readable(duration, "s")
         facts["integration"] = f"{self.integrator}, steps of {readable(self.step, 's')}"
         told = {"mechanism", "motion", "drive", "duration", "integrator", "step"}
@@ -100,7 +107,31 @@ class Simulation(Overview, Inputs):
         Raises:
             JointplayError: numbers that make no sense, or turns of what does not turn.
         """
-        return judging.judged_from(self)
+        duration = self._simulated_time()
+        if self.judge_from is not None:
+            if self.settle is not None:
+                raise JointplayError(
+                    f"judge_from ({self.judge_from!r}) and settle ({self.settle!r}) both set the "
+                    "start of judging; give only one of them"
+                )
+            start = require_non_negative("judge_from", self.judge_from, "s")
+        elif self.settle is not None:
+            start = _settling_time(self, self.settle, duration)
+        else:
+            falls = not self.starts_at_rest or self.seed is not None
+            falls = falls and bool(self.mechanism.clearance)
+            return START_UP if falls and duration > 2.0 * START_UP else 0.0
+        if start >= duration:
+            raise JointplayError(
+                f"figures would be judged from {start:g} s on, but the run ends at {duration:g} s"
+            )
+        return start
+
+    def _simulated_time(self) -> float:
+        """Duration [s]; not a number where neither `duration` nor the motion gives one."""
+        if self.duration is not None:
+            return float(self.duration)
+        return math.nan if self.motion is None else float(self.motion.duration)
 
     @classmethod
     def from_description(cls, description: Any) -> Self:
@@ -177,7 +208,7 @@ class Simulation(Overview, Inputs):
             try:
                 result.certificate = find_errors(result, simulation=self, progress=progress)
             except KeyboardInterrupt:
-                text = "interrupted while certifying: the result is whole, but not certified"
+                text = "interrupted while certifying: the result is complete, but not certified"
                 warnings.warn(text, RuntimeWarning, stacklevel=2)
         return result
 
@@ -225,3 +256,48 @@ def simulate(
     if unknown:
         raise JointplayError(unknown_key(unknown[0], Settings.__annotations__))
     return Simulation(mechanism, motion, **settings).run(progress, certify)  # type: ignore[arg-type]
+
+
+def _settling_time(simulation: Simulation, settle: float | str, duration: float) -> float:
+    """Time in which a motion settles [s], of seconds or of turns."""
+    if not isinstance(settle, str):
+        return require_non_negative("settle", settle, "s", ("settle",))
+    match = _TURNS.fullmatch(settle)
+    if match is None:
+        raise JointplayError(
+            f"settle must be seconds or as in '2 turns', got {settle!r}", where=("settle",)
+        )
+    number = float(match[1])
+    if match[2] == "s":
+        return number
+    motion, mechanism = simulation.motion, simulation.mechanism
+    turning = [] if motion is None else [n for n in motion.joints if n in mechanism.joints]
+    entries = mechanism.description.joints
+    turning = [name for name in turning if not entries[name].slides]
+    if motion is None or not turning:
+        raise JointplayError(
+            f"settle = {settle!r}: no joint follows a motion; give seconds", ("settle",)
+        )
+    times = [_time_of_turns(motion, name, number, duration) for name in turning]
+    first = min(times)
+    if math.isinf(first):
+        raise JointplayError(
+            f"settle = {settle!r}: no joint of the motion makes so many turns; give seconds",
+            where=("settle",),
+        )
+    return first
+
+
+def _time_of_turns(motion: Motion, joint: str, turns: float, duration: float) -> float:
+    """When a joint of the motion is so many turns from its start [s]; infinite if it never is."""
+    times = np.linspace(0.0, duration, _NODES)
+    position = motion(times)[0][:, motion.joints.index(joint)]
+    way = np.abs(position - position[0])
+    there = np.flatnonzero(way >= 2.0 * np.pi * turns * (1.0 - 1e-12))
+    if not len(there):
+        return math.inf
+    k = int(there[0])
+    if k == 0:
+        return 0.0
+    part = (2.0 * np.pi * turns - way[k - 1]) / (way[k] - way[k - 1])
+    return float(times[k - 1] + part * (times[k] - times[k - 1]))

@@ -71,7 +71,8 @@ class Spool:
         if length < size:
             self._file.close()
             raise JointplayError(
-                f"{str(path)!r} lacks records of the run: it holds {length} bytes, not {size}"
+                f"{str(path)!r} is missing records of the run: it holds {length} bytes instead of "
+                f"{size}"
             )
 
     def append(self, records: np.ndarray) -> None:

@@ -15,9 +15,9 @@ from typing import Any
 from tqdm import tqdm
 
 from jointplay.analysis.claims import ISOLATED, Measures, Verdict, judge
-from jointplay.analysis.tables import csv_text, markdown
 from jointplay.core import files
 from jointplay.core.processes import Pool, number_of
+from jointplay.core.tables import csv_text, markdown
 from jointplay.mechanism.urdf import GRAVITY
 from jointplay.result.settings import START_UP
 from jointplay.result.stored import versions

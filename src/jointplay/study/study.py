@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from jointplay.analysis.claims import Verdict
-from jointplay.analysis.tables import columns, markdown
 from jointplay.core import files, signals
+from jointplay.core.tables import columns, markdown
 from jointplay.result.result import Result
 from jointplay.study.cases import BESIDE, CASES, DIFFERS, EXPLICIT, EXPLICIT_STEP_S, run_case
 from jointplay.study.ensembles import Ensembles, made_with, write_claims
@@ -78,8 +78,8 @@ def write_errors(
     lines = [
         "# The study's figures with their numerical errors",
         "",
-        "Each case was run again more finely (docs/certificates.md); errors above 5 % are marked. "
-        f"The last column is the explicit integration with a fixed step ({EXPLICIT}, "
+        "Each case was repeated with finer steps (docs/certificates.md); errors above 5 % are "
+        f"marked. The last column is the explicit integration with a fixed step ({EXPLICIT}, "
         f"{1e6 * EXPLICIT_STEP_S:g} µs) of the same case: its value where it differs by more than "
         f"{100 * DIFFERS:g} % and the error.",
         "",

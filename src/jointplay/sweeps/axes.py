@@ -76,7 +76,7 @@ def read(name: str, given: Any) -> Axis:
     if isinstance(given, Sequence) and not isinstance(given, str):
         given = {"values": list(given)}
     if not isinstance(given, Mapping):
-        raise JointplayError(f"{toml_text(given)} is no axis; give a list of values or a table")
+        raise JointplayError(f"{toml_text(given)} is not an axis; give a list of values or a table")
     words = [*_KEYS, *dict.fromkeys(w for s, more in _SOURCES.items() for w in (s, *more))]
     for word in given:
         if word not in words:
@@ -91,7 +91,7 @@ def read(name: str, given: Any) -> Axis:
     (source,) = sources
     for word in given:
         if word not in (*_KEYS, source, *_SOURCES[source]):
-            raise JointplayError(f"{word} contradicts {source}; leave one of them out")
+            raise JointplayError(f"{word} and {source} exclude each other; give only one of them")
     if source == "variants":
         return _variants(name, given)
     keys = _keys(name, given)
@@ -105,7 +105,7 @@ def read(name: str, given: Any) -> Axis:
     if source == "values":
         return _list(label, keys, given["values"], units)
     if units is None and not (source == "from" and is_whole(keys[0])):
-        raise JointplayError(f"{dotted(keys[0])} is no quantity; give its values as a list")
+        raise JointplayError(f"{dotted(keys[0])} is not a quantity; give its values as a list")
     if source == "from":
         return _range(label, keys, given, units)
     return _distribution(label, keys, given, units or ("",))
@@ -114,11 +114,11 @@ def read(name: str, given: Any) -> Axis:
 def _keys(name: str, given: Mapping[str, Any]) -> tuple[Key, ...]:
     """The keys of an axis, each of which must exist."""
     if "key" in given and "keys" in given:
-        raise JointplayError("key contradicts keys; leave one of them out")
+        raise JointplayError("key and keys exclude each other; give only one of them")
     texts = given.get("keys", given.get("key", name))
     texts = [texts] if isinstance(texts, str) else texts
     if not isinstance(texts, Sequence) or not texts:
-        raise JointplayError(f"{toml_text(texts)} are no keys; give a list of dotted names")
+        raise JointplayError(f"{toml_text(texts)} are not keys; give a list of dotted names")
     paths = tuple(path_of(text) for text in texts)
     for path in paths:
         if len(path) == 1 and not any(word in given for word in _KEYS):
@@ -134,16 +134,16 @@ def _keys(name: str, given: Mapping[str, Any]) -> tuple[Key, ...]:
 def _variants(name: str, given: Mapping[str, Any]) -> Axis:
     """Tables of changes by label, like the cases of a scenario."""
     if any(word in given for word in _KEYS):
-        raise JointplayError("variants change what they name themselves; leave out key")
+        raise JointplayError("variants name the keys that they change; leave out key")
     tables = given["variants"]
     if not isinstance(tables, Mapping) or not tables:
         raise JointplayError(
-            f"{toml_text(tables)} are no variants; give a table of changes by label"
+            f"{toml_text(tables)} are not variants; give a table of changes by label"
         )
     for label, changes in tables.items():
         if not isinstance(changes, Mapping):
             raise JointplayError(
-                f"variant {toml_text(label)}: {toml_text(changes)} is no table of changes"
+                f"variant {toml_text(label)}: {toml_text(changes)} is not a table of changes"
             )
         for key in changes:
             kinds((key,))
@@ -154,7 +154,7 @@ def _variants(name: str, given: Mapping[str, Any]) -> Axis:
 def _list(name: str, keys: tuple[Key, ...], values: Any, units: tuple[str, ...] | None) -> Axis:
     """An axis of given values."""
     if not isinstance(values, Sequence) or isinstance(values, str) or not len(values):
-        raise JointplayError(f"{toml_text(values)} are no values; give a list of at least one")
+        raise JointplayError(f"{toml_text(values)} are not values; give a list of at least one")
     if len(values) > MOST_VALUES:
         raise JointplayError(f"{len(values)} values; at most {MOST_VALUES} are possible")
     coordinate, unit = _coordinate(values, units)

@@ -128,7 +128,7 @@ class Bench:
         if mine != work.version:
             raise JointplayError(
                 f"a worker has jointplay {mine}, the sweep was started with {work.version}; "
-                "install the same"
+                "install the same version"
             )
         self.job = work
         self._folder: tempfile.TemporaryDirectory[str] | None = None
@@ -221,7 +221,9 @@ class Bench:
             found = own_measures(name, function(result))
             for other in found:
                 if other in values or other == COST or other.startswith(NUMERICAL_ERROR):
-                    raise JointplayError(f"{name} returns {other!r}, a name of another measure")
+                    raise JointplayError(
+                        f"{name} returns {other!r}, which is the name of another measure"
+                    )
             values |= found
         known = [name for name in self.job.histories if name in result.dataset]
         return values, {name: result[name] for name in known}

@@ -109,7 +109,7 @@ class ClusterWorkers:
             if said != self.job.version:
                 raise JointplayError(
                     f"worker {worker} has jointplay {said}, here is {self.job.version}; install "
-                    "the same everywhere"
+                    "the same version everywhere"
                 )
 
     def run(self, cases: Iterator[Case]) -> Iterator[tuple[object, Outcome]]:

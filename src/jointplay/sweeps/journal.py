@@ -37,10 +37,12 @@ def is_there(store: Path, go_on: bool) -> bool:
     there = is_file(store / "zarr.json")
     if there and not go_on:
         raise JointplayError(
-            f"{str(store)!r} exists; go on with it by --resume, or choose another name"
+            f"{str(store)!r} exists; continue it with --resume, or choose another name"
         )
     if not there and is_folder(store) and any(map(_other, store.iterdir())):
-        raise JointplayError(f"{str(store)!r} is a folder of other things; choose another name")
+        raise JointplayError(
+            f"{str(store)!r} is a folder that holds other files; choose another name"
+        )
     return there
 
 

@@ -52,7 +52,7 @@ def path_of(name: str) -> Key:
             at += 1
     if not parts or at < len(text):
         raise JointplayError(
-            f"{toml_text(name)} names no key of a scenario; write it like "
+            f"{toml_text(name)} is not a key of a scenario; write it like "
             '"joints.joint_b.radial_clearance" or "payloads[1].mass"'
         )
     return tuple(parts)

@@ -12,9 +12,9 @@ from jointplay.analysis.tool_error import COMPONENTS, deviation, stops
 from jointplay.contact.trust import function_in_folder, imported, is_beside
 from jointplay.core.errors import JointplayError
 from jointplay.geometry import Mode
-from jointplay.loads.terms import LOSSES
 from jointplay.motion.reference import Motion
 from jointplay.result.result import Result
+from jointplay.result.variables import LOSSES
 
 COST = "cost"
 """Name of the measure that no two runs share: seconds of processor time."""
@@ -226,6 +226,6 @@ def measure_function(name: str, folder: Path, trust: Collection[str]) -> Any:
     except JointplayError as error:
         raise JointplayError(str(error).replace("the law", "the measure", 1)) from None
     raise JointplayError(
-        f"the measure {name!r} is no module beside the scenario; if you trust it: "
-        f"--trust {module}, or trust=[{module!r}] in Python"
+        f"the measure {name!r} is not a module in the scenario's folder; if you trust it: --trust "
+        f"{module}, or trust=[{module!r}] in Python"
     )

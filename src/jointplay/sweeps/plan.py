@@ -263,7 +263,9 @@ def plan_of(
 def _axes(scenario: Scenario, tables: Any, place: Key) -> list[Axis]:
     """Axes by name, at a place of the file if they are its own."""
     if not isinstance(tables, Mapping):
-        raise scenario.error(("sweep", "axes"), f"{toml_text(tables)} is no table of axes by name")
+        raise scenario.error(
+            ("sweep", "axes"), f"{toml_text(tables)} is not a table of axes by name"
+        )
     axes: list[Axis] = []
     for name, table in tables.items():
         where = (*place, name) if place else ()
@@ -286,7 +288,7 @@ def _case(scenario: Scenario, case: Any) -> str:
     if case is None and len(scenario.cases) > 1:
         listed = ", ".join(scenario.cases)
         raise scenario.error(
-            ("sweep",), f"case is missing: which of the file's cases is swept? ({listed})"
+            ("sweep",), f"case is missing: choose the case of the file to sweep ({listed})"
         )
     case = scenario.cases[0] if case is None else case
     if case not in scenario.cases:
@@ -311,7 +313,7 @@ def _numbers(scenario: Scenario, given: Mapping[str, Any]) -> dict[str, Any]:
             names = given.get(word, ())
             names = [names] if isinstance(names, str) else names
             if not isinstance(names, Sequence) or not all(isinstance(n, str) for n in names):
-                raise JointplayError(f"{toml_text(names)} are no {word}; give a list of names")
+                raise JointplayError(f"{toml_text(names)} are not {word}; give a list of names")
             fields[word] = tuple(names)
         word = "start"
         fields[word] = float(convert(given[word], "s")) if word in given else None

@@ -186,7 +186,7 @@ def run_plan(
     first = probe(made)
     if made.count > MANY and not yes:
         guess = cost_of(made, first, number)
-        raise JointplayError(f"{made.words}: {guess}; if that is meant, --yes runs it")
+        raise JointplayError(f"{made.words}: {guess}; use --yes to run it anyway")
     _ = made.identity  # reads the files, and says what is missing
     made = _largest_so_far(made, Path(path)) if resume or extend else made
     store = Store(path, made, resume, extend)
@@ -310,7 +310,7 @@ def _give_up(store: Store, error: BaseException) -> None:
     done = int(np.count_nonzero(store.state))
     with suppress(JointplayError):  # the disk is full: the journal has it all
         store.close(whole=False)
-    note = f"{done} of {store.plan.count} cases are kept; --resume goes on"
+    note = f"{done} of {store.plan.count} cases are kept; --resume continues"
     if isinstance(error, JointplayError):
         error.args = (f"{error}; {note}",)
     elif isinstance(error, KeyboardInterrupt):

@@ -356,7 +356,7 @@ def _check_chunk(content: bytes, array: Mapping[str, Any] | None) -> None:
     cells = math.prod(array["chunk_grid"]["configuration"]["chunk_shape"])
     kind, size = array["data_type"], _unpacked(content)
     if size is None:
-        raise ValueError("it does not say how many bytes it unpacks to")
+        raise ValueError("its uncompressed size is missing")
     if kind != "string" and size != cells * _TYPES[kind]:
         raise ValueError(f"it unpacks to {size} bytes, not to {cells * _TYPES[kind]}")
     if kind == "string" and size > (most := cells * MOST_TEXT_BYTES):
@@ -412,7 +412,7 @@ def _check_root(found: Mapping[str, Any]) -> None:
     if whole is None:  # it is being made
         return
     if not isinstance(whole, dict) or not isinstance(whole.get("metadata"), dict):
-        raise ValueError("consolidated metadata that are none")
+        raise ValueError("invalid consolidated metadata")
     _check_keys(whole, {"kind", "must_understand", "metadata"})
     for name, array in whole["metadata"].items():
         _check_name(name)

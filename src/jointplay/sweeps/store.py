@@ -71,7 +71,7 @@ def differences(old: Mapping[str, str], new: Mapping[str, str]) -> dict[str, str
         was, now = old.get(key, "not given"), new.get(key, "not given")
         if was != now:
             file = key.startswith("file ") and "not given" not in (was, now)
-            words = "has changed" if file else f"is {_short(now)}, and was {_short(was)}"
+            words = "has changed" if file else f"is {_short(now)} instead of {_short(was)}"
             changes[key] = f"{key} {words}"
     return changes
 
@@ -167,7 +167,7 @@ class Store:
         self.group = zarr.create_group(store, attributes={BEGUN: FORMAT}, zarr_format=3)
         self.array("state", "int8", 0, "0: not run, 1: done, 2: failed", "1")
         self.group["state"].update_attributes({"sweep": of_sweep(self.plan)})
-        self.array("error", "string", "", "what went wrong with the case", "")
+        self.array("error", "string", "", "error message of the case", "")
         self._coordinates()
         # With these attributes it is a store; without, the rest of one that was not made.
         self.group.attrs.put(self._about())
@@ -211,7 +211,7 @@ class Store:
         beyond = changes.keys() - grown(attrs, self.plan)
         mine, theirs = versions()["jointplay"], attrs["versions"].get("jointplay")
         if mine != theirs:
-            changes["version"] = f"jointplay is {mine}, and was {theirs}"
+            changes["version"] = f"jointplay is {mine} instead of {theirs}"
             beyond |= {"version"}
         if beyond or (changes and not extend):
             shown = list(changes.values())[:MOST_DIFFERENCES]
@@ -221,7 +221,7 @@ class Store:
                 "--extend adds the new cases" if not beyond else "choose another name for the store"
             )
             raise JointplayError(
-                f"{str(self.path)!r} is of another sweep: {'; '.join(shown)}; {advice}"
+                f"{str(self.path)!r} belongs to another sweep: {'; '.join(shown)}; {advice}"
             )
         for rest in self.path.rglob(f"*{PARTIAL}"):  # of a process that was killed
             rest.unlink(missing_ok=True)
@@ -241,8 +241,9 @@ class Store:
         if sweep_of_states(self.path) != of_sweep(self.plan):
             raise sealed.damaged(
                 self.path,
-                f"metadata of the whole {sealed.CHANGED}, and its states are not known to be of "
-                "this sweep; go on with the same scenario, or choose another name",
+                f"metadata of the whole {sealed.CHANGED}, and it cannot be verified that its "
+                "states belong to this sweep; continue with the same scenario, or choose another "
+                "name",
             )
         about = {"attributes": self._about(), "zarr_format": 3, "node_type": "group"}
         files.write(self.path / METADATA, sealed.write_metadata(about), overwrite=True)
@@ -487,9 +488,9 @@ class Store:
             if other.size:
                 k = int(other[0])
                 raise JointplayError(
-                    f"its record {k + 1} is of t = {ours[k]:.6g} s, that of the cases before of "
+                    f"its record {k + 1} is at t = {ours[k]:.6g} s, that of earlier cases at "
                     f"{theirs[k]:.6g} s: histories of a sweep have one time axis; let all cases "
-                    "end at one of their times, or leave histories out"
+                    "end at one of their times, or leave out histories"
                 )
             if len(own) > len(known):
                 self.labels(dimension, dimension, np.asarray(own), {"units": "s"})
@@ -509,7 +510,7 @@ class Store:
         taken = sorted(self._reserved() & set(outcome.values))
         if taken:
             values = {n: v for n, v in outcome.values.items() if n not in taken}
-            said = f"a measure cannot be called {taken[0]!r}: the sweep has another of that name"
+            said = f"a measure cannot be called {taken[0]!r}: the sweep has a measure of that name"
             outcome = Outcome(outcome.index, FAILED, values, said)
         with writing(self.path):
             try:

@@ -214,11 +214,11 @@ def samples_of(dataset: xr.Dataset, measure: str) -> np.ndarray:
     grid = [d for d in values.dims if d not in (SAMPLE, REPEAT)]
     if any(values.sizes[d] > 1 for d in grid):
         raise JointplayError(
-            f"the sweep has a grid as well ({', '.join(map(str, grid))}); take one point of it "
+            f"the sweep also has a grid ({', '.join(map(str, grid))}); select one point of it "
             "with jointplay.open_sweep(...).isel(...)"
         )
     if SAMPLE not in values.dims and REPEAT not in values.dims:
-        raise JointplayError("nothing is sampled in this sweep, and nothing repeated")
+        raise JointplayError("this sweep has neither samples nor repeats")
     if SAMPLE in values.dims and REPEAT in values.dims:
         values = values.mean(REPEAT)
     flat = values.values.ravel()
