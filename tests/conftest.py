@@ -1,5 +1,6 @@
 """Small mechanisms with known answers."""
 
+import os
 import signal
 from pathlib import Path
 
@@ -21,6 +22,11 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
+
+# The matrices of tests are small: threads of OpenBLAS that wait for each other take more time than
+# the work. What is started from here inherits this, workers of pytest-xdist among it.
+for library in ("OPENBLAS", "OMP"):
+    os.environ.setdefault(f"{library}_NUM_THREADS", "1")
 
 # A simulation in each example: slow machines must not fail, and a failure must not be shrunk for
 # minutes.

@@ -2,8 +2,8 @@
 
 What a page takes for granted - a user's robot, results of an earlier command - lies in the folder
 that it runs in. Commands that set up a machine are `.ci/run`'s business. What an earlier page has
-already is not run again, only the first run draws its figures, and the 60 cases of the shipped
-sweep are simulated for a shorter time.
+already is not run again, only the first run and the first report draw their figures for print, the
+60 cases of the shipped sweep are simulated for a shorter time, and a test of a pose has 3 cycles.
 """
 
 import os
@@ -142,13 +142,19 @@ def serve(command):
 
 
 DRAWN = 'jointplay run ur5 --joint elbow_joint --radial "0.1 mm" --out ur5'
+REPORTED = "jointplay report ur5"
 SWEEP = "jointplay:scara_sweep.toml"
 
 
 def shorter(command):
-    """A run without figures, if not the README's first; the shipped sweep by a file beside it."""
+    """What a command shows in less time: the README's first run and report alone draw figures."""
     if command.startswith("jointplay run") and command != DRAWN:
         return f"{command} --no-figures"
+    if command.startswith("jointplay report") and command != REPORTED:
+        return f"{command} --no-pdf"
+    if command.startswith("jointplay iso9283"):
+        assert "--cycles 10" in command
+        return command.replace("--cycles 10", "--cycles 3")
     if SWEEP not in command:
         return command
     text = jp.shipped("scara_sweep.toml").read_text().replace('"scara', '"jointplay:scara')

@@ -11,7 +11,7 @@ from contextlib import closing
 import numpy as np
 import pytest
 from sweep_scenario import ARM
-from threadpoolctl import threadpool_info
+from threadpoolctl import threadpool_info, threadpool_limits
 
 import jointplay as jp
 import jointplay.simulation.ensemble as module
@@ -152,10 +152,12 @@ def threads(_):
 
 def test_numerical_libraries_have_one_thread_in_each_process():
     np.linalg.inv(np.eye(2))
-    for jobs in (1, 2):
-        with module.run_parallel(threads, range(2), jobs) as outcomes:
-            for _, found in outcomes:
-                assert set(found) == {1}
+    with threadpool_limits(2):
+        assert set(threads(None)) == {2}
+        for jobs in (1, 2):
+            with module.run_parallel(threads, range(2), jobs) as outcomes:
+                for _, found in outcomes:
+                    assert set(found) == {1}
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,6 @@ import json
 import os
 import re
 import subprocess
-import sys
 import tempfile
 import time
 from pathlib import Path
@@ -445,26 +444,20 @@ def test_ways_to_write_are_seen(line):
     assert not list(writing_calls("open(path); path.open('rb'); open(path, encoding='utf-8')"))
 
 
-COMMAND = Path(sys.executable).parent / "jointplay"
+LIMITED = """
+import resource, signal, sys
+from jointplay import cli
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+resource.setrlimit(resource.RLIMIT_FSIZE, (12_000, 12_000))  # a table fits, no picture
+sys.exit(cli.main(sys.argv[1:]))
+"""
 
 
 def test_pictures_on_a_full_disk_are_not_there_and_the_refusal_names_one(tmp_path):
     out = tmp_path / "o"
 
-    def little():
-        import resource
-        import signal
-
-        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-        resource.setrlimit(resource.RLIMIT_FSIZE, (12_000, 12_000))  # a table fits, no picture
-
-    done = subprocess.run(
-        [COMMAND, "budget", "jointplay:scara.urdf", "--joint", "joint_b=0.0002", "--out", out],
-        capture_output=True,
-        text=True,
-        check=False,
-        preexec_fn=little,
-    )
+    call = [PYTHON, "-c", LIMITED, "budget", "jointplay:scara.urdf", "--joint", "joint_b=0.0002"]
+    done = subprocess.run([*call, "--out", out], capture_output=True, text=True, check=False)
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1
     assert "cannot write " in done.stderr

@@ -263,10 +263,15 @@ def test_the_study_does_not_grow_without_end(tmp_path):
     assert not (tmp_path / "o").exists()
 
 
+<<<<<<< HEAD
 def test_waypoints_beyond_all_numbers_are_refused_without_a_warning(recwarn):
     with pytest.raises(JointplayError, match="accelerations overflow"):
+=======
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+def test_waypoints_beyond_all_numbers_are_refused_without_a_warning():
+    with pytest.raises(JointplayError, match="beyond all numbers"):
+>>>>>>> tests
         jp.Motion(["a"], [0.0, 1e-200, 1.0], [[0.0], [1e200], [0.0]])
-    assert not recwarn.list
 
 
 def test_a_cell_with_a_line_in_it_is_refused(tmp_path):

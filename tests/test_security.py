@@ -44,7 +44,7 @@ def hostile(text):
     return f"{text}{EVIL}"
 
 
-def hostile_result(urdf, contacts=True):
+def hostile_result(folder, contacts=True):
     """A run of which every name, and every text that a file can hold, is hostile."""
     names = {name: hostile(name) for name in ("arm", "pin", "hand", "wrist")}
     elements = [
@@ -61,7 +61,9 @@ def hostile_result(urdf, contacts=True):
         axial_clearance=1e-4,
         bearing_material=jp.Material(name=EVIL),
     )
-    robot = jp.Mechanism(urdf(text), {names["pin"]: bearing})
+    path = folder / "robot.urdf"
+    path.write_text(f'<robot name="r"><link name="base"/>{text}</robot>')
+    robot = jp.Mechanism(path, {names["pin"]: bearing})
     result = jp.simulate(robot, duration=0.02, drive=jp.loads.Free(), joint_friction={})
     dataset = result.dataset
     if contacts:
@@ -103,16 +105,17 @@ def inert(page):
     assert "<script>owned" not in page
 
 
-@pytest.fixture
-def pages(urdf, tmp_path):
+@pytest.fixture(scope="module")
+def pages(tmp_path_factory):
     """A report and a playback of a hostile result, read from a file."""
-    path = hostile_result(urdf).save(tmp_path / "evil.nc")
+    folder = tmp_path_factory.mktemp("pages")
+    path = hostile_result(folder).save(folder / "evil.nc")
     reports.report(
-        {EVIL: jp.Result.load(path)}, tmp_path / "report.html", title=EVIL, pdf=False, impacts=1
+        {EVIL: jp.Result.load(path)}, folder / "report.html", title=EVIL, pdf=False, impacts=1
     )
-    played = hostile_result(urdf, contacts=False).save(tmp_path / "evil2.nc")
-    player.save_html({EVIL: jp.Result.load(played)}, tmp_path / "play.html")
-    return [tmp_path / "report.html", tmp_path / "play.html"]
+    played = hostile_result(folder, contacts=False).save(folder / "evil2.nc")
+    player.save_html({EVIL: jp.Result.load(played)}, folder / "play.html")
+    return [folder / "report.html", folder / "play.html"]
 
 
 def test_names_of_a_result_are_text_in_every_page(pages):
