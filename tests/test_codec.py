@@ -244,17 +244,9 @@ def push(delta, ddelta, ddelta0, p):
     return p[0] * delta
 
 
-<<<<<<< HEAD
-def test_a_users_law_that_differs_from_the_one_in_the_result_is_reported(recwarn):
-    described = jp.contact.CustomNormalForce(push, (1e8,)).describe()
-    schema.read(NormalForceLaw, described)
-    assert not recwarn
-    with pytest.warns(RuntimeWarning, match="here differs from the one in the result"):
-=======
 @pytest.mark.filterwarnings("error::RuntimeWarning")
-def test_a_users_law_that_reads_otherwise_now_is_said_to():
+def test_a_users_law_that_differs_from_the_one_in_the_result_is_reported():
     described = jp.contact.CustomNormalForce(push, (1e8,)).describe()
     schema.read(NormalForceLaw, described)
-    with pytest.warns(RuntimeWarning, match="reads otherwise here than in the result"):
->>>>>>> tests
+    with pytest.warns(RuntimeWarning, match="here differs from the one in the result"):
         schema.read(NormalForceLaw, described | {"source": "def push(): ..."})
