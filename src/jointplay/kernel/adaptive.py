@@ -253,12 +253,6 @@ def _size(run, values):
 
 
 @internal
-def _size_of_forces(run):
-    """Acceleration by what depends on velocity, as the root of twice a kinetic energy."""
-    return math.sqrt(max(_quadratic_form(run, floats(run.velocity_forces, run.nv)), 0.0))
-
-
-@internal
 def _step_error(run, h):
     """Error of the step of length h to the state just evaluated, over what is tolerated."""
     nv = run.nv
@@ -273,7 +267,7 @@ def _step_error(run, h):
     wrong = _size(run, off)
     if wrong == 0.0:
         return 0.0
-    moved = max(_size_of_forces(run), _size(run, a))
+    moved = max(run.moved_by_forces, _size(run, a))
     whole = max(moved, run.moved, run.braking)
     run.moved = moved
     return wrong / (run.micro_tolerance * (whole + SMALL_SPEED / h))

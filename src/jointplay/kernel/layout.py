@@ -55,6 +55,7 @@ RUN = _record(
     weights=_INT,  # (nv,) 0 for prescribed coordinates, whose inertia is no real one
     drive=_INT,  # (nv,) efforts of the drives
     velocity_forces=_INT,  # (nv,) generalised forces of what depends on velocity
+    force_rates=_INT,  # (2, nv) how fast those of the last state changed, and they themselves
     load_forces=_INT,  # (nv,) of the loads' part that does not
     minv=_INT,  # (nv, nv) inverse of the mass matrix now; then
     free=_INT,  # (nv,) acceleration without any of the forces reckoned here
@@ -72,8 +73,7 @@ RUN = _record(
     # The velocity solve, its arrays used for the n coordinates that take part.
     slope=_INT,  # (n, n) of d(velocity_forces)/dv
     compliance=_INT,  # (n, n) of `minv`
-    system=_INT,  # (n, n)
-    inverse=_INT,  # (n, n) of the last `system`, of `factored` coordinates
+    inverse=_INT,  # (n, n), transposed, of the last matrix, of `factored` coordinates
     trial=_INT,  # (7, nv) see `solve`
     scratch=_INT,  # (4 nv + powers,) of Runge-Kutta
     # Adaptive micro steps.
@@ -93,6 +93,7 @@ RUN = _record(
     windows=_INT,  # (nwindows, 2) steps from which and to which every step is recorded
     # Addresses of whole numbers and records.
     touched=_INT,  # (nv,) coordinates of the velocity solve
+    exchanged=_INT,  # (nv,) rows exchanged when `inverse` was found
     place=_INT,  # (nv,) places of the coordinates among them
     joints=_INT,
     contacts=_INT,
@@ -175,6 +176,7 @@ RUN = _record(
     earlier_dt=_FLOAT,  # between the states of `earlier_a` [s]
     braking=_FLOAT,  # by impacts under way, as the root of twice a kinetic energy per time
     moved=_FLOAT,  # size of what forces and inertia move at the last state, likewise
+    moved_by_forces=_FLOAT,  # by `velocity_forces` alone, at this one
     path_error=_FLOAT,  # of the acceleration at the middle of the path, relative
     work=(_FLOAT, (len(POWERS),)),  # since the start [J]
     before=(_FLOAT, (len(POWERS),)),  # powers at the start of the step [W]

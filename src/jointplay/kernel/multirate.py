@@ -28,6 +28,7 @@ from jointplay.kernel.loops import correct_drift, project_dynamics
 from jointplay.kernel.record import is_due, write_record
 from jointplay.kernel.solve import (
     LEAST_COMPLIANCE,
+    add_rows,
     evaluate_velocity_forces,
     find_velocity_forces,
     solve_velocity,
@@ -319,14 +320,14 @@ def _complete_velocities(run, half, v, base, h):
     """Velocities that the solve left out, and all accelerations; returns their size."""
     nv = run.nv
     a, forces, minv = floats(run.a, nv), floats(run.velocity_forces, nv), matrix(run.minv, nv, nv)
-    size = 0.0
+    size = square = 0.0
+    add_rows(minv, forces, a, nv, nv)
     for i in range(nv):
-        total = 0.0
-        for k in range(nv):
-            total += minv[i, k] * forces[k]
-        v[i] = base[i] + h * total
+        square += forces[i] * a[i]
+        v[i] = base[i] + h * a[i]
         a[i] = (v[i] - half[i]) / h
         size += abs(v[i])
+    run.moved_by_forces = math.sqrt(max(square, 0.0))
     return size
 
 
@@ -372,11 +373,17 @@ def evaluate(run):
     find_velocity_forces(run, q, half)
     if run.nl > 0:
         apply_loads(run, base, h)
+    rates = matrix(run.force_rates, 2, nv)
+    for i in range(nv):
+        rates[1, i] = forces[i]
+        forces[i] += run.dt_before * rates[0, i]
     if run.active > 0:
         solve_velocity(run, q, base, v, h)
     else:
         for i in range(nv):
             forces[i] = 0.0
+    for i in range(nv):
+        rates[0, i] = (forces[i] - rates[1, i]) / run.dt_before
     size = _complete_velocities(run, half, v, base, h)
     _powers(run, q, v)
     if not size < SPEED_LIMIT:  # true for NaN as well

@@ -161,16 +161,30 @@ def _evaluate_slopes(run, q, v):
 
 
 @inlined
+def add_rows(rows, factors, total, n, size):
+    """Put the sum of `n` rows, each times its factor, into the first `size` of `total`.
+
+    This is the product of a symmetric matrix and a vector in the order that processors can do
+    several at a time: a sum along a row must be done one after the other.
+    """
+    for a in range(size):
+        total[a] = 0.0
+    for b in range(n):
+        factor = factors[b]
+        for a in range(size):
+            total[a] += factor * rows[b, a]
+
+
+@inlined
 def _residual(run, h, n):
     """Write the residual of the velocity equation; returns its squared norm."""
     trial, compliance = matrix(run.trial, TRIALS, run.nv), matrix(run.compliance, n, n)
+    error = trial[ERROR]
+    add_rows(compliance, trial[PUSH], error, n, n)
     size = 0.0
     for a in range(n):
-        total = 0.0
-        for b in range(n):
-            total += compliance[a, b] * trial[PUSH, b]
-        wrong = trial[SPEED, a] - trial[BASE, a] - h * total
-        trial[ERROR, a] = wrong
+        wrong = trial[SPEED, a] - trial[BASE, a] - h * error[a]
+        error[a] = wrong
         size += wrong * wrong / compliance[a, a]
     return size
 
@@ -190,38 +204,51 @@ def _evaluate_trial(run, q, v, h):
 
 @internal
 def _factor(run, h):
-    """Put the inverse of I - h M^-1 slope into `inverse`, by elimination with pivots."""
+    """Put the inverse of I - h M^-1 slope, transposed, into `inverse`.
+
+    By Gauss and Jordan's elimination in place, with exchange of rows.
+    """
     n = run.active
-    system, inverse = matrix(run.system, n, n), matrix(run.inverse, n, n)
+    inverse, exchanged = matrix(run.inverse, n, n), integers(run.exchanged, n)
     compliance, slope = matrix(run.compliance, n, n), matrix(run.slope, n, n)
+    # The transpose of M^-1 slope is the sum of rows of M^-1, which is symmetric.
     for a in range(n):
+        row = inverse[a]
         for b in range(n):
-            total = 0.0
-            for c in range(n):
-                total += compliance[a, c] * slope[c, b]
-            system[a, b] = -h * total
-            inverse[a, b] = 0.0
-        system[a, a] += 1.0
-        inverse[a, a] = 1.0
+            row[b] = 0.0
+        for c in range(n):
+            factor = h * slope[c, a]
+            if factor != 0.0:  # most coordinates do not act on each other
+                for b in range(n):
+                    row[b] -= factor * compliance[c, b]
+        row[a] += 1.0
     for k in range(n):
         best = k
         for a in range(k + 1, n):
-            if abs(system[a, k]) > abs(system[best, k]):
+            if abs(inverse[a, k]) > abs(inverse[best, k]):
                 best = a
+        exchanged[k] = best
+        row = inverse[k]
         if best != k:
+            other = inverse[best]
             for b in range(n):
-                system[k, b], system[best, b] = system[best, b], system[k, b]
-                inverse[k, b], inverse[best, b] = inverse[best, b], inverse[k, b]
-        pivot = 1.0 / system[k, k]
+                row[b], other[b] = other[b], row[b]
+        pivot = 1.0 / row[k]
+        row[k] = 1.0
         for b in range(n):
-            system[k, b] *= pivot
-            inverse[k, b] *= pivot
+            row[b] *= pivot
         for a in range(n):
-            factor = system[a, k]
+            other = inverse[a]
+            factor = other[k]
             if a != k and factor != 0.0:
+                other[k] = 0.0
                 for b in range(n):
-                    system[a, b] -= factor * system[k, b]
-                    inverse[a, b] -= factor * inverse[k, b]
+                    other[b] -= factor * row[b]
+    for k in range(n - 1, -1, -1):
+        best = exchanged[k]
+        if best != k:
+            for a in range(n):
+                inverse[a, k], inverse[a, best] = inverse[a, best], inverse[a, k]
     run.factored = n
 
 
@@ -229,11 +256,9 @@ def _factor(run, h):
 def _newton_step(run, n):
     """Write the Newton step of the last factored matrix into `trial`."""
     trial, inverse = matrix(run.trial, TRIALS, run.nv), matrix(run.inverse, n, n)
+    add_rows(inverse, trial[ERROR], trial[STEP], n, n)
     for a in range(n):
-        total = 0.0
-        for b in range(n):
-            total += inverse[a, b] * trial[ERROR, b]
-        trial[STEP, a] = -total
+        trial[STEP, a] = -trial[STEP, a]
         trial[LAST, a] = trial[SPEED, a]
 
 
@@ -250,13 +275,14 @@ def _initial_guess(run, base, h):
         trial[BASE, a], trial[PUSH, a] = base[i], tau[i]
     size = 0.0
     for a in range(n):
-        total = 0.0
+        i = touched[a]
         for b in range(n):
-            compliance[a, b] = minv[touched[a], touched[b]]
-            total += compliance[a, b] * trial[PUSH, b]
+            compliance[a, b] = minv[i, touched[b]]
         compliance[a, a] = max(compliance[a, a], least)
         size += trial[BASE, a] * trial[BASE, a] / compliance[a, a]
-        trial[SPEED, a] = trial[BASE, a] + h * total
+    add_rows(compliance, trial[PUSH], trial[SPEED], n, n)
+    for a in range(n):
+        trial[SPEED, a] = trial[BASE, a] + h * trial[SPEED, a]
     return TOLERANCE * TOLERANCE + RELATIVE_TOLERANCE * RELATIVE_TOLERANCE * size
 
 

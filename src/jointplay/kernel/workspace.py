@@ -223,6 +223,7 @@ class Workspace(PointerRecord):
         self._changing += [
             self._allocate(name, nv) for name in ("velocity_forces", "load_forces", "free")
         ]
+        self._changing.append(self._allocate("force_rates", 2, nv))
         self._changing.append(self._allocate("minv", nv, nv))
         self._changing += [self._allocate("free_rate", nv), self._allocate("minv_rate", nv, nv)]
         for name in ("free_middle", "free_slope", "free_curve"):
@@ -234,12 +235,12 @@ class Workspace(PointerRecord):
 
     def _make_solve(self, nv: int) -> None:
         """Room for the velocity solve, and for Runge-Kutta."""
-        for name in ("compliance", "slope", "system"):
+        for name in ("compliance", "slope"):
             self._allocate(name, nv, nv)
         self._changing.append(self._allocate("inverse", nv, nv))
         self._allocate("trial", 7, nv)
         self._allocate("scratch", 4 * nv + len(POWERS))
-        for name in ("touched", "place"):
+        for name in ("touched", "place", "exchanged"):
             self._set_pointer(name, np.zeros(nv, np.int64))
 
     def _link_pinocchio(self, data: pin.Data, nv: int, own_acceleration: bool) -> None:
@@ -459,6 +460,7 @@ class Workspace(PointerRecord):
             "loads": {"active": 1.0},
             "touched": {"": float(last)},
             "place": {"": float(last)},
+            "exchanged": {"": float(last)},
         }
 
     def reserve_records(self, rows: int) -> None:
