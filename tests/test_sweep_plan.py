@@ -132,7 +132,7 @@ def test_units_of_a_key_are_those_of_the_scenario(key, units):
         ('c = { key = "joints.joint_b.friction.mu_dd", values = [1] }', "", 'did you mean "mu_d"?'),
         (f'c = {{ kye = "{CR}", values = [1] }}', "", 'did you mean "key"?'),
         (f'c = {{ key = "{CR}", values = [1], from = 2 }}', "", "needs one of"),
-        (f'c = {{ key = "{CR}", values = [1], number = 2 }}', "", "number and values exclude each other"),
+        (f'c = {{ key = "{CR}", values = [1], number = 2 }}', "", "number and values exclude"),
         (f'c = {{ key = "{CR}", values = ["1 s"] }}', "", "is not a length"),
         (f'c = {{ key = "{CR}", values = ["0.1 mm", 1e-4] }}', "", "is given twice"),
         (f'c = {{ key = "{CR}", from = 1, to = 2 }}', "", "number must be a whole number"),
