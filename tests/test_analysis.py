@@ -25,7 +25,7 @@ def test_a_tool_error_that_cannot_be_known_is_missed_with_a_warning(pair, monkey
         raise jp.JointplayError("its loops cannot be closed")
 
     monkeypatch.setattr(headline, "tool_motion", refuse)
-    with pytest.warns(RuntimeWarning, match=r"no tool error is known.*loops cannot be closed"):
+    with pytest.warns(RuntimeWarning, match=r"the tool error is unknown.*loops cannot be closed"):
         assert headline.reference(pair[1]) is None
 
 

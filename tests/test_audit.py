@@ -93,9 +93,9 @@ def test_sound_run_does_not_warn():
             {"under_resolved": 2, "shortest_contact_steps": 7, "under_resolved_impulse": 0.002},
             "2 of 5 contacts lasted fewer",
         ),
-        ({"unsolved": 30}, "velocities of 30 steps"),
+        ({"unsolved": 30}, "velocity equations of 30 steps"),
         ({"unresolved": 2}, "2 of the shortest micro steps did not reach the tolerance"),
-        ({"friction_fed": 0.02}, "friction gave back 0.02 J"),
+        ({"friction_fed": 0.02}, "friction returned 0.02 J"),
         ({"penetration_over_clearance": 0.6}, "60 % of its clearance"),
         ({"step_error": 8e-3, "relative_step_error": 0.09}, "tool is off by about 0.008 m"),
         (

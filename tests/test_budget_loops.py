@@ -309,7 +309,7 @@ def test_what_holds_each_other_is_allocated_within_the_target(door):
     hinge = bearing(lock_axial=True)
     found = allocate(make({"lower": hinge, "upper": hinge}), {}, 5e-5)
     assert 0.99 * 5e-5 < found.error <= 5e-5
-    with pytest.raises(JointplayError, match="hold each other"):
+    with pytest.raises(JointplayError, match="constrain each other"):
         allocate(make({"lower": hinge, "upper": hinge}), {}, 5e-5, quantile=0.99)
 
 
@@ -341,7 +341,7 @@ def test_the_table_says_that_in_loops_the_whole_play_is_taken():
     mechanism = slider_crank(joints, gravity=(0.0, 0.0, -9.81))
     found = budget(mechanism, poses.at_pose(mechanism, {"crank_pin": 1.0}, near=START))
     text = found.table()
-    assert "where friction can hold all joints is not known" in text
+    assert "how far friction can hold all joints is not known" in text
     assert "their entire play is assumed" in text
     assert "friction decides" not in text
     assert "friction shifts" not in text

@@ -45,7 +45,7 @@ def test_what_is_done_is_not_run_again_and_half_a_row_is(tmp_path, capsys):
     whole = table.read_bytes()
     table.write_bytes(whole[:-20])  # as a full disk would leave it
     assert dynamics("bifurcation", tmp_path, *SPEEDS) == 0
-    assert "1 of 2 runs computed now, 1 from earlier" in capsys.readouterr().out
+    assert "1 of 2 runs computed now, 1 earlier" in capsys.readouterr().out
     assert table.read_bytes() == whole
 
 
@@ -53,7 +53,7 @@ def test_more_values_use_those_that_are_there(tmp_path, capsys):
     assert dynamics("bifurcation", tmp_path, *SPEEDS) == 0
     finer = ["--vary", "motion.speeds.crank_pin=4000:5000:3 rpm"]
     assert dynamics("bifurcation", tmp_path, *finer) == 0
-    assert "1 of 3 runs computed now, 2 from earlier" in capsys.readouterr().out
+    assert "1 of 3 runs computed now, 2 earlier" in capsys.readouterr().out
 
 
 def test_processes_find_the_same_rows(tmp_path):
@@ -90,7 +90,7 @@ def test_other_mechanisms_have_sections_too(name, tmp_path, capsys):
     ("kind", "more", "says"),
     [
         ("bifurcation", [], "bifurcation needs --vary KEY=FROM:TO:COUNT"),
-        ("poincare", SPEEDS, "poincare has no --vary"),
+        ("poincare", SPEEDS, "poincare takes no --vary"),
         ("bifurcation", ["--vary", "motion.speeds.crank_pin=1:2"], "--vary must read KEY="),
         ("poincare", ["--of", "guide.acceleraton", "--of", "guide.speed"], "guide.acceleration"),
         ("poincare", ["--phase", "1.5"], "--phase must be in [0, 1) turns, got 1.5"),

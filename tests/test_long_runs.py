@@ -17,7 +17,7 @@ from warm import JOINTPLAY, PYTHON, Process
 import jointplay as jp
 from jointplay.kernel import Status
 from jointplay.loads import ComputedTorque, tables
-from jointplay.result import audit, netcdf, portions
+from jointplay.result import audit, netcdf
 from jointplay.simulation import spool
 from jointplay.simulation.working_files import CHECKPOINT, working_paths
 from jointplay.study import scara
@@ -120,7 +120,7 @@ def test_records_that_are_missing_are_said(small_portions, tmp_path):
 def test_a_checkpoint_of_another_run_is_refused_with_the_difference(tmp_path):
     kept = working_paths(tmp_path / "r.nc")[1]
     stepped(jp.Run(simulation(duration=0.02)), 0.01).checkpoint(kept)
-    with pytest.raises(jp.JointplayError, match=r"to another run: duration is 0.03, and was 0.02"):
+    with pytest.raises(jp.JointplayError, match=r"to another run: duration is 0.03 instead of 0.02"):
         simulation(duration=0.03).run_to(tmp_path / "r.nc", resume=True)
     with pytest.raises(jp.JointplayError, match="exists"):
         simulation(duration=0.02).run_to(tmp_path / "r.nc")
@@ -203,7 +203,7 @@ def test_memory_does_not_grow_with_the_length_of_a_run(tmp_path):
 
 
 def test_of_the_index_of_a_long_file_little_is_in_memory(monkeypatch, tmp_path):
-    monkeypatch.setattr(portions, "CHUNK", 8)
+    monkeypatch.setattr(netcdf, "CHUNK", 8)
 
     def portion(k):
         names, zeros = (f"v{number}" for number in range(25)), np.zeros((8, 1, 3))
@@ -211,10 +211,10 @@ def test_of_the_index_of_a_long_file_little_is_in_memory(monkeypatch, tmp_path):
         return xr.Dataset(histories, {"time": np.arange(8.0) + 8.0 * k})
 
     with (tmp_path / "long.nc").open("w+b") as file:
-        made = portions.GrowingDataset(file, portion(0))
+        made = netcdf.GrowingDataset(file, portion(0))
         for k in range(1, 300):
             made.append(portion(k))
-        assert made._h5.id.get_mdc_size()[2] <= portions.INDEX_BYTES
+        assert made._h5.id.get_mdc_size()[2] <= netcdf.INDEX_BYTES
         made.finish({}, {})
     with netcdf.open_lazily(tmp_path / "long.nc") as found:
         np.testing.assert_array_equal(found["time"], np.arange(2400.0))
@@ -295,7 +295,7 @@ def test_sigterm_writes_a_checkpoint_says_so_and_resume_gives_the_same_bits(tmp_
     _, err, status = ended(start("run", *LONG, "--out", out))
     assert (status, "--resume continues it" in err) == (2, True)
     _, err, status = ended(start("run", *LONG, "--step", "8e-6", "--out", out, "--resume"))
-    assert (status, "step is 8e-06, and was 1e-05" in err) == (2, True)
+    assert (status, "step is 8e-06 instead of 1e-05" in err) == (2, True)
     _, err, status = ended(start("run", *LONG, "--out", out, "--resume"))
     assert status == 0, err
     assert names(out) == ["result.nc"]
@@ -343,8 +343,8 @@ def test_files_of_ones_own_beside_a_result_stay_and_the_run_is_refused_before_it
             short = ("--duration", "0.02", "--no-figures", "--quiet")
             said, err, status = ended(start("run", *short, "--out", out, *more))
             assert (status, said) == (2, ""), err
-            assert f"result{suffix}' is no {what} of jointplay" in err
-            with pytest.raises(jp.JointplayError, match=f"is no {what} of jointplay"):
+            assert f"result{suffix}' is not a {what} of jointplay" in err
+            with pytest.raises(jp.JointplayError, match=f"is not a {what} of jointplay"):
                 simulation(duration=0.02).run_to(out / "result.nc", resume=bool(more))
             assert (names(out), mine.read_text()) == ([mine.name], "precious")
 

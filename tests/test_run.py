@@ -244,7 +244,7 @@ def test_turns_settle_when_the_joint_has_turned_so_often(urdf):
         ({"settle": "soon"}, "as in '2 turns'"),
         ({"settle": 0.2}, "the run ends at 0.1 s"),
         ({"judge_from": -1.0}, "judge_from"),
-        ({"judge_from": 0.01, "settle": 0.02}, "give one of them"),
+        ({"judge_from": 0.01, "settle": 0.02}, "give only one of them"),
         ({"start": "there"}, "no start 'there'"),
     ],
 )

@@ -112,9 +112,13 @@ def test_fields_reach_the_law():
         (
             NormalForceLaw,
             {"law": "custom", "function": "math"},
-            "is named module:function, got 'math'",
+            "must be named module:function, got 'math'",
         ),
-        (NormalForceLaw, {"law": "custom", "function": ":"}, "is named module:function, got ':'"),
+        (
+            NormalForceLaw,
+            {"law": "custom", "function": ":"},
+            "must be named module:function, got ':'",
+        ),
     ],
 )
 def test_wrong_descriptions_name_the_field_and_the_choices(base, description, message):
