@@ -120,7 +120,9 @@ def test_records_that_are_missing_are_said(small_portions, tmp_path):
 def test_a_checkpoint_of_another_run_is_refused_with_the_difference(tmp_path):
     kept = working_paths(tmp_path / "r.nc")[1]
     stepped(jp.Run(simulation(duration=0.02)), 0.01).checkpoint(kept)
-    with pytest.raises(jp.JointplayError, match=r"to another run: duration is 0.03 instead of 0.02"):
+    with pytest.raises(
+        jp.JointplayError, match=r"to another run: duration is 0.03 instead of 0.02"
+    ):
         simulation(duration=0.03).run_to(tmp_path / "r.nc", resume=True)
     with pytest.raises(jp.JointplayError, match="exists"):
         simulation(duration=0.02).run_to(tmp_path / "r.nc")
