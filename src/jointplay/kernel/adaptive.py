@@ -14,6 +14,10 @@ steps however stiff it is. Onsets of contacts are located. A step whose error tu
 done again, shorter, from a copy of the state; no call of Pinocchio is repeated. Steps are not made
 longer by little: leapfrog steps of equal length keep the energy of an elastic contact.
 
+The error says nothing of stability: a journal that lies still has none, however long the step,
+until it has begun to swing. Steps are therefore never longer than what the stiffness of the
+contacts that touch allows, nor than what springs, gears and drives do.
+
 Records are due at multiples of `run.dt`, wherever the states are: they are interpolated.
 """
 
@@ -60,6 +64,12 @@ SAFETY = 0.85
 FIRST_PART = 0.6
 """Length of the first step of an impact, relative to what the tolerance would allow in its midst:
 the force grows there from nothing."""
+
+STABLE_TURN = 1.0
+"""Largest phase of the stiffest oscillation in a step [rad]: leapfrog is stable up to 2."""
+
+STIFFNESS_DIFFERENCE = 1e-2
+"""Relative difference of the depth by which stiffness is found."""
 
 IMPACT = 2.5
 """An impact is over after so many times its first half, or has become a contact that lasts."""
@@ -204,8 +214,7 @@ def _judge_onset(run, joint, contact):
     The depth at which it has stored the energy that the approach brings tells both: half of an
     impact lasts 1.47 times depth over speed, if the force is Hertz's.
     """
-    speed = max(contact.rate, 0.0)
-    compliance = _compliance_at(run, joint, contact)
+    speed, compliance = max(contact.rate, 0.0), contact.compliance
     contact.braking = 0.0
     if not (speed > 0.0 and compliance > 0.0):
         return
@@ -225,20 +234,45 @@ def _judge_onset(run, joint, contact):
 
 
 @internal
-def _judge_contacts(run):
-    """Largest deceleration that impacts now under way bring with them, new ones judged."""
-    most = 0.0
+def _stiffness(joint, contact):
+    """Rise of a contact's elastic force with its depth [N/m]."""
+    depth = -contact.gap
+    law = address_of(contact.parameters)
+    deeper = (1.0 + STIFFNESS_DIFFERENCE) * depth
+    rise = call_normal(joint.normal_law, (deeper, 0.0, 1.0, law)) - contact.elastic
+    return max(rise, 0.0) / (STIFFNESS_DIFFERENCE * depth)
+
+
+@internal
+def _judge_contacts(run, moved):
+    """Judge the contacts that touch: what impacts under way bring, and which step follows all.
+
+    `braking` becomes the largest deceleration of impacts, `stable_micro` the longest step: the sum
+    of all contacts' squared frequencies, each alone, is no less than the square of the highest that
+    they have together.
+
+    Args:
+        moved: whether inertias are others than when they were judged last.
+    """
+    most = squares = 0.0
     for j in range(run.nj):
         joint = joints(run)[j]
         for k in range(joint.count):
             contact = contacts(run, j)[k]
             if contact.touching == 0:
                 continue
-            if contact.steps == 0.0:
+            begins = contact.steps == 0.0
+            if begins or moved:
+                contact.compliance = _compliance_at(run, joint, contact)
+            if begins:
                 _judge_onset(run, joint, contact)
             if run.time < contact.braking_end:
                 most = max(most, contact.braking)
+            squares += contact.compliance * _stiffness(joint, contact)
     run.braking = most
+    run.stable_micro = run.longest_micro
+    if squares > 0.0:
+        run.stable_micro = min(run.longest_micro, STABLE_TURN / math.sqrt(squares))
 
 
 @internal
@@ -297,7 +331,7 @@ def _remember_acceleration(run, h):
 @internal
 def _next_length(run, remaining):
     """Length of the next micro step: what remains is divided evenly among few."""
-    h = max(run.micro_step, run.shortest_micro)
+    h = max(min(run.micro_step, run.stable_micro), run.shortest_micro)
     if h >= remaining:
         return remaining
     return remaining / math.ceil(remaining / h) if remaining < 3.0 * h else h
@@ -334,11 +368,13 @@ def _try_steps(run):
     last = run.step + run.macro
     evaluate(run)
     due = _first_due(run, run.time)
+    begins = True
     while run.status == 0:
         if run.time >= run.refused_at:
             run.micro_step, run.refused_at = run.refused_step, np.inf
             _save(run)
-        _judge_contacts(run)
+        _judge_contacts(run, begins)
+        begins = False
         start = run.time
         wanted = _next_length(run, end - start)
         h = _time_to_onset(run, wanted)

@@ -168,6 +168,8 @@ RUN = _record(
     middles_apart=_FLOAT,  # the last two
     micro_tolerance=_FLOAT,  # of micro steps, see `adaptive`
     shortest_micro=_FLOAT,  # micro step [s]
+    longest_micro=_FLOAT,  # micro step that springs, gears and drives allow [s]
+    stable_micro=_FLOAT,  # micro step that follows the contacts that touch now [s]
     refused_at=_FLOAT,  # time of the state from which a micro step has to be shorter [s]; and
     refused_step=_FLOAT,  # how long it is to be [s]
     refused_length=_FLOAT,  # length of the first step that was refused at this time [s]
@@ -264,6 +266,7 @@ CONTACT = _record(
     own_impulse=_FLOAT,
     bristle=(_FLOAT, (3,)),
     dwell=_FLOAT,
+    compliance=_FLOAT,  # inverse of the mass that it meets along its normal [1/kg]
     braking=_FLOAT,  # expected of an impact, as in `RUN`; until
     braking_end=_FLOAT,  # [s]
     # For record and audit.

@@ -25,7 +25,10 @@ from jointplay.kernel.words import AZIMUTHS, POWERS
 # A record of addresses, and the arrays to which it points: made, kept alive, and copied.
 
 
-FIXED = ("dimensions", "dt", "reference_interval", "micro_tolerance", "shortest_micro")
+FIXED = (
+    *("dimensions", "dt", "reference_interval"),
+    *("micro_tolerance", "shortest_micro", "longest_micro"),
+)
 """Floats that a snapshot does not change."""
 
 LEFT_OUT = "reference"

@@ -141,7 +141,8 @@ class Mechanism(Overview, Described):
         if not isinstance(path, urdf.Description):
             path = urdf.read(urdf_of(path), allow_unphysical)
         self.description = path
-        self.given_joints = dict(clearance or {})
+        # Names out of NumPy arrays print as np.str_(...).
+        self.given_joints = {str(name): joint for name, joint in (clearance or {}).items()}
         self.loops = dict(loops or {})
         self.gears = dict(gears or {})
         self.allow_unphysical = tuple(allow_unphysical)

@@ -69,11 +69,13 @@ def load_site(load: Load, mechanism: Mechanism, bounds: Mapping[str, float]) -> 
     )
 
 
-def check_step(loads: Mapping[str, Load], mechanism: Mechanism, step: float, q: np.ndarray) -> None:
-    """Refuse a step too large for the loads' springs, all together.
+def highest_frequency(
+    loads: Mapping[str, Load], mechanism: Mechanism, q: np.ndarray
+) -> tuple[float, str]:
+    """The fastest swing of the mechanism on the loads' springs, all together.
 
-    Raises:
-        JointplayError: naming the stiffest one.
+    Returns:
+        Its frequency [rad/s], 0 without springs, and the name of the stiffest.
     """
     model, data = mechanism.model, mechanism.model.createData()
     inverse = pin.computeMinverse(model, data, q)
@@ -84,12 +86,21 @@ def check_step(loads: Mapping[str, Load], mechanism: Mechanism, step: float, q: 
             names.append(name)
             rows.append(np.sqrt(load.steepest()) * _direction(load.site(mechanism), model, data, q))
     if not rows:
-        return
+        return 0.0, ""
     springs = np.array(rows)
     squares = springs @ inverse @ springs.T
     frequency = float(np.sqrt(max(np.linalg.eigvalsh(squares)[-1], 0.0)))
+    return frequency, names[int(np.argmax(np.diag(squares)))]
+
+
+def check_step(loads: Mapping[str, Load], mechanism: Mechanism, step: float, q: np.ndarray) -> None:
+    """Refuse a step too large for the loads' springs, all together.
+
+    Raises:
+        JointplayError: naming the stiffest one.
+    """
+    frequency, stiffest = highest_frequency(loads, mechanism, q)
     if frequency * step > LARGEST_STEP_TURN:
-        stiffest = names[int(np.argmax(np.diag(squares)))]
         raise JointplayError(
             f"step {step:g} s is too large for the load {stiffest!r}: the mechanism would swing on "
             f"its springs at {frequency / (2.0 * np.pi):.3g} Hz, so take at most "

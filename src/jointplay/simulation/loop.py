@@ -10,6 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from jointplay.kernel import REACHED, Command, compiled, entry_of, layout
+from jointplay.kernel.adaptive import STABLE_TURN
 from jointplay.kernel.integrators import Integrator
 from jointplay.kernel.sites import CarriedFrame, JointSite, LoadSite
 from jointplay.kernel.workspace import Workspace
@@ -303,17 +304,21 @@ class Adaptive(MultiRate):
         macro_step: see `MultiRate`.
         tolerance: error of the momentum that a micro step gives, relative to what contacts and
             inertia move in it.
+        highest: frequency of what springs, gears and drives can make swing [rad/s].
     """
 
     advancing = Command.ADVANCE_ADAPTIVELY
     longest_macro_step_s = LONGEST_ADAPTIVE_MACRO_STEP_S
 
-    def __init__(self, *args: Any, macro_step: float | None, tolerance: float) -> None:
+    def __init__(
+        self, *args: Any, macro_step: float | None, tolerance: float, highest: float
+    ) -> None:
         """Prepare the calls, and the room for states to come back to."""
         super().__init__(*args, macro_step=macro_step)
         run = self.workspace.run
         run["micro_tolerance"], run["shortest_micro"] = tolerance, SHORTEST_MICRO_STEP_S
         run["micro_step"] = self._dt
+        run["longest_micro"] = STABLE_TURN / highest if highest > 0.0 else np.inf
         self.workspace.keep_copies()
 
     @property

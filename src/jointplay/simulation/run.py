@@ -31,6 +31,7 @@ from jointplay.kernel.sites import LoadSite
 from jointplay.kernel.workspace import Workspace
 from jointplay.loads.drive import Drive, assign
 from jointplay.loads.tables import table_nodes, tabulate
+from jointplay.mechanism.impact import tooth_duration
 from jointplay.mechanism.mechanism import Mechanism
 from jointplay.result.audit import Judgement
 from jointplay.result.histories import histories
@@ -356,7 +357,23 @@ class Run:
             return SingleRate(*parts)
         if simulation.tolerance is None:
             return MultiRate(*parts, macro_step=simulation.macro_step)
-        return Adaptive(*parts, macro_step=simulation.macro_step, tolerance=simulation.tolerance)
+        return Adaptive(
+            *parts,
+            macro_step=simulation.macro_step,
+            tolerance=simulation.tolerance,
+            highest=self._highest_frequency(),
+        )
+
+    def _highest_frequency(self) -> float:
+        """Of what springs, gears and drives can make swing [rad/s], where the run begins."""
+        mechanism, w = self.mechanism, self.workspace
+        inverse = np.diag(pin.computeMinverse(self.model, self.data, w.q))
+        found = [acting.highest_frequency(self.simulation.loads, mechanism, w.q)[0]]
+        found += [math.pi / tooth_duration(mechanism, name, w.q) for name in mechanism.gears]
+        for row in w.drives[w.drives["armature"] == 0.0]:
+            mobility = inverse[row["coordinate"]]
+            found += [math.sqrt(max(row["kp"] * mobility, 0.0)), row["kd"] * mobility]
+        return float(max(found))
 
     @property
     def phases(self) -> list[Phase]:
