@@ -27,6 +27,10 @@ _DIFFERENCE = 1e-5
 _LEAST_DIFFERENCE = 1e-9
 """The same where nothing moves [m/s]."""
 
+_SLID_BEFORE_S = 1e-2
+"""How long contacts that touch at the start have slid before as they do there [s]: bristles that
+began straight at full speed would push by many times the friction until they have bent."""
+
 
 @internal
 def _contact_place(joint, k):
@@ -130,6 +134,8 @@ def advance_bristles(run, j, joint, elapsed):
         normal, _, _ = _normal_force(joint, contact, rate)
         _evaluate_bristle_law(run, joint, contact, speed, normal, contact.dwell)
         out = run.law_numbers
+        if run.time == 0.0 and contact.steps == 0.0:
+            elapsed = _SLID_BEFORE_S
         contact.dwell_now = out[6] + (contact.dwell - out[6]) * math.exp(-out[7] * elapsed)
         direction = get_vector(contact.direction, 0)
         z = get_vector(contact.bristle, 0)
