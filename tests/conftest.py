@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 from sweep_scenario import GRID, SCENARIO
 from warm import System, compile_in_turn, end
 
-from jointplay import JointplayError, Mechanism, Motion, RevoluteClearance, Simulation
+from jointplay import JointplayError, Mechanism, Motion, RevoluteClearance, Simulation, simulate
 from jointplay.geometry import touch_cylinder
 from jointplay.kernel.integrators import DEFAULT
 from jointplay.loads import ComputedTorque
@@ -44,6 +44,9 @@ def warm():
     """Processes that read results begin at once; all kernels are compiled once."""
     compile_in_turn()
     with pytest.MonkeyPatch.context() as patch:
+        # A further run after each of thousands: those that are about it ask for it.
+        patch.setattr(Simulation.run, "__defaults__", (False, False, True, False))
+        patch.setitem(simulate.__kwdefaults__, "estimate", False)
         patch.setattr("jointplay.core.hdf5.sys", System())
         yield
 

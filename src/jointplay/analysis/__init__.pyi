@@ -1,4 +1,5 @@
 from .certification import certify as certify
+from .certification import estimate as estimate
 from .contact_statistics import Contacts as Contacts
 from .contact_statistics import contacts as contacts
 from .contact_statistics import shares as shares

@@ -1,14 +1,16 @@
-"""Every headline figure of a run with its numerical error, found by running again more finely.
+"""Every headline figure of a run with its numerical error, found by running again otherwise.
 
-docs/certificates.md says how, and how often the stated error covers the true one.
+`estimate` runs once more, with steps that go by their own error, and is made after every run;
+`certify` runs several times more finely. docs/certificates.md says how, and how often the stated
+errors cover the true ones.
 """
 
 from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -18,8 +20,7 @@ from jointplay.analysis.claims import measure
 from jointplay.core import signals
 from jointplay.core.errors import JointplayError
 from jointplay.kernel import Status
-from jointplay.kernel.integrators import DEFAULT, integrator
-from jointplay.kernel.multirate import LARGEST_TURN, LEAST_STEPS
+from jointplay.kernel.integrators import DEFAULT
 from jointplay.result.certificate import COUNTS, HEADLINE, Certificate, CertifiedFigure
 from jointplay.result.result import Result
 from jointplay.result.settings import START_UP
@@ -36,32 +37,35 @@ range of the first in 95 to 98 of 100 cases, for normal and for skew distributio
 """
 
 CONTRACTS = 0.5
-"""Refinements contract if they differ by no more than this part of what they have moved."""
-
-OWN_CONTRACTS = 0.75
-"""An explicit method contracts if half its step leaves no more than this part of its error."""
-
-OWN_SAFETY = 1.25
-"""If it does not: what the spread of all runs, its own among them, is multiplied by."""
+"""Finer runs agree if they differ by no more than this part of what they have moved."""
 
 SENSITIVE = 5e-3
 """A figure that starts so little aside change by more than this part of it is called sensitive."""
 
-MACRO_STEPS_S = (1e-4, 5e-5)
-"""Macro steps of the two refined runs, at most, where an error estimate chose the run's [s]."""
+STRETCHES = 8
+"""Stretches of a run, of equal length, that are compared one by one.
 
-PLAIN = "the run"
-FINER, FINEST, OWN = "finer", "finest", "own method"
+Two runs of a chaotic motion can have the same largest force, or the same loss, by chance; not in
+all stretches.
+"""
 
-ASIDE = {
-    "1 nm aside": (FINER, (1e-9, 1e-9, 1e-9)),
-    "100 nm aside": (FINER, (1e-7, -1e-7, 1e-7)),
-    "100 nm aside, finest": (FINEST, (-1e-7, 1e-7, -1e-7)),
-}
-"""Runs that show whether the motion is sensitive: like which, and how far aside journals start [m].
+COMPARED = 1e-3
+"""Tolerance of the run that an estimate compares with, where the run has none itself."""
 
-One small displacement does not: chaos grows from any, but stick-slip hangs on switches that a
-nanometre need not reach, and that one step reaches and another does not.
+COARSER = 4.0
+"""Tolerance of that run, relative to the run's own."""
+
+CERTIFYING = (1e-3, 2.5e-4)
+"""Tolerances of the runs that certify, where the run has none itself."""
+
+FINER = (1.0, 0.25)
+"""The same relative to the run's own."""
+
+ASIDE_M = ((0.0, 0.0, 0.0), (1e-7, -1e-7, 1e-7))
+"""How far aside journals start in these runs.
+
+A nanometre would not show every chaos: stick-slip hangs on switches that it need not reach, and
+that one step reaches and another does not.
 """
 
 CLAIM_UNITS = {
@@ -78,8 +82,63 @@ CLAIM_UNITS = {
 }
 """Units of what `claims.measure` finds."""
 
+TOOL = ("tool_position", "tool_velocity")
+"""What is needed of the ideal mechanism's run."""
+
 Begin = Callable[[Run], None]
 """Told of each further run before it begins."""
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A figure of one run, and what each stretch of the run contributes to it."""
+
+    value: float
+    unit: str
+    parts: np.ndarray
+    """(STRETCHES,) or none."""
+    power: float = 1.0
+    """The figure is the power mean's: 1 a sum, 2 the root of a sum, infinity the largest."""
+
+
+def estimate(
+    source: Simulation | Result,
+    *,
+    progress: bool = False,
+    simulation: Simulation | None = None,
+    begin: Begin = lambda _: None,
+) -> Certificate:
+    """Estimate the numerical error of every headline figure from one further run.
+
+    It goes by its own error, with a tolerance of `COMPARED`, or of four times the run's own; and
+    its macro steps are other than the run's.
+
+    Args:
+        source, progress, simulation, begin: see `certify`.
+
+    Raises:
+        KeyboardInterrupt: Ctrl-C.
+        JointplayError: the simulation cannot be run.
+    """
+    simulation, result = _run_of(source, simulation, progress)
+    if result.status != Status.COMPLETED:
+        return _without_figures(result, strict=False)
+    own = simulation.tolerance
+    tolerance = COMPARED if own is None else min(COARSER * own, 1.0)
+    other = replace(_by_error(simulation, result), tolerance=tolerance)
+    ideal = _ideal(result, progress, begin)
+    first = _headline(result, ideal)
+    # Where the run chose its macro steps likewise, twice their length shows what they are off.
+    alike = own is not None or simulation.macro_step is not None
+    macro = 0.5 if alike else 1.0
+    rerun, message = _run(other, "estimating errors ", progress, begin, macro=macro)
+    second = {} if rerun is None else _headline(rerun, ideal)
+    found = [
+        _figure(name, one, estimated_error(one, second[name]) if name in second else math.inf)
+        for name, one in first.items()
+    ]
+    note = f"with {_words(other)}, {message}" if rerun is None else ""
+    return Certificate(tuple(found), (_words(other),), note, strict=False)
 
 
 def certify(
@@ -91,9 +150,8 @@ def certify(
 ) -> Certificate:
     """Run again more finely and state the numerical error of every headline figure.
 
-    Takes some thirteen times as long as the run. Further runs: two of the multi-rate method with
-    steps of a half and a quarter and shorter macro steps; both again with the journals aside, see
-    `ASIDE`; and for an explicit method its own with half the step.
+    Two further runs whose steps go by their own error, with the tolerances `CERTIFYING`, or
+    `FINER` than the run's own; in the finer one journals start a little aside, see `ASIDE_M`.
 
     Args:
         source: what is certified; a simulation is run first.
@@ -105,167 +163,183 @@ def certify(
         KeyboardInterrupt: Ctrl-C.
         JointplayError: the simulation cannot be run.
     """
-    if isinstance(source, Simulation):
-        simulation, result = source, source.run(progress)
-    else:
-        simulation, result = simulation or source.simulation, source
+    simulation, result = _run_of(source, simulation, progress)
     if result.status != Status.COMPLETED:
-        return Certificate((), note=f"none, for the run did not complete ({result.message})")
-    plans = dict(refinements(simulation, result))
-    values = {PLAIN: figures(result, _ideal(result, progress, begin))}
-    notes, ideals = [], {}
-    for number, (name, finer) in enumerate(plans.items(), 1):
+        return _without_figures(result, strict=True)
+    plans = refinements(simulation, result)
+    # The run's own: what the ideal mechanism's run is off, too, the run shares with it.
+    ideal = _ideal(result, progress, begin)
+    measured, notes = [_measure(result, ideal)], []
+    for number, (finer, aside, macro) in enumerate(reversed(plans), 1):
         label = f"certifying, {number} of {len(plans)} ({_words(finer)})"
-        like, aside = ASIDE.get(name, (name, None))
-        rerun, message = _run(finer, aside, label, progress, begin)
+        rerun, message = _run(finer, label, progress, begin, aside, macro)
         if rerun is None:
             notes.append(f"with {_words(finer)}, {message}")
             continue
-        if like not in ideals:
-            ideals[like] = _ideal(rerun, progress, begin)
-        values[name] = figures(rerun, ideals[like])
+        measured.append(_measure(rerun, ideal))
     certified, sensitive = [], []
-    for name, (value, unit) in values[PLAIN].items():
-        known = {run: of[name][0] for run, of in values.items() if name in of}
-        # Where a refined run failed, nobody knows.
-        error = math.inf if notes else numerical_error(known)
-        if name.startswith(HEADLINE) and not notes and is_sensitive(known):
+    for name, one in measured[0].items():
+        others = [of[name] for of in measured[1:] if name in of]
+        # Where a further run failed, nobody knows.
+        error = math.inf if notes else certified_error(one, others)
+        judged = name.startswith(HEADLINE) and name not in COUNTS
+        if judged and not notes and is_sensitive(one, others):
             sensitive.append(name)
-        if name in COUNTS and math.isfinite(error) and value:
-            # That runs agree says nothing of a contact that barely touches, or barely not.
-            error = max(math.ceil(error), 1)
-        certified.append(CertifiedFigure(name, value, float(error), unit))
-    runs = tuple(f"{name}: {_words(finer)}" for name, finer in plans.items())
+        certified.append(_figure(name, one, error))
     if sensitive:
         notes.append(
-            "the motion is sensitive: starts 1 and 100 nm aside change more than the step does in "
-            f"{', '.join(sensitive)}; the errors cover what they change, and one run is one draw"
+            "the motion is sensitive: the further runs, which start up to 100 nm aside, differ "
+            f"among each other in {', '.join(sensitive)}; the errors cover what was found, and "
+            "one run is one draw"
         )
+    runs = tuple(_words(finer, aside) for finer, aside, _ in plans)
     return Certificate(tuple(certified), runs, "; ".join(notes))
 
 
-def further_runs(simulation: Simulation) -> int:
-    """How many runs `certify` makes, those of the ideal mechanism included."""
+def further_runs(simulation: Simulation, strict: bool = True) -> int:
+    """How many runs `certify` or `estimate` makes, those of the ideal mechanism included."""
     mechanism = simulation.mechanism
-    single = integrator(simulation.integrator).single_rate
-    ideals = 3 + single if mechanism.clearance or mechanism.gears else 0
-    return 2 + len(ASIDE) * bool(mechanism.clearance) + single + ideals
+    ideal = bool(mechanism.clearance or mechanism.gears)
+    return ideal + (len(CERTIFYING) if strict else 1)
 
 
-def numerical_error(values: Mapping[str, float]) -> float:
-    """Error of a figure, given its value in the run and in the refined runs, by their names."""
-    value, finer, finest = (values.get(name, math.nan) for name in (PLAIN, FINER, FINEST))
-    if not all(map(math.isfinite, values.values())) or math.isnan(finer + finest):
+def scatter(runs: Sequence[Measured]) -> float:
+    """How far apart a figure's values in several runs are, in all or stretch by stretch.
+
+    The differences of stretches count as independent: those of sums by the root of their squares;
+    those of largest values by how small the largest could be, had it been each stretch's least.
+    """
+    values = [one.value for one in runs]
+    apart = float(np.ptp(values)) if np.isfinite(values).all() else math.inf
+    if not math.isfinite(apart) or not runs[0].parts.size:
+        return apart
+    parts = np.array([one.parts for one in runs])
+    power = runs[0].power
+    if math.isinf(power):
+        return max(apart, max(values) - float(parts.min(axis=0).max()))
+    together = float(np.linalg.norm(np.ptp(parts, axis=0)))
+    if power > 1.0:
+        together /= power * max(max(values), 1e-300) ** (power - 1.0)
+    return max(apart, together)
+
+
+def estimated_error(one: Measured, other: Measured) -> float:
+    """Error of a figure, given what another run of the same motion made of it."""
+    return SAFETY * scatter([one, other])
+
+
+def certified_error(one: Measured, others: Sequence[Measured]) -> float:
+    """Error of a figure, given what the further runs made of it, the finest first."""
+    moved = abs(one.value - others[0].value)
+    uncertain = scatter(others)
+    if not math.isfinite(moved + uncertain):
         return math.inf
-    moved = abs(value - finest)
-    uncertain = float(np.ptp([of for name, of in values.items() if name not in {PLAIN, OWN}]))
-    spread = float(np.ptp(list(values.values())))
     if uncertain > CONTRACTS * moved:
-        return SAFETY * spread
-    # Two refinements may agree by chance: no error is known to better than a tenth of itself.
-    error = max(moved + SAFETY * uncertain, 1.1 * moved)
-    if OWN not in values:
-        # A quarter of the step leaves a quarter of an error of first order.
-        error = max(error, moved * 4.0 / 3.0)
-    elif abs(values[OWN] - finest) > OWN_CONTRACTS * moved:
-        error = max(error, OWN_SAFETY * spread)
-    return error
+        return SAFETY * scatter([one, *others])
+    # Further runs may agree by chance: no error is known to better than a tenth of itself.
+    return max(moved + SAFETY * uncertain, 1.1 * moved)
 
 
-def is_sensitive(values: Mapping[str, float]) -> bool:
-    """Whether starts a little aside change a figure more than the step does, and noticeably."""
-    changes = [abs(values[name] - values[like]) for name, (like, _) in ASIDE.items()
-               if name in values]  # fmt: skip
-    by_step = CONTRACTS * abs(values[PLAIN] - values[FINEST])
-    return max(changes, default=0.0) > max(by_step, SENSITIVE * abs(values[PLAIN]))
+def is_sensitive(one: Measured, others: Sequence[Measured]) -> bool:
+    """Whether the further runs differ more than the run does from them, and noticeably."""
+    uncertain = scatter(others)
+    moved = abs(one.value - others[0].value)
+    return uncertain > max(CONTRACTS * moved, SENSITIVE * abs(one.value))
 
 
-def refinements(simulation: Simulation, result: Result) -> Iterator[tuple[str, Simulation]]:
-    """The further runs that certify `result`, in order."""
-    for name, times, macro in zip((FINER, FINEST), (2, 4), MACRO_STEPS_S, strict=True):
-        step = simulation.step / times
-        if simulation.macro_step is None:
-            # At least as short as the run's own where contacts begin and end, and in fast turns.
-            own = 2.0 * LEAST_STEPS * simulation.step * 2.0 / times
-            turn = LARGEST_TURN / max(_fastest_turn(result), 1e-9) / times
-            macro = min(macro, own, turn)
-        else:
-            macro = simulation.macro_step / times
-        tolerance = simulation.tolerance
-        finer = replace(
-            simulation,
-            integrator=DEFAULT,
-            step=step,
-            record_every=simulation.record_every * times,
-            macro_step=max(macro, step),
-            tolerance=None if tolerance is None else tolerance / times**2,
-            duration=float(result.time[-1]),
-        )
-        yield name, finer
-        if simulation.mechanism.clearance:
-            yield from ((aside, finer) for aside, (like, _) in ASIDE.items() if like == name)
-    if integrator(simulation.integrator).single_rate:
-        yield (
-            OWN,
-            replace(
-                simulation,
-                step=simulation.step / 2,
-                record_every=simulation.record_every * 2,
-                duration=float(result.time[-1]),
-            ),
-        )
+def _run_of(
+    source: Simulation | Result, simulation: Simulation | None, progress: bool
+) -> tuple[Simulation, Result]:
+    if isinstance(source, Simulation):
+        return source, source.run(progress, estimate=False)
+    return simulation or source.simulation, source
 
 
-def _fastest_turn(result: Result) -> float:
-    """Fastest joint that turns, the journals' own freedoms aside [rad/s]."""
-    turns = result.dataset["coordinate_unit"].values == "rad"
-    own = np.array(["." not in str(name) for name in result.dataset["coordinate"].values])
-    return float(np.abs(result["v"].values[:, turns & own]).max(initial=0.0))
+def _without_figures(result: Result, strict: bool) -> Certificate:
+    note = f"none, for the run did not complete ({result.message})"
+    return Certificate((), note=note, strict=strict)
 
 
-def _words(simulation: Simulation) -> str:
+def _figure(name: str, measured: Measured, error: float) -> CertifiedFigure:
+    if name in COUNTS and math.isfinite(error) and measured.value:
+        # That runs agree says nothing of a contact that barely touches, or barely not.
+        error = max(math.ceil(error), 1)
+    return CertifiedFigure(name, measured.value, float(error), measured.unit)
+
+
+def _by_error(simulation: Simulation, result: Result) -> Simulation:
+    """The same simulation by the multi-rate method, for as long as the run lasted."""
+    return replace(simulation, integrator=DEFAULT, duration=float(result.time[-1]))
+
+
+def refinements(
+    simulation: Simulation, result: Result
+) -> list[tuple[Simulation, tuple[float, float, float], float]]:
+    """The further runs that certify `result`: how, how far aside, and how much finer macro steps.
+
+    The last is the finest.
+    """
+    base, own = _by_error(simulation, result), simulation.tolerance
+    tolerances = CERTIFYING if own is None else [factor * own for factor in FINER]
+    macros = [1.0] * (len(CERTIFYING) - 1) + [2.0]
+    return [
+        (replace(base, tolerance=tolerance), aside, macro)
+        for tolerance, aside, macro in zip(tolerances, ASIDE_M, macros, strict=True)
+    ]
+
+
+def _words(simulation: Simulation, aside: Sequence[float] = ()) -> str:
     """The settings of a run in a few words."""
-    words = f"{simulation.integrator}, step {1e6 * simulation.step:g} us"
+    words = f"{simulation.integrator}, tolerance {simulation.tolerance:g}"
     if simulation.macro_step is not None:
         words += f", macro step {1e6 * simulation.macro_step:.3g} us"
-    if simulation.tolerance is not None:
-        words += f", tolerance {simulation.tolerance:g}"
+    if any(aside):
+        words += f", journals {1e9 * max(aside):g} nm aside"
     return words
 
 
 def _run(
     simulation: Simulation,
-    aside: tuple[float, float, float] | None,
     label: str,
     progress: bool,
     begin: Begin,
+    aside: Sequence[float] = (0.0, 0.0, 0.0),
+    macro: float = 1.0,
+    only: Sequence[str] | None = None,
 ) -> tuple[Result | None, str]:
-    """A refined run, or None and why there is none."""
+    """The result of a further run, or None and why there is none.
+
+    Args:
+        simulation, label, progress, begin: what runs, and who is told.
+        aside: how far journals start from where they would [m].
+        macro: by how much macro steps are shorter.
+        only: histories that are wanted; None: all.
+    """
     try:
-        prepared = Run(simulation, progress)
+        run = Run(simulation, progress)
     except JointplayError as error:
         return None, f"the run is refused: {error}"
-    if aside is not None:
-        prepared.displace(aside)
-    prepared.label = label
-    begin(prepared)
+    if any(aside):
+        run.displace(aside)
+    run.shorten_macro_steps(macro)
+    run.label = label
+    begin(run)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # said in the certificate
-        result = prepared.finish(progress, check_step=False)
-    if result.status == Status.INTERRUPTED:
+        status = run.run_to_end(progress)
+    if status == Status.INTERRUPTED:
         raise KeyboardInterrupt
-    if result.status != Status.COMPLETED:
-        return None, f"the run {result.message}"
-    return result, ""
+    if status != Status.COMPLETED:
+        return None, f"the run {run.message(status)}"
+    return run.result(status, reactions=only is None, only=only), ""
 
 
 def _ideal(result: Result, progress: bool, begin: Begin) -> Result | None:
     """The ideal mechanism's run with the same settings; None where there is none."""
     if not analysis.has_play(result):
         return None
-    ideal, why = _run(
-        analysis.ideal_simulation(result), None, "certifying (ideal)", progress, begin
-    )
+    simulation = analysis.ideal_simulation(result)
+    ideal, why = _run(simulation, "the ideal mechanism ", progress, begin, only=TOOL)
     if ideal is None:
         text = f"the tool error is not certified: the ideal mechanism cannot be simulated ({why})"
         warnings.warn(text, RuntimeWarning, stacklevel=3)
@@ -278,7 +352,22 @@ def figures(result: Result, ideal: Result | None) -> dict[str, tuple[float, str]
     Returns:
         Value and unit by name.
     """
-    headlines: dict[str, tuple[float, str]] = {}
+    return {name: (one.value, one.unit) for name, one in _measure(result, ideal).items()}
+
+
+def _measure(result: Result, ideal: Result | None) -> dict[str, Measured]:
+    """The headline figures of a run, and where it can be what the claims use."""
+    found = _headline(result, ideal)
+    if ideal is not None and len(result.joints) == 1 and result.time[-1] > 2.0 * START_UP:
+        measures = measure(result, ideal)
+        for name, unit in CLAIM_UNITS.items():
+            found[name] = Measured(float(measures[name]), unit, np.empty(0))
+    return found
+
+
+def _headline(result: Result, ideal: Result | None) -> dict[str, Measured]:
+    """The headline figures of a run, and what its stretches contribute to them."""
+    found: dict[str, Measured] = {}
     judged = result.time >= result.judge_from
     if result.joints:
         forces = {"peak": result["joint_force_peak"], "RMS": result["joint_force"]}
@@ -290,25 +379,36 @@ def figures(result: Result, ideal: Result | None) -> dict[str, tuple[float, str]
         sizes = np.linalg.norm(force.values, axis=2)
         for k, name in enumerate(names):
             at = "" if len(names) == 1 else f", {name}"
-            size = sizes[judged, k]
-            value = size.max() if how == "peak" else np.sqrt(np.mean(size**2))
-            headlines[f"{how} joint force{at}"] = float(value), "N"
+            found[f"{how} joint force{at}"] = _history(how, sizes[judged, k], "N")
     if ideal is not None:
-        error = analysis.accuracy(analysis.deviation(result, ideal), result.judge_from)
-        headlines["peak tool error"] = float(error.peak[3]), "m"
-        headlines["RMS tool error"] = float(error.rms[3]), "m"
+        away = analysis.deviation(result, ideal)
+        sizes = np.linalg.norm(away.values, axis=1)[away["time"].values >= result.judge_from]
+        for how in ("peak", "RMS"):
+            found[f"{how} tool error"] = _history(how, sizes, "m")
     if result.joints:
-        headlines["impacts"] = float(result.audit.judged_impacts or 0), ""
-    losses = [result[name].values[judged] for name in LOSSES if name in result.dataset]
-    lost = sum(float(values[-1] - values[0]) for values in losses)
+        found["impacts"] = Measured(float(result.audit.judged_impacts or 0), "", np.empty(0))
+    lost = np.zeros(np.count_nonzero(judged))
+    for name in LOSSES:
+        if name in result.dataset:
+            lost = lost + result[name].values[judged]
     if "load_work" in result.dataset:
         work = result["load_work"].values[judged]
-        lost += float(np.maximum(work[0] - work[-1], 0.0).sum())
-    headlines["dissipated energy"] = lost, "J"
-    if ideal is not None and len(result.joints) == 1 and result.time[-1] > 2.0 * START_UP:
-        measures = measure(result, ideal)
-        headlines |= {name: (float(measures[name]), CLAIM_UNITS[name]) for name in CLAIM_UNITS}
-    return headlines
+        # What a load has taken in all; none where it has given.
+        taken = work[0] - work
+        lost = lost + taken[:, taken[-1] > 0.0].sum(axis=1)
+    ends = lost[np.linspace(0, len(lost) - 1, STRETCHES + 1).astype(int)]
+    found["dissipated energy"] = Measured(float(lost[-1] - lost[0]), "J", np.diff(ends))
+    return found
+
+
+def _history(how: str, sizes: np.ndarray, unit: str) -> Measured:
+    """The largest or the root mean square of a history."""
+    stretches = np.array_split(sizes, STRETCHES)
+    if how == "peak":
+        largest = np.array([part.max(initial=0.0) for part in stretches])
+        return Measured(float(sizes.max()), unit, largest, math.inf)
+    squares = np.array([float(part @ part) for part in stretches]) / len(sizes)
+    return Measured(float(np.sqrt(np.mean(sizes**2))), unit, squares, 2.0)
 
 
 def add_certificate(
@@ -317,8 +417,9 @@ def add_certificate(
     simulation: Simulation,
     progress: bool = False,
     begin: Begin = lambda _: None,
+    strict: bool = True,
 ) -> None:
-    """Certify a saved result and save it again; until then the file is as it was.
+    """Certify a saved result, or estimate its errors, and save it again; until then it stays.
 
     A run that was told to stop, or while it was saved, is not certified.
 
@@ -326,6 +427,7 @@ def add_certificate(
         result, path: what `run_and_save` gave, and its file.
         simulation: what was run.
         progress, begin: see `certify`.
+        strict: certify; else estimate.
 
     Raises:
         JointplayError: the file cannot be written again; the message says where the result is.
@@ -333,7 +435,8 @@ def add_certificate(
     """
     if result.status == Status.INTERRUPTED or signals.stop_requested():
         return
-    certificate = certify(result, simulation=simulation, progress=progress, begin=begin)
+    find = certify if strict else estimate
+    certificate = find(result, simulation=simulation, progress=progress, begin=begin)
     with signals.keeping(f"the certificate of {path}"):
         result.certificate = certificate
         save(result, path, overwrite=True)

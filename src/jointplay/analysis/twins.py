@@ -127,7 +127,7 @@ def twin(result: Result, progress: bool = False) -> Result:
     simulation = ideal_simulation(result)
     # With loops, a step that resolves impacts is far smaller than motion without them asks for.
     check_step = not simulation.mechanism.loops
-    return simulation.run(progress, check_step=check_step)
+    return simulation.run(progress, check_step=check_step, estimate=False)
 
 
 def tool_motion(simulation: Simulation, progress: bool = False) -> Result:

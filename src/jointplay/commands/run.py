@@ -289,7 +289,12 @@ def add(commands: Any) -> None:
         group,
         "--certify",
         "repeat the run with finer steps to give the headline figures numerical error bounds; "
-        "takes about ten times as long",
+        "takes about two and a half times as long",
+    )
+    add_switch(
+        group,
+        "--no-error-estimate",
+        "leave out the further run that estimates the numerical errors of the headline figures",
     )
     add_switch(
         group,

@@ -48,7 +48,13 @@ class CaseRun:
     case: str
     path: Path
     """Of its result."""
-    certified: bool
+    errors: str
+    """How numerical errors are found: ``certify``, ``estimate`` or not at all."""
+
+    @property
+    def certified(self) -> bool:
+        """Whether several further runs find them."""
+        return self.errors == "certify"
 
     @property
     def records(self) -> Path | None:
@@ -83,11 +89,10 @@ def run(scenario: Scenario, options: argparse.Namespace) -> int:
     items = {}
     total, simulations, only_run = 0.0, {}, None
     for case, name in zip(cases, names, strict=True):  # before anything is written
-        certified = options.certify or scenario.model(case).integration.certify
-        item = items[case] = CaseRun(case, out / name, certified)
+        item = items[case] = CaseRun(case, out / name, _errors(scenario, case, options))
         run = scenario.ready_run(case, progress, item.records)
         simulations[case] = run.simulation
-        runs = 1 + (further_runs(run.simulation) if certified else 0)
+        runs = 1 + (further_runs(run.simulation, item.certified) if item.errors else 0)
         total += runs * run.total_steps * run.simulation.step
         only_run = run if len(cases) == 1 else None
         del run  # and its arrays
@@ -153,6 +158,14 @@ def _case_headline(result: Result, results: Mapping[str, Result], progress: bool
     return headline(result, ideal or reference(result, progress))
 
 
+def _errors(scenario: Scenario, case: str, options: argparse.Namespace) -> str:
+    """How the numerical errors of a case are found."""
+    integration = scenario.model(case).integration
+    if options.certify or integration.certify:
+        return "certify"
+    return "estimate" if integration.estimate_errors and not options.no_error_estimate else ""
+
+
 def file_names(cases: Sequence[str]) -> list[str]:
     """A file for each case: its label, but for what some file system does not take."""
     import re
@@ -175,7 +188,7 @@ def _execute(
     progress: bool,
     begin: Callable[[Run], None] = lambda _: None,
 ) -> Status:
-    """Run a case, save it with the scenario it is from, certify it; `begin` gets each run first."""
+    """Run a case, save it with its scenario, find its errors; `begin` gets each run first."""
     from jointplay.analysis.certification import add_certificate
     from jointplay.scenario.settings import words
     from jointplay.simulation.saving import run_and_save
@@ -191,9 +204,10 @@ def _execute(
     begin(run)
     resumed = resume_run(run, item.path)
     status, result = run_and_save(run, item.path, progress, notes, overwrite=resumed)
-    if item.certified:
-        assert result is not None  # such runs stay in memory
-        add_certificate(result, item.path, run.simulation, progress, begin)
+    if item.errors and result is not None:
+        add_certificate(result, item.path, run.simulation, progress, begin, item.certified)
+    elif item.errors:
+        signals.say("numerical errors are not estimated: the histories did not fit into memory")
     return status
 
 
@@ -246,7 +260,7 @@ def _run_parallel(
                     ended = f"{len(items) - len(left)} of {len(items)} cases done"
                     for item, runs in zip(items, begun, strict=True):
                         if item.case in left and runs > 1:
-                            ended += f", certifying {item.case} (further run {runs - 1})"
+                            ended += f", errors of {item.case} (further run {runs - 1})"
                     bar.set_postfix_str(
                         ended if now else "starting (the first start ever compiles)", refresh=False
                     )
@@ -308,7 +322,7 @@ def _work(
     settings: tuple[Setting, ...],
     numbered: tuple[int, CaseRun],
 ) -> None:
-    """Run a case in this process and save it; then certify it."""
+    """Run a case in this process and save it; then find its numerical errors."""
     from jointplay.scenario import Scenario
 
     index, item = numbered

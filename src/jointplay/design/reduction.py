@@ -295,7 +295,7 @@ def _full_run(
         record_every=max(round(2e-4 / step), 1),
         joint_friction=None if friction is None else {joint: friction},
     )
-    return simulation.run(progress).completed("the run of the full model")
+    return simulation.run(progress, estimate=False).completed("the run of the full model")
 
 
 def _fit_friction(result: Result, mechanism: Mechanism, joint: str) -> dict[str, Any]:

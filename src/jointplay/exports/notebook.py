@@ -53,7 +53,8 @@ def rows_of(result: Result) -> list[tuple[str, str]]:
     percent = 100.0 * audit.relative_energy_residual
     rows.append(("energy residual", f"{audit.energy_residual:.3g} J, {percent:.2g} % of exchange"))
     if result.certificate is not None:
-        rows += [("certified", str(figure)) for figure in result.certificate.figures]
+        how = "certified" if result.certificate.strict else "estimated"
+        rows += [(how, str(figure)) for figure in result.certificate.headline]
     return rows
 
 

@@ -165,7 +165,7 @@ class Study:
         """Quantities by record, then the same of the ideal mechanism."""
         turning = self.turning(self.simulation(*key))
         result = turning.run()
-        ideal = ideal_simulation(result).run(check_step=False)
+        ideal = ideal_simulation(result).run(check_step=False, estimate=False)
         return np.concatenate([turning.kept(r, self.names).ravel() for r in (result, ideal)])
 
     def section_from(self, key: tuple[float, ...]) -> np.ndarray:

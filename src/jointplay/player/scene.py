@@ -563,7 +563,7 @@ def _ghost(
         )
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)
-            twin = simulation.run(progress)
+            twin = simulation.run(progress, estimate=False)
     except JointplayError as error:
         notes.append(f"{case.label}: no ideal twin: {error}")
         return None

@@ -1,4 +1,7 @@
-"""Headline figures of a run with their numerical errors; `analysis.certify` finds them."""
+"""Headline figures of a run with their numerical errors.
+
+`analysis.estimate` finds them for every run, `analysis.certify` more strictly.
+"""
 
 from __future__ import annotations
 
@@ -114,6 +117,8 @@ class Certificate(Described):
     """The further runs, in words."""
     note: str = ""
     """What else the reader must know."""
+    strict: bool = True
+    """Whether several finer runs found the errors; else one further run estimated them."""
 
     def __getitem__(self, name: str) -> CertifiedFigure:
         """The figure `name`."""
@@ -121,6 +126,13 @@ class Certificate(Described):
             if figure.name == name:
                 return figure
         raise MissingName("certified figure", name, [figure.name for figure in self.figures])
+
+    @property
+    def origin(self) -> str:
+        """How the errors were found, in words."""
+        if self.strict:
+            return f"certified by {len(self.runs)} further runs"
+        return f"estimated from a further run ({self.runs[0]})" if self.runs else "not estimated"
 
     @property
     def headline(self) -> list[CertifiedFigure]:
@@ -134,7 +146,7 @@ class Certificate(Described):
 
     def __str__(self) -> str:
         """One figure a line."""
-        lines = [f"  numerical errors, from {len(self.runs)} further runs:"] if self.runs else []
+        lines = [f"  numerical errors, {self.origin}:"] if self.runs else []
         width = max((len(figure.name) for figure in self.headline), default=0)
         for figure in self.headline:
             mark = "  <- error above 5 %" if figure.marked else ""

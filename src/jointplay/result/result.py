@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from jointplay.result.certificate import Certificate
     from jointplay.simulation.simulation import Simulation
 
-FORMAT = 4
+FORMAT = 5
 """Version of the file format."""
 
 AXES = ("x", "y", "z")
@@ -80,7 +80,7 @@ class Result:
 
     @property
     def certificate(self) -> Certificate | None:
-        """Headline figures with their numerical errors; None if the run was not certified."""
+        """Headline figures with their numerical errors; None if nobody looked for them."""
         text = self.dataset.attrs.get("certificate")
         if text is None:
             return None

@@ -112,6 +112,8 @@ class IntegrationTable(Integration):
     certify: bool = False
     """Whether the case is repeated with finer steps to bound the numerical errors of its figures.
     """
+    estimate_errors: bool = True
+    """Whether the case is run once more, in about half its time, to estimate these errors."""
 
 
 @dataclass(frozen=True, kw_only=True)

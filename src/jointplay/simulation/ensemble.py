@@ -94,7 +94,7 @@ def _run(
     """What is kept of a run, and the warnings that it gave."""
     with warnings.catch_warnings(record=True) as warned:
         warnings.simplefilter("always")
-        result = simulation.run(check_step=check_step)
+        result = simulation.run(check_step=check_step, estimate=False)
         if result.status == Status.INTERRUPTED:
             raise KeyboardInterrupt
         value = result if keep is None else keep(result)
@@ -114,7 +114,7 @@ def run_to_the_end(simulation: Simulation, words: str) -> Result:
     """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)
-        result = simulation.run(check_step=False)
+        result = simulation.run(check_step=False, estimate=False)
     return result.completed(words)
 
 

@@ -215,6 +215,13 @@ class MultiRate(TimeLoop):
         if w.needs_jacobians or len(self._models):
             self._place_bodies()
 
+    def shorten_macro_steps(self, factor: float) -> None:
+        """Have macro steps shorter than planned; their error falls with the square of `factor`."""
+        run = self.workspace.run
+        for name in ("longest", "suggested"):
+            run[name] = max(round(int(run[name][0]) / factor), 1)
+        run["tolerance"] /= factor**2
+
     def _place_bodies(self) -> None:
         """Let the kernels know the bodies that joints and loops without clearance are reached by.
 

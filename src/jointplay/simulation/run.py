@@ -385,6 +385,15 @@ class Run:
         distance = require_vector("distance", distance, "m")
         initial.displace_journals(self.mechanism, self.workspace.q, distance)
 
+    def shorten_macro_steps(self, factor: float) -> None:
+        """Have macro steps, and their error, so much smaller than settings say; before it begins.
+
+        Args:
+            factor: of the lengths; the error allowed falls with its square.
+        """
+        if isinstance(self._loop, MultiRate):
+            self._loop.shorten_macro_steps(factor)
+
     def finish(self, progress: bool = False, check_step: bool = True) -> Result:
         """Simulate to the end, from the start or from where the run stands; once only.
 

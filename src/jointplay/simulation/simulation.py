@@ -17,6 +17,7 @@ from jointplay.core.imports import load_object
 from jointplay.core.schema import check_fields, unknown_key
 from jointplay.core.tables import Overview, few
 from jointplay.core.units import readable
+from jointplay.kernel import Status
 from jointplay.loads import Load
 from jointplay.loads.drive import Drive, JointFriction
 from jointplay.mechanism.mechanism import Mechanism
@@ -190,25 +191,32 @@ class Simulation(Overview, Inputs):
         """
         return run_to(self, Path(path), progress, resume)
 
-    def run(self, progress: bool = False, certify: bool = False, check_step: bool = True) -> Result:
-        """Simulate to the end.
+    def run(
+        self,
+        progress: bool = False,
+        certify: bool = False,
+        check_step: bool = True,
+        estimate: bool = True,
+    ) -> Result:
+        """Simulate to the end, and state the numerical errors of the headline figures.
 
         Args:
             progress: show bars.
-            certify: run again more finely, and put the numerical errors of the headline figures
-                into `Result.certificate`.
+            certify: find the errors in `Result.certificate` by several further runs, more finely.
             check_step: see `Run.finish`.
+            estimate: find them by one further run, which takes about half the time of the run.
 
         Raises:
             JointplayError: see `Run`.
         """
         result = Run(self, progress).finish(progress, check_step)
-        if certify:
-            find_errors = load_object("analysis.certification:certify")
+        if (certify or estimate) and result.status == Status.COMPLETED:
+            how = "certify" if certify else "estimate"
+            find_errors = load_object(f"analysis.certification:{how}")
             try:
                 result.certificate = find_errors(result, simulation=self, progress=progress)
             except KeyboardInterrupt:
-                text = "interrupted while certifying: the result is complete, but not certified"
+                text = "interrupted: the result is complete, but its numerical errors are unknown"
                 warnings.warn(text, RuntimeWarning, stacklevel=2)
         return result
 
@@ -240,13 +248,14 @@ def simulate(
     *,
     progress: bool = False,
     certify: bool = False,
+    estimate: bool = True,
     **settings: Unpack[Settings],
 ) -> Result:
     """Simulate `mechanism` following `motion`: `Simulation(...).run(...)` in one call.
 
     Args:
         mechanism, motion: what moves, and how.
-        progress, certify: those of `Simulation.run`.
+        progress, certify, estimate: those of `Simulation.run`.
         settings: fields of `Simulation`, which says what each means, its unit and its default.
 
     Raises:
@@ -255,7 +264,9 @@ def simulate(
     unknown = [name for name in settings if name not in Settings.__annotations__]
     if unknown:
         raise JointplayError(unknown_key(unknown[0], Settings.__annotations__))
-    return Simulation(mechanism, motion, **settings).run(progress, certify)  # type: ignore[arg-type]
+    return Simulation(mechanism, motion, **settings).run(  # type: ignore[arg-type]
+        progress, certify, estimate=estimate
+    )
 
 
 def _settling_time(simulation: Simulation, settle: float | str, duration: float) -> float:

@@ -95,12 +95,12 @@ def scara(
 
 @cache
 def _ideal(condition: Condition) -> Result:
-    return scara(None, condition, ENSEMBLE_RECORD_EVERY).run()
+    return scara(None, condition, ENSEMBLE_RECORD_EVERY).run(estimate=False)
 
 
 def perturbed(condition: Condition, label: str, seed: int) -> Measures:
     """Measures of one perturbed run of the case `label`."""
-    run = scara(CASES[label], condition, ENSEMBLE_RECORD_EVERY, seed).run()
+    run = scara(CASES[label], condition, ENSEMBLE_RECORD_EVERY, seed).run(estimate=False)
     return measure(run.completed(f"{condition}, {label}, seed {seed}"), _ideal(condition))
 
 
@@ -126,5 +126,5 @@ def run_case(label: str, out: Path, progress: bool) -> Result:
 def explicit(label: str) -> dict[str, float]:
     """Figures of the case `label` by the explicit method with the paper's fixed step."""
     simulation = replace(scara(CASES[label]), integrator=EXPLICIT, step=EXPLICIT_STEP_S)
-    result = simulation.run().completed(f"{label}, {EXPLICIT}")
+    result = simulation.run(estimate=False).completed(f"{label}, {EXPLICIT}")
     return {name: value for name, (value, _) in figures(result, None).items()}

@@ -207,7 +207,7 @@ class Bench:
     def _run(self, changes: Mapping[str, Any]) -> tuple[dict[str, float], dict[str, xr.DataArray]]:
         """Measures and histories of a case."""
         simulation = self.simulation(changes)
-        result = simulation.run()
+        result = simulation.run(estimate=False)
         if result.status != Status.COMPLETED:
             raise JointplayError(result.message)
         if self._certified(changes):
