@@ -332,7 +332,7 @@ def drawn_arm(random: Random, kind: str, robot: str, friction: FrictionLaw) -> j
     motion = drawn_motion(random, ideal, arm.joints, arm.speed)
     gears = {}
     if kind == "gear":
-        name = random.one([name for name in turning if name not in clearance])
+        name = random.one(turning)
         gears[name] = drawn_gear(random, ideal, name, motion)
     payloads = (drawn_payload(random, ideal.tool, arm, motion),) if kind == "payload" else ()
     mechanism = jp.Mechanism(
@@ -350,8 +350,9 @@ def drawn_gear(random: Random, ideal: jp.Mechanism, name: str, motion: jp.Motion
     inertia = float(pin.crba(ideal.model, ideal.data, q)[at, at])
     rotor = inertia * random.log(0.1, 1.0)
     reduced = rotor * inertia / (rotor + inertia)
-    frequency = random.log(300.0, 3000.0)  # far above the drive's bandwidth, else it is unstable
-    damping = 2.0 * random.log(0.005, 0.3) * frequency * reduced
+    # Softer or less damped, the drive, of 100 rad/s, makes the arm swing ever wider.
+    frequency = random.log(1e3, 6e3)
+    damping = 2.0 * random.log(0.05, 0.3) * frequency * reduced
     return jp.Gear(random.log(1e-4, 1e-2), rotor, frequency**2 * reduced, damping)
 
 
