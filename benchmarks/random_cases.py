@@ -565,6 +565,19 @@ class Truth:
         low, high = self.interval
         return max(low - value, value - high, 0.0)
 
+    def verdict(self, value: float, stated: float, warned: bool) -> str:
+        """``outside`` the target, and ``silent`` if no stated error or warning told of it, or none.
+
+        Args:
+            value: what is judged.
+            stated: its error as the run states it; not a number if it states none.
+            warned: whether the run warned of its step.
+        """
+        away = self.away(value)
+        if self.state == "open" or away <= self.allowed:
+            return ""
+        return "outside" if warned or away <= stated else "silent"
+
 
 def headline(found: dict[str, tuple[float, str]]) -> dict[str, tuple[float, str]]:
     return {name: of for name, of in found.items() if name.startswith(HEADLINE)}
@@ -615,7 +628,8 @@ def crossing(simulation: jp.Simulation) -> float:
         NoTruthError: one of them did not complete.
     """
     every = simulation.record_every * simulation.step
-    duration = every * max(round(min(BEGINNING, 0.2 * simulation._simulated_time()) / every), 10)
+    end = simulation.duration or simulation.motion.duration
+    duration = every * max(round(min(BEGINNING, 0.2 * end) / every), 10)
     times = 4 * max(round(simulation.step / STEP), 4)
     ideal = converged(analysis.ideal_simulation(finer(simulation, times // 4, duration=duration)))
     ways = [
@@ -724,8 +738,8 @@ def judge(
             continue
         true = known[name]
         away = true.away(value)
-        judged = true.state != "open" and kind_of(name) not in COUNTS
-        outside = judged and away > true.allowed
+        stated = said.get(name, np.nan)
+        verdict = "" if kind_of(name) in COUNTS else true.verdict(value, stated, bool(warned))
         row: dict[str, object] = about | {
             "figure": name,
             "unit": unit,
@@ -738,10 +752,9 @@ def judge(
             "finest_step": step,
             "state": true.state,
             "away": away,
-            "outside": outside,
-            "stated_error": said.get(name, np.nan),
+            "stated_error": stated,
             "warned": "; ".join(warned),
-            "silent": outside and not warned and not away <= said.get(name, 0.0),
+            "verdict": verdict,
         }
         if name in errors:
             row |= {
@@ -787,7 +800,7 @@ def tell(outcome: Outcome) -> None:
     if outcome.note:
         tqdm.write(f"case {number}: {outcome.note} ({label})")
     for row in outcome.rows:
-        if row["silent"]:
+        if row["verdict"] == "silent":
             tqdm.write(f"silent: case {number}: {named(row)} ({label})")
 
 
@@ -801,13 +814,13 @@ def line(name: str, rows: Sequence[dict]) -> list[str]:
     """One row of the table."""
     judged = [row for row in rows if kind_of(row["figure"]) not in COUNTS]
     states = Counter(row["state"] for row in judged)
-    outside = sum(row["outside"] for row in rows)
-    silent = sum(row["silent"] for row in rows)
+    verdicts = Counter(row["verdict"] for row in rows)
     agreed = [row for row in rows if row.get("agreed")]
     covered = f"{sum(row['covered'] for row in agreed)} of {len(agreed)}" if agreed else "-"
     counts = (
         len({row["number"] for row in rows}), len(judged), states["calm"], states["sensitive"],
-        states["open"], outside, outside - silent, silent,
+        states["open"], verdicts["outside"] + verdicts["silent"], verdicts["outside"],
+        verdicts["silent"],
     )  # fmt: skip
     return [name, *map(str, counts), covered]
 
@@ -899,8 +912,7 @@ def main() -> None:
             if text:
                 print(f"  {text}")
         for row in outcome.rows:
-            verdict = "silent" if row["silent"] else "outside" if row["outside"] else ""
-            print(f"{verdict:8s}{named(row)}")
+            print(f"{row['verdict']:8s}{named(row)}")
         outcomes = [outcome]
         rows = outcome.rows
     else:
@@ -910,7 +922,8 @@ def main() -> None:
         footnotes(outcomes)
     agreed = [row for row in rows if row.get("agreed")]
     share = f"{100 * np.mean([row['covered'] for row in agreed]):.1f} %" if agreed else "-"
-    print(f"cases {len(outcomes)} silent {sum(row['silent'] for row in rows)} certified {share}")
+    silent = sum(row["verdict"] == "silent" for row in rows)
+    print(f"cases {len(outcomes)} silent {silent} certified {share}")
 
 
 def footnotes(outcomes: Sequence[Outcome]) -> None:
