@@ -92,6 +92,6 @@ def test_a_case_is_judged(cases, monkeypatch):
         assert row["low"] <= row["finest"] <= row["high"]
         assert row["away"] <= max(0.05 * abs(row["mean"]), 1.0)
         assert {"certified_error", "covered", "agreed"} <= set(row)
-    lines = cases.table(cases.as_data([outcome]))
+    lines = cases.table([outcome])
     assert [entries[0] for entries in lines] == ["slider", *cases.HEADLINE, "all"]
     assert cases.draw_errors(outcome.rows).axes
