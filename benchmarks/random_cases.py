@@ -64,7 +64,7 @@ ASIDES = ((0.8e-9, 0.5e-9, -0.3e-9), (-5e-9, 8e-9, 3e-9), (3e-8, -8e-8, 5e-8))
 """Journals at the start of the other converged runs [m]; 1, 10 and 100 nm aside."""
 BEGINNING = 0.06
 """How long rk4 is compared [s]."""
-ATTEMPTS = 40
+ATTEMPTS = 200
 """A case that is refused so often is a mistake in the draw."""
 
 QUINTIC = 1.875
@@ -774,6 +774,7 @@ def judge_all(
 ) -> list[Outcome]:
     """Judge these cases in several processes; `tell` hears of each as it is done."""
     found: dict[int, Outcome] = {}
+    warnings.simplefilter("ignore", RuntimeWarning)
     drawn(seed, numbers[0]).simulation.run()  # has the kernels compiled
     with ProcessPoolExecutor(jobs) as pool:
         futures = {pool.submit(judge, seed, number, *options): number for number in numbers}
