@@ -25,6 +25,7 @@ from tqdm import tqdm
 
 import jointplay as jp
 from jointplay.core.files import temporary
+from jointplay.mechanism.robots import survey
 
 SHIPPED_STEP = 1e-6
 """Step of the slider-crank's own scenario [s]: at 10 µs its impacts last few steps."""
@@ -97,14 +98,49 @@ PANDA_WAYPOINTS = (
     (0.0, -0.5, 0.0, -2.0, 0.0, 1.8, 0.7, 0.0, 0.0),
 )
 """At rest at 0, 1 and 2 s [rad; fingers: m]."""
+TALOS_JOINTS = (
+    *(f"arm_left_{number}_joint" for number in range(1, 8)),
+    "gripper_left_joint",
+    *(f"leg_left_{number}_joint" for number in range(1, 7)),
+)
+TALOS_STEP = 2e-6
+TALOS_POSTURE = {
+    "arm_left_1_joint": 0.2, "arm_left_2_joint": 0.4, "arm_left_4_joint": -1.2,
+    "arm_left_6_joint": 0.1, "gripper_left_joint": -0.4, "arm_right_2_joint": -0.3,
+    "arm_right_4_joint": -0.5, "leg_left_3_joint": -0.4, "leg_left_4_joint": 0.8,
+    "leg_left_5_joint": -0.4,
+}  # fmt: skip
+"""Where it stands at 0 and 2 s, its pelvis held [rad]; the other joints are at zero."""
+TALOS_SWING = 0.2
+"""How far the joints of the loose arm and leg are turned at 1 s [rad]."""
 
 
-def robot(name, joints, waypoints, **options):
+def loosened(name, joints, allowed=()):
     """A robot of example-robot-data, gravity on, some of its joints loose."""
     size = {"radial_clearance": 1e-4, "axial_clearance": 1e-4}
     bearing = jp.RevoluteClearance(**size, bearing_radius=30e-3, bearing_length=60e-3)
-    arm = jp.Mechanism(name, dict.fromkeys(joints, bearing))
+    return jp.Mechanism(name, dict.fromkeys(joints, bearing), allow_unphysical=allowed)
+
+
+def robot(name, joints, waypoints, **options):
+    """Such a robot on its way through three waypoints."""
+    arm = loosened(name, joints)
     return arm, jp.Motion(list(arm.joints), [0.0, 1.0, 2.0], waypoints), options
+
+
+def talos():
+    """Talos, its left arm and its left leg loose."""
+    body = loosened("talos_reduced", TALOS_JOINTS, survey("talos_reduced").unphysical)
+    still = np.array([TALOS_POSTURE.get(joint, 0.0) for joint in body.joints])
+    swing = np.array(
+        [joint in TALOS_JOINTS and joint != "gripper_left_joint" for joint in body.joints]
+    )
+    turned = still + TALOS_SWING * swing
+    return (
+        body,
+        jp.Motion(list(body.joints), [0.0, 1.0, 2.0], [still, turned, still]),
+        {"step": TALOS_STEP},
+    )
 
 
 def mechanisms(folder):
@@ -133,6 +169,7 @@ def mechanisms(folder):
             PANDA_WAYPOINTS,
             step=PANDA_STEP,
         ),
+        f"Talos, {len(TALOS_JOINTS)} with clearance": talos(),
     }
 
 
