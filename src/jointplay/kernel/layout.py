@@ -156,6 +156,7 @@ RUN = _record(
     iterations=_INT,
     solves=_INT,
     time=_FLOAT,
+    evaluated_at=_FLOAT,  # time of the state that the multi-rate method evaluated last [s]
     load_time=_FLOAT,
     path_start=_FLOAT,
     path_span=_FLOAT,

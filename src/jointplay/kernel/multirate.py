@@ -387,17 +387,22 @@ def evaluate(run):
     find_velocity_forces(run, q, half)
     if run.nl > 0:
         apply_loads(run, base, h)
-    rates = matrix(run.force_rates, 2, nv)
-    for i in range(nv):
-        rates[1, i] = forces[i]
-        forces[i] += run.dt_before * rates[0, i]
+    # A state that ends one macro step and begins the next is evaluated with both parabolas; what
+    # it was found to need once is the best guess.
+    rates, new = matrix(run.force_rates, 2, nv), run.time != run.evaluated_at
+    if new:
+        for i in range(nv):
+            rates[1, i] = forces[i]
+            forces[i] += run.dt_before * rates[0, i]
     if run.active > 0:
         solve_velocity(run, q, base, v, h)
     else:
         for i in range(nv):
             forces[i] = 0.0
-    for i in range(nv):
-        rates[0, i] = (forces[i] - rates[1, i]) / run.dt_before
+    if new:
+        for i in range(nv):
+            rates[0, i] = (forces[i] - rates[1, i]) / run.dt_before
+    run.evaluated_at = run.time
     size = _complete_velocities(run, half, v, base, h)
     _powers(run, q, v)
     if not size < SPEED_LIMIT:  # true for NaN as well
