@@ -425,7 +425,7 @@ def _try_steps(run):
             break
     if run.status == 0:
         run.step = last
-        run.time = last * run.dt
+        run.time = run.evaluated_at = last * run.dt
     else:
         run.step = int(run.time / run.dt)
     return True

@@ -72,9 +72,9 @@ RUN = _record(
     path=_INT,  # (9, nv) see `path`
     # The velocity solve, its arrays used for the n coordinates that take part.
     slope=_INT,  # (n, n) of d(velocity_forces)/dv
-    compliance=_INT,  # (n, n) of `minv`
+    compliance=_INT,  # (n, n) of `minv`, unless these are all
     inverse=_INT,  # (n, n), transposed, of the last matrix, of `factored` coordinates
-    trial=_INT,  # (7, nv) see `solve`
+    trial=_INT,  # (8, nv) see `solve`
     scratch=_INT,  # (4 nv + powers,) of Runge-Kutta
     # Adaptive micro steps.
     earlier_a=_INT,  # (3, nv) accelerations at the last two states; room
@@ -156,6 +156,7 @@ RUN = _record(
     iterations=_INT,
     solves=_INT,
     time=_FLOAT,
+    evaluated_at=_FLOAT,  # time of the state that the multi-rate method evaluated last [s]
     load_time=_FLOAT,
     path_start=_FLOAT,
     path_span=_FLOAT,

@@ -18,7 +18,7 @@ from __future__ import annotations
 import math
 
 from jointplay.core.compiler import internal
-from jointplay.kernel.access import drives, floats, joints, matrix, record_failure
+from jointplay.kernel.access import drives, floats, integers, joints, matrix, record_failure
 from jointplay.kernel.contact import add_dissipation, commit_contacts
 from jointplay.kernel.drive import add_drive_power, add_joint_losses, apply_drives, prescribe_motion
 from jointplay.kernel.film import add_film_losses
@@ -27,8 +27,10 @@ from jointplay.kernel.load import add_load_work, apply_loads, find_load_powers
 from jointplay.kernel.loops import correct_drift, project_dynamics
 from jointplay.kernel.record import is_due, write_record
 from jointplay.kernel.solve import (
+    ERROR,
     LEAST_COMPLIANCE,
-    add_rows,
+    SPEED,
+    TRIALS,
     evaluate_velocity_forces,
     find_velocity_forces,
     solve_velocity,
@@ -307,8 +309,9 @@ def _base_velocity(run, q, half, v, base, h):
         base[i] = half[i] + h * free[i]
     for one in drives(run):
         k = one.coordinate
+        row, moved = minv[k], h * tau[k]
         for i in range(nv):
-            base[i] += h * minv[i, k] * tau[k]
+            base[i] += moved * row[i]
     if run.prescribed != 0:
         for one in drives(run):
             if one.armature > 0.0:
@@ -318,10 +321,21 @@ def _base_velocity(run, q, half, v, base, h):
 @internal
 def _complete_velocities(run, half, v, base, h):
     """Velocities that the solve left out, and all accelerations; returns their size."""
-    nv = run.nv
+    nv, n = run.nv, run.active
     a, forces, minv = floats(run.a, nv), floats(run.velocity_forces, nv), matrix(run.minv, nv, nv)
+    if n == nv:
+        trial = matrix(run.trial, TRIALS, nv)
+        for i in range(nv):  # the residual, where the last trial ended, has the product with M^-1
+            a[i] = (trial[SPEED, i] - trial[ERROR, i] - base[i]) / h
+    else:
+        touched = integers(run.touched, nv)
+        for i in range(nv):
+            a[i] = 0.0
+        for b in range(n):
+            row, force = minv[touched[b]], forces[touched[b]]
+            for i in range(nv):
+                a[i] += force * row[i]
     size = square = 0.0
-    add_rows(minv, forces, a, nv, nv)
     for i in range(nv):
         square += forces[i] * a[i]
         v[i] = base[i] + h * a[i]
@@ -373,17 +387,22 @@ def evaluate(run):
     find_velocity_forces(run, q, half)
     if run.nl > 0:
         apply_loads(run, base, h)
-    rates = matrix(run.force_rates, 2, nv)
-    for i in range(nv):
-        rates[1, i] = forces[i]
-        forces[i] += run.dt_before * rates[0, i]
+    # A state that ends one macro step and begins the next is evaluated with both parabolas; what
+    # it was found to need once is the best guess.
+    rates, new = matrix(run.force_rates, 2, nv), run.time != run.evaluated_at
+    if new:
+        for i in range(nv):
+            rates[1, i] = forces[i]
+            forces[i] += run.dt_before * rates[0, i]
     if run.active > 0:
         solve_velocity(run, q, base, v, h)
     else:
         for i in range(nv):
             forces[i] = 0.0
-    for i in range(nv):
-        rates[0, i] = (forces[i] - rates[1, i]) / run.dt_before
+    if new:
+        for i in range(nv):
+            rates[0, i] = (forces[i] - rates[1, i]) / run.dt_before
+    run.evaluated_at = run.time
     size = _complete_velocities(run, half, v, base, h)
     _powers(run, q, v)
     if not size < SPEED_LIMIT:  # true for NaN as well

@@ -49,10 +49,16 @@ RELATIVE_TOLERANCE = 1e-11
 LEAST_COMPLIANCE = 1e-14
 """Inverse inertia of a coordinate that is held, relative to the largest: it must not be zero."""
 
+MOST_LISTED = 0.75
+"""Where more than this part of all coordinates take part, all do: their rows lie there already."""
+
 (
-    SPEED, PUSH, BASE, ERROR, STEP, LAST, MARKS, TRIALS,
-) = range(8)  # fmt: skip
+    SPEED, PUSH, BASE, ERROR, STEP, LAST, MARKS, INERTIA, TRIALS,
+) = range(9)  # fmt: skip
 """Rows of `trial`."""
+
+SINGLE = 6
+"""Coordinates of one joint with clearance: loops of this length are compiled on their own."""
 
 CONTRACTION = 0.1
 """A matrix that brings the error down by less than this is reckoned anew."""
@@ -112,6 +118,10 @@ def find_velocity_forces(run, q, half):
             touched[n] = i
             place[i] = n
             n += 1
+    if n > SINGLE and n > MOST_LISTED * nv:
+        n = nv
+        for i in range(nv):
+            touched[i] = place[i] = i
     run.active = n
 
 
@@ -165,27 +175,40 @@ def add_rows(rows, factors, total, n, size):
     """Put the sum of `n` rows, each times its factor, into the first `size` of `total`.
 
     This is the product of a symmetric matrix and a vector in the order that processors can do
-    several at a time: a sum along a row must be done one after the other.
+    several at a time: a sum along a row must be done one after the other. Four rows at once, for
+    `total` need be read and written less often.
     """
     for a in range(size):
         total[a] = 0.0
-    for b in range(n):
+    fours = n - n % 4
+    for b in range(0, fours, 4):
+        f0, f1, f2, f3 = factors[b], factors[b + 1], factors[b + 2], factors[b + 3]
+        for a in range(size):
+            more = total[a] + f0 * rows[b, a] + f1 * rows[b + 1, a]
+            total[a] = more + f2 * rows[b + 2, a] + f3 * rows[b + 3, a]
+    for b in range(fours, n):
         factor = factors[b]
         for a in range(size):
             total[a] += factor * rows[b, a]
 
 
 @inlined
+def _listed_compliance(run, n):
+    """M^-1 of the coordinates that take part."""
+    return matrix(run.minv if n == run.nv else run.compliance, n, n)
+
+
+@inlined
 def _residual(run, h, n):
     """Write the residual of the velocity equation; returns its squared norm."""
-    trial, compliance = matrix(run.trial, TRIALS, run.nv), matrix(run.compliance, n, n)
-    error = trial[ERROR]
-    add_rows(compliance, trial[PUSH], error, n, n)
+    trial = matrix(run.trial, TRIALS, run.nv)
+    speed, base, inertia, error = trial[SPEED], trial[BASE], trial[INERTIA], trial[ERROR]
+    add_rows(_listed_compliance(run, n), trial[PUSH], error, n, n)
     size = 0.0
     for a in range(n):
-        wrong = trial[SPEED, a] - trial[BASE, a] - h * error[a]
+        wrong = speed[a] - base[a] - h * error[a]
         error[a] = wrong
-        size += wrong * wrong / compliance[a, a]
+        size += wrong * wrong * inertia[a]
     return size
 
 
@@ -199,7 +222,7 @@ def _evaluate_trial(run, q, v, h):
     evaluate_velocity_forces(run, q, v)
     for a in range(n):
         trial[PUSH, a] = tau[touched[a]]
-    return _residual(run, h, 6) if n == 6 else _residual(run, h, n)
+    return _residual(run, h, SINGLE) if n == SINGLE else _residual(run, h, n)
 
 
 @internal
@@ -210,7 +233,7 @@ def _factor(run, h):
     """
     n = run.active
     inverse, exchanged = matrix(run.inverse, n, n), integers(run.exchanged, n)
-    compliance, slope = matrix(run.compliance, n, n), matrix(run.slope, n, n)
+    compliance, slope = _listed_compliance(run, n), matrix(run.slope, n, n)
     # The transpose of M^-1 slope is the sum of rows of M^-1, which is symmetric.
     for a in range(n):
         row = inverse[a]
@@ -263,11 +286,24 @@ def _newton_step(run, n):
 
 
 @internal
-def _initial_guess(run, base, h):
+def _list_compliance(run, n):
+    """Gather M^-1 of the coordinates that take part, if these are not all."""
+    nv = run.nv
+    touched, minv = integers(run.touched, nv), matrix(run.minv, nv, nv)
+    compliance = matrix(run.compliance, n, n)
+    for a in range(n):
+        row = minv[touched[a]]
+        for b in range(n):
+            compliance[a, b] = row[touched[b]]
+
+
+@inlined
+def _initial_guess(run, base, h, n):
     """Start from the forces of the last step; returns the squared tolerance of the residual."""
-    n, touched = run.active, integers(run.touched, run.nv)
-    minv, compliance = matrix(run.minv, run.nv, run.nv), matrix(run.compliance, n, n)
-    trial, tau = matrix(run.trial, TRIALS, run.nv), floats(run.velocity_forces, run.nv)
+    nv = run.nv
+    touched, minv = integers(run.touched, nv), matrix(run.minv, nv, nv)
+    trial, tau = matrix(run.trial, TRIALS, nv), floats(run.velocity_forces, nv)
+    speed, inertia = trial[SPEED], trial[INERTIA]
     least = 0.0
     for a in range(n):
         i = touched[a]
@@ -276,13 +312,11 @@ def _initial_guess(run, base, h):
     size = 0.0
     for a in range(n):
         i = touched[a]
-        for b in range(n):
-            compliance[a, b] = minv[i, touched[b]]
-        compliance[a, a] = max(compliance[a, a], least)
-        size += trial[BASE, a] * trial[BASE, a] / compliance[a, a]
-    add_rows(compliance, trial[PUSH], trial[SPEED], n, n)
+        inertia[a] = 1.0 / max(minv[i, i], least)
+        size += trial[BASE, a] * trial[BASE, a] * inertia[a]
+    add_rows(_listed_compliance(run, n), trial[PUSH], speed, n, n)
     for a in range(n):
-        trial[SPEED, a] = trial[BASE, a] + h * trial[SPEED, a]
+        speed[a] = trial[BASE, a] + h * speed[a]
     return TOLERANCE * TOLERANCE + RELATIVE_TOLERANCE * RELATIVE_TOLERANCE * size
 
 
@@ -303,7 +337,9 @@ def solve_velocity(run, q, base, v, h):
     `CONTRACTION`. Where it does not get there the last velocity is taken, and counted.
     """
     n = run.active
-    limit = _initial_guess(run, base, h)
+    if n < run.nv:
+        _list_compliance(run, n)
+    limit = _initial_guess(run, base, h, SINGLE) if n == SINGLE else _initial_guess(run, base, h, n)
     error, trials = _evaluate_trial(run, q, v, h), 1
     old = run.factored == n
     while not error <= limit:
@@ -313,7 +349,7 @@ def solve_velocity(run, q, base, v, h):
         if not old:
             _evaluate_slopes(run, q, v)
             _factor(run, h)
-        _newton_step(run, 6) if n == 6 else _newton_step(run, n)
+        _newton_step(run, SINGLE) if n == SINGLE else _newton_step(run, n)
         least, part = error, 1.0
         error, trials = _take_step(run, q, v, h, part), trials + 1
         if old:

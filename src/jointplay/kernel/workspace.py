@@ -20,6 +20,7 @@ from jointplay.kernel.sites import (
     JointSite,
     LoadSite,
 )
+from jointplay.kernel.solve import TRIALS
 from jointplay.kernel.words import AZIMUTHS, POWERS
 
 # A record of addresses, and the arrays to which it points: made, kept alive, and copied.
@@ -241,7 +242,7 @@ class Workspace(PointerRecord):
         for name in ("compliance", "slope"):
             self._allocate(name, nv, nv)
         self._changing.append(self._allocate("inverse", nv, nv))
-        self._allocate("trial", 7, nv)
+        self._allocate("trial", TRIALS, nv)
         self._allocate("scratch", 4 * nv + len(POWERS))
         for name in ("touched", "place", "exchanged"):
             self._set_pointer(name, np.zeros(nv, np.int64))

@@ -1,0 +1,98 @@
+"""The velocity solve against dense linear algebra."""
+
+import ctypes
+
+import numpy as np
+import pytest
+from numba import njit
+
+import jointplay as jp
+from jointplay.kernel import Command, layout
+from jointplay.kernel.access import floats
+from jointplay.kernel.solve import TRIALS, find_velocity_forces, solve_velocity
+
+
+@njit(error_model="numpy")
+def solve(table, h):
+    """Find and solve as a micro step does; the base velocity is that in `scratch`."""
+    run = table[0]
+    q, v = floats(run.q, run.nv), floats(run.v, run.nv)
+    find_velocity_forces(run, q, floats(run.half, run.nv))
+    solve_velocity(run, q, floats(run.scratch, run.nv), v, h)
+
+
+class Coordinates:
+    """A run without joints: `nv` coordinates, viscous friction on some of them."""
+
+    SQUARE = ("minv", "compliance", "slope", "inverse")
+
+    def __init__(self, nv, listed, rng):
+        self.run = np.zeros(1, layout.RUN)
+        names = (*self.SQUARE, "q", "v", "half", "scratch", "velocity_forces", "load_forces")
+        self.arrays = {name: np.zeros((nv, nv) if name in self.SQUARE else nv) for name in names}
+        self.arrays["trial"] = np.zeros((TRIALS, nv))
+        self.arrays |= {name: np.zeros(nv, np.int64) for name in ("touched", "place", "exchanged")}
+        rows = self.arrays["frictions"] = np.zeros(len(listed), layout.FRICTION_ROW)
+        rows["coordinate"], rows["stribeck"] = listed, 1.0
+        rows["viscous"] = rng.uniform(1.0, 1e4, len(listed))
+        for name, array in self.arrays.items():
+            self.run[name] = array.ctypes.data
+        self.run["nv"], self.run["nf"] = nv, len(listed)
+        root = rng.normal(size=(nv, nv))
+        self.arrays["minv"][:] = root @ root.T
+        self.arrays["scratch"][:] = rng.normal(size=nv)
+
+    def __getattr__(self, name):
+        return self.arrays[name]
+
+
+@pytest.mark.parametrize(
+    ("nv", "count", "active"),
+    [(6, 6, 6), (9, 6, 6), (7, 7, 7), (24, 10, 10), (24, 20, 24), (37, 37, 37)],
+)
+def test_the_solve_agrees_with_a_dense_one(nv, count, active):
+    rng = np.random.default_rng(nv + count)
+    listed = np.sort(rng.permutation(nv)[:count])
+    case, h = Coordinates(nv, listed, rng), 1e-3
+    damping = np.zeros(nv)
+    damping[listed] = case.frictions["viscous"]
+    expected = np.linalg.solve(np.eye(nv) + h * case.minv * damping, case.scratch)
+    for _ in range(2):  # with a new matrix, then with the one that is kept
+        case.velocity_forces[:] = 0.0
+        solve(case.run, h)
+        assert case.run["active"][0] == active
+        assert case.run["unsolved"][0] == 0
+        np.testing.assert_allclose(case.v[listed], expected[listed], rtol=1e-6, atol=1e-8)
+        forces = -damping * expected
+        np.testing.assert_allclose(case.velocity_forces, forces, rtol=1e-6, atol=1e-5)
+
+
+def numbers(run, name, *shape):
+    """Numbers to which a run's record points."""
+    pointer = ctypes.POINTER(ctypes.c_double)
+    return np.ctypeslib.as_array(ctypes.cast(int(run[name][0]), pointer), shape)
+
+
+@pytest.mark.parametrize("loose", [1, 6])
+def test_velocities_are_those_that_the_forces_make(loose):
+    """v = v_half + h (a_free + M^-1 [...]), joints that touch beside others that do not."""
+    names = ("elbow", "shoulder_lift", "wrist_1", "shoulder_pan", "wrist_2", "wrist_3")[:loose]
+    size = {"radial_clearance": 1e-4, "axial_clearance": 1e-4}
+    bearing = jp.RevoluteClearance(**size, bearing_radius=30e-3, bearing_length=60e-3)
+    robot = jp.Mechanism("ur5", {f"{name}_joint": bearing for name in names}, gravity=(0, 0, 0))
+    motion = jp.Motion(list(robot.joints), [0.0, 0.2], [np.zeros(6), np.full(6, 0.3)])
+    run = jp.Run(jp.Simulation(robot, motion, duration=0.02, step=2e-6, start="centred"))
+    run.begin()
+    w, touching = run.workspace, set()
+    nv = len(w.q)
+    while w.steps < run.total_steps:
+        assert run.advance(20)
+        w.execute(Command.SYNCHRONIZE)
+        base, h = numbers(w.run, "scratch", nv), 0.5 * float(w.run["dt_before"][0])
+        forces = numbers(w.run, "velocity_forces", nv)
+        expected = base + h * numbers(w.run, "minv", nv, nv) @ forces
+        np.testing.assert_allclose(w.v, expected, rtol=1e-9, atol=1e-12)
+        touching.add(int(w.run["touching"][0]))
+    assert w.run["unsolved"][0] == 0
+    assert 0 in touching
+    assert len(touching) > 1
