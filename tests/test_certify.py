@@ -207,7 +207,7 @@ def test_every_run_states_errors_that_one_further_run_found():
     peak = jam.certificate["peak joint force"]
     assert abs(peak.value - JAMMED_TRUTH_N) <= peak.error + 0.05
     assert peak.relative < 0.05
-    assert "estimated from a further run (multi-rate, tolerance 0.001)" in repr(jam)
+    assert "estimated from a further run (multi-rate, tolerance 0.01)" in repr(jam)
 
 
 def test_an_estimate_is_not_fooled_by_the_explicit_method():
@@ -218,9 +218,9 @@ def test_an_estimate_is_not_fooled_by_the_explicit_method():
     assert abs(peak.value - JAMMED_TRUTH_N) < peak.error
 
 
-def test_a_run_with_a_tolerance_is_compared_with_four_times_as_much():
+def test_a_run_with_a_tolerance_is_compared_with_ten_times_as_much():
     run = replace(scara(2e-4), duration=0.02, tolerance=1e-4).run(estimate=True)
-    assert run.certificate.runs == ("multi-rate, tolerance 0.0004",)
+    assert run.certificate.runs == ("multi-rate, tolerance 0.001",)
 
 
 def test_a_further_run_that_fails_leaves_errors_unknown(monkeypatch):

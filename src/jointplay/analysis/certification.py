@@ -49,10 +49,13 @@ Two runs of a chaotic motion can have the same largest force, or the same loss, 
 all stretches.
 """
 
-COMPARED = 1e-3
-"""Tolerance of the run that an estimate compares with, where the run has none itself."""
+COMPARED = 1e-2
+"""Tolerance of the run that an estimate compares with, where the run has none itself.
 
-COARSER = 4.0
+A run as good as the one that is judged would agree with it by chance too often.
+"""
+
+COARSER = 10.0
 """Tolerance of that run, relative to the run's own."""
 
 CERTIFYING = (1e-3, 2.5e-4)
@@ -110,7 +113,7 @@ def estimate(
 ) -> Certificate:
     """Estimate the numerical error of every headline figure from one further run.
 
-    It goes by its own error, with a tolerance of `COMPARED`, or of four times the run's own; and
+    It goes by its own error, with a tolerance of `COMPARED`, or of ten times the run's own; and
     its macro steps are other than the run's.
 
     Args:

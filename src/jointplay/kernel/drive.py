@@ -56,10 +56,37 @@ def apply_drives(run, q, v, time, tau):
             u += nu
             forward = rows[u] + part * (rows[3 * nu + u] - rows[u])
             encoder = one.encoder
+            one.taken_at = v[encoder]
             effort[i] = forward + one.kp * (position - q[encoder]) + one.kd * (speed - v[encoder])
             if abs(effort[i]) > one.limit:
                 effort[i] = math.copysign(one.limit, effort[i])
         tau[i] += effort[i]
+
+
+@internal
+def apply_drive_damping(run, v, tau):
+    """Add what implicit drives' damping changes at the speeds v, against those taken before.
+
+    Where a drive carries far more than its own coordinate's inertia, play between the two, its
+    damping is stiff: a journal that flies has only its own inertia to oppose.
+    """
+    effort = floats(run.drive, run.nv)
+    for one in drives(run):
+        if one.implicit != 0 and abs(effort[one.coordinate]) < one.limit:
+            tau[one.coordinate] -= one.kd * (v[one.encoder] - one.taken_at)
+
+
+@internal
+def complete_drives(run, v):
+    """Move what implicit damping changed into the drives' efforts, the velocity v found."""
+    effort, forces = floats(run.drive, run.nv), floats(run.velocity_forces, run.nv)
+    for one in drives(run):
+        i = one.coordinate
+        if one.implicit != 0 and abs(effort[i]) < one.limit:
+            change = one.kd * (v[one.encoder] - one.taken_at)
+            effort[i] -= change
+            forces[i] += change
+            one.taken_at = v[one.encoder]
 
 
 @internal
@@ -127,8 +154,12 @@ def apply_gears(run, q, v, tau):
 
 @internal
 def add_joint_slopes(run, q, v):
-    """Add the derivatives of joint friction and gear torques by velocity to the slope."""
+    """Add the derivatives of joint friction, gears and implicit drives by velocity to the slope."""
     slope, place = matrix(run.slope, run.active, run.active), integers(run.place, run.nv)
+    effort = floats(run.drive, run.nv)
+    for one in drives(run):
+        if one.implicit != 0 and abs(effort[one.coordinate]) < one.limit:
+            slope[place[one.coordinate], place[one.encoder]] -= one.kd
     for row in frictions(run):
         i = place[row.coordinate]
         _, rise = _joint_friction(row, v[row.coordinate])

@@ -296,6 +296,8 @@ DRIVE_ROW = _record(
     kd=_FLOAT,
     armature=_FLOAT,  # > 0 prescribes the motion
     limit=_FLOAT,  # of the effort, infinite for none; not of prescribed motion
+    implicit=_INT,  # whether its damping is part of the velocity solve
+    taken_at=_FLOAT,  # speed of the encoder at which its effort was found
 )
 FRICTION_ROW = _record(
     coordinate=_INT, coulomb=_FLOAT, stiction=_FLOAT, stribeck=_FLOAT, viscous=_FLOAT

@@ -20,7 +20,13 @@ import math
 from jointplay.core.compiler import internal
 from jointplay.kernel.access import drives, floats, integers, joints, matrix, record_failure
 from jointplay.kernel.contact import add_dissipation, commit_contacts
-from jointplay.kernel.drive import add_drive_power, add_joint_losses, apply_drives, prescribe_motion
+from jointplay.kernel.drive import (
+    add_drive_power,
+    add_joint_losses,
+    apply_drives,
+    complete_drives,
+    prescribe_motion,
+)
 from jointplay.kernel.film import add_film_losses
 from jointplay.kernel.layout import DRIVE, POWERS, SPEED_LIMIT
 from jointplay.kernel.load import add_load_work, apply_loads, find_load_powers
@@ -351,6 +357,7 @@ def _powers(run, q, v):
     nv = run.nv
     for i in range(_NP):
         run.power[i] = 0.0
+    complete_drives(run, v)
     add_drive_power(run, v)
     add_joint_losses(run, q, v)
     if run.nl > 0:

@@ -113,7 +113,8 @@ def drive_row(
         limit: largest effort, to which others are cut [N m or N].
     """
     encoder = coordinate if encoder is None else encoder
-    return np.array([(column, coordinate, encoder, kp, kd, armature, limit)], layout.DRIVE_ROW)
+    values = (column, coordinate, encoder, kp, kd, armature, limit, 0, 0.0)
+    return np.array([values], layout.DRIVE_ROW)
 
 
 def friction_row(

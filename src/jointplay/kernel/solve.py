@@ -20,7 +20,7 @@ from __future__ import annotations
 import math
 
 from jointplay.core.compiler import internal
-from jointplay.kernel.access import floats, frictions, gears, integers, joints, matrix
+from jointplay.kernel.access import drives, floats, frictions, gears, integers, joints, matrix
 from jointplay.kernel.bodies import place_bodies
 from jointplay.kernel.contact import (
     add_contact_forces,
@@ -28,7 +28,12 @@ from jointplay.kernel.contact import (
     advance_bristles,
     find_gaps,
 )
-from jointplay.kernel.drive import add_joint_slopes, apply_gears, apply_joint_friction
+from jointplay.kernel.drive import (
+    add_joint_slopes,
+    apply_drive_damping,
+    apply_gears,
+    apply_joint_friction,
+)
 from jointplay.kernel.film import add_film_forces, add_film_slope
 from jointplay.kernel.frames import (
     find_twist,
@@ -107,6 +112,9 @@ def find_velocity_forces(run, q, half):
             marks[support[k]] = 1.0
     for row in frictions(run):
         marks[row.coordinate] = 1.0
+    for one in drives(run):
+        if one.implicit != 0:
+            marks[one.coordinate] = marks[one.encoder] = 1.0
     for gear in gears(run):
         if abs(q[gear.motor] - q[gear.link]) > gear.half_play:
             marks[gear.motor] = marks[gear.link] = 1.0
@@ -144,6 +152,7 @@ def evaluate_velocity_forces(run, q, v):
         project_wrench(joint, tau)
     apply_joint_friction(run, v, tau)
     apply_gears(run, q, v, tau)
+    apply_drive_damping(run, v, tau)
     if run.nl > 0:
         apply_velocity_loads(run, v, tau)
 

@@ -58,6 +58,12 @@ if TYPE_CHECKING:
     from jointplay.simulation.simulation import Simulation
 
 
+EXPLICIT_DECAY = 0.2
+"""Part of a journal's speed that a drive's damping may take in a step explicitly, if it flies."""
+
+LONG_STEP_S = 1e-4
+"""Step for which that is asked where steps go by their error [s]."""
+
 CHUNK = 2000
 """Steps between two looks at the clock and the keyboard, at most."""
 
@@ -288,6 +294,7 @@ class Run:
         """Where records go that memory has no room for."""
         self._watch = LoadSchedule(simulation.loads, sites, mechanism, self.model, w, step)
         w.q[:], w.v[:] = start.q, start.v
+        self._set_implicit_drives()
         self._events = Events(
             mechanism, self.model, simulation.payloads, step, simulation.record_every
         )
@@ -364,6 +371,18 @@ class Run:
             highest=self._highest_frequency(),
         )
 
+    def _set_implicit_drives(self) -> None:
+        """Have the damping of drives that no step follows, or no long one, solved for implicitly.
+
+        A drive is tuned to what it carries at rest. While the journal that it turns flies, there is
+        only that journal's inertia, which may be a ten-thousandth.
+        """
+        simulation, w = self.simulation, self.workspace
+        inverse = np.diag(pin.computeMinverse(self.model, self.data, w.q))
+        longest = simulation.step if simulation.tolerance is None else LONG_STEP_S
+        rate = w.drives["kd"] * inverse[w.drives["coordinate"]]
+        w.drives["implicit"] = rate * longest > EXPLICIT_DECAY
+
     def _highest_frequency(self) -> float:
         """Of what springs, gears and drives can make swing [rad/s], where the run begins."""
         mechanism, w = self.mechanism, self.workspace
@@ -372,7 +391,9 @@ class Run:
         found += [math.pi / tooth_duration(mechanism, name, w.q) for name in mechanism.gears]
         for row in w.drives[w.drives["armature"] == 0.0]:
             mobility = inverse[row["coordinate"]]
-            found += [math.sqrt(max(row["kp"] * mobility, 0.0)), row["kd"] * mobility]
+            found.append(math.sqrt(max(row["kp"] * mobility, 0.0)))
+            if not row["implicit"]:
+                found.append(row["kd"] * mobility)
         return float(max(found))
 
     @property
