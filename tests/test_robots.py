@@ -121,10 +121,14 @@ def test_perturbed_journals_of_a_loaded_arm_begin_free(name, seed):
     assert perturbed.run(check_step=False)["gap"].values[0].min() > 1e-6
 
 
-def test_a_jammed_shoulder_needs_a_small_step_and_the_audit_says_so():
+def test_a_jammed_shoulder_is_followed_by_usual_steps():
     mechanism = with_play("ur5", "shoulder_lift_joint")
-    audit = simulate(mechanism, short_motion(mechanism), step=1e-5).audit
-    assert any("reduce the step" in warning for warning in audit.warnings)
+    motion, peaks = short_motion(mechanism), []
+    for options in ({"step": 1e-5}, {"step": 1e-6}, {"tolerance": 1e-3}):
+        result = simulate(mechanism, motion, **options)
+        assert not any("step" in warning for warning in result.audit.warnings)
+        peaks.append(np.linalg.norm(result["joint_force_peak"].values[:, 0], axis=1).max())
+    assert peaks[1:] == pytest.approx(peaks[:1] * 2, rel=5e-3)
 
 
 def test_names():
@@ -268,23 +272,35 @@ def test_a_clearance_without_a_direction_is_both_for_joints_that_turn(tmp_path, 
     assert found["wrist_1_joint"][0] == pytest.approx(1e-4)
 
 
-def test_a_step_that_the_impacts_of_a_robot_need_is_chosen_and_said(capsys):
+def test_how_a_robot_is_stepped_is_chosen_and_said(capsys):
     from jointplay.cli import parser
     from jointplay.commands.run import scenario_of
     from jointplay.core import streams
 
     line = ["run", "so101", "--out", "o", "--joint", "elbow_flex",
             "--allow-unphysical", "gripper_frame_link"]  # fmt: skip
-    scenario = scenario_of(parser().parse_args(line))
-    streams.release()
-    said = capsys.readouterr().err
-    assert "step: 2e-06 s (chosen: an impact in elbow_flex lasts" in said
-    scenario.ready_run()
-    assert scenario.simulation().record_every == 50  # records 0.1 ms apart, as ever
-    scenario = scenario_of(parser().parse_args([*line, "--step", "1e-6"]))
-    streams.release()
-    assert "step:" not in capsys.readouterr().err
-    assert scenario.simulation().step == 1e-6
+
+    def chosen(*options):
+        scenario = scenario_of(parser().parse_args([*line, *options]))
+        streams.release()
+        said = [text for text in capsys.readouterr().err.splitlines() if text.startswith("step")]
+        scenario.ready_run()
+        return scenario.simulation(), said
+
+    simulation, said = chosen()
+    assert simulation.tolerance == 1e-3
+    assert said == ["steps: by their own error, tolerance 0.001 (--step makes them equal)"]
+    simulation, said = chosen("--integrator", "rk4")
+    assert simulation.tolerance is None
+    assert "step: 2e-06 s (chosen: an impact in elbow_flex lasts" in said[0]
+    assert simulation.record_every == 50  # records 0.1 ms apart, as ever
+    for options, field, value in (
+        (("--step", "1e-6"), "step", 1e-6),
+        (("--tolerance", "1e-4"), "tolerance", 1e-4),
+    ):
+        simulation, said = chosen(*options)
+        assert not said
+        assert getattr(simulation, field) == value
 
 
 def test_a_robot_in_one_variant_is_found_by_its_name_and_others_are_proposed():

@@ -122,7 +122,7 @@ def test_runs_are_kept_that_were_being_certified_when_told_to_stop(tmp_path):
     path = scenario(tmp_path, "2 s")
     process = start("run", path, "--certify", "--no-figures", "--out", tmp_path / "o", "--jobs", 2)
     said = ""
-    while "certifying 0" not in said:  # a case with clearance
+    while "errors of 0" not in said:  # a case with clearance
         read = process.stderr.read(1)
         assert read, said
         said += read

@@ -129,7 +129,7 @@ def estimate(
     own = simulation.tolerance
     tolerance = COMPARED if own is None else min(COARSER * own, 1.0)
     other = replace(_by_error(simulation, result), tolerance=tolerance)
-    ideal = _ideal(result, progress, begin)
+    ideal = _ideal(simulation, result, progress, begin)
     first = _headline(result, ideal)
     # Where the run chose its macro steps likewise, twice their length shows what they are off.
     alike = own is not None or simulation.macro_step is not None
@@ -171,7 +171,7 @@ def certify(
         return _without_figures(result, strict=True)
     plans = refinements(simulation, result)
     # The run's own: what the ideal mechanism's run is off, too, the run shares with it.
-    ideal = _ideal(result, progress, begin)
+    ideal = _ideal(simulation, result, progress, begin)
     measured, notes = [_measure(result, ideal)], []
     for number, (finer, aside, macro) in enumerate(reversed(plans), 1):
         label = f"certifying, {number} of {len(plans)} ({_words(finer)})"
@@ -337,12 +337,14 @@ def _run(
     return run.result(status, reactions=only is None, only=only), ""
 
 
-def _ideal(result: Result, progress: bool, begin: Begin) -> Result | None:
+def _ideal(simulation: Simulation, result: Result, progress: bool, begin: Begin) -> Result | None:
     """The ideal mechanism's run with the same settings; None where there is none."""
     if not analysis.has_play(result):
         return None
-    simulation = analysis.ideal_simulation(result)
-    ideal, why = _run(simulation, "the ideal mechanism ", progress, begin, only=TOOL)
+    same = replace(simulation, duration=float(result.time[-1]))
+    ideal, why = _run(
+        analysis.ideal_simulation(same), "the ideal mechanism ", progress, begin, only=TOOL
+    )
     if ideal is None:
         text = f"the tool error is not certified: the ideal mechanism cannot be simulated ({why})"
         warnings.warn(text, RuntimeWarning, stacklevel=3)

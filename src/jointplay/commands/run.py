@@ -425,8 +425,9 @@ def simulation_of(options: argparse.Namespace) -> Any:
 
 def _of_robot(options: argparse.Namespace, target: str | None, given: list[Setting]) -> Scenario:
     """The scenario of a bare robot."""
+    from jointplay.kernel.integrators import DEFAULT
     from jointplay.result.settings import Integration, Recording
-    from jointplay.scenario.robot import robot_scenario, step_for
+    from jointplay.scenario.robot import TOLERANCE, robot_scenario, step_for
     from jointplay.scenario.settings import Setting
 
     joints, own = _with_lengths(options.joint)
@@ -437,8 +438,17 @@ def _of_robot(options: argparse.Namespace, target: str | None, given: list[Setti
     settings = [*option_settings(options, joints), *own, *given]
     scenario = robot_scenario(target, joints, settings, options.ideal)
     data = scenario.data(scenario.cases[0])
-    chosen = target is not None and "step" not in data.get("integration", {})
-    choice = step_for(scenario) if chosen else None
+    integration = data.get("integration", {})
+    if target is None or {"step", "tolerance"}.intersection(integration):
+        return scenario
+    if integration.get("integrator", DEFAULT) == DEFAULT and "macro_step" not in integration:
+        settings.append(Setting(("integration", "tolerance"), TOLERANCE, "steps chosen"))
+        scenario = robot_scenario(target, joints, settings, options.ideal)
+        scenario.assumptions.append(
+            f"steps: by their own error, tolerance {TOLERANCE:g} (--step makes them equal)"
+        )
+        return scenario
+    choice = step_for(scenario)
     if choice is None:
         return scenario
     step, reason = choice

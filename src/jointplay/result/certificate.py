@@ -78,8 +78,8 @@ class CertifiedFigure(Described):
 
     @property
     def marked(self) -> bool:
-        """Whether the error exceeds 5 %."""
-        return not self.relative <= MARKED
+        """Whether the error exceeds 5 %, and of a count one."""
+        return not (self.relative <= MARKED or (self.name in COUNTS and self.error <= 1.0))
 
     def __str__(self) -> str:
         """Value ± error and unit, the value with no more digits than the error allows."""

@@ -105,8 +105,11 @@ def _link_masses(mechanism: Mechanism, name: str) -> str:
     )
 
 
-def check_step(mechanism: Mechanism, mass_of_all: float, step: float, q: np.ndarray) -> None:
-    """Refuse a step [s] too large for an impact, and contacts that meet no mass."""
+def check_step(mechanism: Mechanism, mass_of_all: float, step: float | None, q: np.ndarray) -> None:
+    """Refuse contacts that meet no mass, and a step [s] too large for an impact.
+
+    None: steps are chosen by their error, and none is too large.
+    """
     for name in mechanism.clearance:
         mass = effective_mass(mechanism, name, q)
         if not mass >= NO_MASS * mass_of_all:
@@ -115,9 +118,11 @@ def check_step(mechanism: Mechanism, mass_of_all: float, step: float, q: np.ndar
                 f"{mass_of_all:.3g} kg in all: {_link_masses(mechanism, name)}; give the "
                 "lighter one more mass or inertia in the URDF"
             )
+        if step is None:
+            continue
         impact = f"the contact stiffness at {name!r}: an impact at {REFERENCE_SPEED:g} m/s"
         _check_step_resolves(step, contact_duration(mechanism, name, q), impact)
-    for name in mechanism.gears:
+    for name in mechanism.gears if step is not None else ():
         impact = f"the stiffness of the gear at {name!r}: an impact of its teeth"
         _check_step_resolves(step, tooth_duration(mechanism, name, q), impact)
 

@@ -298,8 +298,10 @@ class Run:
         self._events = Events(
             mechanism, self.model, simulation.payloads, step, simulation.record_every
         )
-        check_step(mechanism, pin.computeTotalMass(self.model), step, start.q)
-        acting.check_step(simulation.loads, mechanism, step, start.q)
+        equal = step if simulation.tolerance is None else None
+        check_step(mechanism, pin.computeTotalMass(self.model), equal, start.q)
+        if equal is not None:
+            acting.check_step(simulation.loads, mechanism, equal, start.q)
         self.rest: initial.Rest | None = None
         """Where the search for the place of rest ended; None if journals start centred."""
         if simulation.starts_at_rest and (mechanism.clearance or mechanism.gears):
