@@ -1,8 +1,7 @@
 """Every headline figure of a run with its numerical error, found by running again otherwise.
 
-`estimate` runs once more, with steps that go by their own error, and is made after every run;
-`certify` runs several times more finely. docs/certificates.md says how, and how often the stated
-errors cover the true ones.
+`estimate`, made after every run, runs twice more with steps that go by their own error, `certify`
+three times. docs/certificates.md says how, and how often the stated errors cover the true ones.
 """
 
 from __future__ import annotations
@@ -11,7 +10,9 @@ import math
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -49,27 +50,24 @@ Two runs of a chaotic motion can have the same largest force, or the same loss, 
 all stretches.
 """
 
-COMPARED = 1e-2
-"""Tolerance of the run that an estimate compares with, where the run has none itself.
+TOLERANCES = (1e-3, 2.5e-4, 1e-4)
+"""Tolerances of the further runs, where the run has none itself; an estimate makes the first two.
 
-A run as good as the one that is judged would agree with it by chance too often.
+Two, because in one of thirty cases drawn at random one further run agrees with the run by chance.
 """
 
-COARSER = 10.0
-"""Tolerance of that run, relative to the run's own."""
-
-CERTIFYING = (1e-3, 2.5e-4)
-"""Tolerances of the runs that certify, where the run has none itself."""
-
-FINER = (1.0, 0.25)
+RELATIVE = (4.0, 0.25, 0.1)
 """The same relative to the run's own."""
 
-ASIDE_M = ((0.0, 0.0, 0.0), (1e-7, -1e-7, 1e-7))
+ASIDE_M = ((0.0, 0.0, 0.0), (1e-7, -1e-7, 1e-7), (-1e-7, 1e-7, -1e-7))
 """How far aside journals start in these runs.
 
 A nanometre would not show every chaos: stick-slip hangs on switches that it need not reach, and
 that one step reaches and another does not.
 """
+
+MACRO = (1.0, 1.0, 2.0)
+"""By how much their macro steps are shorter than error estimates alone would have them."""
 
 CLAIM_UNITS = {
     "deviation_mm": "mm",
@@ -111,10 +109,9 @@ def estimate(
     simulation: Simulation | None = None,
     begin: Begin = lambda _: None,
 ) -> Certificate:
-    """Estimate the numerical error of every headline figure from one further run.
+    """Estimate the numerical error of every headline figure from two further runs.
 
-    It goes by its own error, with a tolerance of `COMPARED`, or of ten times the run's own; and
-    its macro steps are other than the run's.
+    Their steps go by their own error: see `TOLERANCES`, `ASIDE_M`.
 
     Args:
         source, progress, simulation, begin: see `certify`.
@@ -123,25 +120,7 @@ def estimate(
         KeyboardInterrupt: Ctrl-C.
         JointplayError: the simulation cannot be run.
     """
-    simulation, result = _run_of(source, simulation, progress)
-    if result.status != Status.COMPLETED:
-        return _without_figures(result, strict=False)
-    own = simulation.tolerance
-    tolerance = COMPARED if own is None else min(COARSER * own, 1.0)
-    other = replace(_by_error(simulation, result), tolerance=tolerance)
-    ideal = _ideal(simulation, result, progress, begin)
-    first = _headline(result, ideal)
-    # Where the run chose its macro steps likewise, twice their length shows what they are off.
-    alike = own is not None or simulation.macro_step is not None
-    macro = 0.5 if alike else 1.0
-    rerun, message = _run(other, "estimating errors ", progress, begin, macro=macro)
-    second = {} if rerun is None else _headline(rerun, ideal)
-    found = [
-        _figure(name, one, estimated_error(one, second[name]) if name in second else math.inf)
-        for name, one in first.items()
-    ]
-    note = f"with {_words(other)}, {message}" if rerun is None else ""
-    return Certificate(tuple(found), (_words(other),), note, strict=False)
+    return _find_errors(source, simulation, progress, begin, strict=False, claims=False)
 
 
 def certify(
@@ -150,60 +129,80 @@ def certify(
     progress: bool = False,
     simulation: Simulation | None = None,
     begin: Begin = lambda _: None,
+    claims: bool = False,
 ) -> Certificate:
-    """Run again more finely and state the numerical error of every headline figure.
+    """State the numerical error of every headline figure more strictly, from three further runs.
 
-    Two further runs whose steps go by their own error, with the tolerances `CERTIFYING`, or
-    `FINER` than the run's own; in the finer one journals start a little aside, see `ASIDE_M`.
+    They are those of `estimate`, and a finer one.
 
     Args:
         source: what is certified; a simulation is run first.
         progress: show a bar that names what runs.
         simulation: what made the result; built from the result if not given.
         begin: told of each further run before it begins.
+        claims: certify what the paper's claims use, too, of a run of more than 0.3 s with one joint
+            with clearance.
 
     Raises:
         KeyboardInterrupt: Ctrl-C.
         JointplayError: the simulation cannot be run.
     """
-    simulation, result = _run_of(source, simulation, progress)
+    return _find_errors(source, simulation, progress, begin, strict=True, claims=claims)
+
+
+def _find_errors(
+    source: Simulation | Result,
+    simulation: Simulation | None,
+    progress: bool,
+    begin: Begin,
+    strict: bool,
+    claims: bool,
+) -> Certificate:
+    """The figures of a run with the errors that further runs show."""
+    if isinstance(source, Simulation):
+        simulation, result = source, source.run(progress, estimate=False)
+    else:
+        simulation, result = simulation or source.simulation, source
     if result.status != Status.COMPLETED:
-        return _without_figures(result, strict=True)
-    plans = refinements(simulation, result)
+        note = f"none, for the run did not complete ({result.message})"
+        return Certificate((), note=note, strict=strict)
+    plans = further(simulation, result, strict)
     # The run's own: what the ideal mechanism's run is off, too, the run shares with it.
     ideal = _ideal(simulation, result, progress, begin)
-    measured, notes = [_measure(result, ideal)], []
-    for number, (finer, aside, macro) in enumerate(reversed(plans), 1):
-        label = f"certifying, {number} of {len(plans)} ({_words(finer)})"
-        rerun, message = _run(finer, label, progress, begin, aside, macro)
+    measured, notes = [_measure(result, ideal, claims)], []
+    what = "certifying" if strict else "estimating errors"
+    for number, (other, aside, macro) in enumerate(reversed(plans), 1):
+        label = f"{what}, {number} of {len(plans)} ({_words(other)}) "
+        rerun, message = _run(other, label, progress, begin, aside, macro)
         if rerun is None:
-            notes.append(f"with {_words(finer)}, {message}")
-            continue
-        measured.append(_measure(rerun, ideal))
-    certified, sensitive = [], []
+            notes.append(f"with {_words(other)}, {message}")
+        else:
+            measured.append(_measure(rerun, ideal, claims))
+    found, sensitive = [], []
     for name, one in measured[0].items():
         others = [of[name] for of in measured[1:] if name in of]
         # Where a further run failed, nobody knows.
-        error = math.inf if notes else certified_error(one, others)
-        judged = name.startswith(HEADLINE) and name not in COUNTS
-        if judged and not notes and is_sensitive(one, others):
+        error = math.inf if notes else numerical_error(one, others)
+        if name in COUNTS and math.isfinite(error) and one.value:
+            # That runs agree says nothing of a contact that barely touches, or barely not.
+            error = max(math.ceil(error), 1)
+        elif name.startswith(HEADLINE) and not notes and is_sensitive(one, others):
             sensitive.append(name)
-        certified.append(_figure(name, one, error))
+        found.append(CertifiedFigure(name, one.value, float(error), one.unit))
     if sensitive:
         notes.append(
             "the motion is sensitive: the further runs, which start up to 100 nm aside, differ "
             f"among each other in {', '.join(sensitive)}; the errors cover what was found, and "
             "one run is one draw"
         )
-    runs = tuple(_words(finer, aside) for finer, aside, _ in plans)
-    return Certificate(tuple(certified), runs, "; ".join(notes))
+    runs = tuple(_words(other, aside) for other, aside, _ in plans)
+    return Certificate(tuple(found), runs, "; ".join(notes), strict)
 
 
 def further_runs(simulation: Simulation, strict: bool = True) -> int:
-    """How many runs `certify` or `estimate` makes, those of the ideal mechanism included."""
+    """How many runs `certify` or `estimate` makes, that of the ideal mechanism included."""
     mechanism = simulation.mechanism
-    ideal = bool(mechanism.clearance or mechanism.gears)
-    return ideal + (len(CERTIFYING) if strict else 1)
+    return len(TOLERANCES) - (not strict) + bool(mechanism.clearance or mechanism.gears)
 
 
 def scatter(runs: Sequence[Measured]) -> float:
@@ -226,12 +225,7 @@ def scatter(runs: Sequence[Measured]) -> float:
     return max(apart, together)
 
 
-def estimated_error(one: Measured, other: Measured) -> float:
-    """Error of a figure, given what another run of the same motion made of it."""
-    return SAFETY * scatter([one, other])
-
-
-def certified_error(one: Measured, others: Sequence[Measured]) -> float:
+def numerical_error(one: Measured, others: Sequence[Measured]) -> float:
     """Error of a figure, given what the further runs made of it, the finest first."""
     moved = abs(one.value - others[0].value)
     uncertain = scatter(others)
@@ -250,45 +244,24 @@ def is_sensitive(one: Measured, others: Sequence[Measured]) -> bool:
     return uncertain > max(CONTRACTS * moved, SENSITIVE * abs(one.value))
 
 
-def _run_of(
-    source: Simulation | Result, simulation: Simulation | None, progress: bool
-) -> tuple[Simulation, Result]:
-    if isinstance(source, Simulation):
-        return source, source.run(progress, estimate=False)
-    return simulation or source.simulation, source
-
-
-def _without_figures(result: Result, strict: bool) -> Certificate:
-    note = f"none, for the run did not complete ({result.message})"
-    return Certificate((), note=note, strict=strict)
-
-
-def _figure(name: str, measured: Measured, error: float) -> CertifiedFigure:
-    if name in COUNTS and math.isfinite(error) and measured.value:
-        # That runs agree says nothing of a contact that barely touches, or barely not.
-        error = max(math.ceil(error), 1)
-    return CertifiedFigure(name, measured.value, float(error), measured.unit)
-
-
-def _by_error(simulation: Simulation, result: Result) -> Simulation:
-    """The same simulation by the multi-rate method, for as long as the run lasted."""
-    return replace(simulation, integrator=DEFAULT, duration=float(result.time[-1]))
-
-
-def refinements(
-    simulation: Simulation, result: Result
+def further(
+    simulation: Simulation, result: Result, strict: bool
 ) -> list[tuple[Simulation, tuple[float, float, float], float]]:
-    """The further runs that certify `result`: how, how far aside, and how much finer macro steps.
+    """The further runs: how, how far aside, and how much shorter macro steps are.
 
-    The last is the finest.
+    By the multi-rate method, for as long as the run lasted; the last is the finest.
     """
-    base, own = _by_error(simulation, result), simulation.tolerance
-    tolerances = CERTIFYING if own is None else [factor * own for factor in FINER]
-    macros = [1.0] * (len(CERTIFYING) - 1) + [2.0]
-    return [
+    base = replace(simulation, integrator=DEFAULT, duration=float(result.time[-1]))
+    own = simulation.tolerance
+    tolerances = TOLERANCES if own is None else [min(factor * own, 1.0) for factor in RELATIVE]
+    macros = list(MACRO)
+    if own is not None or simulation.macro_step is not None:
+        macros[0] = 0.5  # as the run chose them, they would not show what they are off
+    plans = [
         (replace(base, tolerance=tolerance), aside, macro)
         for tolerance, aside, macro in zip(tolerances, ASIDE_M, macros, strict=True)
     ]
+    return plans if strict else plans[:-1]
 
 
 def _words(simulation: Simulation, aside: Sequence[float] = ()) -> str:
@@ -357,13 +330,15 @@ def figures(result: Result, ideal: Result | None) -> dict[str, tuple[float, str]
     Returns:
         Value and unit by name.
     """
-    return {name: (one.value, one.unit) for name, one in _measure(result, ideal).items()}
+    found = _measure(result, ideal, claims=True)
+    return {name: (one.value, one.unit) for name, one in found.items()}
 
 
-def _measure(result: Result, ideal: Result | None) -> dict[str, Measured]:
+def _measure(result: Result, ideal: Result | None, claims: bool) -> dict[str, Measured]:
     """The headline figures of a run, and where it can be what the claims use."""
     found = _headline(result, ideal)
-    if ideal is not None and len(result.joints) == 1 and result.time[-1] > 2.0 * START_UP:
+    long = len(result.joints) == 1 and result.time[-1] > 2.0 * START_UP
+    if claims and ideal is not None and long:
         measures = measure(result, ideal)
         for name, unit in CLAIM_UNITS.items():
             found[name] = Measured(float(measures[name]), unit, np.empty(0))
@@ -423,6 +398,7 @@ def add_certificate(
     progress: bool = False,
     begin: Begin = lambda _: None,
     strict: bool = True,
+    claims: bool = False,
 ) -> None:
     """Certify a saved result, or estimate its errors, and save it again; until then it stays.
 
@@ -432,7 +408,7 @@ def add_certificate(
         result, path: what `run_and_save` gave, and its file.
         simulation: what was run.
         progress, begin: see `certify`.
-        strict: certify; else estimate.
+        strict, claims: certify, with what the claims use; else estimate.
 
     Raises:
         JointplayError: the file cannot be written again; the message says where the result is.
@@ -440,8 +416,9 @@ def add_certificate(
     """
     if result.status == Status.INTERRUPTED or signals.stop_requested():
         return
-    find = certify if strict else estimate
-    certificate = find(result, simulation=simulation, progress=progress, begin=begin)
+    told: dict[str, Any] = {"simulation": simulation, "progress": progress, "begin": begin}
+    find = partial(certify, claims=claims) if strict else estimate
+    certificate = find(result, **told)
     with signals.keeping(f"the certificate of {path}"):
         result.certificate = certificate
         save(result, path, overwrite=True)

@@ -130,9 +130,8 @@ class Certificate(Described):
     @property
     def origin(self) -> str:
         """How the errors were found, in words."""
-        if self.strict:
-            return f"certified by {len(self.runs)} further runs"
-        return f"estimated from a further run ({self.runs[0]})" if self.runs else "not estimated"
+        how = "certified by" if self.strict else "estimated from"
+        return f"{how} {len(self.runs)} further runs"
 
     @property
     def headline(self) -> list[CertifiedFigure]:

@@ -122,7 +122,9 @@ def check_step(mechanism: Mechanism, mass_of_all: float, step: float | None, q: 
             continue
         impact = f"the contact stiffness at {name!r}: an impact at {REFERENCE_SPEED:g} m/s"
         _check_step_resolves(step, contact_duration(mechanism, name, q), impact)
-    for name in mechanism.gears if step is not None else ():
+    for name in mechanism.gears:
+        if step is None:
+            continue
         impact = f"the stiffness of the gear at {name!r}: an impact of its teeth"
         _check_step_resolves(step, tooth_duration(mechanism, name, q), impact)
 

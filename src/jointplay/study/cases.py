@@ -117,7 +117,7 @@ def run_case(label: str, out: Path, progress: bool) -> Result:
     assert result is not None  # it is no long run
     if result.status == Status.INTERRUPTED or signals.stop_requested():
         raise KeyboardInterrupt
-    add_certificate(result, out / FILES[label], simulation, progress)
+    add_certificate(result, out / FILES[label], simulation, progress, claims=True)
     if signals.stop_requested():
         raise KeyboardInterrupt
     return result
