@@ -267,8 +267,9 @@ def _judge_contacts(run, moved):
             if begins:
                 _judge_onset(run, joint, contact)
             if run.time < contact.braking_end:
-                most = max(most, contact.braking)
-            squares += contact.compliance * _stiffness(joint, contact)
+                most = max(most, contact.braking)  # an impact: its error is never nothing
+            else:
+                squares += contact.compliance * _stiffness(joint, contact)
     run.braking = most
     run.stable_micro = run.longest_micro
     if squares > 0.0:
