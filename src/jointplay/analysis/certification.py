@@ -66,7 +66,7 @@ A nanometre would not show every chaos: stick-slip hangs on switches that it nee
 that one step reaches and another does not.
 """
 
-MACRO = (1.0, 1.5, 3.0)
+MACRO = (1.0, 1.0, 1.5)
 """By how much their macro steps are shorter than error estimates alone would have them."""
 
 CLAIM_UNITS = {
