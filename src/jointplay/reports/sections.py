@@ -289,8 +289,9 @@ def certificates(cases: Sequence[Case]) -> Html:
         if one.runs
     ]
     note = (
-        "Figures of the runs with bounds on their numerical errors, found by repeating the runs "
-        "with finer steps; those with errors above 5 % are marked."
+        "Figures of the runs with their numerical errors, found by repeating the runs with steps "
+        "chosen by their error: estimated from two further runs, certified by three. Those with "
+        "errors above 5 % are marked."
     )
     head = ["figure", *(dark(case) for case, _ in given)]
     heading = Html("<h3>Numerical errors</h3>")

@@ -155,5 +155,5 @@ class Certificate(Described):
             names = ", ".join(figure.name for figure in others)
             lines.append(f"    of the claims' measures above 5 %: {names}")
         if self.note:
-            lines.append(f"  certificate: {self.note}")
+            lines.append(f"  {'certificate' if self.strict else 'estimate'}: {self.note}")
         return "\n".join(lines)
