@@ -14,6 +14,7 @@ from jointplay import analysis, cli, study
 from jointplay.analysis.certification import (
     STRETCHES,
     Measured,
+    _history,
     add_certificate,
     certify,
     estimate,
@@ -152,6 +153,20 @@ def test_equal_sums_of_different_stretches_do_not_agree():
     assert scatter([one, other]) == pytest.approx(math.sqrt(8.0))
     roots = [figure(math.sqrt(6.0), values, 2.0) for values in ([1, 2, 3], [3, 2, 1])]
     assert scatter(roots) == pytest.approx(math.sqrt(8.0) / (2.0 * math.sqrt(6.0)))
+
+
+def test_records_that_miss_impacts_widen_the_error_of_a_root_mean_square():
+    """Spikes of one record in twenty: how many a record meets is chance, and so is their mean."""
+    random = np.random.default_rng(3)
+    time = np.linspace(0.0, 1.0, 4000)
+    smooth = _history("RMS", 10.0 + np.sin(2.0 * np.pi * time), "N")
+    assert smooth.sampling < 1e-5 * smooth.value
+    spread, stated = [], []
+    for _ in range(60):
+        spikes = _history("RMS", np.where(random.random(4000) < 0.05, 100.0, 1.0), "N")
+        spread.append(spikes.value)
+        stated.append(spikes.sampling)
+    assert np.mean(stated) == pytest.approx(2.0 * np.std(spread), rel=0.3)
 
 
 def test_motion_is_sensitive_if_finer_runs_differ_among_each_other():

@@ -50,6 +50,9 @@ Two runs of a chaotic motion can have the same largest force, or the same loss, 
 all stretches.
 """
 
+SUBSETS = 4
+"""Subsets of the records, each every fourth, whose root mean squares are compared."""
+
 TOLERANCES = (1e-3, 2.5e-4, 1e-4)
 """Tolerances of the further runs, where the run has none itself; an estimate makes the first two.
 
@@ -99,7 +102,9 @@ class Measured:
     parts: np.ndarray
     """(STRETCHES,) or none."""
     power: float = 1.0
-    """The figure is the power mean's: 1 a sum, 2 the root of a sum, infinity the largest."""
+    """Of the mean that the figure is: 1 a sum, 2 the root of a sum, infinity the largest."""
+    sampling: float = 0.0
+    """How far it may be off because it is computed from records, not from all steps."""
 
 
 def estimate(
@@ -182,7 +187,7 @@ def _find_errors(
     for name, one in measured[0].items():
         others = [of[name] for of in measured[1:] if name in of]
         # Where a further run failed, nobody knows.
-        error = math.inf if notes else numerical_error(one, others)
+        error = math.inf if notes else max(numerical_error(one, others), one.sampling)
         if name in COUNTS and math.isfinite(error) and one.value:
             # That runs agree says nothing of a contact that barely touches, or barely not.
             error = max(math.ceil(error), 1)
@@ -388,7 +393,19 @@ def _history(how: str, sizes: np.ndarray, unit: str) -> Measured:
         largest = np.array([part.max(initial=0.0) for part in stretches])
         return Measured(float(sizes.max()), unit, largest, math.inf)
     squares = np.array([float(part @ part) for part in stretches]) / len(sizes)
-    return Measured(float(np.sqrt(np.mean(sizes**2))), unit, squares, 2.0)
+    value = float(np.sqrt(np.mean(sizes**2)))
+    return Measured(value, unit, squares, 2.0, _sampling_error(sizes, value))
+
+
+def _sampling_error(sizes: np.ndarray, value: float) -> float:
+    """Twice the standard error of a root mean square: from how subsets of the records differ.
+
+    Impacts last shorter than the interval of records, which meet some of them by chance.
+    """
+    if len(sizes) < 4 * SUBSETS or value == 0.0:
+        return 0.0
+    means = [float(np.mean(sizes[first::SUBSETS] ** 2)) for first in range(SUBSETS)]
+    return float(np.std(means, ddof=1) / math.sqrt(SUBSETS) / value)
 
 
 def add_certificate(
