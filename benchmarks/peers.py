@@ -1,7 +1,8 @@
-"""Other engines side by side: MuJoCo, Exudyn and Siconos on the same mechanisms, in one run.
+"""Other engines side by side: MuJoCo, Exudyn, Siconos and Drake on the same mechanisms, in one run.
 
 Writes docs/peers.md and its figures. Engines that are not installed are left out, and the page says
-so: pip install '.[peers]' for MuJoCo and Exudyn, apt-get install python3-siconos for Siconos.
+so: pip install '.[peers]' for MuJoCo and Exudyn, pip install drake for Drake, apt-get install
+python3-siconos for Siconos.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ import sys
 import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from peer_engines import pinocchio_engine
@@ -39,7 +41,7 @@ from jointplay.loads.tables import REFERENCE_NODE_S
 from jointplay.result.stored import versions
 
 DOCS = Path(__file__).parents[1] / "docs"
-ENGINES = ("mujoco", "exudyn", "siconos")
+ENGINES = ("mujoco", "exudyn", "siconos", "drake")
 RIGID = ("Siconos", "Pinocchio, ADMM", "Pinocchio, PGS")
 """Contacts that have no duration."""
 TIE = 1.1
@@ -51,8 +53,29 @@ EULER = "jointplay, semi-implicit Euler"
 ONSET = "MuJoCo, law with Exudyn's d'_0"
 """The applied law, but d'_0 the speed at the onset: what Exudyn's contact should be."""
 
+OWN = ("jointplay", "jointplay, error-controlled", "jointplay, rk4")
+
 ROUNDS = 8
-"""Times that the cost of a step is measured."""
+"""Times that a cost is measured."""
+ONCE_S = 0.5
+"""CPU time from which on a cost is measured once only."""
+STEPS = (1.6e-5, 8e-6, 4e-6, 2e-6, 1e-6, 5e-7, 2.5e-7)
+"""Of the cost at equal error [s]."""
+BY_ERROR = (
+    (1e-1, None, 1.6e-5),
+    (3e-2, None, 1.6e-5),
+    (1e-2, None, 4e-6),
+    (1e-3, None, 4e-6),
+    (1e-4, 8e-6, 4e-6),
+    (1e-5, 4e-6, 4e-6),
+    (1e-6, 2e-6, 2e-6),
+)
+"""Tolerances of the error-controlled run, macro steps and times between records, there [s]."""
+ACCURACIES = (1e-6, 1e-7, 1e-8, 1e-9, 1e-10)
+"""Of CENIC, there [rad or m]."""
+
+WANTED = (1e-1, 1e-2, 1e-3)
+"""Errors whose cost is compared [C_r]."""
 
 Table = tuple[list[str], list[list[str]]]
 
@@ -64,7 +87,7 @@ class Engines:
         self.reasons = {name: missing(name) for name in ENGINES} | {
             name: "left out by --without" for name in without
         }
-        self.mujoco, self.exudyn, self.siconos = (
+        self.mujoco, self.exudyn, self.siconos, self.drake = (
             None if self.reasons[name] else importlib.import_module(f"peer_engines.{name}_engine")
             for name in ENGINES
         )
@@ -74,6 +97,8 @@ class Engines:
         found += [f"Exudyn {self.exudyn.VERSION}"] if self.exudyn else []
         if self.siconos:
             found.append(f"Siconos {self.siconos.version()}")
+        if self.drake:
+            found.append(f"Drake {self.drake.VERSION}")
         return ", ".join(found) or "none"
 
 
@@ -172,6 +197,14 @@ def first_impacts(found: dict[str, list[Impact]], count: int) -> Table:
     return head, rows
 
 
+def touch_speed(trace: Trace, task: Problem) -> float:
+    """Speed of the journal towards the bearing as the first contact begins [m/s]."""
+    begin = impacts(trace, task)[0].time
+    back = 1e-6
+    before, at = np.linalg.norm(offset(task, trace.at(np.array([begin - back, begin]))), axis=1)
+    return float((at - before) / back)
+
+
 # --- statistics ---------------------------------------------------------------------------------
 
 
@@ -212,55 +245,87 @@ def statistics_table(found: dict[str, dict[str, tuple[float, float]]]) -> Table:
 # --- cost at equal error ------------------------------------------------------------------------
 
 
-def work_precision(
-    runs: dict[str, Callable[[Problem, float, float, int], Trace]],
-    task: Problem,
-    duration: float,
-    steps: Sequence[float],
-    finest: float,
-    cost_duration: float,
-) -> dict[str, tuple[np.ndarray, np.ndarray, float, float]]:
-    """For each engine: errors by step, cost by step, cost of a step, distance of its limit.
+@dataclasses.dataclass(frozen=True)
+class Ladder:
+    """An engine with what sets its accuracy, from coarse to fine."""
 
-    The error is the largest distance of the journal's centre from that of the same engine at the
-    finest step, relative to C_r, at 60 times. The last number is the distance of that limit from
-    jointplay's.
+    run: Callable[[Problem, Any, float, int], Trace]
+    """Of the problem, a setting, a duration, and steps per record."""
+    settings: Sequence[Any]
+    labels: Sequence[str]
+    finest: Any
+    """Setting of the path that errors are measured from."""
+    steps: bool = True
+    """Whether the settings are steps, of equal cost."""
+
+
+def ladder(run: Callable[[Problem, float, float, int], Trace], finest: float) -> Ladder:
+    """Of an engine with constant steps."""
+    return Ladder(run, STEPS, [f"{1e6 * step:g}" for step in STEPS], finest)
+
+
+@dataclasses.dataclass(frozen=True)
+class Work:
+    """What accuracy costs an engine."""
+
+    errors: np.ndarray
+    """By setting, from coarse to fine [C_r]."""
+    costs: np.ndarray
+    """CPU seconds per simulated second."""
+    labels: Sequence[str]
+    per_step: float
+    """CPU time of a step of 1 µs [s]; nan without constant steps."""
+    apart: float
+    """Distance of the engine's limit from jointplay's [C_r]."""
+
+    def cost(self, wanted: float) -> tuple[float, str]:
+        """The cheapest setting such that it and all finer ones have that error; nan if none."""
+        fine = len(self.errors)
+        while fine and self.errors[fine - 1] <= wanted:
+            fine -= 1
+        if fine == len(self.errors):
+            return np.nan, ""
+        best = fine + int(np.argmin(self.costs[fine:]))
+        return float(self.costs[best]), self.labels[best]
+
+
+def work_precision(
+    ladders: dict[str, Ladder], task: Problem, duration: float, cost_duration: float
+) -> dict[str, Work]:
+    """What accuracy costs each engine.
+
+    The error is the largest distance of the journal's centre from that of the same engine at its
+    finest setting, relative to C_r, at 60 times.
     """
     times = np.linspace(0.0, 0.98 * duration, 60)
+    failures = (JointplayError, RuntimeError, ValueError)  # of steps that are too large
     # In turns, and the fastest of each: what else the machine does then hits all alike.
-    seconds = {name: np.inf for name in runs}
-    for _ in range(ROUNDS):
-        for name, run in runs.items():
-            trace = run(task, 1e-6, cost_duration, 10)
-            seconds[name] = min(seconds[name], trace.seconds / trace.steps)
+    seconds = {name: np.full(len(one.settings), np.inf) for name, one in ladders.items()}
+    for turn in range(ROUNDS):
+        for name, one in ladders.items():
+            for i, setting in enumerate(one.settings):
+                if turn and not seconds[name][i] < ONCE_S:
+                    continue
+                with contextlib.suppress(*failures):
+                    spent = one.run(task, setting, cost_duration, 10).seconds
+                    seconds[name][i] = min(seconds[name][i], spent)
 
-    def path(run, step):
-        trace = run(task, step, duration, 1)
-        return offset(task, trace.at(times)) / task.clearance
+    def path(one: Ladder, setting: Any) -> np.ndarray:
+        return offset(task, one.run(task, setting, duration, 1).at(times)) / task.clearance
 
     found, limit = {}, None
-    for name, run in runs.items():
-        best = path(run, finest)
+    for name, one in ladders.items():
+        best = path(one, one.finest)
         limit = best if limit is None else limit
+        errors = np.full(len(one.settings), np.inf)
+        for i, setting in enumerate(one.settings):
+            with contextlib.suppress(*failures):
+                errors[i] = np.abs(path(one, setting) - best).max()
+        costs = seconds[name] / cost_duration
+        per_step = 1e-6 * costs[one.settings.index(1e-6)] if one.steps else np.nan
         apart = float(np.abs(best - limit).max())
-        errors = np.full(len(steps), np.inf)
-        for i, step in enumerate(steps):
-            with contextlib.suppress(JointplayError):  # it refuses steps that are too large
-                errors[i] = np.abs(path(run, step) - best).max()
-        per_step = seconds[name]
-        found[name] = errors, per_step / np.array(steps), per_step, apart
+        found[name] = Work(errors, costs, one.labels, per_step, apart)
     return found
-
-
-def step_for(errors: np.ndarray, steps: Sequence[float], wanted: float) -> float:
-    """Largest step from which on all smaller ones have an error below `wanted`; nan if none."""
-    good = errors <= wanted
-    last = np.nan
-    for step, ok in sorted(zip(steps, good, strict=True)):
-        if not ok:
-            break
-        last = step
-    return float(last)
 
 
 # --- the page -----------------------------------------------------------------------------------
@@ -288,7 +353,7 @@ def compare(engines: Engines, quick: bool, images: Path) -> dict[str, object]:
     """Run everything; numbers and tables for `page`."""
     images.mkdir(parents=True, exist_ok=True)
     out: dict[str, object] = {}
-    mj, ex, si = engines.mujoco, engines.exudyn, engines.siconos
+    mj, ex, si, dr = engines.mujoco, engines.exudyn, engines.siconos, engines.drake
 
     def say(text: str) -> None:
         print(f"{text} ...", file=sys.stderr, flush=True)
@@ -388,21 +453,44 @@ def compare(engines: Engines, quick: bool, images: Path) -> dict[str, object]:
     draw_orbits(orbits, smooth, images / "orbits.png")
 
     say("cost at equal error")
+    finest = 2e-7 if quick else 2e-8
     law = {
-        "jointplay": models["jointplay"],
-        "jointplay, rk4": lambda t, h, T, n: run_jointplay(t, h, T, n, "rk4"),
+        "jointplay": ladder(models["jointplay"], finest),
+        "jointplay, error-controlled": Ladder(
+            lambda t, how, T, n: run_jointplay(
+                t, how[2], T, n, tolerance=how[0], macro_step=how[1]
+            ),
+            BY_ERROR,
+            [f"{how:g}" + (f", {1e6 * m:g} µs" if m else "") for how, m, _ in BY_ERROR],
+            (1e-9, 5e-7, 5e-7),
+            steps=False,
+        ),
+        "jointplay, rk4": ladder(lambda t, h, T, n: run_jointplay(t, h, T, n, "rk4"), finest),
     }
     if mj:
-        law["MuJoCo, same law"] = lambda t, h, T, n: mj.run_law(t, h, T, n)
-    law |= {name: run for name, run in models.items() if name != "jointplay"}
-    steps = [1.6e-5, 8e-6, 4e-6, 2e-6, 1e-6, 5e-7, 2.5e-7]
+        law["MuJoCo, same law"] = ladder(lambda t, h, T, n: mj.run_law(t, h, T, n), finest)
+    law |= {name: ladder(run, finest) for name, run in models.items() if name != "jointplay"}
+    if dr:
+        speed = touch_speed(run_jointplay(smooth, fine, 2e-4), smooth)
+        finest = {"step": 1e-8 if quick else 2.5e-9}
+        law["Drake, constant steps"] = Ladder(
+            lambda t, how, T, n: dr.run(t, T, speed, **how),
+            [{"step": step} for step in STEPS],
+            [f"{1e6 * step:g}" for step in STEPS],
+            finest,
+            steps=False,
+        )
+        law["Drake, CENIC"] = Ladder(
+            lambda t, how, T, n: dr.run(t, T, speed, **how),
+            [{"accuracy": accuracy} for accuracy in ACCURACIES],
+            [f"{accuracy:g}" for accuracy in ACCURACIES],
+            finest,
+            steps=False,
+        )
     horizon = 6e-4
     out["horizon"] = horizon
-    out["work"] = work_precision(
-        law, smooth, horizon, steps, 2e-7 if quick else 2e-8, 2e-3 if quick else 6e-3
-    )
-    out["steps"] = steps
-    draw_work(out["work"], steps, images / "work.png")
+    out["work"] = work_precision(law, smooth, horizon, 2e-3 if quick else 6e-3)
+    draw_work(out["work"], images / "work.png")
 
     say("SCARA, same law")
     robot, step, long = scara(), 1e-5, 0.1 if quick else 0.5
@@ -442,17 +530,15 @@ def compare(engines: Engines, quick: bool, images: Path) -> dict[str, object]:
 
 def cost_table(out: dict) -> Table:
     rows = []
-    for name, (errors, _, per_step, apart) in out["work"].items():
-        row = [name, f"{1e6 * per_step:.2f}"]
-        for wanted in (1e-1, 1e-2, 1e-3):
-            step = step_for(errors, out["steps"], wanted)
-            row.append(
-                "not reached" if np.isnan(step) else f"{per_step / step:.2f} ({1e6 * step:g})"
-            )
-        rows.append([*row, f"{apart:.1e}"])
+    for name, work in out["work"].items():
+        row = [name, "" if np.isnan(work.per_step) else f"{1e6 * work.per_step:.2f}"]
+        for wanted in WANTED:
+            cost, label = work.cost(wanted)
+            row.append("not reached" if np.isnan(cost) else f"{cost:.2f} ({label})")
+        rows.append([*row, f"{work.apart:.1e}"])
     return [
         "",
-        "CPU per step [µs]",
+        "CPU per step of 1 µs [µs]",
         "error 0.1 C_r",
         "0.01 C_r",
         "0.001 C_r",
@@ -462,11 +548,18 @@ def cost_table(out: dict) -> Table:
 
 def costs_at(out: dict, wanted: float) -> dict[str, float]:
     """CPU seconds per simulated second at an error, of the engines that reach it."""
-    costs = {
-        name: per_step / step_for(errors, out["steps"], wanted)
-        for name, (errors, _, per_step, _) in out["work"].items()
-    }
+    costs = {name: work.cost(wanted)[0] for name, work in out["work"].items()}
     return {name: cost for name, cost in costs.items() if np.isfinite(cost)}
+
+
+def ratio(out: dict, wanted: float) -> str:
+    """How much the cheapest peer costs, relative to the cheapest of jointplay's runs."""
+    costs = costs_at(out, wanted)
+    ours = min((name for name in costs if name in OWN), key=costs.__getitem__, default="")
+    peer = min((name for name in costs if name not in OWN), key=costs.__getitem__, default="")
+    if not ours or not peer:
+        return f"{ours or peer or 'none'} alone reaches it"
+    return f"{peer} costs {costs[peer] / costs[ours]:.1f} times as much as {ours}"
 
 
 def cheapest(out: dict, wanted: float) -> str:
@@ -480,22 +573,21 @@ def cheapest(out: dict, wanted: float) -> str:
 
 def better(out: dict) -> list[str]:
     """What the numbers say in favour of others."""
-    own = {"jointplay", "jointplay, rk4"}
-    lines, cost = [], {name: row[2] for name, row in out["work"].items()}
+    lines, cost = [], {name: work.per_step for name, work in out["work"].items()}
     for name, per_step in cost.items():
-        if name not in own and per_step < TIE * cost["jointplay"]:
+        if name not in OWN and per_step < TIE * cost["jointplay"]:
             lines.append(
                 f"- **{name}** takes {1e6 * per_step:.2f} µs per step, jointplay's default "
                 f"{1e6 * cost['jointplay']:.2f} µs."
             )
-    for wanted in (1e-1, 1e-2, 1e-3):
+    for wanted in WANTED:
         costs = costs_at(out, wanted)
-        ours = min((costs[name] for name in own if name in costs), default=np.inf)
+        ours = min((costs[name] for name in OWN if name in costs), default=np.inf)
         lines += [
             f"- **{name}** has an error of {wanted:g} C_r for {spent:.2f} CPU seconds per "
             f"simulated second, jointplay for {ours:.2f}."
             for name, spent in costs.items()
-            if name not in own and spent < TIE * ours
+            if name not in OWN and spent < TIE * ours
         ]
     force = out["mean_force"]
     if "Siconos, 20 µs" in force:
@@ -504,7 +596,7 @@ def better(out: dict) -> list[str]:
             "- **Siconos** has no contact stiffness to resolve. At 20 µs, two or three steps per "
             f"impact of the others ({out['refused']}), its mean force is "
             f"{coarse:.4g} N, at 1 µs {fine:.4g} ± {spread:.2g} N. At that step it costs "
-            f"{out['work']['Siconos'][2] / 2e-5:.2f} s per simulated second."
+            f"{out['work']['Siconos'].per_step / 2e-5:.2f} s per simulated second."
         )
     if not lines:
         lines.append("- In none of the numbers of this run.")
@@ -520,9 +612,9 @@ def page(engines: Engines, out: dict, images: str) -> str:
         f"Written by `python benchmarks/peers.py`; do not edit. {machine()}; {here}; "
         f"{engines.versions()}. Times are CPU times of the time loop alone. The engines take "
         "turns where costs are compared, but other work on the machine does not slow them "
-        "equally: compiled code (jointplay, Exudyn, MuJoCo's own limit) costs 1.7 times as much "
-        "as on a quieter machine, with unchanged ratios; Python code, such as the scheme around "
-        "Pinocchio's solvers, costs 2 to 4 times as much.",
+        "equally: on a busy one compiled code (jointplay, Exudyn, MuJoCo's own limit) has cost 1.7 "
+        "times as much, with unchanged ratios, and Python code, such as the scheme around "
+        "Pinocchio's solvers, 2 to 4 times as much.",
         "",
     ]
     lines += [
@@ -586,9 +678,10 @@ def page(engines: Engines, out: dict, images: str) -> str:
     lines += ["", "## Cost at equal error", "", *TEXT["cost"], "", markdown(cost_table(out)), ""]
     lines += [f"![Error and cost]({images}/work.png)", ""]
     lines += [
-        f"- At {wanted:g} C_r, cheapest first: {cheapest(out, wanted)}."
-        for wanted in (1e-1, 1e-2, 1e-3)
+        f"- At {wanted:g} C_r, {ratio(out, wanted)}. Cheapest first: {cheapest(out, wanted)}."
+        for wanted in WANTED
     ]
+    lines += ["", "## Drake's error-controlled integrator", "", *TEXT["cenic"]]
     lines += ["", "## Where a peer is as good or better", "", *better(out), *TEXT["better"], ""]
     return re.sub(r"\n{3,}", "\n\n", "\n".join(lines))
 

@@ -145,6 +145,31 @@ def test_newer_integrators_of_mujoco_find_the_same_first_impact(kind):
     assert newer.impulse == pytest.approx(euler.impulse, rel=1e-2)
 
 
+@pytest.mark.parametrize("how", [{"step": 2e-7}, {"accuracy": 1e-9}])
+def test_first_impact_in_drake_is_about_the_same_and_a_wrong_mass_is_noticed(how):
+    other, task = engine("drake"), slider_crank(mu=0.0)
+    fine = run_jointplay(task, 1e-7, SHORT)
+    ours, speed = first(fine, task), peers.touch_speed(fine, task)
+
+    def found(given):
+        return first(other.run(given, SHORT, speed, **how), task)
+
+    same = found(task)
+    assert same.time == pytest.approx(ours.time, abs=2e-7)
+    # The walls reached add up to Hertz's exponent for small penetrations; deep ones are softer.
+    assert same.duration == pytest.approx(ours.duration, rel=0.08)
+    heavy = task.with_links(2, mass=1.2 * task.links[2].mass)
+    assert found(heavy).duration > 1.02 * same.duration
+
+
+def test_cost_is_that_of_the_cheapest_setting_with_all_finer_ones_good():
+    errors, costs = np.array([0.005, 0.5, 0.009, 0.001]), np.array([1.0, 2.0, 8.0, 4.0])
+    work = peers.Work(errors, costs, "abcd", np.nan, 0.0)
+    assert work.cost(0.01) == (4.0, "d")
+    assert work.cost(1.0) == (1.0, "a")
+    assert np.isnan(work.cost(1e-4)[0])
+
+
 def test_mujoco_has_the_torques_of_the_ideal_robot():
     engine("mujoco")
     assert peers.ideal_torques() < 1e-9

@@ -24,6 +24,10 @@ ARMATURE = 1e8
 """Inertia that keeps a crank turning at constant speed where an engine cannot prescribe motion."""
 
 
+MODULES = {"drake": "pydrake"}
+"""Of engines that are not imported by their name."""
+
+
 @dataclass(frozen=True)
 class Link:
     """A moving body and the one coordinate by which it hangs on its parent."""
@@ -256,5 +260,5 @@ def missing(engine: str) -> str:
     if engine == "siconos":
         remedy = "apt-get install python3-siconos, or name its Python in JOINTPLAY_SICONOS_PYTHON"
         return "" if siconos_python() else f"siconos is not installed: {remedy}"
-    found = importlib.util.find_spec(engine) is not None
+    found = importlib.util.find_spec(MODULES.get(engine, engine)) is not None
     return "" if found else f"{engine} is not installed: pip install {engine}"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +13,7 @@ from peer_engines.trace import Trace, offset
 COLOURS = {
     "jointplay": "#0072B2",
     "jointplay, rk4": "#56B4E9",
+    "jointplay, error-controlled": "#003A5C",
     "MuJoCo, same law": "#D55E00",
     "MuJoCo, own limit": "#E69F00",
     "Exudyn, own contact": "#009E73",
@@ -23,6 +23,8 @@ COLOURS = {
     "MuJoCo, own limit, discrete": "#8C6100",
     "Pinocchio, ADMM": "#000000",
     "Pinocchio, PGS": "#888888",
+    "Drake, constant steps": "#C9A0DC",
+    "Drake, CENIC": "#7B2CBF",
 }
 """Okabe and Ito's, told apart by colour-blind readers; kin in shades of one."""
 
@@ -45,12 +47,14 @@ def draw_orbits(traces: dict[str, Trace], task: Problem, path: Path) -> None:
     figure.savefig(path, dpi=DPI)
 
 
-def draw_work(found: dict, steps: Sequence[float], path: Path) -> None:
-    figure = Figure(figsize=(6.0, 3.4), layout="constrained")
+def draw_work(found: dict, path: Path) -> None:
+    figure = Figure(figsize=(6.0, 4.2), layout="constrained")
     axis = figure.subplots()
-    for marker, (name, (errors, cost, _, _)) in zip("osvD^P<>XhdH", found.items(), strict=False):
-        axis.loglog(cost, errors, marker=marker, ms=4, lw=1, color=COLOURS[name], label=name)
-    for level in (1e-2, 1e-1):
+    for marker, (name, work) in zip("osvD^P<>XhdHp*", found.items(), strict=False):
+        axis.loglog(
+            work.costs, work.errors, marker=marker, ms=4, lw=1, color=COLOURS[name], label=name
+        )
+    for level in (1e-3, 1e-2, 1e-1):
         axis.axhline(level, color="0.7", lw=0.7, zorder=0)
     axis.set(xlabel="CPU time per simulated second [s/s]", ylabel="error of the journal / $C_r$")
     axis.legend(fontsize=7)

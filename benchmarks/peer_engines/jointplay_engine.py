@@ -19,10 +19,16 @@ def run_jointplay(
     duration: float,
     every: int = 1,
     integrator: str = DEFAULT,
+    **options: object,
 ) -> Trace:
-    """Simulate `duration` seconds, a record every `every` steps."""
+    """Simulate `duration` seconds, a record every `every` steps; `options` of the simulation."""
     simulation = dataclasses.replace(
-        task.simulation, step=step, duration=duration, record_every=every, integrator=integrator
+        task.simulation,
+        step=step,
+        duration=duration,
+        record_every=every,
+        integrator=integrator,
+        **options,
     )
     run = Run(simulation)
     run.workspace.q[:], run.workspace.v[:] = task.start
