@@ -115,19 +115,19 @@ TEXT = {
         "linear in the depth of each pair, Hunt-Crossley damping, friction regularised by a "
         "stiction tolerance and by the normal force of the step before.",
         "",
-        "It shares with jointplay's error-controlled loop that the contact is compliant, that the "
-        "user gives an error instead of a step. jointplay estimates the error of its micro steps "
-        "from the change of the acceleration, in the measure of a kinetic energy, not from half "
-        "steps, and locates the onset of a contact. CENIC has what jointplay has not: implicit, "
-        "convex steps whose solve, its documentation says, always converges, bodies of any shape, "
-        "and stiff controllers that are solved for implicitly. It lacks, for the clearance of a "
-        "journal, a concave cylinder, Hertz's exponent of a pair, the damping laws that know the "
-        "speed of an impact, and a step of second order. Its documentation says that it works "
-        "best at loose accuracy; 0.01 C_r are 2 µm. It was run here from Drake's wheel, which "
-        "offers it in Python as the integration scheme `cenic`. Its cost depends on the walls: "
-        "one solve took 18 µs with 16 of them and 61 µs with 64, so the cost in the table owes "
-        "more to the number of steps. Half-spaces on a moving body, instead of boxes, made Drake "
-        "1.51.1 crash.",
+        "It shares with jointplay's error-controlled loop that the contact is compliant and that "
+        "the user gives an error instead of a step. jointplay estimates the error of its micro "
+        "steps from the change of the acceleration, in the measure of a kinetic energy, not from "
+        "half steps, and locates the onset of a contact. CENIC has what jointplay has not: "
+        "implicit, convex steps whose solve, its documentation says, always converges, bodies of "
+        "any shape, and stiff controllers that are solved for implicitly. It lacks, for the "
+        "clearance of a journal, a concave cylinder, Hertz's exponent of a pair, the damping laws "
+        "that know the speed of an impact, and a step of second order. Its documentation says "
+        "that it works best at loose accuracy; 0.01 C_r are 2 µm. It was run here from Drake's "
+        "wheel, which offers it in Python as the integration scheme `cenic`. Its cost depends on "
+        "the walls: one solve took 18 µs with 16 of them and 61 µs with 64, so the cost in the "
+        "table owes more to the number of steps. With 64 half-spaces on a moving body, instead of "
+        "boxes, Drake 1.51.1 crashed.",
     ],
     "better": [
         "- Not measured here: MuJoCo, Exudyn, Siconos and Drake simulate contacts between bodies "
