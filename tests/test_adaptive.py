@@ -1,5 +1,7 @@
 """Steps that go by their own error: what they reach, where they are fine, what they leave out."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from conftest import body, joint
@@ -7,6 +9,7 @@ from test_integrators import ELASTIC
 
 import jointplay as jp
 from jointplay.simulation.loop import LONGEST_ADAPTIVE_MACRO_STEP_S
+from jointplay.study import scara
 
 TOLERANCES = np.array([1e-2, 1e-3, 1e-4, 1e-5])
 
@@ -131,3 +134,18 @@ def test_springs_and_gears_bound_the_step(urdf):
     result = jp.simulate(jp.Mechanism(path), duration=0.2, tolerance=1e-2, **options)
     speed = np.abs(result["v"].values[:, 0])
     assert speed.max() < 1.05e-6
+
+
+def test_a_smaller_tolerance_also_shortens_macro_steps():
+    """Their error would remain: 0.9 % of this peak, however small the tolerance."""
+    run = {
+        tolerance: jp.Run(replace(scara(2e-4), duration=0.3, tolerance=tolerance))
+        for tolerance in (1e-2, 1e-3, 1e-5)
+    }
+    longest = {tolerance: int(one.workspace.run["longest"][0]) for tolerance, one in run.items()}
+    assert longest[1e-2] == longest[1e-3] == 30
+    assert longest[1e-5] == round(30 / 100**0.25)
+    allowed = [float(one.workspace.run["tolerance"][0]) for one in run.values()]
+    assert allowed[2] == pytest.approx(allowed[1] / 100)
+    given = jp.Run(replace(scara(2e-4), duration=0.3, tolerance=1e-5, macro_step=2e-4))
+    assert int(given.workspace.run["longest"][0]) == 20

@@ -175,6 +175,10 @@ step [rad/s]: in proportion, so that smaller micro steps bring this error down w
 LOOP_TOLERANCE = 3e-5
 """`MACRO_TOLERANCE` with ideal loops, which drift apart by what the parabola is off."""
 
+USUAL_TOLERANCE = 1e-3
+"""Tolerance of micro steps to which the macro steps above belong; with less they have a smaller
+error, too, in proportion, and are no longer than by its fourth root."""
+
 SHORTEST_MICRO_STEP_S = 2e-8
 """Micro steps that go by their error are no shorter than this [s]."""
 
@@ -329,6 +333,10 @@ class Adaptive(MultiRate):
         run = self.workspace.run
         run["micro_tolerance"], run["shortest_micro"] = tolerance, SHORTEST_MICRO_STEP_S
         run["micro_step"] = self._dt
+        if macro_step is None and tolerance < USUAL_TOLERANCE:
+            less = USUAL_TOLERANCE / tolerance
+            self.shorten_macro_steps(less**0.25)
+            run["tolerance"] /= less**0.5  # in proportion, with what that did
         run["longest_micro"] = STABLE_TURN / highest if highest > 0.0 else np.inf
         self.workspace.keep_copies()
 
