@@ -133,4 +133,4 @@ def test_a_run_builds_its_mechanism_once_and_its_ideal_twin_once(tmp_path, monke
     assert main(["run", "jointplay:scara.urdf", "--joint", "joint_b=0.2mm", *options]) == 0
     assert "tool error" in capsys.readouterr().out
     assert calls.count("build") == 2
-    assert calls.count("rest") == 2  # of the run, and of that which its errors are estimated by
+    assert calls.count("rest") == 3  # of the run, and of the two by which its errors are estimated
