@@ -41,7 +41,7 @@ CONTRACTS = 0.5
 """Finer runs agree if they differ by no more than this part of what they have moved."""
 
 SENSITIVE = 5e-3
-"""A figure that starts so little aside change by more than this part of it is called sensitive."""
+"""A figure in which further runs differ by more than this part of it is called sensitive."""
 
 STRETCHES = 8
 """Stretches of a run, of equal length, that are compared one by one.
@@ -51,7 +51,7 @@ all stretches.
 """
 
 SUBSETS = 4
-"""Subsets of the records, each every fourth, whose root mean squares are compared."""
+"""Subsets of the records, each of every fourth, whose root mean squares are compared."""
 
 TOLERANCES = (1e-3, 6e-4, 2.5e-4)
 """Tolerances of the further runs, where the run has none itself; an estimate leaves the second out.
@@ -168,7 +168,7 @@ def _find_errors(
     if result.status != Status.COMPLETED:
         note = f"none, for the run did not complete ({result.message})"
         return Certificate((), note=note, strict=strict)
-    plans = further(simulation, result, strict)
+    plans = further_simulations(simulation, result, strict)
     # The run's own: what the ideal mechanism's run is off, too, the run shares with it.
     ideal = _ideal(simulation, result, progress, begin)
     measured, notes = [_measure(result, ideal, claims)], []
@@ -246,7 +246,7 @@ def is_sensitive(one: Measured, others: Sequence[Measured]) -> bool:
     return uncertain > max(CONTRACTS * moved, SENSITIVE * abs(one.value))
 
 
-def further(
+def further_simulations(
     simulation: Simulation, result: Result, strict: bool
 ) -> list[tuple[Simulation, tuple[float, float, float], float]]:
     """The further runs: how, how far aside, and how much shorter macro steps are.
