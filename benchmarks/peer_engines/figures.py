@@ -48,7 +48,7 @@ def draw_orbits(traces: dict[str, Trace], task: Problem, path: Path) -> None:
 
 
 def draw_work(found: dict, path: Path) -> None:
-    figure = Figure(figsize=(6.0, 4.2), layout="constrained")
+    figure = Figure(figsize=(7.8, 4.2), layout="constrained")
     axis = figure.subplots()
     for marker, (name, work) in zip("osvD^P<>XhdHp*", found.items(), strict=False):
         axis.loglog(
@@ -57,7 +57,7 @@ def draw_work(found: dict, path: Path) -> None:
     for level in (1e-3, 1e-2, 1e-1):
         axis.axhline(level, color="0.7", lw=0.7, zorder=0)
     axis.set(xlabel="CPU time per simulated second [s/s]", ylabel="error of the journal / $C_r$")
-    axis.legend(fontsize=7)
+    figure.legend(loc="outside right upper", fontsize=7)
     figure.savefig(path, dpi=DPI)
 
 
