@@ -19,6 +19,8 @@ from .exports import export as export
 from .identification import Measurement as Measurement
 from .identification import identify as identify
 from .identification.planning import plan_measurement as plan_measurement
+from .joints import BallBearing as BallBearing
+from .joints import CrossedRollerBearing as CrossedRollerBearing
 from .joints import CylindricalClearance as CylindricalClearance
 from .joints import Material as Material
 from .joints import PrismaticClearance as PrismaticClearance

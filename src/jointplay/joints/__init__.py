@@ -16,7 +16,9 @@ from jointplay.joints.base import (
     Material,
     Outline,
     RoundClearance,
+    SlidingClearance,
 )
+from jointplay.joints.bearings import BallBearing, CrossedRollerBearing, RollingBearing
 from jointplay.joints.cylindrical import CylindricalClearance
 from jointplay.joints.prismatic import PrismaticClearance
 from jointplay.joints.revolute import RevoluteClearance
@@ -24,7 +26,10 @@ from jointplay.joints.spherical import SphericalClearance
 
 JOINT_KINDS: dict[str, type[Clearance]] = {
     kind.kind: kind
-    for kind in (RevoluteClearance, SphericalClearance, PrismaticClearance, CylindricalClearance)
+    for kind in (
+        *(RevoluteClearance, SphericalClearance, PrismaticClearance, CylindricalClearance),
+        *(BallBearing, CrossedRollerBearing),
+    )
 }
 
 
@@ -62,14 +67,18 @@ __all__ = [
     "RELATIVE",
     "UNNAMED_KIND",
     "VIRTUAL_LINK",
+    "BallBearing",
     "Clearance",
     "Coordinate",
+    "CrossedRollerBearing",
     "CylindricalClearance",
     "Material",
     "Outline",
     "PrismaticClearance",
     "RevoluteClearance",
+    "RollingBearing",
     "RoundClearance",
+    "SlidingClearance",
     "SphericalClearance",
     "class_of",
     "replacing",

@@ -44,6 +44,7 @@ from jointplay.kernel.multirate import (
     step_positions,
 )
 from jointplay.kernel.record import fill_row, is_due, write_interpolated
+from jointplay.kernel.rolling import element_frequency
 from jointplay.kernel.solve import SPEED, TRIALS, find_pose
 from jointplay.kernel.words import POWERS
 
@@ -268,7 +269,9 @@ def _judge_contacts(run, moved):
                 _judge_onset(run, joint, contact)
             if run.time < contact.braking_end:
                 most = max(most, contact.braking)  # an impact: its error is never nothing
-            else:
+            if joint.rolling != 0:
+                squares += element_frequency(run, joint)
+            elif not run.time < contact.braking_end:
                 squares += contact.compliance * _stiffness(joint, contact)
     run.braking = most
     run.stable_micro = run.longest_micro

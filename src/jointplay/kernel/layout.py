@@ -202,7 +202,10 @@ JOINT = _record(
     journal_rotation=_INT,
     journal_translation=_INT,
     sliding_work=_INT,
+    element_law=_INT,  # of a rolling bearing, whose numbers are `dimensions`; and
+    elements=_INT,  # what it answers, see `contact.rolling`
     # What it is.
+    rolling=_INT,
     bristles=_INT,
     shape=_INT,
     count=_INT,
@@ -226,6 +229,9 @@ JOINT = _record(
     film_memory=(_FLOAT, (2, 5)),  # by section: force and velocity at the last step; whether known
     # Now.
     touching=_INT,  # whether it takes part in the velocity solve
+    cage=_FLOAT,  # azimuth of the first element [rad]
+    cage_start=_FLOAT,  # of Runge-Kutta's step, and
+    cage_sum=_FLOAT,  # the weighted sum of its rates so far
     pose=(_FLOAT, (POSE,)),
     sines=(_FLOAT, (4,)),  # sine and cosine of yaw, of pitch
     twist=(_FLOAT, (6,)),

@@ -31,6 +31,7 @@ from jointplay.kernel.film import add_film_losses
 from jointplay.kernel.layout import DRIVE, POWERS, SPEED_LIMIT
 from jointplay.kernel.load import add_load_work, apply_loads, find_load_powers
 from jointplay.kernel.loops import correct_drift, project_dynamics
+from jointplay.kernel.rolling import advance_cages
 from jointplay.kernel.record import is_due, write_record
 from jointplay.kernel.solve import (
     ERROR,
@@ -433,6 +434,8 @@ def step_positions(run, dt):
     ratio = dt / run.dt_before
     for i in range(nv):
         half[i] = v[i] + ratio * (v[i] - half[i])
+    advance_cages(run, half, dt)
+    for i in range(nv):
         q[i] += dt * half[i]
     _advance_parabolas(run.free, run.free_rate, run.free_curve, nv, dt)
     _advance_parabolas(run.minv, run.minv_rate, run.minv_curve, nv * nv, dt)

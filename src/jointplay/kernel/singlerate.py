@@ -34,6 +34,7 @@ from jointplay.kernel.frames import find_twist, pose_of_frames, pose_of_virtual_
 from jointplay.kernel.layout import POWERS, SPEED_LIMIT
 from jointplay.kernel.load import add_stage_work, apply_current_loads
 from jointplay.kernel.record import complete_step, is_due, write_record
+from jointplay.kernel.rolling import advance_cages, advance_cages_by_stage
 from jointplay.kernel.words import Status
 
 _NP = len(POWERS)
@@ -54,7 +55,7 @@ def _evaluate_joint(run, j, q, v, tau, elapsed):
     for r in range(6):
         joint.wrench[r] = 0.0
     touching = find_gaps(run, j, joint)
-    if not touching and joint.sections == 0:
+    if not touching and joint.sections == 0 and joint.rolling == 0:
         return
     find_twist(joint, v)
     if joint.sections > 0:
@@ -134,6 +135,8 @@ def semi_implicit_euler(run):
         write_record(run)
     for i in range(nv):
         v[i] += run.dt * a[i]
+    advance_cages(run, v, run.dt)
+    for i in range(nv):
         q[i] += run.dt * v[i]
     run.pending = 1
     run.step += 1
@@ -164,6 +167,7 @@ def runge_kutta_4(run):
     for j in range(run.nj):
         average_stage_forces(joints(run)[j], contacts(run, j), stage, weight / dt)
     ahead = dt if stage == 2 else 0.5 * dt
+    advance_cages_by_stage(run, v, stage, weight, ahead)
     for i in range(nv):
         if stage == 0:
             scratch[i] = q[i]

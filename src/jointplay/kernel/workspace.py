@@ -8,6 +8,7 @@ from collections.abc import Collection, Mapping, Sequence
 import numpy as np
 import pinocchio as pin
 
+from jointplay.contact.rolling import ANSWERS
 from jointplay.core.errors import JointplayError
 from jointplay.kernel import Command, Status, compiled, layout
 from jointplay.kernel.multirate import MIDDLE, MIDDLE_SPEED, ROWS
@@ -299,9 +300,11 @@ class Workspace(PointerRecord):
             "signs": signs,
             "jacobian": np.zeros((6, len(support))),
             "sliding_work": self.sliding_work[j],
+            "elements": np.zeros(ANSWERS if joint["rolling"] else 1),
         }
         self._set_row_pointers(joint, arrays, "{}." + str(j))
-        self._addresses["joints"] |= {*arrays, "normal_law", "friction_law", "film_law"}
+        self._addresses["joints"] |= {*arrays, "normal_law", "friction_law"}
+        self._addresses["joints"] |= {"film_law", "element_law"}
 
     def _link_frames(
         self, kind: str, row: np.ndarray, carriers: Carriers, signs: np.ndarray, data: pin.Data

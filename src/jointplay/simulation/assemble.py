@@ -6,6 +6,7 @@ import numpy as np
 import pinocchio as pin
 
 from jointplay import kernel
+from jointplay.contact import rolling
 from jointplay.contact.compiled import address, check_parameters
 from jointplay.contact.law import Law
 from jointplay.core.errors import JointplayError
@@ -60,6 +61,9 @@ def joint_site(mechanism: Mechanism, name: str, q: np.ndarray) -> JointSite:
     record["normal_law"], record["friction_law"] = address(joint.normal), address(joint.friction)
     record["bristles"] = joint.friction.bristles
     record["shape"], record["count"] = int(joint.shape), len(joint.contacts)
+    if joint.rolling is not None:
+        record["rolling"], record["element_law"] = 1, rolling.address()
+        record["cage"] = joint.rolling[rolling.CAGE]
     record["wearing"] = len(joint.wear.widths) if joint.wear else 0
     record["limit"] = -joint.depth_limit
     record["rest_mass"] = mass / REST_SPEED**2
