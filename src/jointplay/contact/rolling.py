@@ -37,6 +37,7 @@ from jointplay.contact.compiled import compiled_function
 from jointplay.contact.law import ContactProperties, FrictionLaw, NormalForceLaw
 from jointplay.core import compiler
 from jointplay.core.compiler import njit, stamp
+from jointplay.core.schema import quantity
 
 
 (
@@ -303,7 +304,10 @@ class ElementContact(NormalForceLaw):
     formula = r"Q = K \delta^n"
     reference = "H. Hertz (1881) for balls; ISO/TS 16281 for rollers"
 
-    exponent: float = BALL_EXPONENT
+    exponent: float = quantity("", default=BALL_EXPONENT, above=0.0)
+    """n."""
+    rated_load: float = quantity("N", default=math.inf, above=0.0, finite=False)
+    """Load of an element at the bearing's static rating [N]."""
 
     @staticmethod
     def function(
@@ -315,6 +319,16 @@ class ElementContact(NormalForceLaw):
     def parameters(self, contact: ContactProperties) -> tuple[float, ...]:
         """K [N/m^n] and n."""
         return contact.stiffness, self.exponent
+
+    def _limits(self, contact: ContactProperties, max_depth: float) -> list[str]:
+        """Beyond the static rating raceways keep dents."""
+        load = contact.stiffness * max_depth**self.exponent
+        if load <= self.rated_load:
+            return []
+        return [
+            f"an element bore {load:.3g} N, and at the bearing's static rating it bears "
+            f"{self.rated_load:.3g} N: raceways keep dents"
+        ]
 
 
 @dataclass(frozen=True)

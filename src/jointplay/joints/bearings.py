@@ -13,6 +13,7 @@ What is not given is estimated from what is; `estimates` says what, and how. The
 from __future__ import annotations
 
 import math
+import re
 import tomllib
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
@@ -36,6 +37,12 @@ from jointplay.joints.play import Play
 
 ARRANGEMENTS = ("single", "DB", "DF", "DT")
 """One row, or a pair: back to back (O), face to face (X), both the same way (tandem)."""
+
+CLASSES = ("C0", "C1", "C2", "C3", "C4", "CN", "CC0")
+"""Of internal clearance, of which a bearing has some."""
+
+_SHIELDS = re.compile(r"[- ]?(2?ZZ?|2?RS[HLR12]?|DDU?|LLU)$")
+"""What makers append for shields and seals, which change nothing here."""
 
 BALL_SHARE = 0.2945
 """Ball diameter over outside less bore, the mean of seven catalogue bearings (0.291 to 0.298)."""
@@ -206,18 +213,20 @@ class RollingBearing(Clearance):
     @cached_property
     def _words(self) -> tuple[str, str | None]:
         """Designation without its class, and the class."""
-        known = ("C0", "C1", "C2", "C3", "C4", "CN", "CC0")
-        text = (self.designation or "").replace("/", " ").split()
-        classes = [word.upper() for word in text if word.upper() in known]
-        rest = [word for word in text if word.upper() not in known]
-        return " ".join(rest), classes[0] if classes else None
+        text = (self.designation or "").upper().replace("/", " ").split()
+        classes = [word for word in text if word in CLASSES]
+        rest = [word for word in text if word not in (*CLASSES, *ARRANGEMENTS)]
+        name = " ".join(rest)
+        if name not in catalogue()[self.section]:
+            name = _SHIELDS.sub("", name)
+        return name, classes[0] if classes else None
 
     @cached_property
     def _entry(self) -> Mapping[str, Any]:
         """The catalogue's line."""
         if self.designation is None:
             return {}
-        lines, name = catalogue()[self.section], self._words[0].upper()
+        lines, name = catalogue()[self.section], self._words[0]
         if name not in lines:
             raise MissingName("bearing", name, list(lines), where=("designation",))
         entry: Mapping[str, Any] = lines[name]
@@ -280,7 +289,7 @@ class RollingBearing(Clearance):
         fitting = [
             row
             for row in rows
-            if row["over"] < 1e3 * size <= row["up_to"]
+            if row["over"] < 1e3 * size * (1.0 - 1e-12) <= row["up_to"]
             and (series is None or "series" not in row or series in row["series"])
         ]
         if not fitting:
@@ -544,7 +553,17 @@ class RollingBearing(Clearance):
     @property
     def normal(self) -> NormalForceLaw:
         """Of one element."""
-        return rolling.ElementContact(self.exponent)
+        return rolling.ElementContact(self.exponent, self.rated_load)
+
+    @property
+    def rated_load(self) -> float:
+        """Of the element that bears most, at the static rating [N] (ISO 76)."""
+        return self._most_loaded * self.ratings()[1] / self.count
+
+    @property
+    @abstractmethod
+    def _most_loaded(self) -> float:
+        """Q Z / F of the element that bears most, under a load across."""
 
     @property
     def friction(self) -> FrictionLaw:
@@ -574,7 +593,7 @@ class RollingBearing(Clearance):
     def _reach(self) -> np.ndarray:
         """How far across and along the axis it is free, and how far it tilts, (3,) [m, rad]."""
         loads = np.eye(6)[[0, 2, 4]]
-        return np.abs(self.play().support(loads).value)
+        return np.abs(self._free_set.support(loads).value)
 
     @property
     def search_room(self) -> float:
@@ -681,8 +700,8 @@ class RollingBearing(Clearance):
         if self.preloaded:
             return f"{self.kind} {name}, preloaded"
         return (
-            f"{self.kind} {name}, free {readable(across, 'm')} across, {readable(along, 'm')} "
-            f"along, {readable(tilt, 'rad')} tilt"
+            f"{self.kind} {name}, free {1e6 * across:.3g} um across, {1e6 * along:.3g} um along, "
+            f"{1e3 * tilt:.3g} mrad tilt"
         )
 
 
@@ -749,8 +768,9 @@ class BallBearing(RollingBearing):
     roller_elements: ClassVar[bool] = False
     _normal_class: ClassVar[str] = "CN"
 
-    arrangement: str = choice("arrangement", ARRANGEMENTS, default="single")
-    """``single``, or a pair: ``DB`` back to back, ``DF`` face to face, ``DT`` in tandem."""
+    arrangement: str | None = choice("arrangement", ARRANGEMENTS, default=None)
+    """``single``, or a pair: ``DB`` back to back, ``DF`` face to face, ``DT`` in tandem. None takes
+    the designation's, or ``single``."""
     spacing: float | None = quantity("m", default=None, above=0.0, words="spacing")
     """Distance of the centres of a pair's rows [m]; None puts the rings side by side."""
     contact_angle: float | None = quantity("rad", default=None, least=0.0, words="contact angle")
@@ -778,13 +798,13 @@ class BallBearing(RollingBearing):
                 f"contact angle {self.alpha:g} rad must be below a right angle",
                 where=("contact_angle",),
             )
-        if self.preload is not None and (self.arrangement == "single" or self.alpha == 0.0):
+        if self.preload is not None and (self.pairing == "single" or self.alpha == 0.0):
             raise JointplayError(
                 "a preload is that of a pair of angular contact bearings: give an arrangement "
                 "(DB, DF) and a contact angle, or a negative radial clearance",
                 where=("preload",),
             )
-        if self.preload is not None and self.arrangement == "DT":
+        if self.preload is not None and self.pairing == "DT":
             raise JointplayError(
                 "bearings in tandem do not preload each other; take DB or DF", where=("preload",)
             )
@@ -798,7 +818,13 @@ class BallBearing(RollingBearing):
 
     @property
     def _needs_width(self) -> bool:  # type: ignore[override]
-        return self.arrangement != "single" and self.spacing is None
+        return self.pairing != "single" and self.spacing is None
+
+    @cached_property
+    def pairing(self) -> str:
+        """One of `ARRANGEMENTS`."""
+        said = [word for word in (self.designation or "").upper().split() if word in ARRANGEMENTS]
+        return self.arrangement or (said[0] if said else "single")
 
     @cached_property
     def alpha(self) -> float:
@@ -812,24 +838,37 @@ class BallBearing(RollingBearing):
         """D [m]."""
         if self.element_diameter is not None:
             return self.element_diameter
-        listed = self._entry.get("ball_diameter")
-        return 1e-3 * listed if listed else BALL_SHARE * (self.d_outside - self.d_bore)
+        return self._estimated_diameter
+
+    @cached_property
+    def _estimated_diameter(self) -> float:
+        """The catalogue's; that with which Z D^2 gives C_0; or a share of the room [m]."""
+        listed, entry = self._entry.get("ball_diameter"), self._entry
+        if listed:
+            return 1e-3 * float(listed)
+        if "static" in entry:
+            filled = FILLING * math.pi * 1e3 * self.d_pitch * math.cos(self.alpha)
+            factor = float(entry.get("f0", STATIC_FACTOR))
+            return 1e-3 * float(entry["static"]) / (factor * filled)
+        return BALL_SHARE * (self.d_outside - self.d_bore)
 
     @property
     def count(self) -> int:
         """Z."""
         if self.elements is not None:
             return int(self.elements)
-        return int(self._entry.get("balls", FILLING * math.pi * self.d_pitch / self.d_element))
+        filled = FILLING * math.pi * self.d_pitch / self.d_element
+        return int(self._entry.get("balls", round(filled)))
 
     @property
     def estimates(self) -> dict[str, str]:
         """What is estimated, by field: value and how."""
         said, entry = {}, self._entry
         if self.element_diameter is None and "ball_diameter" not in entry:
-            said["element_diameter"] = (
-                f"{1e3 * self.d_element:.3g} mm: {BALL_SHARE:g} of outside less bore"
-            )
+            how = f"{BALL_SHARE:g} of outside less bore"
+            if "static" in entry:
+                how = f"from the static rating, {100 * FILLING:g} % of the pitch circle filled"
+            said["element_diameter"] = f"{1e3 * self.d_element:.3g} mm: {how}"
         if self.elements is None and "balls" not in entry:
             said["elements"] = f"{self.count}: {FILLING:g} of the pitch circle filled"
         if self.pitch_diameter is None:
@@ -920,15 +959,19 @@ class BallBearing(RollingBearing):
                     where=("radial_clearance",),
                 )
             up = math.sqrt(a * a - across * across)
-        if self.arrangement == "single":
+        if self.pairing == "single":
             return ((0.0, up),)
         half = 0.5 * (self.spacing or self.row_width)
-        ways = {"DB": (-1.0, 1.0), "DF": (1.0, -1.0), "DT": (1.0, 1.0)}[self.arrangement]
+        ways = {"DB": (-1.0, 1.0), "DF": (1.0, -1.0), "DT": (1.0, 1.0)}[self.pairing]
         return tuple((side * half, way * up) for side, way in zip((1.0, -1.0), ways, strict=True))
 
     @property
     def _gamma(self) -> float:
         return self.d_element * math.cos(self.alpha) / self.d_pitch
+
+    @property
+    def _most_loaded(self) -> float:
+        return 5.0 / math.cos(self.alpha)
 
     @property
     def _numbers(self) -> dict[str, Any]:
@@ -1088,6 +1131,10 @@ class CrossedRollerBearing(RollingBearing):
     @property
     def _class_size(self) -> float:
         return self.d_pitch
+
+    @property
+    def _most_loaded(self) -> float:
+        return 4.08 / math.cos(math.pi / 4.0)
 
     @property
     def rooms_of_rows(self) -> tuple[tuple[float, float], ...]:

@@ -116,6 +116,7 @@ RUN = _record(
     nh=_INT,
     nref=_INT,
     record_columns=_INT,
+    cages=_INT,  # recorded: all joints if one of them is a rolling bearing
     nwindows=_INT,
     ncopies=_INT,
     # How to go on.

@@ -79,7 +79,10 @@ def fill_row(run, row):
             row[c] = row[c + 2 * width * nj] = normal
             row[c + width * nj] = tangential
             row[c + 3 * width * nj] = contact.gap
-    record_loads(run, row, at + 9 * nj + 4 * width * nj)
+    at += 9 * nj + 4 * width * nj
+    for j in range(run.cages):
+        row[at + j] = joints(run)[j].cage
+    record_loads(run, row, at + run.cages)
 
 
 @internal
@@ -160,9 +163,9 @@ def write_interpolated(run, time, elapsed, h):
 
 
 def record_columns(
-    nv: int, nj: int, width: int, loads: Sequence[LoadSite]
+    nv: int, nj: int, width: int, loads: Sequence[LoadSite], cages: int = 0
 ) -> tuple[dict[str, slice], int]:
-    """Columns of a record by name, and their number."""
+    """Columns of a record by name, and their number; `cages`: joints, if any of them rolls."""
     widths = {
         "time": 1,
         "q": nv,
@@ -176,6 +179,7 @@ def record_columns(
         "tangential": width * nj,
         "normal_peak": width * nj,
         "gap_min": width * nj,
+        "cage": cages,
         "load_force": sum(load.size for load in loads),
         "load_work": len(loads),
     }

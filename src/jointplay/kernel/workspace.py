@@ -179,7 +179,8 @@ class Workspace(PointerRecord):
         super().__init__(layout.RUN, ("joints", "loads"))
         self._own_acceleration = own_acceleration
         self._addresses["run"] |= {"record", "windows"}
-        self.fields, columns = record_columns(nv, len(sites), width, loads)
+        cages = len(sites) if any(site.record["rolling"][0] for site in sites) else 0
+        self.fields, columns = record_columns(nv, len(sites), width, loads, cages)
         # Views of single fields: to look a field up costs more than to read it.
         self._row, self._step = self.run["row"], self.run["step"]
         self._time, self._status = self.run["time"], self.run["status"]
@@ -213,6 +214,7 @@ class Workspace(PointerRecord):
             width=width,
             nl=len(loads),
             record_columns=columns,
+            cages=cages,
             every=every,
             dt=dt,
             dt_before=dt,

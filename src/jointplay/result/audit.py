@@ -448,7 +448,9 @@ class Auditor:
         joints = mechanism.clearance.values()
         for joint, gaps in zip(joints, statistics["smallest_gap"], strict=True):
             for gap, room in zip(gaps, joint.rooms, strict=False):
-                depth, relative = max(depth, -gap), max(relative, -gap / room)
+                depth = max(depth, -gap)
+                if joint.rolling is None:  # elements give way by more than they are free
+                    relative = max(relative, -gap / room)
         moved = np.max(self._variations, initial=0.0)
         before = judgement.before or {name: np.zeros(1) for name in ("onsets", "impulse")}
         late = judgement.judged_from > 0.0

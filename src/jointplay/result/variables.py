@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from jointplay.geometry import classify_many
-from jointplay.joints import VIRTUAL_LINK, Coordinate
+from jointplay.contact import rolling
+from jointplay.geometry import Mode, classify_many
+from jointplay.joints import VIRTUAL_LINK, Clearance, Coordinate
 from jointplay.kernel import POWERS
 from jointplay.loads.base import Load
 from jointplay.loads.drive import JointFriction
@@ -305,6 +306,20 @@ def loop_drift(mechanism: Mechanism, name: str, poses: np.ndarray) -> np.ndarray
     return np.abs(np.concatenate(parts, axis=1)).max(axis=1)
 
 
+def elements_of(joint: Clearance, poses: np.ndarray, cage: np.ndarray) -> np.ndarray:
+    """What the elements of a rolling bearing answer at poses (n, 12) and cage angles (n,) [rad].
+
+    Returns:
+        (n, `rolling.ANSWERS`), see `rolling.find_element_forces`.
+    """
+    found = np.zeros((len(poses), rolling.ANSWERS))
+    numbers = np.array(joint.rolling)
+    rolling.element_forces(
+        numbers, np.ascontiguousarray(poses), np.ascontiguousarray(cage), found
+    )
+    return found
+
+
 def contact_variables(
     mechanism: Mechanism, records: Records, body: dict[str, Any]
 ) -> tuple[dict[str, Any], np.ndarray]:
@@ -322,21 +337,33 @@ def contact_variables(
         for name in ("gap_min", "normal", "normal_peak", "tangential")
     }
     elastic = np.zeros(n)
+    rolls = any(joint.rolling is not None for joint in mechanism.clearance.values())
+    moment, loaded = np.full((n, nj, 3), np.nan), np.full((n, nj), np.nan)
+    cage = np.full((n, nj), np.nan)
     for j, (name, joint) in enumerate(mechanism.clearance.items()):
         bearing, poses = body["bearings"][name], body["poses"][name]
         centre[:, j] = poses[:, :3]
         tilt[:, j] = np.arctan2(np.hypot(poses[:, 5], poses[:, 8]), poses[:, 11])
         count = len(joint.contacts)
         at = [names.index(contact) for contact in joint.contacts]
-        gap[:, j, at], mode[:, j], form[:, j] = classify_many(
-            int(joint.shape), np.array(joint.dimensions), count, poses
-        )
+        if joint.rolling is None:
+            gap[:, j, at], mode[:, j], form[:, j] = classify_many(
+                int(joint.shape), np.array(joint.dimensions), count, poses
+            )
+        else:
+            cage[:, j] = records.recorded("cage")[:, j]
+            found = elements_of(joint, poses, cage[:, j])
+            gap[:, j, at[0]], loaded[:, j] = -found[:, rolling.DEEPEST], found[:, rolling.LOADED]
+            mode[:, j] = np.where(loaded[:, j] > 0.0, Mode.PSEUDO_PENETRATION, Mode.FREE_FLIGHT)
+            form[:, j] = -1
+            moment[:, j] = np.einsum("nik,nk->ni", bearing, found[:, 3:6])
+            elastic += found[:, rolling.ENERGY]
         for recorded, values in by_contact.values():
             values[:, j, at] = recorded[:, j, :count]
         for values in (force, peak, film):
             values[:, j] = np.einsum("nik,nk->ni", bearing, values[:, j])
         groups: dict[Any, list[int]] = {}
-        for k in range(count):
+        for k in range(count if joint.rolling is None else 0):
             groups.setdefault(joint.contact_properties(k), []).append(at[k])
         for contact, members in groups.items():
             parameters = joint.normal.parameters(contact)
@@ -364,6 +391,11 @@ def contact_variables(
         "mode": (("time", "joint"), mode, "1", "mode of the joint (Table 1)"),
         "form": (("time", "joint"), form, "1", "contact form (Figure 2)"),
     }
+    if rolls:
+        text = "of the loaded elements on the inner ring about its centre, world axes"
+        variables["joint_moment"] = (vector, moment, "N m", text)
+        variables["loaded_elements"] = (("time", "joint"), loaded, "1", "elements that bear load")
+        variables["cage_angle"] = (("time", "joint"), cage, "rad", "azimuth of the first element")
     if all(joint.film is None for joint in mechanism.clearance.values()):
         del variables["film_force"]
     return variables, elastic

@@ -10,6 +10,7 @@ from jointplay.contact import rolling
 from jointplay.contact.compiled import address, check_parameters
 from jointplay.contact.law import Law
 from jointplay.core.errors import JointplayError
+from jointplay.joints import RollingBearing
 from jointplay.kernel import layout
 from jointplay.kernel.sites import JointSite
 from jointplay.mechanism.impact import (
@@ -41,6 +42,10 @@ Smaller, and explicit steps cannot follow the damper that a resting contact is; 
 reaches into what moves: the restitution of an impact is left as it is while the mass that it meets
 is below 1/REST_SPEED^2 = 400 times the smallest one of the start (docs/theory.md, section 5).
 """
+
+
+LARGEST_TURN = 1.0
+"""Step times natural frequency on a preloaded bearing above which it is refused [rad]."""
 
 
 def joint_site(mechanism: Mechanism, name: str, q: np.ndarray) -> JointSite:
@@ -109,6 +114,25 @@ def _link_masses(mechanism: Mechanism, name: str) -> str:
     )
 
 
+def _check_step_follows(mechanism: Mechanism, name: str, step: float, q: np.ndarray) -> None:
+    """Refuse a step [s] too large for the swing on a preloaded bearing."""
+    bearing = mechanism.clearance[name]
+    assert isinstance(bearing, RollingBearing)
+    jacobian = mechanism.relative_jacobian(name, q)
+    inverse = np.triu(pin.computeMinverse(mechanism.model, mechanism.data, q))
+    inverse = inverse + np.triu(inverse, 1).T
+    stiff = bearing.load(np.zeros(6)).stiffness
+    squares = np.linalg.eigvals(jacobian @ inverse @ jacobian.T @ stiff).real
+    frequency = float(np.sqrt(max(squares.max(), 0.0)))
+    if frequency * step > LARGEST_TURN:
+        raise JointplayError(
+            f"step {step:g} s is too large for the preloaded bearing at {name!r}: what it carries "
+            f"would swing at {frequency / (2.0 * np.pi):.3g} Hz, so take at most "
+            f"{LARGEST_TURN / frequency:.2g} s, or a tolerance",
+            where=("step",),
+        )
+
+
 def check_step(mechanism: Mechanism, mass_of_all: float, step: float | None, q: np.ndarray) -> None:
     """Refuse contacts that meet no mass, and a step [s] too large for an impact.
 
@@ -126,6 +150,8 @@ def check_step(mechanism: Mechanism, mass_of_all: float, step: float | None, q: 
             continue
         impact = f"the contact stiffness at {name!r}: an impact at {REFERENCE_SPEED:g} m/s"
         _check_step_resolves(step, contact_duration(mechanism, name, q), impact)
+        if mechanism.clearance[name].rolling is not None:
+            _check_step_follows(mechanism, name, step, q)
     for name in mechanism.gears:
         if step is None:
             continue

@@ -13,6 +13,7 @@ import eigenpy
 import numpy as np
 import pinocchio as pin
 
+from jointplay.contact import rolling
 from jointplay.contact.calls import call_normal
 from jointplay.contact.compiled import MAX_PARAMETERS, address
 from jointplay.core.compiler import njit, pointer
@@ -26,6 +27,7 @@ from jointplay.loads.tables import gear_rows
 from jointplay.mechanism.impact import elastic_energy
 from jointplay.mechanism.loop import ANGLE_ARM_M, closing_rows, misfit
 from jointplay.mechanism.mechanism import Mechanism
+from jointplay.result.variables import elements_of
 
 # Downhill in a few coordinates: where a potential with corners is lowest.
 
@@ -188,6 +190,10 @@ class ElasticJoint:
         joint: the joint.
     """
 
+    def __new__(cls, joint: Clearance) -> ElasticJoint:
+        """Take what belongs to the kind of contact."""
+        return object.__new__(cls if joint.rolling is None else _ElasticElements)
+
     def __init__(self, joint: Clearance) -> None:
         """Gather what the compiled functions need."""
         count = len(joint.contacts)
@@ -220,6 +226,50 @@ class ElasticJoint:
         """Fall of the wrench per displacement [m] and turn [rad] of the journal, (6, 6)."""
         stiffness: np.ndarray = _stiffness(*self._of, pose, _SHIFT_M, _SHIFT_M / self.reach)
         return stiffness
+
+
+class _ElasticElements(ElasticJoint):
+    """The elements of a rolling bearing, its cage where it starts."""
+
+    def __init__(self, joint: Clearance) -> None:
+        self._joint, self._cage = joint, np.array(joint.rolling)[rolling.CAGE]
+        self.reach = float(np.linalg.norm(joint.outline.size))
+
+    def _look(self, poses: np.ndarray) -> np.ndarray:
+        return elements_of(self._joint, poses, np.full(len(poses), self._cage))
+
+    def energy(self, pose: np.ndarray) -> float:
+        """See `ElasticJoint.energy`."""
+        return float(self._look(pose[None])[0, rolling.ENERGY])
+
+    def smallest_gap(self, pose: np.ndarray) -> float:
+        """See `ElasticJoint.smallest_gap`."""
+        return -float(self._look(pose[None])[0, rolling.DEEPEST])
+
+    def wrench(self, pose: np.ndarray) -> np.ndarray:
+        """See `ElasticJoint.wrench`; no moment about the axis, where the cage is free to go."""
+        found = self._look(pose[None])[0]
+        axis = pose[[5, 8, 11]]
+        wrench = found[:6].copy()
+        wrench[3:] -= (wrench[3:] @ axis) * axis
+        return wrench
+
+    def stiffness(self, pose: np.ndarray) -> np.ndarray:
+        """See `ElasticJoint.stiffness`."""
+        size = np.array([_SHIFT_M] * 3 + [_SHIFT_M / self.reach] * 3)
+        poses = []
+        for axis in range(6):
+            for way in (-size[axis], size[axis]):
+                moved = pose.copy()
+                if axis < 3:
+                    moved[axis] += way
+                else:
+                    turn = pin.exp3(way * np.eye(3)[axis - 3])
+                    moved[3:] = (turn @ pose[3:].reshape(3, 3)).ravel()
+                poses.append(moved)
+        ends = self._look(np.array(poses))[:, :6]
+        given: np.ndarray = ((ends[::2] - ends[1::2]) / (2.0 * size[:, None])).T
+        return given
 
 
 for _compiled in (_wrench, _energy, _stiffness):
@@ -592,8 +642,8 @@ class StaticEquilibrium:
             way = np.linalg.norm(moves[:3], axis=0)
             way += self._elastic[name].reach * np.linalg.norm(moves[3:], axis=0)
             with np.errstate(divide="ignore"):
-                scale = np.minimum(scale, joint.radial_room / way)
-        rooms = [joint.radial_room for joint in joints.values()]
+                scale = np.minimum(scale, joint.search_room / way)
+        rooms = [joint.search_room for joint in joints.values()]
         plays = [float(row["half_play"]) for row in self._gears]
         room = min(rooms, default=min(plays, default=1e-4) or 1e-4)
         return np.where(np.isfinite(scale), scale, room), room
