@@ -58,9 +58,9 @@ def add_robot(parser: Any) -> None:
     add_option(group, "--clearance LENGTH", "radial clearance of the joints given by --joint")
     add_repeatable(
         group,
-        "--joint NAME[=LENGTH]",
-        "joint with clearance, and optionally its radial clearance; by default all joints that "
-        "move the tool",
+        "--joint NAME[=LENGTH|=BEARING]",
+        "joint with clearance, and optionally its radial clearance, or the designation of its "
+        'rolling bearing, such as elbow="6010/C3"; by default all joints that move the tool',
     )
     add_option(group, "--axial LENGTH", "axial clearance (default: the radial one)")
     add_option(group, "--bearing-radius LENGTH", "R_i (default 10 mm)")
@@ -206,7 +206,9 @@ def _clearance(
 
     With loops, those are all joints; one that closes a loop keeps its kind and its bearing.
     """
-    from jointplay.joints import JOINT_KINDS, replacing
+    from jointplay.core.schema import read
+    from jointplay.joints import JOINT_KINDS, Clearance, replacing
+    from jointplay.joints.bearings import listed_kind
     from jointplay.mechanism.mechanism import frame_index
 
     entries = plain.description.joints
@@ -234,6 +236,9 @@ def _clearance(
     clearances = {}
     for name, length in own.items():
         radial = options.clearance
+        if length is not None and (bearing := listed_kind(length)) is not None:
+            clearances[name] = read(Clearance, {"kind": bearing, "designation": length})
+            continue
         if length is not None:
             radial = quantity(length, "m", f"--joint {name}")
         known = simulation.mechanism.clearance.get(name) if simulation is not None else None

@@ -329,9 +329,10 @@ def add_inputs(run: Any) -> dict[str, Any]:
     add_shared(groups["robot"], "--allow-unphysical")
     add_repeatable(
         groups["clearance joint"],
-        "--joint NAME[=LENGTH]",
-        "joint with clearance, optionally with its radial clearance; the options of this group "
-        "and the next apply to these joints",
+        "--joint NAME[=LENGTH|=BEARING]",
+        "joint with clearance, optionally with its radial clearance or the designation of its "
+        'rolling bearing, such as elbow="6010/C3"; the options of this group and the next apply to '
+        "these joints",
     )
     for flag in FLAGS:
         several = len(flag.metavar) > 1
@@ -462,16 +463,21 @@ def _of_robot(options: argparse.Namespace, target: str | None, given: list[Setti
 
 
 def _with_lengths(entries: list[str]) -> tuple[list[str], list[Setting]]:
-    """Names of joints, and the clearance of those that are given as NAME=LENGTH."""
+    """Names of joints, and the clearance or bearing of those given as NAME=LENGTH or =BEARING."""
+    from jointplay.joints.bearings import listed_kind
     from jointplay.scenario.settings import Setting
 
     names, lengths = [], []
     for entry in entries:
-        name, length = name_and_value(entry)
+        name, length = name_and_value(entry, is_value=listed_kind)
         names.append(name)
-        if length is not None:
-            key = ("joints", name, "clearance")
-            lengths.append(Setting(key, number(length), f"--joint {entry}"))
+        if length is None:
+            continue
+        said = {"clearance": number(length)}
+        if (kind := listed_kind(length)) is not None:
+            said = {"kind": kind, "designation": length}
+        for key, value in said.items():
+            lengths.append(Setting(("joints", name, key), value, f"--joint {entry}"))
     return names, lengths
 
 

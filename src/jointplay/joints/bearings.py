@@ -69,6 +69,25 @@ def catalogue() -> dict[str, Any]:
         return tomllib.load(file)
 
 
+def parted(designation: str, section: str) -> tuple[str, str | None]:
+    """Name of a designation in a section of the catalogue, and its class of clearance, if any."""
+    text = designation.upper().replace("/", " ").split()
+    classes = [word for word in text if word in CLASSES]
+    name = " ".join(word for word in text if word not in (*CLASSES, *ARRANGEMENTS))
+    if name not in catalogue()[section]:
+        name = _SHIELDS.sub("", name)
+    return name, classes[0] if classes else None
+
+
+def listed_kind(designation: str) -> str | None:
+    """Kind of joint of a bearing in the catalogue; None if there is none of this designation."""
+    for section in ("deep_groove", "angular_contact", "crossed_roller"):
+        if parted(designation, section)[0] in catalogue()[section]:
+            crossed = section == "crossed_roller"
+            return CrossedRollerBearing.kind if crossed else BallBearing.kind
+    return None
+
+
 class BearingState(NamedTuple):
     """What a bearing does at a displacement of its inner ring; outer ring's axes."""
 
@@ -213,13 +232,7 @@ class RollingBearing(Clearance):
     @cached_property
     def _words(self) -> tuple[str, str | None]:
         """Designation without its class, and the class."""
-        text = (self.designation or "").upper().replace("/", " ").split()
-        classes = [word for word in text if word in CLASSES]
-        rest = [word for word in text if word not in (*CLASSES, *ARRANGEMENTS)]
-        name = " ".join(rest)
-        if name not in catalogue()[self.section]:
-            name = _SHIELDS.sub("", name)
-        return name, classes[0] if classes else None
+        return parted(self.designation or "", self.section)
 
     @cached_property
     def _entry(self) -> Mapping[str, Any]:
