@@ -39,7 +39,6 @@ from jointplay.core import compiler
 from jointplay.core.compiler import njit, stamp
 from jointplay.core.schema import quantity
 
-
 (
     CAGE, ROLLERS, ROWS, COUNT, STIFFNESS, RADIUS, REACH, DISTANCE, RATIO,
     DRAG, FRICTION, DAMPING, ROW_PLACES,
@@ -156,9 +155,7 @@ def find_element_forces(d, pose, out, mode):
     for i in range(ANSWERS if slopes else TANGENT):
         out[i] = 0.0
     if mode == BOUNDED:
-        room = _gap_at_least(
-            d, math.sqrt(px * px + py * py), abs(pz), math.sqrt(ax * ax + ay * ay)
-        )
+        room = _gap_at_least(d, math.sqrt(px * px + py * py), abs(pz), math.sqrt(ax * ax + ay * ay))
         if room > 0.0:
             out[DEEPEST] = -room
             return

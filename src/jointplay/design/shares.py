@@ -318,7 +318,7 @@ def _wider(name: str, one: Simulation, factor: float) -> Simulation:
 def _rougher(one: Simulation, factor: float) -> Simulation:
     """All coefficients of friction in the bearings multiplied."""
     joints = {
-        name: replace(joint, friction=joint.friction.scaled(factor))
+        name: joint.with_friction(joint.friction.scaled(factor))
         for name, joint in one.mechanism.clearance.items()
     }
     return replace(one, mechanism=one.mechanism.with_clearance(joints))

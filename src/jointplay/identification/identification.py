@@ -544,7 +544,7 @@ def with_restitution(found: Identification, bounced: Sequence[Restitution]) -> M
     joints = dict(found.mechanism.clearance)
     for one in bounced:
         if not one.reason and np.isfinite(one.nominal):
-            joints[one.joint] = replace(joints[one.joint], restitution=one.nominal)
+            joints[one.joint] = joints[one.joint].with_restitution(one.nominal)
     return found.mechanism.with_clearance(joints) if joints else found.mechanism
 
 

@@ -282,7 +282,7 @@ def with_clearance(joint: Clearance, values: Mapping[str, float]) -> Clearance:
         known, asked = joint.friction.coefficients, values["friction"]
         law = joint.friction.scaled(asked / known["mu_d"]) if known["mu_d"] > 0.0 else None
         rough: dict[str, float] = dict.fromkeys(known, asked)
-        changed = replace(changed, friction=law or replace(joint.friction, **rough))
+        changed = changed.with_friction(law or replace(joint.friction, **rough))
     return changed
 
 

@@ -395,6 +395,14 @@ class Clearance(Described, ABC):
         """The joint with a bore worn so, of a kind that can wear; see `BoreWear`."""
         raise JointplayError(f"the bearing of a {self.kind} joint cannot be worn")
 
+    def with_restitution(self, value: float) -> Self:
+        """The joint with another coefficient of restitution, of a kind that has one."""
+        raise JointplayError(f"contacts of a {self.kind} joint have no coefficient of restitution")
+
+    def with_friction(self, law: FrictionLaw) -> Self:
+        """The joint with another law of friction, of a kind that has one; else as it is."""
+        return self
+
     # What holds for all kinds.
 
     @classmethod
@@ -460,6 +468,7 @@ class Clearance(Described, ABC):
 
         return offset, pin.log3(rotation)
 
+
 @dataclass(frozen=True, kw_only=True)
 class SlidingClearance(Clearance):
     """A joint whose surfaces hit and slide on each other: a plain bearing, a socket or a guide.
@@ -485,6 +494,7 @@ class SlidingClearance(Clearance):
     """Hertz stiffness [N/m^1.5]; None derives it from geometry and materials. A linear law that has
     its own stiffness does not use it.
     """
+
     def __post_init__(self) -> None:
         """Check the laws and the restitution."""
         super().__post_init__()
@@ -510,6 +520,14 @@ class SlidingClearance(Clearance):
         """The numbers that `geometry.touch` needs for this shape."""
         names = parameter_names(type(self).touch, ("k", "pose")) or ()
         return tuple(getattr(self, name) for name in names)
+
+    def with_restitution(self, value: float) -> Self:
+        """See `Clearance.with_restitution`."""
+        return replace(self, restitution=value)
+
+    def with_friction(self, law: FrictionLaw) -> Self:
+        """See `Clearance.with_friction`."""
+        return replace(self, friction=law)
 
     @property
     def combined_compliance(self) -> float:

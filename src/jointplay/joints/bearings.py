@@ -31,8 +31,8 @@ from jointplay.core.schema import check_fields, choice, quantity
 from jointplay.core.units import readable
 from jointplay.geometry import Shape
 from jointplay.joints.base import SAMPLES, Clearance, Hinge, Material, Outline
-from jointplay.joints.materials import material
 from jointplay.joints.element_play import ElementPlay
+from jointplay.joints.materials import material
 from jointplay.joints.play import Play
 
 ARRANGEMENTS = ("single", "DB", "DF", "DT")
@@ -133,14 +133,16 @@ class RollingBearing(Clearance):
     """Of a catalogue, with its class behind a stroke or a space: ``"6010/C3"``, ``"RB5013 C0"``."""
     bore: float | None = quantity("m", default=None, above=0.0, words="bore")
     """Diameter of the shaft [m]; None takes the designation's."""
-    outside_diameter: float | None = quantity("m", default=None, above=0.0, words="outside diameter")
+    outside_diameter: float | None = quantity(
+        "m", default=None, above=0.0, words="outside diameter"
+    )
     """[m]; None takes the designation's."""
     width: float | None = quantity("m", default=None, above=0.0, words="width")
     """Of one row's rings [m]; None takes the designation's."""
     clearance_class: str | None = None
     """Class of internal clearance, the middle of its range; None takes the designation's, or CN."""
     radial_clearance: float | None = quantity("m", default=None, words="radial clearance")
-    """C_r as bought, half of the full travel across; negative for preload [m]. None: the class's."""
+    """C_r as bought, half of the full travel; negative for preload [m]. None: the class's."""
     elements: int | None = quantity("", default=None, above=0.0, words="number of elements")
     """Z, in each row; None estimates."""
     element_diameter: float | None = quantity("m", default=None, above=0.0, words="diameter")
@@ -312,7 +314,9 @@ class RollingBearing(Clearance):
                 where=("radial_clearance",),
             )
         classes = {
-            name: span for name, span in fitting[0].items() if isinstance(span, list) and name[0] == "C"
+            name: span
+            for name, span in fitting[0].items()
+            if isinstance(span, list) and name[0] == "C"
         }
         if self.class_name not in classes:
             raise MissingName(
@@ -524,7 +528,9 @@ class RollingBearing(Clearance):
         """C and C_0 of one row: given, the catalogue's, or estimated [N]."""
         listed = self._entry
         return (
-            self.dynamic_rating or float(listed.get("dynamic", 0.0)) or self._estimated_ratings()[0],
+            self.dynamic_rating
+            or float(listed.get("dynamic", 0.0))
+            or self._estimated_ratings()[0],
             self.static_rating or float(listed.get("static", 0.0)) or self._estimated_ratings()[1],
         )
 
@@ -1128,7 +1134,9 @@ class CrossedRollerBearing(RollingBearing):
             )
             said["element_diameter"] = f"{1e3 * self.d_element:.3g} mm: {how}"
         if self.elements is None:
-            said["elements"] = f"{self.count}: {100 * ROLLER_FILLING:g} % of the pitch circle filled"
+            said["elements"] = (
+                f"{self.count}: {100 * ROLLER_FILLING:g} % of the pitch circle filled"
+            )
         if self.roller_length is None:
             said["roller_length"] = f"{1e3 * self.length:.3g} mm: {ROLLER_LENGTH:g} of the diameter"
         if self.radial_clearance is None:

@@ -31,8 +31,8 @@ from jointplay.kernel.film import add_film_losses
 from jointplay.kernel.layout import DRIVE, POWERS, SPEED_LIMIT
 from jointplay.kernel.load import add_load_work, apply_loads, find_load_powers
 from jointplay.kernel.loops import correct_drift, project_dynamics
-from jointplay.kernel.rolling import advance_cages
 from jointplay.kernel.record import is_due, write_record
+from jointplay.kernel.rolling import advance_cages
 from jointplay.kernel.solve import (
     ERROR,
     LEAST_COMPLIANCE,

@@ -30,7 +30,7 @@ from jointplay.contact.rolling import (
     TANGENT,
 )
 from jointplay.core.compiler import address_of, internal, pointer
-from jointplay.kernel.access import contacts, floats, integers, joints, matrix, record_failure
+from jointplay.kernel.access import contacts, integers, joints, matrix, record_failure
 from jointplay.kernel.frames import find_twist, set_vector
 from jointplay.kernel.layout import FRICTION as FRICTION_POWER
 from jointplay.kernel.layout import NORMAL

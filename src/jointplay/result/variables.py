@@ -314,9 +314,7 @@ def elements_of(joint: Clearance, poses: np.ndarray, cage: np.ndarray) -> np.nda
     """
     found = np.zeros((len(poses), rolling.ANSWERS))
     numbers = np.array(joint.rolling)
-    rolling.element_forces(
-        numbers, np.ascontiguousarray(poses), np.ascontiguousarray(cage), found
-    )
+    rolling.element_forces(numbers, np.ascontiguousarray(poses), np.ascontiguousarray(cage), found)
     return found
 
 
