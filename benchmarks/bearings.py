@@ -10,6 +10,7 @@ ball. The cost of a step is measured beside that of a plain journal in the same 
 import math
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -17,6 +18,7 @@ from scipy.optimize import linprog, root
 
 import jointplay as jp
 from jointplay.contact import rolling
+from jointplay.core.files import temporary
 from jointplay.core.tables import columns
 from jointplay.simulation.run import Run
 
@@ -326,16 +328,13 @@ def costs(seconds):
 
 def main(quick=False):
     """Print the table, costs, and the last line."""
-    import tempfile
-    from pathlib import Path
-
     cases = Cases()
     deflections(cases)
     distributions(cases)
     free_sets(cases)
     energies(cases)
     varying_compliance(cases)
-    with tempfile.TemporaryDirectory() as folder:
+    with temporary("bearings") as folder:
         moving_cage(cases, Path(folder), 1.0 if quick else 10.0)
     print(cases)
     found = costs(0.6 if quick else 2.5)

@@ -20,7 +20,7 @@ from jointplay.analysis.claims import measure
 from jointplay.core.errors import JointplayError
 from jointplay.core.files import read_text
 from jointplay.geometry import Form
-from jointplay.joints import JOINT_KINDS
+from jointplay.joints import JOINT_KINDS, RollingBearing
 from jointplay.plots.figures import is_paper
 from jointplay.plots.style import MODE_NAMES
 from jointplay.reports.cases import Case, dark, place_of
@@ -478,6 +478,10 @@ def assumptions_of(cases: Sequence[Case]) -> list[str]:
     return [one.text for one in all_assumptions() if holds[one.when]]
 
 
+ROLLING_KINDS = {name for name, kind in JOINT_KINDS.items() if issubclass(kind, RollingBearing)}
+"""Kinds of joint with rolling elements."""
+
+
 def conditions(cases: Sequence[Case]) -> dict[str, bool]:
     """Whether each thing that assumptions are about occurs in these runs."""
     inputs = [analysis.inputs(case.result) for case in cases]
@@ -489,7 +493,11 @@ def conditions(cases: Sequence[Case]) -> dict[str, bool]:
     return {
         "always": True,
         "clearance": bool(moving),
-        "dry": any(not joint.get("lubricant") for joint in bearings),
+        "sliding": bool(kinds - ROLLING_KINDS),
+        "rolling": bool(kinds & ROLLING_KINDS),
+        "dry": any(
+            not joint.get("lubricant") for joint in bearings if joint["kind"] not in ROLLING_KINDS
+        ),
         "oil": any(joint.get("lubricant") for joint in bearings),
         "worn": any(joint.get("worn") for joint in bearings),
         "wearing": any(joint.get("wear_rate") for joint in bearings),
