@@ -444,16 +444,15 @@ class RollingBearing(Clearance):
         centre, axes = point[:3].copy(), _rotation(point[3:])
         state, held = self._state(centre, axes, turn), 1e-3
         left = (state.wrench + given)[:5] * weight
-        if size == 0.0:
-            size = max(float(np.linalg.norm(left)), self.stiffness_of_element * 1e-9**1.5)
-        scale = np.diag(weight)
+        scale, most = np.diag(weight), max(size, state.largest)
+        depth = max((most / self.stiffness_of_element) ** (1.0 / self.exponent), 1e-15)
         for _ in range(_MOST_TRIALS):
             error = float(np.linalg.norm(left))
-            if error <= _BALANCED * size:
+            if error <= _BALANCED * size + _ROUNDING * float(state.loads.sum()):
                 return np.concatenate([centre, _rotation_vector(axes)])
-            matrix = scale @ self._tangent(centre, axes, turn)[:5, :5] @ scale
+            matrix = scale @ self._tangent(centre, axes, turn, depth)[:5, :5] @ scale
             stiff = float(np.abs(np.diag(matrix)).max())
-            stiff = max(stiff, self.stiffness_of_element * math.sqrt(1e-8) * 1.5)
+            stiff = max(stiff, size / depth)
             while held < 1e9:
                 step = scale @ np.linalg.solve(matrix + held * stiff * np.eye(5), left)
                 there = centre + step[:3], _rotation(np.array([*step[3:], 0.0])) @ axes
@@ -464,7 +463,7 @@ class RollingBearing(Clearance):
                 held *= 8.0
             else:
                 break
-            (centre, axes), left, held = there, now, 0.1 * held
+            (centre, axes), state, left, held = there, trial, now, 0.1 * held
         raise JointplayError(
             f"no place of rest was found under the force {given[:3].tolist()} N and the moment "
             f"{given[3:].tolist()} N m"
@@ -507,19 +506,23 @@ class RollingBearing(Clearance):
             loads.append(self.stiffness_of_element * np.maximum(delta, 0.0) ** exponent)
         return np.concatenate(loads), np.concatenate(angles)
 
-    def _tangent(self, centre: np.ndarray, axes: np.ndarray, cage: float) -> np.ndarray:
-        """How the wrench falls with displacements and rotations, (6, 6), by differences."""
-        numbers, steps = np.array(self.rolling), np.array([1e-9] * 3 + [1e-9 / self.d_pitch] * 3)
+    def _tangent(
+        self, centre: np.ndarray, axes: np.ndarray, cage: float, depth: float
+    ) -> np.ndarray:
+        """How the wrench falls with displacements and rotations, by differences, (6, 6).
+
+        Unlike `BearingState.stiffness` it has what loads do by turning with their contacts.
+        """
+        steps = 1e-3 * depth * np.array([1.0] * 3 + [2.0 / self.d_pitch] * 3)
         poses = []
         for k in range(6):
-            for way in (1.0, -1.0):
-                move = way * steps[k] * np.eye(6)[k]
-                poses.append(
-                    np.concatenate([centre + move[:3], (_rotation(move[3:]) @ axes).ravel()])
-                )
+            for way in (steps[k], -steps[k]):
+                move = way * np.eye(6)[k]
+                turned = _rotation(move[3:]) @ axes
+                poses.append(np.concatenate([centre + move[:3], turned.ravel()]))
         out = np.zeros((12, rolling.ANSWERS))
-        rolling.element_forces(numbers, np.array(poses), np.full(12, cage), out)
-        ends = out[:, :6]
+        rolling.element_forces(np.array(self.rolling), np.array(poses), np.full(12, cage), out)
+        ends: np.ndarray = out[:, :6]
         return ((ends[1::2] - ends[::2]) / (2.0 * steps[:, None])).T
 
     # Life.
@@ -724,7 +727,7 @@ class RollingBearing(Clearance):
         )
 
 
-_MOST_TRIALS, _BALANCED = 200, 1e-11
+_MOST_TRIALS, _BALANCED, _ROUNDING = 200, 1e-9, 1e-14
 
 
 def _rotation(vector: np.ndarray) -> np.ndarray:

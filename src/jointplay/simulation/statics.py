@@ -222,6 +222,10 @@ class ElasticJoint:
         _wrench(*self._of, pose, out)
         return out
 
+    def inner_load(self, pose: np.ndarray) -> float:
+        """What its contacts press with against each other, of which the wrench shows nothing [N]."""
+        return 0.0
+
     def stiffness(self, pose: np.ndarray) -> np.ndarray:
         """Fall of the wrench per displacement [m] and turn [rad] of the journal, (6, 6)."""
         stiffness: np.ndarray = _stiffness(*self._of, pose, _SHIFT_M, _SHIFT_M / self.reach)
@@ -253,6 +257,10 @@ class _ElasticElements(ElasticJoint):
         wrench = found[:6].copy()
         wrench[3:] -= (wrench[3:] @ axis) * axis
         return wrench
+
+    def inner_load(self, pose: np.ndarray) -> float:
+        """See `ElasticJoint.inner_load`: the sum of all element loads."""
+        return float(self._look(pose[None])[0, rolling.SUM])
 
     def stiffness(self, pose: np.ndarray) -> np.ndarray:
         """See `ElasticJoint.stiffness`."""
@@ -695,7 +703,7 @@ class StaticEquilibrium:
             wrench = one.wrench(pose)
             gradient -= moves.T @ wrench
             curvature += moves.T @ one.stiffness(pose) @ moves
-            load = max(load, float(np.linalg.norm(wrench[:3])))
+            load = max(load, float(np.linalg.norm(wrench[:3])), one.inner_load(pose))
         for row in self._gears:
             m, k = int(row["motor"]), int(row["link"])
             twist = q[m] - q[k]
