@@ -15,6 +15,7 @@ import jointplay as jp
 from jointplay.contact import rolling
 from jointplay.core.errors import JointplayError, MissingName
 from jointplay.design.static_budget import budget
+from jointplay.loads.drive import Prescribed
 from jointplay.joints.bearings import catalogue, listed_kind, point_contact_stiffness
 
 DEEP = jp.BallBearing(designation="6010/C3")
@@ -342,7 +343,7 @@ def test_a_run_goes_on_from_its_checkpoint_bit_for_bit(tmp_path):
 def test_statics_and_dynamics_agree_where_an_arm_rests():
     joints = {"elbow_joint": jp.BallBearing(designation="7010 C DB", preload=200.0)}
     robot = jp.Mechanism("example-robot-data:ur5", joints)
-    found = budget(robot, {"shoulder_lift_joint": -0.5})
+    found = budget(robot, {"shoulder_lift_joint": -0.5}, drive=Prescribed())
     assert found.worst[0] == 0.0
     assert 1e-6 < found.rest_error[0] < 1e-3  # it gives way although nothing is loose
     drive = "prescribed"
