@@ -45,7 +45,7 @@ from jointplay.kernel.frames import (
 )
 from jointplay.kernel.load import add_load_slopes, apply_velocity_loads, evaluate_loads
 
-TOLERANCE = 4e-10
+TOLERANCE = 1e-9
 """Error of the velocity solve in each coordinate, their root mean square, as the root of twice its
 kinetic energy [kg^0.5 m/s]."""
 
