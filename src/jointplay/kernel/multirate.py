@@ -75,6 +75,13 @@ GROWTH = 1.5
 LEAST_APART = 0.3
 """Middles nearer to each other than this, relative to the macro step, do not make a line."""
 
+CHORD_STEPS = 4
+"""Micro steps over which a chord stands for the parabola of the inverse mass matrix: the parabola
+itself is more memory than the nearest cache has beside what the velocity solve needs there."""
+
+CHORD_PART = 0.25
+"""Longest chord, relative to the macro step."""
+
 
 @internal
 def _predict(run):
@@ -169,7 +176,7 @@ def _find_path_error(run):
 
 
 @internal
-def _fit_parabola(found, middle, slope, curve, value, rate, known, lengths):
+def _fit_parabola(found, middle, slope, curve, value, known, lengths):
     """Draw the parabola through a new middle and the last two `known`; begin at the step's start.
 
     `lengths`: half of the macro step, and how far apart the last two middles and those before are.
@@ -185,7 +192,6 @@ def _fit_parabola(found, middle, slope, curve, value, rate, known, lengths):
             slope[i] = 0.0
         curve[i], middle[i] = bend, found[i]
         value[i] = found[i] + s * (slope[i] + bend * (s + apart))
-        rate[i] = slope[i] + bend * (2.0 * s + apart)
 
 
 @internal
@@ -210,15 +216,14 @@ def _accept_middle(run):
     _fit_parabola(
         floats(run.found_minv, nv * nv), floats(run.minv_middle, nv * nv),
         floats(run.minv_slope, nv * nv), floats(run.minv_curve, nv * nv),
-        floats(run.minv, nv * nv), floats(run.minv_rate, nv * nv), run.known_middles, lengths,
+        floats(run.minv, nv * nv), run.known_middles, lengths,
     )  # fmt: skip
     _fit_parabola(
         floats(run.found_free, nv), floats(run.free_middle, nv), floats(run.free_slope, nv),
-        floats(run.free_curve, nv), floats(run.free, nv), floats(run.free_rate, nv),
-        run.known_free, lengths,
+        floats(run.free_curve, nv), floats(run.free, nv), run.known_free, lengths,
     )  # fmt: skip
     run.events = 0
-    run.middle_time, run.middles_apart = now, apart
+    run.middle_time, run.middles_apart, run.chord_end = now, apart, run.path_start
     run.known_middles = min(run.known_middles + 1, 3)
     run.known_free = min(run.known_free + 1, 3)
 
@@ -330,22 +335,23 @@ def _complete_velocities(run, half, v, base, h):
     """Velocities that the solve left out, and all accelerations; returns their size."""
     nv, n = run.nv, run.active
     a, forces, minv = floats(run.a, nv), floats(run.velocity_forces, nv), matrix(run.minv, nv, nv)
+    pushed = floats(run.pushed, nv)
     if n == nv:
         trial = matrix(run.trial, TRIALS, nv)
         for i in range(nv):  # the residual, where the last trial ended, has the product with M^-1
-            a[i] = (trial[SPEED, i] - trial[ERROR, i] - base[i]) / h
+            pushed[i] = (trial[SPEED, i] - trial[ERROR, i] - base[i]) / h
     else:
         touched = integers(run.touched, nv)
         for i in range(nv):
-            a[i] = 0.0
+            pushed[i] = 0.0
         for b in range(n):
             row, force = minv[touched[b]], forces[touched[b]]
             for i in range(nv):
-                a[i] += force * row[i]
+                pushed[i] += force * row[i]
     size = square = 0.0
     for i in range(nv):
-        square += forces[i] * a[i]
-        v[i] = base[i] + h * a[i]
+        square += forces[i] * pushed[i]
+        v[i] = base[i] + h * pushed[i]
         a[i] = (v[i] - half[i]) / h
         size += abs(v[i])
     run.moved_by_forces = math.sqrt(max(square, 0.0))
@@ -397,33 +403,59 @@ def evaluate(run):
         apply_loads(run, base, h)
     # A state that ends one macro step and begins the next is evaluated with both parabolas; what
     # it was found to need once is the best guess.
-    rates, new = matrix(run.force_rates, 2, nv), run.time != run.evaluated_at
-    if new:
-        for i in range(nv):
-            rates[1, i] = forces[i]
-            forces[i] += run.dt_before * rates[0, i]
+    pushed, new = matrix(run.pushed, 3, nv), run.time != run.evaluated_at
+    for i in range(nv):
+        guess = pushed[0, i]
+        if new:
+            pushed[2, i] = guess
+            guess += run.dt_before * pushed[1, i]
+        v[i] = base[i] + h * guess
     if run.active > 0:
         solve_velocity(run, q, base, v, h)
     else:
         for i in range(nv):
             forces[i] = 0.0
-    if new:
-        for i in range(nv):
-            rates[0, i] = (forces[i] - rates[1, i]) / run.dt_before
     run.evaluated_at = run.time
     size = _complete_velocities(run, half, v, base, h)
+    if new:
+        for i in range(nv):
+            pushed[1, i] = (pushed[0, i] - pushed[2, i]) / run.dt_before
     _powers(run, q, v)
     if not size < SPEED_LIMIT:  # true for NaN as well
         record_failure(run, _RUN_AWAY, 0)
 
 
 @internal
-def _advance_parabolas(values, rates, curves, size, dt):
-    """Advance values along parabolas by `dt`."""
-    value, rate, curve = floats(values, size), floats(rates, size), floats(curves, size)
+def _aim_at_parabola(value, rate, middle, slope, curve, s, apart, span):
+    """Rates that lead values within `span` to where their parabolas are `s` after the middle."""
+    square, part = s * (s + apart), 1.0 / span  # a division takes as long as all the rest
+    for i in range(value.size):
+        rate[i] = part * (middle[i] + s * slope[i] + square * curve[i] - value[i])
+
+
+@internal
+def _aim_at_parabolas(run, span):
+    """Begin chords of the parabolas of inverse mass matrix and free acceleration."""
+    nv = run.nv
+    run.chord_end = run.time + span
+    s, apart = run.chord_end - run.middle_time, run.middles_apart
+    _aim_at_parabola(
+        floats(run.free, nv), floats(run.free_rate, nv), floats(run.free_middle, nv),
+        floats(run.free_slope, nv), floats(run.free_curve, nv), s, apart, span,
+    )  # fmt: skip
+    _aim_at_parabola(
+        floats(run.minv, nv * nv), floats(run.minv_rate, nv * nv),
+        floats(run.minv_middle, nv * nv), floats(run.minv_slope, nv * nv),
+        floats(run.minv_curve, nv * nv), s, apart, span,
+    )  # fmt: skip
+
+
+@internal
+def _advance(values, rates, size, dt):
+    """Advance values at their rates by `dt`."""
+    value, rate = floats(values, size), floats(rates, size)
     for i in range(size):
-        value[i] += dt * (rate[i] + dt * curve[i])
-        rate[i] += 2.0 * dt * curve[i]
+        value[i] += dt * rate[i]
 
 
 @internal
@@ -437,8 +469,10 @@ def step_positions(run, dt):
     advance_cages(run, half, dt)
     for i in range(nv):
         q[i] += dt * half[i]
-    _advance_parabolas(run.free, run.free_rate, run.free_curve, nv, dt)
-    _advance_parabolas(run.minv, run.minv_rate, run.minv_curve, nv * nv, dt)
+    if run.time + 0.5 * dt > run.chord_end:
+        _aim_at_parabolas(run, max(min(CHORD_STEPS * dt, CHORD_PART * run.path_span), dt))
+    _advance(run.free, run.free_rate, nv, dt)
+    _advance(run.minv, run.minv_rate, nv * nv, dt)
     run.dt_before = dt
 
 

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import math
 
-from jointplay.core.compiler import internal
+from jointplay.core.compiler import contracted, internal
 from jointplay.kernel.access import drives, floats, frictions, gears, integers, joints, matrix
 from jointplay.kernel.bodies import place_bodies
 from jointplay.kernel.contact import (
@@ -46,7 +46,8 @@ from jointplay.kernel.frames import (
 from jointplay.kernel.load import add_load_slopes, apply_velocity_loads, evaluate_loads
 
 TOLERANCE = 1e-9
-"""Error of the velocity solve, as the root of twice its kinetic energy [kg^0.5 m/s]."""
+"""Error of the velocity solve in each coordinate, their root mean square, as the root of twice its
+kinetic energy [kg^0.5 m/s]."""
 
 RELATIVE_TOLERANCE = 1e-11
 """The same relative to the state's own."""
@@ -179,7 +180,7 @@ def _evaluate_slopes(run, q, v):
         add_load_slopes(run)
 
 
-@inlined
+@contracted
 def add_rows(rows, factors, total, n, size):
     """Put the sum of `n` rows, each times its factor, into the first `size` of `total`.
 
@@ -307,26 +308,23 @@ def _list_compliance(run, n):
 
 
 @inlined
-def _initial_guess(run, base, h, n):
-    """Start from the forces of the last step; returns the squared tolerance of the residual."""
+def _initial_guess(run, base, v, n):
+    """Start from the velocities `v`; returns the squared tolerance of the residual."""
     nv = run.nv
     touched, minv = integers(run.touched, nv), matrix(run.minv, nv, nv)
-    trial, tau = matrix(run.trial, TRIALS, nv), floats(run.velocity_forces, nv)
-    speed, inertia = trial[SPEED], trial[INERTIA]
+    trial = matrix(run.trial, TRIALS, nv)
+    inertia = trial[INERTIA]
     least = 0.0
     for a in range(n):
         i = touched[a]
         least = max(least, LEAST_COMPLIANCE * minv[i, i])
-        trial[BASE, a], trial[PUSH, a] = base[i], tau[i]
+        trial[BASE, a], trial[SPEED, a] = base[i], v[i]
     size = 0.0
     for a in range(n):
         i = touched[a]
         inertia[a] = 1.0 / max(minv[i, i], least)
         size += trial[BASE, a] * trial[BASE, a] * inertia[a]
-    add_rows(_listed_compliance(run, n), trial[PUSH], speed, n, n)
-    for a in range(n):
-        speed[a] = trial[BASE, a] + h * speed[a]
-    return TOLERANCE * TOLERANCE + RELATIVE_TOLERANCE * RELATIVE_TOLERANCE * size
+    return n * TOLERANCE * TOLERANCE + RELATIVE_TOLERANCE * RELATIVE_TOLERANCE * size
 
 
 @internal
@@ -340,7 +338,7 @@ def _take_step(run, q, v, h, part):
 
 @internal
 def solve_velocity(run, q, base, v, h):
-    """Find v on the coordinates that `find_velocity_forces` listed, by Newton's method.
+    """Find v on the coordinates that `find_velocity_forces` listed, by Newton's method from `v`.
 
     The matrix of an earlier step is used as long as each trial brings the error down by
     `CONTRACTION`. Where it does not get there the last velocity is taken, and counted.
@@ -348,7 +346,7 @@ def solve_velocity(run, q, base, v, h):
     n = run.active
     if n < run.nv:
         _list_compliance(run, n)
-    limit = _initial_guess(run, base, h, SINGLE) if n == SINGLE else _initial_guess(run, base, h, n)
+    limit = _initial_guess(run, base, v, n)
     error, trials = _evaluate_trial(run, q, v, h), 1
     old = run.factored == n
     while not error <= limit:
